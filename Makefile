@@ -1,0 +1,45 @@
+# Each target sets up what it needs; the second run finds it done.
+SHELL := /bin/sh
+# `make demo MOTION=e3` plays another motion, OUT=folder puts the result elsewhere.
+MOTION ?= c3
+OUT ?= out/demo
+export ROS_PYTHON_CHECK_FIELDS ?= 1
+TESTS := $(wildcard src/*/test) tests
+
+.PHONY: help setup demo test test-all lint bench docs clean
+
+help:
+	@echo "make demo      set up, run the simulated cell with all nodes, record, report"
+	@echo "make test      set up, run the tests"
+	@echo "make test-all  the long suites too"
+	@echo "make lint      formatting, style, types, import rules"
+	@echo "make bench     the measurements behind each claim of speed"
+	@echo "make docs      the documentation, to docs/_build/html"
+	@echo "make clean     remove everything that setup made"
+
+setup:
+	@python3 tools/bootstrap.py
+
+demo: setup
+	@ROS_PYTHON_CHECK_FIELDS=0 tools/run slosh demo --motion $(MOTION) -o $(OUT)
+
+test: setup
+	@tools/run python -m pytest -m "not long" $(TESTS)
+
+test-all: setup
+	@tools/run python -m pytest $(TESTS)
+
+lint: setup
+	@tools/run ruff format --check .
+	@tools/run ruff check .
+	@tools/run python tools/typecheck.py
+
+bench: setup
+	@for file in benchmarks/bench_*.py; do ROS_PYTHON_CHECK_FIELDS=0 tools/run python $$file || exit 1; done
+
+docs: setup
+	@tools/run sphinx-build -W --keep-going -q -b html docs docs/_build/html
+	@echo "docs/_build/html/index.html"
+
+clean:
+	rm -rf .venv out docs/_build ros2_ws/build ros2_ws/install ros2_ws/log

@@ -1,0 +1,1 @@
+"""Records, reads, imports and replays MCAP bags of a slosh cell."""

@@ -1,0 +1,1 @@
+"""Launch files, parameters, the simulated cell and the slosh command."""

@@ -1,0 +1,1 @@
+"""Measures a liquid's free surface in camera images."""

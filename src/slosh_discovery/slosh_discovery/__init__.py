@@ -1,0 +1,1 @@
+"""Accuracy metrics, clock alignment and reports for slosh models."""

@@ -1,0 +1,1 @@
+"""Estimates sloshing height from acceleration and compares it with the measurement."""

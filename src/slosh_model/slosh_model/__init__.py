@@ -1,0 +1,1 @@
+"""Mechanical models of liquid sloshing in a moving container."""

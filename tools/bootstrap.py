@@ -1,0 +1,270 @@
+"""Makes this checkout ready to run: environment, ROS 2 Jazzy, built workspace.
+
+    python3 tools/bootstrap.py
+
+Every step is done once and skipped as long as what it depends on is unchanged. With /opt/ros/jazzy
+present that ROS is used; otherwise ROS 2 Jazzy comes as wheels into the virtual environment.
+Needs the standard library alone.
+
+Environment variables: SLOSH_VENV (default .venv), SLOSH_PYTHON (an interpreter, 3.11 or 3.12),
+SLOSH_NUMPY (a NumPy version in place of the pinned one).
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterable
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+VENV = ROOT / os.environ.get("SLOSH_VENV", ".venv")
+WORKSPACE = ROOT / "ros2_ws"
+REQUIREMENTS = ROOT / "requirements"
+ROS = Path("/opt/ros/jazzy")
+SUPPORTED = ((3, 11), (3, 12))
+# What a command in the environment sees; everything else is inherited.
+VARIABLES = ("PATH", "PYTHONPATH", "LD_LIBRARY_PATH", "AMENT_PREFIX_PATH", "CMAKE_PREFIX_PATH")
+
+
+class BootstrapError(Exception):
+    """Something is missing on this machine; the text is one line that says what to do."""
+
+
+def main() -> int:
+    """Brings the environment up to date; returns the exit code."""
+    try:
+        python = find_python()
+        check_tools()
+        once("environment", environment_inputs(python), lambda: install_environment(python))
+        once("workspace", workspace_inputs(), build_workspace)
+    except BootstrapError as error:
+        print(f"setup: {error}", file=sys.stderr)
+        return 1
+    return 0
+
+
+def find_python() -> Path:
+    """The interpreter of the environment: SLOSH_PYTHON, ROS's own, or the first that fits."""
+    if chosen := os.environ.get("SLOSH_PYTHON"):
+        candidates = [chosen]
+    elif ROS.is_dir():
+        candidates = ["/usr/bin/python3"]
+    else:
+        candidates = ["python3.12", "python3.11", "python3", sys.executable]
+    for candidate in candidates:
+        path = shutil.which(candidate)
+        if path and interpreter_version(path) in SUPPORTED:
+            return Path(path)
+    raise BootstrapError(
+        f"Python 3.11 or 3.12 is needed, tried {', '.join(candidates)}; "
+        "install one (apt install python3 python3-venv) or name it in SLOSH_PYTHON"
+    )
+
+
+def interpreter_version(python: str) -> tuple[int, int] | None:
+    """(major, minor) of an interpreter that can make environments, None where it cannot run."""
+    probe = "import sys, venv, ensurepip; print(*sys.version_info[:2])"
+    done = subprocess.run([python, "-c", probe], capture_output=True, text=True, check=False)
+    if done.returncode != 0:
+        return None
+    major, minor = done.stdout.split()
+    return int(major), int(minor)
+
+
+def check_tools() -> None:
+    """Raises BootstrapError, with the install line, for each compiler that the build lacks."""
+    needed = {"g++": ("c++", "g++"), "gcc": ("cc", "gcc"), "make": ("make",)}
+    missing = [
+        package for package, names in needed.items() if not any(map(shutil.which, names))
+    ]
+    if missing:
+        raise BootstrapError(
+            f"missing {', '.join(missing)}: run `apt install {' '.join(missing)}` and try again"
+        )
+
+
+def once(name: str, inputs: Iterable[bytes], action: Callable[[], None]) -> None:
+    """Runs the action unless it was done before with the same inputs."""
+    digest = hashlib.sha256()
+    for item in inputs:
+        digest.update(hashlib.sha256(item).digest())
+    stamp = VENV / f".{name}"
+    if stamp.is_file() and stamp.read_text() == digest.hexdigest():
+        return
+    stamp.unlink(missing_ok=True)
+    started = time.monotonic()
+    print(f"setup: {name} ...", flush=True)
+    action()
+    stamp.write_text(digest.hexdigest())
+    print(f"setup: {name} ready after {time.monotonic() - started:.0f} s", flush=True)
+
+
+# --- the virtual environment ---------------------------------------------------------------------
+
+
+def requirement_files() -> list[Path]:
+    """The lock files to install, in order."""
+    names = ["runtime.txt", "development.txt"]
+    return [REQUIREMENTS / name for name in (names if ROS.is_dir() else ["ros.txt", *names])]
+
+
+def environment_inputs(python: Path) -> list[bytes]:
+    """What the environment depends on."""
+    choices = f"{python} {os.environ.get('SLOSH_NUMPY', '')} {ROS.is_dir()} {VENV}"
+    return [choices.encode(), *(path.read_bytes() for path in requirement_files())]
+
+
+def install_environment(python: Path) -> None:
+    """Makes the virtual environment anew and installs the pinned versions into it."""
+    system = ["--system-site-packages"] if ROS.is_dir() else []
+    run([str(python), "-m", "venv", "--clear", *system, str(VENV)])
+    pip = [str(VENV / "bin/python"), "-m", "pip", "install", "--quiet", "--no-input"]
+    pip += ["--disable-pip-version-check"]
+    if ROS.is_dir():
+        # The system's NumPy stays: ROS 2's own binaries are built with it.
+        constraint = ["-c", str(REQUIREMENTS / "constraints-jazzy.txt")]
+        inputs = [REQUIREMENTS / "runtime.in", REQUIREMENTS / "development.in"]
+        run([*pip, *constraint, *flatten("-r", inputs)])
+        return
+    # The locks are complete, so nothing is left for pip to resolve.
+    run([*pip, "--no-deps", *flatten("-r", requirement_files())])
+    if version := os.environ.get("SLOSH_NUMPY"):
+        run([*pip, "--no-deps", f"numpy=={version}"])
+    mend_wheels()
+
+
+def mend_wheels() -> None:
+    """Points the ROS wheels' CMake files to this environment instead of their build machine."""
+    query = "import sysconfig, numpy; print(sysconfig.get_path('include')); print(numpy.get_include())"
+    done = subprocess.run(
+        [str(VENV / "bin/python"), "-c", query], capture_output=True, text=True, check=True
+    )
+    python_include, numpy_include = done.stdout.split()
+    python_path = re.compile(r"/opt/python/cp3\d+-cp3\d+/include/python3\.\d+")
+    numpy_path = re.compile(r"[^;\"\s]*/site-packages/numpy/_?core/include")
+    for cmake in (VENV / "share").rglob("*.cmake"):
+        text = cmake.read_text(errors="surrogateescape")
+        mended = numpy_path.sub(numpy_include, python_path.sub(python_include, text))
+        if mended != text:
+            cmake.write_text(mended, errors="surrogateescape")
+    for suffix in ("sh", "bash", "zsh"):
+        (VENV / f"local_setup.{suffix}").touch()  # colcon looks for them in every prefix
+
+
+def flatten(option: str, paths: Iterable[Path]) -> list[str]:
+    """The same option before each path."""
+    return [word for path in paths for word in (option, str(path))]
+
+
+# --- the workspace -------------------------------------------------------------------------------
+
+
+def workspace_inputs() -> list[bytes]:
+    """What the build depends on; the packages' Python modules are linked, not copied."""
+    patterns = ("*/package.xml", "*/setup.py", "*/setup.cfg", "*/CMakeLists.txt")
+    patterns += ("slosh_msgs/msg/*", "slosh_msgs/srv/*")
+    files = sorted(path for pattern in patterns for path in (ROOT / "src").glob(pattern))
+    linked = sorted(
+        str(path)
+        for folder in ("launch", "config", "bin")
+        for path in (ROOT / "src").glob(f"*/{folder}/*")
+    )
+    files.append(WORKSPACE / "colcon-defaults.yaml")
+    environment = (VENV / ".environment").read_bytes()
+    return [environment, "\n".join(linked).encode(), *(path.read_bytes() for path in files)]
+
+
+def build_workspace() -> None:
+    """Builds every package with colcon and writes the file that tools/run reads."""
+    for folder in ("build", "install", "log"):
+        shutil.rmtree(WORKSPACE / folder, ignore_errors=True)
+    environment = base_environment()
+    log = VENV / "colcon.log"
+    with log.open("w") as output:
+        done = subprocess.run(
+            ["colcon", "build", "--base-paths", str(WORKSPACE / "src")],
+            cwd=WORKSPACE,
+            env=environment,
+            stdout=output,
+            stderr=subprocess.STDOUT,
+            check=False,
+        )
+    if done.returncode != 0:
+        raise BootstrapError(f"colcon build failed, see {log}: {first_error(log.read_text())}")
+    write_environment(environment)
+
+
+def first_error(text: str) -> str:
+    """The first line of a build's output that tells what went wrong."""
+    lines = [line.strip() for line in text.splitlines() if "rror" in line]
+    return lines[0] if lines else "no error line found"
+
+
+def base_environment() -> dict[str, str]:
+    """The variables under which colcon runs: this environment in front, ROS 2 below it."""
+    environment = dict(os.environ)
+    environment.pop("PYTHONPATH", None)
+    if ROS.is_dir():
+        environment = sourced(ROS / "setup.bash", environment)
+    else:
+        environment["AMENT_PREFIX_PATH"] = str(VENV)
+        environment["CMAKE_PREFIX_PATH"] = str(VENV)
+    environment["VIRTUAL_ENV"] = str(VENV)
+    environment["PATH"] = f"{VENV / 'bin'}:{environment['PATH']}"
+    environment["COLCON_DEFAULTS_FILE"] = str(WORKSPACE / "colcon-defaults.yaml")
+    # colcon's ament_python builds run setup.py in the environment, with its own setuptools.
+    environment["SETUPTOOLS_USE_DISTUTILS"] = "local"
+    return environment
+
+
+def sourced(script: Path, environment: dict[str, str]) -> dict[str, str]:
+    """The environment after a shell has sourced the script."""
+    command = f"source {shlex.quote(str(script))} >/dev/null && env -0"
+    done = subprocess.run(["bash", "-c", command], env=environment, capture_output=True, check=False)
+    if done.returncode != 0:
+        raise BootstrapError(f"{script} cannot be sourced: {done.stderr.decode().strip()}")
+    pairs = (item.split("=", 1) for item in done.stdout.decode().split("\0") if "=" in item)
+    return dict(pairs)
+
+
+def write_environment(environment: dict[str, str]) -> None:
+    """Writes the variables of the built workspace, and the `slosh` command that uses them."""
+    result = sourced(WORKSPACE / "install" / "setup.bash", environment)
+    added = {name: new_entries(result.get(name, ""), os.environ.get(name, "")) for name in VARIABLES}
+    lines = [
+        f'export {name}="{entries}${{{name}:+:${name}}}"' for name, entries in added.items() if entries
+    ]
+    (VENV / "environment.sh").write_text("\n".join(lines) + "\n")
+    command = VENV / "bin" / "slosh"
+    target = WORKSPACE / "install" / "bin" / "slosh"
+    runner = f"#!/bin/sh\nexec {shlex.quote(str(ROOT / 'tools/run'))} {shlex.quote(str(target))} \"$@\"\n"
+    command.write_text(runner)
+    command.chmod(0o755)
+
+
+def new_entries(after: str, before: str) -> str:
+    """The entries of a path variable that were not there before, in order."""
+    known = set(before.split(":"))
+    return ":".join(dict.fromkeys(entry for entry in after.split(":") if entry and entry not in known))
+
+
+def run(command: list[str]) -> None:
+    """Runs a command; what it printed is shown where it failed."""
+    done = subprocess.run(
+        command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False
+    )
+    if done.returncode != 0:
+        raise BootstrapError(
+            f"`{shlex.join(command)}` failed with exit code {done.returncode}:\n{done.stdout[-2000:]}"
+        )
+
+
+if __name__ == "__main__":
+    sys.exit(main())
