@@ -1,0 +1,1 @@
+"""The `slosh` command: one module per subcommand."""

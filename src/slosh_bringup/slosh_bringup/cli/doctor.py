@@ -1,0 +1,33 @@
+"""`slosh doctor`: what works here, what is missing, how to mend it."""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import json
+
+from slosh_bringup.doctor import Finding, examine
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declares the subcommand's options."""
+    parser.add_argument("--json", action="store_true", help="print the findings as JSON")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Prints the findings; 1 where something required is missing."""
+    findings = []
+    for finding in examine():
+        findings.append(finding)
+        if not arguments.json:
+            print(line(finding), flush=True)
+    if arguments.json:
+        print(json.dumps([dataclasses.asdict(finding) for finding in findings], indent=2))
+    return 0 if all(finding.ok or not finding.required for finding in findings) else 1
+
+
+def line(finding: Finding) -> str:
+    """One finding for people."""
+    mark = "ok  " if finding.ok else ("FAIL" if finding.required else "note")
+    remedy = f"; {finding.remedy}" if not finding.ok and finding.remedy else ""
+    return f"{mark}  {finding.name:<18} {finding.found}{remedy}"

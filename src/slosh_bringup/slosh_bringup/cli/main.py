@@ -1,0 +1,94 @@
+"""The `slosh` command: picks the subcommand and turns errors into exit codes.
+
+Exit codes: 0 done, 1 a check failed, 2 the user's input is wrong.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import os
+import sys
+from collections.abc import Sequence
+
+# One module per subcommand, imported only when it runs: `slosh --help` stays instant.
+COMMANDS: dict[str, str] = {
+    "demo": "the simulated cell, all nodes, record, report",
+    "cell": "all nodes on a real robot's topics, until Ctrl-C",
+    "simulate": "open-loop prediction of a motion table",
+    "detect": "heights from a video or a folder of images",
+    "replay": "the estimator's and the monitor's cores over bags",
+    "import": "public measured data to bags",
+    "identify": "parameters from measurements (not in this version)",
+    "discover": "the missing effect (not in this version)",
+    "predict": "peak heights of candidate motions (not in this version)",
+    "doctor": "what works here, what is missing, how to mend it",
+}
+LATER = ("identify", "discover", "predict")
+
+EXIT_DONE, EXIT_FAILED, EXIT_WRONG_INPUT = 0, 1, 2
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Runs the command line; returns the exit code."""
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    name = next((word for word in words if not word.startswith("-")), None)
+    parser = build_parser(name)
+    parsed = parser.parse_args(words)
+    if parsed.command is None:
+        parser.print_help()
+        return EXIT_WRONG_INPUT
+    if parsed.command in LATER:
+        print(f"slosh {parsed.command}: not in this version; see docs/roadmap.md", file=sys.stderr)
+        return EXIT_WRONG_INPUT
+    return run_guarded(parsed)
+
+
+def build_parser(chosen: str | None) -> argparse.ArgumentParser:
+    """The parser; only the chosen subcommand's module is imported for its options."""
+    parser = argparse.ArgumentParser(
+        prog="slosh", description="Sees, estimates and records sloshing in a robot's container."
+    )
+    subparsers = parser.add_subparsers(dest="command", metavar="COMMAND")
+    for name, summary in COMMANDS.items():
+        subparser = subparsers.add_parser(name, help=summary, description=summary)
+        if name in LATER:
+            subparser.add_argument("rest", nargs=argparse.REMAINDER, help=argparse.SUPPRESS)
+        elif name == chosen:
+            module = importlib.import_module(f"slosh_bringup.cli.{module_name(name)}")
+            module.add_arguments(subparser)
+            subparser.set_defaults(run=module.run)
+    return parser
+
+
+def module_name(command: str) -> str:
+    """The module of a subcommand; `import` is a word of the language."""
+    return f"{command}_data" if command == "import" else command
+
+
+def run_guarded(parsed: argparse.Namespace) -> int:
+    """Runs the subcommand: a wrong input becomes one line and exit code 2."""
+    try:
+        return int(parsed.run(parsed))
+    except BrokenPipeError:
+        # The reader of our output has gone (`slosh … | head`); say nothing more to it.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return EXIT_DONE
+    except KeyboardInterrupt:
+        print("slosh: stopped", file=sys.stderr)
+        return EXIT_FAILED
+    except OSError as error:
+        where = f"{error.filename}: " if error.filename else ""
+        print(f"slosh {parsed.command}: {where}{error.strerror or error}", file=sys.stderr)
+        return EXIT_WRONG_INPUT
+    except ValueError as error:
+        # Every package's root exception is a ValueError whose text is one line.
+        if not is_own(error):
+            raise
+        print(f"slosh {parsed.command}: {error}", file=sys.stderr)
+        return EXIT_WRONG_INPUT
+
+
+def is_own(error: ValueError) -> bool:
+    """True for the packages' own exceptions; another ValueError is a defect and shows itself."""
+    return type(error).__module__.startswith("slosh_")

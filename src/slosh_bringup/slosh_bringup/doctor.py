@@ -1,0 +1,168 @@
+"""Looks at this machine: what works, what is missing, how to mend it."""
+
+from __future__ import annotations
+
+import importlib
+import importlib.metadata
+import os
+import platform
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+ROS = Path("/opt/ros/jazzy")
+MINIMUM_SHARED_MEMORY = 128 * 2**20  # five participants with a 32 MiB segment each, in part
+MINIMUM_DISK = 2 * 2**30
+OWN_PACKAGES = (
+    "slosh_msgs_py",
+    "slosh_model",
+    "slosh_camera",
+    "slosh_discovery",
+    "slosh_estimator",
+    "slosh_bag",
+    "slosh_bringup",
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One thing that was looked at.
+
+    Attributes:
+        name: what was looked at.
+        ok: True where it works.
+        found: what was found.
+        remedy: what to do where it does not work.
+        required: False where the product runs without it.
+    """
+
+    name: str
+    ok: bool
+    found: str
+    remedy: str = ""
+    required: bool = True
+
+
+def examine() -> Iterator[Finding]:
+    """Looks at everything, one finding after another."""
+    yield python_version()
+    for check in (ros_source, discovery, interfaces, workspace):
+        yield guarded(check)
+    for module, minimum in (("numpy", "1.26"), ("scipy", "1.10"), ("numba", "0.59")):
+        yield library(module, module, minimum)
+    yield library("cv2", "OpenCV", "4.6")
+    yield library("mcap", "mcap", "1.5")
+    yield library("rosbags", "rosbags", "0.10")
+    yield guarded(message_exchange)
+    yield shared_memory()
+    yield disk()
+    yield tool("ros2", "only to use ros2 launch and ros2 bag; slosh needs neither")
+
+
+def guarded(check: Callable[[], Finding]) -> Finding:
+    """A check's finding, or its failure as a finding."""
+    try:
+        return check()
+    except Exception as error:
+        # Whatever goes wrong is what the user came here to read.
+        name = check.__name__.replace("_", " ")
+        text = f"{type(error).__name__}: {error}".splitlines()[0]
+        return Finding(name, False, text, "run `make setup`, or source /opt/ros/jazzy/setup.bash")
+
+
+def python_version() -> Finding:
+    """Python 3.11 or 3.12."""
+    ok = sys.version_info[:2] in ((3, 11), (3, 12))
+    found = f"{platform.python_version()} at {sys.executable}"
+    return Finding("Python", ok, found, "use Python 3.11 or 3.12: SLOSH_PYTHON=python3.12 make setup")
+
+
+def ros_source() -> Finding:
+    """Which ROS 2 is used."""
+    rclpy = importlib.import_module("rclpy")
+    path = Path(str(rclpy.__file__))
+    kind = "installed" if path.is_relative_to(ROS) else "wheels"
+    return Finding("ROS 2 Jazzy", True, f"{kind}, rclpy at {path.parent}")
+
+
+def interfaces() -> Finding:
+    """The built message package."""
+    module = importlib.import_module("slosh_msgs.msg")
+    return Finding("slosh_msgs", True, f"built, at {Path(str(module.__file__)).parent}")
+
+
+def workspace() -> Finding:
+    """The product's own packages."""
+    for name in OWN_PACKAGES:
+        importlib.import_module(name)
+    return Finding("workspace", True, f"{len(OWN_PACKAGES)} packages import")
+
+
+def discovery() -> Finding:
+    """Who can see this machine's topics."""
+    reach = os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "SUBNET")
+    domain = os.environ.get("ROS_DOMAIN_ID", "0")
+    return Finding("discovery", True, f"range {reach}, domain {domain}")
+
+
+def library(module: str, name: str, minimum: str) -> Finding:
+    """A library's version against the lowest that is supported."""
+    try:
+        imported = importlib.import_module(module)
+    except ImportError as error:
+        return Finding(name, False, str(error), "run `make setup`")
+    version = getattr(imported, "__version__", None) or importlib.metadata.version(module)
+    ok = numbers(version) >= numbers(minimum)
+    return Finding(name, ok, version, f"at least {minimum} is needed: run `make setup`")
+
+
+def numbers(version: str) -> tuple[int, ...]:
+    """The leading numbers of a version: '5.0.0.93' -> (5, 0, 0, 93)."""
+    parts = []
+    for word in version.split("."):
+        if not word.isdigit():
+            break
+        parts.append(int(word))
+    return tuple(parts)
+
+
+def message_exchange() -> Finding:
+    """A message of this product through the real middleware, in a process of its own."""
+    command = [sys.executable, "-m", "slosh_bringup.nodes.loopback_node"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    ok = done.returncode == 0
+    lines = (done.stdout if ok else done.stderr).strip().splitlines()
+    remedy = "look for a firewall on the loopback interface or a full /dev/shm"
+    return Finding("messages over DDS", ok, lines[-1] if lines else "no output", remedy)
+
+
+def shared_memory() -> Finding:
+    """Room for the image transport's shared-memory segments."""
+    folder = Path("/dev/shm")
+    if not folder.is_dir():
+        return Finding("shared memory", False, "no /dev/shm", "mount a tmpfs there", required=False)
+    free = shutil.disk_usage(folder).free
+    remedy = "give the container more: docker run --shm-size=512m"
+    return Finding(
+        "shared memory",
+        free >= MINIMUM_SHARED_MEMORY,
+        f"{free / 2**20:.0f} MiB free",
+        remedy,
+        required=False,
+    )
+
+
+def disk() -> Finding:
+    """Room for bags in the current folder."""
+    free = shutil.disk_usage(".").free
+    found = f"{free / 2**30:.1f} GiB free here"
+    return Finding("disk", free >= MINIMUM_DISK, found, "record elsewhere: -o DIR", required=False)
+
+
+def tool(name: str, remark: str) -> Finding:
+    """An optional program."""
+    path = shutil.which(name)
+    return Finding(name, path is not None, path or "not found", remark, required=False)

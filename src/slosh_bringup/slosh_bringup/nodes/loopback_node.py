@@ -1,0 +1,39 @@
+"""Sends one message of this product to itself over the middleware; for `slosh doctor`."""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from slosh_msgs.msg import FreeSurface
+
+TOPIC = f"/slosh_loopback_{os.getpid()}"
+TIMEOUT = 15.0  # discovery alone takes a second or two on a busy machine
+
+
+def main() -> int:
+    """Returns 0 once the message has come back, 1 after the timeout."""
+    rclpy.init()
+    node = rclpy.create_node("loopback")
+    received: list[float] = []
+    node.create_subscription(FreeSurface, TOPIC, lambda message: received.append(message.msh), 10)
+    publisher = node.create_publisher(FreeSurface, TOPIC, 10)
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    started = time.monotonic()
+    while not received and time.monotonic() - started < TIMEOUT:
+        publisher.publish(FreeSurface(msh=0.001))
+        executor.spin_once(timeout_sec=0.1)
+    rclpy.shutdown()
+    if received != [0.001] * len(received) or not received:
+        print(f"no message came back within {TIMEOUT:.0f} s", file=sys.stderr)
+        return 1
+    print(f"a FreeSurface came back after {1e3 * (time.monotonic() - started):.0f} ms")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

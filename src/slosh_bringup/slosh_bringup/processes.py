@@ -1,0 +1,163 @@
+"""Starts the nodes as processes and stops them again.
+
+The same job as a launch file, for machines without `launch` and for runs that end by themselves.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import TracebackType
+
+from ament_index_python.packages import get_package_share_directory
+
+from slosh_bringup.errors import SloshBringupError
+
+# Node name -> module with its main().
+NODES: Mapping[str, str] = {
+    "cell": "slosh_bringup.nodes.cell_node",
+    "camera": "slosh_camera.nodes.camera_node",
+    "estimator": "slosh_estimator.nodes.estimator_node",
+    "monitor": "slosh_estimator.nodes.monitor_node",
+    "recorder": "slosh_bag.nodes.recorder_node",
+}
+# Long enough for the recorder to finish its last chunk on a busy machine.
+STOP_TIMEOUT = 20.0
+
+
+@dataclass(frozen=True, slots=True)
+class NodeProcess:
+    """How one node is started.
+
+    Attributes:
+        name: one of NODES; also the ROS node's name.
+        parameter_files: ROS parameter files, later ones win.
+        parameters: single parameters, which win over the files.
+        remappings: relative topic name -> the robot's topic.
+    """
+
+    name: str
+    parameter_files: Sequence[Path] = ()
+    parameters: Mapping[str, str] = field(default_factory=dict)
+    remappings: Mapping[str, str] = field(default_factory=dict)
+
+    def command(self, namespace: str) -> list[str]:
+        """The command line that starts the node."""
+        words = [sys.executable, "-m", NODES[self.name], "--ros-args"]
+        words += ["-r", f"__ns:={namespace}", "-r", f"__node:={self.name}"]
+        for path in self.parameter_files:
+            words += ["--params-file", str(path)]
+        for name, value in self.parameters.items():
+            words += ["-p", f"{name}:={value}"]
+        for name, topic in self.remappings.items():
+            words += ["-r", f"{name}:={topic}"]
+        return words
+
+
+def node_environment(domain_id: int | None = None) -> dict[str, str]:
+    """The environment of the nodes: this machine only, shared memory sized for images."""
+    environment = dict(os.environ)
+    profile = str(config_folder() / "fastdds.xml")
+    environment.setdefault("FASTDDS_DEFAULT_PROFILES_FILE", profile)
+    environment.setdefault("FASTRTPS_DEFAULT_PROFILES_FILE", profile)
+    environment.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    environment.setdefault("PYTHONUNBUFFERED", "1")
+    if domain_id is not None:
+        environment.setdefault("ROS_DOMAIN_ID", str(domain_id))
+    return environment
+
+
+def config_folder() -> Path:
+    """Where the installed package keeps its parameters, models and calibrations."""
+    return Path(get_package_share_directory("slosh_bringup")) / "config"
+
+
+class NodeGroup:
+    """Node processes that live and die together; a context manager.
+
+    Args:
+        namespace: ROS namespace of all nodes.
+        log_folder: each node's output goes to <log_folder>/<name>.log.
+        environment: environment of the processes.
+    """
+
+    def __init__(self, namespace: str, log_folder: Path, environment: Mapping[str, str]) -> None:
+        self._namespace = namespace
+        self._log_folder = log_folder
+        self._environment = dict(environment)
+        self._running: dict[str, subprocess.Popen[bytes]] = {}
+
+    def __enter__(self) -> NodeGroup:
+        self._log_folder.mkdir(parents=True, exist_ok=True)
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.stop()
+
+    def start(self, process: NodeProcess) -> None:
+        """Starts a node."""
+        with (self._log_folder / f"{process.name}.log").open("wb") as log:
+            # Its own session: Ctrl-C reaches this process alone, which then stops the nodes in order.
+            self._running[process.name] = subprocess.Popen(
+                process.command(self._namespace),
+                stdout=log,
+                stderr=subprocess.STDOUT,
+                env=self._environment,
+                start_new_session=True,
+            )
+
+    def ended(self) -> dict[str, int]:
+        """Nodes that have ended by themselves, with their exit codes."""
+        codes = {name: process.poll() for name, process in self._running.items()}
+        return {name: code for name, code in codes.items() if code is not None}
+
+    def pid(self, name: str) -> int:
+        """Process id of a running node."""
+        return self._running[name].pid
+
+    def check(self) -> None:
+        """Raises SloshBringupError for the first node that has ended with an error."""
+        for name, code in self.ended().items():
+            if code != 0:
+                log = self._log_folder / f"{name}.log"
+                raise SloshBringupError(
+                    f"node {name} ended with exit code {code}: {last_line(log)} (see {log})"
+                )
+
+    def stop(self) -> dict[str, int]:
+        """Stops all nodes in the order of their start, the recorder last.
+
+        Returns:
+            exit code by node; a node that had to be killed has -9.
+        """
+        names = sorted(self._running, key=lambda name: name == "recorder")
+        codes = {name: stop_process(self._running[name]) for name in names}
+        self._running.clear()
+        return codes
+
+
+def stop_process(process: subprocess.Popen[bytes]) -> int:
+    """Asks a process to end as Ctrl-C does, and kills it where it does not listen."""
+    if process.poll() is None:
+        process.send_signal(signal.SIGINT)
+        try:
+            process.wait(STOP_TIMEOUT)
+        except subprocess.TimeoutExpired:
+            process.kill()
+    return process.wait()
+
+
+def last_line(log: Path) -> str:
+    """The last line that a node printed."""
+    lines = [line for line in log.read_text(errors="replace").splitlines() if line.strip()]
+    return lines[-1].strip() if lines else "it printed nothing"
