@@ -1,0 +1,66 @@
+"""Starts the nodes of a slosh cell on a robot's topics.
+
+    ros2 launch slosh_bringup cell.launch.py
+    ros2 launch slosh_bringup cell.launch.py simulate:=true
+    ros2 launch slosh_bringup cell.launch.py model:=/path/model.yaml calibration:=/path/camera.yaml
+"""
+
+from launch import LaunchDescription
+from launch.actions import DeclareLaunchArgument
+from launch.conditions import IfCondition
+from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
+from launch_ros.actions import Node
+from launch_ros.substitutions import FindPackageShare
+
+
+def generate_launch_description() -> LaunchDescription:
+    """Declares the arguments and the five nodes."""
+    config = PathJoinSubstitution([FindPackageShare("slosh_bringup"), "config"])
+    arguments = [
+        DeclareLaunchArgument(name, default_value=default, description=description)
+        for name, default, description in (
+            ("namespace", "/slosh", "namespace of all nodes and topics"),
+            ("parameters", [config, "/cell.yaml"], "ROS parameter file of all nodes"),
+            ("model", [config, "/model.yaml"], "model of the container and its liquid"),
+            ("calibration", [config, "/camera.yaml"], "calibration of the camera"),
+            ("output", "bag", "folder of the recorded bag"),
+            ("record", "true", "record all topics of the cell"),
+            ("simulate", "false", "play a motion instead of listening to a robot"),
+            ("motion", "c3", "motion of the simulated cell"),
+        )
+    ]
+    parameters = LaunchConfiguration("parameters")
+    simulate = IfCondition(LaunchConfiguration("simulate"))
+    record = IfCondition(LaunchConfiguration("record"))
+
+    def node(
+        package: str, name: str, condition: IfCondition | None = None, **own: LaunchConfiguration
+    ) -> Node:
+        return Node(
+            package=package,
+            executable=name,
+            name=name,
+            namespace=LaunchConfiguration("namespace"),
+            parameters=[parameters, own],
+            condition=condition,
+            output="screen",
+        )
+
+    model = LaunchConfiguration("model")
+    calibration = LaunchConfiguration("calibration")
+    return LaunchDescription(
+        [
+            *arguments,
+            node("slosh_bag", "recorder", record, output=LaunchConfiguration("output")),
+            node("slosh_camera", "camera", calibration=calibration),
+            node("slosh_estimator", "estimator", model=model),
+            node("slosh_estimator", "monitor"),
+            node(
+                "slosh_bringup",
+                "cell",
+                simulate,
+                motion=LaunchConfiguration("motion"),
+                calibration=calibration,
+            ),
+        ]
+    )
