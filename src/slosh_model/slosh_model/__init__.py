@@ -1,1 +1,27 @@
-"""Mechanical models of liquid sloshing in a moving container."""
+"""Mechanical models of liquid sloshing in a moving container.
+
+Pure physics: no ROS, no files, no clock. SI units throughout.
+"""
+
+from slosh_model.containers import Cylinder
+from slosh_model.errors import SloshModelError
+from slosh_model.liquid import Liquid
+from slosh_model.model import EffectUse, Model, ValidityLimits
+from slosh_model.model_text import format_model, parse_model
+from slosh_model.simulate import Inputs, Response, Simulator, State, simulate
+
+__all__ = [
+    "Cylinder",
+    "EffectUse",
+    "Inputs",
+    "Liquid",
+    "Model",
+    "Response",
+    "Simulator",
+    "SloshModelError",
+    "State",
+    "ValidityLimits",
+    "format_model",
+    "parse_model",
+    "simulate",
+]

@@ -1,0 +1,4 @@
+"""Named effects: one module each.
+
+A module of this folder that defines `EFFECT` is an effect; nothing else needs to know of it.
+"""

@@ -1,0 +1,55 @@
+"""The mass slides on a paraboloid against a cubic spring, the surface is a Bessel one: L → NL."""
+
+from __future__ import annotations
+
+from numba import njit
+
+from slosh_model.effects.base import Effect, Parameter, Parameters, Stage
+from slosh_model.modes import Mode
+
+ALPHA = 0.58
+"""α of the spring of order w = 2, as Bauer found and DL22 use it."""
+
+
+@njit
+def _term(mode, x, y, vx, vy, ax, ay, az, elapsed, p):  # type: ignore[no-untyped-def]
+    omega, zeta, curvature, radius = mode[0], mode[1], mode[2], mode[3]
+    xr, yr = x / radius, y / radius
+    c2 = curvature * curvature
+    # Along the position: damping of the vertical motion, centripetal force of the paraboloid, spring.
+    sliding = xr * vx + yr * vy
+    radial = (
+        2.0 * zeta * omega * c2 * sliding
+        + c2 * (vx * vx + vy * vy) / radius
+        + omega * omega * p[0] * (xr * xr + yr * yr) * radius
+    )
+    return -radial * xr, -radial * yr, c2 * xr * xr, c2 * xr * yr, c2 * yr * yr
+
+
+def _height_gain(mode: Mode, parameters: Parameters) -> float:
+    return mode.nonlinear_gain
+
+
+EFFECT = Effect(
+    name="surface_nonlinearity",
+    title="nonlinear free surface",
+    stages=(Stage.DYNAMICS, Stage.HEIGHT),
+    equation=(
+        r"C^2\bar q\bar q^T(\ddot q + 2\zeta\omega\dot q) + C^2\bar q\,\lVert\dot q\rVert^2/R"
+        r" + \omega^2\alpha\lVert\bar q\rVert^2 q"
+    ),
+    source="DL22, eqs. (5)-(11), (19), (24), (30); Bauer 1966",
+    parameters=(
+        Parameter(
+            name="alpha",
+            unit="1",
+            lower=0.0,
+            upper=5.0,
+            neutral=None,
+            description="stiffness of the cubic spring relative to the linear one",
+            default=ALPHA,
+        ),
+    ),
+    term=_term,
+    height_gain=_height_gain,
+)

@@ -1,0 +1,24 @@
+"""The container's vertical acceleration changes the effective gravity: 2D → 3D."""
+
+from __future__ import annotations
+
+from numba import njit
+
+from slosh_model.constants import GRAVITY
+from slosh_model.effects.base import Effect, Stage
+
+
+@njit
+def _term(mode, x, y, vx, vy, ax, ay, az, elapsed, p):  # type: ignore[no-untyped-def]
+    stiffness = mode[0] ** 2 * az / GRAVITY
+    return -stiffness * x, -stiffness * y, 0.0, 0.0, 0.0
+
+
+EFFECT = Effect(
+    name="vertical_acceleration",
+    title="vertical acceleration",
+    stages=(Stage.DYNAMICS,),
+    equation=r"\ddot q + \dots + \frac{\ddot z_0}{g}\,\omega^2 q = 0",
+    source="DL22, eqs. (14), (15)",
+    term=_term,
+)

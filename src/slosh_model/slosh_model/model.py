@@ -1,0 +1,161 @@
+"""A model: container, liquid, damping and the effects that are added."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
+
+from slosh_model.bessel import MAXIMUM_MODE
+from slosh_model.checks import positive
+from slosh_model.containers import Cylinder
+from slosh_model.effects.registry import EFFECTS, find_effect
+from slosh_model.errors import SloshModelError
+from slosh_model.liquid import Liquid, cylinder_damping_ratio
+from slosh_model.modes import Mode
+
+VERTICAL = "vertical_acceleration"
+NONLINEAR = "surface_nonlinearity"
+
+
+@dataclass(frozen=True, slots=True)
+class ValidityLimits:
+    """Where the models were validated; beyond, the estimator raises flags (DL22, §4.2).
+
+    Attributes:
+        acceleration: ‖a‖ [m/s²] up to which NL follows the liquid.
+        jerk: [m/s³] likewise.
+        planar_acceleration: ‖a‖ [m/s²] up to which the surface stays a plane (L).
+        planar_jerk: [m/s³] likewise.
+    """
+
+    acceleration: float = 9.5
+    jerk: float = 74.0
+    planar_acceleration: float = 8.0
+    planar_jerk: float = 60.0
+
+    def __post_init__(self) -> None:
+        for name in ("acceleration", "planar_acceleration"):
+            positive(f"limits.{name}", getattr(self, name), "m/s²", 1e3)
+        for name in ("jerk", "planar_jerk"):
+            positive(f"limits.{name}", getattr(self, name), "m/s³", 1e5)
+
+
+@dataclass(frozen=True, slots=True)
+class EffectUse:
+    """An effect with its parameters, as a model uses it.
+
+    Attributes:
+        name: the effect's id.
+        parameters: complete and within bounds, in the effect's order.
+
+    Raises:
+        SloshModelError: unknown effect or parameter, a value missing or out of bounds.
+    """
+
+    name: str
+    parameters: Mapping[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        complete = find_effect(self.name).complete(self.parameters)
+        object.__setattr__(self, "parameters", MappingProxyType(complete))
+
+
+@dataclass(frozen=True, slots=True)
+class Model:
+    """A model of sloshing; without effects the planar linear one (2D-L).
+
+    Attributes:
+        container: the container.
+        liquid: the liquid.
+        damping_ratio: ζ of every mode; None: by formula.
+        effects: what is added, each effect at most once.
+        modes: number of modes, from the first.
+        limits: where the model was validated.
+
+    Raises:
+        SloshModelError: an impossible value.
+    """
+
+    container: Cylinder
+    liquid: Liquid = field(default_factory=Liquid)
+    damping_ratio: float | None = None
+    effects: tuple[EffectUse, ...] = ()
+    modes: int = 1
+    limits: ValidityLimits = field(default_factory=ValidityLimits)
+
+    def __post_init__(self) -> None:
+        if self.damping_ratio is not None and not (
+            math.isfinite(self.damping_ratio) and 0.0 <= self.damping_ratio < 1.0
+        ):
+            raise SloshModelError(
+                f"damping_ratio = {self.damping_ratio!r} must be auto or lie in [0, 1)"
+            )
+        if not 1 <= self.modes <= MAXIMUM_MODE:
+            raise SloshModelError(f"modes = {self.modes!r} must lie in 1 … {MAXIMUM_MODE}")
+        names = [use.name for use in self.effects]
+        for name in names:
+            if names.count(name) > 1:
+                raise SloshModelError(f"effect {name!r} is listed twice")
+
+    @property
+    def name(self) -> str:
+        """2D-L, 3D-L, 2D-NL or 3D-NL, with '+' and the names of further effects."""
+        space = "3D" if self.has(VERTICAL) else "2D"
+        surface = "NL" if self.has(NONLINEAR) else "L"
+        others = sorted(use.name for use in self.effects if use.name not in (VERTICAL, NONLINEAR))
+        return "+".join([f"{space}-{surface}", *others])
+
+    def has(self, effect: str) -> bool:
+        """True where the model includes the effect."""
+        return any(use.name == effect for use in self.effects)
+
+    def with_effect(self, effect: str, **parameters: float) -> Model:
+        """The model with the effect added, or with these parameters in place of its own."""
+        use = EffectUse(effect, parameters)
+        return replace(self, effects=(*self.without_effect(effect).effects, use))
+
+    def without_effect(self, effect: str) -> Model:
+        """The model without the effect."""
+        return replace(self, effects=tuple(use for use in self.effects if use.name != effect))
+
+    def linear(self) -> Model:
+        """The L twin: everything but the surface's nonlinearity."""
+        return self.without_effect(NONLINEAR)
+
+    def nonlinear(self) -> Model:
+        """The NL twin; α as it stands, or the default."""
+        return self if self.has(NONLINEAR) else self.with_effect(NONLINEAR)
+
+    def planar(self) -> Model:
+        """The 2D twin: everything but the vertical acceleration."""
+        return self.without_effect(VERTICAL)
+
+    def spatial(self) -> Model:
+        """The 3D twin."""
+        return self if self.has(VERTICAL) else self.with_effect(VERTICAL)
+
+    def mode_constants(self) -> tuple[Mode, ...]:
+        """The modes after every effect that changes them."""
+        damping = self.damping_ratio
+        if damping is None:
+            damping = cylinder_damping_ratio(self.container, self.liquid)
+        modes = tuple(Mode(n + 1, self.container, damping) for n in range(self.modes))
+        for use in self.effects:
+            change = EFFECTS[use.name].modes
+            if change is not None:
+                modes = change(modes, use.parameters)
+        return modes
+
+    def height_gains(self) -> tuple[float, ...]:
+        """Wall height per displacement of each mode's mass [1] (DL22, Tables 1, 2)."""
+        gains = []
+        for mode in self.mode_constants():
+            gain = mode.linear_gain
+            for use in self.effects:
+                change = EFFECTS[use.name].height_gain
+                if change is not None:
+                    gain = change(mode, use.parameters)
+            gains.append(gain)
+        return tuple(gains)

@@ -1,0 +1,50 @@
+"""The constants of one sloshing mode."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from slosh_model.bessel import bessel_derivative_root
+from slosh_model.constants import GRAVITY
+from slosh_model.containers import Cylinder
+
+
+@dataclass(frozen=True, slots=True)
+class Mode:
+    """Mode n of a container: an equivalent mass on a spring and a damper.
+
+    Attributes:
+        number: n ≥ 1.
+        container: the container.
+        damping_ratio: ζₙ [1].
+    """
+
+    number: int
+    container: Cylinder
+    damping_ratio: float
+
+    @property
+    def xi(self) -> float:
+        """ξₙ, the n-th root of J₁′."""
+        return bessel_derivative_root(self.number)
+
+    @property
+    def natural_frequency(self) -> float:
+        """ωₙ [rad/s] (DL22, eq. (3))."""
+        return self.container.natural_frequency(self.number)
+
+    @property
+    def curvature(self) -> float:
+        """Cₙ = ωₙ² R/g, the paraboloid's dimensionless curvature (DL22, eq. (5))."""
+        return self.natural_frequency**2 * self.container.radius / GRAVITY
+
+    @property
+    def linear_gain(self) -> float:
+        """Wall height per displacement of the mass, plane surface: 4 h mₙ/(m_F R) (DL22, eq. (22))."""
+        slenderness = self.container.fill_height / self.container.radius
+        return 4.0 * slenderness * self.container.mass_ratio(self.number)
+
+    @property
+    def nonlinear_gain(self) -> float:
+        """Wall height per displacement, Bessel surface: ξₙ² h mₙ/(m_F R) (DL22, eq. (24))."""
+        return self.linear_gain * self.xi**2 / 4.0

@@ -1,0 +1,241 @@
+"""Simulation of a model: a whole motion at once, or sample by sample, with the same bits.
+
+Between two input samples the acceleration is interpolated linearly (first-order hold) and the
+equations of motion are integrated by the classical Runge-Kutta method in equal sub-steps.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_model import kernel
+from slosh_model.effects.registry import EFFECTS, PARAMETER_COUNT, TERM_SLOTS
+from slosh_model.errors import SloshModelError
+from slosh_model.model import Model
+
+Array = NDArray[np.float64]
+
+MAXIMUM_STEP = 0.002
+"""Default bound of the sub-step [s]: relative error below 1e-6 for modes up to 10 Hz."""
+
+
+@dataclass(frozen=True, slots=True)
+class Inputs:
+    """The container's motion.
+
+    Attributes:
+        t: (N,) time [s], strictly increasing.
+        acceleration: (N, 3) of the container's origin, gravity excluded [m/s²].
+        attitude: (N, 4) quaternion x, y, z, w, world ← container; None: upright.
+        angular_velocity: (N, 3) in the container's frame [rad/s]; None: at rest.
+
+    Raises:
+        SloshModelError: shapes that do not match, a value that is not finite, time that does not
+            increase; the text names the array and the row.
+    """
+
+    t: Array
+    acceleration: Array
+    attitude: Array | None = None
+    angular_velocity: Array | None = None
+
+    def __post_init__(self) -> None:
+        widths = {"t": None, "acceleration": 3, "attitude": 4, "angular_velocity": 3}
+        for name, width in widths.items():
+            value = getattr(self, name)
+            if value is None:
+                continue
+            array = np.array(value, dtype=np.float64, order="C")
+            array.setflags(write=False)
+            object.__setattr__(self, name, array)
+            expected = (len(self.t),) if width is None else (len(self.t), width)
+            if array.shape != expected:
+                raise SloshModelError(f"{name} has the shape {array.shape}, expected {expected}")
+            bad = np.argwhere(~np.isfinite(array))
+            if len(bad):
+                raise SloshModelError(f"{name}[{bad[0][0]}] is not finite")
+        if len(self.t) == 0:
+            raise SloshModelError("t is empty: a motion needs at least one sample")
+        late = np.flatnonzero(np.diff(self.t) <= 0.0)
+        if len(late):
+            row = late[0] + 1
+            raise SloshModelError(
+                f"t[{row}] = {self.t[row]!r} s does not come after t[{row - 1}] = {self.t[row - 1]!r} s"
+            )
+
+
+@dataclass(frozen=True, slots=True)
+class State:
+    """Where a simulation stands; start the next one from it.
+
+    Attributes:
+        t: time of the last input [s].
+        modal: (modes, 4) x, y, vx, vy of each mode's mass [m, m/s].
+        held: (4,) the last input's acceleration [m/s²] and the time since rest [s].
+    """
+
+    t: float
+    modal: Array
+    held: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Response:
+    """The liquid's answer, one entry per input sample.
+
+    Attributes:
+        t: (N,) time [s].
+        sh_x, sh_y: (N,) signed height on the wall at +x and +y [m].
+        modal: (N, modes, 4) x, y, vx, vy [m, m/s].
+    """
+
+    t: Array
+    sh_x: Array
+    sh_y: Array
+    modal: Array
+
+    @property
+    def msh(self) -> Array:
+        """(N,) maximum sloshing height over the wall [m] (DL22, Table 2)."""
+        return np.hypot(self.sh_x, self.sh_y)
+
+    @property
+    def azimuth(self) -> Array:
+        """(N,) azimuth of the maximum [rad], in (-π, π] (DL22, eq. (26))."""
+        return np.arctan2(self.sh_y, self.sh_x)
+
+
+class Simulator:
+    """A model that runs sample by sample.
+
+    Args:
+        model: the model.
+        max_step: longest sub-step [s].
+    """
+
+    __slots__ = (
+        "_gains",
+        "_held",
+        "_max_step",
+        "_modal",
+        "_modes",
+        "_parameters",
+        "_started",
+        "model",
+    )
+
+    def __init__(self, model: Model, *, max_step: float = MAXIMUM_STEP) -> None:
+        if not (math.isfinite(max_step) and max_step > 0.0):
+            raise SloshModelError(f"max_step = {max_step!r} s must be positive")
+        self.model = model
+        self._max_step = float(max_step)
+        constants = model.mode_constants()
+        self._modes = np.array(
+            [
+                (mode.natural_frequency, mode.damping_ratio, mode.curvature, mode.container.radius)
+                for mode in constants
+            ]
+        )
+        self._gains = np.array(model.height_gains())
+        self._parameters = effect_parameters(model)
+        self._modal = np.zeros((len(constants), 4))
+        self._held = kernel.empty_held_input()
+        self._started = False
+
+    def reset(self) -> None:
+        """Back to rest; the next step's input starts anew."""
+        self._modal[:] = 0.0
+        self._held[:] = 0.0
+        self._started = False
+
+    def step(self, dt: float, ax: float, ay: float, az: float) -> tuple[float, float]:
+        """Takes an input sample.
+
+        Args:
+            dt: time since the sample before [s]; without one it is ignored.
+            ax, ay, az: the container's acceleration, gravity excluded [m/s²].
+
+        Returns:
+            sh_x, sh_y: signed height on the wall at +x and +y [m].
+        """
+        if not self._started:
+            dt, self._started = 0.0, True
+        heights: tuple[float, float] = kernel.advance(
+            self._modal, self._modes, self._gains, self._parameters, self._held, ax, ay, az, dt,
+            self._max_step,
+        )  # fmt: skip
+        return heights
+
+    @property
+    def modal(self) -> Array:
+        """(modes, 4) x, y, vx, vy [m, m/s]; the simulator's own array, to read at once."""
+        return self._modal
+
+    def run(self, inputs: Inputs, state: State | None = None) -> tuple[Response, State]:
+        """Simulates a whole motion from a state; see `simulate`."""
+        self.reset()
+        start = inputs.t[0] if state is None else state.t
+        if state is not None:
+            if state.modal.shape != self._modal.shape:
+                raise SloshModelError(
+                    f"the state has {len(state.modal)} modes, the model {len(self._modal)}"
+                )
+            if start > inputs.t[0]:
+                raise SloshModelError(
+                    f"the motion starts at {inputs.t[0]!r} s, before the state's {start!r} s"
+                )
+            self._modal[:], self._held[:] = state.modal, state.held
+        intervals = np.diff(inputs.t, prepend=start)
+        history = np.empty((len(inputs.t), *self._modal.shape))
+        heights = np.empty((len(inputs.t), 2))
+        kernel.advance_many(
+            self._modal, self._modes, self._gains, self._parameters, self._held, intervals,
+            inputs.acceleration, self._max_step, history, heights,
+        )  # fmt: skip
+        bad = np.flatnonzero(~np.isfinite(heights).all(axis=1))
+        if len(bad):
+            raise SloshModelError(
+                f"the solution left the finite numbers at t = {inputs.t[bad[0]]:g} s: the motion is far "
+                "outside the model's range, or max_step is too long"
+            )
+        self._started = True
+        end = State(float(inputs.t[-1]), self._modal.copy(), self._held.copy())
+        return Response(inputs.t, heights[:, 0], heights[:, 1], history), end
+
+
+def simulate(
+    model: Model, inputs: Inputs, state: State | None = None, *, max_step: float = MAXIMUM_STEP
+) -> tuple[Response, State]:
+    """Simulates a motion.
+
+    Args:
+        model: the model.
+        inputs: the container's motion.
+        state: where to start; None: at rest.
+        max_step: longest sub-step [s].
+
+    Returns:
+        the response at the input's samples, and the state from which the next part can go on.
+
+    Raises:
+        SloshModelError: the motion starts before the state, the state is another model's, or the
+            solution left the finite numbers.
+    """
+    return Simulator(model, max_step=max_step).run(inputs, state)
+
+
+def effect_parameters(model: Model) -> Array:
+    """The kernel's switches and parameters for a model: (PARAMETER_COUNT,)."""
+    flat = np.zeros(PARAMETER_COUNT)
+    for use in model.effects:
+        slot = TERM_SLOTS.get(use.name)
+        if slot is None:
+            continue
+        flat[slot] = 1.0
+        for offset, parameter in enumerate(EFFECTS[use.name].parameters, start=1):
+            flat[slot + offset] = use.parameters[parameter.name]
+    return flat
