@@ -1,0 +1,1 @@
+"""What every node shares: parameters, diagnostics, start and end of the process."""

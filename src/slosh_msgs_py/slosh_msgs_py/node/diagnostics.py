@@ -1,0 +1,100 @@
+"""/diagnostics at 1 Hz: rates, drops, latency, and a sentence on the node's health."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+
+from slosh_msgs_py import qos, topics
+
+OK, WARN, ERROR, STALE = (
+    DiagnosticStatus.OK,
+    DiagnosticStatus.WARN,
+    DiagnosticStatus.ERROR,
+    DiagnosticStatus.STALE,
+)
+PERIOD = 1.0
+_KEPT = 2000  # latencies that the percentiles look back on
+
+Health = tuple[bytes, str]
+
+
+class DiagnosticsReporter:
+    """Counts what a node does and reports it once a second.
+
+    The timer runs on a steady clock: with use_sim_time and no /clock the node still reports.
+
+    Args:
+        node: the node.
+        health: level and sentence at the moment of the report.
+        facts: further key-value pairs at the moment of the report.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        health: Callable[[], Health],
+        facts: Callable[[], Mapping[str, Any]] = dict,
+    ) -> None:
+        self._node = node
+        self._health = health
+        self._facts = facts
+        self._counts: dict[str, int] = {}
+        self._reported: dict[str, int] = {}
+        self._latencies: deque[int] = deque(maxlen=_KEPT)
+        self._steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._last = self._steady.now().nanoseconds
+        self._publisher = node.create_publisher(
+            DiagnosticArray, topics.DIAGNOSTICS, qos.DIAGNOSTICS
+        )
+        self._timer = node.create_timer(PERIOD, self.report, clock=self._steady)
+
+    def count(self, name: str) -> None:
+        """One more of something whose rate is reported: an input, an output."""
+        self._counts[name] = self._counts.get(name, 0) + 1
+
+    def latency(self, nanoseconds: int) -> None:
+        """Time from a message's stamp to the moment when its answer is out [ns]."""
+        self._latencies.append(nanoseconds)
+
+    def latency_percentiles(self) -> tuple[float, float]:
+        """Median and maximum of the recent latencies [s]; NaN without any."""
+        if not self._latencies:
+            return float("nan"), float("nan")
+        ordered = sorted(self._latencies)
+        return ordered[len(ordered) // 2] * 1e-9, ordered[-1] * 1e-9
+
+    def report(self) -> None:
+        """Publishes the report."""
+        level, sentence = self._health()
+        now = self._steady.now().nanoseconds
+        elapsed = max((now - self._last) * 1e-9, 1e-9)
+        pairs: dict[str, Any] = {}
+        for name, count in self._counts.items():
+            pairs[f"{name} [Hz]"] = f"{(count - self._reported.get(name, 0)) / elapsed:.1f}"
+            pairs[f"{name} total"] = count
+        median, greatest = self.latency_percentiles()
+        if median == median:
+            pairs["latency median [ms]"] = f"{1e3 * median:.2f}"
+            pairs["latency maximum [ms]"] = f"{1e3 * greatest:.2f}"
+        pairs.update(self._facts())
+        self._reported, self._last = dict(self._counts), now
+        self._publisher.publish(self._array(level, sentence, pairs))
+
+    def _array(self, level: bytes, sentence: str, pairs: Mapping[str, Any]) -> DiagnosticArray:
+        name = self._node.get_fully_qualified_name()
+        status = DiagnosticStatus(
+            level=level,
+            name=name,
+            message=sentence,
+            hardware_id="",
+            values=[KeyValue(key=key, value=str(value)) for key, value in pairs.items()],
+        )
+        message = DiagnosticArray(status=[status])
+        message.header.stamp = self._node.get_clock().now().to_msg()
+        return message

@@ -1,0 +1,139 @@
+"""Parameters: one declaration gives type, default, bounds and description.
+
+A value that does not fit is refused with the reason, at start-up and later.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from rcl_interfaces.msg import (
+    FloatingPointRange,
+    IntegerRange,
+    ParameterDescriptor,
+    SetParametersResult,
+)
+from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from slosh_msgs_py.errors import SloshMessageError
+
+_TYPES = {
+    bool: Parameter.Type.BOOL,
+    int: Parameter.Type.INTEGER,
+    float: Parameter.Type.DOUBLE,
+    str: Parameter.Type.STRING,
+    list: Parameter.Type.DOUBLE_ARRAY,
+}
+
+
+@dataclass(frozen=True, slots=True)
+class ParameterSpec:
+    """A parameter of a node.
+
+    Attributes:
+        name: its name.
+        default: its default; the type too. A list is one of doubles.
+        description: one line with the unit.
+        bounds: least and greatest value of a number.
+        choices: allowed texts; empty: any.
+        read_only: only settable at start-up.
+        length: length of a list.
+    """
+
+    name: str
+    default: bool | int | float | str | list[float]
+    description: str
+    bounds: tuple[float, float] | None = None
+    choices: tuple[str, ...] = ()
+    read_only: bool = True
+    length: int | None = None
+
+    def descriptor(self) -> ParameterDescriptor:
+        """What `ros2 param describe` shows."""
+        about = self.description
+        if self.choices:
+            about += f" (one of {', '.join(self.choices)})"
+        descriptor = ParameterDescriptor(description=about, read_only=self.read_only)
+        if self.bounds and isinstance(self.default, float):
+            low, high = self.bounds
+            descriptor.floating_point_range = [FloatingPointRange(from_value=low, to_value=high)]
+        elif self.bounds and isinstance(self.default, int):
+            first, last = (int(value) for value in self.bounds)
+            descriptor.integer_range = [IntegerRange(from_value=first, to_value=last)]
+        return descriptor
+
+    def refusal(self, value: Any) -> str | None:
+        """Why a value of the right type does not fit; None: it fits."""
+        if self.choices and value not in self.choices:
+            return f"{self.name} = {value!r} must be one of {', '.join(self.choices)}"
+        if self.length is not None and len(value) != self.length:
+            return f"{self.name} = {list(value)!r} must have {self.length} numbers"
+        numbers = value if isinstance(self.default, list) else [value]
+        if self.bounds and not all(
+            self.bounds[0] <= number <= self.bounds[1] for number in numbers
+        ):
+            return f"{self.name} = {value!r} must lie in [{self.bounds[0]:g}, {self.bounds[1]:g}]"
+        return None
+
+
+def declare(
+    node: Node,
+    specs: Sequence[ParameterSpec],
+    on_change: Callable[[dict[str, Any]], str | None] | None = None,
+) -> dict[str, Any]:
+    """Declares the parameters of a node.
+
+    Args:
+        node: the node.
+        specs: its parameters.
+        on_change: receives changed values of parameters that are not read-only; returns why it refuses
+            them, or None.
+
+    Returns:
+        the values by name.
+
+    Raises:
+        SloshMessageError: a start-up value is refused; the text says which and why.
+    """
+    values = {spec.name: _declare_one(node, spec) for spec in specs}
+    by_name = {spec.name: spec for spec in specs}
+
+    def check(changes: list[Parameter]) -> SetParametersResult:
+        known = [change for change in changes if change.name in by_name]
+        for change in known:
+            reason = by_name[change.name].refusal(change.value)
+            if reason:
+                return SetParametersResult(successful=False, reason=reason)
+        reason = on_change({c.name: c.value for c in known}) if on_change and known else None
+        return SetParametersResult(successful=reason is None, reason=reason or "")
+
+    node.add_on_set_parameters_callback(check)
+    return values
+
+
+def _declare_one(node: Node, spec: ParameterSpec) -> Any:
+    try:
+        value = node.declare_parameter(spec.name, spec.default, spec.descriptor()).value
+    except InvalidParameterTypeException as error:
+        wanted = _TYPES[type(spec.default)].name.lower()
+        hint = "; write 1.0 for 1" if wanted.startswith("double") else ""
+        raise SloshMessageError(
+            f"parameter {spec.name}: a {wanted} is needed{hint} ({_one_line(error)})"
+        ) from None
+    except InvalidParameterValueException as error:
+        low, high = spec.bounds or (float("-inf"), float("inf"))
+        raise SloshMessageError(
+            f"parameter {spec.name} must lie in [{low:g}, {high:g}] ({_one_line(error)})"
+        ) from None
+    reason = spec.refusal(value)
+    if reason:
+        raise SloshMessageError(f"parameter {reason}")
+    return list(value) if isinstance(spec.default, list) else value
+
+
+def _one_line(error: Exception) -> str:
+    return " ".join(str(error).split())

@@ -1,0 +1,37 @@
+"""QoS profiles: reliable where it is published, as undemanding as possible where it is read.
+
+A reader that asks for less than the writer offers is always matched; the other way round it gets
+nothing. No profile has a deadline: a reader with one hears nothing from a writer without.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+from rclpy.qos import QoSProfile
+from rclpy.qos import QoSDurabilityPolicy as Durability
+from rclpy.qos import QoSHistoryPolicy as History
+from rclpy.qos import QoSReliabilityPolicy as Reliability
+
+STREAM_DEPTH: Final = 1000
+"""One second of messages at 1 kHz: longer than any pause of a process that is alive."""
+
+
+def _profile(reliability: Reliability, durability: Durability, depth: int) -> QoSProfile:
+    return QoSProfile(
+        history=History.KEEP_LAST, depth=depth, reliability=reliability, durability=durability
+    )
+
+
+STREAM_OUT: Final = _profile(Reliability.RELIABLE, Durability.VOLATILE, STREAM_DEPTH)
+"""To publish accelerations, estimates, measurements."""
+STREAM_IN: Final = _profile(Reliability.BEST_EFFORT, Durability.VOLATILE, STREAM_DEPTH)
+"""To read them: sensor data, with room for a pause."""
+IMAGE_OUT: Final = _profile(Reliability.RELIABLE, Durability.VOLATILE, 10)
+"""To publish images."""
+IMAGE_IN: Final = _profile(Reliability.BEST_EFFORT, Durability.VOLATILE, 1)
+"""To process images: only the newest counts."""
+EVENT: Final = _profile(Reliability.RELIABLE, Durability.TRANSIENT_LOCAL, 100)
+"""Events and latched facts, both ends: a late joiner receives the latest ones."""
+DIAGNOSTICS: Final = _profile(Reliability.RELIABLE, Durability.VOLATILE, 10)
+"""/diagnostics, as its usual publishers and viewers have it."""

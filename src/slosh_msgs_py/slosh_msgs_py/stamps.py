@@ -1,0 +1,39 @@
+"""Message times as whole nanoseconds."""
+
+from __future__ import annotations
+
+from builtin_interfaces.msg import Duration, Time
+
+from slosh_msgs_py.errors import SloshMessageError
+
+SECOND = 1_000_000_000
+MAXIMUM = (2**31 - 1) * SECOND
+
+
+def to_nanoseconds(stamp: Time | Duration) -> int:
+    """Nanoseconds of a Time or Duration message."""
+    return int(stamp.sec) * SECOND + int(stamp.nanosec)
+
+
+def to_time(nanoseconds: int) -> Time:
+    """A Time message.
+
+    Raises:
+        SloshMessageError: the value does not fit: negative, or after the year 2038.
+    """
+    if not 0 <= nanoseconds <= MAXIMUM:
+        raise SloshMessageError(f"stamp = {nanoseconds} ns must lie in [0, {MAXIMUM}] ns")
+    sec, nanosec = divmod(int(nanoseconds), SECOND)
+    return Time(sec=sec, nanosec=nanosec)
+
+
+def to_duration(nanoseconds: int) -> Duration:
+    """A Duration message.
+
+    Raises:
+        SloshMessageError: the value does not fit.
+    """
+    if abs(nanoseconds) > MAXIMUM:
+        raise SloshMessageError(f"duration = {nanoseconds} ns exceeds {MAXIMUM} ns")
+    sec, nanosec = divmod(int(nanoseconds), SECOND)
+    return Duration(sec=sec, nanosec=nanosec)

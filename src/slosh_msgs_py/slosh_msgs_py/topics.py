@@ -1,0 +1,29 @@
+"""Topic and service names, relative to the cell's namespace."""
+
+from __future__ import annotations
+
+from typing import Final
+
+NAMESPACE: Final = "/slosh"
+"""The default namespace of a cell."""
+
+ACCEL: Final = "accel"
+IMU: Final = "imu"
+POSE: Final = "pose"
+IMAGE: Final = "camera/image_raw"
+IMAGE_COMPRESSED: Final = "camera/image_raw/compressed"
+CAMERA_INFO: Final = "camera/camera_info"
+FREE_SURFACE: Final = "free_surface"
+ESTIMATE: Final = "estimate"
+COMPARISON: Final = "comparison"
+LIMIT_EVENT: Final = "limit_event"
+DIAGNOSTICS: Final = "/diagnostics"
+
+PREDICT: Final = "predict"
+LOAD_MODEL: Final = "load_model"
+RESET: Final = "reset"
+
+TRUTH: Final = "cell/truth"
+"""Exact heights, by the simulated cell alone."""
+SUMMARY: Final = "cell/summary"
+"""What the simulated cell has published, by topic, as JSON; latched."""
