@@ -81,9 +81,7 @@ def interpreter_version(python: str) -> tuple[int, int] | None:
 def check_tools() -> None:
     """Raises BootstrapError, with the install line, for each compiler that the build lacks."""
     needed = {"g++": ("c++", "g++"), "gcc": ("cc", "gcc"), "make": ("make",)}
-    missing = [
-        package for package, names in needed.items() if not any(map(shutil.which, names))
-    ]
+    missing = [package for package, names in needed.items() if not any(map(shutil.which, names))]
     if missing:
         raise BootstrapError(
             f"missing {', '.join(missing)}: run `apt install {' '.join(missing)}` and try again"
@@ -142,7 +140,9 @@ def install_environment(python: Path) -> None:
 
 def mend_wheels() -> None:
     """Points the ROS wheels' CMake files to this environment instead of their build machine."""
-    query = "import sysconfig, numpy; print(sysconfig.get_path('include')); print(numpy.get_include())"
+    query = (
+        "import sysconfig, numpy; print(sysconfig.get_path('include')); print(numpy.get_include())"
+    )
     done = subprocess.run(
         [str(VENV / "bin/python"), "-c", query], capture_output=True, text=True, check=True
     )
@@ -227,7 +227,9 @@ def base_environment() -> dict[str, str]:
 def sourced(script: Path, environment: dict[str, str]) -> dict[str, str]:
     """The environment after a shell has sourced the script."""
     command = f"source {shlex.quote(str(script))} >/dev/null && env -0"
-    done = subprocess.run(["bash", "-c", command], env=environment, capture_output=True, check=False)
+    done = subprocess.run(
+        ["bash", "-c", command], env=environment, capture_output=True, check=False
+    )
     if done.returncode != 0:
         raise BootstrapError(f"{script} cannot be sourced: {done.stderr.decode().strip()}")
     pairs = (item.split("=", 1) for item in done.stdout.decode().split("\0") if "=" in item)
@@ -237,14 +239,20 @@ def sourced(script: Path, environment: dict[str, str]) -> dict[str, str]:
 def write_environment(environment: dict[str, str]) -> None:
     """Writes the variables of the built workspace, and the `slosh` command that uses them."""
     result = sourced(WORKSPACE / "install" / "setup.bash", environment)
-    added = {name: new_entries(result.get(name, ""), os.environ.get(name, "")) for name in VARIABLES}
+    added = {
+        name: new_entries(result.get(name, ""), os.environ.get(name, "")) for name in VARIABLES
+    }
     lines = [
-        f'export {name}="{entries}${{{name}:+:${name}}}"' for name, entries in added.items() if entries
+        f'export {name}="{entries}${{{name}:+:${name}}}"'
+        for name, entries in added.items()
+        if entries
     ]
     (VENV / "environment.sh").write_text("\n".join(lines) + "\n")
     command = VENV / "bin" / "slosh"
     target = WORKSPACE / "install" / "bin" / "slosh"
-    runner = f"#!/bin/sh\nexec {shlex.quote(str(ROOT / 'tools/run'))} {shlex.quote(str(target))} \"$@\"\n"
+    runner = (
+        f'#!/bin/sh\nexec {shlex.quote(str(ROOT / "tools/run"))} {shlex.quote(str(target))} "$@"\n'
+    )
     command.write_text(runner)
     command.chmod(0o755)
 
@@ -252,7 +260,9 @@ def write_environment(environment: dict[str, str]) -> None:
 def new_entries(after: str, before: str) -> str:
     """The entries of a path variable that were not there before, in order."""
     known = set(before.split(":"))
-    return ":".join(dict.fromkeys(entry for entry in after.split(":") if entry and entry not in known))
+    return ":".join(
+        dict.fromkeys(entry for entry in after.split(":") if entry and entry not in known)
+    )
 
 
 def run(command: list[str]) -> None:

@@ -1,8 +1,8 @@
 """Starts the nodes of a slosh cell on a robot's topics.
 
-    ros2 launch slosh_bringup cell.launch.py
-    ros2 launch slosh_bringup cell.launch.py simulate:=true
-    ros2 launch slosh_bringup cell.launch.py model:=/path/model.yaml calibration:=/path/camera.yaml
+ros2 launch slosh_bringup cell.launch.py
+ros2 launch slosh_bringup cell.launch.py simulate:=true
+ros2 launch slosh_bringup cell.launch.py model:=/path/model.yaml calibration:=/path/camera.yaml
 """
 
 from launch import LaunchDescription

@@ -77,7 +77,9 @@ def python_version() -> Finding:
     """Python 3.11 or 3.12."""
     ok = sys.version_info[:2] in ((3, 11), (3, 12))
     found = f"{platform.python_version()} at {sys.executable}"
-    return Finding("Python", ok, found, "use Python 3.11 or 3.12: SLOSH_PYTHON=python3.12 make setup")
+    return Finding(
+        "Python", ok, found, "use Python 3.11 or 3.12: SLOSH_PYTHON=python3.12 make setup"
+    )
 
 
 def ros_source() -> Finding:
@@ -143,7 +145,9 @@ def shared_memory() -> Finding:
     """Room for the image transport's shared-memory segments."""
     folder = Path("/dev/shm")
     if not folder.is_dir():
-        return Finding("shared memory", False, "no /dev/shm", "mount a tmpfs there", required=False)
+        return Finding(
+            "shared memory", False, "no /dev/shm", "mount a tmpfs there", required=False
+        )
     free = shutil.disk_usage(folder).free
     remedy = "give the container more: docker run --shm-size=512m"
     return Finding(

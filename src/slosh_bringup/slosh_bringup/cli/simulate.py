@@ -19,7 +19,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declares the subcommand's options."""
     parser.add_argument("model", type=Path, help="model.yaml")
     parser.add_argument("motion", type=Path, help="motion table: t,ax,ay,az[,...] (.csv, .csv.gz)")
-    parser.add_argument("-o", "--output", type=Path, required=True, help="table of heights [m, rad]")
+    parser.add_argument(
+        "-o", "--output", type=Path, required=True, help="table of heights [m, rad]"
+    )
     parser.add_argument("--json", action="store_true", help="print the summary as JSON")
 
 
@@ -45,7 +47,9 @@ def write_response(path: Path, response: Response) -> None:
     with path.open("w", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(COLUMNS)
-        writer.writerows([repr(float(value)) for value in row] for row in zip(*columns, strict=True))
+        writer.writerows(
+            [repr(float(value)) for value in row] for row in zip(*columns, strict=True)
+        )
 
 
 def summary(name: str, response: Response, output: Path, *, as_json: bool) -> str:
@@ -61,4 +65,6 @@ def summary(name: str, response: Response, output: Path, *, as_json: bool) -> st
         }
         return json.dumps(facts)
     height, moment = 1e3 * response.msh[peak], response.t[peak]
-    return f"{name}: peak {height:.1f} mm at t = {moment:.3f} s, {len(response.t)} rows in {output}"
+    return (
+        f"{name}: peak {height:.1f} mm at t = {moment:.3f} s, {len(response.t)} rows in {output}"
+    )
