@@ -1,0 +1,284 @@
+"""Calibration file `camera.yaml`: camera, container, pose, region and detection settings.
+
+The camera's part has the keys of ROS camera_calibration files.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+import yaml
+
+from slosh_camera.camera import PLUMB_BOB, PinholeCamera, camera_from_info
+from slosh_camera.errors import SloshCameraError
+from slosh_camera.geometry import Cup, CupView, Pose
+from slosh_camera.settings import DetectionSettings, Liquid, RegionOfInterest
+
+_CONTAINER_KEYS = ("radius", "fill_height", "wall_thickness", "rim_height")
+_REGION_KEYS = ("x_offset", "y_offset", "width", "height")
+_DETECTION_KEYS = tuple(entry.name for entry in fields(DetectionSettings))
+_REQUIRED = (
+    "image_width",
+    "image_height",
+    "camera_matrix",
+    "distortion_coefficients",
+    "container",
+    "pose",
+)
+# ROS writes the last two; they describe rectification, which is not used here.
+_OPTIONAL = (
+    "camera_name",
+    "distortion_model",
+    "region_of_interest",
+    "detection",
+    "rectification_matrix",
+    "projection_matrix",
+)
+
+_T = TypeVar("_T")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Calibration:
+    """All that turns a pixel into a height.
+
+    Attributes:
+        view: camera, pose and container.
+        camera_name: name of the camera.
+        region: region of interest; None: the container as projected.
+        detection: settings of the detector.
+    """
+
+    view: CupView
+    camera_name: str = "camera"
+    region: RegionOfInterest | None = None
+    detection: DetectionSettings = field(default_factory=DetectionSettings)
+
+    def __post_init__(self) -> None:
+        """Refuse a region that leaves the image."""
+        region, camera = self.region, self.view.camera
+        if region is not None and (
+            region.x_offset + region.width > camera.width
+            or region.y_offset + region.height > camera.height
+        ):
+            raise SloshCameraError(
+                f"region_of_interest: leaves the image of {camera.width} x {camera.height} pixels"
+            )
+
+
+def read_calibration(path: str | Path) -> Calibration:
+    """Read a calibration file.
+
+    Args:
+        path: the file, usually camera.yaml.
+
+    Returns:
+        The calibration.
+
+    Raises:
+        SloshCameraError: the file cannot be read or a value cannot be used; the message names
+            the file and the key.
+    """
+    try:
+        text = Path(path).read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or "is not UTF-8 text"
+        raise SloshCameraError(f"{path}: cannot be read: {reason}") from error
+    return parse_calibration(text, str(path))
+
+
+def parse_calibration(text: str, source: str = "camera.yaml") -> Calibration:
+    """Calibration from the text of a calibration file.
+
+    Args:
+        text: YAML.
+        source: name of the file in error messages.
+
+    Returns:
+        The calibration.
+
+    Raises:
+        SloshCameraError: as read_calibration.
+    """
+    try:
+        document = yaml.safe_load(text)
+    except yaml.YAMLError as error:
+        mark = getattr(error, "problem_mark", None)
+        where = f" at line {mark.line + 1}" if mark is not None else ""
+        raise SloshCameraError(f"{source}: is not valid YAML{where}") from error
+    root = _mapping(document, source, "the file")
+    _check_keys(root, _REQUIRED, _OPTIONAL, source, "")
+    camera = _camera(root, source)
+    cup = _built(source, "container.", lambda: _cup(root, source))
+    pose = _built(source, "pose.", lambda: _pose(root, source))
+    view = _built(source, "", lambda: CupView(camera, pose, cup))
+    region = _built(source, "", lambda: _region(root, source))
+    detection = _built(source, "detection.", lambda: _detection(root, source))
+    name = root.get("camera_name", "camera")
+    if not isinstance(name, str):
+        raise SloshCameraError(f"{source}: camera_name: {name!r} is not a text")
+    return _built(source, "", lambda: Calibration(view, name, region, detection))
+
+
+def format_calibration(calibration: Calibration) -> str:
+    """Text of a calibration file; parse_calibration of it gives the same calibration."""
+    camera, cup, pose = calibration.view.camera, calibration.view.cup, calibration.view.pose
+    container = {
+        key: getattr(cup, key) for key in _CONTAINER_KEYS if getattr(cup, key) is not None
+    }
+    document: dict[str, Any] = {
+        "image_width": camera.width,
+        "image_height": camera.height,
+        "camera_name": calibration.camera_name,
+        "camera_matrix": {"rows": 3, "cols": 3, "data": camera.matrix.ravel().tolist()},
+        "distortion_model": PLUMB_BOB,
+        "distortion_coefficients": {"rows": 1, "cols": 5, "data": list(camera.distortion)},
+        "container": container,
+        "pose": {
+            "rotation": pose.rotation.ravel().tolist(),
+            "translation": pose.translation.tolist(),
+        },
+    }
+    if calibration.region is not None:
+        document["region_of_interest"] = {
+            key: getattr(calibration.region, key) for key in _REGION_KEYS
+        }
+    settings = {
+        key: getattr(calibration.detection, key)
+        for key in _DETECTION_KEYS
+        if getattr(calibration.detection, key) != getattr(DetectionSettings(), key)
+    }
+    if settings:
+        if "liquid" in settings:
+            settings["liquid"] = settings["liquid"].value
+        document["detection"] = settings
+    text: str = yaml.safe_dump(document, sort_keys=False, default_flow_style=None, width=99)
+    return text
+
+
+def _camera(root: Mapping[str, Any], source: str) -> PinholeCamera:
+    model = root.get("distortion_model", PLUMB_BOB)
+    if model != PLUMB_BOB:
+        raise SloshCameraError(
+            f"{source}: distortion_model: {model!r} is not supported, use {PLUMB_BOB}"
+        )
+    width = _integer(root, "image_width", source, "")
+    height = _integer(root, "image_height", source, "")
+    matrix = _matrix(root, "camera_matrix", source)
+    coefficients = _matrix(root, "distortion_coefficients", source)
+    return _built(source, "", lambda: camera_from_info(matrix, coefficients, width, height))
+
+
+def _matrix(root: Mapping[str, Any], key: str, source: str) -> list[float]:
+    block = _mapping(root[key], source, key)
+    _check_keys(block, ("rows", "cols", "data"), (), source, f"{key}.")
+    size = _integer(block, "rows", source, f"{key}.") * _integer(block, "cols", source, f"{key}.")
+    return _numbers(block, "data", size, source, f"{key}.")
+
+
+def _cup(root: Mapping[str, Any], source: str) -> Cup:
+    block = _mapping(root["container"], source, "container")
+    _check_keys(block, _CONTAINER_KEYS[:2], _CONTAINER_KEYS[2:], source, "container.")
+    return Cup(**{key: _number(block[key], source, f"container.{key}") for key in block})
+
+
+def _pose(root: Mapping[str, Any], source: str) -> Pose:
+    block = _mapping(root["pose"], source, "pose")
+    _check_keys(block, ("rotation", "translation"), (), source, "pose.")
+    rotation = _numbers(block, "rotation", 9, source, "pose.")
+    translation = _numbers(block, "translation", 3, source, "pose.")
+    return Pose(np.reshape(rotation, (3, 3)), np.array(translation))
+
+
+def _region(root: Mapping[str, Any], source: str) -> RegionOfInterest | None:
+    if root.get("region_of_interest") is None:
+        return None
+    block = _mapping(root["region_of_interest"], source, "region_of_interest")
+    _check_keys(block, _REGION_KEYS, (), source, "region_of_interest.")
+    return RegionOfInterest(
+        **{key: _integer(block, key, source, "region_of_interest.") for key in _REGION_KEYS}
+    )
+
+
+def _detection(root: Mapping[str, Any], source: str) -> DetectionSettings:
+    if root.get("detection") is None:
+        return DetectionSettings()
+    block = _mapping(root["detection"], source, "detection")
+    _check_keys(block, (), _DETECTION_KEYS, source, "detection.")
+    values: dict[str, Any] = {}
+    for key, value in block.items():
+        if key == "liquid":
+            values[key] = _liquid(value, source)
+        elif not (key == "threshold" and value is None):
+            values[key] = _number(value, source, f"detection.{key}")
+    return DetectionSettings(**values)
+
+
+def _liquid(value: object, source: str) -> Liquid:
+    try:
+        return Liquid(value)
+    except ValueError:
+        raise SloshCameraError(
+            f"{source}: detection.liquid: {value!r}, must be darker or lighter"
+        ) from None
+
+
+def _built(source: str, prefix: str, build: Callable[[], _T]) -> _T:
+    """Build an object; its own error gets the file's name and the key's place."""
+    try:
+        return build()
+    except SloshCameraError as error:
+        if str(error).startswith(f"{source}: "):
+            raise
+        raise SloshCameraError(f"{source}: {prefix}{error}") from error
+
+
+def _mapping(value: object, source: str, key: str) -> Mapping[str, Any]:
+    if not isinstance(value, Mapping):
+        raise SloshCameraError(f"{source}: {key}: is not a mapping of keys to values")
+    return value
+
+
+def _check_keys(
+    block: Mapping[str, Any],
+    required: tuple[str, ...],
+    optional: tuple[str, ...],
+    source: str,
+    prefix: str,
+) -> None:
+    for key in block:
+        if key not in required and key not in optional:
+            known = ", ".join((*required, *optional))
+            raise SloshCameraError(f"{source}: {prefix}{key}: unknown key, known are {known}")
+    for key in required:
+        if key not in block:
+            raise SloshCameraError(f"{source}: {prefix}{key}: is missing")
+
+
+def _number(value: object, source: str, key: str) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise SloshCameraError(f"{source}: {key}: {value!r} is not a number")
+    if not math.isfinite(value):
+        raise SloshCameraError(f"{source}: {key}: {value} is not a finite number")
+    return float(value)
+
+
+def _integer(block: Mapping[str, Any], key: str, source: str, prefix: str) -> int:
+    value = block[key]
+    if isinstance(value, bool) or not isinstance(value, int):
+        raise SloshCameraError(f"{source}: {prefix}{key}: {value!r} is not a whole number")
+    return value
+
+
+def _numbers(
+    block: Mapping[str, Any], key: str, count: int, source: str, prefix: str
+) -> list[float]:
+    values = block[key]
+    if not isinstance(values, list) or len(values) != count:
+        raise SloshCameraError(f"{source}: {prefix}{key}: must be a list of {count} numbers")
+    return [_number(value, source, f"{prefix}{key}") for value in values]

@@ -1,0 +1,257 @@
+"""Where a cylindrical container is seen in an image, and what a pixel says about its wall.
+
+Container frame: origin in the centre of the still free surface, z up along the axis, azimuth
+counted from +x towards +y. Rays are straight: refraction at the wall and in the liquid is not
+modelled.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import Enum
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from slosh_camera.camera import PinholeCamera
+from slosh_camera.errors import SloshCameraError
+
+FloatArray = NDArray[np.float64]
+
+_ORTHONORMAL_TOLERANCE = 1e-6
+
+
+class Wall(Enum):
+    """The two places where a ray meets the container's wall."""
+
+    FRONT = "front"
+    REAR = "rear"
+
+
+@dataclass(frozen=True, slots=True)
+class Cup:
+    """A cylindrical container.
+
+    Attributes:
+        radius: inner radius [m].
+        fill_height: depth of the liquid at rest [m].
+        wall_thickness: thickness of the wall [m].
+        rim_height: inner wall's height above the floor [m]; None: unknown.
+    """
+
+    radius: float
+    fill_height: float
+    wall_thickness: float = 0.0
+    rim_height: float | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse a container that cannot be."""
+        for name in ("radius", "fill_height"):
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value > 0.0):
+                raise SloshCameraError(f"{name}: {value} m, must be positive")
+        if not (np.isfinite(self.wall_thickness) and self.wall_thickness >= 0.0):
+            raise SloshCameraError(f"wall_thickness: {self.wall_thickness} m, must be >= 0")
+        if self.rim_height is not None and not (
+            np.isfinite(self.rim_height) and self.rim_height > self.fill_height
+        ):
+            raise SloshCameraError(
+                f"rim_height: {self.rim_height} m, must be above fill_height {self.fill_height} m"
+            )
+
+    @property
+    def rim_level(self) -> float | None:
+        """Height of the rim above the still level [m]; None: unknown."""
+        return None if self.rim_height is None else self.rim_height - self.fill_height
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Pose:
+    """Rigid transform container -> camera: X_camera = rotation X_container + translation.
+
+    Attributes:
+        rotation: (3, 3), orthonormal, determinant +1.
+        translation: (3,) [m].
+    """
+
+    rotation: FloatArray
+    translation: FloatArray
+
+    def __post_init__(self) -> None:
+        """Copy, check and freeze the arrays."""
+        rotation = _frozen(self.rotation, (3, 3), "rotation")
+        translation = _frozen(self.translation, (3,), "translation")
+        deviation = float(np.max(np.abs(rotation @ rotation.T - np.eye(3))))
+        if deviation > _ORTHONORMAL_TOLERANCE:
+            raise SloshCameraError(f"rotation: is not orthonormal, off by {deviation:.2g}")
+        if np.linalg.det(rotation) < 0.0:
+            raise SloshCameraError("rotation: has determinant -1, it mirrors; must be +1")
+        object.__setattr__(self, "rotation", rotation)
+        object.__setattr__(self, "translation", translation)
+
+    @property
+    def camera_centre(self) -> FloatArray:
+        """The camera's centre in the container frame, (3,) [m]."""
+        centre: FloatArray = -self.rotation.T @ self.translation
+        return centre
+
+
+def look_at(camera_centre: ArrayLike, target: ArrayLike) -> Pose:
+    """Pose of an upright camera that looks at a point.
+
+    Args:
+        camera_centre: (3,) camera's centre in the container frame [m].
+        target: (3,) point on the optical axis, in the container frame [m].
+
+    Returns:
+        The pose; image columns are as parallel to the container's axis as can be.
+
+    Raises:
+        SloshCameraError: the camera would look along the container's axis.
+    """
+    centre = np.asarray(camera_centre, dtype=np.float64)
+    forward = np.asarray(target, dtype=np.float64) - centre
+    right = np.cross(forward, (0.0, 0.0, 1.0))
+    length = float(np.linalg.norm(right))
+    if not (np.isfinite(length) and length > 1e-9):
+        raise SloshCameraError("camera: looks along the container's axis, no upright pose")
+    right /= length
+    forward /= np.linalg.norm(forward)
+    rotation = np.vstack((right, np.cross(forward, right), forward))
+    return Pose(rotation, -rotation @ centre)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CupView:
+    """A container as a camera sees it.
+
+    Attributes:
+        camera: the camera.
+        pose: transform container -> camera.
+        cup: the container.
+    """
+
+    camera: PinholeCamera
+    pose: Pose
+    cup: Cup
+    _centre: FloatArray = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        """Refuse a container that is not in front of the camera."""
+        centre = self.pose.camera_centre
+        object.__setattr__(self, "_centre", centre)
+        outer = self.cup.radius + self.cup.wall_thickness
+        if float(np.hypot(centre[0], centre[1])) <= outer:
+            raise SloshCameraError(
+                "pose: the camera is inside the container or straight above it, "
+                "it must look at the wall from outside"
+            )
+        top = self.cup.rim_level if self.cup.rim_level is not None else 0.0
+        axis = np.array([[0.0, 0.0, -self.cup.fill_height], [0.0, 0.0, top]])
+        depth = (axis @ self.pose.rotation.T + self.pose.translation)[:, 2]
+        if np.any(depth <= outer):
+            raise SloshCameraError("pose: the container is not in front of the camera")
+
+    @property
+    def camera_azimuth(self) -> float:
+        """Azimuth at which the camera stands about the container's axis [rad]."""
+        return float(np.arctan2(self._centre[1], self._centre[0]))
+
+    def project(self, points: ArrayLike) -> FloatArray:
+        """Project points of the container frame into the image.
+
+        Args:
+            points: (N, 3) [m].
+
+        Returns:
+            (N, 2) pixels; NaN where PinholeCamera.project gives NaN.
+        """
+        array = np.asarray(points, dtype=np.float64).reshape(-1, 3)
+        return self.camera.project(array @ self.pose.rotation.T + self.pose.translation)
+
+    def project_wall(self, azimuth: ArrayLike, height: ArrayLike) -> FloatArray:
+        """Project points of the inner wall.
+
+        Args:
+            azimuth: (N,) or scalar [rad].
+            height: (N,) or scalar, above the still level [m].
+
+        Returns:
+            (N, 2) pixels.
+        """
+        return self.project(self.wall_points(azimuth, height))
+
+    def wall_points(self, azimuth: ArrayLike, height: ArrayLike) -> FloatArray:
+        """Points (N, 3) of the inner wall in the container frame [m], by azimuth and height."""
+        angle, level = np.broadcast_arrays(
+            np.atleast_1d(np.asarray(azimuth, dtype=np.float64)),
+            np.atleast_1d(np.asarray(height, dtype=np.float64)),
+        )
+        radius = self.cup.radius
+        return np.column_stack((radius * np.cos(angle), radius * np.sin(angle), level))
+
+    def rays(self, pixels: ArrayLike) -> tuple[FloatArray, FloatArray]:
+        """Rays of pixels in the container frame.
+
+        Args:
+            pixels: (N, 2).
+
+        Returns:
+            The common origin (3,) [m] and the directions (N, 3), of unit depth in the camera.
+        """
+        return self._centre, self.camera.rays(pixels) @ self.pose.rotation
+
+    def on_wall(self, pixels: ArrayLike, wall: Wall) -> tuple[FloatArray, FloatArray]:
+        """Place pixels on the inner wall: the ray's intersection with the cylinder.
+
+        Args:
+            pixels: (N, 2).
+            wall: the near or the far intersection.
+
+        Returns:
+            Azimuth (N,) [rad] in (-pi, pi] and height above the still level (N,) [m]; NaN where
+            the ray misses the cylinder.
+        """
+        origin, direction = self.rays(pixels)
+        a = direction[:, 0] ** 2 + direction[:, 1] ** 2
+        half_b = direction[:, 0] * origin[0] + direction[:, 1] * origin[1]
+        c = origin[0] ** 2 + origin[1] ** 2 - self.cup.radius**2
+        discriminant = half_b**2 - a * c
+        root = np.sqrt(np.where(discriminant >= 0.0, discriminant, np.nan))
+        # The stable form of the quadratic's near root; half_b is negative towards the cup.
+        far = (-half_b + root) / a
+        scale = far if wall is Wall.REAR else c / (a * far)
+        scale = np.where(scale > 0.0, scale, np.nan)
+        points = origin + scale[:, np.newaxis] * direction
+        return np.arctan2(points[:, 1], points[:, 0]), points[:, 2]
+
+    def tangent_azimuths(self) -> tuple[float, float]:
+        """Ends of the part of the front wall that the camera's centre sees.
+
+        Returns:
+            Azimuths [rad] in (-pi, pi] of the inner wall's left and right edge in the image.
+        """
+        distance = float(np.hypot(self._centre[0], self._centre[1]))
+        half = float(np.arccos(self.cup.radius / distance))
+        ends = np.array([self.camera_azimuth - half, self.camera_azimuth + half])
+        pixels = self.project_wall(ends, 0.0)
+        if pixels[0, 0] > pixels[1, 0]:
+            ends = ends[::-1]
+        wrapped = np.arctan2(np.sin(ends), np.cos(ends))
+        return float(wrapped[0]), float(wrapped[1])
+
+    def height_per_pixel(self, pixel: ArrayLike, wall: Wall) -> float:
+        """Footprint of one pixel row on the wall [m/px]; NaN where the ray misses the wall."""
+        u, v = np.asarray(pixel, dtype=np.float64)
+        _, height = self.on_wall([[u, v - 0.5], [u, v + 0.5]], wall)
+        return float(abs(height[1] - height[0]))
+
+
+def _frozen(values: ArrayLike, shape: tuple[int, ...], name: str) -> FloatArray:
+    array = np.array(values, dtype=np.float64)
+    if array.shape != shape:
+        raise SloshCameraError(f"{name}: has shape {array.shape}, needs {shape}")
+    if not np.all(np.isfinite(array)):
+        raise SloshCameraError(f"{name}: holds a number that is not finite")
+    array.setflags(write=False)
+    return array

@@ -1,0 +1,85 @@
+"""What the detector says about one image."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import IntEnum, IntFlag
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+NAN = float("nan")
+
+
+class Flag(IntFlag):
+    """What limits a measurement; the values are those of slosh_msgs/FreeSurface."""
+
+    NONE = 0
+    SATURATED = 1
+    TOO_DARK = 2
+    TOO_BRIGHT = 4
+    BLURRED = 8
+    OCCLUDED = 16
+    NOT_FOUND = 32
+    FROZEN = 64
+    BAD_IMAGE = 128
+
+
+class PeakSide(IntEnum):
+    """The wall, seen from the camera, that carries the peak; values of slosh_msgs/FreeSurface."""
+
+    UNKNOWN = 0
+    FRONT = 1
+    REAR = 2
+
+
+def _no_values() -> FloatArray:
+    return np.empty(0)
+
+
+def _no_pixels() -> FloatArray:
+    return np.empty((0, 2))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Measurement:
+    """Free surface in one image; heights are above the still level, NaN is unknown.
+
+    Attributes:
+        stamp_ns: moment of exposure [ns].
+        msh: highest point that the camera sees on the wall [m]; a lower bound where SATURATED.
+        msh_stddev: standard deviation of msh [m].
+        azimuth: azimuth of that point [rad].
+        sh_left: height at the left edge of the inner wall in the image [m].
+        sh_right: height at the right edge [m].
+        azimuth_left: azimuth of the left edge [rad].
+        azimuth_right: azimuth of the right edge [rad].
+        profile_azimuth: (N,) azimuths of the line on the wall [rad]: the front wall from left to
+            right, then the rear wall, where it is seen, from right to left.
+        profile_height: (N,) heights of that line [m].
+        edge_pixels: (N, 2) the same line in the image [px].
+        peak_pixel: (u, v) of the peak [px].
+        peak_side: the wall that carries the peak.
+        flags: what limits the measurement.
+    """
+
+    stamp_ns: int
+    msh: float = NAN
+    msh_stddev: float = NAN
+    azimuth: float = NAN
+    sh_left: float = NAN
+    sh_right: float = NAN
+    azimuth_left: float = NAN
+    azimuth_right: float = NAN
+    profile_azimuth: FloatArray = field(default_factory=_no_values)
+    profile_height: FloatArray = field(default_factory=_no_values)
+    edge_pixels: FloatArray = field(default_factory=_no_pixels)
+    peak_pixel: tuple[float, float] = (NAN, NAN)
+    peak_side: PeakSide = PeakSide.UNKNOWN
+    flags: Flag = Flag.NONE
+
+
+def bad_image(stamp_ns: int) -> Measurement:
+    """Measurement that stands for an image that could not be decoded."""
+    return Measurement(stamp_ns=stamp_ns, flags=Flag.BAD_IMAGE)
