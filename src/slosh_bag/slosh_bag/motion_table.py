@@ -1,0 +1,240 @@
+"""Motion tables: a container's motion, and measured heights where there are any, as CSV.
+
+Columns: `t,ax,ay,az` [s, m/s²: container's origin, world frame, gravity excluded]; optional
+`qx,qy,qz,qw` (attitude, world ← container), `wx,wy,wz` (angular velocity, container's frame,
+rad/s), `msh` [m] and `eta_000` … `eta_359` (height on the wall by azimuth in degrees from the
+container's +x, m). `.csv.gz` is compressed.
+"""
+
+from __future__ import annotations
+
+import csv
+import gzip
+import io
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_bag.errors import SloshBagError
+
+Array = NDArray[np.float64]
+
+MOTION = ("t", "ax", "ay", "az")
+ATTITUDE = ("qx", "qy", "qz", "qw")
+ANGULAR_VELOCITY = ("wx", "wy", "wz")
+MSH = "msh"
+ETA = "eta_"
+
+
+@dataclass(frozen=True, slots=True)
+class MotionTable:
+    """A motion and what was measured during it.
+
+    Attributes:
+        t: (N,) time [s], strictly increasing.
+        acceleration: (N, 3) of the container's origin, world frame, gravity excluded [m/s²].
+        attitude: (N, 4) quaternion x, y, z, w, world ← container; None: upright.
+        angular_velocity: (N, 3) in the container's frame [rad/s]; None: not given.
+        msh: (N,) measured maximum sloshing height [m], NaN where the camera has no sample.
+        eta_azimuth: (K,) azimuths of the measured wall heights from the container's +x [rad].
+        eta: (N, K) measured wall heights above the still level [m], NaN likewise.
+    """
+
+    t: Array
+    acceleration: Array
+    attitude: Array | None = None
+    angular_velocity: Array | None = None
+    msh: Array | None = None
+    eta_azimuth: Array | None = None
+    eta: Array | None = None
+
+    @property
+    def measured(self) -> Array | None:
+        """(N,) measured maximum height [m]: `msh`, or the maximum of `eta` over the azimuth."""
+        if self.msh is not None or self.eta is None:
+            return self.msh
+        unknown = np.isnan(self.eta).all(axis=1)
+        filled = np.where(np.isnan(self.eta), -np.inf, self.eta).max(axis=1)
+        return np.where(unknown, np.nan, filled)
+
+
+def read_motion_table(path: Path) -> MotionTable:
+    """Reads a motion table.
+
+    Args:
+        path: a `.csv` or `.csv.gz` file.
+
+    Raises:
+        SloshBagError: the file is missing, empty or cut off, a column is missing, unknown or
+            twice, a value is no number, an input is not finite, time does not increase; one line
+            that names the file, the line and the column.
+    """
+    rows = csv.reader(io.StringIO(_text(path), newline=""))
+    names = [name.strip() for name in next(rows, [])]
+    _check_columns(path, names)
+    data = _numbers(path, names, rows)
+    _check_finite(path, names, data)
+    _check_time(path, data[:, names.index("t")])
+    return _table(names, data)
+
+
+def write_motion_table(path: Path, table: MotionTable) -> None:
+    """Writes a motion table that `read_motion_table` reads back to the same bits.
+
+    Args:
+        path: the `.csv` or `.csv.gz` file to write.
+        table: the table.
+
+    Raises:
+        SloshBagError: the file cannot be written, or a measured azimuth is no whole degree.
+    """
+    names, columns = _columns(path, table)
+    text = io.StringIO(newline="")
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(names)
+    writer.writerows([repr(float(value)) for value in row] for row in np.column_stack(columns))
+    content = text.getvalue().encode()
+    try:
+        # mtime 0: the same table gives the same file.
+        path.write_bytes(gzip.compress(content, mtime=0) if _compressed(path) else content)
+    except OSError as error:
+        raise SloshBagError(f"{path}: cannot be written: {error.strerror}") from None
+
+
+def _compressed(path: Path) -> bool:
+    return path.suffix == ".gz"
+
+
+def _text(path: Path) -> str:
+    try:
+        content = path.read_bytes()
+        if _compressed(path):
+            content = gzip.decompress(content)
+        text = content.decode("utf-8-sig")
+    except (EOFError, zlib.error, gzip.BadGzipFile):
+        raise SloshBagError(f"{path}: the gzip file is cut off or damaged; copy it anew") from None
+    except OSError as error:
+        raise SloshBagError(f"{path}: cannot be read: {error.strerror}") from None
+    except UnicodeDecodeError:
+        raise SloshBagError(f"{path}: is no text; a motion table is CSV") from None
+    if not text.strip():
+        raise SloshBagError(f"{path}: is empty; a motion table starts with t,ax,ay,az")
+    return text
+
+
+def _is_eta(name: str) -> bool:
+    digits = name.removeprefix(ETA)
+    return name.startswith(ETA) and len(digits) == 3 and digits.isdecimal() and int(digits) < 360
+
+
+def _check_columns(path: Path, names: list[str]) -> None:
+    known = {*MOTION, *ATTITUDE, *ANGULAR_VELOCITY, MSH}
+    for name in names:
+        if names.count(name) > 1:
+            raise SloshBagError(f"{path}: line 1: column {name!r} stands twice")
+        if name not in known and not _is_eta(name):
+            raise SloshBagError(
+                f"{path}: line 1: column {name!r} is unknown; known are {', '.join(MOTION)}, "
+                f"{', '.join(ATTITUDE)}, {', '.join(ANGULAR_VELOCITY)}, {MSH}, eta_000 … eta_359"
+            )
+    for group in (MOTION, ATTITUDE, ANGULAR_VELOCITY):
+        missing = [name for name in group if name not in names]
+        if missing and (group is MOTION or len(missing) < len(group)):
+            raise SloshBagError(
+                f"{path}: line 1: column {missing[0]!r} is missing; "
+                f"{', '.join(group)} belong together"
+            )
+
+
+def _numbers(path: Path, names: list[str], rows: Iterator[list[str]]) -> Array:
+    values: list[list[float]] = []
+    for line, row in enumerate(rows, start=2):
+        if len(row) != len(names):
+            raise SloshBagError(
+                f"{path}: line {line}: has {len(row)} columns, the heading has {len(names)}"
+            )
+        values.append([_number(path, line, *cell) for cell in zip(names, row, strict=True)])
+    if not values:
+        raise SloshBagError(f"{path}: holds a heading and no rows")
+    return np.array(values)
+
+
+def _number(path: Path, line: int, name: str, text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise SloshBagError(
+            f"{path}: line {line}: column {name!r}: {text!r} is no number"
+        ) from None
+
+
+def _check_finite(path: Path, names: list[str], data: Array) -> None:
+    for column, name in enumerate(names):
+        heights = name == MSH or _is_eta(name)
+        bad = np.isinf(data[:, column]) if heights else ~np.isfinite(data[:, column])
+        if bad.any():
+            row = int(np.argmax(bad))
+            raise SloshBagError(
+                f"{path}: line {row + 2}: column {name!r}: {data[row, column]} is not allowed; "
+                f"{'heights may be NaN, not infinite' if heights else 'inputs must be finite'}"
+            )
+
+
+def _check_time(path: Path, t: Array) -> None:
+    late = np.flatnonzero(np.diff(t) <= 0.0)
+    if len(late):
+        row = int(late[0]) + 1
+        raise SloshBagError(
+            f"{path}: line {row + 2}: column 't': {t[row]:.9g} s does not come after "
+            f"{t[row - 1]:.9g} s; time must increase"
+        )
+
+
+def _table(names: list[str], data: Array) -> MotionTable:
+    def group(columns: tuple[str, ...]) -> Array | None:
+        if columns[0] not in names:
+            return None
+        return np.ascontiguousarray(data[:, [names.index(name) for name in columns]])
+
+    etas = tuple(sorted(name for name in names if _is_eta(name)))
+    degrees = [float(name.removeprefix(ETA)) for name in etas]
+    return MotionTable(
+        t=data[:, names.index("t")].copy(),
+        acceleration=np.ascontiguousarray(data[:, [names.index(name) for name in MOTION[1:]]]),
+        attitude=group(ATTITUDE),
+        angular_velocity=group(ANGULAR_VELOCITY),
+        msh=data[:, names.index(MSH)].copy() if MSH in names else None,
+        eta_azimuth=np.radians(degrees) if etas else None,
+        eta=group(etas) if etas else None,
+    )
+
+
+def _columns(path: Path, table: MotionTable) -> tuple[list[str], list[Array]]:
+    names, columns = list(MOTION), [table.t, table.acceleration]
+    groups = ((ATTITUDE, table.attitude), (ANGULAR_VELOCITY, table.angular_velocity))
+    for group, values in groups:
+        if values is not None:
+            names += group
+            columns.append(values)
+    if table.msh is not None:
+        names.append(MSH)
+        columns.append(table.msh)
+    if table.eta is not None and table.eta_azimuth is not None:
+        names += _eta_names(path, table.eta_azimuth)
+        columns.append(table.eta)
+    return names, columns
+
+
+def _eta_names(path: Path, azimuth: Array) -> list[str]:
+    degrees = np.degrees(azimuth)
+    whole = np.rint(degrees)
+    if np.abs(degrees - whole).max() > 1e-6:
+        raise SloshBagError(
+            f"{path}: eta at {degrees[np.argmax(np.abs(degrees - whole))]:.6g}° cannot be "
+            "written; the table holds whole degrees"
+        )
+    return [f"{ETA}{int(value) % 360:03d}" for value in whole]
