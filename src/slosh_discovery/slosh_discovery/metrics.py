@@ -1,0 +1,103 @@
+"""How well a model's heights agree with measured ones.
+
+The indices of DL22 and TM20. Every function takes two series of the same length, in the same unit, and
+leaves out the moments at which one of them is not finite.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from slosh_discovery.errors import SloshDiscoveryError
+
+NAN = float("nan")
+
+
+def peak_error(measured: ArrayLike, model: ArrayLike) -> float:
+    """ε: relative error of the maximum (DL22, eq. (32)), as a fraction; positive: overestimated.
+
+    Raises:
+        SloshDiscoveryError: the series do not match or share no finite moment.
+    """
+    reference, estimate = _pairs(measured, model)
+    return relative_peak_error(float(reference.max()), float(estimate.max()))
+
+
+def mean_absolute_error(measured: ArrayLike, model: ArrayLike) -> float:
+    """σ: mean absolute error (DL22, eq. (33)), in the series' unit.
+
+    Raises:
+        SloshDiscoveryError: the series do not match or share no finite moment.
+    """
+    reference, estimate = _pairs(measured, model)
+    return float(np.mean(np.abs(reference - estimate)))
+
+
+def rms_error(measured: ArrayLike, model: ArrayLike) -> float:
+    """Root mean square of the difference; TM20's SEOE where the series hold all repetitions.
+
+    Raises:
+        SloshDiscoveryError: the series do not match or share no finite moment.
+    """
+    reference, estimate = _pairs(measured, model)
+    return float(np.sqrt(np.mean((reference - estimate) ** 2)))
+
+
+def relative_peak_error(measured_peak: float, model_peak: float) -> float:
+    """(model - measured) / measured; NaN without a positive measured peak."""
+    if not measured_peak > 0.0:
+        return NAN
+    return (model_peak - measured_peak) / measured_peak
+
+
+class RunningAccuracy:
+    """ε and σ of a stream, equal to the functions above over the same pairs."""
+
+    __slots__ = ("_absolute_sum", "_measured_peak", "_model_peak", "count")
+
+    def __init__(self) -> None:
+        self.reset()
+
+    def reset(self) -> None:
+        """Forgets all pairs."""
+        self.count = 0
+        self._absolute_sum = 0.0
+        self._measured_peak = -math.inf
+        self._model_peak = -math.inf
+
+    def update(self, measured: float, model: float) -> None:
+        """Takes one pair; one that is not finite is left out."""
+        if not (math.isfinite(measured) and math.isfinite(model)):
+            return
+        self.count += 1
+        self._absolute_sum += abs(measured - model)
+        self._measured_peak = max(self._measured_peak, measured)
+        self._model_peak = max(self._model_peak, model)
+
+    @property
+    def sigma(self) -> float:
+        """σ so far; NaN before the first pair."""
+        return self._absolute_sum / self.count if self.count else NAN
+
+    @property
+    def epsilon(self) -> float:
+        """ε so far; NaN before a positive measured height."""
+        return relative_peak_error(self._measured_peak, self._model_peak) if self.count else NAN
+
+
+def _pairs(
+    measured: ArrayLike, model: ArrayLike
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    reference = np.asarray(measured, dtype=np.float64)
+    estimate = np.asarray(model, dtype=np.float64)
+    if reference.ndim != 1 or reference.shape != estimate.shape:
+        raise SloshDiscoveryError(
+            f"series of the shapes {reference.shape} and {estimate.shape} cannot be compared"
+        )
+    both = np.isfinite(reference) & np.isfinite(estimate)
+    if not both.any():
+        raise SloshDiscoveryError("the two series share no finite moment")
+    return reference[both], estimate[both]

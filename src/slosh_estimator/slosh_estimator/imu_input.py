@@ -1,0 +1,130 @@
+"""Specific force and angular velocity of an inertial sensor (sensor_msgs/Imu, REP-145).
+
+At rest with z up the sensor reads +g along z. What drives the liquid is the specific force at the
+container's origin, in axes that do not follow the container's yaw:
+
+    f = R f_s + ω̇ × r + ω × (ω × r),        a = Rz(ψ) f - g ẑ,        ψ = ∫ ω_z dt,
+
+with the fixed rotation R from the sensor's to the container's axes and r from the sensor to the
+container's origin. A tilt needs no further care: gravity's share along the container's floor is part
+of f.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from slosh_estimator.errors import SloshEstimatorError
+from slosh_estimator.gate import GateSettings, SampleGate, Verdict
+from slosh_estimator.rotation import Vector, cross, matrix_from_rpy, rotate
+from slosh_estimator.sample import SECONDS, Sample
+from slosh_model.constants import GRAVITY
+
+ANGULAR_FILTER = 0.01
+"""Time constant of the low-pass behind ω̇ [s]."""
+GRAVITY_FILTER = 2.0
+"""Time constant of the mean ‖f‖ by which a sensor without gravity is recognised [s]."""
+TOO_LIGHT = 0.5 * GRAVITY
+
+
+@dataclass(frozen=True, slots=True)
+class SensorTransform:
+    """Where the sensor sits.
+
+    Attributes:
+        roll, pitch, yaw: rotation container ← sensor, fixed axes [rad].
+        to_origin: from the sensor to the container's origin, in the container's axes [m].
+
+    Raises:
+        SloshEstimatorError: a value is not finite.
+    """
+
+    roll: float = 0.0
+    pitch: float = 0.0
+    yaw: float = 0.0
+    to_origin: Vector = (0.0, 0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        if not all(map(math.isfinite, (self.roll, self.pitch, self.yaw, *self.to_origin))):
+            raise SloshEstimatorError(f"sensor transform {self} must be finite")
+
+
+class ImuInput:
+    """Takes specific forces and angular velocities."""
+
+    def __init__(self, settings: GateSettings, transform: SensorTransform) -> None:
+        self.gate = SampleGate(settings)
+        self._matrix = matrix_from_rpy(transform.roll, transform.pitch, transform.yaw)
+        self._to_origin = transform.to_origin
+        self._stamp_ns = 0
+        self._slow_rate: Vector = (0.0, 0.0, 0.0)
+        self._last_yaw_rate = 0.0
+        self._yaw = 0.0
+        self._mean_force = GRAVITY
+        self._rate_missing = False
+
+    def update(
+        self, stamp_ns: int, force: Vector, rate: Vector | None, now_ns: int | None = None
+    ) -> Sample | None:
+        """The sample, or None where it is dropped.
+
+        Args:
+            stamp_ns: the moment [ns].
+            force: specific force in the sensor's axes [m/s²].
+            rate: angular velocity in the sensor's axes [rad/s]; None: the sensor reports none.
+            now_ns: the time of arrival [ns].
+        """
+        finite = math.isfinite(sum(force)) and (rate is None or math.isfinite(sum(rate)))
+        verdict = self.gate.judge(stamp_ns, finite, now_ns)
+        if verdict not in (Verdict.USE, Verdict.RESTART):
+            return None
+        restarted = verdict is Verdict.RESTART
+        self._rate_missing = rate is None
+        omega = rotate(self._matrix, rate) if rate is not None else (0.0, 0.0, 0.0)
+        dt = 0.0 if restarted else (stamp_ns - self._stamp_ns) * SECONDS
+        self._stamp_ns = stamp_ns
+        if restarted:
+            self._slow_rate, self._last_yaw_rate = omega, omega[2]
+        fx, fy, fz = self._force_at_origin(rotate(self._matrix, force), omega, dt)
+        # The yaw by the trapezoidal rule, as the acceleration is interpolated linearly too.
+        self._yaw += 0.5 * dt * (omega[2] + self._last_yaw_rate)
+        self._last_yaw_rate = omega[2]
+        self._watch_gravity(math.sqrt(fx * fx + fy * fy + fz * fz), dt)
+        c, s = math.cos(self._yaw), math.sin(self._yaw)
+        return Sample(
+            stamp_ns, c * fx - s * fy, s * fx + c * fy, fz - GRAVITY, self._yaw, restarted
+        )
+
+    def warning(self) -> str | None:
+        """What the user should mend; None: nothing."""
+        if self._mean_force < TOO_LIGHT:
+            return (
+                f"the sensor's mean specific force is {self._mean_force:.1f} m/s²: it seems to leave gravity "
+                "out; publish specific force as REP-145 says (+9.8 m/s² at rest)"
+            )
+        if self._rate_missing and self._to_origin != (0.0, 0.0, 0.0):
+            return "the sensor reports no angular velocity: its lever arm is not accounted for"
+        return None
+
+    def _force_at_origin(self, force: Vector, omega: Vector, dt: float) -> Vector:
+        """Specific force at the container's origin; ω̇ from the low-passed angular velocity."""
+        blend = dt / (ANGULAR_FILTER + dt)
+        slow = self._slow_rate
+        change = (omega[0] - slow[0], omega[1] - slow[1], omega[2] - slow[2])
+        self._slow_rate = (
+            slow[0] + blend * change[0],
+            slow[1] + blend * change[1],
+            slow[2] + blend * change[2],
+        )
+        inverse = 1.0 / (ANGULAR_FILTER + dt)
+        turn = cross((change[0] * inverse, change[1] * inverse, change[2] * inverse), self._to_origin)
+        swing = cross(omega, cross(omega, self._to_origin))
+        return (
+            force[0] + turn[0] + swing[0],
+            force[1] + turn[1] + swing[1],
+            force[2] + turn[2] + swing[2],
+        )
+
+    def _watch_gravity(self, magnitude: float, dt: float) -> None:
+        self._mean_force += dt / (GRAVITY_FILTER + dt) * (magnitude - self._mean_force)
