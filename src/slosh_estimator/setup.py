@@ -19,5 +19,10 @@ setup(
     maintainer_email="slosh-monitor@users.noreply.github.com",
     description="Estimates sloshing height from acceleration and compares it with the measurement.",
     license="Apache-2.0",
-    entry_points={"console_scripts": []},
+    entry_points={
+        "console_scripts": [
+            "estimator = slosh_estimator.nodes.estimator_node:main",
+            "monitor = slosh_estimator.nodes.monitor_node:main",
+        ]
+    },
 )

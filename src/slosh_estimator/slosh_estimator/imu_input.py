@@ -118,7 +118,9 @@ class ImuInput:
             slow[2] + blend * change[2],
         )
         inverse = 1.0 / (ANGULAR_FILTER + dt)
-        turn = cross((change[0] * inverse, change[1] * inverse, change[2] * inverse), self._to_origin)
+        turn = cross(
+            (change[0] * inverse, change[1] * inverse, change[2] * inverse), self._to_origin
+        )
         swing = cross(omega, cross(omega, self._to_origin))
         return (
             force[0] + turn[0] + swing[0],

@@ -40,7 +40,9 @@ class PoseInput:
 
     def __init__(self, settings: GateSettings, window: int = 21) -> None:
         if window < MINIMUM_WINDOW or window % 2 == 0:
-            raise SloshEstimatorError(f"window = {window!r} must be odd and at least {MINIMUM_WINDOW}")
+            raise SloshEstimatorError(
+                f"window = {window!r} must be odd and at least {MINIMUM_WINDOW}"
+            )
         self.gate = SampleGate(settings)
         self._window: deque[_Pose] = deque(maxlen=window)
         self._restarted = True

@@ -1,0 +1,133 @@
+"""Limits with hysteresis."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import IntEnum
+
+from slosh_estimator.errors import SloshEstimatorError
+
+
+class Source(IntEnum):
+    """What exceeds a limit; the values of LimitEvent.msg."""
+
+    MEASURED = 0
+    ESTIMATED = 1
+    DISAGREEMENT = 2
+
+
+class Kind(IntEnum):
+    """Start or end of an excess; the values of LimitEvent.msg."""
+
+    START = 0
+    END = 1
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """A limit was crossed, or is no longer exceeded.
+
+    Attributes:
+        stamp_ns: moment of the crossing or the return [ns].
+        id: number of the excess, given by the monitor.
+        kind, source: see there.
+        limit, peak: the limit and the largest value so far [m].
+        peak_stamp_ns: moment of the largest value [ns].
+        duration_ns: since the start of the excess [ns].
+        description: one line.
+    """
+
+    stamp_ns: int
+    id: int
+    kind: Kind
+    source: Source
+    limit: float
+    peak: float
+    peak_stamp_ns: int
+    duration_ns: int
+    description: str
+
+
+@dataclass(frozen=True, slots=True)
+class Hysteresis:
+    """How an excess ends.
+
+    Attributes:
+        release: share of the limit below which the value must fall.
+        hold_ns: for how long it must stay there [ns].
+
+    Raises:
+        SloshEstimatorError: release is not in (0, 1], or the time negative.
+    """
+
+    release: float = 0.9
+    hold_ns: int = 100_000_000
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.release <= 1.0:
+            raise SloshEstimatorError(f"release = {self.release!r} must lie in (0, 1]")
+        if self.hold_ns < 0:
+            raise SloshEstimatorError(f"hold = {self.hold_ns!r} ns must not be negative")
+
+
+class LimitTracker:
+    """Watches one quantity against one limit.
+
+    Args:
+        source: the quantity.
+        limit: [m]; NaN or infinite: nothing is watched.
+        hysteresis: how an excess ends.
+    """
+
+    def __init__(self, source: Source, limit: float, hysteresis: Hysteresis) -> None:
+        self.source = source
+        self.limit = limit if math.isfinite(limit) else math.inf
+        self.active = False
+        self.identifier = 0
+        self._hysteresis = hysteresis
+        self._start_ns = self._peak_ns = 0
+        self._peak = 0.0
+        self._below_since_ns: int | None = None
+
+    def update(self, stamp_ns: int, value: float) -> Event | None:
+        """Takes a value [m]; returns the event that it causes. NaN changes nothing."""
+        if not self.active:
+            return self._start(stamp_ns, value) if value > self.limit else None
+        if value > self._peak:
+            self._peak, self._peak_ns = value, stamp_ns
+        if not value <= self._hysteresis.release * self.limit:
+            self._below_since_ns = None
+            return None
+        if self._below_since_ns is None:
+            self._below_since_ns = stamp_ns
+        if stamp_ns - self._below_since_ns < self._hysteresis.hold_ns:
+            return None
+        return self.close(self._below_since_ns, "back below the limit")
+
+    def close(self, stamp_ns: int, reason: str) -> Event | None:
+        """Ends an excess; None where there is none."""
+        if not self.active:
+            return None
+        self.active = False
+        seconds = (stamp_ns - self._start_ns) * 1e-9
+        return self._event(stamp_ns, Kind.END, f"{reason} after {seconds:.2f} s")
+
+    def _start(self, stamp_ns: int, value: float) -> Event:
+        self.active = True
+        self._start_ns = self._peak_ns = stamp_ns
+        self._peak = value
+        self._below_since_ns = None
+        return self._event(stamp_ns, Kind.START, f"{1e3 * value:.1f} mm")
+
+    def _event(self, stamp_ns: int, kind: Kind, remark: str) -> Event:
+        name = {
+            Source.MEASURED: "measured height",
+            Source.ESTIMATED: "estimated height",
+            Source.DISAGREEMENT: "measured and estimated height differ:",
+        }[self.source]
+        text = f"{name} {remark} (limit {1e3 * self.limit:.1f} mm, peak {1e3 * self._peak:.1f} mm)"
+        return Event(
+            stamp_ns, self.identifier, kind, self.source, self.limit, self._peak, self._peak_ns,
+            stamp_ns - self._start_ns, text,
+        )  # fmt: skip

@@ -1,0 +1,314 @@
+"""The monitor's core: compares measured with estimated heights and watches limits.
+
+Stamps say when something happened, arrival times say whether a side still speaks. Both are whole
+nanoseconds and arguments; the two clocks may differ.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from enum import IntEnum
+from typing import NamedTuple
+
+from slosh_discovery.metrics import RunningAccuracy
+from slosh_estimator.errors import SloshEstimatorError
+from slosh_estimator.limits import Event, Hysteresis, LimitTracker, Source
+from slosh_estimator.sample import SECONDS
+from slosh_estimator.validity import EstimateFlag
+
+NAN = float("nan")
+# Flags of FreeSurface.msg that matter here.
+SATURATED = 1
+UNUSABLE = 32 | 128  # no liquid found, image not decoded
+# An estimate that restarted from an unknown state says nothing about the model's accuracy.
+UNSETTLED = int(EstimateFlag.SETTLING | EstimateFlag.AFTER_GAP | EstimateFlag.DIVERGED)
+
+
+class Condition(IntEnum):
+    """State of the monitor; the values of SloshComparison.msg."""
+
+    OK = 0
+    WARN = 1
+    ERROR = 2
+    STALE = 3
+
+
+@dataclass(frozen=True, slots=True)
+class MonitorSettings:
+    """What the monitor watches.
+
+    Attributes:
+        measured_limit, estimated_limit, disagreement_limit: [m]; NaN: not watched.
+        warn_share: share of a limit from which the state is WARN.
+        hysteresis: how an excess ends.
+        timeout: a side that was silent for so long counts as stale [s]; below 0.5.
+        buffer: how far back estimates are kept [s].
+        max_gap: widest pair of estimates between which is interpolated [s].
+
+    Raises:
+        SloshEstimatorError: a value does not fit.
+    """
+
+    measured_limit: float = NAN
+    estimated_limit: float = NAN
+    disagreement_limit: float = NAN
+    warn_share: float = 0.8
+    hysteresis: Hysteresis = field(default_factory=Hysteresis)
+    timeout: float = 0.3
+    buffer: float = 2.0
+    max_gap: float = 0.05
+
+    def __post_init__(self) -> None:
+        for name in ("timeout", "buffer", "max_gap", "warn_share"):
+            if not getattr(self, name) > 0.0:
+                raise SloshEstimatorError(f"{name} = {getattr(self, name)!r} must be positive")
+
+
+class EstimatePoint(NamedTuple):
+    """An estimate as the monitor keeps it: stamp [ns], heights [m], flags."""
+
+    stamp_ns: int
+    linear: float
+    nonlinear: float
+    flags: int = 0
+
+
+class MeasuredPoint(NamedTuple):
+    """A measurement: stamp [ns], maximum height and its standard deviation [m], flags."""
+
+    stamp_ns: int
+    msh: float
+    stddev: float = NAN
+    flags: int = 0
+
+
+class Comparison(NamedTuple):
+    """Measured against estimated at one moment; the fields of SloshComparison.msg."""
+
+    stamp_ns: int
+    measured: float
+    measured_stddev: float
+    estimated_linear: float
+    estimated_nonlinear: float
+    residual_linear: float
+    residual_nonlinear: float
+    sigma_linear: float
+    sigma_nonlinear: float
+    epsilon_linear: float
+    epsilon_nonlinear: float
+    count: int
+    state: Condition
+    measured_stale: bool
+    estimate_stale: bool
+    measured_flags: int
+    estimate_flags: int
+
+
+class Monitor:
+    """Takes estimates and measurements as they come, and gives comparisons and events.
+
+    A measurement waits until an estimate at or after its stamp has come. A saturated measurement is a
+    lower bound: it enters σ and ε only where it lies above the estimate, and counts as disagreement only
+    there. Measurements without a height, and estimates from an unknown state, are compared but do not
+    enter σ and ε.
+    """
+
+    def __init__(self, settings: MonitorSettings) -> None:
+        self.settings = settings
+        self.linear = RunningAccuracy()
+        self.nonlinear = RunningAccuracy()
+        self.unmatched = 0
+        self.late_estimates = 0
+        self._estimates: deque[EstimatePoint] = deque()
+        self._waiting: deque[MeasuredPoint] = deque()
+        self._events: list[Event] = []
+        self._excesses = 0
+        self._measured_at: int | None = None
+        self._estimated_at: int | None = None
+        self._started_at: int | None = None
+        self._last_measured = self._last_estimate_msh = NAN
+        limits = (settings.measured_limit, settings.estimated_limit, settings.disagreement_limit)
+        self._trackers = {
+            source: LimitTracker(source, limit, settings.hysteresis)
+            for source, limit in zip(Source, limits, strict=True)
+        }
+
+    def reset_accuracy(self) -> None:
+        """Starts σ and ε anew."""
+        self.linear.reset()
+        self.nonlinear.reset()
+
+    def add_estimate(self, point: EstimatePoint, arrival_ns: int) -> list[Comparison]:
+        """Takes an estimate; returns the comparisons for which it was awaited."""
+        self._estimated_at = arrival_ns
+        estimates = self._estimates
+        if estimates and point.stamp_ns <= estimates[-1].stamp_ns:
+            if estimates[-1].stamp_ns - point.stamp_ns < self.settings.buffer / SECONDS:
+                self.late_estimates += 1
+                return []
+            estimates.clear()  # time was set back
+            self._waiting.clear()
+        estimates.append(point)
+        oldest = point.stamp_ns - self.settings.buffer / SECONDS
+        while estimates[0].stamp_ns < oldest:
+            estimates.popleft()
+        self._last_estimate_msh = point.nonlinear
+        self._track(Source.ESTIMATED, point.stamp_ns, point.nonlinear)
+        return list(self._ready()) if self._waiting else []
+
+    def add_measurement(self, point: MeasuredPoint, arrival_ns: int) -> list[Comparison]:
+        """Takes a measurement; returns the comparisons that are possible now."""
+        self._measured_at = arrival_ns
+        height = NAN if point.flags & UNUSABLE else point.msh
+        point = point._replace(msh=height)
+        self._last_measured = height
+        self._track(Source.MEASURED, point.stamp_ns, height)
+        if self._stale(self._estimated_at, arrival_ns):
+            return [self._compare(point, None, estimate_stale=True)]
+        self._waiting.append(point)
+        return list(self._ready())
+
+    def check(self, now_ns: int) -> list[Comparison]:
+        """Looks at the clock, several times within the timeout.
+
+        Returns:
+            where a side is silent: what the other side still says, with the state STALE.
+        """
+        if self._started_at is None:
+            self._started_at = now_ns
+        measured_stale, estimate_stale = self.silent_sides(now_ns)
+        if estimate_stale:
+            self._close(Source.ESTIMATED, self._last_stamp(), "the estimate fell silent")
+        if measured_stale:
+            self._close(Source.MEASURED, self._last_stamp(), "the camera fell silent")
+        if measured_stale or estimate_stale:
+            self._close(Source.DISAGREEMENT, self._last_stamp(), "a side fell silent")
+        comparisons = []
+        if estimate_stale:
+            while self._waiting:
+                point = self._waiting.popleft()
+                comparisons.append(self._compare(point, None, estimate_stale=True))
+        if measured_stale and not estimate_stale and self._estimates:
+            newest = self._estimates[-1]
+            missing = MeasuredPoint(newest.stamp_ns, NAN)
+            comparisons.append(self._compare(missing, newest, measured_stale=True))
+        return comparisons
+
+    def silent_sides(self, now_ns: int) -> tuple[bool, bool]:
+        """Whether the camera and whether the estimator is silent."""
+        return self._stale(self._measured_at, now_ns), self._stale(self._estimated_at, now_ns)
+
+    def take_events(self) -> list[Event]:
+        """The events since the last call."""
+        events, self._events = self._events, []
+        return events
+
+    def condition(self, measured_stale: bool, estimate_stale: bool) -> Condition:
+        """The state: a limit that is exceeded weighs most, then a silent side."""
+        if any(tracker.active for tracker in self._trackers.values()):
+            return Condition.ERROR
+        if measured_stale or estimate_stale:
+            return Condition.STALE
+        share = self.settings.warn_share
+        near = (
+            self._last_measured > share * self._trackers[Source.MEASURED].limit
+            or self._last_estimate_msh > share * self._trackers[Source.ESTIMATED].limit
+        )
+        return Condition.WARN if near else Condition.OK
+
+    def _stale(self, at_ns: int | None, now_ns: int) -> bool:
+        since = at_ns if at_ns is not None else self._started_at
+        return since is not None and (now_ns - since) * SECONDS > self.settings.timeout
+
+    def _last_stamp(self) -> int:
+        stamps = [points[-1].stamp_ns for points in (self._estimates, self._waiting) if points]
+        return max(stamps, default=0)
+
+    def _track(self, source: Source, stamp_ns: int, value: float) -> None:
+        tracker = self._trackers[source]
+        if not tracker.active and value > tracker.limit:
+            self._excesses += 1
+            tracker.identifier = self._excesses
+        event = tracker.update(stamp_ns, value)
+        if event is not None:
+            self._events.append(event)
+
+    def _close(self, source: Source, stamp_ns: int, reason: str) -> None:
+        event = self._trackers[source].close(stamp_ns, reason)
+        if event is not None:
+            self._events.append(event)
+
+    def _ready(self) -> Iterator[Comparison]:
+        """Comparisons of the waiting measurements that the estimates have reached."""
+        newest = self._estimates[-1].stamp_ns if self._estimates else -1
+        while self._waiting and self._waiting[0].stamp_ns <= newest:
+            point = self._waiting.popleft()
+            estimate = self._interpolated(point.stamp_ns)
+            if estimate is None:
+                self.unmatched += 1
+            yield self._compare(point, estimate)
+
+    def _interpolated(self, stamp_ns: int) -> EstimatePoint | None:
+        """The estimate at a moment, linear between its neighbours; None outside the buffer."""
+        index = bisect_left(self._estimates, stamp_ns, key=lambda point: point.stamp_ns)
+        after = self._estimates[index]
+        if after.stamp_ns == stamp_ns:
+            return after
+        if index == 0:
+            return None
+        before = self._estimates[index - 1]
+        width = after.stamp_ns - before.stamp_ns
+        if width * SECONDS > self.settings.max_gap:
+            return None
+        share = (stamp_ns - before.stamp_ns) / width
+        return EstimatePoint(
+            stamp_ns,
+            before.linear + share * (after.linear - before.linear),
+            before.nonlinear + share * (after.nonlinear - before.nonlinear),
+            before.flags | after.flags,
+        )
+
+    def _compare(
+        self,
+        measured: MeasuredPoint,
+        estimate: EstimatePoint | None,
+        *,
+        measured_stale: bool = False,
+        estimate_stale: bool = False,
+    ) -> Comparison:
+        linear, nonlinear, flags = (
+            (estimate.linear, estimate.nonlinear, estimate.flags) if estimate else (NAN, NAN, 0)
+        )
+        self._judge(measured, linear, nonlinear, flags)
+        return Comparison(
+            measured.stamp_ns,
+            measured.msh,
+            measured.stddev,
+            linear,
+            nonlinear,
+            measured.msh - linear,
+            measured.msh - nonlinear,
+            self.linear.sigma,
+            self.nonlinear.sigma,
+            self.linear.epsilon,
+            self.nonlinear.epsilon,
+            self.nonlinear.count,
+            self.condition(measured_stale, estimate_stale),
+            measured_stale,
+            estimate_stale,
+            measured.flags,
+            flags,
+        )
+
+    def _judge(self, measured: MeasuredPoint, linear: float, nonlinear: float, flags: int) -> None:
+        """Takes a pair into σ and ε and watches the disagreement."""
+        bound = bool(measured.flags & SATURATED)
+        for accuracy, value in ((self.linear, linear), (self.nonlinear, nonlinear)):
+            if not (flags & UNSETTLED) and not (bound and measured.msh <= value):
+                accuracy.update(measured.msh, value)
+        difference = measured.msh - nonlinear
+        gap = max(difference, 0.0) if bound else abs(difference)
+        self._track(Source.DISAGREEMENT, measured.stamp_ns, gap)

@@ -1,0 +1,207 @@
+"""The estimator node: acceleration in, sloshing height out, at the input's rate."""
+
+from __future__ import annotations
+
+import sys
+from array import array
+from typing import Any
+
+import numpy as np
+from geometry_msgs.msg import AccelStamped, PoseStamped
+from rclpy.node import Node
+from sensor_msgs.msg import Imu
+from slosh_msgs.msg import ModelEstimate, SloshEstimate
+from slosh_msgs.srv import LoadModel
+from std_srvs.srv import Trigger
+
+from slosh_estimator.accel_input import AccelInput
+from slosh_estimator.estimator import Estimate, Estimator, ModelState
+from slosh_estimator.gate import DROPPED, GateSettings
+from slosh_estimator.imu_input import ImuInput, SensorTransform
+from slosh_estimator.model_file import read_model
+from slosh_estimator.pose_input import PoseInput
+from slosh_estimator.sample import Sample
+from slosh_model.model_text import parse_model
+from slosh_msgs_py import qos, topics
+from slosh_msgs_py.node.diagnostics import ERROR, OK, STALE, WARN, DiagnosticsReporter, Health
+from slosh_msgs_py.node.parameters import ParameterSpec, declare
+from slosh_msgs_py.node.run import run_node
+from slosh_msgs_py.stamps import to_nanoseconds
+
+PARAMETERS = (
+    ParameterSpec("model", "", "model file of the container and its liquid (model.yaml)"),
+    ParameterSpec("input", "accel", "what drives the models", choices=("accel", "imu", "pose")),
+    ParameterSpec("world_frame", "world", "frame of accelerations along the world's axes"),
+    ParameterSpec("container_frame", "container", "the container's frame, on all output"),
+    ParameterSpec("max_gap", 0.05, "longest gap in the input integrated across [s]", (1e-3, 1.0)),
+    ParameterSpec("max_age", 0.5, "oldest sample that is used [s]", (0.0, 3600.0)),
+    ParameterSpec(
+        "sensor_rotation", [0.0, 0.0, 0.0],
+        "container <- IMU: roll, pitch, yaw about fixed axes [rad]", (-6.3, 6.3), length=3,
+    ),
+    ParameterSpec(
+        "sensor_to_origin", [0.0, 0.0, 0.0],
+        "from the IMU to the centre of the still surface, in the container's axes [m]",
+        (-5.0, 5.0), length=3,
+    ),
+    ParameterSpec("pose_window", 21, "samples of the differentiating window, odd", (5, 201)),
+)  # fmt: skip
+
+
+class EstimatorNode(Node):
+    """Converts, calls the core, publishes."""
+
+    def __init__(self) -> None:
+        super().__init__("estimator")
+        values = declare(self, PARAMETERS)
+        self._estimator = Estimator(read_model(values["model"]))
+        warm_up(self._estimator)
+        self._message = SloshEstimate()
+        self._message.header.frame_id = values["container_frame"]
+        self._set_names()
+        self._publisher = self.create_publisher(SloshEstimate, topics.ESTIMATE, qos.STREAM_OUT)
+        self._input = self._subscribe(values)
+        self.create_service(LoadModel, topics.LOAD_MODEL, self._on_load_model)
+        self.create_service(Trigger, topics.RESET, self._on_reset)
+        self._flags = 0
+        self._reported_used = 0
+        self._report = DiagnosticsReporter(self, self._health, self._facts)
+
+    def _subscribe(self, values: dict[str, Any]) -> AccelInput | ImuInput | PoseInput:
+        gate = GateSettings(max_gap=values["max_gap"], max_age=values["max_age"])
+        if values["input"] == "accel":
+            self.create_subscription(AccelStamped, topics.ACCEL, self._on_accel, qos.STREAM_IN)
+            return AccelInput(gate, (values["world_frame"], values["container_frame"]))
+        if values["input"] == "imu":
+            self.create_subscription(Imu, topics.IMU, self._on_imu, qos.STREAM_IN)
+            roll, pitch, yaw = values["sensor_rotation"]
+            x, y, z = values["sensor_to_origin"]
+            return ImuInput(gate, SensorTransform(roll, pitch, yaw, (x, y, z)))
+        self.create_subscription(PoseStamped, topics.POSE, self._on_pose, qos.STREAM_IN)
+        return PoseInput(gate, values["pose_window"])
+
+    def _on_accel(self, message: AccelStamped) -> None:
+        a = message.accel.linear
+        stamp = to_nanoseconds(message.header.stamp)
+        self._answer(
+            self._input.update(stamp, message.header.frame_id, a.x, a.y, a.z, self._now())
+        )  # type: ignore[arg-type, call-arg, union-attr]
+
+    def _on_imu(self, message: Imu) -> None:
+        self._answer(self._input.update(*imu_sample(message), self._now()))  # type: ignore[arg-type, call-arg]
+
+    def _on_pose(self, message: PoseStamped) -> None:
+        p, q = message.pose.position, message.pose.orientation
+        stamp = to_nanoseconds(message.header.stamp)
+        sample = self._input.update(stamp, (p.x, p.y, p.z), (q.x, q.y, q.z, q.w), self._now())  # type: ignore[arg-type, call-arg]
+        self._answer(sample)
+
+    def _now(self) -> int:
+        return int(self.get_clock().now().nanoseconds)
+
+    def _answer(self, sample: Sample | None) -> None:
+        self._report.count("input")
+        if sample is None:
+            return
+        estimate = self._estimator.update(sample)
+        self._flags |= estimate.flags
+        gate = self._input.gate
+        fill(self._message, estimate)
+        self._message.samples_used = gate.used
+        self._message.samples_dropped = gate.dropped
+        self._publisher.publish(self._message)
+        self._report.count("output")
+        self._report.latency(self._now() - sample.stamp_ns)
+
+    def _on_load_model(
+        self, request: LoadModel.Request, response: LoadModel.Response
+    ) -> LoadModel.Response:
+        try:
+            if bool(request.path) == bool(request.text):
+                raise ValueError("give either a path or a text")
+            model = parse_model(request.text, "text") if request.text else read_model(request.path)
+            self._estimator.load_model(model)
+        except ValueError as error:
+            response.success, response.message = False, str(error)
+        else:
+            self._set_names()
+            response.success, response.message = True, "loaded; the models start from rest"
+        response.models = ", ".join(self._estimator.names)
+        return response
+
+    def _on_reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        self._estimator.reset()
+        response.success, response.message = True, "the models start from rest"
+        return response
+
+    def _set_names(self) -> None:
+        self._message.linear.model, self._message.nonlinear.model = self._estimator.names
+
+    def _health(self) -> Health:
+        gate = self._input.gate
+        silent = gate.used == self._reported_used
+        self._reported_used = gate.used
+        warning = self._input.warning()
+        if warning:
+            return ERROR, warning
+        if silent:
+            return STALE, "no usable input since the last report"
+        flags, self._flags = self._flags, 0
+        if flags:
+            return WARN, f"validity flags {flags:#x}"
+        return OK, f"estimating with {', '.join(self._estimator.names)}"
+
+    def _facts(self) -> dict[str, Any]:
+        gate = self._input.gate
+        dropped = {f"dropped: {verdict.value}": gate.counts[verdict] for verdict in DROPPED}
+        return {**dropped, "gaps": gate.gaps, "divergences": self._estimator.divergences}
+
+
+def imu_sample(
+    message: Imu,
+) -> tuple[int, tuple[float, float, float], tuple[float, float, float] | None]:
+    """Stamp, specific force and angular velocity; 'not reported' is NaN or covariance[0] = -1."""
+    f, w = message.linear_acceleration, message.angular_velocity
+    reported = message.angular_velocity_covariance[0] >= 0.0 and w.x == w.x
+    force = (f.x, f.y, f.z)
+    if message.linear_acceleration_covariance[0] < 0.0:
+        force = (float("nan"),) * 3
+    return to_nanoseconds(message.header.stamp), force, (w.x, w.y, w.z) if reported else None
+
+
+def fill(message: SloshEstimate, estimate: Estimate) -> None:
+    """Writes an estimate into a message that is used again and again."""
+    sample = estimate.sample
+    stamp = message.header.stamp
+    stamp.sec, stamp.nanosec = divmod(sample.stamp_ns, 1_000_000_000)
+    _fill_model(message.linear, estimate.linear)
+    _fill_model(message.nonlinear, estimate.nonlinear)
+    message.acceleration = np.array((sample.ax, sample.ay, sample.az))
+    message.jerk = estimate.jerk
+    message.yaw = sample.yaw
+    message.flags = estimate.flags
+
+
+def _fill_model(message: ModelEstimate, state: ModelState) -> None:
+    message.msh = state.msh
+    message.azimuth = state.azimuth
+    message.sh_x = state.sh_x
+    message.sh_y = state.sh_y
+    message.modal_position = array("d", [value for mode in state.modal for value in mode[:2]])
+    message.modal_velocity = array("d", [value for mode in state.modal for value in mode[2:]])
+
+
+def warm_up(estimator: Estimator) -> None:
+    """Compiles or loads the kernel before the first message comes."""
+    estimator.update(Sample(0, 0.0, 0.0, 0.0, 0.0, True))
+    estimator.update(Sample(1_000_000, 0.0, 0.0, 0.0))
+    estimator.reset()
+
+
+def main() -> int:
+    """Runs the node."""
+    return run_node(EstimatorNode)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

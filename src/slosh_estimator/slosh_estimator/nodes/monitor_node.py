@@ -1,0 +1,170 @@
+"""The monitor node: compares the camera with the models and flags what exceeds limits."""
+
+from __future__ import annotations
+
+import sys
+from typing import Any
+
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+from slosh_msgs.msg import FreeSurface, LimitEvent, SloshComparison, SloshEstimate
+from std_srvs.srv import Trigger
+
+from slosh_estimator.limits import Event, Hysteresis
+from slosh_estimator.monitor import (
+    Comparison,
+    Condition,
+    EstimatePoint,
+    MeasuredPoint,
+    Monitor,
+    MonitorSettings,
+)
+from slosh_msgs_py import conversions, qos, topics, values
+from slosh_msgs_py.node.diagnostics import ERROR, OK, STALE, WARN, DiagnosticsReporter, Health
+from slosh_msgs_py.node.parameters import ParameterSpec, declare
+from slosh_msgs_py.node.run import run_node
+from slosh_msgs_py.stamps import to_nanoseconds
+
+CHECK_PERIOD = 0.1
+PARAMETERS = (
+    ParameterSpec("measured_limit", 0.03, "limit of the measured height [m]", (0.0, 10.0)),
+    ParameterSpec("estimated_limit", 0.03, "limit of the NL model's height [m]", (0.0, 10.0)),
+    ParameterSpec("disagreement_limit", 0.01, "limit of |measured - NL| [m]", (0.0, 10.0)),
+    ParameterSpec("warn_share", 0.8, "share of a limit from which the state is WARN", (0.01, 1.0)),
+    ParameterSpec("release", 0.9, "share of a limit below which an excess ends", (0.01, 1.0)),
+    ParameterSpec("hold", 0.1, "how long the value stays there before it ends [s]", (0.0, 60.0)),
+    ParameterSpec("timeout", 0.3, "a side silent for longer is stale [s]", (0.05, 0.4)),
+    ParameterSpec("buffer", 2.0, "how far back estimates are kept [s]", (0.1, 60.0)),
+    ParameterSpec("container_frame", "container", "the container's frame, on all output"),
+)
+
+
+class MonitorNode(Node):
+    """Converts, calls the core, publishes."""
+
+    def __init__(self) -> None:
+        super().__init__("monitor")
+        given = declare(self, PARAMETERS)
+        self._frame = given["container_frame"]
+        self._core = Monitor(
+            MonitorSettings(
+                given["measured_limit"],
+                given["estimated_limit"],
+                given["disagreement_limit"],
+                given["warn_share"],
+                Hysteresis(given["release"], round(given["hold"] * 1e9)),
+                given["timeout"],
+                given["buffer"],
+            )
+        )
+        # Whether a side still speaks is a question of elapsed time, also where stamps are simulated.
+        self._steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._comparisons = self.create_publisher(
+            SloshComparison, topics.COMPARISON, qos.STREAM_OUT
+        )
+        self._events = self.create_publisher(LimitEvent, topics.LIMIT_EVENT, qos.EVENT)
+        self.create_subscription(SloshEstimate, topics.ESTIMATE, self._on_estimate, qos.STREAM_IN)
+        self.create_subscription(
+            FreeSurface, topics.FREE_SURFACE, self._on_free_surface, qos.STREAM_IN
+        )
+        self.create_service(Trigger, f"monitor/{topics.RESET}", self._on_reset)
+        self._report = DiagnosticsReporter(self, self._health, self._facts)
+        self.create_timer(CHECK_PERIOD, self._on_check, clock=self._steady)
+
+    def _on_estimate(self, message: SloshEstimate) -> None:
+        self._report.count("estimate")
+        point = EstimatePoint(
+            to_nanoseconds(message.header.stamp),
+            message.linear.msh,
+            message.nonlinear.msh,
+            message.flags,
+        )
+        self._publish(self._core.add_estimate(point, self._arrival()))
+
+    def _on_free_surface(self, message: FreeSurface) -> None:
+        self._report.count("free_surface")
+        point = MeasuredPoint(
+            to_nanoseconds(message.header.stamp), message.msh, message.msh_stddev, message.flags
+        )
+        self._publish(self._core.add_measurement(point, self._arrival()))
+
+    def _on_check(self) -> None:
+        self._publish(self._core.check(self._arrival()))
+
+    def _arrival(self) -> int:
+        return int(self._steady.now().nanoseconds)
+
+    def _publish(self, comparisons: list[Comparison]) -> None:
+        for comparison in comparisons:
+            value = values.SloshComparison(frame_id=self._frame, **comparison._asdict())
+            self._comparisons.publish(conversions.to_message(value))
+            self._report.count("comparison")
+            age = int(self.get_clock().now().nanoseconds) - comparison.stamp_ns
+            self._report.latency(age)
+        for event in self._core.take_events():
+            self._announce(event)
+
+    def _announce(self, event: Event) -> None:
+        self._events.publish(conversions.to_message(event_value(event, self._frame)))
+        self.get_logger().warning(f"limit {event.kind.name.lower()}: {event.description}")
+
+    def _on_reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        self._core.reset_accuracy()
+        response.success, response.message = True, "sigma and epsilon start anew"
+        return response
+
+    def _health(self) -> Health:
+        measured_stale, estimate_stale = self._core.silent_sides(self._arrival())
+        silent = [
+            topic
+            for topic, stale in (
+                (topics.FREE_SURFACE, measured_stale),
+                (topics.ESTIMATE, estimate_stale),
+            )
+            if stale
+        ]
+        condition = self._core.condition(measured_stale, estimate_stale)
+        sentence = f"{condition.name}" + (f": no {' and no '.join(silent)}" if silent else "")
+        levels = {
+            Condition.OK: OK,
+            Condition.WARN: WARN,
+            Condition.ERROR: ERROR,
+            Condition.STALE: STALE,
+        }
+        return levels[condition], sentence
+
+    def _facts(self) -> dict[str, Any]:
+        core = self._core
+        return {
+            "sigma L [mm]": f"{1e3 * core.linear.sigma:.2f}",
+            "sigma NL [mm]": f"{1e3 * core.nonlinear.sigma:.2f}",
+            "epsilon L [%]": f"{1e2 * core.linear.epsilon:.1f}",
+            "epsilon NL [%]": f"{1e2 * core.nonlinear.epsilon:.1f}",
+            "measurements without an estimate": core.unmatched,
+            "estimates out of order": core.late_estimates,
+        }
+
+
+def event_value(event: Event, frame: str) -> values.LimitEvent:
+    """An event as the message has it."""
+    return values.LimitEvent(
+        stamp_ns=event.stamp_ns,
+        frame_id=frame,
+        id=event.id,
+        kind=int(event.kind),
+        source=int(event.source),
+        limit=event.limit,
+        peak=event.peak,
+        peak_stamp_ns=event.peak_stamp_ns,
+        duration_ns=max(event.duration_ns, 0),
+        description=event.description,
+    )
+
+
+def main() -> int:
+    """Runs the node."""
+    return run_node(MonitorNode)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
