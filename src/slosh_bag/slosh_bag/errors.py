@@ -4,4 +4,4 @@ from __future__ import annotations
 
 
 class SloshBagError(ValueError):
-    """A bag, table or record cannot be read or written; the text is one line naming the file."""
+    """A bag or a table is not usable; the text is one line with the path."""
