@@ -1,7 +1,7 @@
 """How well a model's heights agree with measured ones.
 
-The indices of DL22 and TM20. Every function takes two series of the same length, in the same unit, and
-leaves out the moments at which one of them is not finite.
+Every function ignores pairs in which a value is not finite (no measurement there) and returns NaN
+where nothing is left to compare.
 """
 
 from __future__ import annotations
@@ -13,91 +13,123 @@ from numpy.typing import ArrayLike, NDArray
 
 from slosh_discovery.errors import SloshDiscoveryError
 
-NAN = float("nan")
+Array = NDArray[np.float64]
 
 
 def peak_error(measured: ArrayLike, model: ArrayLike) -> float:
-    """ε: relative error of the maximum (DL22, eq. (32)), as a fraction; positive: overestimated.
+    """Relative error of the maximum, ε (DL22, eq. (32)).
+
+    Args:
+        measured: (N,) measured heights [m].
+        model: (N,) the model's heights at the same moments [m].
+
+    Returns:
+        (max model − max measured) / max measured as a fraction; NaN where the measured maximum is
+        not positive.
 
     Raises:
-        SloshDiscoveryError: the series do not match or share no finite moment.
+        SloshDiscoveryError: the two differ in shape.
     """
-    reference, estimate = _pairs(measured, model)
-    return relative_peak_error(float(reference.max()), float(estimate.max()))
+    heights, answers = _pairs(measured, model)
+    if not heights.size:
+        return math.nan
+    return _relative(float(heights.max()), float(answers.max()))
 
 
 def mean_absolute_error(measured: ArrayLike, model: ArrayLike) -> float:
-    """σ: mean absolute error (DL22, eq. (33)), in the series' unit.
-
-    Raises:
-        SloshDiscoveryError: the series do not match or share no finite moment.
-    """
-    reference, estimate = _pairs(measured, model)
-    return float(np.mean(np.abs(reference - estimate)))
+    """Mean of |measured − model|, σ (DL22, eq. (33)) [m]; arguments as in `peak_error`."""
+    heights, answers = _pairs(measured, model)
+    return float(np.mean(np.abs(heights - answers))) if heights.size else math.nan
 
 
 def rms_error(measured: ArrayLike, model: ArrayLike) -> float:
-    """Root mean square of the difference; TM20's SEOE where the series hold all repetitions.
+    """Root of the mean of (measured − model)² [m]; arguments as in `peak_error`."""
+    heights, answers = _pairs(measured, model)
+    return float(np.sqrt(np.mean((heights - answers) ** 2))) if heights.size else math.nan
+
+
+def standard_error_of_estimate(measured: ArrayLike, model: ArrayLike) -> float:
+    """SEOE (TM20, §2.4): the root mean square deviation over all repetitions and samples.
+
+    Args:
+        measured: (K, J) K repetitions of J samples, of an angle [rad] or a height [m]; or (J,).
+        model: (J,), the same for each repetition, or (K, J).
+
+    Returns:
+        the deviation in the unit of the arguments.
 
     Raises:
-        SloshDiscoveryError: the series do not match or share no finite moment.
+        SloshDiscoveryError: the shapes do not match.
     """
-    reference, estimate = _pairs(measured, model)
-    return float(np.sqrt(np.mean((reference - estimate) ** 2)))
-
-
-def relative_peak_error(measured_peak: float, model_peak: float) -> float:
-    """(model - measured) / measured; NaN without a positive measured peak."""
-    if not measured_peak > 0.0:
-        return NAN
-    return (model_peak - measured_peak) / measured_peak
+    repetitions = np.asarray(measured, dtype=np.float64)
+    try:
+        answers = np.broadcast_to(np.asarray(model, dtype=np.float64), repetitions.shape)
+    except ValueError:
+        raise SloshDiscoveryError(
+            f"model has the shape {np.shape(model)}, which does not fit measured "
+            f"{repetitions.shape}: give one value per sample"
+        ) from None
+    return rms_error(repetitions, answers)
 
 
 class RunningAccuracy:
-    """ε and σ of a stream, equal to the functions above over the same pairs."""
+    """ε and σ of a stream of pairs: the streaming twin of the functions above."""
 
-    __slots__ = ("_absolute_sum", "_measured_peak", "_model_peak", "count")
+    __slots__ = ("_absolute", "_count", "_measured_peak", "_model_peak", "_square")
 
     def __init__(self) -> None:
         self.reset()
 
     def reset(self) -> None:
         """Forgets all pairs."""
-        self.count = 0
-        self._absolute_sum = 0.0
-        self._measured_peak = -math.inf
-        self._model_peak = -math.inf
+        self._count = 0
+        self._absolute = self._square = 0.0
+        self._measured_peak = self._model_peak = -math.inf
 
-    def update(self, measured: float, model: float) -> None:
-        """Takes one pair; one that is not finite is left out."""
+    def update(self, measured: float, model: float) -> bool:
+        """Takes a pair of heights [m]; returns False where it is ignored (a value is not finite)."""
         if not (math.isfinite(measured) and math.isfinite(model)):
-            return
-        self.count += 1
-        self._absolute_sum += abs(measured - model)
+            return False
+        difference = measured - model
+        self._count += 1
+        self._absolute += abs(difference)
+        self._square += difference * difference
         self._measured_peak = max(self._measured_peak, measured)
         self._model_peak = max(self._model_peak, model)
+        return True
+
+    @property
+    def count(self) -> int:
+        """Pairs taken."""
+        return self._count
 
     @property
     def sigma(self) -> float:
-        """σ so far; NaN before the first pair."""
-        return self._absolute_sum / self.count if self.count else NAN
+        """Mean absolute error (DL22, eq. (33)) [m]."""
+        return self._absolute / self._count if self._count else math.nan
+
+    @property
+    def rms(self) -> float:
+        """Root mean square error [m]."""
+        return math.sqrt(self._square / self._count) if self._count else math.nan
 
     @property
     def epsilon(self) -> float:
-        """ε so far; NaN before a positive measured height."""
-        return relative_peak_error(self._measured_peak, self._model_peak) if self.count else NAN
+        """Relative error of the maximum as a fraction (DL22, eq. (32))."""
+        return _relative(self._measured_peak, self._model_peak) if self._count else math.nan
 
 
-def _pairs(
-    measured: ArrayLike, model: ArrayLike
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    reference = np.asarray(measured, dtype=np.float64)
-    estimate = np.asarray(model, dtype=np.float64)
-    if reference.ndim != 1 or reference.shape != estimate.shape:
+def _relative(measured_peak: float, model_peak: float) -> float:
+    return (model_peak - measured_peak) / measured_peak if measured_peak > 0.0 else math.nan
+
+
+def _pairs(measured: ArrayLike, model: ArrayLike) -> tuple[Array, Array]:
+    heights = np.asarray(measured, dtype=np.float64)
+    answers = np.asarray(model, dtype=np.float64)
+    if heights.shape != answers.shape:
         raise SloshDiscoveryError(
-            f"series of the shapes {reference.shape} and {estimate.shape} cannot be compared"
+            f"measured has the shape {heights.shape} and model {answers.shape}: "
+            "give one model value per measured value"
         )
-    both = np.isfinite(reference) & np.isfinite(estimate)
-    if not both.any():
-        raise SloshDiscoveryError("the two series share no finite moment")
-    return reference[both], estimate[both]
+    both = np.isfinite(heights) & np.isfinite(answers)
+    return heights[both], answers[both]

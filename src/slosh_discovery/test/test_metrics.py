@@ -1,0 +1,76 @@
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from slosh_discovery.errors import SloshDiscoveryError
+from slosh_discovery.metrics import (
+    RunningAccuracy,
+    mean_absolute_error,
+    peak_error,
+    rms_error,
+    standard_error_of_estimate,
+)
+
+MEASURED = [0.01, 0.04, math.nan, 0.02]
+MODEL = [0.02, 0.01, 0.09, 0.03]
+
+
+def test_peak_error_is_a_signed_fraction_of_the_measured_peak() -> None:
+    assert peak_error(MEASURED, MODEL) == pytest.approx(-0.25)
+
+
+def test_pairs_without_a_measurement_do_not_count() -> None:
+    assert mean_absolute_error(MEASURED, MODEL) == pytest.approx(0.05 / 3)
+    assert rms_error(MEASURED, MODEL) == pytest.approx(math.sqrt(11e-4 / 3))
+
+
+def test_nothing_to_compare_gives_nan() -> None:
+    for metric in (peak_error, mean_absolute_error, rms_error, standard_error_of_estimate):
+        assert math.isnan(metric([math.nan], [1.0]))
+
+
+def test_peak_error_needs_a_positive_measured_peak() -> None:
+    assert math.isnan(peak_error([0.0, -0.01], [0.01, 0.01]))
+
+
+def test_seoe_compares_every_repetition_with_the_one_simulation() -> None:
+    assert standard_error_of_estimate([[1.0, 2.0], [3.0, 2.0]], [2.0, 2.0]) == pytest.approx(
+        math.sqrt(0.5)
+    )
+
+
+def test_shapes_that_do_not_match_are_refused_with_both_shapes() -> None:
+    with pytest.raises(SloshDiscoveryError, match=r"\(2,\).*\(3,\)"):
+        mean_absolute_error([1, 2], [1, 2, 3])
+    with pytest.raises(SloshDiscoveryError, match=r"\(3,\).*\(2, 2\)"):
+        standard_error_of_estimate([[1, 2], [3, 4]], [1, 2, 3])
+
+
+HEIGHT = st.floats(-1.0, 1.0) | st.just(math.nan) | st.just(math.inf)
+
+
+@given(st.lists(st.tuples(HEIGHT, HEIGHT), max_size=40))
+def test_the_stream_gives_what_the_arrays_give(pairs: list[tuple[float, float]]) -> None:
+    accuracy = RunningAccuracy()
+    for measured, model in pairs:
+        accuracy.update(measured, model)
+    columns = np.array(pairs).reshape(-1, 2).T
+    for streamed, whole in (
+        (accuracy.epsilon, peak_error(*columns)),
+        (accuracy.sigma, mean_absolute_error(*columns)),
+        (accuracy.rms, rms_error(*columns)),
+    ):
+        np.testing.assert_allclose(streamed, whole, rtol=1e-12, atol=1e-15)
+    assert accuracy.count == int(np.isfinite(columns).all(axis=0).sum())
+
+
+def test_reset_forgets() -> None:
+    accuracy = RunningAccuracy()
+    accuracy.update(1.0, 2.0)
+    accuracy.reset()
+    assert accuracy.count == 0
+    assert math.isnan(accuracy.sigma)
