@@ -1,0 +1,44 @@
+"""The truth liquid: what the container really holds while the nodes estimate and measure it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_model.model import Model
+from slosh_model.simulate import Inputs, simulate
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class TruthLiquid:
+    """The liquid's answer to a motion.
+
+    Attributes:
+        t: (N,) time [s].
+        sh_x, sh_y: (N,) wall height at +x and +y [m]; the wall's height at an azimuth φ is
+            sh_x cos φ + sh_y sin φ.
+    """
+
+    t: Array
+    sh_x: Array
+    sh_y: Array
+
+    def at(self, t: float) -> tuple[float, float]:
+        """Wall height at +x and +y at a moment, interpolated [m]."""
+        return float(np.interp(t, self.t, self.sh_x)), float(np.interp(t, self.t, self.sh_y))
+
+
+def integrate_truth(model: Model, t: Array, acceleration: Array) -> TruthLiquid:
+    """The truth liquid of a motion, from rest.
+
+    Args:
+        model: the truth model.
+        t: (N,) time [s].
+        acceleration: (N, 3) of the container, gravity excluded [m/s²].
+    """
+    response, _ = simulate(model, Inputs(t, acceleration))
+    return TruthLiquid(response.t, response.sh_x, response.sh_y)
