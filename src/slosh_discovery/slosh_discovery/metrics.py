@@ -87,7 +87,7 @@ class RunningAccuracy:
         self._measured_peak = self._model_peak = -math.inf
 
     def update(self, measured: float, model: float) -> bool:
-        """Takes a pair of heights [m]; returns False where it is ignored (a value is not finite)."""
+        """Takes a pair of heights [m]; returns False where a value is not finite."""
         if not (math.isfinite(measured) and math.isfinite(model)):
             return False
         difference = measured - model
