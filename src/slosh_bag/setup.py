@@ -19,7 +19,5 @@ setup(
     maintainer_email="slosh-monitor@users.noreply.github.com",
     description="Records, reads, imports and replays MCAP bags of a slosh cell.",
     license="Apache-2.0",
-    entry_points={
-        "console_scripts": ["recorder = slosh_bag.nodes.recorder_node:main"]
-    },
+    entry_points={"console_scripts": ["recorder = slosh_bag.nodes.recorder_node:main"]},
 )

@@ -24,7 +24,5 @@ setup(
     maintainer_email="slosh-monitor@users.noreply.github.com",
     description="Launch files, parameters, the simulated cell and the slosh command.",
     license="Apache-2.0",
-    entry_points={
-        "console_scripts": ["cell = slosh_bringup.nodes.cell_node:main"]
-    },
+    entry_points={"console_scripts": ["cell = slosh_bringup.nodes.cell_node:main"]},
 )

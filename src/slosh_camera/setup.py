@@ -19,5 +19,5 @@ setup(
     maintainer_email="slosh-monitor@users.noreply.github.com",
     description="Measures a liquid's free surface in camera images.",
     license="Apache-2.0",
-    entry_points={"console_scripts": []},
+    entry_points={"console_scripts": ["camera = slosh_camera.nodes.camera_node:main"]},
 )

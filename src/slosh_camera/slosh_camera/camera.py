@@ -79,7 +79,7 @@ class PinholeCamera:
         normalised = array[:, :2] / depth[:, np.newaxis]
         if any(self.distortion):
             distorted, jacobian = self._distort(normalised)
-            distorted[_determinant(jacobian) <= 0.0] = np.nan
+            distorted[~_is_unfolded(jacobian)] = np.nan
             normalised = distorted
         return normalised * (self.fx, self.fy) + (self.cx, self.cy)
 
@@ -130,7 +130,7 @@ class PinholeCamera:
                 normalised = normalised - _solve(jacobian, error)
             distorted, jacobian = self._distort(normalised)
             solved = np.all(np.abs(distorted - target) < 10.0 * _TOLERANCE, axis=1)
-            solved &= _determinant(jacobian) > 0.0
+            solved &= _is_unfolded(jacobian)
         normalised[~solved] = np.nan
         return normalised
 
@@ -189,6 +189,12 @@ def _determinant(jacobian: FloatArray) -> FloatArray:
         jacobian[:, 0, 0] * jacobian[:, 1, 1] - jacobian[:, 0, 1] * jacobian[:, 1, 0]
     )
     return determinant
+
+
+def _is_unfolded(jacobian: FloatArray) -> NDArray[np.bool_]:
+    """Where the distortion keeps the order of points: both eigenvalues are positive."""
+    trace = jacobian[:, 0, 0] + jacobian[:, 1, 1]
+    return np.asarray((_determinant(jacobian) > 0.0) & (trace > 0.0))
 
 
 def _solve(jacobian: FloatArray, error: FloatArray) -> FloatArray:

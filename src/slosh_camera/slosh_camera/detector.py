@@ -39,6 +39,8 @@ BoolArray = NDArray[np.bool_]
 
 _OUTLIER_WINDOW = 9
 _OUTLIER_ROWS = 3.0
+# Part of a Gaussian edge's width between the levels that bound the free surface, 12 % and 65 %.
+_SOFT_EDGE = 0.62
 _SATURATED_COLUMNS = 2
 
 
@@ -110,10 +112,10 @@ class FreeSurfaceDetector:
         flags |= found
         if not lines:
             return Measurement(stamp_ns=stamp_ns, flags=flags)
-        peak = max((highest(line) for line in lines), key=_order)
+        left, right = (edge_height(lines, azimuth) for azimuth in self._tangents)
+        peak = self._peak(lines, (left, right))
         if np.isnan(peak.height):
             return Measurement(stamp_ns=stamp_ns, flags=flags | Flag.NOT_FOUND)
-        left, right = (edge_height(lines, azimuth) for azimuth in self._tangents)
         side = PeakSide.FRONT if peak.wall is Wall.FRONT else PeakSide.REAR
         azimuth, height, pixels = around_the_wall(lines)
         return Measurement(
@@ -172,11 +174,14 @@ class FreeSurfaceDetector:
 
     def _place(self, part: GrayImage, lines: Lines) -> list[WallLine]:
         """Put the front line on the front wall and, where the surface is seen, the rear line."""
-        band = lines.front - lines.upper >= self._settings.min_band
+        upper = refine(part, lines.upper)
+        # A single soft edge passes through the surface's grey levels as well, over this many rows.
+        soft = _SOFT_EDGE * upper.width
+        band = lines.front - lines.upper >= self._settings.min_band + soft
         front = np.where(band, lines.front, lines.upper)
         placed = [
             self._on_wall(Wall.FRONT, refine(part, front), lines.found),
-            self._on_wall(Wall.REAR, refine(part, lines.upper), lines.found & band),
+            self._on_wall(Wall.REAR, upper, lines.found & band),
         ]
         return drop_strays(placed, self._view.cup.radius)
 
@@ -190,12 +195,32 @@ class FreeSurfaceDetector:
         height = height - self._offset
         return WallLine(wall, pixels, azimuth, height, edge.width, edge.row == 0.0)
 
+    def _peak(self, lines: list[WallLine], edges: tuple[float, float]) -> Peak:
+        """Highest visible point: of the lines, or one of the container's edges.
+
+        At an edge front and rear wall meet; it is counted with the front wall.
+        """
+        peaks = [highest(line) for line in lines]
+        for azimuth, height in zip(self._tangents, edges, strict=True):
+            if np.isnan(height):
+                continue
+            u, v = self._view.project_wall(azimuth, height + self._offset)[0]
+            width = float(lines[0].width[self._column(u) - self._region.left])
+            peaks.append(Peak(height, azimuth, (float(u), float(v)), Wall.FRONT, width))
+        return max(peaks, key=_order)
+
+    def _column(self, u: float) -> int:
+        """Nearest column of the region."""
+        return int(np.clip(np.rint(u), self._region.left, self._region.right - 1))
+
     def _stddev(self, peak: Peak) -> float:
         """One pixel's footprint at the peak's depth times the edge's width / sqrt(12).
 
         The edge is taken to lie anywhere within its own width with equal probability.
         """
-        footprint = self._view.height_per_pixel(peak.pixel, peak.wall)
+        # A ray through the very edge may miss the wall; the column beside it is as deep.
+        pixel = (self._column(peak.pixel[0]), peak.pixel[1])
+        footprint = self._view.height_per_pixel(pixel, peak.wall)
         return footprint * peak.edge_width / float(np.sqrt(12.0))
 
 

@@ -156,9 +156,7 @@ def _along(spec: MotionSpec, u: Array, duration: float) -> tuple[Array, Array]:
     return position, acceleration
 
 
-def _chain(
-    path: Path, law: tuple[Array, Array, Array], duration: float
-) -> tuple[Array, Array]:
+def _chain(path: Path, law: tuple[Array, Array, Array], duration: float) -> tuple[Array, Array]:
     """S(σ(t)) and S̈ = S″σ̇² + S′σ̈."""
     sigma, rate, change = law
     place, slope, curvature = path(sigma)

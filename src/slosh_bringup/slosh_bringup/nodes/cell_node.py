@@ -28,7 +28,7 @@ from slosh_model.constants import GRAVITY
 from slosh_msgs_py import conversions, images, qos, topics, values
 from slosh_msgs_py.node.diagnostics import OK, DiagnosticsReporter, Health
 from slosh_msgs_py.node.parameters import ParameterSpec, declare
-from slosh_msgs_py.node.run import NodeFinished, run_node
+from slosh_msgs_py.node.run import run_node
 from slosh_msgs_py.stamps import to_time
 
 TICK = 0.002
@@ -77,7 +77,9 @@ class CellNode(Node):
             topics.IMAGE_COMPRESSED: self.create_publisher(
                 CompressedImage, topics.IMAGE_COMPRESSED, qos.IMAGE_OUT
             ),
-            topics.CAMERA_INFO: self.create_publisher(CameraInfo, topics.CAMERA_INFO, qos.IMAGE_OUT),
+            topics.CAMERA_INFO: self.create_publisher(
+                CameraInfo, topics.CAMERA_INFO, qos.IMAGE_OUT
+            ),
             topics.TRUTH: self.create_publisher(FreeSurface, topics.TRUTH, qos.STREAM_OUT),
             topics.SUMMARY: self.create_publisher(String, topics.SUMMARY, qos.EVENT),
         }
@@ -88,16 +90,16 @@ class CellNode(Node):
         self._finished = threading.Event()
         self._player = threading.Thread(target=self._play, name="player", daemon=True)
         self._player.start()
-        self.create_timer(0.05, self._end_when_finished)
 
     def close(self) -> None:
         """Ends the threads."""
         self._stop.set()
         self._player.join(timeout=5.0)
 
-    def _end_when_finished(self) -> None:
-        if self._finished.is_set():
-            raise NodeFinished
+    @property
+    def finished(self) -> bool:
+        """True once the motion is over and its last messages are delivered."""
+        return self._finished.is_set()
 
     def _health(self) -> Health:
         return OK, f"playing {self._motion.name}, {self._motion.duration:.1f} s"
@@ -252,7 +254,7 @@ def truth_message(stamp_ns: int, sh_x: float, sh_y: float) -> FreeSurface:
 
 def main() -> int:
     """Runs the node."""
-    return run_node(CellNode)
+    return run_node(CellNode, finished=lambda node: node.finished)
 
 
 if __name__ == "__main__":

@@ -20,16 +20,17 @@ EXIT_DONE, EXIT_WRONG_INPUT = 0, 2
 _POLL = 0.1  # s; how long an idle executor waits before it looks whether to stop
 
 
-class NodeFinished(Exception):
-    """A node's work is done: its process ends with code 0."""
-
-
-def run_node(factory: Callable[[], Node], arguments: Sequence[str] | None = None) -> int:
+def run_node(
+    factory: Callable[[], Node],
+    arguments: Sequence[str] | None = None,
+    finished: Callable[[Any], bool] = lambda node: False,
+) -> int:
     """Runs a node until SIGINT, SIGTERM or its own end.
 
     Args:
         factory: makes the node; a ValueError of ours is a wrong parameter or file.
         arguments: the command line; None: the process's own.
+        finished: asks the node whether its work is done.
 
     Returns:
         exit code: 0 done, 2 a wrong parameter or file (one line on stderr).
@@ -49,8 +50,8 @@ def run_node(factory: Callable[[], Node], arguments: Sequence[str] | None = None
     # A full collection takes some 100 ms with SciPy, Numba and OpenCV loaded: never look at them again.
     gc.collect()
     gc.freeze()
-    with contextlib.suppress(NodeFinished, ExternalShutdownException):
-        while not stop.requested:
+    with contextlib.suppress(ExternalShutdownException):
+        while not (stop.requested or finished(node)):
             executor.spin_once(timeout_sec=_POLL)
     close = getattr(node, "close", None)
     if close is not None:

@@ -1,0 +1,131 @@
+"""The camera node: images in, free-surface heights out."""
+
+from __future__ import annotations
+
+import sys
+from collections import Counter
+from typing import Any
+
+from rclpy.node import Node
+from sensor_msgs.msg import CompressedImage, Image
+from slosh_msgs.msg import FreeSurface
+
+from slosh_camera.calibration import read_calibration
+from slosh_camera.detector import FreeSurfaceDetector
+from slosh_camera.errors import SloshCameraError
+from slosh_camera.image import GrayImage, decode_compressed, to_gray
+from slosh_camera.measurement import Flag, Measurement, bad_image
+from slosh_msgs_py import conversions, qos, topics, values
+from slosh_msgs_py.images import image_bytes
+from slosh_msgs_py.node.diagnostics import ERROR, OK, STALE, WARN, DiagnosticsReporter, Health
+from slosh_msgs_py.node.parameters import ParameterSpec, declare
+from slosh_msgs_py.node.run import run_node
+from slosh_msgs_py.stamps import to_nanoseconds
+
+LOG_PERIOD = 5.0
+PARAMETERS = (
+    ParameterSpec("calibration", "", "camera.yaml: camera, container and pose"),
+    ParameterSpec("transport", "raw", "which images to read", choices=("raw", "compressed")),
+    ParameterSpec("container_frame", "container", "the container's frame, on all output"),
+)
+
+
+class CameraNode(Node):
+    """Decodes, calls the core, publishes. Few images wait; the oldest give way."""
+
+    def __init__(self) -> None:
+        super().__init__("camera")
+        given = declare(self, PARAMETERS)
+        self._frame = given["container_frame"]
+        self._detector = FreeSurfaceDetector(read_calibration(given["calibration"]))
+        self._publisher = self.create_publisher(FreeSurface, topics.FREE_SURFACE, qos.STREAM_OUT)
+        if given["transport"] == "raw":
+            self.create_subscription(Image, topics.IMAGE, self._on_image, qos.IMAGE_IN)
+        else:
+            self.create_subscription(
+                CompressedImage, topics.IMAGE_COMPRESSED, self._on_compressed, qos.IMAGE_IN
+            )
+        self._flags: Counter[Flag] = Counter()
+        self._recent = Flag.NONE
+        self._images = self._reported = 0
+        self._complaint = ""
+        self._report = DiagnosticsReporter(self, self._health, self._facts)
+
+    def _on_image(self, message: Image) -> None:
+        self._measure(
+            message.header.stamp,
+            lambda: to_gray(
+                message.encoding,
+                message.height,
+                message.width,
+                message.step,
+                image_bytes(message),
+            ),
+        )
+
+    def _on_compressed(self, message: CompressedImage) -> None:
+        self._measure(
+            message.header.stamp, lambda: decode_compressed(message.format, image_bytes(message))
+        )
+
+    def _measure(self, stamp: Any, decode: Any) -> None:
+        self._images += 1
+        self._report.count("image")
+        stamp_ns = to_nanoseconds(stamp)
+        try:
+            image: GrayImage = decode()
+            measurement = self._detector.update(stamp_ns, image)
+        except SloshCameraError as error:
+            self._complaint = str(error)
+            self.get_logger().error(self._complaint, throttle_duration_sec=LOG_PERIOD)
+            measurement = bad_image(stamp_ns)
+        self._recent |= measurement.flags
+        self._flags.update(flag for flag in Flag if flag and flag in measurement.flags)
+        self._publisher.publish(conversions.to_message(to_value(measurement, self._frame)))
+        self._report.count("measurement")
+        self._report.latency(int(self.get_clock().now().nanoseconds) - stamp_ns)
+
+    def _health(self) -> Health:
+        silent, self._reported = self._images == self._reported, self._images
+        recent, self._recent = self._recent, Flag.NONE
+        if silent:
+            return STALE, "no images since the last report"
+        if Flag.BAD_IMAGE in recent:
+            return ERROR, self._complaint
+        if recent:
+            names = ", ".join(str(flag.name) for flag in Flag if flag and flag in recent)
+            return WARN, f"measuring, with flags: {names}"
+        return OK, "measuring"
+
+    def _facts(self) -> dict[str, Any]:
+        return {f"flag {flag.name}": count for flag, count in self._flags.items()}
+
+
+def to_value(measurement: Measurement, frame: str) -> values.FreeSurface:
+    """A measurement as the message has it; the fit over the whole wall is not known yet."""
+    return values.FreeSurface(
+        stamp_ns=measurement.stamp_ns,
+        frame_id=frame,
+        msh=measurement.msh,
+        msh_stddev=measurement.msh_stddev,
+        azimuth=measurement.azimuth,
+        sh_left=measurement.sh_left,
+        sh_right=measurement.sh_right,
+        azimuth_left=measurement.azimuth_left,
+        azimuth_right=measurement.azimuth_right,
+        profile_azimuth=measurement.profile_azimuth,
+        profile_height=measurement.profile_height,
+        peak_u=measurement.peak_pixel[0],
+        peak_v=measurement.peak_pixel[1],
+        peak_side=int(measurement.peak_side),
+        flags=int(measurement.flags),
+    )
+
+
+def main() -> int:
+    """Runs the node."""
+    return run_node(CameraNode)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

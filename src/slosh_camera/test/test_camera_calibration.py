@@ -1,0 +1,115 @@
+import pytest
+from numpy.testing import assert_array_equal
+from slosh_camera.calibration import (
+    Calibration,
+    format_calibration,
+    parse_calibration,
+    read_calibration,
+)
+from slosh_camera.errors import SloshCameraError
+from slosh_camera.settings import DetectionSettings, Liquid, RegionOfInterest
+
+TEXT = """\
+image_width: 640
+image_height: 480
+camera_name: side
+distortion_model: plumb_bob
+camera_matrix: {rows: 3, cols: 3, data: [1000.0, 0, 319.5, 0, 1000.0, 239.5, 0, 0, 1]}
+distortion_coefficients: {rows: 1, cols: 5, data: [-0.1, 0.01, 0, 0, 0]}
+container: {radius: 0.05, fill_height: 0.07, wall_thickness: 0.002, rim_height: 0.12}
+pose:
+  rotation: [1, 0, 0, 0, 0, -1, 0, 1, 0]
+  translation: [0, 0, 0.45]
+region_of_interest: {x_offset: 100, y_offset: 20, width: 400, height: 440}
+detection: {liquid: lighter, threshold: 120, min_band: 5}
+"""
+
+
+def test_every_value_arrives():
+    calibration = parse_calibration(TEXT)
+    camera, cup = calibration.view.camera, calibration.view.cup
+    assert (camera.width, camera.height, camera.fx, camera.cy) == (640, 480, 1000.0, 239.5)
+    assert camera.distortion == (-0.1, 0.01, 0.0, 0.0, 0.0)
+    assert (cup.radius, cup.fill_height, cup.wall_thickness) == (0.05, 0.07, 0.002)
+    assert cup.rim_level == pytest.approx(0.05)
+    assert_array_equal(calibration.view.pose.camera_centre, [0.0, -0.45, 0.0])
+    assert calibration.region == RegionOfInterest(100, 20, 400, 440)
+    assert calibration.detection == DetectionSettings(Liquid.LIGHTER, 120.0, min_band=5.0)
+    assert calibration.camera_name == "side"
+
+
+def test_text_round_trip():
+    text = format_calibration(parse_calibration(TEXT))
+    assert format_calibration(parse_calibration(text)) == text
+
+
+def test_round_trip_without_the_optional_parts():
+    full = parse_calibration(TEXT)
+    bare = parse_calibration(format_calibration(Calibration(full.view)))
+    assert bare.region is None
+    assert bare.detection == DetectionSettings()
+
+
+def test_file_round_trip(tmp_path):
+    path = tmp_path / "camera.yaml"
+    path.write_text(TEXT)
+    assert read_calibration(path).camera_name == "side"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "key"),
+    [
+        ("radius: 0.05", "radius: -1", "container.radius"),
+        ("radius: 0.05", "radius: .nan", "container.radius"),
+        ("radius: 0.05", "radius: wide", "container.radius"),
+        ("radius: 0.05, ", "", "container.radius"),
+        ("radius", "diameter", "container.diameter"),
+        ("rim_height: 0.12", "rim_height: 0.06", "container.rim_height"),
+        ("camera_name: side", "camera_name: 3", "camera_name"),
+        ("camera_name", "camera", "camera"),
+        ("plumb_bob", "rational_polynomial", "distortion_model"),
+        ("[1000.0, 0", "[0.0, 0", "camera_matrix"),
+        ("data: [1000.0,", "data: [.inf,", "camera_matrix.data"),
+        ("[-0.1, ", "[", "distortion_coefficients.data"),
+        ("image_width: 640", "image_width: 640.5", "image_width"),
+        ("image_width: 640", "image_width: true", "image_width"),
+        ("image_height: 480\n", "", "image_height"),
+        ("rotation: [1,", "rotation: [2,", "pose.rotation"),
+        ("rotation: [1,", "rotation: [-1,", "pose.rotation"),
+        ("rotation: [1, ", "rotation: [", "pose.rotation"),
+        ("[0, 0, 0.45]", "[0, 0, -0.45]", "pose"),
+        ("[0, 0, 0.45]", "[0, 0, 0.01]", "pose"),
+        ("pose:\n", "pose: 3\nx:\n", "x"),
+        ("width: 400", "width: 600", "region_of_interest"),
+        ("width: 400", "width: 0", "region_of_interest"),
+        ("liquid: lighter", "liquid: blue", "detection.liquid"),
+        ("threshold: 120", "threshold: 300", "detection.threshold"),
+        ("min_band", "band", "detection.band"),
+    ],
+)
+def test_a_wrong_value_is_named_with_file_and_key(old, new, key):
+    assert old in TEXT
+    with pytest.raises(SloshCameraError) as caught:
+        parse_calibration(TEXT.replace(old, new, 1), "cell/camera.yaml")
+    message = str(caught.value)
+    assert message.startswith(f"cell/camera.yaml: {key}")
+    assert message.count("cell/camera.yaml") == 1
+    assert "\n" not in message
+
+
+@pytest.mark.parametrize("text", ["", "3", "[1, 2]", "a: [", "\x00"])
+def test_a_file_that_holds_something_else(text):
+    with pytest.raises(SloshCameraError, match=r"^camera\.yaml: "):
+        parse_calibration(text)
+
+
+def test_a_file_that_is_not_there(tmp_path):
+    with pytest.raises(SloshCameraError, match=r"nowhere\.yaml: cannot be read"):
+        read_calibration(tmp_path / "nowhere.yaml")
+
+
+def test_a_file_that_is_not_text(tmp_path):
+    path = tmp_path / "camera.yaml"
+    path.write_bytes(b"\xff\xfe\x00\x81")
+    with pytest.raises(SloshCameraError, match="UTF-8"):
+        read_calibration(path)

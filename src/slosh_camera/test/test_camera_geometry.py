@@ -1,0 +1,192 @@
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+from slosh_camera.camera import PinholeCamera, camera_from_info
+from slosh_camera.errors import SloshCameraError
+from slosh_camera.geometry import Cup, CupView, Pose, Wall, look_at
+
+CUP = Cup(radius=0.05, fill_height=0.07, wall_thickness=0.002, rim_height=0.12)
+BARREL = (-0.25, 0.08, 0.001, -0.002, 0.01)
+
+
+def make_camera(distortion=(0.0,) * 5):
+    return PinholeCamera(640, 480, 900.0, 905.0, 322.0, 238.0, distortion)
+
+
+def make_view(distortion=(0.0,) * 5, elevation=0.1, azimuth=-1.2, distance=0.45):
+    centre = np.array(
+        [distance * np.cos(azimuth), distance * np.sin(azimuth), distance * np.tan(elevation)]
+    )
+    return CupView(make_camera(distortion), look_at(centre, (0.0, 0.0, 0.0)), CUP)
+
+
+coefficients = st.tuples(
+    st.floats(-0.3, 0.3),
+    st.floats(-0.1, 0.1),
+    st.floats(-0.005, 0.005),
+    st.floats(-0.005, 0.005),
+    st.floats(-0.05, 0.05),
+)
+
+
+@given(coefficients, st.floats(0.0, 639.0), st.floats(0.0, 479.0))
+def test_pixel_to_ray_and_back(distortion, u, v):
+    camera = make_camera(distortion)
+    ray = camera.rays([[u, v]])
+    if np.all(np.isfinite(ray)):
+        assert_allclose(camera.project(3.0 * ray), [[u, v]], atol=1e-5)
+
+
+@given(coefficients)
+def test_projection_is_that_of_opencv(distortion):
+    points = np.array([[0.05, -0.03, 0.4], [-0.1, 0.07, 0.5], [0.0, 0.0, 1.0], [0.1, 0.1, 0.6]])
+    camera = make_camera(distortion)
+    expected, _ = cv2.projectPoints(
+        points, np.zeros(3), np.zeros(3), camera.matrix, np.array(distortion)
+    )
+    assert_allclose(camera.project(points), expected.reshape(-1, 2), atol=1e-7)
+
+
+def test_points_behind_the_camera_have_no_pixel():
+    assert np.all(np.isnan(make_camera().project([[0.0, 0.0, -0.5], [0.0, 0.0, 0.0]])))
+
+
+def test_beyond_the_fold_of_the_distortion_there_is_no_pixel_and_no_ray():
+    camera = make_camera((-0.5, 0.0, 0.0, 0.0, 0.0))
+    assert np.all(np.isnan(camera.project([[2.0, 0.0, 1.0]])))
+    assert np.all(np.isnan(camera.rays([[322.0 + 900.0, 238.0]])))
+
+
+@given(
+    st.floats(-np.pi, np.pi),
+    st.floats(-0.06, 0.05),
+    st.floats(-0.3, 0.6),
+    st.floats(-np.pi, np.pi),
+    st.sampled_from([(0.0,) * 5, BARREL]),
+)
+def test_wall_to_pixel_to_wall(azimuth, height, elevation, camera_azimuth, distortion):
+    view = make_view(distortion, elevation, camera_azimuth)
+    left, _ = view.tangent_azimuths()
+    away = np.cos(azimuth - view.camera_azimuth)
+    limit = np.cos(left - view.camera_azimuth)
+    if abs(away - limit) < 0.05:
+        return  # a grazing ray magnifies rounding
+    wall = Wall.FRONT if away > limit else Wall.REAR
+    found_azimuth, found_height = view.on_wall(view.project_wall(azimuth, height), wall)
+    assert abs(np.angle(np.exp(1j * (found_azimuth[0] - azimuth)))) < 1e-5
+    assert abs(found_height[0] - height) < 1e-6
+
+
+def test_front_wall_is_nearer_than_rear_wall():
+    view = make_view(azimuth=-np.pi / 2.0, elevation=0.0)
+    pixel = view.project([[0.0, 0.0, 0.0]])
+    assert_allclose(view.on_wall(pixel, Wall.FRONT)[0], -np.pi / 2.0)
+    assert_allclose(view.on_wall(pixel, Wall.REAR)[0], np.pi / 2.0)
+
+
+def test_the_same_row_is_higher_on_the_rear_wall():
+    # Level camera: height grows with the distance, 0.5 m against 0.4 m.
+    view = make_view(azimuth=-np.pi / 2.0, elevation=0.0)
+    pixel = view.project_wall(-np.pi / 2.0, 0.02)
+    assert_allclose(view.on_wall(pixel, Wall.REAR)[1], 0.02 * 0.50 / 0.40, rtol=1e-9)
+
+
+def test_rays_beside_the_cup_miss_it():
+    view = make_view()
+    azimuth, height = view.on_wall([[5.0, 240.0], [322.0, 240.0]], Wall.FRONT)
+    assert np.isnan(azimuth[0])
+    assert np.isnan(height[0])
+    assert np.isfinite(height[1])
+
+
+def test_tangent_azimuths_of_a_level_camera():
+    view = make_view(azimuth=-np.pi / 2.0, elevation=0.0, distance=0.45)
+    half = np.arccos(0.05 / 0.45)
+    left, right = view.tangent_azimuths()
+    assert_allclose([left, right], [-np.pi / 2.0 - half, -np.pi / 2.0 + half])
+    u = view.project_wall([left, right], 0.0)[:, 0]
+    # The edges are the extreme columns of the whole circle.
+    circle = view.project_wall(np.linspace(-np.pi, np.pi, 3601), 0.0)[:, 0]
+    assert_allclose(u, [circle.min(), circle.max()], atol=1e-3)
+
+
+def test_footprint_of_a_pixel_is_depth_over_focal_length():
+    view = make_view(azimuth=-np.pi / 2.0, elevation=0.0)
+    pixel = view.project_wall(-np.pi / 2.0, 0.0)[0]
+    assert_allclose(view.height_per_pixel(pixel, Wall.FRONT), 0.40 / 905.0, rtol=1e-9)
+    assert_allclose(view.height_per_pixel(pixel, Wall.REAR), 0.50 / 905.0, rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("rotation", "translation", "word"),
+    [
+        (2.0 * np.eye(3), np.zeros(3), "orthonormal"),
+        (np.diag([1.0, 1.0, -1.0]), np.zeros(3), "mirrors"),
+        (np.full((3, 3), np.nan), np.zeros(3), "finite"),
+        (np.eye(3), np.array([0.0, np.inf, 1.0]), "finite"),
+        (np.eye(2), np.zeros(3), "shape"),
+    ],
+)
+def test_poses_that_are_none_are_refused(rotation, translation, word):
+    with pytest.raises(SloshCameraError, match=word):
+        Pose(rotation, translation)
+
+
+@pytest.mark.parametrize(
+    ("centre", "target", "word"),
+    [
+        ((0.0, -0.03, 0.0), (0.0, 0.0, 0.0), "inside"),
+        ((0.0, -0.45, 0.0), (0.0, -0.9, 0.0), "in front"),
+    ],
+)
+def test_views_that_cannot_see_the_wall_are_refused(centre, target, word):
+    with pytest.raises(SloshCameraError, match=word):
+        CupView(make_camera(), look_at(centre, target), CUP)
+
+
+def test_camera_straight_above_has_no_upright_pose():
+    with pytest.raises(SloshCameraError, match="axis"):
+        look_at((0.0, 0.0, 1.0), (0.0, 0.0, 0.0))
+
+
+def test_pose_keeps_its_own_copy():
+    translation = np.array([0.0, 0.0, 1.0])
+    pose = Pose(np.eye(3), translation)
+    translation[2] = 5.0
+    assert pose.translation[2] == 1.0
+    with pytest.raises(ValueError, match="read-only"):
+        pose.translation[0] = 1.0
+
+
+K = [900.0, 0.0, 320.0, 0.0, 900.0, 240.0, 0.0, 0.0, 1.0]
+
+
+@pytest.mark.parametrize("count", [0, 4, 5])
+def test_camera_from_camera_info(count):
+    camera = camera_from_info(K, [0.1, 0.02, 0.003, 0.004, 0.005][:count], 640, 480)
+    expected = ([0.1, 0.02, 0.003, 0.004, 0.005][:count] + [0.0] * 5)[:5]
+    assert_allclose(camera.distortion, expected)
+    assert_allclose(camera.matrix.ravel(), K)
+
+
+@pytest.mark.parametrize(
+    ("k", "d", "size", "model", "word"),
+    [
+        ([0.0] * 9, [], (640, 480), "plumb_bob", "not calibrated"),
+        (K[:6], [], (640, 480), "plumb_bob", "needs 9"),
+        (K, [0.1] * 3, (640, 480), "plumb_bob", "0, 4 or 5"),
+        (K, [0.1] * 4, (640, 480), "equidistant", "not supported"),
+        ([np.nan, *K[1:]], [], (640, 480), "plumb_bob", "finite"),
+        ([-900.0, *K[1:]], [], (640, 480), "plumb_bob", "positive"),
+        (K, [np.nan] * 5, (640, 480), "plumb_bob", "finite"),
+        (K, [], (0, 480), "plumb_bob", "positive"),
+        ([900.0, 3.0, *K[2:]], [], (640, 480), "plumb_bob", "camera_matrix"),
+    ],
+)
+def test_camera_info_that_cannot_be_used(k, d, size, model, word):
+    with pytest.raises(SloshCameraError, match=word) as caught:
+        camera_from_info(k, d, *size, model)
+    assert "\n" not in str(caught.value)

@@ -1,0 +1,291 @@
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+from slosh_camera.detector import FreeSurfaceDetector
+from slosh_camera.errors import SloshCameraError
+from slosh_camera.measurement import Flag, PeakSide, bad_image
+from slosh_camera.settings import DetectionSettings, Liquid, RegionOfInterest
+
+MM = 1e-3
+PITCHED = {"camera_height": 0.45 * np.tan(np.radians(10.0))}
+
+
+def measure(scene, image, settings=None, region=None):
+    return FreeSurfaceDetector(scene.calibration(settings, region)).update(7, image)
+
+
+def angle(a, b):
+    return abs(np.degrees(np.angle(np.exp(1j * (a - b)))))
+
+
+@pytest.mark.parametrize("azimuth_deg", range(-180, 180, 30))
+@pytest.mark.parametrize("camera", [{}, PITCHED], ids=["level", "pitched"])
+def test_tilted_plane_all_around(make_scene, camera, azimuth_deg):
+    scene = make_scene(noise=2.0, **camera)
+    azimuth = np.radians(azimuth_deg)
+    result = measure(scene, scene.draw(0.02, azimuth))
+    assert result.flags == Flag.NONE
+    assert result.stamp_ns == 7
+    assert result.msh == pytest.approx(0.02, abs=0.4 * MM)
+    assert angle(result.azimuth, azimuth) < 12.0
+    towards_camera = np.cos(azimuth - scene.camera_azimuth)
+    if abs(towards_camera) > 0.3:
+        assert result.peak_side is (PeakSide.FRONT if towards_camera > 0 else PeakSide.REAR)
+    for height, edge in (
+        (result.sh_left, result.azimuth_left),
+        (result.sh_right, result.azimuth_right),
+    ):
+        assert height == pytest.approx(0.02 * np.cos(edge - azimuth), abs=0.6 * MM)
+
+
+@pytest.mark.parametrize("camera_azimuth", [-2.5, 0.0, 1.0, 3.1])
+def test_the_camera_may_stand_anywhere(make_scene, camera_azimuth):
+    scene = make_scene(camera_azimuth=camera_azimuth, **PITCHED)
+    result = measure(scene, scene.draw(0.02, camera_azimuth + 0.4))
+    assert result.msh == pytest.approx(0.02, abs=0.3 * MM)
+    assert angle(result.azimuth, camera_azimuth + 0.4) < 5.0
+    assert result.peak_side is PeakSide.FRONT
+
+
+@pytest.mark.parametrize("camera", [{}, PITCHED], ids=["level", "pitched"])
+def test_profile_lies_on_the_plane(make_scene, camera):
+    scene = make_scene(**camera)
+    result = measure(scene, scene.draw(0.015, 2.0))
+    assert result.profile_azimuth.size == result.profile_height.size > 300
+    assert result.edge_pixels.shape == (result.profile_azimuth.size, 2)
+    error = result.profile_height - 0.015 * np.cos(result.profile_azimuth - 2.0)
+    assert np.median(np.abs(error)) < 0.1 * MM
+    assert np.percentile(np.abs(error), 95) < 0.6 * MM
+
+
+def test_sub_pixel_resolution(make_scene):
+    # One pixel row is 0.4 mm on the front wall; the level is moved in steps of a tenth of it.
+    scene = make_scene(oversampling=16)
+    detector = FreeSurfaceDetector(scene.calibration())
+    levels = np.arange(-12, 13) * 0.04 * MM
+    found = [
+        np.median(detector.update(index, scene.draw(level=level)).profile_height)
+        for index, level in enumerate(levels)
+    ]
+    assert np.max(np.abs(found - levels)) < 0.07 * MM
+    assert np.mean(np.abs(found - levels)) < 0.03 * MM
+
+
+def test_stddev_covers_the_error_and_grows_with_blur(make_scene):
+    scene = make_scene(noise=2.0)
+    image = scene.draw(0.02, -1.3)
+    sharp = measure(scene, image)
+    soft = measure(scene, cv2.GaussianBlur(image, (0, 0), 2.5))
+    assert abs(sharp.msh - 0.02) < 2.0 * sharp.msh_stddev
+    assert sharp.msh_stddev < 0.5 * MM
+    assert soft.msh_stddev > 1.5 * sharp.msh_stddev
+
+
+@pytest.mark.parametrize("roll_deg", [-3.0, 3.0])
+def test_rolled_camera(make_scene, roll_deg):
+    scene = make_scene(roll=np.radians(roll_deg))
+    result = measure(scene, scene.draw(0.015, -1.0))
+    assert result.msh == pytest.approx(0.015, abs=0.3 * MM)
+
+
+def test_lens_distortion(make_scene):
+    scene = make_scene(distortion=(-0.3, 0.1, 0.002, -0.001, 0.0), focal=700.0, distance=0.3)
+    result = measure(scene, scene.draw(0.02, -1.6))
+    assert result.msh == pytest.approx(0.02, abs=0.3 * MM)
+
+
+def test_liquid_lighter_than_its_background(make_scene):
+    scene = make_scene(liquid=220, surface=150, background=40, **PITCHED)
+    settings = DetectionSettings(liquid=Liquid.LIGHTER)
+    result = measure(scene, scene.draw(0.02, 1.4), settings)
+    assert result.msh == pytest.approx(0.02, abs=0.3 * MM)
+    assert result.peak_side is PeakSide.REAR
+
+
+@pytest.mark.parametrize("threshold", [90.0, 130.0, 170.0])
+def test_fixed_threshold_does_not_move_the_line(make_scene, threshold):
+    scene = make_scene()
+    result = measure(scene, scene.draw(0.02, -1.6), DetectionSettings(threshold=threshold))
+    assert result.msh == pytest.approx(0.02, abs=0.15 * MM)
+
+
+def test_specks_and_drops_are_not_the_line(make_scene):
+    scene = make_scene()
+    image = scene.draw(0.01, -1.6)
+    cv2.circle(image, (300, 150), 4, 40, -1)  # a drop on the wall
+    cv2.circle(image, (340, 170), 1, 40, -1)  # dirt
+    image[320:323, 310:312] = 250  # a glint in the liquid
+    image[:, 250] = 30  # a scratch
+    result = measure(scene, image)
+    assert result.msh == pytest.approx(0.01, abs=0.2 * MM)
+    assert result.flags == Flag.NONE
+
+
+def test_line_above_the_frame_is_a_lower_bound(make_scene):
+    scene = make_scene(aim=-0.08, rim_height=None)
+    result = measure(scene, scene.draw(0.035, -1.6))
+    assert Flag.SATURATED in result.flags
+    assert 0.01 < result.msh < 0.035
+
+
+def test_line_above_the_region_is_a_lower_bound(make_scene):
+    scene = make_scene()
+    image = scene.draw(0.03, -1.6)
+    given = RegionOfInterest(x_offset=0, y_offset=200, width=640, height=280)
+    result = measure(scene, image, region=given)
+    assert Flag.SATURATED in result.flags
+    assert result.msh < 0.03
+    assert measure(scene, image).flags == Flag.NONE
+
+
+def test_saturation_ends_with_the_wave(make_scene):
+    scene = make_scene(aim=-0.08, rim_height=None)
+    detector = FreeSurfaceDetector(scene.calibration())
+    flags = [detector.update(i, scene.draw(a, -1.6)).flags for i, a in enumerate((0.035, 0.005))]
+    assert flags == [Flag.SATURATED, Flag.NONE]
+
+
+@pytest.mark.parametrize(
+    ("grey", "flags"),
+    [
+        (0, Flag.TOO_DARK | Flag.NOT_FOUND),
+        (255, Flag.TOO_BRIGHT | Flag.NOT_FOUND),
+        (128, Flag.NOT_FOUND),
+    ],
+)
+def test_uniform_images_hold_no_liquid(make_scene, grey, flags):
+    scene = make_scene()
+    result = measure(scene, np.full((480, 640), grey, np.uint8))
+    assert result.flags == flags
+    assert np.isnan([result.msh, result.msh_stddev, result.azimuth, result.sh_left]).all()
+    assert result.profile_height.size == 0
+    assert result.peak_side is PeakSide.UNKNOWN
+
+
+def test_empty_background_is_not_liquid(make_scene):
+    scene = make_scene(noise=6.0)
+    assert measure(scene, scene.empty()).flags == Flag.NOT_FOUND
+    # A dark thing behind the upper half of an empty cup does not make liquid either.
+    image = scene.empty()
+    image[100:200] //= 4
+    assert measure(scene, image).flags == Flag.NOT_FOUND
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_noise_alone_never_gives_a_height(make_scene, seed):
+    image = np.random.default_rng(seed).integers(0, 256, (480, 640), dtype=np.uint8)
+    result = measure(make_scene(), image)
+    assert Flag.NOT_FOUND in result.flags
+
+
+def test_repeated_image_is_flagged_once_it_repeats(make_scene):
+    scene = make_scene(noise=2.0)
+    detector = FreeSurfaceDetector(scene.calibration())
+    first = scene.draw(0.01)
+    other = replace(scene, seed=2).draw(0.01)
+    buffer = first.copy()
+    flags = [detector.update(0, buffer).flags, detector.update(1, buffer).flags]
+    buffer[:] = other  # the driver uses its buffer again
+    flags.append(detector.update(2, buffer).flags)
+    assert flags == [Flag.NONE, Flag.FROZEN, Flag.NONE]
+
+
+def test_same_images_same_numbers(make_scene):
+    scene = make_scene(noise=2.0)
+    image = scene.draw(0.012, 0.7)
+    first, second = measure(scene, image), measure(scene, image)
+    assert (first.msh, first.azimuth, first.sh_left) == (
+        second.msh,
+        second.azimuth,
+        second.sh_left,
+    )
+
+
+def test_still_image_sets_the_zero(make_scene):
+    scene = make_scene(**PITCHED)
+    detector = FreeSurfaceDetector(scene.calibration())
+    offset = detector.learn_still(scene.draw(level=1.5 * MM))
+    assert offset == pytest.approx(1.5 * MM, abs=0.1 * MM)
+    result = detector.update(0, scene.draw(0.01, -1.6, level=1.5 * MM))
+    assert result.msh == pytest.approx(0.01, abs=0.2 * MM)
+    # Learning the same again changes nothing.
+    assert detector.learn_still(scene.draw(level=1.5 * MM)) == pytest.approx(offset, abs=1e-6)
+
+
+def test_still_image_without_liquid_is_refused(make_scene):
+    scene = make_scene()
+    detector = FreeSurfaceDetector(scene.calibration())
+    with pytest.raises(SloshCameraError, match="still image"):
+        detector.learn_still(scene.empty())
+
+
+@pytest.mark.parametrize(
+    "image",
+    [
+        np.zeros((1, 1), np.uint8),
+        np.zeros((0, 0), np.uint8),
+        np.zeros((480, 641), np.uint8),
+        np.zeros((480, 640, 3), np.uint8),
+        np.zeros((480, 640), np.float64),
+    ],
+)
+def test_images_of_another_camera_are_refused(make_scene, image):
+    detector = FreeSurfaceDetector(make_scene().calibration())
+    with pytest.raises(SloshCameraError, match="calibration is for 640 x 480"):
+        detector.update(0, image)
+
+
+def test_refused_image_has_its_own_measurement():
+    result = bad_image(5)
+    assert (result.stamp_ns, result.flags) == (5, Flag.BAD_IMAGE)
+    assert np.isnan(result.msh)
+
+
+@pytest.mark.parametrize(
+    ("changes", "word"),
+    [
+        ({"aim": 0.3}, "still level"),
+        ({"aim": -0.3}, "still level"),
+        ({"roll": 1.6}, "rolled"),
+        ({"distance": 30.0}, "columns"),
+    ],
+)
+def test_a_view_in_which_nothing_can_be_measured_is_refused(make_scene, changes, word):
+    with pytest.raises(SloshCameraError, match=word):
+        FreeSurfaceDetector(make_scene(**changes).calibration())
+
+
+def test_a_region_beside_the_cup_is_refused(make_scene):
+    calibration = make_scene().calibration(region=RegionOfInterest(0, 0, 100, 480))
+    with pytest.raises(SloshCameraError, match="columns"):
+        FreeSurfaceDetector(calibration)
+
+
+def test_part_of_the_cup_is_enough(make_scene):
+    # The region shows the left half only; the right edge is unknown, not guessed.
+    scene = make_scene()
+    region = RegionOfInterest(0, 0, 300, 480)
+    result = measure(scene, scene.draw(0.02, -1.6), region=region)
+    assert np.isfinite(result.sh_left)
+    assert np.isnan(result.sh_right)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"blur": -1.0},
+        {"min_contrast": np.nan},
+        {"surface_contrast": 0.0},
+        {"min_band": 0.0},
+        {"threshold": 0.0},
+        {"max_dark": 300.0},
+        {"min_bright": -1.0},
+        {"liquid": "darker"},
+    ],
+)
+def test_settings_out_of_bounds_are_refused(changes):
+    name = next(iter(changes))
+    with pytest.raises(SloshCameraError, match=name):
+        DetectionSettings(**changes)
