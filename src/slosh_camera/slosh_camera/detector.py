@@ -41,6 +41,7 @@ _OUTLIER_WINDOW = 9
 _OUTLIER_ROWS = 3.0
 # Part of a Gaussian edge's width between the levels that bound the free surface, 12 % and 65 %.
 _SOFT_EDGE = 0.62
+_ONE_EDGE = 1.5
 _SATURATED_COLUMNS = 2
 
 
@@ -176,11 +177,13 @@ class FreeSurfaceDetector:
         """Put the front line on the front wall and, where the surface is seen, the rear line."""
         upper = refine(part, lines.upper)
         # A single soft edge passes through the surface's grey levels as well, over this many rows.
-        soft = _SOFT_EDGE * upper.width
-        band = lines.front - lines.upper >= self._settings.min_band + soft
+        thickness = lines.front - lines.upper - _SOFT_EDGE * upper.width
+        band = thickness >= self._settings.min_band
         front = np.where(band, lines.front, lines.upper)
+        # In between, the lines of the two walls run into each other and neither can be placed.
+        clear = lines.found & (band | (thickness <= _ONE_EDGE))
         placed = [
-            self._on_wall(Wall.FRONT, refine(part, front), lines.found),
+            self._on_wall(Wall.FRONT, refine(part, front), clear),
             self._on_wall(Wall.REAR, upper, lines.found & band),
         ]
         return drop_strays(placed, self._view.cup.radius)

@@ -83,6 +83,15 @@ def test_stddev_covers_the_error_and_grows_with_blur(make_scene):
     assert soft.msh_stddev > 1.5 * sharp.msh_stddev
 
 
+@pytest.mark.parametrize("blur", [1.5, 2.5])
+def test_a_soft_front_line_is_not_taken_for_a_free_surface(make_scene, blur):
+    scene = make_scene()
+    image = cv2.GaussianBlur(scene.draw(0.02, scene.camera_azimuth), (0, 0), blur)
+    result = measure(scene, image)
+    assert result.peak_side is PeakSide.FRONT
+    assert result.msh == pytest.approx(0.02, abs=0.4 * MM)
+
+
 @pytest.mark.parametrize("roll_deg", [-3.0, 3.0])
 def test_rolled_camera(make_scene, roll_deg):
     scene = make_scene(roll=np.radians(roll_deg))
