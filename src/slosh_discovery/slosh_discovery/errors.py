@@ -4,4 +4,4 @@ from __future__ import annotations
 
 
 class SloshDiscoveryError(ValueError):
-    """Data that cannot be compared, aligned or reported; the text is one line."""
+    """Data from which the asked-for answer cannot be computed; the text is one line."""

@@ -1,56 +1,49 @@
-"""Acceleration of the container's origin without gravity, as geometry_msgs/AccelStamped."""
+"""Accelerations of the container's origin, gravity excluded (geometry_msgs/AccelStamped)."""
 
 from __future__ import annotations
 
-import math
+from math import isfinite
 
-from slosh_estimator.gate import SampleGate
+from slosh_estimator.gate import GateSettings, SampleGate, Verdict
 from slosh_estimator.sample import Sample
-
-_KEPT_NAMES = 10
 
 
 class AccelInput:
-    """Takes accelerations in the frame `world` or `container`.
+    """Takes accelerations in the world's or the container's axes.
 
-    The message carries no attitude. World axes serve as they are, so that azimuths count from the
-    world's +x unless the container keeps its yaw; container axes are taken as those of a container
-    that does not yaw.
+    Without an attitude the container counts as upright and not yawing: the two frames have the same
+    axes, and azimuths refer to them.
 
     Args:
-        gate: the gate, shared with the estimator.
-        frames: names of the frames that are accepted; '' is not.
-
-    Attributes:
-        refused_frames: dropped messages by the name of their frame, the first few names.
+        settings: limits of the gate.
+        frames: names of the frames that are taken; a sample in any other is dropped and counted.
     """
 
-    def __init__(self, gate: SampleGate, frames: tuple[str, ...] = ("world", "container")) -> None:
-        self._gate = gate
-        self._frames = frozenset(frames)
-        self.refused_frames: dict[str, int] = {}
+    def __init__(self, settings: GateSettings, frames: tuple[str, ...]) -> None:
+        self.gate = SampleGate(settings)
+        self.strange_frame = ""
+        self._frames = frames
 
     def update(
-        self,
-        stamp_ns: int,
-        frame: str,
-        ax: float,
-        ay: float,
-        az: float,
-        receive_ns: int | None = None,
+        self, stamp_ns: int, frame: str, ax: float, ay: float, az: float, now_ns: int | None = None
     ) -> Sample | None:
-        """Takes a message; None where it is dropped. Units: ns, m/s²."""
+        """The sample, or None where it is dropped; accelerations in m/s²."""
         if frame not in self._frames:
-            if frame in self.refused_frames or len(self.refused_frames) < _KEPT_NAMES:
-                self.refused_frames[frame] = self.refused_frames.get(frame, 0) + 1
+            self.gate.refuse(Verdict.WRONG_FRAME)
+            self.strange_frame = frame
             return None
-        start = self._gate.check(stamp_ns, math.isfinite(ax + ay + az), receive_ns)
-        return None if start is None else Sample(stamp_ns, ax, ay, az, 0.0, start)
+        verdict = self.gate.judge(stamp_ns, isfinite(ax + ay + az), now_ns)
+        if verdict is Verdict.USE:
+            return Sample(stamp_ns, ax, ay, az)
+        if verdict is Verdict.RESTART:
+            return Sample(stamp_ns, ax, ay, az, 0.0, True)
+        return None
 
-    @property
-    def warning(self) -> str:
-        """What is wrong with the messages, one line; '' where nothing is."""
-        if not self.refused_frames:
-            return ""
-        names = ", ".join(repr(name) for name in self.refused_frames)
-        return f"accelerations in the frame {names} are dropped: send them in world or container"
+    def warning(self) -> str | None:
+        """What the user should mend; None: nothing."""
+        if not self.strange_frame:
+            return None
+        return (
+            f"accelerations in frame {self.strange_frame!r} are dropped: "
+            f"publish them in {' or '.join(map(repr, self._frames))}"
+        )

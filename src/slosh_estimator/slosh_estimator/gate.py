@@ -1,11 +1,32 @@
-"""Lets through samples that can be integrated; drops and counts the others."""
+"""Decides which input samples are used, counts the others, and sees gaps."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import Enum
 
-from slosh_estimator.checks import in_range
-from slosh_estimator.sample import Start
+from slosh_estimator.errors import SloshEstimatorError
+
+
+class Verdict(Enum):
+    """What becomes of a sample."""
+
+    USE = "used"
+    RESTART = "used after a gap"
+    STALE = "stale"
+    REPEATED = "repeated"
+    DISORDERED = "out of order"
+    NOT_FINITE = "not finite"
+    WRONG_FRAME = "wrong frame"
+
+
+DROPPED = (
+    Verdict.STALE,
+    Verdict.REPEATED,
+    Verdict.DISORDERED,
+    Verdict.NOT_FINITE,
+    Verdict.WRONG_FRAME,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -13,120 +34,88 @@ class GateSettings:
     """Limits of the gate.
 
     Attributes:
-        max_gap: longest time between samples that is integrated across [s].
-        max_age: oldest sample, against its time of arrival [s]; 0: not checked.
-        restart_jump: a stamp this far back may mean that time started anew [s].
-        restart_count: so many such samples in a row mean that it did.
+        max_gap: longest time between two samples that is integrated across [s].
+        max_age: oldest sample that is used, against the time of its arrival [s].
+        restart_after: so many samples in order before the newest one mean that time itself was set
+            back, by a restarted simulation or a corrected clock: the gate starts anew with them.
 
     Raises:
-        SloshEstimatorError: a value out of range.
+        SloshEstimatorError: a limit is not positive.
     """
 
     max_gap: float = 0.05
-    max_age: float = 1.0
-    restart_jump: float = 1.0
-    restart_count: int = 10
+    max_age: float = 0.5
+    restart_after: int = 20
 
     def __post_init__(self) -> None:
-        in_range("max_gap", self.max_gap, 1e-4, 10.0, "s")
-        in_range("max_age", self.max_age, 0.0, 3600.0, "s")
-        in_range("restart_jump", self.restart_jump, 0.0, 3600.0, "s")
-        in_range("restart_count", self.restart_count, 1, 10_000, "samples")
+        for name in ("max_gap", "max_age", "restart_after"):
+            if not getattr(self, name) > 0:
+                raise SloshEstimatorError(f"{name} = {getattr(self, name)!r} must be positive")
 
 
 class SampleGate:
-    """Judges samples by their stamps.
+    """Judges samples by their stamps."""
 
-    A gap is never integrated across: what the liquid did meanwhile is unknown, so the next sample
-    starts anew. A stamp far back is dropped as out of order until several in a row come: then time
-    has restarted (a simulation or a bag that loops), and a new run begins. The same rule recovers
-    from a single stamp far in the future.
-
-    Attributes:
-        used, gaps, restarts: samples let through, and how many of them followed a gap or a restart.
-        stale, repeated, out_of_order, not_finite: samples dropped, by reason.
-    """
-
-    __slots__ = (
-        "_back_count",
-        "_back_ns",
-        "_last_ns",
-        "_max_age_ns",
-        "_max_gap_ns",
-        "_restart_count",
-        "_restart_ns",
-        "gaps",
-        "not_finite",
-        "out_of_order",
-        "repeated",
-        "restarts",
-        "stale",
-        "used",
-    )
-
-    def __init__(self, settings: GateSettings | None = None) -> None:
-        settings = settings or GateSettings()
+    def __init__(self, settings: GateSettings) -> None:
+        self.counts: dict[Verdict, int] = dict.fromkeys(Verdict, 0)
         self._max_gap_ns = round(settings.max_gap * 1e9)
         self._max_age_ns = round(settings.max_age * 1e9)
-        self._restart_ns = round(settings.restart_jump * 1e9)
-        self._restart_count = settings.restart_count
-        self.used = self.gaps = self.restarts = 0
-        self.stale = self.repeated = self.out_of_order = self.not_finite = 0
-        self.reset()
+        self._restart_after = settings.restart_after
+        self._last_ns: int | None = None
+        self._early_ns: int | None = None
+        self._early_count = 0
+
+    @property
+    def used(self) -> int:
+        """Samples that were used."""
+        return self.counts[Verdict.USE] + self.counts[Verdict.RESTART]
 
     @property
     def dropped(self) -> int:
-        """Samples dropped, for whatever reason."""
-        return self.stale + self.repeated + self.out_of_order + self.not_finite
+        """Samples that were not."""
+        return sum(self.counts[verdict] for verdict in DROPPED)
 
-    def reset(self) -> None:
-        """The next sample is a first one; the counters stay."""
-        self._last_ns: int | None = None
-        self._back_ns, self._back_count = 0, 0
+    @property
+    def gaps(self) -> int:
+        """Restarts but the first."""
+        return max(0, self.counts[Verdict.RESTART] - 1)
 
-    def check(self, stamp_ns: int, finite: bool, receive_ns: int | None = None) -> Start | None:
+    def judge(self, stamp_ns: int, finite: bool, now_ns: int | None = None) -> Verdict:
         """Judges a sample.
 
         Args:
             stamp_ns: its stamp [ns].
-            finite: whether all its values are finite.
-            receive_ns: its time of arrival on the stamps' clock [ns]; None: unknown.
-
-        Returns:
-            how it continues the sample before, or None where it is dropped.
+            finite: whether all its numbers are finite.
+            now_ns: the time of its arrival, on the stamps' clock [ns]; None: age does not matter.
         """
-        if not finite:
-            self.not_finite += 1
-            return None
-        if self._max_age_ns and receive_ns is not None:
-            if receive_ns - stamp_ns > self._max_age_ns:
-                self.stale += 1
-                return None
-        last = self._last_ns
-        start = Start.FIRST
-        if last is not None:
-            step = stamp_ns - last
-            if step > 0:
-                start = Start.CONTINUES if step <= self._max_gap_ns else Start.AFTER_GAP
-            elif not self._restarted(stamp_ns, step):
-                return None
-        self._back_count = 0
-        self._last_ns = stamp_ns
-        self.used += 1
-        self.gaps += start is Start.AFTER_GAP
-        return start
+        verdict = self._judge(stamp_ns, finite, now_ns)
+        self.counts[verdict] += 1
+        return verdict
 
-    def _restarted(self, stamp_ns: int, step: int) -> bool:
-        """Whether a stamp that does not increase starts a new run; counts it where it does not."""
-        if step == 0:
-            self.repeated += 1
-            return False
-        if step <= -self._restart_ns:
-            increasing = self._back_count > 0 and stamp_ns > self._back_ns
-            self._back_count = self._back_count + 1 if increasing else 1
-            self._back_ns = stamp_ns
-            if self._back_count >= self._restart_count:
-                self.restarts += 1
-                return True
-        self.out_of_order += 1
-        return False
+    def refuse(self, verdict: Verdict) -> None:
+        """Counts a sample that was dropped for a reason outside its stamp."""
+        self.counts[verdict] += 1
+
+    def _judge(self, stamp_ns: int, finite: bool, now_ns: int | None) -> Verdict:
+        if not finite:
+            return Verdict.NOT_FINITE
+        if now_ns is not None and now_ns - stamp_ns > self._max_age_ns:
+            return Verdict.STALE
+        last = self._last_ns
+        if last is not None and stamp_ns <= last:
+            if stamp_ns == last:
+                return Verdict.REPEATED
+            if not self._time_was_set_back(stamp_ns):
+                return Verdict.DISORDERED
+            last = None
+        self._last_ns, self._early_ns, self._early_count = stamp_ns, None, 0
+        if last is None or stamp_ns - last > self._max_gap_ns:
+            return Verdict.RESTART
+        return Verdict.USE
+
+    def _time_was_set_back(self, stamp_ns: int) -> bool:
+        """True once enough early samples follow each other in order."""
+        in_order = self._early_ns is not None and stamp_ns > self._early_ns
+        self._early_count = self._early_count + 1 if in_order else 1
+        self._early_ns = stamp_ns
+        return self._early_count >= self._restart_after

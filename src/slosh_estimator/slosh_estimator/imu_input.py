@@ -1,13 +1,13 @@
-"""Specific force and angular velocity of an inertial sensor on the container, as REP-145 has them.
+"""Specific force and angular velocity of an inertial sensor (sensor_msgs/Imu, REP-145).
 
-At rest with z up the sensor reads +g. With R the rotation sensor → container, r the sensor's place
-in the container and ω, ω̇ in the container's axes, the specific force at the container's origin is
+At rest with z up the sensor reads +g along z. What drives the liquid is the specific force at the
+container's origin, in axes that do not follow the container's yaw:
 
-    f = R f_sensor − ω̇ × r − ω × (ω × r)
+    f = R f_s + ω̇ × r + ω × (ω × r),        a = Rz(ψ) f - g ẑ,        ψ = ∫ ω_z dt,
 
-and the models are driven by u = Rz(ψ) f − g ẑ with ψ = ∫ ω_z dt: the liquid of an axisymmetric
-container does not follow its yaw, so the models live in axes that do not yaw either, while a tilt
-enters as the lateral part of gravity that the liquid feels.
+with the fixed rotation R from the sensor's to the container's axes and r from the sensor to the
+container's origin. A tilt needs no further care: gravity's share along the container's floor is part
+of f.
 """
 
 from __future__ import annotations
@@ -15,204 +15,118 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from slosh_estimator.errors import SloshEstimatorError
+from slosh_estimator.gate import GateSettings, SampleGate, Verdict
+from slosh_estimator.rotation import Vector, cross, matrix_from_rpy, rotate
+from slosh_estimator.sample import SECONDS, Sample
 from slosh_model.constants import GRAVITY
 
-from slosh_estimator.checks import in_range
-from slosh_estimator.errors import SloshEstimatorError
-from slosh_estimator.gate import SampleGate
-from slosh_estimator.sample import Sample, Start
-
-Vector = tuple[float, float, float]
-Rotation = tuple[Vector, Vector, Vector]
-
-IDENTITY: Rotation = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-_MEAN_TIME = 1.0  # s; over which the mean force is judged
-_SETTLED = 3.0  # mean times until the judgement holds
-
-
-def rotation_from_quaternion(x: float, y: float, z: float, w: float) -> Rotation:
-    """Rotation matrix of a quaternion.
-
-    Raises:
-        SloshEstimatorError: the quaternion is not of unit length (± 1 %).
-    """
-    norm = math.sqrt(x * x + y * y + z * z + w * w)
-    if not abs(norm - 1.0) < 0.01:
-        raise SloshEstimatorError(f"rotation ({x}, {y}, {z}, {w}) has the norm {norm:g}, not 1")
-    x, y, z, w = x / norm, y / norm, z / norm, w / norm
-    return (
-        (1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)),
-        (2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)),
-        (2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)),
-    )
-
-
-def rotation_from_rpy(roll: float, pitch: float, yaw: float) -> Rotation:
-    """Rz(yaw) Ry(pitch) Rx(roll), the convention of URDF [rad]."""
-    cr, sr = math.cos(roll), math.sin(roll)
-    cp, sp = math.cos(pitch), math.sin(pitch)
-    cy, sy = math.cos(yaw), math.sin(yaw)
-    return (
-        (cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr),
-        (sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr),
-        (-sp, cp * sr, cp * cr),
-    )
+ANGULAR_FILTER = 0.01
+"""Time constant of the low-pass behind ω̇ [s]."""
+GRAVITY_FILTER = 2.0
+"""Time constant of the mean ‖f‖ by which a sensor without gravity is recognised [s]."""
+TOO_LIGHT = 0.5 * GRAVITY
 
 
 @dataclass(frozen=True, slots=True)
-class ImuSettings:
-    """The sensor's place and the filter.
+class SensorTransform:
+    """Where the sensor sits.
 
     Attributes:
-        rotation: sensor → container.
-        translation: the sensor's place in the container's frame [m].
-        rate_time_constant: of the low-passed derivative that gives ω̇ [s].
+        roll, pitch, yaw: rotation container ← sensor, fixed axes [rad].
+        to_origin: from the sensor to the container's origin, in the container's axes [m].
 
     Raises:
-        SloshEstimatorError: a value out of range.
+        SloshEstimatorError: a value is not finite.
     """
 
-    rotation: Rotation = IDENTITY
-    translation: Vector = (0.0, 0.0, 0.0)
-    rate_time_constant: float = 0.01
+    roll: float = 0.0
+    pitch: float = 0.0
+    yaw: float = 0.0
+    to_origin: Vector = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
-        for axis, value in zip("xyz", self.translation, strict=True):
-            in_range(f"translation {axis}", value, -10.0, 10.0, "m")
-        in_range("rate_time_constant", self.rate_time_constant, 1e-4, 1.0, "s")
+        if not all(map(math.isfinite, (self.roll, self.pitch, self.yaw, *self.to_origin))):
+            raise SloshEstimatorError(f"sensor transform {self} must be finite")
 
 
 class ImuInput:
-    """Turns sensor messages into samples.
+    """Takes specific forces and angular velocities."""
 
-    Args:
-        gate: the gate, shared with the estimator.
-        settings: the sensor's place and the filter.
-
-    Attributes:
-        without_rates: samples whose angular velocity was not reported: taken as no rotation.
-    """
-
-    def __init__(self, gate: SampleGate, settings: ImuSettings | None = None) -> None:
-        self._gate = gate
-        self._settings = settings or ImuSettings()
-        self._has_lever = any(self._settings.translation)
-        self.without_rates = 0
-        self.reset()
-
-    def reset(self) -> None:
-        """Forgets the yaw and the filters."""
+    def __init__(self, settings: GateSettings, transform: SensorTransform) -> None:
+        self.gate = SampleGate(settings)
+        self._matrix = matrix_from_rpy(transform.roll, transform.pitch, transform.yaw)
+        self._to_origin = transform.to_origin
+        self._stamp_ns = 0
+        self._slow_rate: Vector = (0.0, 0.0, 0.0)
+        self._last_yaw_rate = 0.0
         self._yaw = 0.0
-        self._last_ns = 0
-        self._rate: Vector = (0.0, 0.0, 0.0)
-        self._smooth: Vector = (0.0, 0.0, 0.0)
-        self._mean: Vector | None = None
-        self._mean_age = 0.0
+        self._mean_force = GRAVITY
+        self._rate_missing = False
 
     def update(
-        self,
-        stamp_ns: int,
-        force: Vector,
-        rate: Vector,
-        receive_ns: int | None = None,
-        *,
-        force_reported: bool = True,
-        rate_reported: bool = True,
+        self, stamp_ns: int, force: Vector, rate: Vector | None, now_ns: int | None = None
     ) -> Sample | None:
-        """Takes a message.
+        """The sample, or None where it is dropped.
 
         Args:
-            stamp_ns: its stamp [ns].
-            force: specific force in the sensor's frame [m/s²].
-            rate: angular velocity in the sensor's frame [rad/s]; NaN: not reported.
-            receive_ns: its time of arrival [ns].
-            force_reported, rate_reported: False where covariance[0] is −1.
-
-        Returns:
-            the sample, or None where the message is dropped.
+            stamp_ns: the moment [ns].
+            force: specific force in the sensor's axes [m/s²].
+            rate: angular velocity in the sensor's axes [rad/s]; None: the sensor reports none.
+            now_ns: the time of arrival [ns].
         """
-        finite = force_reported and math.isfinite(force[0] + force[1] + force[2])
-        start = self._gate.check(stamp_ns, finite, receive_ns)
-        if start is None:
+        finite = math.isfinite(sum(force)) and (rate is None or math.isfinite(sum(rate)))
+        verdict = self.gate.judge(stamp_ns, finite, now_ns)
+        if verdict not in (Verdict.USE, Verdict.RESTART):
             return None
-        if not (rate_reported and math.isfinite(rate[0] + rate[1] + rate[2])):
-            self.without_rates += 1
-            rate = (0.0, 0.0, 0.0)
-        f, w = self._rotated(force), self._rotated(rate)
-        dt = 0.0
-        if start is Start.CONTINUES:
-            dt = (stamp_ns - self._last_ns) / 1e9
-            self._yaw = math.remainder(self._yaw + 0.5 * dt * (self._rate[2] + w[2]), math.tau)
-        else:
-            self._smooth, self._mean, self._mean_age = w, f, 0.0
-        self._last_ns, self._rate = stamp_ns, w
-        self._watch_gravity(f, dt)
-        if self._has_lever:
-            f = self._at_origin(f, w, dt)
+        restarted = verdict is Verdict.RESTART
+        self._rate_missing = rate is None
+        omega = rotate(self._matrix, rate) if rate is not None else (0.0, 0.0, 0.0)
+        dt = 0.0 if restarted else (stamp_ns - self._stamp_ns) * SECONDS
+        self._stamp_ns = stamp_ns
+        if restarted:
+            self._slow_rate, self._last_yaw_rate = omega, omega[2]
+        fx, fy, fz = self._force_at_origin(rotate(self._matrix, force), omega, dt)
+        # The yaw by the trapezoidal rule, as the acceleration is interpolated linearly too.
+        self._yaw += 0.5 * dt * (omega[2] + self._last_yaw_rate)
+        self._last_yaw_rate = omega[2]
+        self._watch_gravity(math.sqrt(fx * fx + fy * fy + fz * fz), dt)
         c, s = math.cos(self._yaw), math.sin(self._yaw)
-        ax, ay, az = c * f[0] - s * f[1], s * f[0] + c * f[1], f[2] - GRAVITY
-        return Sample(stamp_ns, ax, ay, az, self._yaw, start)
+        return Sample(
+            stamp_ns, c * fx - s * fy, s * fx + c * fy, fz - GRAVITY, self._yaw, restarted
+        )
 
-    @property
-    def warning(self) -> str:
-        """What is wrong with the messages, one line; '' where nothing is."""
-        if self._mean is not None and self._mean_age > _SETTLED * _MEAN_TIME:
-            norm = math.hypot(*self._mean)
-            if norm < 0.5 * GRAVITY:
-                return (
-                    f"the mean specific force is {norm:.2f} m/s² instead of {GRAVITY}: the driver "
-                    "seems to remove gravity; send the raw specific force (REP-145) or use accel"
-                )
-            if self._mean[2] < 0.5 * GRAVITY:
-                return (
-                    f"gravity is along ({self._mean[0]:.1f}, {self._mean[1]:.1f}, "
-                    f"{self._mean[2]:.1f}) m/s² in the container's frame instead of +z: check the "
-                    "transform sensor → container"
-                )
-        if self.without_rates:
-            return "angular velocity is not reported: yaw and lever arm are not compensated"
-        return ""
+    def warning(self) -> str | None:
+        """What the user should mend; None: nothing."""
+        if self._mean_force < TOO_LIGHT:
+            return (
+                f"the sensor's mean specific force is {self._mean_force:.1f} m/s²: it seems to leave gravity "
+                "out; publish specific force as REP-145 says (+9.8 m/s² at rest)"
+            )
+        if self._rate_missing and self._to_origin != (0.0, 0.0, 0.0):
+            return "the sensor reports no angular velocity: its lever arm is not accounted for"
+        return None
 
-    def _rotated(self, v: Vector) -> Vector:
-        x, y, z = v
-        a, b, c = self._settings.rotation
+    def _force_at_origin(self, force: Vector, omega: Vector, dt: float) -> Vector:
+        """Specific force at the container's origin; ω̇ from the low-passed angular velocity."""
+        blend = dt / (ANGULAR_FILTER + dt)
+        slow = self._slow_rate
+        change = (omega[0] - slow[0], omega[1] - slow[1], omega[2] - slow[2])
+        self._slow_rate = (
+            slow[0] + blend * change[0],
+            slow[1] + blend * change[1],
+            slow[2] + blend * change[2],
+        )
+        inverse = 1.0 / (ANGULAR_FILTER + dt)
+        turn = cross(
+            (change[0] * inverse, change[1] * inverse, change[2] * inverse), self._to_origin
+        )
+        swing = cross(omega, cross(omega, self._to_origin))
         return (
-            a[0] * x + a[1] * y + a[2] * z,
-            b[0] * x + b[1] * y + b[2] * z,
-            c[0] * x + c[1] * y + c[2] * z,
+            force[0] + turn[0] + swing[0],
+            force[1] + turn[1] + swing[1],
+            force[2] + turn[2] + swing[2],
         )
 
-    def _watch_gravity(self, f: Vector, dt: float) -> None:
-        mean = self._mean if self._mean is not None else f
-        k = 1.0 - math.exp(-dt / _MEAN_TIME)
-        self._mean = (
-            mean[0] + k * (f[0] - mean[0]),
-            mean[1] + k * (f[1] - mean[1]),
-            mean[2] + k * (f[2] - mean[2]),
-        )
-        self._mean_age += dt
-
-    def _at_origin(self, f: Vector, w: Vector, dt: float) -> Vector:
-        """The specific force at the container's origin."""
-        tau = self._settings.rate_time_constant
-        k = 1.0 - math.exp(-dt / tau)
-        s = self._smooth
-        # The derivative of the first-order low-pass, after its step.
-        smooth = (s[0] + k * (w[0] - s[0]), s[1] + k * (w[1] - s[1]), s[2] + k * (w[2] - s[2]))
-        self._smooth = smooth
-        dw = ((w[0] - smooth[0]) / tau, (w[1] - smooth[1]) / tau, (w[2] - smooth[2]) / tau)
-        r = self._settings.translation
-        turned, inner = _cross(dw, r), _cross(w, _cross(w, r))
-        return (
-            f[0] - turned[0] - inner[0],
-            f[1] - turned[1] - inner[1],
-            f[2] - turned[2] - inner[2],
-        )
-
-
-def _cross(a: Vector, b: Vector) -> Vector:
-    return (
-        a[1] * b[2] - a[2] * b[1],
-        a[2] * b[0] - a[0] * b[2],
-        a[0] * b[1] - a[1] * b[0],
-    )
+    def _watch_gravity(self, magnitude: float, dt: float) -> None:
+        self._mean_force += dt / (GRAVITY_FILTER + dt) * (magnitude - self._mean_force)

@@ -1,30 +1,30 @@
-"""Reads model files."""
+"""Reads a `model.yaml`."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
+from slosh_estimator.errors import SloshEstimatorError
 from slosh_model.model import Model
 from slosh_model.model_text import parse_model
 
-from slosh_estimator.errors import SloshEstimatorError
+MAXIMUM_SIZE = 1_000_000  # bytes; a model is a page of text
 
 
 def read_model(path: str | Path) -> Model:
-    """Reads a model file.
+    """The model in a file.
 
     Raises:
-        SloshEstimatorError: the file cannot be read.
-        SloshModelError: its content is wrong; the text names the file, the key and the value.
+        SloshEstimatorError: the file is not readable text.
+        SloshModelError: its content is no model; the text names the file and the key.
     """
+    path = Path(path)
     try:
-        text = Path(path).read_text(encoding="utf-8")
+        if path.stat().st_size > MAXIMUM_SIZE:
+            raise SloshEstimatorError(f"{path}: too large for a model file")
+        text = path.read_text(encoding="utf-8")
     except OSError as error:
-        raise SloshEstimatorError(
-            f"model file {str(path)!r} cannot be read: {error.strerror}"
-        ) from None
-    except UnicodeDecodeError as error:
-        raise SloshEstimatorError(
-            f"model file {str(path)!r} is not UTF-8 text: byte {error.start}"
-        ) from None
-    return parse_model(text, source=str(path))
+        raise SloshEstimatorError(f"{path}: {error.strerror}") from None
+    except UnicodeDecodeError:
+        raise SloshEstimatorError(f"{path}: not a text file") from None
+    return parse_model(text, str(path))

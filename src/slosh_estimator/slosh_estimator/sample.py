@@ -1,29 +1,23 @@
-"""One input sample, as every input adapter gives it to the estimator."""
+"""An input sample of the estimator, however it was measured."""
 
 from __future__ import annotations
 
-import math
-from enum import IntEnum
 from typing import NamedTuple
 
-
-class Start(IntEnum):
-    """How a sample continues the one before."""
-
-    CONTINUES = 0
-    FIRST = 1
-    AFTER_GAP = 2
+SECONDS = 1e-9  # of a nanosecond
 
 
 class Sample(NamedTuple):
-    """Acceleration that drives the models.
+    """What drives the models at one moment.
+
+    A named tuple, because a thousand are made each second.
 
     Attributes:
-        stamp_ns: moment [ns].
-        ax, ay, az: acceleration without gravity [m/s²], in axes parallel to the container's that
-            do not follow its yaw.
-        yaw: the container's yaw against these axes [rad].
-        start: how the sample continues the one before.
+        stamp_ns: the moment [ns].
+        ax, ay, az: acceleration, gravity excluded [m/s²], in axes that are parallel to the container's
+            but do not follow its yaw: the liquid in a round container does not follow it either.
+        yaw: angle of the container's x axis in these axes [rad].
+        restarted: True for the first sample and for one after a gap: nothing links it to those before.
     """
 
     stamp_ns: int
@@ -31,10 +25,4 @@ class Sample(NamedTuple):
     ay: float
     az: float
     yaw: float = 0.0
-    start: Start = Start.CONTINUES
-
-
-def wrap(angle: float) -> float:
-    """The angle in (-π, π]."""
-    wrapped = math.remainder(angle, math.tau)
-    return math.pi if wrapped <= -math.pi else wrapped
+    restarted: bool = False
