@@ -46,6 +46,26 @@ def rms_error(measured: ArrayLike, model: ArrayLike) -> float:
     return float(np.sqrt(np.mean((reference - estimate) ** 2)))
 
 
+def standard_error_of_estimate(measured: ArrayLike, model: ArrayLike) -> float:
+    """SEOE (TM20, §2.4): root mean square deviation over all repetitions and samples.
+
+    Args:
+        measured: (J,) samples, or (K, J) of K repetitions.
+        model: (J,), the same for each repetition, or (K, J).
+
+    Raises:
+        SloshDiscoveryError: the series do not match or share no finite moment.
+    """
+    repetitions = np.asarray(measured, dtype=np.float64)
+    try:
+        estimate = np.broadcast_to(np.asarray(model, dtype=np.float64), repetitions.shape)
+    except ValueError:
+        raise SloshDiscoveryError(
+            f"series of the shapes {repetitions.shape} and {np.shape(model)} cannot be compared"
+        ) from None
+    return rms_error(repetitions.ravel(), estimate.ravel())
+
+
 def relative_peak_error(measured_peak: float, model_peak: float) -> float:
     """(model - measured) / measured; NaN without a positive measured peak."""
     if not measured_peak > 0.0:

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -28,9 +29,12 @@ def test_pairs_without_a_measurement_do_not_count() -> None:
     assert rms_error(MEASURED, MODEL) == pytest.approx(math.sqrt(11e-4 / 3))
 
 
-def test_nothing_to_compare_gives_nan() -> None:
-    for metric in (peak_error, mean_absolute_error, rms_error, standard_error_of_estimate):
-        assert math.isnan(metric([math.nan], [1.0]))
+@pytest.mark.parametrize(
+    "metric", [peak_error, mean_absolute_error, rms_error, standard_error_of_estimate]
+)
+def test_nothing_to_compare_is_an_error(metric: Callable[..., float]) -> None:
+    with pytest.raises(SloshDiscoveryError, match="no finite moment"):
+        metric([math.nan], [1.0])
 
 
 def test_peak_error_needs_a_positive_measured_peak() -> None:
@@ -59,13 +63,15 @@ def test_the_stream_gives_what_the_arrays_give(pairs: list[tuple[float, float]])
     for measured, model in pairs:
         accuracy.update(measured, model)
     columns = np.array(pairs).reshape(-1, 2).T
-    for streamed, whole in (
-        (accuracy.epsilon, peak_error(*columns)),
-        (accuracy.sigma, mean_absolute_error(*columns)),
-        (accuracy.rms, rms_error(*columns)),
-    ):
-        np.testing.assert_allclose(streamed, whole, rtol=1e-12, atol=1e-15)
     assert accuracy.count == int(np.isfinite(columns).all(axis=0).sum())
+    if not accuracy.count:
+        assert math.isnan(accuracy.sigma)
+        assert math.isnan(accuracy.epsilon)
+        return
+    np.testing.assert_allclose(accuracy.epsilon, peak_error(*columns), rtol=1e-12, atol=1e-15)
+    np.testing.assert_allclose(
+        accuracy.sigma, mean_absolute_error(*columns), rtol=1e-12, atol=1e-15
+    )
 
 
 def test_reset_forgets() -> None:

@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from slosh_estimator.sample import SECONDS, Sample
-from slosh_estimator.validity import EstimateFlag, ValidityWatch
 from slosh_model.model import Model
 from slosh_model.simulate import Simulator
+
+from slosh_estimator.sample import Sample
+from slosh_estimator.validity import EstimateFlag, ValidityWatch
 
 RUNAWAY = 5.0
 """A sloshing mass farther out than so many radii is no liquid any more."""
@@ -66,9 +67,8 @@ class Estimator:
 
     def load_model(self, model: Model) -> None:
         """Replaces the model; it starts from rest with the next sample."""
-        self.model = model
-        self._linear = Simulator(model.linear())
-        self._nonlinear = Simulator(model.nonlinear())
+        linear, nonlinear = Simulator(model.linear()), Simulator(model.nonlinear())
+        self.model, self._linear, self._nonlinear = model, linear, nonlinear
         self._watch = ValidityWatch(model)
         first = model.mode_constants()[0]
         rate = first.damping_ratio * first.natural_frequency
@@ -97,7 +97,8 @@ class Estimator:
             self._restart(sample.stamp_ns)
             last = None
         self._last_ns = sample.stamp_ns
-        dt = 0.0 if last is None else (sample.stamp_ns - last) * SECONDS
+        # A quotient, not a product with 1e-9: correctly rounded, thus the same bits offline.
+        dt = 0.0 if last is None else (sample.stamp_ns - last) / 1e9
         linear = self._step(self._linear, dt, sample)
         nonlinear = self._step(self._nonlinear, dt, sample)
         if linear is None or nonlinear is None:

@@ -92,11 +92,13 @@ class LimitTracker:
 
     def update(self, stamp_ns: int, value: float) -> Event | None:
         """Takes a value [m]; returns the event that it causes. NaN changes nothing."""
+        if math.isnan(value):
+            return None
         if not self.active:
             return self._start(stamp_ns, value) if value > self.limit else None
         if value > self._peak:
             self._peak, self._peak_ns = value, stamp_ns
-        if not value <= self._hysteresis.release * self.limit:
+        if value > self.release_level:
             self._below_since_ns = None
             return None
         if self._below_since_ns is None:
@@ -104,6 +106,11 @@ class LimitTracker:
         if stamp_ns - self._below_since_ns < self._hysteresis.hold_ns:
             return None
         return self.close(self._below_since_ns, "back below the limit")
+
+    @property
+    def release_level(self) -> float:
+        """Value below which an excess ends [m]."""
+        return self._hysteresis.release * self.limit
 
     def close(self, stamp_ns: int, reason: str) -> Event | None:
         """Ends an excess; None where there is none."""

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from slosh_estimator.errors import SloshEstimatorError
 from slosh_model.model import Model
 from slosh_model.model_text import parse_model
+
+from slosh_estimator.errors import SloshEstimatorError
 
 MAXIMUM_SIZE = 1_000_000  # bytes; a model is a page of text
 
@@ -18,6 +19,8 @@ def read_model(path: str | Path) -> Model:
         SloshEstimatorError: the file is not readable text.
         SloshModelError: its content is no model; the text names the file and the key.
     """
+    if not str(path):
+        raise SloshEstimatorError("model: no file given; name a model.yaml")
     path = Path(path)
     try:
         if path.stat().st_size > MAXIMUM_SIZE:

@@ -14,12 +14,15 @@ from enum import IntEnum
 from typing import NamedTuple
 
 from slosh_discovery.metrics import RunningAccuracy
+
 from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.limits import Event, Hysteresis, LimitTracker, Source
 from slosh_estimator.sample import SECONDS
 from slosh_estimator.validity import EstimateFlag
 
 NAN = float("nan")
+MAXIMUM_WAITING = 1000
+"""Measurements that wait for an estimate; the oldest goes when there are more."""
 # Flags of FreeSurface.msg that matter here.
 SATURATED = 1
 UNUSABLE = 32 | 128  # no liquid found, image not decoded
@@ -110,10 +113,10 @@ class Comparison(NamedTuple):
 class Monitor:
     """Takes estimates and measurements as they come, and gives comparisons and events.
 
-    A measurement waits until an estimate at or after its stamp has come. A saturated measurement is a
-    lower bound: it enters σ and ε only where it lies above the estimate, and counts as disagreement only
-    there. Measurements without a height, and estimates from an unknown state, are compared but do not
-    enter σ and ε.
+    A measurement waits until an estimate at or after its stamp has come. A saturated measurement
+    is a lower bound: it enters σ and ε only where it lies above the estimate, counts as
+    disagreement only there, and does not end an excess of the measured height. Measurements
+    without a height, and estimates from an unknown state, are compared but do not enter σ and ε.
     """
 
     def __init__(self, settings: MonitorSettings) -> None:
@@ -149,8 +152,7 @@ class Monitor:
             if estimates[-1].stamp_ns - point.stamp_ns < self.settings.buffer / SECONDS:
                 self.late_estimates += 1
                 return []
-            estimates.clear()  # time was set back
-            self._waiting.clear()
+            self._forget(estimates[-1].stamp_ns)  # time was set back
         estimates.append(point)
         oldest = point.stamp_ns - self.settings.buffer / SECONDS
         while estimates[0].stamp_ns < oldest:
@@ -165,10 +167,13 @@ class Monitor:
         height = NAN if point.flags & UNUSABLE else point.msh
         point = point._replace(msh=height)
         self._last_measured = height
-        self._track(Source.MEASURED, point.stamp_ns, height)
+        self._track(Source.MEASURED, point.stamp_ns, self._bounded(point))
         if self._stale(self._estimated_at, arrival_ns):
             return [self._compare(point, None, estimate_stale=True)]
         self._waiting.append(point)
+        if len(self._waiting) > MAXIMUM_WAITING:
+            self._waiting.popleft()
+            self.unmatched += 1
         return list(self._ready())
 
     def check(self, now_ns: int) -> list[Comparison]:
@@ -241,11 +246,29 @@ class Monitor:
         if event is not None:
             self._events.append(event)
 
+    def _bounded(self, point: MeasuredPoint) -> float:
+        """The height for the limit; NaN where a lower bound cannot tell that an excess ends."""
+        low = point.msh <= self._trackers[Source.MEASURED].release_level
+        return NAN if point.flags & SATURATED and low else point.msh
+
+    def _forget(self, stamp_ns: int) -> None:
+        """Ends everything that hangs on stamps, at the newest of them."""
+        self._estimates.clear()
+        self._waiting.clear()
+        for source in Source:
+            self._close(source, stamp_ns, "time was set back")
+
     def _ready(self) -> Iterator[Comparison]:
         """Comparisons of the waiting measurements that the estimates have reached."""
-        newest = self._estimates[-1].stamp_ns if self._estimates else -1
-        while self._waiting and self._waiting[0].stamp_ns <= newest:
-            point = self._waiting.popleft()
+        if not self._estimates:
+            return
+        newest = self._estimates[-1].stamp_ns
+        # All of them: one stamp far in the future must not hold up those behind it.
+        ready = [point for point in self._waiting if point.stamp_ns <= newest]
+        if not ready:
+            return
+        self._waiting = deque(point for point in self._waiting if point.stamp_ns > newest)
+        for point in ready:
             estimate = self._interpolated(point.stamp_ns)
             if estimate is None:
                 self.unmatched += 1

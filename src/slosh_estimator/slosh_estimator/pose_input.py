@@ -1,24 +1,32 @@
 """Poses of the container (geometry_msgs/PoseStamped), differentiated twice.
 
 The second derivative is that of the parabola that fits the positions of a sliding window best (least
-squares; Savitzky and Golay's filter, for samples at any spacing). It belongs to the window's centre
-and carries that moment's stamp: the estimate comes half a window late, but with no phase error.
+squares; Savitzky and Golay's filter, for samples at any spacing). A cubic term is fitted along: it
+changes nothing where the stamps are symmetric about the window's centre, and keeps the answer that
+of the centre where they are not. The sample carries the centre's stamp: the estimate comes half a
+window late, but with no phase error.
 """
 
 from __future__ import annotations
 
 import math
 from collections import deque
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numba import njit
+from slosh_model.compile_cache import use_compile_cache
 
 from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.gate import GateSettings, SampleGate, Verdict
 from slosh_estimator.rotation import yaw_of_quaternion
 from slosh_estimator.sample import SECONDS, Sample
 
+use_compile_cache()
+
 MINIMUM_WINDOW = 5
+MAXIMUM_SPEED = 20.0
+"""A faster change between two poses is a jump of the tracker, not a motion [m/s]."""
 
 
 class _Pose(NamedTuple):
@@ -44,8 +52,13 @@ class PoseInput:
                 f"window = {window!r} must be odd and at least {MINIMUM_WINDOW}"
             )
         self.gate = SampleGate(settings)
+        self.jumps = 0
         self._window: deque[_Pose] = deque(maxlen=window)
+        self._tau = np.zeros(window)
+        self._positions = np.zeros((window, 3))
         self._restarted = True
+        # Compiles the filter, or loads it from the disk's cache, before a pose waits for it.
+        second_derivative(np.arange(float(window)), self._positions)
 
     def update(
         self,
@@ -67,7 +80,9 @@ class PoseInput:
         verdict = self.gate.judge(stamp_ns, finite, now_ns)
         if verdict not in (Verdict.USE, Verdict.RESTART):
             return None
-        if verdict is Verdict.RESTART:
+        jumped = verdict is Verdict.USE and self._jumped(stamp_ns, position)
+        self.jumps += jumped
+        if verdict is Verdict.RESTART or jumped:
             self._window.clear()
             self._restarted = True
         self._window.append(_Pose(stamp_ns, position, yaw_of_quaternion(*quaternion)))
@@ -80,14 +95,50 @@ class PoseInput:
 
     def warning(self) -> str | None:
         """What the user should mend; None: nothing."""
+        if self.jumps:
+            return f"{self.jumps} jumps of more than {MAXIMUM_SPEED:g} m/s in the pose"
         return None
 
+    def _jumped(self, stamp_ns: int, position: tuple[float, float, float]) -> bool:
+        if not self._window:
+            return False
+        last = self._window[-1]
+        seconds = (stamp_ns - last.stamp_ns) * SECONDS
+        return math.dist(position, last.position) > MAXIMUM_SPEED * seconds
+
     def _second_derivative(self, centre_ns: int) -> tuple[float, float, float]:
-        tau = np.array([(pose.stamp_ns - centre_ns) * SECONDS for pose in self._window])
-        positions = np.array([pose.position for pose in self._window])
-        scale = float(np.max(np.abs(tau)))  # keeps the normal equations well conditioned
-        relative = tau / scale
-        basis = np.stack((np.ones_like(relative), relative, 0.5 * relative**2))
-        solution = np.linalg.solve(basis @ basis.T, basis @ (positions - positions.mean(axis=0)))
-        ax, ay, az = (solution[2] / scale**2).tolist()
+        tau, positions = self._tau, self._positions
+        for row, pose in enumerate(self._window):
+            tau[row] = (pose.stamp_ns - centre_ns) * SECONDS
+            positions[row] = pose.position
+        ax, ay, az = second_derivative(tau, positions)
         return ax, ay, az
+
+
+@njit(cache=True)
+def second_derivative(tau: Any, positions: Any) -> Any:
+    """Second derivative at tau = 0 of the least-squares cubic.
+
+    Args:
+        tau: (N,) time from the centre [s].
+        positions: (N, 3) [m].
+
+    Returns:
+        its three components [m/s²].
+    """
+    scale = np.max(np.abs(tau))  # keeps the normal equations well conditioned
+    centre = positions[len(tau) // 2]
+    normal = np.zeros((4, 4))
+    right = np.zeros((4, 3))
+    powers = np.ones(4)
+    for i in range(len(tau)):
+        for p in range(1, 4):
+            powers[p] = powers[p - 1] * tau[i] / scale
+        for p in range(4):
+            for q in range(4):
+                normal[p, q] += powers[p] * powers[q]
+            for axis in range(3):
+                right[p, axis] += powers[p] * (positions[i, axis] - centre[axis])
+    solution = np.linalg.solve(normal, right)
+    factor = 2.0 / (scale * scale)
+    return solution[2, 0] * factor, solution[2, 1] * factor, solution[2, 2] * factor

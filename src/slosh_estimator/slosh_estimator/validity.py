@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from enum import IntFlag
 
-from slosh_estimator.sample import SECONDS, Sample
 from slosh_model.model import Model
+
+from slosh_estimator.sample import SECONDS, Sample
 
 JERK_FILTER = 0.02
 """Time constant of the low-pass behind the jerk [s].

@@ -10,8 +10,11 @@ import numpy as np
 from geometry_msgs.msg import AccelStamped, PoseStamped
 from rclpy.node import Node
 from sensor_msgs.msg import Imu
-from slosh_msgs.msg import ModelEstimate, SloshEstimate
-from slosh_msgs.srv import LoadModel
+from slosh_model.model_text import parse_model
+from slosh_msgs_py.node.diagnostics import ERROR, OK, STALE, WARN, DiagnosticsReporter, Health
+from slosh_msgs_py.node.parameters import ParameterSpec, declare
+from slosh_msgs_py.node.run import run_node
+from slosh_msgs_py.stamps import to_nanoseconds
 from std_srvs.srv import Trigger
 
 from slosh_estimator.accel_input import AccelInput
@@ -21,12 +24,9 @@ from slosh_estimator.imu_input import ImuInput, SensorTransform
 from slosh_estimator.model_file import read_model
 from slosh_estimator.pose_input import PoseInput
 from slosh_estimator.sample import Sample
-from slosh_model.model_text import parse_model
+from slosh_msgs.msg import ModelEstimate, SloshEstimate
+from slosh_msgs.srv import LoadModel
 from slosh_msgs_py import qos, topics
-from slosh_msgs_py.node.diagnostics import ERROR, OK, STALE, WARN, DiagnosticsReporter, Health
-from slosh_msgs_py.node.parameters import ParameterSpec, declare
-from slosh_msgs_py.node.run import run_node
-from slosh_msgs_py.stamps import to_nanoseconds
 
 PARAMETERS = (
     ParameterSpec("model", "", "model file of the container and its liquid (model.yaml)"),
