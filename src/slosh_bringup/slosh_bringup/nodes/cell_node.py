@@ -49,7 +49,7 @@ PARAMETERS = (
     ParameterSpec("image_noise", 2.5, "standard deviation, of 255", (0.0, 50.0)),
     ParameterSpec("seed", 1, "of all noise", (0, 2**31 - 1)),
     ParameterSpec("repeat", 1, "how often the motion is played", (1, 10000)),
-    ParameterSpec("subscribers", 2, "start once accel has so many readers", (0, 100)),
+    ParameterSpec("readers", 2, "start once accel and images have so many readers", (0, 100)),
     ParameterSpec("patience", 30.0, "start anyway after so long [s]", (0.0, 3600.0)),
 )
 
@@ -111,9 +111,8 @@ class CellNode(Node):
     def _play(self) -> None:
         """Waits for the readers, then runs both threads to the end of the motion."""
         deadline = time.monotonic() + self._given["patience"]
-        accel = self._pub[topics.ACCEL]
         while (
-            accel.get_subscription_count() < self._given["subscribers"]
+            self._readers() < self._given["readers"]
             and time.monotonic() < deadline
             and not self._stop.wait(0.05)
         ):
@@ -128,6 +127,13 @@ class CellNode(Node):
         self._publish(topics.SUMMARY, String(data=json.dumps(self._summary())))
         self._stop.wait(LINGER)
         self._finished.set()
+
+    def _readers(self) -> int:
+        """Readers of accel, or of the images where those have fewer."""
+        accel = self._pub[topics.ACCEL].get_subscription_count()
+        image_topics = (topics.IMAGE, topics.IMAGE_COMPRESSED)
+        image = sum(self._pub[topic].get_subscription_count() for topic in image_topics)
+        return int(min(accel, image))
 
     def _summary(self) -> dict[str, Any]:
         prefix = self.get_namespace().rstrip("/")

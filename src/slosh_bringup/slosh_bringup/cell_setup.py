@@ -1,0 +1,107 @@
+"""What a running cell consists of: its files, its topics, its nodes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from slosh_bringup.errors import SloshBringupError
+from slosh_bringup.processes import NodeProcess, config_folder
+
+NAMESPACE = "/slosh"
+
+
+@dataclass(frozen=True, slots=True)
+class CellSetup:
+    """A cell.
+
+    Attributes:
+        model: model file of the container and its liquid.
+        calibration: camera.yaml.
+        parameters: ROS parameter file of all nodes.
+        namespace: of all nodes.
+        remap: relative topic -> the robot's topic.
+    """
+
+    model: Path
+    calibration: Path
+    parameters: Path
+    namespace: str = NAMESPACE
+    remap: Mapping[str, str] = field(default_factory=dict)
+
+    def processes(self, bag: Path) -> list[NodeProcess]:
+        """The four nodes, the recorder first: what it records must not have begun."""
+        own: dict[str, dict[str, str]] = {
+            "recorder": {"output": str(bag)},
+            "estimator": {"model": str(self.model)},
+            "camera": {"calibration": str(self.calibration)},
+            "monitor": {},
+        }
+        return [
+            NodeProcess(name, [self.parameters], parameters, self.remap)
+            for name, parameters in own.items()
+        ]
+
+
+def default_setup() -> CellSetup:
+    """The setup that the package ships, for the simulated cell."""
+    folder = config_folder()
+    return CellSetup(folder / "model.yaml", folder / "camera.yaml", folder / "cell.yaml")
+
+
+def read_setup(path: Path) -> CellSetup:
+    """The setup in a file; paths in it are relative to the file.
+
+    Raises:
+        SloshBringupError: no such file, no YAML, an unknown key, a missing file; one line.
+    """
+    try:
+        document = yaml.safe_load(path.read_text())
+    except OSError as error:
+        raise SloshBringupError(f"{path}: {error.strerror}") from None
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise SloshBringupError(f"{path}: not YAML: {str(error).splitlines()[0]}") from None
+    if not isinstance(document, dict):
+        raise SloshBringupError(f"{path}: must be a mapping with the keys model and calibration")
+    known = ("model", "calibration", "parameters", "namespace", "remap")
+    for key in document:
+        if key not in known:
+            raise SloshBringupError(f"{path}: unknown key {key!r} (known: {', '.join(known)})")
+    default = default_setup()
+    return CellSetup(
+        model=_file(path, document, "model"),
+        calibration=_file(path, document, "calibration"),
+        parameters=_file(path, document, "parameters", default.parameters),
+        namespace=_namespace(path, document.get("namespace", NAMESPACE)),
+        remap=_remap(path, document.get("remap") or {}),
+    )
+
+
+def _file(
+    source: Path, document: Mapping[str, Any], key: str, default: Path | None = None
+) -> Path:
+    value = document.get(key, default)
+    if not isinstance(value, str | Path):
+        raise SloshBringupError(f"{source}: key {key!r} is missing or no path")
+    path = source.parent / value
+    if not path.is_file():
+        raise SloshBringupError(f"{source}: {key}: no such file: {path}")
+    return path.resolve()
+
+
+def _namespace(source: Path, value: Any) -> str:
+    if not isinstance(value, str) or not value.startswith("/"):
+        raise SloshBringupError(f"{source}: namespace = {value!r} must start with a slash")
+    return value
+
+
+def _remap(source: Path, value: Any) -> dict[str, str]:
+    if not isinstance(value, dict) or not all(
+        isinstance(word, str) for pair in value.items() for word in pair
+    ):
+        raise SloshBringupError(f"{source}: remap must map topic names to topic names")
+    return dict(value)

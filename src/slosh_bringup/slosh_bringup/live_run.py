@@ -1,0 +1,105 @@
+"""Runs a cell's nodes, records, and reports: the body of `slosh demo` and `slosh cell`."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from slosh_bag.errors import SloshBagError
+from slosh_bringup.cell_setup import CellSetup
+from slosh_bringup.errors import SloshBringupError
+from slosh_bringup.processes import NodeGroup, NodeProcess, node_environment
+from slosh_bringup.run_data import read_run
+from slosh_bringup.run_report import make_report
+from slosh_bringup.run_result import RunResult, evaluate
+from slosh_camera.calibration import read_calibration
+from slosh_discovery.report import render_report
+from slosh_estimator.model_file import read_model
+
+POLL = 0.1
+# What a run writes into its folder; only these are replaced by the next run.
+BAG, LOGS, REPORT, RESULT = "bag", "logs", "report.html", "result.json"
+
+Progress = Callable[[float, str], None]
+
+
+def prepare_folder(folder: Path) -> None:
+    """Makes room for a run: removes an earlier run's own files, nothing else.
+
+    Raises:
+        SloshBringupError: the folder cannot be used.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for name in (BAG, LOGS):
+            shutil.rmtree(folder / name, ignore_errors=True)
+        for name in (REPORT, RESULT):
+            (folder / name).unlink(missing_ok=True)
+    except OSError as error:
+        raise SloshBringupError(f"{folder}: {error.strerror}") from None
+
+
+def check_files(setup: CellSetup) -> None:
+    """Reads the cell's files once, so that a mistake is told before any process starts."""
+    read_model(setup.model)
+    read_calibration(setup.calibration)
+
+
+def run_nodes(
+    setup: CellSetup,
+    folder: Path,
+    progress: Progress,
+    simulated: NodeProcess | None = None,
+) -> None:
+    """Runs the nodes until the simulated cell is through or Ctrl-C.
+
+    Args:
+        setup: the cell.
+        folder: where the bag and the logs go.
+        progress: told the elapsed time [s] and what is going on, ten times a second.
+        simulated: the simulated cell; None: a robot speaks.
+
+    Raises:
+        SloshBringupError: a node ended with an error.
+    """
+    # A demonstration keeps to itself; a cell talks to the robot on the user's domain.
+    domain = 1 + os.getpid() % 100 if simulated else None
+    environment = node_environment(domain)
+    processes = setup.processes(folder / BAG) + ([simulated] if simulated else [])
+    with NodeGroup(setup.namespace, folder / LOGS, environment) as group:
+        for process in processes:
+            group.start(process)
+        started = time.monotonic()
+        try:
+            while simulated is None or "cell" not in group.ended():
+                group.check()
+                progress(time.monotonic() - started, "running")
+                time.sleep(POLL)
+            group.check()
+        except KeyboardInterrupt:
+            progress(time.monotonic() - started, "stopping")
+
+
+def write_results(setup: CellSetup, folder: Path, title: str) -> RunResult:
+    """Reads the bag and writes the report and the figures.
+
+    Raises:
+        SloshBringupError: nothing was recorded.
+    """
+    try:
+        data = read_run(folder / BAG)
+    except SloshBagError as error:
+        raise SloshBringupError(
+            f"nothing was recorded: {error} (logs in {folder / LOGS})"
+        ) from None
+    result = evaluate(data)
+    model_text = setup.model.read_text()
+    calibration = read_calibration(setup.calibration)
+    report = make_report(data, result, title, model_text, calibration)
+    (folder / REPORT).write_text(render_report(report), encoding="utf-8")
+    (folder / RESULT).write_text(json.dumps(result.document(), indent=2) + "\n")
+    return result

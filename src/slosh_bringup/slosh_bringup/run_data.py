@@ -1,0 +1,193 @@
+"""What a recorded run says: comparisons, truth, events, counts, latencies."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_bag.reader import BagReader, TopicInfo
+
+Array = NDArray[np.float64]
+HEIGHTS = (
+    "measured",
+    "estimated_linear",
+    "estimated_nonlinear",
+    "sigma_linear",
+    "sigma_nonlinear",
+    "epsilon_linear",
+    "epsilon_nonlinear",
+)
+
+
+@dataclass(frozen=True, slots=True)
+class RecordedEvent:
+    """A limit event of the bag; see LimitEvent.msg."""
+
+    stamp_ns: int
+    id: int
+    kind: int
+    source: int
+    limit: float
+    peak: float
+    description: str
+
+
+@dataclass(frozen=True, slots=True)
+class RunData:
+    """A recorded run.
+
+    Attributes:
+        bag: the bag.
+        stamps: (N,) of the compared images [ns].
+        columns: the fields of SloshComparison by name, (N,) each.
+        truth_stamps, truth: (M,) of the simulated cell's exact heights [ns], [m]; empty on a robot.
+        events: in order.
+        topics: type and number of messages by topic.
+        published: what the simulated cell published, by topic; empty on a robot.
+        diagnostics: the last report of each node: key -> value.
+        models: names of the L and the NL model.
+        warnings: about the bag itself.
+    """
+
+    bag: Path
+    stamps: NDArray[np.int64]
+    columns: Mapping[str, Array]
+    truth_stamps: NDArray[np.int64]
+    truth: Array
+    events: tuple[RecordedEvent, ...]
+    topics: Mapping[str, TopicInfo]
+    published: Mapping[str, int]
+    diagnostics: Mapping[str, Mapping[str, str]]
+    models: tuple[str, str]
+    warnings: tuple[str, ...]
+
+    @property
+    def seconds(self) -> Array:
+        """(N,) time of the compared images from the first [s]."""
+        return (self.stamps - self.stamps[:1]) * 1e-9
+
+    def lost(self) -> dict[str, int]:
+        """Messages that were published and are not in the bag, by recorded topic."""
+        return {
+            topic: count - (self.topics[topic].count or 0)
+            for topic, count in self.published.items()
+            if topic in self.topics
+        }
+
+    def truth_at_images(self) -> Array:
+        """(N,) exact height at the compared images [m]; NaN without a truth."""
+        if not len(self.truth):
+            return np.full(len(self.stamps), np.nan)
+        origin = self.truth_stamps[0]
+        return np.interp(self.stamps - origin, self.truth_stamps - origin, self.truth)
+
+
+@dataclass(slots=True)
+class _Gathered:
+    rows: list[list[float]] = field(default_factory=list)
+    stamps: list[int] = field(default_factory=list)
+    truth: list[tuple[int, float]] = field(default_factory=list)
+    events: list[RecordedEvent] = field(default_factory=list)
+    published: dict[str, int] = field(default_factory=dict)
+    diagnostics: dict[str, dict[str, str]] = field(default_factory=dict)
+    models: tuple[str, str] = ("L", "NL")
+
+
+def read_run(bag: Path) -> RunData:
+    """Reads a recorded run.
+
+    Raises:
+        SloshBagError: there is no readable bag.
+    """
+    reader = BagReader(bag)
+    topics = reader.topics()
+    gathered = _Gathered()
+    takers = {topic: taker for topic in topics if (taker := _taker(topic)) is not None}
+    seen_estimate = False
+    for message in reader.messages(list(takers)):
+        is_estimate = message.topic.endswith("/estimate")
+        if is_estimate and seen_estimate:
+            continue  # only the models' names are wanted, once
+        seen_estimate = seen_estimate or is_estimate
+        takers[message.topic](gathered, reader.decode(message))
+    table = np.array(gathered.rows, dtype=np.float64).reshape(-1, len(HEIGHTS))
+    return RunData(
+        bag=bag,
+        stamps=np.array(gathered.stamps, dtype=np.int64),
+        columns={name: table[:, i] for i, name in enumerate(HEIGHTS)},
+        truth_stamps=np.array([stamp for stamp, _ in gathered.truth], dtype=np.int64),
+        truth=np.array([height for _, height in gathered.truth]),
+        events=tuple(gathered.events),
+        topics=topics,
+        published=gathered.published,
+        diagnostics=gathered.diagnostics,
+        models=gathered.models,
+        warnings=tuple(reader.warnings),
+    )
+
+
+def stamp_ns(message: Any) -> int:
+    """The header's stamp [ns]."""
+    stamp = message.header.stamp
+    return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
+
+
+def _taker(topic: str) -> Callable[[_Gathered, Any], None] | None:
+    for ending, taker in _TAKERS.items():
+        if topic.endswith(ending):
+            return taker
+    return None
+
+
+def _take_comparison(gathered: _Gathered, message: Any) -> None:
+    if message.measured_stale:
+        return  # the monitor's word on a silent camera, not an image
+    gathered.stamps.append(stamp_ns(message))
+    gathered.rows.append([getattr(message, name) for name in HEIGHTS])
+
+
+def _take_truth(gathered: _Gathered, message: Any) -> None:
+    gathered.truth.append((stamp_ns(message), message.msh))
+
+
+def _take_event(gathered: _Gathered, message: Any) -> None:
+    gathered.events.append(
+        RecordedEvent(
+            stamp_ns(message),
+            message.id,
+            message.kind,
+            message.source,
+            message.limit,
+            message.peak,
+            message.description,
+        )
+    )
+
+
+def _take_summary(gathered: _Gathered, message: Any) -> None:
+    gathered.published.update(json.loads(message.data)["published"])
+
+
+def _take_diagnostics(gathered: _Gathered, message: Any) -> None:
+    for status in message.status:
+        gathered.diagnostics[status.name] = {pair.key: pair.value for pair in status.values}
+
+
+def _take_estimate(gathered: _Gathered, message: Any) -> None:
+    gathered.models = (message.linear.model, message.nonlinear.model)
+
+
+_TAKERS: Mapping[str, Callable[[_Gathered, Any], None]] = {
+    "/comparison": _take_comparison,
+    "/cell/truth": _take_truth,
+    "/limit_event": _take_event,
+    "/cell/summary": _take_summary,
+    "/diagnostics": _take_diagnostics,
+    "/estimate": _take_estimate,
+}

@@ -1,0 +1,173 @@
+"""The figures of a recorded run, for people and for programs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_bringup.run_data import RunData
+from slosh_discovery.metrics import mean_absolute_error, peak_error, rms_error
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Agreement:
+    """How well one height series follows another.
+
+    Attributes:
+        name: what is compared with what.
+        sigma: mean absolute error (DL22, eq. (33)) [m].
+        epsilon: relative error of the maximum (DL22, eq. (32)).
+        rms: root mean square error [m].
+        count: compared moments.
+    """
+
+    name: str
+    sigma: float
+    epsilon: float
+    rms: float
+    count: int
+
+
+@dataclass(frozen=True, slots=True)
+class RunResult:
+    """The figures of a run.
+
+    Attributes:
+        agreements: models against camera and, in the simulated cell, all against the truth.
+        latency: median and maximum by node [s].
+        lost: messages by topic that were published but not recorded.
+        dropped: samples that nodes dropped, by node and reason.
+        events: number of excesses of limits.
+    """
+
+    agreements: tuple[Agreement, ...]
+    latency: Mapping[str, tuple[float, float]]
+    lost: Mapping[str, int]
+    dropped: Mapping[str, int]
+    events: int
+
+    def document(self) -> dict[str, Any]:
+        """For JSON; a number that is not known is null."""
+        return {
+            "agreements": [
+                {
+                    "name": row.name,
+                    "sigma": _known(row.sigma),
+                    "epsilon": _known(row.epsilon),
+                    "rms": _known(row.rms),
+                    "count": row.count,
+                }
+                for row in self.agreements
+            ],
+            "latency": {
+                node: {"median": _known(median), "maximum": _known(greatest)}
+                for node, (median, greatest) in self.latency.items()
+            },
+            "lost": dict(self.lost),
+            "dropped": dict(self.dropped),
+            "events": self.events,
+        }
+
+
+def evaluate(data: RunData) -> RunResult:
+    """The figures of a recorded run."""
+    measured = data.columns["measured"]
+    linear, nonlinear = data.columns["estimated_linear"], data.columns["estimated_nonlinear"]
+    truth = data.truth_at_images()
+    l_name, nl_name = data.models
+    pairs = [
+        (f"{nl_name} / camera", measured, nonlinear),
+        (f"{l_name} / camera", measured, linear),
+    ]
+    if len(data.truth):
+        pairs += [("camera / truth", truth, measured), (f"{nl_name} / truth", truth, nonlinear)]
+    return RunResult(
+        agreements=tuple(agreement(*pair) for pair in pairs),
+        latency={
+            node.rsplit("/", 1)[-1]: latency
+            for node, facts in data.diagnostics.items()
+            if (latency := _latency(facts)) is not None
+        },
+        lost=data.lost(),
+        dropped=_dropped(data),
+        events=len({event.id for event in data.events}),
+    )
+
+
+def agreement(name: str, reference: Array, series: Array) -> Agreement:
+    """How well a series follows its reference, where both are known."""
+    return Agreement(
+        name,
+        mean_absolute_error(reference, series),
+        peak_error(reference, series),
+        rms_error(reference, series),
+        int(np.count_nonzero(np.isfinite(reference) & np.isfinite(series))),
+    )
+
+
+def table(result: RunResult) -> str:
+    """The figures as a table for the screen."""
+    lines = [f"{'':<18}{'σ [mm]':>8}{'ε [%]':>8}{'rms [mm]':>10}{'images':>8}"]
+    lines += [
+        f"{row.name:<18}{1e3 * row.sigma:8.2f}{1e2 * row.epsilon:8.1f}{1e3 * row.rms:10.2f}"
+        f"{row.count:8d}"
+        for row in result.agreements
+    ]
+    lines.append("")
+    for node, (median, greatest) in sorted(result.latency.items()):
+        lines.append(
+            f"latency {node:<11} median {1e3 * median:6.1f} ms   maximum {1e3 * greatest:6.1f} ms"
+        )
+    lines.append(f"lost messages       {sum(result.lost.values())}{_which(result.lost)}")
+    lines.append(f"dropped samples     {sum(result.dropped.values())}{_which(result.dropped)}")
+    lines.append(f"limit events        {result.events}")
+    return "\n".join(lines)
+
+
+def _which(counts: Mapping[str, int]) -> str:
+    named = [f"{name} {count}" for name, count in counts.items() if count]
+    return f" ({', '.join(named)})" if named else ""
+
+
+def _latency(facts: Mapping[str, str]) -> tuple[float, float] | None:
+    try:
+        median = float(facts["latency median [ms]"])
+        return 1e-3 * median, 1e-3 * float(facts["latency maximum [ms]"])
+    except (KeyError, ValueError):
+        return None
+
+
+def _dropped(data: RunData) -> dict[str, int]:
+    dropped = {}
+    for node, facts in data.diagnostics.items():
+        short = node.rsplit("/", 1)[-1]
+        for key, value in facts.items():
+            if key.startswith("dropped: "):
+                dropped[f"{short} {key.removeprefix('dropped: ')}"] = int(value)
+        if short == "recorder":
+            dropped["recorder queue full"] = int(facts.get("lost", "0"))
+    missing = _images_without_measurement(data)
+    if missing is not None:
+        dropped["camera images"] = missing
+    return dropped
+
+
+def _images_without_measurement(data: RunData) -> int | None:
+    """Images that the camera node did not measure; None where the number of images is not known."""
+    images = next((n for topic, n in data.published.items() if topic.endswith("/image_raw")), None)
+    measured = next(
+        (info.count for topic, info in data.topics.items() if topic.endswith("/free_surface")),
+        None,
+    )
+    return None if images is None or measured is None else images - measured
+
+
+def _known(value: float) -> float | None:
+    return value if math.isfinite(value) else None
