@@ -1,9 +1,10 @@
 """Turns the public AntiSloshing measurements into bags.
 
 A run is two files: `poses/RUN.csv[.gz]`, the commanded pose of the container (500 Hz,
-`t;x;y;z;qx;qy;qz;qw`, no heading), and `heights/RUN.mat`, the maximum height that two cameras on the
-robot saw (`slosh_times` [s], `slosh_heights` [mm], about 60 Hz). The clocks of the two are unrelated;
-the bag keeps both as they are, and its metadata says so. Outliers are kept too: a bag holds data.
+`t;x;y;z;qx;qy;qz;qw`, no heading), and `heights/RUN.mat`, the maximum height that two cameras on
+the robot saw (`slosh_times` [s], `slosh_heights` [mm], about 60 Hz). The clocks of the two are
+unrelated; the bag keeps both as they are, and its metadata says so. Outliers are kept too: a bag
+holds data.
 """
 
 from __future__ import annotations
@@ -126,8 +127,6 @@ def read_heights(path: Path) -> tuple[Array, Array]:
     """
     try:
         content = scipy.io.loadmat(path, variable_names=["slosh_times", "slosh_heights"])
-    except OSError as error:
-        raise SloshBagError(f"{path}: cannot be read: {error.strerror or error}") from None
     except Exception as error:  # the reader lets through whatever broken bytes cause in it
         reason = (str(error).splitlines() or [type(error).__name__])[0]
         raise SloshBagError(f"{path}: is no readable MATLAB file: {reason}") from None
@@ -191,8 +190,8 @@ def _check_times(path: Path, name: str, times: Array, first_line: int) -> None:
     if len(late):
         entry = int(late[0]) + 1
         raise SloshBagError(
-            f"{path}: {name}, entry {entry + first_line}: {times[entry]:.9g} s does not come after "
-            f"{times[entry - 1]:.9g} s"
+            f"{path}: {name}, entry {entry + first_line}: {times[entry]:.9g} s does not come "
+            f"after {times[entry - 1]:.9g} s"
         )
     if times[0] < 0.0:
         raise SloshBagError(f"{path}: {name} starts at {times[0]:.9g} s, before its clock's zero")

@@ -1,0 +1,185 @@
+"""What a replay gives, as values, as JSON and as a table."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from slosh_discovery.alignment import ClockOffset, StillLevel
+from slosh_estimator.limits import Event
+
+from slosh_bag.errors import SloshBagError
+
+Array = NDArray[np.float64]
+MODELS = ("2D-L", "3D-L", "2D-NL", "3D-NL")
+
+
+@dataclass(frozen=True, slots=True)
+class ModelAccuracy:
+    """Agreement of one model with the measurement.
+
+    Attributes:
+        name: 2D-L, 3D-L, 2D-NL or 3D-NL, with '+' and further effects.
+        sigma: mean absolute error (DL22, eq. (33)) [m].
+        epsilon: relative error of the maximum (DL22, eq. (32)), single-sample spikes of the
+            measurement left out [1].
+        epsilon_raw: the same with them.
+        rms: root mean square error [m].
+        count: compared images.
+        clock: offset of the measured clock; None: the clocks are one.
+    """
+
+    name: str
+    sigma: float
+    epsilon: float
+    epsilon_raw: float
+    rms: float
+    count: int
+    clock: ClockOffset | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class ReplayResult:
+    """A replayed run.
+
+    Attributes:
+        name: of the bag or table.
+        source: topic or file that drove the models.
+        t: (N,) stamps of the images, on the measured clock [s].
+        measured: (N,) heights above the still level [m]; NaN: none.
+        heights: (N,) of each model at the images [m]; NaN: no estimate.
+        accuracy: of each model, in the order of `heights`.
+        events: limit events of the monitor.
+        counters: samples used and dropped, gaps, images, spikes, …
+        still: still level and noise where they were estimated.
+        warnings: one line each.
+    """
+
+    name: str
+    source: str
+    t: Array
+    measured: Array
+    heights: Mapping[str, Array]
+    accuracy: tuple[ModelAccuracy, ...]
+    events: tuple[Event, ...] = ()
+    counters: Mapping[str, int] = field(default_factory=dict)
+    still: StillLevel | None = None
+    warnings: tuple[str, ...] = ()
+
+    def to_json(self, *, series: bool = False) -> str:
+        """The result as JSON; a number that is not known is null.
+
+        Args:
+            series: also the series at the images.
+        """
+        document: dict[str, Any] = {
+            "name": self.name,
+            "source": self.source,
+            "accuracy": [_plain(row) for row in self.accuracy],
+            "events": [_plain(event) for event in self.events],
+            "counters": dict(self.counters),
+            "still": None if self.still is None else _plain(self.still),
+            "warnings": list(self.warnings),
+        }
+        if series:
+            document["series"] = {
+                "t": _numbers(self.t),
+                "measured": _numbers(self.measured),
+                **{name: _numbers(values) for name, values in self.heights.items()},
+            }
+        return json.dumps(document, indent=2, allow_nan=False)
+
+
+def accuracy_table(results: Sequence[ReplayResult]) -> str:
+    """σ, ε and clock offset by run and model, and their means, as a Markdown table.
+
+    Args:
+        results: runs with the same models.
+    """
+    if not results:
+        return ""
+    names = [row.name for row in results[0].accuracy]
+    heads = ["run", *(f"σ {name}" for name in names), *(f"ε {name}" for name in names)]
+    lines = [
+        "| " + " | ".join([*heads, "clock offset"]) + " |",
+        "|---" + "|--:" * (2 * len(names) + 1) + "|",
+    ]
+    lines += [_line(result.name, result.accuracy) for result in results]
+    rows = list(zip(*(result.accuracy for result in results), strict=True))
+    sigma = [_mm(_mean([entry.sigma for entry in row])) for row in rows]
+    epsilon = [_percent(_mean([entry.epsilon for entry in row])) for row in rows]
+    size = [f"{100 * _mean([abs(entry.epsilon) for entry in row]):.1f}" for row in rows]
+    blank = [""] * len(names)
+    lines.append("| " + " | ".join(["**mean**", *sigma, *epsilon, ""]) + " |")
+    lines.append("| " + " | ".join(["**mean size**", *blank, *size, ""]) + " |")
+    return "\n".join([*lines, "", "σ in mm, ε in %, clock offset in s.", ""])
+
+
+def update_table(page: Path, name: str, results: Sequence[ReplayResult]) -> None:
+    """Replaces a table in a Markdown page.
+
+    The table stands between the lines `<!-- table NAME -->` and `<!-- end NAME -->`.
+
+    Args:
+        page: the Markdown file.
+        name: of the table.
+        results: runs with the same models.
+
+    Raises:
+        SloshBagError: the page cannot be read or has no such place.
+    """
+    start, end = f"<!-- table {name} -->\n", f"<!-- end {name} -->"
+    try:
+        text = page.read_text(encoding="utf-8")
+        head, rest = text.split(start)
+        _, tail = rest.split(end)
+        page.write_text(f"{head}{start}\n{accuracy_table(results)}\n{end}{tail}", encoding="utf-8")
+    except OSError as error:
+        raise SloshBagError(f"{page}: {error.strerror}") from None
+    except ValueError:
+        raise SloshBagError(f"{page}: needs {start.strip()!r} and {end!r} once each") from None
+
+
+def _line(name: str, rows: Sequence[ModelAccuracy]) -> str:
+    last = rows[-1].clock
+    offset = "–"
+    if last is not None:
+        offset = f"{last.offset:.3f}" + ("" if last.unambiguous else " (ambiguous)")
+    cells = [name, *(_mm(row.sigma) for row in rows), *(_percent(row.epsilon) for row in rows)]
+    return "| " + " | ".join([*cells, offset]) + " |"
+
+
+def _mean(values: Sequence[float]) -> float:
+    known = [value for value in values if math.isfinite(value)]
+    return sum(known) / len(known) if known else math.nan
+
+
+def _mm(metres: float) -> str:
+    return f"{1e3 * metres:.2f}"
+
+
+def _percent(fraction: float) -> str:
+    return f"{100.0 * fraction:+.1f}"
+
+
+def _plain(value: Any) -> dict[str, Any]:
+    """Fields of a dataclass, with what JSON cannot say as null."""
+    document: dict[str, Any] = {}
+    for item in fields(value):
+        entry = getattr(value, item.name)
+        if hasattr(entry, "__dataclass_fields__"):
+            entry = _plain(entry)
+        elif isinstance(entry, float) and not math.isfinite(entry):
+            entry = None
+        document[item.name] = entry
+    return document
+
+
+def _numbers(values: Array) -> list[float | None]:
+    return [value if math.isfinite(value) else None for value in values.tolist()]
