@@ -17,7 +17,7 @@ setup(
     zip_safe=False,
     maintainer="Slosh Monitor maintainers",
     maintainer_email="slosh-monitor@users.noreply.github.com",
-    description="Estimates sloshing height from acceleration and compares it with the measurement.",
+    description="Estimates sloshing height from acceleration and compares it with measurements.",
     license="Apache-2.0",
     entry_points={
         "console_scripts": [

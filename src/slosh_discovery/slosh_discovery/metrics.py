@@ -1,7 +1,7 @@
 """How well a model's heights agree with measured ones.
 
-The indices of DL22 and TM20. Every function takes two series of the same length, in the same unit, and
-leaves out the moments at which one of them is not finite.
+The indices of DL22 and TM20. Every function takes two series of the same length, in the same unit,
+and leaves out the moments at which one of them is not finite.
 """
 
 from __future__ import annotations

@@ -50,7 +50,7 @@ def test_seoe_compares_every_repetition_with_the_one_simulation() -> None:
 def test_shapes_that_do_not_match_are_refused_with_both_shapes() -> None:
     with pytest.raises(SloshDiscoveryError, match=r"\(2,\).*\(3,\)"):
         mean_absolute_error([1, 2], [1, 2, 3])
-    with pytest.raises(SloshDiscoveryError, match=r"\(3,\).*\(2, 2\)"):
+    with pytest.raises(SloshDiscoveryError, match=r"\(2, 2\).*\(3,\)"):
         standard_error_of_estimate([[1, 2], [3, 4]], [1, 2, 3])
 
 

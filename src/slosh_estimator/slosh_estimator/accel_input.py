@@ -11,8 +11,8 @@ from slosh_estimator.sample import Sample
 class AccelInput:
     """Takes accelerations in the world's or the container's axes.
 
-    Without an attitude the container counts as upright and not yawing: the two frames have the same
-    axes, and azimuths refer to them.
+    Without an attitude the container counts as upright and not yawing: the two frames have the
+    same axes, and azimuths refer to them.
 
     Args:
         settings: limits of the gate.

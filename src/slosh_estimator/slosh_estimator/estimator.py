@@ -56,9 +56,9 @@ class Estimate(NamedTuple):
 class Estimator:
     """Runs a model's L and NL twin side by side.
 
-    The container counts as at rest, with still liquid, when the first sample comes. After a gap the
-    liquid's state is unknown: the models restart from rest, and the estimates carry a flag until the
-    unknown part has died out.
+    The container counts as at rest, with still liquid, when the first sample comes. After a gap
+    the liquid's state is unknown: the models restart from rest, and the estimates carry a flag
+    until the unknown part has died out.
     """
 
     def __init__(self, model: Model) -> None:

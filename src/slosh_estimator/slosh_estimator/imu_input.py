@@ -6,8 +6,8 @@ container's origin, in axes that do not follow the container's yaw:
     f = R f_s + ω̇ × r + ω × (ω × r),        a = Rz(ψ) f - g ẑ,        ψ = ∫ ω_z dt,
 
 with the fixed rotation R from the sensor's to the container's axes and r from the sensor to the
-container's origin. A tilt needs no further care: gravity's share along the container's floor is part
-of f.
+container's origin. A tilt needs no further care: gravity's share along the container's floor is
+part of f.
 """
 
 from __future__ import annotations
@@ -101,8 +101,8 @@ class ImuInput:
         """What the user should mend; None: nothing."""
         if self._mean_force < TOO_LIGHT:
             return (
-                f"the sensor's mean specific force is {self._mean_force:.1f} m/s²: it seems to leave gravity "
-                "out; publish specific force as REP-145 says (+9.8 m/s² at rest)"
+                f"the sensor's mean specific force is {self._mean_force:.1f} m/s²: it seems to "
+                "leave gravity out; publish specific force as REP-145 says (+9.8 m/s² at rest)"
             )
         if self._rate_missing and self._to_origin != (0.0, 0.0, 0.0):
             return "the sensor reports no angular velocity: its lever arm is not accounted for"

@@ -14,10 +14,10 @@ class Sample(NamedTuple):
 
     Attributes:
         stamp_ns: the moment [ns].
-        ax, ay, az: acceleration, gravity excluded [m/s²], in axes that are parallel to the container's
-            but do not follow its yaw: the liquid in a round container does not follow it either.
+        ax, ay, az: acceleration, gravity excluded [m/s²], in axes that are parallel to the
+            container's but do not follow its yaw: the liquid in a round one does not either.
         yaw: angle of the container's x axis in these axes [rad].
-        restarted: True for the first sample and for one after a gap: nothing links it to those before.
+        restarted: True for the first sample and after a gap: nothing links it to those before.
     """
 
     stamp_ns: int

@@ -57,7 +57,7 @@ class MonitorNode(Node):
                 given["buffer"],
             )
         )
-        # Whether a side still speaks is a question of elapsed time, also where stamps are simulated.
+        # Whether a side still speaks is a question of elapsed time, even with simulated stamps.
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._comparisons = self.create_publisher(
             SloshComparison, topics.COMPARISON, qos.STREAM_OUT

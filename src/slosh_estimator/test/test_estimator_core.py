@@ -1,0 +1,150 @@
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from slosh_estimator.estimator import Estimator
+from slosh_estimator.sample import Sample
+from slosh_estimator.validity import EstimateFlag
+from slosh_model.containers import Cylinder
+from slosh_model.model import Model, ValidityLimits
+from slosh_model.simulate import Inputs, simulate
+
+MODEL = Model(Cylinder(0.05, 0.07, rim_height=0.09)).spatial()
+TICK = 1_953_125  # ns: 1/512 s, exact in binary, so that both clocks have the same intervals
+MS = 1_000_000
+
+
+def run(estimator: Estimator, count: int, a: tuple[float, float, float], first: int = 0) -> int:
+    flags = 0
+    for k in range(first, first + count):
+        flags |= estimator.update(Sample(k * MS, *a, 0.0, k == first)).flags
+    return flags
+
+
+@settings(max_examples=20, deadline=None)
+@given(
+    st.lists(
+        st.tuples(st.integers(1, 12), *[st.floats(-8.0, 8.0, allow_subnormal=False)] * 3),
+        min_size=2,
+        max_size=60,
+    )
+)
+def test_online_equals_offline_bit_for_bit(
+    steps: list[tuple[int, float, float, float]],
+) -> None:
+    ticks = np.cumsum([step[0] for step in steps])
+    acceleration = np.array([step[1:] for step in steps])
+    estimator = Estimator(MODEL)
+    online = [
+        estimator.update(Sample(int(tick) * TICK, *map(float, a), 0.0, k == 0))
+        for k, (tick, a) in enumerate(zip(ticks, acceleration, strict=True))
+    ]
+    inputs = Inputs(ticks / 512.0, acceleration)
+    for twin, answers in (
+        (MODEL.linear(), [e.linear for e in online]),
+        (MODEL.nonlinear(), [e.nonlinear for e in online]),
+    ):
+        offline, _ = simulate(twin, inputs)
+        assert [a.sh_x for a in answers] == offline.sh_x.tolist()
+        assert [a.sh_y for a in answers] == offline.sh_y.tolist()
+        modal = [[list(mode) for mode in a.modal] for a in answers]
+        assert modal == offline.modal.tolist()
+
+
+def test_a_gap_restarts_from_rest_and_settles_after_three_time_constants() -> None:
+    estimator = Estimator(MODEL)
+    run(estimator, 200, (3.0, 0.0, 0.0))
+    after = estimator.update(Sample(900 * MS, 0.0, 0.0, 0.0, 0.0, True))
+    assert after.flags == EstimateFlag.AFTER_GAP | EstimateFlag.SETTLING
+    assert after.nonlinear.msh == 0.0
+    first = MODEL.mode_constants()[0]
+    settled = 900 * MS + round(3.0e9 / (first.damping_ratio * first.natural_frequency))
+    still = estimator.update(Sample(settled - MS, 0.0, 0.0, 0.0, 0.0, False))
+    done = estimator.update(Sample(settled, 0.0, 0.0, 0.0, 0.0, False))
+    assert still.flags == EstimateFlag.SETTLING
+    assert done.flags == 0
+
+
+def test_a_diverging_model_is_reset_flagged_and_counted() -> None:
+    estimator = Estimator(MODEL)
+    flags = run(estimator, 400, (1e5, 0.0, 0.0))
+    assert flags & EstimateFlag.DIVERGED
+    assert estimator.divergences > 0
+    calm = estimator.update(Sample(10**10, 0.0, 0.0, 0.0, 0.0, True))
+    assert math.isfinite(calm.linear.msh)
+    assert math.isfinite(calm.nonlinear.msh)
+
+
+def test_heights_turn_with_the_container_and_the_masses_do_not() -> None:
+    plain, turned = Estimator(MODEL), Estimator(MODEL)
+    for k in range(100):
+        straight = plain.update(Sample(k * MS, 2.0, 1.0, 0.0, 0.0, k == 0))
+        yawed = turned.update(Sample(k * MS, 2.0, 1.0, 0.0, 0.7, k == 0))
+    assert yawed.linear.modal == straight.linear.modal
+    assert yawed.linear.msh == pytest.approx(straight.linear.msh, rel=1e-12)
+    turn = straight.linear.azimuth - yawed.linear.azimuth
+    assert math.remainder(turn - 0.7, math.tau) == pytest.approx(0.0, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("norm", "expected"),
+    [
+        (7.9, 0),
+        (8.1, EstimateFlag.PLANARITY_LOST),
+        (9.6, EstimateFlag.PLANARITY_LOST | EstimateFlag.ACCELERATION_LIMIT),
+    ],
+)
+def test_acceleration_limits(norm: float, expected: int) -> None:
+    estimate = Estimator(MODEL).update(Sample(0, 0.6 * norm, 0.0, 0.8 * norm, 0.0, True))
+    assert estimate.flags == expected
+
+
+@pytest.mark.parametrize(
+    ("jerk", "expected"),
+    [
+        (55.0, 0),
+        (65.0, EstimateFlag.PLANARITY_LOST),
+        (80.0, EstimateFlag.PLANARITY_LOST | EstimateFlag.JERK_LIMIT),
+    ],
+)
+def test_jerk_of_a_ramp(jerk: float, expected: int) -> None:
+    estimator = Estimator(MODEL)
+    for k in range(95):
+        estimate = estimator.update(Sample(k * MS, jerk * k * 1e-3 - 4.0, 0.0, 0.0, 0.0, k == 0))
+    assert estimate.jerk == pytest.approx(jerk, rel=0.02)
+    assert estimate.flags == expected
+
+
+def test_sensor_noise_at_1_khz_is_no_jerk() -> None:
+    noise = np.random.default_rng(7).normal(0.0, 0.05, (20_000, 3))
+    estimator = Estimator(MODEL)
+    flags, worst = 0, 0.0
+    for k, a in enumerate(noise.tolist()):
+        estimate = estimator.update(Sample(k * MS, *a, 0.0, k == 0))
+        flags, worst = flags | estimate.flags, max(worst, estimate.jerk)
+    assert flags == 0
+    assert worst < 20.0
+
+
+def test_limits_come_from_the_model_and_the_rim_from_the_container() -> None:
+    model = Model(Cylinder(0.05, 0.07, rim_height=0.072), limits=ValidityLimits(acceleration=1.0))
+    flags = run(Estimator(model), 150, (2.0, 0.0, 0.0))
+    assert flags == EstimateFlag.ACCELERATION_LIMIT | EstimateFlag.ABOVE_RIM
+
+
+def test_without_a_rim_nothing_is_above_it() -> None:
+    assert run(Estimator(Model(Cylinder(0.05, 0.07))), 150, (5.0, 0.0, 0.0)) == 0
+
+
+def test_reset_and_load_model_start_from_rest() -> None:
+    estimator = Estimator(MODEL)
+    run(estimator, 150, (3.0, 0.0, 0.0))
+    estimator.reset()
+    assert estimator.update(Sample(200 * MS, 3.0, 0.0, 0.0)).linear.msh == 0.0
+    estimator.load_model(MODEL.planar())
+    assert estimator.names == ("2D-L", "2D-NL")
+    assert estimator.update(Sample(201 * MS, 3.0, 0.0, 0.0)).linear.msh == 0.0

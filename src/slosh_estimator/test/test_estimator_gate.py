@@ -1,0 +1,78 @@
+from __future__ import annotations
+
+from hypothesis import given
+from hypothesis import strategies as st
+from slosh_estimator.gate import GateSettings, SampleGate, Verdict
+
+MS = 1_000_000
+
+
+def gate(**settings: float) -> SampleGate:
+    made = SampleGate(GateSettings(**settings))  # type: ignore[arg-type]
+    assert made.judge(1000 * MS, True) is Verdict.RESTART
+    return made
+
+
+def test_each_fault_is_dropped_and_counted_by_name() -> None:
+    watched = gate()
+    assert watched.judge(1000 * MS, True) is Verdict.REPEATED
+    assert watched.judge(999 * MS, True) is Verdict.DISORDERED
+    assert watched.judge(1001 * MS, False) is Verdict.NOT_FINITE
+    assert watched.judge(1002 * MS, True, 1602 * MS) is Verdict.STALE
+    assert watched.judge(1003 * MS, True, 1004 * MS) is Verdict.USE
+    assert (watched.used, watched.dropped) == (2, 4)
+
+
+def test_a_dropped_sample_leaves_no_trace() -> None:
+    watched = gate()
+    watched.judge(5000 * MS, False)
+    assert watched.judge(1001 * MS, True) is Verdict.USE
+
+
+def test_a_gap_restarts_and_its_limit_does_not() -> None:
+    watched = gate(max_gap=0.05)
+    assert watched.judge(1050 * MS, True) is Verdict.USE
+    assert watched.judge(1101 * MS, True) is Verdict.RESTART
+    assert watched.gaps == 1
+
+
+def test_time_that_was_set_back_is_believed_after_some_samples() -> None:
+    watched = gate(restart_after=5)
+    verdicts = [watched.judge(k * MS, True) for k in range(1, 8)]
+    assert verdicts == [Verdict.DISORDERED] * 4 + [Verdict.RESTART] + [Verdict.USE] * 2
+
+
+def test_one_stamp_far_in_the_future_does_not_block_for_ever() -> None:
+    watched = gate(restart_after=5)
+    watched.judge(10**15, True)
+    verdicts = [watched.judge((1001 + k) * MS, True) for k in range(6)]
+    assert verdicts[4:] == [Verdict.RESTART, Verdict.USE]
+
+
+def test_early_stragglers_between_good_samples_never_restart() -> None:
+    watched = gate(restart_after=5)
+    for k in range(1, 50):
+        assert watched.judge((1000 + k) * MS, True) is Verdict.USE
+        assert watched.judge((900 + k) * MS, True) is Verdict.DISORDERED
+
+
+@given(
+    st.lists(
+        st.tuples(st.integers(0, 200), st.booleans(), st.none() | st.integers(0, 900)),
+        max_size=100,
+    )
+)
+def test_every_sample_is_counted_once_and_used_ones_increase_but_for_restarts(
+    samples: list[tuple[int, bool, int | None]],
+) -> None:
+    watched = SampleGate(GateSettings(restart_after=3))
+    last: int | None = None
+    for stamp, finite, now in samples:
+        verdict = watched.judge(stamp * MS, finite, None if now is None else now * MS)
+        if verdict is Verdict.USE:
+            assert finite
+            assert last is not None
+            assert 0 < stamp - last <= 50
+        if verdict in (Verdict.USE, Verdict.RESTART):
+            last = stamp
+    assert watched.used + watched.dropped == len(samples)

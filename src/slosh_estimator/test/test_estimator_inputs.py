@@ -1,0 +1,201 @@
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from slosh_estimator.accel_input import AccelInput
+from slosh_estimator.errors import SloshEstimatorError
+from slosh_estimator.gate import GateSettings, Verdict
+from slosh_estimator.imu_input import ImuInput, SensorTransform
+from slosh_estimator.model_file import read_model
+from slosh_estimator.pose_input import PoseInput
+from slosh_model.constants import GRAVITY
+from slosh_model.errors import SloshModelError
+
+MS = 1_000_000
+GATE = GateSettings()
+LEVEL = (0.0, 0.0, 0.0, 1.0)
+
+
+def test_accelerations_in_another_frame_are_dropped_and_the_frame_is_named() -> None:
+    accel = AccelInput(GATE, ("world", "container"))
+    assert accel.update(0, "tool0", 1.0, 0.0, 0.0) is None
+    assert accel.update(MS, "world", 1.0, 2.0, 3.0) is not None
+    assert accel.update(2 * MS, "container", 1.0, 2.0, 3.0) is not None
+    assert accel.gate.counts[Verdict.WRONG_FRAME] == 1
+    assert "'tool0'" in str(accel.warning())
+
+
+def test_an_imu_at_rest_gives_no_acceleration() -> None:
+    sample = ImuInput(GATE, SensorTransform()).update(0, (0.0, 0.0, GRAVITY), (0.0, 0.0, 0.0))
+    assert sample is not None
+    assert (sample.ax, sample.ay, sample.az) == (0.0, 0.0, 0.0)
+
+
+def test_a_sensor_upside_down_is_turned_by_its_transform() -> None:
+    imu = ImuInput(GATE, SensorTransform(roll=math.pi))
+    sample = imu.update(0, (1.0, 2.0, -GRAVITY), (0.0, 0.0, 0.0))
+    assert sample is not None
+    assert (sample.ax, sample.ay, sample.az) == pytest.approx((1.0, -2.0, 0.0), abs=1e-12)
+
+
+def test_a_tilt_enters_as_lateral_gravity() -> None:
+    tilt = 0.1
+    force = (GRAVITY * math.sin(tilt), 0.0, GRAVITY * math.cos(tilt))
+    sample = ImuInput(GATE, SensorTransform()).update(0, force, (0.0, 0.0, 0.0))
+    assert sample is not None
+    assert sample.ax == pytest.approx(GRAVITY * math.sin(tilt))
+    assert sample.az == pytest.approx(GRAVITY * (math.cos(tilt) - 1.0))
+
+
+def test_lever_arm_of_a_spinning_container() -> None:
+    """The sensor sits 0.1 m out on x and feels -ω²·0.1; the origin feels nothing."""
+    imu = ImuInput(GATE, SensorTransform(to_origin=(-0.1, 0.0, 0.0)))
+    for k in range(100):
+        sample = imu.update(k * MS, (-0.1 * 4.0, 0.0, GRAVITY), (0.0, 0.0, 2.0))
+        assert sample is not None
+        assert math.hypot(sample.ax, sample.ay, sample.az) == pytest.approx(0.0, abs=1e-12)
+
+
+def test_lever_arm_of_a_spin_that_grows() -> None:
+    """ω_z = 5 t: beside ω²r the sensor feels ω̇ r along y; the filter has settled after 0.1 s."""
+    imu = ImuInput(GATE, SensorTransform(to_origin=(-0.1, 0.0, 0.0)))
+    for k in range(200):
+        w = 5.0 * k * 1e-3
+        sample = imu.update(k * MS, (-0.1 * w * w, 0.1 * 5.0, GRAVITY), (0.0, 0.0, w))
+    assert sample is not None
+    assert math.hypot(sample.ax, sample.ay) == pytest.approx(0.0, abs=1e-3)
+
+
+def test_a_constant_push_in_the_world_stays_constant_while_the_container_yaws() -> None:
+    imu = ImuInput(GATE, SensorTransform())
+    for k in range(1000):
+        yaw = 3.0 * k * 1e-3
+        force = (2.0 * math.cos(yaw), -2.0 * math.sin(yaw), GRAVITY)
+        sample = imu.update(k * MS, force, (0.0, 0.0, 3.0))
+        assert sample is not None
+        assert (sample.ax, sample.ay) == pytest.approx((2.0, 0.0), abs=1e-9)
+        assert sample.yaw == pytest.approx(yaw)
+
+
+def test_a_driver_that_removes_gravity_is_recognised() -> None:
+    imu = ImuInput(GATE, SensorTransform())
+    for k in range(3000):
+        imu.update(k * MS, (0.01, 0.0, 0.0), (0.0, 0.0, 0.0))
+    assert "gravity" in str(imu.warning())
+
+
+def test_a_sensor_that_moves_hard_is_not_taken_for_one_without_gravity() -> None:
+    imu = ImuInput(GATE, SensorTransform())
+    for k in range(3000):
+        swing = 9.0 * math.sin(0.02 * k)
+        imu.update(k * MS, (swing, 0.0, GRAVITY - 0.5 * swing), (0.0, 0.0, 0.0))
+    assert imu.warning() is None
+
+
+def test_a_missing_rate_matters_only_with_a_lever_arm() -> None:
+    for place, warned in (((0.0, 0.0, 0.0), False), ((0.1, 0.0, 0.0), True)):
+        imu = ImuInput(GATE, SensorTransform(to_origin=place))
+        assert imu.update(0, (0.0, 0.0, GRAVITY), None) is not None
+        assert (imu.warning() is not None) is warned
+
+
+def test_a_force_that_is_not_reported_is_dropped() -> None:
+    imu = ImuInput(GATE, SensorTransform())
+    assert imu.update(0, (math.nan,) * 3, (0.0, 0.0, 0.0)) is None
+    assert imu.gate.counts[Verdict.NOT_FINITE] == 1
+
+
+def test_a_transform_that_is_not_finite_is_refused() -> None:
+    with pytest.raises(SloshEstimatorError, match="finite"):
+        SensorTransform(roll=math.nan)
+
+
+@settings(deadline=None)
+@given(
+    st.lists(st.integers(1, 20), min_size=30, max_size=60),
+    st.tuples(*[st.floats(-2.0, 2.0)] * 3),
+)
+def test_a_cubic_motion_is_exact_at_the_centre_s_own_stamp(
+    steps: list[int], c: tuple[float, float, float]
+) -> None:
+    pose = PoseInput(GATE, 11)
+    given_ns = [int(s) * MS for s in np.cumsum(steps)]
+    out = []
+    for stamp in given_ns:
+        t = stamp * 1e-9
+        position = (c[0] * t**3, c[1] * t**2, c[2] * t)
+        sample = pose.update(stamp, position, LEVEL)
+        if sample is not None:
+            out.append(sample)
+    assert [s.stamp_ns for s in out] == given_ns[5:-5]
+    for sample in out:
+        expected = (6.0 * c[0] * sample.stamp_ns * 1e-9, 2.0 * c[1], 0.0)
+        assert (sample.ax, sample.ay, sample.az) == pytest.approx(expected, abs=1e-6)
+
+
+def test_a_harmonic_motion_has_no_phase_error() -> None:
+    pose, w = PoseInput(GATE, 21), 2.0 * math.pi * 3.0
+    for k in range(500):
+        stamp = 2 * k * MS
+        sample = pose.update(stamp, (0.01 * math.sin(w * stamp * 1e-9), 0.0, 0.0), LEVEL)
+        if sample is not None:
+            truth = -0.01 * w * w * math.sin(w * sample.stamp_ns * 1e-9)
+            # The only error is a slightly smaller amplitude: in step with the truth.
+            assert sample.ax == pytest.approx(0.98 * truth, abs=0.02 * 0.01 * w * w)
+
+
+def test_a_jump_of_the_tracker_starts_the_window_anew() -> None:
+    pose = PoseInput(GATE, 5)
+    samples = [pose.update(k * MS, (0.1 * (k >= 20), 0.0, 0.0), LEVEL) for k in range(30)]
+    assert pose.jumps == 1
+    assert all(s is None or s.ax == pytest.approx(0.0) for s in samples)
+    assert samples[20:24] == [None] * 4
+    assert samples[24] is not None
+    assert samples[24].restarted
+
+
+def test_yaw_is_the_attitude_s_twist_even_when_tilted() -> None:
+    pose, yaw, tilt = PoseInput(GATE, 5), 0.8, 0.3
+    half, lean = 0.5 * yaw, 0.5 * tilt
+    # Tilted about the container's own x after the yaw.
+    q = (
+        math.cos(half) * math.sin(lean),
+        math.sin(half) * math.sin(lean),
+        math.sin(half) * math.cos(lean),
+        math.cos(half) * math.cos(lean),
+    )
+    samples = [pose.update(k * MS, (0.0, 0.0, 0.0), q) for k in range(5)]
+    assert samples[-1] is not None
+    assert samples[-1].yaw == pytest.approx(yaw)
+
+
+def test_an_attitude_of_no_length_is_dropped() -> None:
+    pose = PoseInput(GATE, 5)
+    assert pose.update(0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0)) is None
+    assert pose.gate.dropped == 1
+
+
+@pytest.mark.parametrize("window", [3, 10])
+def test_windows_without_a_centre_or_too_short_are_refused(window: int) -> None:
+    with pytest.raises(SloshEstimatorError, match=str(window)):
+        PoseInput(GATE, window)
+
+
+def test_model_files_are_named_in_every_error(tmp_path: Path) -> None:
+    with pytest.raises(SloshEstimatorError, match="no file given"):
+        read_model("")
+    with pytest.raises(SloshEstimatorError, match=r"absent\.yaml"):
+        read_model(tmp_path / "absent.yaml")
+    binary = tmp_path / "binary.yaml"
+    binary.write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(SloshEstimatorError, match=r"binary\.yaml"):
+        read_model(binary)
+    wrong = tmp_path / "wrong.yaml"
+    wrong.write_text("container: {shape: cylinder, radius: 0.05, fill_height: 0.07, colour: 1}")
+    with pytest.raises(SloshModelError, match=r"wrong\.yaml.*colour"):
+        read_model(wrong)
