@@ -122,8 +122,7 @@ def find_lines(
     found = seeds == label
     upper = np.argmax(liquid, axis=0)
     margin = settings.surface_contrast * (levels.background - levels.liquid)
-    body = np.where(gray <= levels.column_liquid + margin, np.uint8(1), np.uint8(0))
-    body = cv2.morphologyEx(body, cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8)).astype(np.bool_)
+    body = gray <= levels.column_liquid + margin
     body |= np.arange(gray.shape[0])[:, np.newaxis] >= region.seed_rows
     front = gray.shape[0] - np.argmin(body[::-1], axis=0)
     front[np.all(body, axis=0)] = 0

@@ -86,6 +86,15 @@ def test_a_cut_file_is_refused(suffix, fraction):
         decode_compressed("jpeg", data[: int(fraction * len(data))])
 
 
+@pytest.mark.parametrize("missing", [3, 100, 1000])
+def test_a_jpeg_without_its_end_is_refused(missing):
+    # OpenCV alone would fill the missing part with grey.
+    noise = np.random.default_rng(1).integers(0, 256, (120, 160), dtype=np.uint8)
+    data = cv2.imencode(".jpg", noise)[1].tobytes()
+    with pytest.raises(SloshCameraError, match="complete"):
+        decode_compressed("jpeg", data[:-missing])
+
+
 @given(st.binary(max_size=200))
 def test_noise_is_refused(data):
     with pytest.raises(SloshCameraError):

@@ -105,9 +105,10 @@ def test_lens_distortion(make_scene):
     assert result.msh == pytest.approx(0.02, abs=0.3 * MM)
 
 
-def test_liquid_lighter_than_its_background(make_scene):
+@pytest.mark.parametrize("threshold", [None, 80.0])
+def test_liquid_lighter_than_its_background(make_scene, threshold):
     scene = make_scene(liquid=220, surface=150, background=40, **PITCHED)
-    settings = DetectionSettings(liquid=Liquid.LIGHTER)
+    settings = DetectionSettings(liquid=Liquid.LIGHTER, threshold=threshold)
     result = measure(scene, scene.draw(0.02, 1.4), settings)
     assert result.msh == pytest.approx(0.02, abs=0.3 * MM)
     assert result.peak_side is PeakSide.REAR
@@ -126,10 +127,24 @@ def test_specks_and_drops_are_not_the_line(make_scene):
     cv2.circle(image, (300, 150), 4, 40, -1)  # a drop on the wall
     cv2.circle(image, (340, 170), 1, 40, -1)  # dirt
     image[320:323, 310:312] = 250  # a glint in the liquid
-    image[:, 250] = 30  # a scratch
+    image[:, 250] = image[:, 380] = 30  # scratches
     result = measure(scene, image)
     assert result.msh == pytest.approx(0.01, abs=0.2 * MM)
     assert result.flags == Flag.NONE
+
+
+def test_a_dark_reflection_in_the_surface_is_not_the_front_line(make_scene):
+    scene = make_scene(camera_height=0.15)
+    azimuth = scene.camera_azimuth + np.pi + 0.3
+    image = scene.draw(0.008, azimuth)
+    clean = measure(scene, image)
+    front = clean.edge_pixels[clean.edge_pixels[:, 1] > 240]
+    for u, v in front[(front[:, 0] > 340) & (front[:, 0] < 370)]:
+        image[round(v) - 60 : round(v) + 1, round(u)] = scene.liquid
+    result = measure(scene, image)
+    assert result.msh == pytest.approx(0.008, abs=0.3 * MM)
+    assert result.peak_side is PeakSide.REAR
+    assert np.max(result.profile_height) < 0.0085
 
 
 def test_line_above_the_frame_is_a_lower_bound(make_scene):
@@ -147,6 +162,15 @@ def test_line_above_the_region_is_a_lower_bound(make_scene):
     assert Flag.SATURATED in result.flags
     assert result.msh < 0.03
     assert measure(scene, image).flags == Flag.NONE
+
+
+def test_an_edge_above_the_frame_is_a_lower_bound_and_not_continued(make_scene):
+    scene = make_scene(aim=-0.08, rim_height=None)
+    azimuth_left = scene.calibration().view.tangent_azimuths()[0]
+    result = measure(scene, scene.draw(0.04, azimuth_left + 0.5))
+    assert Flag.SATURATED in result.flags
+    assert 0.01 < result.sh_left < 0.028
+    assert result.msh < 0.028
 
 
 def test_saturation_ends_with_the_wave(make_scene):
@@ -180,6 +204,18 @@ def test_empty_background_is_not_liquid(make_scene):
     image = scene.empty()
     image[100:200] //= 4
     assert measure(scene, image).flags == Flag.NOT_FOUND
+
+
+def test_a_dark_thing_above_a_grey_table_is_not_liquid(make_scene):
+    image = make_scene().empty()
+    image[100:150] = 40
+    image[300:] = 150
+    assert measure(make_scene(), image).flags == Flag.NOT_FOUND
+
+
+def test_too_faint_a_liquid_is_not_guessed_at(make_scene):
+    scene = make_scene(liquid=200, surface=208)
+    assert measure(scene, scene.draw(0.01)).flags == Flag.NOT_FOUND
 
 
 @pytest.mark.parametrize("seed", range(5))
