@@ -123,6 +123,12 @@ def test_unknown_numbers_are_dashes():
     assert ">nan<" not in text.lower()
 
 
+def test_the_clock_offset_is_shown_where_there_is_one():
+    one_clock = (replace(REPORT.models[0], offset=float("nan")),)
+    assert "clock offset" in render_report(REPORT)
+    assert "clock offset" not in render_report(replace(REPORT, models=one_clock))
+
+
 def test_long_series_keep_their_extremes():
     t = np.arange(100_000.0)
     values = np.sin(t)

@@ -26,7 +26,8 @@ def render_report(report: RunReport) -> str:
         for kind, draw in (("heights", heights_chart), ("residual", residual_chart))
         for width, size in (("wide", WIDE), ("narrow", NARROW))
     }
-    return _template().render(report=report, **charts)
+    clocks_differ = any(math.isfinite(row.offset) for row in report.models)
+    return _template().render(report=report, clocks_differ=clocks_differ, **charts)
 
 
 @cache

@@ -1,0 +1,78 @@
+"""The models against real and CFD measurements, where the data are present."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from slosh_bag.antisloshing import import_antisloshing
+from slosh_bag.definitions import find_interfaces
+from slosh_bag.motion_table import read_motion_table
+from slosh_bag.replay import replay_bag, replay_table
+from slosh_model.containers import Cylinder
+from slosh_model.model import Model
+
+REPOSITORY = Path(__file__).resolve().parent.parent
+DATA = Path(os.environ.get("SLOSH_SHARED_DATA", REPOSITORY.parent / "shared" / "data"))
+ANTISLOSHING = DATA / "antisloshing"
+CFD = DATA / "cfd"
+CUP = Model(Cylinder(0.05, 0.07))
+
+needs_runs = [
+    pytest.mark.skipif(not ANTISLOSHING.is_dir(), reason=f"no measured runs in {ANTISLOSHING}"),
+    pytest.mark.skipif(find_interfaces("slosh_msgs") is None, reason="interfaces are not built"),
+]
+
+
+@pytest.fixture(scope="module")
+def untilted(tmp_path_factory):
+    bags = import_antisloshing(ANTISLOSHING, tmp_path_factory.mktemp("bags"))
+    return [replay_bag(bag) for bag in bags if not bag.name.startswith("Tilt")]
+
+
+def mean(results, model, field):
+    values = [getattr(row, field) for r in results for row in r.accuracy if row.name == model]
+    return float(np.mean(values))
+
+
+class TestMeasuredRuns:
+    pytestmark = needs_runs
+
+    def test_3d_nl_has_the_smallest_mean_error(self, untilted):
+        sigma = {name: mean(untilted, name, "sigma") for name in ("2D-L", "3D-L", "2D-NL")}
+        best = mean(untilted, "3D-NL", "sigma")
+        assert best < min(sigma.values())
+        assert best < 2.5e-3
+
+    def test_3d_nl_meets_the_peaks_best(self, untilted):
+        sizes = {
+            row.name: np.mean([abs(r.accuracy[k].epsilon) for r in untilted])
+            for k, row in enumerate(untilted[0].accuracy)
+        }
+        assert min(sizes, key=sizes.get) == "3D-NL"
+        assert sizes["3D-NL"] < 0.13
+
+    def test_every_offset_of_3d_nl_is_unambiguous(self, untilted):
+        ambiguous = [r.name for r in untilted if not r.accuracy[-1].clock.unambiguous]
+        assert ambiguous == []
+
+    def test_all_models_are_searched_in_one_window(self, untilted):
+        for result in untilted:
+            assert len({row.clock.onset_offset for row in result.accuracy}) == 1
+
+    def test_no_offset_lays_a_model_over_the_quiet_part(self, untilted):
+        """There the residual would be the model's own height; where the motion is, it is less."""
+        for result in untilted:
+            own = np.sqrt(np.nanmean(result.heights["3D-NL"] ** 2))
+            assert result.accuracy[-1].rms < own, result.name
+
+
+@pytest.mark.skipif(not CFD.is_dir(), reason=f"no CFD tables in {CFD}")
+@pytest.mark.parametrize("motion", ["l1", "e1"])
+def test_l_overestimates_and_nl_underestimates_the_cfd_peak(motion):
+    table = read_motion_table(CFD / f"{motion}.csv.gz")
+    rows = {row.name: row for row in replay_table(motion, table, CUP).accuracy}
+    assert 0.0 < rows["2D-L"].epsilon < 0.10
+    assert -0.20 < rows["2D-NL"].epsilon < 0.0
