@@ -18,7 +18,7 @@ _LINE = (60, 200, 60)
 _PEAK = (40, 40, 240)
 _SCALE = (230, 140, 40)
 _TEXT = (255, 255, 255)
-_SHADOW = (0, 0, 0)
+_PLATE = (50, 50, 50)
 _FONT = cv2.FONT_HERSHEY_SIMPLEX
 _FONT_SCALE = 0.45
 # Drawing coordinates carry this many fractional bits.
@@ -59,15 +59,19 @@ def _captions(measurement: Measurement) -> list[str]:
         bound = ">= " if Flag.SATURATED in measurement.flags else ""
         side = measurement.peak_side.name.lower()
         lines.append(
-            f"MSH {bound}{measurement.msh * 1e3:.1f} mm +- {measurement.msh_stddev * 1e3:.1f} mm, "
+            f"MSH {bound}{measurement.msh * 1e3:.1f} mm +- {measurement.msh_stddev * 1e3:.1f}, "
             f"{np.degrees(measurement.azimuth):.0f} deg, {side} wall"
         )
         lines.append(
-            f"left {measurement.sh_left * 1e3:.1f} mm, right {measurement.sh_right * 1e3:.1f} mm"
+            f"left {_millimetres(measurement.sh_left)}, right {_millimetres(measurement.sh_right)}"
         )
     if measurement.flags:
         lines.append(" ".join(str(flag.name) for flag in measurement.flags))
     return lines
+
+
+def _millimetres(height: float) -> str:
+    return f"{height * 1e3:.1f} mm" if np.isfinite(height) else "unknown"
 
 
 def _draw_scale(picture: Image, view: CupView) -> None:
@@ -90,7 +94,10 @@ def _draw_scale(picture: Image, view: CupView) -> None:
 
 
 def _put_text(picture: Image, text: str, place: tuple[int, int]) -> None:
-    cv2.putText(picture, text, place, _FONT, _FONT_SCALE, _SHADOW, 3, cv2.LINE_AA)
+    """White text on a dark plate, so that it is read before any background."""
+    (width, height), below = cv2.getTextSize(text, _FONT, _FONT_SCALE, 1)
+    x, y = place
+    cv2.rectangle(picture, (x - 2, y - height - 2), (x + width + 2, y + below), _PLATE, -1)
     cv2.putText(picture, text, place, _FONT, _FONT_SCALE, _TEXT, 1, cv2.LINE_AA)
 
 
