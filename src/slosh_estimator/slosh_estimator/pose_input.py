@@ -1,10 +1,10 @@
 """Poses of the container (geometry_msgs/PoseStamped), differentiated twice.
 
 The second derivative is that of the parabola that fits the positions of a sliding window best
-(least squares; Savitzky and Golay's filter, for samples at any spacing). A cubic term is fitted along: it
-changes nothing where the stamps are symmetric about the window's centre, and keeps the answer that
-of the centre where they are not. The sample carries the centre's stamp: the estimate comes half a
-window late, but with no phase error.
+(least squares; Savitzky and Golay's filter, for samples at any spacing). A cubic term is fitted
+along: it changes nothing where the stamps are symmetric about the window's centre, and keeps the
+answer that of the centre where they are not. The sample carries the centre's stamp: the estimate
+comes half a window late, but with no phase error.
 """
 
 from __future__ import annotations

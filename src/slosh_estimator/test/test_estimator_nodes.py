@@ -1,0 +1,249 @@
+"""Both nodes over DDS: real messages, waiting for what must come."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+rclpy = pytest.importorskip("rclpy", reason="ROS 2 is not installed")
+
+from geometry_msgs.msg import AccelStamped, PoseStamped  # noqa: E402
+from rclpy.executors import SingleThreadedExecutor  # noqa: E402
+from rclpy.node import Node  # noqa: E402
+from sensor_msgs.msg import Imu  # noqa: E402
+from slosh_estimator.errors import SloshEstimatorError  # noqa: E402
+from slosh_estimator.nodes.estimator_node import EstimatorNode  # noqa: E402
+from slosh_estimator.nodes.monitor_node import MonitorNode  # noqa: E402
+from slosh_msgs_py.errors import SloshMessageError  # noqa: E402
+from slosh_msgs_py.stamps import to_nanoseconds, to_time  # noqa: E402
+from std_srvs.srv import Trigger  # noqa: E402
+
+from slosh_msgs.msg import FreeSurface, LimitEvent, SloshComparison, SloshEstimate  # noqa: E402
+from slosh_msgs.srv import LoadModel  # noqa: E402
+from slosh_msgs_py import qos, topics  # noqa: E402
+
+DOMAIN = 32
+PATIENCE = 20.0
+MS = 1_000_000
+TEXT = """
+container: {shape: cylinder, radius: 0.05, fill_height: 0.07, rim_height: 0.1}
+damping_ratio: auto
+effects: [{name: vertical_acceleration}]
+"""
+
+
+class Cell:
+    """One executor with the node under test and a probe that speaks with it."""
+
+    def __init__(self) -> None:
+        self.executor = SingleThreadedExecutor()
+        self.probe = Node("probe")
+        self.executor.add_node(self.probe)
+        self.nodes: list[Node] = [self.probe]
+
+    def add(self, node: Node) -> Node:
+        self.nodes.append(node)
+        self.executor.add_node(node)
+        return node
+
+    def collect(self, kind: type, topic: str, profile: Any = qos.STREAM_IN) -> list[Any]:
+        received: list[Any] = []
+        self.probe.create_subscription(kind, topic, received.append, profile)
+        return received
+
+    def publisher(self, kind: type, topic: str) -> Any:
+        publisher = self.probe.create_publisher(kind, topic, qos.STREAM_OUT)
+        self.until(lambda: publisher.get_subscription_count() > 0)
+        return publisher
+
+    def until(self, condition: Callable[[], bool]) -> None:
+        deadline = time.monotonic() + PATIENCE
+        while not condition():
+            assert time.monotonic() < deadline, "what was awaited did not come"
+            self.executor.spin_once(timeout_sec=0.05)
+
+    def call(self, kind: type, name: str, request: Any) -> Any:
+        client = self.probe.create_client(kind, name)
+        self.until(client.service_is_ready)
+        future = client.call_async(request)
+        self.until(future.done)
+        return future.result()
+
+    def now(self) -> int:
+        return int(self.probe.get_clock().now().nanoseconds)
+
+    def close(self) -> None:
+        for node in self.nodes:
+            self.executor.remove_node(node)
+            node.destroy_node()
+
+
+@pytest.fixture
+def start(tmp_path: Path) -> Iterator[Callable[..., Cell]]:
+    cells: list[Cell] = []
+
+    def begin(**parameters: str) -> Cell:
+        model = tmp_path / "model.yaml"
+        model.write_text(TEXT)
+        arguments = ["--ros-args"]
+        for name, value in {"model": str(model), **parameters}.items():
+            arguments += ["-p", f"{name}:={value}"]
+        os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+        rclpy.init(args=arguments, domain_id=DOMAIN)
+        cells.append(Cell())
+        return cells[-1]
+
+    yield begin
+    for cell in cells:
+        cell.close()
+    rclpy.try_shutdown()
+
+
+def accel(stamp_ns: int, ax: float, frame: str = "world") -> AccelStamped:
+    message = AccelStamped()
+    message.header.stamp = to_time(stamp_ns)
+    message.header.frame_id = frame
+    message.accel.linear.x = ax
+    return message
+
+
+def test_accelerations_in_estimates_out_and_faults_counted(start: Callable[..., Cell]) -> None:
+    cell = start()
+    cell.add(EstimatorNode())
+    estimates = cell.collect(SloshEstimate, topics.ESTIMATE)
+    publisher = cell.publisher(AccelStamped, topics.ACCEL)
+    cell.until(lambda: cell.probe.count_publishers(topics.ESTIMATE) > 0)
+    begin = cell.now()
+    for k in range(1, 21):
+        publisher.publish(accel(begin + k * MS, 2.0))
+        cell.until(lambda k=k: len(estimates) >= k)  # type: ignore[misc]
+    publisher.publish(accel(begin + 20 * MS, 2.0))
+    publisher.publish(accel(begin + 21 * MS, float("nan")))
+    publisher.publish(accel(begin + 22 * MS, 2.0, "tool0"))
+    publisher.publish(accel(begin + 23 * MS, 2.0))
+    cell.until(lambda: len(estimates) == 21)
+    last = estimates[-1]
+    assert [to_nanoseconds(e.header.stamp) for e in estimates[:20]] == [
+        begin + k * MS for k in range(1, 21)
+    ]
+    assert last.header.frame_id == "container"
+    assert (last.linear.model, last.nonlinear.model) == ("3D-L", "3D-NL")
+    assert (last.samples_used, last.samples_dropped) == (21, 3)
+    assert last.linear.sh_x < 0.0
+    assert last.linear.msh > last.nonlinear.msh > 0.0
+    assert list(last.acceleration) == [2.0, 0.0, 0.0]
+    assert len(last.linear.modal_position) == len(last.linear.modal_velocity) == 2
+
+
+def test_imu_and_its_transform(start: Callable[..., Cell]) -> None:
+    cell = start(input="imu", sensor_rotation="[3.141592653589793, 0.0, 0.0]")
+    cell.add(EstimatorNode())
+    estimates = cell.collect(SloshEstimate, topics.ESTIMATE)
+    publisher = cell.publisher(Imu, topics.IMU)
+    message = Imu()
+    message.header.stamp = to_time(cell.now())
+    message.linear_acceleration.x, message.linear_acceleration.z = 1.0, -9.81
+    message.angular_velocity_covariance[0] = -1.0
+    cell.until(lambda: cell.probe.count_publishers(topics.ESTIMATE) > 0)
+    publisher.publish(message)
+    cell.until(lambda: len(estimates) == 1)
+    assert list(estimates[0].acceleration) == pytest.approx([1.0, 0.0, 0.0], abs=1e-9)
+
+
+def test_poses(start: Callable[..., Cell]) -> None:
+    cell = start(input="pose", pose_window="5")
+    cell.add(EstimatorNode())
+    estimates = cell.collect(SloshEstimate, topics.ESTIMATE)
+    publisher = cell.publisher(PoseStamped, topics.POSE)
+    cell.until(lambda: cell.probe.count_publishers(topics.ESTIMATE) > 0)
+    begin = cell.now()
+    for k in range(6):
+        message = PoseStamped()
+        message.header.stamp = to_time(begin + 10 * k * MS)
+        message.pose.position.x = 0.5 * 3.0 * (0.01 * k) ** 2
+        publisher.publish(message)
+    cell.until(lambda: len(estimates) == 2)
+    assert to_nanoseconds(estimates[0].header.stamp) == begin + 20 * MS
+    assert list(estimates[1].acceleration) == pytest.approx([3.0, 0.0, 0.0], abs=1e-6)
+
+
+def test_load_model_and_reset(start: Callable[..., Cell]) -> None:
+    cell = start()
+    cell.add(EstimatorNode())
+    bad = cell.call(LoadModel, topics.LOAD_MODEL, LoadModel.Request(text="container: 7"))
+    assert not bad.success
+    assert "container" in bad.message
+    assert bad.models == "3D-L, 3D-NL"
+    flat = TEXT.replace("{name: vertical_acceleration}", "")
+    good = cell.call(LoadModel, topics.LOAD_MODEL, LoadModel.Request(text=flat))
+    assert good.success
+    assert good.models == "2D-L, 2D-NL"
+    assert not cell.call(LoadModel, topics.LOAD_MODEL, LoadModel.Request()).success
+    assert cell.call(Trigger, topics.RESET, Trigger.Request()).success
+
+
+@pytest.mark.parametrize(
+    ("name", "value"), [("max_gap", "-1.0"), ("input", "gyro"), ("max_age", "1"), ("model", "''")]
+)
+def test_a_bad_parameter_is_refused_by_name(
+    start: Callable[..., Cell], name: str, value: str
+) -> None:
+    start(**{name: value})
+    with pytest.raises((SloshMessageError, SloshEstimatorError), match=name):
+        EstimatorNode()
+
+
+def test_the_monitor_compares_reports_events_and_tells_which_side_is_silent(
+    start: Callable[..., Cell],
+) -> None:
+    cell = start()
+    cell.add(MonitorNode())
+    comparisons = cell.collect(SloshComparison, topics.COMPARISON)
+    events = cell.collect(LimitEvent, topics.LIMIT_EVENT, qos.EVENT)
+    estimates = cell.publisher(SloshEstimate, topics.ESTIMATE)
+    surfaces = cell.publisher(FreeSurface, topics.FREE_SURFACE)
+    cell.until(lambda: cell.probe.count_publishers(topics.COMPARISON) > 0)
+    estimate, surface = SloshEstimate(), FreeSurface()
+    surface.msh, surface.msh_stddev = 0.05, 1e-4
+    estimate.linear.msh, estimate.nonlinear.msh = 0.047, 0.045
+
+    def matched() -> list[Any]:
+        return [c for c in comparisons if c.count]
+
+    def both_speak() -> bool:
+        stamp = to_time(cell.now())
+        estimate.header.stamp = surface.header.stamp = stamp
+        estimates.publish(estimate)
+        surfaces.publish(surface)
+        return bool(matched())
+
+    cell.until(both_speak)
+    first = matched()[0]
+    assert first.residual_nonlinear == pytest.approx(0.005)
+    assert first.state == SloshComparison.STATE_ERROR
+    cell.until(lambda: len(events) >= 2)
+    assert {e.source for e in events[:2]} == {
+        LimitEvent.SOURCE_MEASURED,
+        LimitEvent.SOURCE_ESTIMATED,
+    }
+
+    def only_the_estimate_speaks() -> bool:
+        estimate.header.stamp = to_time(cell.now())
+        estimates.publish(estimate)
+        return bool(comparisons[-1].measured_stale)
+
+    cell.until(only_the_estimate_speaks)
+    assert not comparisons[-1].estimate_stale
+
+    def only_the_camera_speaks() -> bool:
+        surface.header.stamp = to_time(cell.now())
+        surfaces.publish(surface)
+        return bool(comparisons[-1].estimate_stale)
+
+    cell.until(only_the_camera_speaks)
+    assert comparisons[-1].measured == 0.05

@@ -1,0 +1,263 @@
+from __future__ import annotations
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from slosh_discovery.metrics import mean_absolute_error, peak_error
+from slosh_estimator.errors import SloshEstimatorError
+from slosh_estimator.limits import Event, Hysteresis, Kind, LimitTracker, Source
+from slosh_estimator.monitor import (
+    MAXIMUM_WAITING,
+    SATURATED,
+    Comparison,
+    Condition,
+    EstimatePoint,
+    MeasuredPoint,
+    Monitor,
+    MonitorSettings,
+)
+from slosh_estimator.validity import EstimateFlag
+
+MS = 1_000_000
+NOT_FOUND, BAD_IMAGE = 32, 128
+
+
+def estimate(monitor: Monitor, at: int, height: float, flags: int = 0) -> list[Comparison]:
+    return monitor.add_estimate(EstimatePoint(at * MS, 2 * height, height, flags), at * MS)
+
+
+def measure(monitor: Monitor, at: int, height: float, flags: int = 0) -> list[Comparison]:
+    return monitor.add_measurement(MeasuredPoint(at * MS, height, 1e-4, flags), at * MS)
+
+
+def events(monitor: Monitor) -> list[tuple[Source, Kind, int]]:
+    return [(event.source, event.kind, event.id) for event in monitor.take_events()]
+
+
+def test_a_measurement_waits_for_the_estimate_beyond_it_and_takes_the_line_between() -> None:
+    monitor = Monitor(MonitorSettings())
+    estimate(monitor, 10, 0.010)
+    assert measure(monitor, 15, 0.013) == []
+    (comparison,) = estimate(monitor, 20, 0.020)
+    assert comparison.estimated_nonlinear == pytest.approx(0.015)
+    assert comparison.residual_nonlinear == pytest.approx(-0.002)
+    assert comparison.residual_linear == pytest.approx(0.013 - 0.030)
+    assert comparison.state is Condition.OK
+
+
+def test_too_early_too_old_and_across_a_gap_is_unmatched() -> None:
+    monitor = Monitor(MonitorSettings(buffer=0.1))
+    for at in (1000, 1010, 1100):
+        estimate(monitor, at, 0.01)
+    for at in (500, 1050):
+        (comparison,) = measure(monitor, at, 0.01)
+        assert math.isnan(comparison.estimated_nonlinear)
+    assert monitor.unmatched == 2
+    assert monitor.nonlinear.count == 0
+
+
+def test_a_stamp_far_in_the_future_does_not_hold_up_the_others() -> None:
+    monitor = Monitor(MonitorSettings())
+    estimate(monitor, 10, 0.01)
+    measure(monitor, 10**9, 0.01)
+    assert len(measure(monitor, 10, 0.01)) == 1
+
+
+def test_the_queue_of_waiting_measurements_is_bounded() -> None:
+    monitor = Monitor(MonitorSettings())
+    estimate(monitor, 10, 0.01)
+    for k in range(MAXIMUM_WAITING + 5):
+        monitor.add_measurement(MeasuredPoint((100 + k) * MS, 0.01), 10 * MS)
+    assert monitor.unmatched == 5
+
+
+@given(st.lists(st.tuples(st.floats(0.0, 0.1), st.floats(0.0, 0.1)), min_size=1, max_size=50))
+def test_running_indices_equal_those_of_the_whole_record(pairs: list[tuple[float, float]]) -> None:
+    monitor = Monitor(MonitorSettings())
+    for k, (measured, height) in enumerate(pairs):
+        estimate(monitor, 10 * k, height)
+        (last,) = measure(monitor, 10 * k, measured)
+    heights, answers = zip(*pairs, strict=True)
+    assert last.count == len(pairs)
+    assert last.sigma_nonlinear == pytest.approx(mean_absolute_error(heights, answers))
+    assert last.epsilon_nonlinear == pytest.approx(peak_error(heights, answers), nan_ok=True)
+
+
+@pytest.mark.parametrize("flag", [NOT_FOUND, BAD_IMAGE])
+def test_images_without_a_height_do_not_count(flag: int) -> None:
+    monitor = Monitor(MonitorSettings(0.03, 0.03, 0.01))
+    estimate(monitor, 10, 0.01)
+    (comparison,) = measure(monitor, 10, 0.09, flag)
+    assert math.isnan(comparison.measured)
+    assert comparison.count == 0
+    assert events(monitor) == []
+
+
+def test_a_lower_bound_counts_only_where_it_contradicts_the_estimate() -> None:
+    monitor = Monitor(MonitorSettings(disagreement_limit=0.01))
+    estimate(monitor, 10, 0.05)
+    measure(monitor, 10, 0.03, SATURATED)
+    assert monitor.nonlinear.count == 0
+    assert events(monitor) == []
+    estimate(monitor, 20, 0.01)
+    measure(monitor, 20, 0.03, SATURATED)
+    assert monitor.nonlinear.count == 1
+    assert events(monitor) == [(Source.DISAGREEMENT, Kind.START, 1)]
+
+
+def test_a_lower_bound_does_not_end_an_excess() -> None:
+    monitor = Monitor(MonitorSettings(measured_limit=0.03, hysteresis=Hysteresis(0.9, 0)))
+    measure(monitor, 10, 0.04)
+    measure(monitor, 20, 0.01, SATURATED)
+    assert events(monitor) == [(Source.MEASURED, Kind.START, 1)]
+    measure(monitor, 30, 0.01)
+    assert events(monitor) == [(Source.MEASURED, Kind.END, 1)]
+
+
+def test_an_estimate_from_an_unknown_state_stays_out_of_the_indices() -> None:
+    monitor = Monitor(MonitorSettings())
+    estimate(monitor, 10, 0.01, int(EstimateFlag.SETTLING))
+    (comparison,) = measure(monitor, 10, 0.02)
+    assert comparison.count == 0
+    assert comparison.estimate_flags == EstimateFlag.SETTLING
+
+
+def feed(
+    monitor: Monitor, camera_until: int, estimator_until: int, until: int
+) -> list[Comparison]:
+    """100 Hz of estimates, 50 Hz of images, a look at the clock each 100 ms; times in ms."""
+    seen = []
+    for at in range(0, until, 10):
+        if at < estimator_until:
+            seen += estimate(monitor, at, 0.01)
+        if at % 20 == 0 and at < camera_until:
+            seen += measure(monitor, at, 0.01)
+        if at % 100 == 0:
+            seen += monitor.check(at * MS)
+    return seen
+
+
+def test_a_silent_camera_is_told_within_half_a_second_and_estimates_go_on() -> None:
+    monitor = Monitor(MonitorSettings(estimated_limit=0.03))
+    seen = feed(monitor, 1000, 3000, 1500)
+    assert [c.state for c in seen if c.stamp_ns < 1000 * MS] == [Condition.OK] * 50
+    assert seen[-1].measured_stale
+    assert not seen[-1].estimate_stale
+    assert seen[-1].state is Condition.STALE
+    assert seen[-1].estimated_nonlinear == 0.01
+    first = next(c for c in seen if c.measured_stale)
+    assert first.stamp_ns <= 1500 * MS
+    estimate(monitor, 1510, 0.05)
+    assert events(monitor) == [(Source.ESTIMATED, Kind.START, 1)]
+
+
+def test_a_silent_estimator_is_told_within_half_a_second_and_measurements_go_on() -> None:
+    monitor = Monitor(MonitorSettings(measured_limit=0.03))
+    seen = feed(monitor, 3000, 1000, 1500)
+    assert seen[-1].estimate_stale
+    assert not seen[-1].measured_stale
+    assert seen[-1].state is Condition.STALE
+    assert seen[-1].measured == 0.01
+    assert len(seen) == 75
+    measure(monitor, 1510, 0.05)
+    assert events(monitor) == [(Source.MEASURED, Kind.START, 1)]
+
+
+def test_a_side_that_returns_is_compared_again() -> None:
+    monitor = Monitor(MonitorSettings())
+    feed(monitor, 3000, 1000, 1500)
+    estimate(monitor, 1600, 0.01)
+    (comparison,) = measure(monitor, 1600, 0.01)
+    assert comparison.state is Condition.OK
+    assert not comparison.estimate_stale
+
+
+def test_a_side_that_never_spoke_is_stale_too() -> None:
+    monitor = Monitor(MonitorSettings())
+    monitor.check(0)
+    assert monitor.silent_sides(200 * MS) == (False, False)
+    assert monitor.silent_sides(400 * MS) == (True, True)
+
+
+def test_an_excess_ends_where_its_side_falls_silent() -> None:
+    monitor = Monitor(MonitorSettings(measured_limit=0.03))
+    monitor.check(0)
+    measure(monitor, 10, 0.05)
+    monitor.check(400 * MS)
+    assert events(monitor) == [(Source.MEASURED, Kind.START, 1), (Source.MEASURED, Kind.END, 1)]
+
+
+def test_states_by_height() -> None:
+    monitor = Monitor(MonitorSettings(estimated_limit=0.03, hysteresis=Hysteresis(0.9, 0)))
+    states = []
+    for k, height in enumerate((0.01, 0.025, 0.031, 0.01)):
+        estimate(monitor, 10 * k, height)
+        states += [c.state for c in measure(monitor, 10 * k, 0.01)]
+    assert states == [Condition.OK, Condition.WARN, Condition.ERROR, Condition.OK]
+
+
+def test_time_set_back_ends_excesses_and_starts_the_buffer_anew() -> None:
+    monitor = Monitor(MonitorSettings(estimated_limit=0.03))
+    estimate(monitor, 60_000, 0.05)
+    estimate(monitor, 10, 0.01)
+    (event_start, event_end) = monitor.take_events()
+    assert event_end.kind is Kind.END
+    assert event_end.duration_ns >= 0
+    assert event_start.id == event_end.id
+    assert len(measure(monitor, 10, 0.01)) == 1
+
+
+def test_late_estimates_are_counted_and_change_nothing() -> None:
+    monitor = Monitor(MonitorSettings())
+    estimate(monitor, 20, 0.01)
+    estimate(monitor, 10, 0.09)
+    assert monitor.late_estimates == 1
+    (comparison,) = measure(monitor, 20, 0.01)
+    assert comparison.estimated_nonlinear == 0.01
+
+
+def track(values: list[float], hold: int = 20) -> list[Event]:
+    tracker = LimitTracker(Source.MEASURED, 1.0, Hysteresis(0.8, hold * MS))
+    found = [tracker.update(10 * k * MS, value) for k, value in enumerate(values)]
+    return [event for event in found if event is not None]
+
+
+def test_an_event_tells_peak_moment_and_duration() -> None:
+    start, end = track([0.5, 1.1, 1.5, 1.2, 0.7, 0.6, 0.5])
+    assert (start.kind, start.stamp_ns, start.duration_ns) == (Kind.START, 10 * MS, 0)
+    assert (end.kind, end.peak, end.peak_stamp_ns) == (Kind.END, 1.5, 20 * MS)
+    assert (end.stamp_ns, end.duration_ns) == (40 * MS, 30 * MS)
+
+
+def test_between_release_and_limit_nothing_changes() -> None:
+    assert len(track([1.1, 0.9, 1.1, 0.9, 0.81, 1.0])) == 1
+
+
+def test_a_short_dip_does_not_end_an_excess() -> None:
+    assert len(track([1.1, 0.5, 0.5, 1.1, 0.5])) == 1
+
+
+def test_nan_changes_nothing() -> None:
+    nan = math.nan
+    assert track([nan, 1.1, nan, 0.5, nan, 0.5, nan, 0.5])[1].stamp_ns == 30 * MS
+
+
+@given(st.lists(st.floats(0.0, 2.0) | st.just(math.nan), max_size=100))
+def test_starts_and_ends_alternate_and_peaks_are_true(values: list[float]) -> None:
+    found = track(values)
+    assert [e.kind for e in found] == [Kind.START, Kind.END] * (len(found) // 2) + [Kind.START] * (
+        len(found) % 2
+    )
+    for start, end in zip(found[::2], found[1::2], strict=False):
+        inside = values[start.stamp_ns // (10 * MS) : end.stamp_ns // (10 * MS)]
+        assert end.peak == max(v for v in inside if not math.isnan(v))
+        assert start.stamp_ns <= end.peak_stamp_ns < end.stamp_ns
+
+
+def test_settings_that_make_no_sense_are_refused() -> None:
+    with pytest.raises(SloshEstimatorError, match="release"):
+        Hysteresis(release=0.0)
+    with pytest.raises(SloshEstimatorError, match="timeout"):
+        MonitorSettings(timeout=0.0)
