@@ -136,6 +136,7 @@ def replay_bag(
             bank.update(sample)
     if not rows or not len(bank.estimates().stamps):
         raise SloshBagError(f"{path}: holds no usable message of {topic} or of {surface}")
+    rows.sort(key=lambda row: row[0])  # stamp order, whatever the order of arrival
     counters = {
         "samples_used": adapter.gate.used,
         "samples_dropped": adapter.gate.dropped,
@@ -190,6 +191,12 @@ def _judge(
     unrelated: bool,
     monitor: MonitorSettings | None,
 ) -> ReplayResult:
+    late = np.flatnonzero(np.diff(estimates.stamps) <= 0)
+    if len(late):
+        raise SloshBagError(
+            f"{path}: the stamps of {source} go back at {estimates.stamps[late[0]] * 1e-9:.3f} s; "
+            "cut the bag in two there"
+        )
     if unrelated:
         result = compare_unrelated(path.name, source, estimates, measured)
     else:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
 from slosh_discovery.report import Frame, KeyFigure, ModelRow, RunReport, Span, Topic
 from slosh_estimator.limits import Event, Kind, Source
 
@@ -12,6 +13,7 @@ from slosh_bag.replay_result import ModelAccuracy, ReplayResult
 
 NAN = float("nan")
 SHOWN = ("3D-L", "3D-NL")
+BESIDE = 1.0  # [s]
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +40,8 @@ class Surroundings:
 def replay_report(result: ReplayResult, around: Surroundings | None = None) -> RunReport:
     """What the page of a replay shows.
 
-    The charts show the 3D models; further effects that a model has are part of its name.
+    The charts show the 3D models, from a second before their first estimate to a second after
+    their last. Further effects that a model has are part of its name.
 
     Args:
         result: the replay.
@@ -46,15 +49,17 @@ def replay_report(result: ReplayResult, around: Surroundings | None = None) -> R
     """
     around = around or Surroundings()
     linear, nonlinear = (_row(result, name) for name in SHOWN)
-    start = float(result.t[0]) if len(result.t) else 0.0
+    shown = _shown(result)
+    t = result.t[shown]
+    start = float(t[0]) if len(t) else 0.0
     spans = event_spans(result.events, start)
     return RunReport(
         title=around.title or result.name,
         subtitle=around.subtitle,
-        t=result.t - start,
-        measured=result.measured,
-        linear=result.heights[linear.name],
-        nonlinear=result.heights[nonlinear.name],
+        t=t - start,
+        measured=result.measured[shown],
+        linear=result.heights[linear.name][shown],
+        nonlinear=result.heights[nonlinear.name][shown],
         linear_name=linear.name,
         nonlinear_name=nonlinear.name,
         limit=around.limit,
@@ -82,6 +87,16 @@ def event_spans(events: Sequence[Event], start: float) -> tuple[Span, ...]:
         source = Source(event.source).name.lower()
         spans[event.id] = Span(source, begin, end, event.limit, event.peak, event.description)
     return tuple(spans.values())
+
+
+def _shown(result: ReplayResult) -> slice:
+    """The images near estimates: a record may be far longer than its motion."""
+    known = [np.flatnonzero(np.isfinite(heights)) for heights in result.heights.values()]
+    indices = np.concatenate(known) if known else np.empty(0, dtype=np.int64)
+    if len(indices) == 0:
+        return slice(None)
+    first, last = result.t[indices.min()] - BESIDE, result.t[indices.max()] + BESIDE
+    return slice(*np.searchsorted(result.t, (first, last)).tolist())
 
 
 def _row(result: ReplayResult, name: str) -> ModelAccuracy:

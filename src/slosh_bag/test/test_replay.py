@@ -41,8 +41,17 @@ def motion_table() -> MotionTable:
 TABLE = motion_table()
 
 
-def write_bag(folder: Path, shift: float = 0.0, facts: dict[str, str] | None = None) -> Path:
-    """The table as a bag: accelerations at 500 Hz, and images at 62.5 Hz on a shifted clock."""
+def write_bag(
+    folder: Path,
+    shift: float = 0.0,
+    facts: dict[str, str] | None = None,
+    *,
+    set_back: bool = False,
+) -> Path:
+    """The table as a bag: accelerations at 500 Hz, and images at 62.5 Hz on a shifted clock.
+
+    With `set_back` the accelerations' stamps jump back by 2 s in the middle.
+    """
     definitions = Definitions()
     entries = []
     with BagWriter(folder, definitions, facts) as writer:
@@ -61,7 +70,8 @@ def write_bag(folder: Path, shift: float = 0.0, facts: dict[str, str] | None = N
             accel = types["geometry_msgs/msg/Accel"](
                 linear=vector(x=x, y=y, z=z), angular=vector(x=0.0, y=0.0, z=0.0)
             )
-            message = types[ACCEL](header=header(stamp, "world"), accel=accel)
+            back = 2 * 10**9 if set_back and t > 3.0 else 0
+            message = types[ACCEL](header=header(stamp - back, "world"), accel=accel)
             entries.append((stamp, "/slosh/accel", store.serialize_cdr(message, ACCEL)))
         names = _float_fields(types[SURFACE])
         none = np.empty(0, dtype=np.float32)
@@ -154,6 +164,12 @@ def test_replay_twice_gives_the_same_bits(tmp_path: Path):
     assert replay_bag(bag, MODEL).to_json(series=True) == replay_bag(bag, MODEL).to_json(
         series=True
     )
+
+
+@needs_messages
+def test_a_bag_whose_time_was_set_back_is_refused(tmp_path: Path):
+    with pytest.raises(SloshBagError, match=r"/slosh/accel go back at 4\.\d+ s"):
+        replay_bag(write_bag(tmp_path / "bag", set_back=True), MODEL)
 
 
 @needs_messages

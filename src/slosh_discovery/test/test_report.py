@@ -18,7 +18,7 @@ from slosh_discovery.report import (
     Topic,
     render_report,
 )
-from slosh_discovery.report.charts import envelope
+from slosh_discovery.report.charts import envelope, heights_chart, residual_chart
 
 T = np.linspace(0.0, 8.0, 480)
 REPORT = RunReport(
@@ -39,6 +39,8 @@ REPORT = RunReport(
     model_text="damping_ratio: auto",
     notes=("one note",),
 )
+
+CHARTS = (heights_chart, residual_chart)
 
 
 class Page(HTMLParser):
@@ -127,6 +129,14 @@ def test_the_clock_offset_is_shown_where_there_is_one():
     one_clock = (replace(REPORT.models[0], offset=float("nan")),)
     assert "clock offset" in render_report(REPORT)
     assert "clock offset" not in render_report(replace(REPORT, models=one_clock))
+
+
+def test_both_charts_have_one_time_axis():
+    """Also where a model has no estimate over most of the run."""
+    short = np.where(T > 6.0, REPORT.linear, np.nan)
+    report = replace(REPORT, linear=short, nonlinear=short, events=())
+    ticks = [re.findall(r">(\d+)</text>", draw(report, (9.6, 3.3), "x")) for draw in CHARTS]
+    assert ticks[0][:3] == ticks[1][:3] == ["0", "1", "2"]
 
 
 def test_long_series_keep_their_extremes():

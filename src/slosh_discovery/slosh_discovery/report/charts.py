@@ -77,7 +77,7 @@ def heights_chart(report: RunReport, size: tuple[float, float], name: str) -> st
             )
         axes.set_ylabel("height above rest [mm]")
 
-    return _chart(draw, size, name)
+    return _chart(draw, report.t, size, name)
 
 
 def residual_chart(report: RunReport, size: tuple[float, float], name: str) -> str:
@@ -90,7 +90,7 @@ def residual_chart(report: RunReport, size: tuple[float, float], name: str) -> s
         _line(axes, report.t, report.measured - report.nonlinear, NONLINEAR, 1.3, "-")
         axes.set_ylabel("measured − model [mm]")
 
-    return _chart(draw, size, name)
+    return _chart(draw, report.t, size, name)
 
 
 def envelope(t: Array, values: Array, points: int = POINTS) -> tuple[Array, Array]:
@@ -127,7 +127,7 @@ def _spans(axes: Any, events: tuple[Span, ...], t: Array) -> None:
         axes.axvspan(event.start, end, color=SPAN, linewidth=0.0)
 
 
-def _chart(draw: Callable[[Any], None], size: tuple[float, float], name: str) -> str:
+def _chart(draw: Callable[[Any], None], t: Array, size: tuple[float, float], name: str) -> str:
     # The salt makes the file the same each time; the name keeps the ids of two charts apart.
     style: Any = {**STYLE, "svg.hashsalt": name}
     with matplotlib.rc_context(style):
@@ -135,7 +135,9 @@ def _chart(draw: Callable[[Any], None], size: tuple[float, float], name: str) ->
         FigureCanvasSVG(figure)
         axes = figure.add_subplot()
         draw(axes)
-        axes.margins(x=0.01)
+        if len(t) > 1:  # one time axis for all charts, whatever series they show
+            margin = 0.01 * float(t[-1] - t[0])
+            axes.set_xlim(t[0] - margin, t[-1] + margin)
         axes.set_xlabel("time [s]")
         text = io.StringIO()
         figure.savefig(text, format="svg", transparent=True, metadata={"Date": None})
