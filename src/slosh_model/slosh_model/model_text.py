@@ -47,7 +47,7 @@ def parse_model(text: str, source: str = "model.yaml") -> Model:
     try:
         return _model(_load(text))
     except SloshModelError as error:
-        raise SloshModelError(f"{source}: {error}") from None
+        raise SloshModelError(f"{source}: {' '.join(str(error).split())}") from None
 
 
 def format_model(model: Model) -> str:

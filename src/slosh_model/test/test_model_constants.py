@@ -1,0 +1,123 @@
+"""Modes, gains, damping and surface shapes against closed forms and published figures."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.integrate import quad
+from scipy.special import jvp
+from slosh_model.bessel import bessel_derivative_root, radial_shape
+from slosh_model.constants import GRAVITY
+from slosh_model.containers import Cylinder
+from slosh_model.errors import SloshModelError
+from slosh_model.liquid import Liquid, cylinder_damping_ratio
+from slosh_model.model import Model
+from slosh_model.modes import Mode
+
+CUP = Cylinder(0.05, 0.07)
+radii = st.floats(0.01, 1.0)
+ratios = st.floats(0.2, 5.0)
+
+
+def test_roots_are_those_of_the_bessel_functions_derivative():
+    roots = [bessel_derivative_root(n) for n in range(1, 30)]
+    assert roots[:3] == pytest.approx([1.841183781, 5.331442774, 8.536316366], abs=1e-9)
+    assert np.max(np.abs(jvp(1, roots))) < 1e-12
+    assert np.all(np.diff(roots) > 3.0)
+
+
+def test_natural_frequency_of_the_papers_container():
+    assert CUP.natural_frequency(1) == pytest.approx(18.897, abs=5e-4)
+
+
+def test_frequency_and_damping_of_the_measured_container():
+    cup = Cylinder(0.049, 0.078)
+    assert cup.natural_frequency(1) / (2.0 * math.pi) == pytest.approx(3.046, abs=1e-3)
+    assert cylinder_damping_ratio(cup, Liquid()) == pytest.approx(0.0052, abs=5e-5)
+
+
+def test_sloshing_mass_of_the_papers_container():
+    # DL22, section 4.3: 0.18 kg of 0.55 kg.
+    assert 0.55 * CUP.mass_ratio(1) == pytest.approx(0.18, abs=0.005)
+
+
+@given(radii, ratios)
+def test_one_linear_mode_holds_the_static_slope_almost(radius, ratio):
+    cup = Cylinder(radius, radius * ratio)
+    mode = Mode(1, cup, 0.0)
+    static_height = mode.linear_gain / mode.natural_frequency**2
+    assert static_height * GRAVITY / radius == pytest.approx(0.987, abs=5e-4)
+
+
+@pytest.mark.parametrize(("gain", "tail"), [("linear_gain", 1e-6), ("nonlinear_gain", 1.1e-3)])
+def test_all_modes_together_hold_the_static_slope(gain, tail):
+    modes = [Mode(n, CUP, 0.0) for n in range(1, 201)]
+    height = sum(getattr(mode, gain) / mode.natural_frequency**2 for mode in modes)
+    assert height * GRAVITY / CUP.radius == pytest.approx(1.0, abs=tail)
+
+
+@given(radii, ratios, st.integers(1, 20))
+def test_gains_differ_by_the_roots_square(radius, ratio, n):
+    mode = Mode(n, Cylinder(radius, radius * ratio), 0.0)
+    assert mode.linear_gain / mode.nonlinear_gain == pytest.approx(4.0 / mode.xi**2)
+
+
+def test_plane_overestimates_by_eighteen_per_cent():
+    mode = Mode(1, CUP, 0.0)
+    assert mode.linear_gain / mode.nonlinear_gain == pytest.approx(1.18, abs=1e-3)
+
+
+@pytest.mark.parametrize("n", [1, 2, 3])
+def test_gains_keep_the_centre_of_gravity(n):
+    """DL22, eqs. (20), (21): the surface's first moment is that of the sloshing mass."""
+    mode = Mode(n, CUP, 0.0)
+    radius, height = CUP.radius, CUP.fill_height
+
+    def offset(shape):
+        integral, _ = quad(lambda r: r * r * shape(r / radius), 0.0, radius)
+        return integral / (radius**2 * height)
+
+    displaced = CUP.mass_ratio(n)
+    assert mode.linear_gain * offset(lambda s: s) == pytest.approx(displaced)
+    assert mode.nonlinear_gain * offset(lambda s: float(radial_shape(n, s))) == pytest.approx(
+        displaced
+    )
+
+
+def test_bessel_surface_is_one_at_the_wall_and_flat_across_it():
+    assert float(radial_shape(1, 1.0)) == pytest.approx(1.0)
+    slope = (radial_shape(1, 1.0) - radial_shape(1, 1.0 - 1e-5)) / 1e-5
+    assert abs(float(slope)) < 1e-4
+
+
+def test_damping_of_a_deep_container_is_finite():
+    deep = cylinder_damping_ratio(Cylinder(0.01, 9.0), Liquid())
+    assert 0.0 < deep < 0.1
+
+
+@pytest.mark.parametrize(
+    ("radius", "fill", "rim"),
+    [(0.0, 0.07, None), (-1.0, 0.07, None), (math.nan, 0.07, None), (50.0, 70.0, None),
+     (0.05, 0.07, 0.07), (0.05, 0.07, 0.01)],
+)  # fmt: skip
+def test_impossible_containers_are_refused(radius, fill, rim):
+    with pytest.raises(SloshModelError):
+        Cylinder(radius, fill, rim)
+
+
+def test_names_and_twins():
+    model = Model(CUP)
+    assert model.name == "2D-L"
+    assert model.spatial().name == "3D-L"
+    assert model.spatial().nonlinear().name == "3D-NL"
+    assert model.spatial().nonlinear().planar().name == "2D-NL"
+    assert model.nonlinear().linear() == model
+    kept = model.with_effect("surface_nonlinearity", alpha=0.3)
+    assert kept.nonlinear() == kept
+
+
+def test_unknown_effect_lists_the_known_ones():
+    with pytest.raises(SloshModelError, match=r"'swirl'.*surface_nonlinearity, vertical"):
+        Model(CUP).with_effect("swirl")

@@ -1,0 +1,299 @@
+"""The equations of motion: closed forms, invariants, order, and an independent derivation."""
+
+import math
+
+import numpy as np
+import pytest
+import sympy
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+from slosh_model.constants import GRAVITY
+from slosh_model.containers import Cylinder
+from slosh_model.errors import SloshModelError
+from slosh_model.model import Model
+from slosh_model.simulate import Inputs, Simulator, State, simulate
+
+CUP = Cylinder(0.05, 0.07)
+OMEGA = CUP.natural_frequency(1)
+MODELS = {
+    "2D-L": Model(CUP, damping_ratio=0.01),
+    "3D-L": Model(CUP, damping_ratio=0.01).spatial(),
+    "2D-NL": Model(CUP, damping_ratio=0.01).nonlinear(),
+    "3D-NL": Model(CUP, damping_ratio=0.01).spatial().nonlinear(),
+}
+
+
+def excitation(t):
+    """A smooth spatial acceleration [m/s²], (N, 3)."""
+    t = np.asarray(t)
+    envelope = np.sin(np.pi * np.clip(t / 2.0, 0.0, 1.0)) ** 2
+    return np.stack(
+        [
+            3.0 * envelope * np.sin(11.0 * t),
+            2.5 * envelope * np.cos(7.0 * t + 0.4),
+            4.0 * envelope * np.sin(9.0 * t + 1.0),
+        ],
+        axis=-1,
+    )
+
+
+def inputs(t, acceleration=None):
+    t = np.asarray(t, dtype=float)
+    return Inputs(t, np.zeros((len(t), 3)) if acceleration is None else acceleration)
+
+
+def start(x=0.0, y=0.0, vx=0.0, vy=0.0):
+    return State(0.0, np.array([[x, y, vx, vy]]), np.zeros(4))
+
+
+def lagrange_equations(*, nonlinear, spatial):
+    """ẍ, ÿ of one mode from T, V, D of DL22 (8)-(10), (13), by SymPy alone.
+
+    The linear model is their linearisation about rest. Returns a function of x, y, ẋ, ẏ, ẍ0, ÿ0, z̈0.
+    """
+    t = sympy.Symbol("t")
+    x, y, x0, y0, z0 = (sympy.Function(name)(t) for name in ("x", "y", "x0", "y0", "z0"))
+    curvature = OMEGA**2 * CUP.radius / GRAVITY
+    z = curvature / (2 * CUP.radius) * (x**2 + y**2)
+    lift = z.diff(t) + (z0.diff(t) if spatial else 0)
+    kinetic = ((x0 + x).diff(t) ** 2 + (y0 + y).diff(t) ** 2 + lift**2) / 2
+    spring = 0.58 * OMEGA**2 / 4 * (x**2 + y**2) ** 2 / CUP.radius**2
+    potential = GRAVITY * z + spring
+    dissipation = 0.01 * OMEGA * (x.diff(t) ** 2 + y.diff(t) ** 2 + z.diff(t) ** 2)
+    equations = [
+        kinetic.diff(q.diff(t)).diff(t) - kinetic.diff(q) + potential.diff(q)
+        + dissipation.diff(q.diff(t))
+        for q in (x, y)
+    ]  # fmt: skip
+    unknown = sympy.symbols("ax ay")
+    symbols = sympy.symbols("X Y VX VY AX0 AY0 AZ0")
+    by_order = {
+        **dict(zip((x.diff(t, 2), y.diff(t, 2)), unknown, strict=True)),
+        **dict(zip((q.diff(t, 2) for q in (x0, y0, z0)), symbols[4:], strict=True)),
+    }
+    plain = [equation.doit().subs(by_order) for equation in equations]
+    plain = [e.subs({x.diff(t): symbols[2], y.diff(t): symbols[3]}) for e in plain]
+    plain = [e.subs({x: symbols[0], y: symbols[1]}) for e in plain]
+    matrix, right = sympy.linear_eq_to_matrix(plain, unknown)
+    accelerations = list(matrix.LUsolve(right))
+    if not nonlinear:
+        rest = dict.fromkeys(symbols[:4], 0)
+        accelerations = [
+            e.subs(rest) + sum(e.diff(q).subs(rest) * q for q in symbols[:4])
+            for e in accelerations
+        ]
+    return sympy.lambdify(symbols, accelerations, "math", cse=True)
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_agrees_with_lagranges_equations_integrated_elsewhere(name):
+    model = MODELS[name]
+    acceleration = lagrange_equations(nonlinear="NL" in name, spatial="3D" in name)
+
+    def derivative(t, s):
+        ax, ay = acceleration(*s, *excitation(t))
+        return [s[2], s[3], ax, ay]
+
+    # Dense samples: the straight lines between them are part of the model's input, not of its error.
+    t = np.linspace(0.0, 4.0, 40001)
+    reference = solve_ivp(
+        derivative, (0.0, 4.0), [0.0] * 4, "DOP853", t_eval=t[::10], rtol=1e-12, atol=1e-14,
+        max_step=0.02,
+    ).y.T  # fmt: skip
+    response, _ = simulate(model, inputs(t, excitation(t)))
+    difference = np.max(np.abs(response.modal[::10, 0] - reference), axis=0)
+    scale = np.max(np.abs(reference), axis=0)
+    assert np.all(scale[:2] > 0.005)
+    assert np.max(difference / scale) < 1e-6
+
+
+def test_linear_free_decay_is_the_closed_form():
+    zeta, x0 = 0.05, 0.004
+    t = np.linspace(0.0, 3.0, 1501)
+    response, _ = simulate(Model(CUP, damping_ratio=zeta), inputs(t), start(x=x0))
+    damped = OMEGA * math.sqrt(1.0 - zeta**2)
+    expected = (
+        x0
+        * np.exp(-zeta * OMEGA * t)
+        * (np.cos(damped * t) + zeta * OMEGA / damped * np.sin(damped * t))
+    )
+    assert np.max(np.abs(response.modal[:, 0, 0] - expected)) < 1e-8 * x0 / 1e-3
+
+
+@pytest.mark.parametrize("ratio", [0.5, 0.9, 1.0, 1.5])
+def test_linear_harmonic_response_is_the_closed_form(ratio):
+    zeta, amplitude = 0.05, 0.5
+    drive = ratio * OMEGA
+    t = np.arange(0.0, 25.0, 0.001)
+    forcing = np.zeros((len(t), 3))
+    forcing[:, 1] = amplitude * np.sin(drive * t)
+    response, _ = simulate(Model(CUP, damping_ratio=zeta), inputs(t, forcing))
+    late = t > 20.0
+    factor = amplitude / math.hypot(OMEGA**2 - drive**2, 2.0 * zeta * OMEGA * drive)
+    assert np.max(np.abs(response.modal[late, 0, 1])) == pytest.approx(factor, rel=2e-3)
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_order_of_convergence_is_four(name):
+    t = np.array([0.0, 0.5])
+    held = np.array([[0.4, -0.3, 1.0], [-0.5, 0.6, -2.0]])
+    begin = start(0.008, -0.004, 0.05, 0.1)
+    steps = [0.5 / n for n in (32, 64, 128)]
+
+    def end(step):
+        return simulate(MODELS[name], inputs(t, held), begin, max_step=step * 1.0001)[1].modal
+
+    exact = end(0.5 / 4096)
+    errors = [np.linalg.norm(end(step) - exact) for step in steps]
+    orders = np.log2(np.array(errors[:-1]) / errors[1:])
+    assert orders == pytest.approx([4.0, 4.0], abs=0.2)
+
+
+def test_nonlinear_energy_is_conserved_without_damping():
+    model = Model(CUP, damping_ratio=0.0).nonlinear()
+    t = np.linspace(0.0, 20.0, 4001)
+    modal = simulate(model, inputs(t), start(0.02, 0.0, 0.0, 0.3))[0].modal[:, 0]
+    x, y, vx, vy = modal.T / CUP.radius
+    curvature = OMEGA**2 * CUP.radius / GRAVITY
+    kinetic = 0.5 * (vx**2 + vy**2 + curvature**2 * (x * vx + y * vy) ** 2)
+    square = x**2 + y**2
+    potential = 0.5 * OMEGA**2 * square + 0.25 * OMEGA**2 * 0.58 * square**2
+    energy = kinetic + potential
+    assert np.ptp(energy) < 1e-6 * energy[0]
+    angular_momentum = x * vy - y * vx
+    assert np.ptp(angular_momentum) < 1e-6 * abs(angular_momentum[0])
+
+
+def test_damping_only_takes_energy():
+    model = Model(CUP, damping_ratio=0.02).nonlinear()
+    t = np.linspace(0.0, 10.0, 2001)
+    modal = simulate(model, inputs(t), start(0.02, 0.0, 0.0, 0.3))[0].modal[:, 0]
+    x, y, vx, vy = modal.T / CUP.radius
+    curvature = OMEGA**2 * CUP.radius / GRAVITY
+    square = x**2 + y**2
+    energy = (
+        0.5 * (vx**2 + vy**2 + curvature**2 * (x * vx + y * vy) ** 2)
+        + 0.5 * OMEGA**2 * square + 0.25 * OMEGA**2 * 0.58 * square**2
+    )  # fmt: skip
+    assert np.all(np.diff(energy) < 0.0)
+
+
+@pytest.mark.parametrize("space", ["2D", "3D"])
+def test_linear_is_the_limit_of_nonlinear(space):
+    t = np.arange(0.0, 3.0, 0.001)
+    gaps = []
+    for size in (1e-2, 1e-3):
+        forcing = excitation(t)
+        forcing[:, :2] *= size
+        nonlinear = simulate(MODELS[f"{space}-NL"], inputs(t, forcing))[0].modal[:, 0, :2]
+        linear = simulate(MODELS[f"{space}-L"], inputs(t, forcing))[0].modal[:, 0, :2]
+        gaps.append(np.max(np.abs(nonlinear - linear)) / np.max(np.abs(linear)))
+    assert gaps[0] < 1e-3
+    assert gaps[1] == pytest.approx(gaps[0] / 100.0, rel=0.1)  # the difference is cubic
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.floats(-math.pi, math.pi), st.sampled_from(sorted(MODELS)))
+def test_turning_the_motion_turns_the_answer(angle, name):
+    t = np.arange(0.0, 1.5, 0.002)
+    forcing = excitation(t)
+    c, s = math.cos(angle), math.sin(angle)
+    turn = np.array([[c, -s], [s, c]])
+    turned = forcing.copy()
+    turned[:, :2] = forcing[:, :2] @ turn.T
+    plain = simulate(MODELS[name], inputs(t, forcing))[0]
+    other = simulate(MODELS[name], inputs(t, turned))[0]
+    assert other.msh == pytest.approx(plain.msh, abs=1e-10)
+    expected = np.stack([plain.sh_x, plain.sh_y], axis=1) @ turn.T
+    assert np.stack([other.sh_x, other.sh_y], axis=1) == pytest.approx(expected, abs=1e-10)
+
+
+def test_free_fall_takes_the_linear_stiffness_away():
+    t = np.linspace(0.0, 1.0, 1001)
+    falling = np.zeros((len(t), 3))
+    falling[:, 2] = -GRAVITY
+    model = Model(CUP, damping_ratio=0.0).spatial()
+    begin = State(0.0, np.array([[0.01, 0.0, 0.02, 0.0]]), np.array([0.0, 0.0, -GRAVITY, 0.0]))
+    x = simulate(model, inputs(t, falling), begin)[0].modal[:, 0, 0]
+    assert x == pytest.approx(0.01 + 0.02 * t, abs=1e-12)
+
+
+def test_vertical_acceleration_alone_moves_nothing():
+    t = np.linspace(0.0, 2.0, 1001)
+    lifted = np.zeros((len(t), 3))
+    lifted[:, 2] = 5.0 * np.sin(8.0 * t)
+    for model in MODELS.values():
+        assert not simulate(model, inputs(t, lifted))[0].modal.any()
+
+
+def test_planar_models_ignore_the_vertical_acceleration():
+    t = np.arange(0.0, 1.0, 0.001)
+    flat = excitation(t)
+    flat[:, 2] = 0.0
+    for name in ("2D-L", "2D-NL"):
+        lifted = simulate(MODELS[name], inputs(t, excitation(t)))[0]
+        assert np.array_equal(lifted.modal, simulate(MODELS[name], inputs(t, flat))[0].modal)
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.lists(st.floats(1e-4, 0.03), min_size=2, max_size=60), st.sampled_from(sorted(MODELS)))
+def test_sample_by_sample_gives_the_same_bits_as_all_at_once(intervals, name):
+    t = np.concatenate([[0.0], np.cumsum(intervals)])
+    forcing = excitation(t)
+    whole = simulate(MODELS[name], inputs(t, forcing))[0]
+    simulator = Simulator(MODELS[name])
+    steps = np.diff(t, prepend=0.0)
+    heights = [
+        simulator.step(dt, *sample)
+        for dt, sample in zip(steps.tolist(), forcing.tolist(), strict=True)
+    ]
+    assert np.array_equal(np.array(heights), np.stack([whole.sh_x, whole.sh_y], axis=1))
+
+
+def test_a_motion_in_two_parts_gives_the_same_bits():
+    t = np.arange(0.0, 2.0, 0.0025)
+    forcing = excitation(t)
+    model = MODELS["3D-NL"]
+    whole = simulate(model, inputs(t, forcing))[0]
+    first, state = simulate(model, inputs(t[:301], forcing[:301]))
+    second, _ = simulate(model, inputs(t[301:], forcing[301:]), state)
+    assert np.array_equal(np.concatenate([first.modal, second.modal]), whole.modal)
+
+
+def test_coarse_samples_are_cut_into_bounded_steps():
+    """First-order hold: a straight line between two far samples equals its dense sampling."""
+    ends, dense = np.array([0.0, 0.4]), np.linspace(0.0, 0.4, 401)
+    line = np.array([[0.0, 0.0, 0.0], [4.0, -2.0, 3.0]])
+    filled = np.stack([np.interp(dense, ends, column) for column in line.T], axis=1)
+    coarse = simulate(MODELS["3D-NL"], inputs(ends, line))[0].modal[-1]
+    fine = simulate(MODELS["3D-NL"], inputs(dense, filled))[0].modal[-1]
+    assert coarse == pytest.approx(fine, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("t", "row", "match"),
+    [
+        ([0.0, 1.0], [math.nan, 0.0, 0.0], r"acceleration\[1\] is not finite"),
+        ([0.0, 0.0], [0.0, 0.0, 0.0], r"t\[1\].*does not come after"),
+        ([0.0, math.inf], [0.0, 0.0, 0.0], r"t\[1\] is not finite"),
+    ],
+)
+def test_bad_inputs_are_named(t, row, match):
+    with pytest.raises(SloshModelError, match=match):
+        Inputs(np.array(t), np.array([[0.0, 0.0, 0.0], row]))
+
+
+def test_shapes_are_checked():
+    with pytest.raises(SloshModelError, match="shape"):
+        Inputs(np.zeros(3), np.zeros((3, 2)))
+    with pytest.raises(SloshModelError, match="empty"):
+        Inputs(np.zeros(0), np.zeros((0, 3)))
+
+
+def test_a_solution_that_blows_up_is_an_error():
+    t = np.linspace(0.0, 100.0, 101)
+    falling = np.zeros((len(t), 3))
+    falling[:, 0], falling[:, 2] = 1.0, -1e6
+    with pytest.raises(SloshModelError, match="left the finite numbers"):
+        simulate(Model(CUP).spatial(), inputs(t, falling), max_step=0.01)

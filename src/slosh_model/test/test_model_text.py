@@ -1,0 +1,144 @@
+"""model.yaml: what is read, what is refused, and how."""
+
+import math
+
+import pytest
+import yaml
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from slosh_model.containers import Cylinder
+from slosh_model.effects.registry import EFFECTS
+from slosh_model.errors import SloshModelError
+from slosh_model.liquid import Liquid
+from slosh_model.model import EffectUse, Model, ValidityLimits
+from slosh_model.model_text import format_model, parse_model
+
+TEXT = """\
+container: {shape: cylinder, radius: 0.05, fill_height: 0.07}
+liquid: {density: 998.2, kinematic_viscosity: 1e-6}
+damping_ratio: auto
+effects:
+  - name: vertical_acceleration
+  - name: surface_nonlinearity
+    alpha: 0.6
+"""
+
+
+def test_reads_the_documented_example():
+    model = parse_model(TEXT)
+    assert model.name == "3D-NL"
+    assert model.container == Cylinder(0.05, 0.07)
+    assert model.liquid.kinematic_viscosity == 1e-6
+    assert model.damping_ratio is None
+    assert dict(model.effects[1].parameters) == {"alpha": 0.6}
+
+
+def test_no_effect_is_the_planar_linear_model():
+    assert parse_model("container: {radius: 0.05, fill_height: 0.07}").name == "2D-L"
+
+
+models = st.builds(
+    Model,
+    container=st.builds(
+        Cylinder,
+        st.floats(1e-3, 5.0),
+        st.floats(1e-3, 5.0),
+        st.one_of(st.none(), st.floats(5.1, 9.0)),
+    ),
+    liquid=st.builds(Liquid, st.floats(1.0, 2e4), st.floats(1e-8, 0.5)),
+    damping_ratio=st.one_of(st.none(), st.floats(0.0, 0.99)),
+    effects=st.lists(st.sampled_from(sorted(EFFECTS)), unique=True).map(
+        lambda names: tuple(EffectUse(name) for name in names)
+    ),
+    modes=st.integers(1, 5),
+    limits=st.builds(ValidityLimits, st.floats(0.1, 900.0)),
+)
+
+
+@settings(max_examples=50, deadline=None)
+@given(models)
+def test_round_trip(model):
+    assert parse_model(format_model(model)) == model
+
+
+@pytest.mark.parametrize(
+    ("change", "match"),
+    [
+        ("radius: 0.05", r"unknown key 'radius' \(known: container, liquid"),
+        ("container: {radius: 0.05, fill_height: 0.07, radios: 1}", "container.radios"),
+        ("container: {radius: 0.05}", "'container.fill_height' is missing"),
+        ("container: {radius: wide, fill_height: 0.07}", "container.radius = 'wide'"),
+        ("container: {radius: true, fill_height: 0.07}", "container.radius = True"),
+        ("container: {radius: .nan, fill_height: 0.07}", "finite"),
+        ("container: {radius: -1, fill_height: 0.07}", "container.radius = -1"),
+        ("container: {shape: cone, radius: 1, fill_height: 1}", "container.shape = 'cone'"),
+        ("container: {radius: 1, radius: 2, fill_height: 1}", "'radius' stands twice"),
+        ("container: 5", "container must be a mapping"),
+        ("", "must be a mapping"),
+        ("[1, 2]", "must be a mapping"),
+        ("container: {radius: [", "not YAML"),
+        (TEXT + "  - name: vertical_acceleration\n", "listed twice"),
+        (TEXT.replace("alpha", "beta"), "unknown parameter 'beta'"),
+        (TEXT.replace("0.6", "-3"), "surface_nonlinearity.alpha = -3"),
+        (TEXT.replace("auto", "1.5"), "damping_ratio = 1.5"),
+        (TEXT.replace("auto", "low"), "damping_ratio = 'low'"),
+        (TEXT + "modes: 0\n", "modes = 0"),
+        (TEXT + "modes: 1.5\n", "modes = 1.5"),
+        (TEXT + "limits: {jerks: 1}\n", "limits.jerks"),
+    ],
+)
+def test_refuses_with_the_source_and_the_key(change, match):
+    with pytest.raises(SloshModelError, match=match) as caught:
+        parse_model(change, "cup.yaml")
+    assert str(caught.value).startswith("cup.yaml: ")
+    assert "\n" not in str(caught.value)
+
+
+scalars = st.one_of(
+    st.none(), st.booleans(), st.integers(), st.floats(), st.text(max_size=8),
+    st.sampled_from(["auto", "cylinder", "vertical_acceleration", "radius"]),
+)  # fmt: skip
+keys = st.one_of(
+    st.sampled_from(
+        [
+            "container",
+            "liquid",
+            "effects",
+            "name",
+            "radius",
+            "fill_height",
+            "damping_ratio",
+            "modes",
+        ]
+    ),
+    scalars.filter(lambda value: value == value),
+)
+documents = st.recursive(
+    scalars,
+    lambda inner: st.one_of(st.lists(inner, max_size=3), st.dictionaries(keys, inner, max_size=4)),
+    max_leaves=12,
+)
+
+
+@settings(max_examples=200, deadline=None)
+@given(documents)
+def test_any_document_gives_a_model_or_one_clear_error(document):
+    try:
+        parse_model(yaml.safe_dump(document))
+    except SloshModelError as error:
+        assert "\n" not in str(error)
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.text(max_size=60))
+def test_any_text_gives_a_model_or_one_clear_error(text):
+    try:
+        parse_model(text)
+    except SloshModelError as error:
+        assert "\n" not in str(error)
+
+
+def test_numbers_keep_every_bit():
+    alpha = math.nextafter(0.58, 1.0)
+    model = Model(Cylinder(0.05, 0.07)).with_effect("surface_nonlinearity", alpha=alpha)
+    assert parse_model(format_model(model)).effects[0].parameters["alpha"] == alpha
