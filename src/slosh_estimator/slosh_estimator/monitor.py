@@ -102,7 +102,7 @@ class Comparison(NamedTuple):
     sigma_nonlinear: float
     epsilon_linear: float
     epsilon_nonlinear: float
-    count: int
+    count: int  # type: ignore[assignment]  # the message's name, over tuple.count
     state: Condition
     measured_stale: bool
     estimate_stale: bool

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import sys
 from array import array
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -70,31 +72,34 @@ class EstimatorNode(Node):
     def _subscribe(self, values: dict[str, Any]) -> AccelInput | ImuInput | PoseInput:
         gate = GateSettings(max_gap=values["max_gap"], max_age=values["max_age"])
         if values["input"] == "accel":
-            self.create_subscription(AccelStamped, topics.ACCEL, self._on_accel, qos.STREAM_IN)
-            return AccelInput(gate, (values["world_frame"], values["container_frame"]))
+            accel = AccelInput(gate, (values["world_frame"], values["container_frame"]))
+            self._listen(AccelStamped, topics.ACCEL, partial(self._on_accel, accel))
+            return accel
         if values["input"] == "imu":
-            self.create_subscription(Imu, topics.IMU, self._on_imu, qos.STREAM_IN)
             roll, pitch, yaw = values["sensor_rotation"]
             x, y, z = values["sensor_to_origin"]
-            return ImuInput(gate, SensorTransform(roll, pitch, yaw, (x, y, z)))
-        self.create_subscription(PoseStamped, topics.POSE, self._on_pose, qos.STREAM_IN)
-        return PoseInput(gate, values["pose_window"])
+            imu = ImuInput(gate, SensorTransform(roll, pitch, yaw, (x, y, z)))
+            self._listen(Imu, topics.IMU, partial(self._on_imu, imu))
+            return imu
+        pose = PoseInput(gate, values["pose_window"])
+        self._listen(PoseStamped, topics.POSE, partial(self._on_pose, pose))
+        return pose
 
-    def _on_accel(self, message: AccelStamped) -> None:
-        a = message.accel.linear
-        stamp = to_nanoseconds(message.header.stamp)
-        self._answer(
-            self._input.update(stamp, message.header.frame_id, a.x, a.y, a.z, self._now())
-        )  # type: ignore[arg-type, call-arg, union-attr]
+    def _listen(self, kind: type, topic: str, callback: Callable[[Any], None]) -> None:
+        self.create_subscription(kind, topic, callback, qos.STREAM_IN)
 
-    def _on_imu(self, message: Imu) -> None:
-        self._answer(self._input.update(*imu_sample(message), self._now()))  # type: ignore[arg-type, call-arg]
+    def _on_accel(self, source: AccelInput, message: AccelStamped) -> None:
+        a, header = message.accel.linear, message.header
+        stamp = to_nanoseconds(header.stamp)
+        self._answer(source.update(stamp, header.frame_id, a.x, a.y, a.z, self._now()))
 
-    def _on_pose(self, message: PoseStamped) -> None:
+    def _on_imu(self, source: ImuInput, message: Imu) -> None:
+        self._answer(source.update(*imu_sample(message), self._now()))
+
+    def _on_pose(self, source: PoseInput, message: PoseStamped) -> None:
         p, q = message.pose.position, message.pose.orientation
         stamp = to_nanoseconds(message.header.stamp)
-        sample = self._input.update(stamp, (p.x, p.y, p.z), (q.x, q.y, q.z, q.w), self._now())  # type: ignore[arg-type, call-arg]
-        self._answer(sample)
+        self._answer(source.update(stamp, (p.x, p.y, p.z), (q.x, q.y, q.z, q.w), self._now()))
 
     def _now(self) -> int:
         return int(self.get_clock().now().nanoseconds)

@@ -1,0 +1,166 @@
+"""Processor time per message of the estimator node against a node that only passes on.
+
+Both receive AccelStamped at 1 kHz, from a process of its own, and publish SloshEstimate. They sit
+in the same executor and take turns, several times, so that a busy machine disturbs both alike. The
+ratio is that of the medians over the turns.
+
+    tools/run python benchmarks/bench_estimator_node.py [--seconds 5] [--turns 5]
+"""
+
+from __future__ import annotations
+
+import argparse
+import gc
+import json
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+import rclpy
+from geometry_msgs.msg import AccelStamped
+from rclpy.node import Node
+from slosh_estimator.nodes.estimator_node import EstimatorNode
+from slosh_msgs_py.node.run import make_executor
+
+from slosh_msgs.msg import SloshEstimate
+from slosh_msgs_py import qos, topics
+
+RATE = 1000
+GOAL = 1.5
+WARM_UP = 300
+PATIENCE = 30.0
+PLAIN, FULL = "/plain", "/full"
+MODEL = "container: {shape: cylinder, radius: 0.05, fill_height: 0.07, rim_height: 0.1}\n\
+effects: [{name: vertical_acceleration}]\n"
+
+
+class PassThrough(Node):
+    """The least that a node of these types can do."""
+
+    def __init__(self) -> None:
+        super().__init__("pass_through", namespace=PLAIN)
+        self._message = SloshEstimate()
+        for answer in (self._message.linear, self._message.nonlinear):
+            answer.model = "3D-L"
+            answer.modal_position = answer.modal_velocity = [0.0, 0.0]
+        self._publisher = self.create_publisher(SloshEstimate, topics.ESTIMATE, qos.STREAM_OUT)
+        self.create_subscription(AccelStamped, topics.ACCEL, self._on_accel, qos.STREAM_IN)
+
+    def _on_accel(self, message: AccelStamped) -> None:
+        self._message.header.stamp = message.header.stamp
+        self._publisher.publish(self._message)
+
+
+def send(namespace: str, count: int) -> None:
+    """Publishes accelerations at the rate, on an absolute schedule."""
+    rclpy.init()
+    node = Node("sender", namespace=namespace)
+    publisher = node.create_publisher(AccelStamped, topics.ACCEL, qos.STREAM_OUT)
+    while publisher.get_subscription_count() == 0:
+        time.sleep(0.01)
+    message = AccelStamped()
+    message.header.frame_id = "world"
+    begin = time.monotonic()
+    for k in range(count):
+        time.sleep(max(0.0, begin + k / RATE - time.monotonic()))
+        now = node.get_clock().now().to_msg()
+        message.header.stamp = now
+        message.accel.linear.x = 3.0 if k % 400 < 200 else -3.0
+        publisher.publish(message)
+    # What is still on its way goes with the process.
+    time.sleep(0.3)
+    rclpy.shutdown()
+
+
+class Meter:
+    """Counts what a namespace answers, by wrapping its publisher: no third party in the loop."""
+
+    def __init__(self, node: Any) -> None:
+        self.count = 0
+        publisher = node._publisher
+        publish = publisher.publish
+
+        def counted(message: Any) -> None:
+            self.count += 1
+            publish(message)
+
+        publisher.publish = counted
+
+
+def measure(executor: Any, meter: Meter, namespace: str, seconds: float) -> tuple[float, float]:
+    """Processor time per answered message [s] and the share of messages answered."""
+    total = round(seconds * RATE) + WARM_UP
+    sender = subprocess.Popen(
+        [sys.executable, __file__, "--send", namespace, "--count", str(total)]
+    )
+    first = meter.count + WARM_UP
+    deadline = time.monotonic() + PATIENCE
+    while meter.count < first and time.monotonic() < deadline:
+        executor.spin_once(timeout_sec=0.1)
+    begin, at = time.process_time(), meter.count
+    while sender.poll() is None and meter.count - at < total - WARM_UP:
+        executor.spin_once(timeout_sec=0.1)
+    spent, answered = time.process_time() - begin, meter.count - at
+    sender.wait(PATIENCE)
+    if not answered:
+        raise SystemExit(f"{namespace}: no message was answered")
+    return spent / answered, answered / (total - WARM_UP)
+
+
+def compare(seconds: float, turns: int) -> dict[str, Any]:
+    """Measures both nodes in turns."""
+    with tempfile.TemporaryDirectory() as folder:
+        model = Path(folder) / "model.yaml"
+        model.write_text(MODEL, encoding="utf-8")
+        rclpy.init(args=["--ros-args", "-p", f"model:={model}", "-r", f"estimator:__ns:={FULL}"])
+        nodes = {PLAIN: PassThrough(), FULL: EstimatorNode()}
+    executor = make_executor()
+    for node in nodes.values():
+        executor.add_node(node)
+    meters = {name: Meter(node) for name, node in nodes.items()}
+    gc.collect()
+    gc.freeze()
+    costs: dict[str, list[float]] = {name: [] for name in nodes}
+    shares: dict[str, list[float]] = {name: [] for name in nodes}
+    for _ in range(turns):
+        for name in nodes:
+            cost, share = measure(executor, meters[name], name, seconds)
+            costs[name].append(1e6 * cost)
+            shares[name].append(share)
+    plain, full = (statistics.median(costs[name]) for name in (PLAIN, FULL))
+    ratios = [b / a for a, b in zip(costs[PLAIN], costs[FULL], strict=True)]
+    rclpy.try_shutdown()
+    return {
+        "executor": type(executor).__name__,
+        "pass_through_us": round(plain, 1),
+        "estimator_us": round(full, 1),
+        "ratio": round(full / plain, 3),
+        "ratio_least": round(min(ratios), 3),
+        "ratio_greatest": round(max(ratios), 3),
+        "answered": round(min(shares[PLAIN] + shares[FULL]), 4),
+        "goal": GOAL,
+    }
+
+
+def main() -> int:
+    """Prints the result as JSON; exit code 1 where the goal is missed."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--seconds", type=float, default=5.0)
+    parser.add_argument("--turns", type=int, default=5)
+    parser.add_argument("--send", metavar="NAMESPACE", help=argparse.SUPPRESS)
+    parser.add_argument("--count", type=int, default=0, help=argparse.SUPPRESS)
+    given = parser.parse_args()
+    if given.send:
+        send(given.send, given.count)
+        return 0
+    result = compare(given.seconds, given.turns)
+    print(json.dumps(result))
+    return 0 if result["ratio"] <= GOAL else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
