@@ -41,7 +41,12 @@ _OUTLIER_WINDOW = 9
 _OUTLIER_ROWS = 3.0
 # Part of a Gaussian edge's width between the levels that bound the free surface, 12 % and 65 %.
 _SOFT_EDGE = 0.62
-_ONE_EDGE = 1.5
+# The sharper edges have the lens' own width; two lines close together look like a wider one.
+_SHARP_PERCENTILE = 10.0
+# Rows are whole numbers.
+_ONE_EDGE = 1.0
+# The first row of liquid at the level that bounds it lies so far below the middle of its step.
+_MERGED_SHIFT = 1.0
 _SATURATED_COLUMNS = 2
 
 
@@ -176,14 +181,19 @@ class FreeSurfaceDetector:
     def _place(self, part: GrayImage, lines: Lines) -> list[WallLine]:
         """Put the front line on the front wall and, where the surface is seen, the rear line."""
         upper = refine(part, lines.upper)
+        gap = lines.front - lines.upper
         # A single soft edge passes through the surface's grey levels as well, over this many rows.
-        thickness = lines.front - lines.upper - _SOFT_EDGE * upper.width
+        thickness = gap - _SOFT_EDGE * float(np.percentile(upper.width, _SHARP_PERCENTILE))
         band = thickness >= self._settings.min_band
-        front = np.where(band, lines.front, lines.upper)
-        # In between, the lines of the two walls run into each other and neither can be placed.
-        clear = lines.found & (band | (thickness <= _ONE_EDGE))
+        front = refine(part, np.where(band, lines.front, lines.upper))
+        # In between, the steps at the two lines run into each other: only roughly placed.
+        merged = ~band & (thickness > _ONE_EDGE)
+        front = EdgeRows(
+            np.where(merged, lines.front - _MERGED_SHIFT, front.row),
+            np.where(merged, np.maximum(gap, front.width), front.width),
+        )
         placed = [
-            self._on_wall(Wall.FRONT, refine(part, front), clear),
+            self._on_wall(Wall.FRONT, front, lines.found),
             self._on_wall(Wall.REAR, upper, lines.found & band),
         ]
         return drop_strays(placed, self._view.cup.radius)

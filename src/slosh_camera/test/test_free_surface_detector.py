@@ -92,6 +92,15 @@ def test_a_soft_front_line_is_not_taken_for_a_free_surface(make_scene, blur):
     assert result.msh == pytest.approx(0.02, abs=0.4 * MM)
 
 
+@pytest.mark.parametrize("amplitude_mm", np.arange(5.0, 10.0, 0.5))
+def test_a_thin_strip_of_surface_behind_the_front_line(make_scene, amplitude_mm):
+    # Seen at 10 degrees, a surface that leans towards the camera by 6 to 11 degrees is a strip
+    # of a few rows or none at all.
+    scene = make_scene(noise=2.0, **PITCHED)
+    result = measure(scene, scene.draw(amplitude_mm * MM, scene.camera_azimuth))
+    assert result.msh == pytest.approx(amplitude_mm * MM, abs=0.4 * MM)
+
+
 @pytest.mark.parametrize("roll_deg", [-3.0, 3.0])
 def test_rolled_camera(make_scene, roll_deg):
     scene = make_scene(roll=np.radians(roll_deg))
