@@ -168,8 +168,8 @@ def flatten(option: str, paths: Iterable[Path]) -> list[str]:
 
 def workspace_inputs() -> list[bytes]:
     """What the build depends on; the packages' Python modules are linked, not copied."""
-    patterns = ("*/package.xml", "*/setup.py", "*/setup.cfg", "*/CMakeLists.txt")
-    patterns += ("slosh_msgs/msg/*", "slosh_msgs/srv/*")
+    patterns = ["*/package.xml", "*/setup.py", "*/setup.cfg", "*/CMakeLists.txt"]
+    patterns += ["slosh_msgs/msg/*", "slosh_msgs/srv/*"]
     files = sorted(path for pattern in patterns for path in (ROOT / "src").glob(pattern))
     linked = sorted(
         str(path)
@@ -272,7 +272,8 @@ def run(command: list[str]) -> None:
     )
     if done.returncode != 0:
         raise BootstrapError(
-            f"`{shlex.join(command)}` failed with exit code {done.returncode}:\n{done.stdout[-2000:]}"
+            f"`{shlex.join(command)}` failed with exit code {done.returncode}:\n"
+            f"{done.stdout[-2000:]}"
         )
 
 

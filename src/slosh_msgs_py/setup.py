@@ -17,7 +17,10 @@ setup(
     zip_safe=False,
     maintainer="Slosh Monitor maintainers",
     maintainer_email="slosh-monitor@users.noreply.github.com",
-    description="Python helpers for slosh_msgs: conversions, topic names, QoS profiles and what every node shares.",
+    description=(
+        "Python helpers for slosh_msgs: conversions, topic names, QoS profiles "
+        "and what every node shares."
+    ),
     license="Apache-2.0",
     entry_points={"console_scripts": []},
 )

@@ -160,7 +160,7 @@ class BagReader:
             else:
                 reason = "no footer"
         self.warnings.append(
-            f"{file}: unfinished ({reason}); read up to {newest * 1e-9:.3f} s, what came later is lost"
+            f"{file}: unfinished ({reason}); read up to {newest * 1e-9:.3f} s, the rest is lost"
         )
 
     def _learn(self, schema: Schema) -> None:

@@ -1,7 +1,7 @@
 """The recorder's core: takes messages at any rate, writes them from a thread of its own.
 
-A chunk's compression stalls for tens of milliseconds; a queue keeps that away from whoever receives the
-messages.
+A chunk's compression stalls for tens of milliseconds; a queue keeps that away from whoever
+receives the messages.
 """
 
 from __future__ import annotations
@@ -109,10 +109,10 @@ class Recorder:
                     continue
                 if isinstance(item, _Message):
                     self._writer.write(*item)
-                idle = not isinstance(item, _Message)
-                if idle or item.log_ns - flushed_ns >= FLUSH_PERIOD_NS:
+                newest_ns = item.log_ns if isinstance(item, _Message) else None
+                if newest_ns is None or newest_ns - flushed_ns >= FLUSH_PERIOD_NS:
                     self._writer.flush()
-                    flushed_ns = flushed_ns if idle else item.log_ns
+                    flushed_ns = flushed_ns if newest_ns is None else newest_ns
             except (OSError, ValueError) as error:
                 self._failure = f"{self.path}: {error}"
         try:

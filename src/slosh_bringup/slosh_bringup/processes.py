@@ -107,7 +107,7 @@ class NodeGroup:
     def start(self, process: NodeProcess) -> None:
         """Starts a node."""
         with (self._log_folder / f"{process.name}.log").open("wb") as log:
-            # Its own session: Ctrl-C reaches this process alone, which then stops the nodes in order.
+            # Its own session: Ctrl-C reaches this process alone, which stops the nodes in order.
             self._running[process.name] = subprocess.Popen(
                 process.command(self._namespace),
                 stdout=log,

@@ -46,7 +46,7 @@ class RunData:
         bag: the bag.
         stamps: (N,) of the compared images [ns].
         columns: the fields of SloshComparison by name, (N,) each.
-        truth_stamps, truth: (M,) of the simulated cell's exact heights [ns], [m]; empty on a robot.
+        truth_stamps, truth: (M,) the simulated cell's exact heights [ns], [m]; none on a robot.
         events: in order.
         topics: type and number of messages by topic.
         published: what the simulated cell published, by topic; empty on a robot.
@@ -70,7 +70,7 @@ class RunData:
     @property
     def seconds(self) -> Array:
         """(N,) time of the compared images from the first [s]."""
-        return (self.stamps - self.stamps[:1]) * 1e-9
+        return np.asarray((self.stamps - self.stamps[:1]) * 1e-9, dtype=np.float64)
 
     def lost(self) -> dict[str, int]:
         """Messages that were published and are not in the bag, by recorded topic."""
@@ -85,7 +85,8 @@ class RunData:
         if not len(self.truth):
             return np.full(len(self.stamps), np.nan)
         origin = self.truth_stamps[0]
-        return np.interp(self.stamps - origin, self.truth_stamps - origin, self.truth)
+        known = self.truth_stamps - origin
+        return np.asarray(np.interp(self.stamps - origin, known, self.truth), dtype=np.float64)
 
 
 @dataclass(slots=True)

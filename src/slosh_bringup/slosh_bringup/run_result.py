@@ -160,7 +160,7 @@ def _dropped(data: RunData) -> dict[str, int]:
 
 
 def _images_without_measurement(data: RunData) -> int | None:
-    """Images that the camera node did not measure; None where the number of images is not known."""
+    """Images that the camera node did not measure; None where nobody counted the images."""
     images = next((n for topic, n in data.published.items() if topic.endswith("/image_raw")), None)
     measured = next(
         (info.count for topic, info in data.topics.items() if topic.endswith("/free_surface")),

@@ -15,7 +15,7 @@ MAXIMUM_MODE = 200
 
 @cache
 def bessel_derivative_root(n: int) -> float:
-    """The n-th positive root ξₙ of J₁′, n ≥ 1 (DL22, eq. (3)): 1.8412, 5.3314, 8.5363, …
+    """The n-th positive root ξₙ of J₁′, n ≥ 1 (DL22, eq. (3)): 1.8412, 5.3314 and so on.
 
     Raises:
         SloshModelError: n is not in 1 … MAXIMUM_MODE.

@@ -23,7 +23,7 @@ class Cylinder:
         rim_height: height of the rim above the floor [m]; None: unknown.
 
     Raises:
-        SloshModelError: a dimension is not positive or not finite, or the liquid stands above the rim.
+        SloshModelError: a dimension is not positive or finite, or the rim not above the liquid.
     """
 
     radius: float

@@ -110,7 +110,7 @@ def advance(modal, modes, gains, parameters, held, ax, ay, az, dt, max_step):  #
         wall height at the container's +x and +y side [m].
     """
     if dt > 0.0:
-        count = int(math.ceil(dt / max_step))
+        count = math.ceil(dt / max_step)
         step = dt / count
         for i in range(count):
             a, b = i / count, (i + 1) / count

@@ -33,8 +33,8 @@ class Liquid:
 def cylinder_damping_ratio(container: Cylinder, liquid: Liquid) -> float:
     """Damping ratio ζ₁ of the first mode in a smooth cylinder, from viscosity.
 
-    The empirical formula in Ibrahim, *Liquid Sloshing Dynamics* (2005), and Dodge, *The New "Dynamic
-    Behavior of Liquids in Moving Containers"* (2000).
+    The empirical formula in Ibrahim, *Liquid Sloshing Dynamics* (2005), and Dodge, *The New
+    "Dynamic Behavior of Liquids in Moving Containers"* (2000).
     """
     viscous = math.sqrt(liquid.kinematic_viscosity / math.sqrt(GRAVITY * container.radius**3))
     ratio = container.fill_height / container.radius

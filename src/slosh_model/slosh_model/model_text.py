@@ -26,7 +26,7 @@ class _UniqueKeyLoader(yaml.SafeLoader):
     """Refuses a key that stands twice in a mapping; plain YAML keeps the last in silence."""
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
-        keys = [self.construct_object(key, deep=True) for key, _ in node.value]  # type: ignore[no-untyped-call]
+        keys = [self.construct_object(key, deep=True) for key, _ in node.value]
         for key in keys:
             if keys.count(key) > 1:
                 raise SloshModelError(f"key {key!r} stands twice")
@@ -41,8 +41,8 @@ def parse_model(text: str, source: str = "model.yaml") -> Model:
         source: how errors name it.
 
     Raises:
-        SloshModelError: no YAML, an unknown key, a wrong type or an impossible value; one line with the
-            source, the key and the value.
+        SloshModelError: no YAML, an unknown key, a wrong type or an impossible value; one line
+            with the source, the key and the value.
     """
     try:
         return _model(_load(text))
@@ -109,7 +109,8 @@ def _container(section: Mapping[str, Any]) -> Cylinder:
         if key not in section:
             raise SloshModelError(f"key 'container.{key}' is missing")
     dimensions = {key: value for key, value in section.items() if key != "shape"}
-    return _numbers(Cylinder, dimensions, "container", also=("shape",))
+    container: Cylinder = _numbers(Cylinder, dimensions, "container", also=("shape",))
+    return container
 
 
 def _effects(section: Any) -> tuple[EffectUse, ...]:

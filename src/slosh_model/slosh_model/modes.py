@@ -40,7 +40,7 @@ class Mode:
 
     @property
     def linear_gain(self) -> float:
-        """Wall height per displacement of the mass, plane surface: 4 h mₙ/(m_F R) (DL22, eq. (22))."""
+        """Wall height per displacement, plane surface: 4 h mₙ/(m_F R) (DL22, eq. (22))."""
         slenderness = self.container.fill_height / self.container.radius
         return 4.0 * slenderness * self.container.mass_ratio(self.number)
 

@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import quad
 from scipy.special import jvp
+
 from slosh_model.bessel import bessel_derivative_root, radial_shape
 from slosh_model.constants import GRAVITY
 from slosh_model.containers import Cylinder

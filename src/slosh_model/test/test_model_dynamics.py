@@ -8,6 +8,7 @@ import sympy
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
+
 from slosh_model.constants import GRAVITY
 from slosh_model.containers import Cylinder
 from slosh_model.errors import SloshModelError
@@ -50,7 +51,7 @@ def start(x=0.0, y=0.0, vx=0.0, vy=0.0):
 def lagrange_equations(*, nonlinear, spatial):
     """ẍ, ÿ of one mode from T, V, D of DL22 (8)-(10), (13), by SymPy alone.
 
-    The linear model is their linearisation about rest. Returns a function of x, y, ẋ, ẏ, ẍ0, ÿ0, z̈0.
+    The linear model is their linearisation about rest. A function of x, y, ẋ, ẏ, ẍ0, ÿ0, z̈0.
     """
     t = sympy.Symbol("t")
     x, y, x0, y0, z0 = (sympy.Function(name)(t) for name in ("x", "y", "x0", "y0", "z0"))
@@ -95,7 +96,7 @@ def test_agrees_with_lagranges_equations_integrated_elsewhere(name):
         ax, ay = acceleration(*s, *excitation(t))
         return [s[2], s[3], ax, ay]
 
-    # Dense samples: the straight lines between them are part of the model's input, not of its error.
+    # Dense samples: the straight lines between them are the model's input, not its error.
     t = np.linspace(0.0, 4.0, 40001)
     reference = solve_ivp(
         derivative, (0.0, 4.0), [0.0] * 4, "DOP853", t_eval=t[::10], rtol=1e-12, atol=1e-14,

@@ -6,6 +6,7 @@ import pytest
 import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
+
 from slosh_model.containers import Cylinder
 from slosh_model.effects.registry import EFFECTS
 from slosh_model.errors import SloshModelError

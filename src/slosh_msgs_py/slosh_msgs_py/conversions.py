@@ -11,8 +11,8 @@ import dataclasses
 from typing import Any
 
 import numpy as np
-from slosh_msgs import msg as messages
 
+from slosh_msgs import msg as messages
 from slosh_msgs_py import values
 from slosh_msgs_py.errors import SloshMessageError
 from slosh_msgs_py.stamps import to_duration, to_nanoseconds, to_time

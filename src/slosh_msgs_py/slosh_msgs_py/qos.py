@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from typing import Final
 
-from rclpy.qos import QoSProfile
 from rclpy.qos import QoSDurabilityPolicy as Durability
 from rclpy.qos import QoSHistoryPolicy as History
+from rclpy.qos import QoSProfile
 from rclpy.qos import QoSReliabilityPolicy as Reliability
 
 STREAM_DEPTH: Final = 1000

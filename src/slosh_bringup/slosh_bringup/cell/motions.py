@@ -1,10 +1,10 @@
 """The motions of DL22: paths, levels of acceleration, and the law along them.
 
-Planar paths S(σ), σ from 0 to 1 (DL22, Fig. 4): `l` back and forth along y, `e` a figure of eight, `c` a
-circle run twice. The law σ(t) is the modified trapezoid, so that S̈ = S″σ̇² + S′σ̈ starts and ends at
-zero. The duration is what makes the greatest ‖S̈‖ equal to the level of DL22, Table 3. The spatial
-motions l3, e3, c3 (Table 4) keep the middle level's planar motion and add a vertical one, in step with
-the path, whose greatest |z̈| is 2.5 or 4.5 m/s².
+Planar paths S(σ), σ from 0 to 1 (DL22, Fig. 4): `l` back and forth along y, `e` a figure of eight,
+`c` a circle run twice. The law σ(t) is the modified trapezoid, so that S̈ = S″σ̇² + S′σ̈ starts and
+ends at zero. The duration is what makes the greatest ‖S̈‖ equal to the level of DL22, Table 3. The
+spatial motions l3, e3, c3 (Table 4) keep the middle level's planar motion and add a vertical one,
+in step with the path, whose greatest |z̈| is 2.5 or 4.5 m/s².
 """
 
 from __future__ import annotations

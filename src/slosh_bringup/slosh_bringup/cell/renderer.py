@@ -1,8 +1,9 @@
 """Draws what the cell's camera sees: a glass cup with dark liquid.
 
-Every edge is computed by the pinhole projection, column by column, and drawn with the share of the pixel
-that it covers: where an edge lies is exact to a few hundredths of a pixel. The free surface is taken over
-the whole cross-section, so that a crest inside hides the wall behind it. Refraction is left out.
+Every edge is computed by the pinhole projection, column by column, and drawn with the share of the
+pixel that it covers: where an edge lies is exact to a few hundredths of a pixel. The free surface
+is taken over the whole cross-section, so that a crest inside hides the wall behind it. Refraction
+is left out.
 """
 
 from __future__ import annotations
@@ -29,8 +30,8 @@ class Appearance:
     """Grey levels, 0 black … 255 white.
 
     Attributes:
-        background, liquid, surface: of the background, of the liquid seen through the wall, of its free
-            surface seen from above.
+        background, liquid, surface: of the background, of the liquid seen through the wall, of its
+            free surface seen from above.
         outline: of the cup's edges.
         noise: standard deviation of the camera's noise.
         blur: standard deviation of the lens' blur [px].
@@ -99,13 +100,15 @@ class CupRenderer:
         points = np.column_stack((radius * np.cos(azimuth), radius * np.sin(azimuth), height))
         u, v = self._view.project(points).T
         order = np.argsort(u)
-        return np.interp(self._columns, u[order], v[order], left=np.nan, right=np.nan)
+        rows: Array = np.interp(self._columns, u[order], v[order], left=np.nan, right=np.nan)
+        return rows
 
     def _floor_line(self) -> Array:
         """Lower edge of the liquid; perspective makes the floor narrower than the cup's sides."""
         line = self._line(self._front, np.full(AZIMUTHS, -self._view.cup.fill_height), 1.0)
         known = np.isfinite(line)
-        return np.interp(self._columns, self._columns[known], line[known])
+        rows: Array = np.interp(self._columns, self._columns[known], line[known])
+        return rows
 
     def _surface_envelope(self, sh_x: float, sh_y: float) -> tuple[Array, Array]:
         """Upper and lower edge of the free surface at each column [px]."""
@@ -121,7 +124,7 @@ class CupRenderer:
         """Share of each pixel between two edges; 0 in columns that the edges do not reach."""
         upper = np.nan_to_num(top, nan=1e6).astype(np.float32)
         lower = np.nan_to_num(bottom, nan=-1e6).astype(np.float32)
-        inside = np.clip(self._rows + 0.5 - upper, 0.0, 1.0)
+        inside: NDArray[np.float32] = np.clip(self._rows + 0.5 - upper, 0.0, 1.0)
         inside *= np.clip(lower + 0.5 - self._rows, 0.0, 1.0)
         return inside
 
@@ -138,7 +141,7 @@ class CupRenderer:
         first, last = min(edges, key=np.mean), max(edges, key=np.mean)
         inside = np.clip(columns + 0.5 - first[:, np.newaxis], 0.0, 1.0)
         inside *= np.clip(last[:, np.newaxis] + 0.5 - columns, 0.0, 1.0)
-        return inside.astype(np.float32)
+        return np.asarray(inside, dtype=np.float32)
 
     def _top_level(self) -> float:
         level = self._view.cup.rim_level

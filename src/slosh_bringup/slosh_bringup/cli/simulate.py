@@ -8,6 +8,7 @@ import json
 from pathlib import Path
 
 import numpy as np
+
 from slosh_bag.motion_table import read_motion_table
 from slosh_estimator.model_file import read_model
 from slosh_model.simulate import Inputs, Response, simulate

@@ -14,7 +14,6 @@ import numpy as np
 from geometry_msgs.msg import AccelStamped, PoseStamped
 from rclpy.node import Node
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image, Imu
-from slosh_msgs.msg import FreeSurface
 from std_msgs.msg import String
 
 from slosh_bag.motion_table import read_motion_table
@@ -25,6 +24,7 @@ from slosh_bringup.cell.truth import integrate_truth
 from slosh_camera.calibration import Calibration, read_calibration
 from slosh_estimator.model_file import read_model
 from slosh_model.constants import GRAVITY
+from slosh_msgs.msg import FreeSurface
 from slosh_msgs_py import conversions, images, qos, topics, values
 from slosh_msgs_py.node.diagnostics import OK, DiagnosticsReporter, Health
 from slosh_msgs_py.node.parameters import ParameterSpec, declare

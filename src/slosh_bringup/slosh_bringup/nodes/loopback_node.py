@@ -8,6 +8,7 @@ import time
 
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
+
 from slosh_msgs.msg import FreeSurface
 
 TOPIC = f"/slosh_loopback_{os.getpid()}"

@@ -15,10 +15,10 @@ Parameters = Mapping[str, float]
 
 # A compiled function (numba dispatcher) of
 #   (mode, x, y, vx, vy, ax, ay, az, elapsed, p) -> (fx, fy, mxx, mxy, myy).
-# mode: ω [rad/s], ζ, C, R [m]; x, y, vx, vy: the mass's place [m] and velocity [m/s]; ax, ay, az: the
-# container's acceleration [m/s²]; elapsed: time since rest [s]; p: the effect's parameters in their
-# order. It returns what the effect adds to (I + m) q̈ = f: force per modal mass [m/s²] and, symmetric,
-# relative mass [1].
+# mode: ω [rad/s], ζ, C, R [m]; x, y, vx, vy: the mass's place [m] and velocity [m/s]; ax, ay, az:
+# the container's acceleration [m/s²]; elapsed: time since rest [s]; p: the effect's parameters in
+# their order. It returns what the effect adds to (I + m) q̈ = f: force per modal mass [m/s²] and,
+# symmetric, relative mass [1].
 Term = Callable[..., tuple[float, float, float, float, float]]
 
 

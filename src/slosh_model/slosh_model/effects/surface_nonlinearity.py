@@ -16,7 +16,7 @@ def _term(mode, x, y, vx, vy, ax, ay, az, elapsed, p):  # type: ignore[no-untype
     omega, zeta, curvature, radius = mode[0], mode[1], mode[2], mode[3]
     xr, yr = x / radius, y / radius
     c2 = curvature * curvature
-    # Along the position: damping of the vertical motion, centripetal force of the paraboloid, spring.
+    # Along the position: damping of the vertical motion, centripetal force, spring.
     sliding = xr * vx + yr * vy
     radial = (
         2.0 * zeta * omega * c2 * sliding

@@ -90,8 +90,8 @@ def declare(
     Args:
         node: the node.
         specs: its parameters.
-        on_change: receives changed values of parameters that are not read-only; returns why it refuses
-            them, or None.
+        on_change: receives changed values of parameters that are not read-only; returns why it
+            refuses them, or None.
 
     Returns:
         the values by name.

@@ -47,7 +47,7 @@ def run_node(
         return EXIT_WRONG_INPUT
     executor = make_executor()
     executor.add_node(node)
-    # A full collection takes some 100 ms with SciPy, Numba and OpenCV loaded: never look at them again.
+    # A full collection takes some 100 ms with SciPy, Numba and OpenCV loaded: exempt what is there.
     gc.collect()
     gc.freeze()
     with contextlib.suppress(ExternalShutdownException):
@@ -76,8 +76,8 @@ class _StopFlag:
 def make_executor() -> Any:
     """The executor: events by default, SLOSH_EXECUTOR=single for the classic one.
 
-    The events executor takes half the processor time of the single-threaded one. Its `spin()` delivers
-    nothing in some releases, a loop of `spin_once()` works in all.
+    The events executor takes half the processor time of the single-threaded one. Its `spin()`
+    delivers nothing in some releases, a loop of `spin_once()` works in all.
     """
     if os.environ.get("SLOSH_EXECUTOR", "events") == "single":
         return SingleThreadedExecutor()
