@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+
 from slosh_discovery.alignment import (
+    DISTINCT,
     despike,
     estimate_clock_offset,
     find_onset,
@@ -61,6 +63,14 @@ def test_still_level_and_noise_come_from_before_the_motion():
     assert still.end < 7.0
 
 
+def test_a_quiet_part_that_reaches_beyond_the_peak_is_no_still_level():
+    t = np.arange(0.0, 12.0, 1.0 / 60.0)
+    height = 0.005 + 3e-4 * np.random.default_rng(0).standard_normal(t.size)
+    height[360:366] = 0.03
+    height[366:] = 0.009
+    assert find_still_level(t, height).level == pytest.approx(0.005, abs=2e-4)
+
+
 def test_outliers_move_neither_offset_nor_onset():
     t, height = record(8.0)
     spiked = height.copy()
@@ -85,7 +95,10 @@ def test_a_periodic_series_is_ambiguous():
     wave = np.where((t > 8.0) & (t < 28.0), 0.01 * np.sin(2.0 * np.pi * 3.0 * t), 0.0)
     wave += 1e-3 * np.random.default_rng(0).standard_normal(t.size)
     model = 0.01 * np.sin(2.0 * np.pi * 3.0 * MODEL_T)
-    assert not estimate_clock_offset(t, wave, MODEL_T, model).unambiguous
+    found = estimate_clock_offset(t, wave, MODEL_T, model, centre=12.1)
+    assert found.runner_up < DISTINCT
+    assert np.isfinite(found.stddev)  # it is not the window's edge that makes it doubtful
+    assert not found.unambiguous
 
 
 def test_a_record_that_ends_within_the_motion_is_refused():
