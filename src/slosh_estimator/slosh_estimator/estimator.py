@@ -5,11 +5,10 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from slosh_model.model import Model
-from slosh_model.simulate import Simulator
-
 from slosh_estimator.sample import Sample
 from slosh_estimator.validity import EstimateFlag, ValidityWatch
+from slosh_model.model import Model
+from slosh_model.simulate import Simulator
 
 RUNAWAY = 5.0
 """A sloshing mass farther out than so many radii is no liquid any more."""
@@ -33,7 +32,7 @@ class ModelState(NamedTuple):
     azimuth: float
     sh_x: float
     sh_y: float
-    modal: tuple[tuple[float, float, float, float], ...]
+    modal: list[list[float]]
 
 
 class Estimate(NamedTuple):
@@ -120,9 +119,9 @@ class Estimator:
     def _step(self, simulator: Simulator, dt: float, sample: Sample) -> ModelState | None:
         """One model's answer; None where it has left the physical range."""
         hx, hy = simulator.step(dt, sample.ax, sample.ay, sample.az)
-        modal = tuple(map(tuple, simulator.modal.tolist()))
+        modal = simulator.modal.tolist()
         bound = self._bound
-        for x, y, *_ in modal:
+        for x, y, _, _ in modal:
             if not (-bound < x < bound and -bound < y < bound):  # false for NaN too
                 return None
         if sample.yaw:
@@ -131,4 +130,4 @@ class Estimator:
         return ModelState(math.sqrt(hx * hx + hy * hy), math.atan2(hy, hx), hx, hy, modal)
 
 
-_REST = ModelState(0.0, 0.0, 0.0, 0.0, ())
+_REST = ModelState(0.0, 0.0, 0.0, 0.0, [])

@@ -54,26 +54,23 @@ class GateSettings:
 
 
 class SampleGate:
-    """Judges samples by their stamps."""
+    """Judges samples by their stamps.
+
+    Attributes:
+        counts: samples by what became of them.
+        used, dropped: samples that were used, and that were not.
+    """
 
     def __init__(self, settings: GateSettings) -> None:
         self.counts: dict[Verdict, int] = dict.fromkeys(Verdict, 0)
+        # Kept beside the counts: they are read for each message.
+        self.used = self.dropped = 0
         self._max_gap_ns = round(settings.max_gap * 1e9)
         self._max_age_ns = round(settings.max_age * 1e9)
         self._restart_after = settings.restart_after
         self._last_ns: int | None = None
         self._early_ns: int | None = None
         self._early_count = 0
-
-    @property
-    def used(self) -> int:
-        """Samples that were used."""
-        return self.counts[Verdict.USE] + self.counts[Verdict.RESTART]
-
-    @property
-    def dropped(self) -> int:
-        """Samples that were not."""
-        return sum(self.counts[verdict] for verdict in DROPPED)
 
     @property
     def gaps(self) -> int:
@@ -90,11 +87,16 @@ class SampleGate:
         """
         verdict = self._judge(stamp_ns, finite, now_ns)
         self.counts[verdict] += 1
+        if verdict is Verdict.USE or verdict is Verdict.RESTART:
+            self.used += 1
+        else:
+            self.dropped += 1
         return verdict
 
     def refuse(self, verdict: Verdict) -> None:
         """Counts a sample that was dropped for a reason outside its stamp."""
         self.counts[verdict] += 1
+        self.dropped += 1
 
     def _judge(self, stamp_ns: int, finite: bool, now_ns: int | None) -> Verdict:
         if not finite:

@@ -15,12 +15,11 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from slosh_model.constants import GRAVITY
-
 from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.gate import GateSettings, SampleGate, Verdict
 from slosh_estimator.rotation import Vector, cross, matrix_from_rpy, rotate
 from slosh_estimator.sample import SECONDS, Sample
+from slosh_model.constants import GRAVITY
 
 ANGULAR_FILTER = 0.01
 """Time constant of the low-pass behind ω̇ [s]."""

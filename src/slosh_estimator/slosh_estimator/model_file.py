@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from slosh_estimator.errors import SloshEstimatorError
 from slosh_model.model import Model
 from slosh_model.model_text import parse_model
-
-from slosh_estimator.errors import SloshEstimatorError
 
 MAXIMUM_SIZE = 1_000_000  # bytes; a model is a page of text
 

@@ -14,7 +14,6 @@ from enum import IntEnum
 from typing import NamedTuple
 
 from slosh_discovery.metrics import RunningAccuracy
-
 from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.limits import Event, Hysteresis, LimitTracker, Source
 from slosh_estimator.sample import SECONDS

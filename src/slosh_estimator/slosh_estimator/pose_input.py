@@ -15,12 +15,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
-from slosh_model.compile_cache import use_compile_cache
 
 from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.gate import GateSettings, SampleGate, Verdict
 from slosh_estimator.rotation import yaw_of_quaternion
 from slosh_estimator.sample import SECONDS, Sample
+from slosh_model.compile_cache import use_compile_cache
 
 use_compile_cache()
 

@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 from enum import IntFlag
 
-from slosh_model.model import Model
-
 from slosh_estimator.sample import SECONDS, Sample
+from slosh_model.model import Model
 
 JERK_FILTER = 0.02
 """Time constant of the low-pass behind the jerk [s].

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+
 from slosh_estimator.estimator import Estimator
 from slosh_estimator.sample import Sample
 from slosh_estimator.validity import EstimateFlag

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 from hypothesis import given
 from hypothesis import strategies as st
+
 from slosh_estimator.gate import GateSettings, SampleGate, Verdict
 
 MS = 1_000_000

@@ -16,16 +16,16 @@ from geometry_msgs.msg import AccelStamped, PoseStamped  # noqa: E402
 from rclpy.executors import SingleThreadedExecutor  # noqa: E402
 from rclpy.node import Node  # noqa: E402
 from sensor_msgs.msg import Imu  # noqa: E402
+from std_srvs.srv import Trigger  # noqa: E402
+
 from slosh_estimator.errors import SloshEstimatorError  # noqa: E402
 from slosh_estimator.nodes.estimator_node import EstimatorNode  # noqa: E402
 from slosh_estimator.nodes.monitor_node import MonitorNode  # noqa: E402
-from slosh_msgs_py.errors import SloshMessageError  # noqa: E402
-from slosh_msgs_py.stamps import to_nanoseconds, to_time  # noqa: E402
-from std_srvs.srv import Trigger  # noqa: E402
-
 from slosh_msgs.msg import FreeSurface, LimitEvent, SloshComparison, SloshEstimate  # noqa: E402
 from slosh_msgs.srv import LoadModel  # noqa: E402
 from slosh_msgs_py import qos, topics  # noqa: E402
+from slosh_msgs_py.errors import SloshMessageError  # noqa: E402
+from slosh_msgs_py.stamps import to_nanoseconds, to_time  # noqa: E402
 
 DOMAIN = 32
 PATIENCE = 20.0

@@ -7,10 +7,6 @@ from typing import Any
 
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
-from slosh_msgs_py.node.diagnostics import ERROR, OK, STALE, WARN, DiagnosticsReporter, Health
-from slosh_msgs_py.node.parameters import ParameterSpec, declare
-from slosh_msgs_py.node.run import run_node
-from slosh_msgs_py.stamps import to_nanoseconds
 from std_srvs.srv import Trigger
 
 from slosh_estimator.limits import Event, Hysteresis
@@ -24,6 +20,10 @@ from slosh_estimator.monitor import (
 )
 from slosh_msgs.msg import FreeSurface, LimitEvent, SloshComparison, SloshEstimate
 from slosh_msgs_py import conversions, qos, topics, values
+from slosh_msgs_py.node.diagnostics import ERROR, OK, STALE, WARN, DiagnosticsReporter, Health
+from slosh_msgs_py.node.parameters import ParameterSpec, declare
+from slosh_msgs_py.node.run import run_node
+from slosh_msgs_py.stamps import to_nanoseconds
 
 CHECK_PERIOD = 0.1
 PARAMETERS = (
