@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 import pytest
+
 from slosh_camera.calibration import Calibration
 from slosh_camera.camera import PinholeCamera
 from slosh_camera.geometry import Cup, CupView, Pose

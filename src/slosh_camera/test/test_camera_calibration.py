@@ -1,5 +1,6 @@
 import pytest
 from numpy.testing import assert_array_equal
+
 from slosh_camera.calibration import (
     Calibration,
     format_calibration,

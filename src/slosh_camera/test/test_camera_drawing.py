@@ -1,4 +1,5 @@
 import numpy as np
+
 from slosh_camera.detector import FreeSurfaceDetector
 from slosh_camera.drawing import draw_measurement
 from slosh_camera.measurement import Flag, bad_image

@@ -4,6 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
+
 from slosh_camera.camera import PinholeCamera, camera_from_info
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.geometry import Cup, CupView, Pose, Wall, look_at

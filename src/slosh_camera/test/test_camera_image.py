@@ -3,6 +3,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.image import decode_compressed, to_gray
 

@@ -7,6 +7,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+
 from slosh_camera.calibration import Calibration
 from slosh_camera.camera import camera_from_info
 from slosh_camera.detector import FreeSurfaceDetector
