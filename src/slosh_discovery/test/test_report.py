@@ -8,6 +8,7 @@ from html.parser import HTMLParser
 
 import numpy as np
 import pytest
+
 from slosh_discovery.errors import SloshDiscoveryError
 from slosh_discovery.report import (
     Frame,
