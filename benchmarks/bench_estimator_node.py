@@ -23,11 +23,11 @@ from typing import Any
 import rclpy
 from geometry_msgs.msg import AccelStamped
 from rclpy.node import Node
-from slosh_estimator.nodes.estimator_node import EstimatorNode
-from slosh_msgs_py.node.run import make_executor
 
+from slosh_estimator.nodes.estimator_node import EstimatorNode
 from slosh_msgs.msg import SloshEstimate
 from slosh_msgs_py import qos, topics
+from slosh_msgs_py.node.run import make_executor
 
 RATE = 1000
 GOAL = 1.5
