@@ -13,15 +13,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from slosh_estimator.accel_input import AccelInput
-from slosh_estimator.estimator import Estimator
-from slosh_estimator.gate import GateSettings
-from slosh_estimator.imu_input import ImuInput, SensorTransform
-from slosh_estimator.monitor import MonitorSettings
-from slosh_estimator.pose_input import PoseInput
-from slosh_estimator.sample import Sample
-from slosh_model.containers import Cylinder
-from slosh_model.model import Model
 
 from slosh_bag.errors import SloshBagError
 from slosh_bag.motion_table import MotionTable
@@ -34,6 +25,15 @@ from slosh_bag.replay_accuracy import (
     monitor_events,
 )
 from slosh_bag.replay_result import ReplayResult
+from slosh_estimator.accel_input import AccelInput
+from slosh_estimator.estimator import Estimator
+from slosh_estimator.gate import GateSettings
+from slosh_estimator.imu_input import ImuInput, SensorTransform
+from slosh_estimator.monitor import MonitorSettings
+from slosh_estimator.pose_input import PoseInput
+from slosh_estimator.sample import Sample
+from slosh_model.containers import Cylinder
+from slosh_model.model import Model
 
 Array = NDArray[np.float64]
 SURFACE = "free_surface"

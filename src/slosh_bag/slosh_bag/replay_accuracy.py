@@ -14,6 +14,9 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+
+from slosh_bag.errors import SloshBagError
+from slosh_bag.replay_result import ModelAccuracy, ReplayResult
 from slosh_discovery.alignment import (
     ClockOffset,
     despike,
@@ -32,9 +35,6 @@ from slosh_estimator.monitor import (
     Monitor,
     MonitorSettings,
 )
-
-from slosh_bag.errors import SloshBagError
-from slosh_bag.replay_result import ModelAccuracy, ReplayResult
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from slosh_discovery.report import Frame, KeyFigure, ModelRow, RunReport, Span, Topic
-from slosh_estimator.limits import Event, Kind, Source
 
 from slosh_bag.replay_result import ModelAccuracy, ReplayResult
+from slosh_discovery.report import Frame, KeyFigure, ModelRow, RunReport, Span, Topic
+from slosh_estimator.limits import Event, Kind, Source
 
 NAN = float("nan")
 SHOWN = ("3D-L", "3D-NL")

@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from slosh_discovery.alignment import ClockOffset, StillLevel
-from slosh_estimator.limits import Event
 
 from slosh_bag.errors import SloshBagError
+from slosh_discovery.alignment import ClockOffset, StillLevel
+from slosh_estimator.limits import Event
 
 Array = NDArray[np.float64]
 MODELS = ("2D-L", "3D-L", "2D-NL", "3D-NL")

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import scipy.io
+
 from slosh_bag.antisloshing import POSE_TOPIC, SURFACE_TOPIC, import_antisloshing
 from slosh_bag.definitions import find_interfaces
 from slosh_bag.errors import SloshBagError

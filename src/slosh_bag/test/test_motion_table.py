@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+
 from slosh_bag.errors import SloshBagError
 from slosh_bag.motion_table import MotionTable, read_motion_table, write_motion_table
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from slosh_bag.bag_writer import BagWriter
 from slosh_bag.definitions import Definitions, find_interfaces
 from slosh_bag.errors import SloshBagError

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+
 from slosh_bag.errors import SloshBagError
 from slosh_bag.replay_accuracy import Estimates, Measurements, compare, compare_unrelated
 from slosh_estimator.monitor import SATURATED, UNUSABLE

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+
 from slosh_bag.replay_report import Surroundings, event_spans, replay_report
 from slosh_bag.replay_result import ModelAccuracy, ReplayResult
 from slosh_discovery.report import render_report

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+
 from slosh_discovery.errors import SloshDiscoveryError
 from slosh_discovery.metrics import (
     RunningAccuracy,

@@ -8,13 +8,13 @@ from typing import Any
 
 from rclpy.node import Node
 from sensor_msgs.msg import CompressedImage, Image
-from slosh_msgs.msg import FreeSurface
 
 from slosh_camera.calibration import read_calibration
 from slosh_camera.detector import FreeSurfaceDetector
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.image import GrayImage, decode_compressed, to_gray
 from slosh_camera.measurement import Flag, Measurement, bad_image
+from slosh_msgs.msg import FreeSurface
 from slosh_msgs_py import conversions, qos, topics, values
 from slosh_msgs_py.images import image_bytes
 from slosh_msgs_py.node.diagnostics import ERROR, OK, STALE, WARN, DiagnosticsReporter, Health

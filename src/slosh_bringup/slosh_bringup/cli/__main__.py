@@ -1,0 +1,7 @@
+"""`python -m slosh_bringup.cli` is `slosh`."""
+
+import sys
+
+from slosh_bringup.cli.main import main
+
+sys.exit(main())

@@ -1,0 +1,77 @@
+"""`slosh demo`: five processes over DDS, a bag, a report, and figures that hold."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+from rosbags.highlevel import AnyReader
+from rosbags.typesys import Stores, get_typestore
+
+
+@pytest.fixture(scope="module")
+def demo(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("demo")
+    command = [sys.executable, "-m", "slosh_bringup.cli", "demo", "--motion", "l", "--json"]
+    done = subprocess.run(
+        [*command, "-o", str(folder)], capture_output=True, text=True, timeout=100, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    return folder, json.loads(done.stdout)
+
+
+def test_nothing_is_lost(demo):
+    _, figures = demo
+    assert sum(figures["lost"].values()) == 0
+    assert figures["dropped"]["recorder queue full"] == 0
+    dropped = {name: count for name, count in figures["dropped"].items() if "estimator" in name}
+    assert dropped
+    assert sum(dropped.values()) == 0
+
+
+def test_camera_and_estimate_follow_the_truth(demo):
+    _, figures = demo
+    rows = {row["name"]: row for row in figures["agreements"]}
+    assert rows["camera / truth"]["sigma"] < 0.5e-3
+    assert rows["3D-NL / truth"]["sigma"] < 0.3e-3
+    assert abs(rows["3D-NL / camera"]["epsilon"]) < 0.05
+    assert rows["3D-L / camera"]["epsilon"] > 0.05  # the plane overestimates (DL22, section 3.3)
+
+
+def test_the_limit_event_is_announced(demo):
+    _, figures = demo
+    assert figures["events"] >= 1
+
+
+def test_the_bag_decodes_elsewhere_and_holds_what_was_published(demo):
+    folder, _ = demo
+    with AnyReader([folder / "bag"], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
+        counts = {}
+        published = {}
+        for connection, _, data in reader.messages():
+            message = reader.deserialize(data, connection.msgtype)
+            counts[connection.topic] = counts.get(connection.topic, 0) + 1
+            if connection.topic.endswith("/cell/summary"):
+                published = json.loads(message.data)["published"]
+    recorded = {topic: count for topic, count in published.items() if topic in counts}
+    assert len(recorded) >= 6
+    assert recorded == {topic: counts[topic] for topic in recorded}
+    (file,) = (folder / "bag").glob("*.mcap")
+    with file.open("rb") as stream:
+        decoded = sum(
+            1
+            for _ in make_reader(
+                stream, decoder_factories=[DecoderFactory()]
+            ).iter_decoded_messages()
+        )
+    assert decoded == sum(counts.values())
+
+
+def test_the_report_is_one_page_with_three_frames(demo):
+    folder, _ = demo
+    page = (folder / "report.html").read_text(encoding="utf-8")
+    assert page.count("data:image/jpeg;base64,") == 3
+    assert 'src="http' not in page
+    assert 'href="http' not in page
