@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,10 +14,23 @@ from mcap.records import Channel, Message, Schema
 from mcap.stream_reader import StreamReader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
+from zstandard import ZstdError
 
 from slosh_bag.errors import SloshBagError
 
 MAGIC = b"\x89MCAP0\r\n"
+# What the MCAP library and the decompressor raise on bytes that are not what was written.
+DAMAGE = (
+    McapError,
+    ZstdError,
+    struct.error,
+    ValueError,
+    LookupError,
+    EOFError,
+    OSError,
+    OverflowError,
+    MemoryError,
+)
 
 
 class BagMessage(NamedTuple):
@@ -134,7 +148,7 @@ class BagReader:
                 if schema is not None:
                     self._learn(schema)
                     yield _message(schema, channel, record)
-        except (McapError, ValueError, KeyError, EOFError) as error:
+        except DAMAGE as error:
             raise SloshBagError(f"{file}: damaged: {_reason(error)}") from None
 
     def _stream(self, file: Path, topics: Collection[str] | None) -> Iterator[BagMessage]:
@@ -155,7 +169,7 @@ class BagReader:
                         newest = max(newest, record.log_time)
                         if topics is None or channel.topic in topics:
                             yield _message(schemas[channel.schema_id], channel, record)
-            except (McapError, ValueError, KeyError, EOFError) as error:
+            except DAMAGE as error:
                 reason = _reason(error)
             else:
                 reason = "no footer"
@@ -205,7 +219,7 @@ def _summary(stream: Any) -> Any:
     """The file's summary; None where the file has no end."""
     try:
         return make_reader(stream).get_summary()
-    except (McapError, ValueError, KeyError, EOFError, OSError):
+    except DAMAGE:
         return None
 
 

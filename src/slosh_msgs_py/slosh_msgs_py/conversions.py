@@ -73,7 +73,17 @@ def _plain(kind: str, content: Any) -> Any:
         return bool(content)
     if kind == "string":
         return str(content)
-    return int(content)
+    return _integer(kind, content)
+
+
+def _integer(kind: str, content: Any) -> int:
+    """A whole number within the range of 'uint8' … 'int64'; rclpy would wrap another one around."""
+    number = int(content)
+    bits = int(kind.lstrip("uint"))
+    low, high = (0, 2**bits) if kind.startswith("u") else (-(2 ** (bits - 1)), 2 ** (bits - 1))
+    if number != content or not low <= number < high:
+        raise ValueError(f"not in the range of {kind}")
+    return number
 
 
 def from_message(message: Any) -> Any:

@@ -10,6 +10,7 @@ from typing import Final
 
 from rclpy.qos import QoSDurabilityPolicy as Durability
 from rclpy.qos import QoSHistoryPolicy as History
+from rclpy.qos import QoSLivelinessPolicy as Liveliness
 from rclpy.qos import QoSProfile
 from rclpy.qos import QoSReliabilityPolicy as Reliability
 
@@ -19,7 +20,11 @@ STREAM_DEPTH: Final = 1000
 
 def _profile(reliability: Reliability, durability: Durability, depth: int) -> QoSProfile:
     return QoSProfile(
-        history=History.KEEP_LAST, depth=depth, reliability=reliability, durability=durability
+        history=History.KEEP_LAST,
+        depth=depth,
+        reliability=reliability,
+        durability=durability,
+        liveliness=Liveliness.AUTOMATIC,
     )
 
 

@@ -1,0 +1,160 @@
+"""The `slosh` command: what it prints, what it writes, how it fails."""
+
+import json
+import re
+
+import cv2
+import numpy as np
+import pytest
+
+from slosh_bringup.cell.renderer import CupRenderer
+from slosh_bringup.cell_setup import read_setup
+from slosh_bringup.cli.main import COMMANDS, LATER, main
+from slosh_bringup.errors import SloshBringupError
+from slosh_bringup.processes import config_folder
+from slosh_camera.calibration import read_calibration
+
+MODEL = str(config_folder() / "model.yaml")
+CAMERA = str(config_folder() / "camera.yaml")
+
+
+@pytest.fixture
+def motion(tmp_path):
+    t = np.arange(0.0, 3.0, 0.002)
+    ay = 3.0 * np.sin(9.0 * t) * np.sin(np.pi * t / 3.0) ** 2
+    path = tmp_path / "motion.csv"
+    rows = np.column_stack([t, np.zeros_like(t), ay, np.zeros_like(t)])
+    np.savetxt(path, rows, "%.9f", ",", header="t,ax,ay,az", comments="")
+    return path
+
+
+def fails_with(capsys, *words):
+    """Runs the command; returns its one line of complaint."""
+    assert main(words) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    (line,) = captured.err.strip().split("\n")
+    return line
+
+
+def test_help_names_every_command(capsys):
+    assert main([]) == 2
+    text = capsys.readouterr().out
+    assert all(name in text for name in COMMANDS)
+
+
+@pytest.mark.parametrize("name", LATER)
+def test_reserved_commands_say_so(capsys, name):
+    assert "not in this version" in fails_with(capsys, name, "whatever", "--even", "this")
+
+
+def test_a_mistyped_command_exits_with_two():
+    with pytest.raises(SystemExit) as caught:
+        main(["simulte"])
+    assert caught.value.code == 2
+
+
+def test_simulate_writes_heights(capsys, motion, tmp_path):
+    output = tmp_path / "out.csv"
+    assert main(["simulate", MODEL, str(motion), "-o", str(output), "--json"]) == 0
+    facts = json.loads(capsys.readouterr().out)
+    table = np.genfromtxt(output, delimiter=",", names=True)
+    assert table.dtype.names == ("t", "msh", "azimuth", "sh_x", "sh_y")
+    assert len(table) == facts["samples"] == 1500
+    assert table["msh"].max() == facts["peak"] > 0.005
+    assert np.allclose(table["msh"], np.hypot(table["sh_x"], table["sh_y"]))
+    assert not table["sh_x"].any()  # a motion along y
+
+
+def test_simulate_names_what_is_wrong(capsys, motion, tmp_path):
+    output = str(tmp_path / "out.csv")
+    bad = tmp_path / "model.yaml"
+    bad.write_text("container: {radius: 0.05, fill_height: 0.07, colour: red}")
+    nan = tmp_path / "nan.csv"
+    nan.write_text("t,ax,ay,az\n0,0,0,0\n1,nan,0,0\n")
+    for model, table, match in (
+        (bad, motion, r"model\.yaml: unknown key 'container\.colour'"),
+        (tmp_path / "none.yaml", motion, r"none\.yaml"),
+        (MODEL, nan, r"nan\.csv.*3"),
+        (MODEL, tmp_path / "none.csv", r"none\.csv"),
+        (MODEL, tmp_path, r"."),
+    ):
+        line = fails_with(capsys, "simulate", str(model), str(table), "-o", output)
+        assert re.search(match, line), line
+
+
+def test_a_folder_that_cannot_be_written_is_one_line(capsys, motion):
+    line = fails_with(capsys, "simulate", MODEL, str(motion), "-o", "/nowhere/out.csv")
+    assert "/nowhere/out.csv" in line
+
+
+def test_detect_measures_a_folder_and_flags_what_is_broken(capsys, tmp_path):
+    renderer = CupRenderer(read_calibration(CAMERA).view)
+    heights = [0.01, 0.02, 0.03]
+    for index, height in enumerate(heights):
+        cv2.imwrite(str(tmp_path / f"{index}.png"), renderer.render(0.0, height))
+    (tmp_path / "3.png").write_bytes(b"no image")
+    cv2.imwrite(str(tmp_path / "4.png"), np.zeros((1, 1), np.uint8))
+    output = tmp_path / "out.csv"
+    assert main(["detect", str(tmp_path), "--camera", CAMERA, "-o", str(output)]) == 0
+    captured = capsys.readouterr()
+    assert "3 of 5 images measured" in captured.out
+    assert "3.png" in captured.err
+    table = np.genfromtxt(output, delimiter=",", names=True, dtype=None, encoding=None)
+    assert table["msh"][:3] == pytest.approx(heights, abs=0.001)
+    assert list(table["flags"][3:]) == ["BAD_IMAGE", "BAD_IMAGE"]
+
+
+def test_detect_names_a_source_without_images(capsys, tmp_path):
+    output = str(tmp_path / "out.csv")
+    (tmp_path / "empty").mkdir()
+    text = tmp_path / "movie.mp4"
+    text.write_text("no movie")
+    for source in (tmp_path / "empty", tmp_path / "nothing", text):
+        words = ("detect", str(source), "--camera", CAMERA, "-o", output)
+        assert source.name in fails_with(capsys, *words)
+
+
+def test_replay_names_what_is_no_bag(capsys, tmp_path):
+    assert "no .mcap file" in fails_with(capsys, "replay", str(tmp_path))
+
+
+def test_doctor_as_json(capsys):
+    assert main(["doctor", "--json"]) == 0
+    findings = {finding["name"]: finding for finding in json.loads(capsys.readouterr().out)}
+    assert findings["messages over DDS"]["ok"]
+    assert findings["slosh_msgs"]["ok"]
+
+
+@pytest.mark.parametrize(
+    ("text", "match"),
+    [
+        ("model: a.yaml", "model: no such file"),
+        ("modell: a.yaml", "unknown key 'modell'"),
+        ("[1]", "must be a mapping"),
+        ("{", "not YAML"),
+        ("", "must be a mapping"),
+    ],
+)
+def test_a_wrong_cell_file_is_named(tmp_path, text, match):
+    path = tmp_path / "cell.yaml"
+    path.write_text(text)
+    with pytest.raises(SloshBringupError, match=match) as caught:
+        read_setup(path)
+    assert str(caught.value).startswith(str(path))
+
+
+def test_a_cell_file_points_relative_to_itself(tmp_path):
+    for name in ("model.yaml", "camera.yaml"):
+        (tmp_path / name).write_text((config_folder() / name).read_text())
+    path = tmp_path / "robot.yaml"
+    path.write_text(
+        "{model: model.yaml, calibration: camera.yaml, namespace: /a, remap: {accel: /arm/accel}}"
+    )
+    setup = read_setup(path)
+    assert setup.model == (tmp_path / "model.yaml").resolve()
+    commands = {
+        process.name: process.command(setup.namespace) for process in setup.processes(tmp_path)
+    }
+    assert "accel:=/arm/accel" in commands["estimator"]
+    assert "__ns:=/a" in commands["monitor"]

@@ -1,0 +1,155 @@
+"""What nodes share: parameters, diagnostics, the process's life."""
+
+import os
+import signal
+import subprocess
+import sys
+
+import pytest
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.parameter import Parameter
+
+from slosh_msgs_py import qos, topics
+from slosh_msgs_py.errors import SloshMessageError
+from slosh_msgs_py.node.diagnostics import WARN, DiagnosticsReporter
+from slosh_msgs_py.node.parameters import ParameterSpec, declare
+
+SPECS = (
+    ParameterSpec("size", 1.0, "size [m]", (0.0, 2.0), read_only=False),
+    ParameterSpec("count", 3, "count", (1, 5), read_only=False),
+    ParameterSpec("kind", "a", "kind", choices=("a", "b"), read_only=False),
+    ParameterSpec("place", [0.0, 0.0], "place [m]", (-1.0, 1.0), length=2, read_only=False),
+    ParameterSpec("fixed", 1.0, "fixed"),
+)
+
+
+@pytest.fixture
+def make_node(monkeypatch):
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(1 + os.getpid() % 100))
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    rclpy.init()
+    nodes = []
+
+    def make(**overrides):
+        given = [Parameter(name, value=value) for name, value in overrides.items()]
+        nodes.append(rclpy.create_node("tested", parameter_overrides=given))
+        return nodes[-1]
+
+    yield make
+    for node in nodes:
+        node.destroy_node()
+    rclpy.shutdown()
+
+
+def test_defaults_and_overrides(make_node):
+    values = declare(make_node(size=1.5, kind="b"), SPECS)
+    assert values == {"size": 1.5, "count": 3, "kind": "b", "place": [0.0, 0.0], "fixed": 1.0}
+
+
+@pytest.mark.parametrize(
+    ("override", "match"),
+    [
+        ({"size": 5.0}, r"size must lie in \[0, 2\]"),
+        ({"size": 1}, "size: a double is needed; write 1.0 for 1"),
+        ({"size": "big"}, "size: a double is needed"),
+        ({"count": 9}, r"count must lie in \[1, 5\]"),
+        ({"kind": "c"}, "kind = 'c' must be one of a, b"),
+        ({"place": [0.0]}, "place = .* must have 2 numbers"),
+        ({"place": [0.0, 5.0]}, r"place = .* must lie in \[-1, 1\]"),
+    ],
+)
+def test_a_bad_start_value_is_refused_with_the_reason(make_node, override, match):
+    with pytest.raises(SloshMessageError, match=match) as caught:
+        declare(make_node(**override), SPECS)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_bad_later_value_is_refused_and_the_old_one_stays(make_node):
+    node = make_node()
+    declare(node, SPECS, on_change=lambda new: "no" if new.get("size") == 0.5 else None)
+
+    def attempt(name, value):
+        return node.set_parameters([Parameter(name, value=value)])[0]
+
+    assert attempt("kind", "b").successful
+    assert "one of a, b" in attempt("kind", "z").reason
+    assert attempt("size", 0.5).reason == "no"
+    assert not attempt("size", 7.0).successful
+    assert not attempt("fixed", 2.0).successful
+    assert node.get_parameter("size").value == 1.0
+    assert node.get_parameter("kind").value == "b"
+
+
+def test_every_parameter_is_described(make_node):
+    node = make_node()
+    declare(node, SPECS)
+    descriptor = node.describe_parameter("kind")
+    assert descriptor.description == "kind (one of a, b)"
+    bounds = node.describe_parameter("size").floating_point_range[0]
+    assert (bounds.from_value, bounds.to_value) == (0.0, 2.0)
+
+
+def test_diagnostics_tell_rates_totals_and_latency(make_node):
+    node = make_node()
+    received = []
+    node.create_subscription(DiagnosticArray, topics.DIAGNOSTICS, received.append, qos.DIAGNOSTICS)
+    reporter = DiagnosticsReporter(node, lambda: (WARN, "careful"), lambda: {"extra": 5})
+    for latency in (1_000_000, 3_000_000, 50_000_000):
+        reporter.count("input")
+        reporter.latency(latency)
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    for _ in range(100):
+        executor.spin_once(timeout_sec=0.1)
+        if received:
+            break
+    (status,) = received[0].status
+    values = {pair.key: pair.value for pair in status.values}
+    assert (status.level, status.name, status.message) == (WARN, "/tested", "careful")
+    assert values["input total"] == "3"
+    assert values["latency median [ms]"] == "3.00"
+    assert values["latency maximum [ms]"] == "50.00"
+    assert values["extra"] == "5"
+
+
+NODE = """
+import sys
+from rclpy.node import Node
+from slosh_msgs_py.errors import SloshMessageError
+from slosh_msgs_py.node.run import run_node
+
+class Plain(Node):
+    def __init__(self):
+        super().__init__("plain")
+        if "wrong" in sys.argv:
+            raise SloshMessageError("parameter size = 5 is wrong")
+        self.create_timer(0.01, lambda: print("alive", flush=True))
+
+    def close(self):
+        print("closed", flush=True)
+
+sys.exit(run_node(Plain))
+"""
+
+
+@pytest.mark.parametrize("executor", ["events", "single"])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_a_node_cleanly(executor, number):
+    environment = {**os.environ, "SLOSH_EXECUTOR": executor, "ROS_DOMAIN_ID": "61"}
+    with subprocess.Popen(
+        [sys.executable, "-c", NODE], stdout=subprocess.PIPE, text=True, env=environment
+    ) as process:
+        assert process.stdout.readline() == "alive\n"
+        process.send_signal(number)
+        rest = process.stdout.read()
+        assert process.wait(20) == 0
+    assert rest.endswith("closed\n")
+
+
+def test_a_wrong_start_is_one_line_and_exit_code_two():
+    command = [sys.executable, "-c", NODE, "wrong"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 2
+    assert done.stderr.strip() == "SloshMessageError: parameter size = 5 is wrong"
