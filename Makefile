@@ -6,7 +6,7 @@ OUT ?= out/demo
 export ROS_PYTHON_CHECK_FIELDS ?= 1
 TESTS := $(wildcard src/*/test) tests
 
-.PHONY: help setup demo test test-all lint bench docs clean
+.PHONY: help setup demo test test-all lint bench docs tables clean
 
 help:
 	@echo "make demo      set up, run the simulated cell with all nodes, record, report"
@@ -15,6 +15,7 @@ help:
 	@echo "make lint      formatting, style, types, import rules"
 	@echo "make bench     the measurements behind each claim of speed"
 	@echo "make docs      the documentation, to docs/_build/html"
+	@echo "make tables    measure anew the tables of accuracy in docs/"
 	@echo "make clean     remove everything that setup made"
 
 setup:
@@ -36,6 +37,9 @@ lint: setup
 
 bench: setup
 	@for file in benchmarks/bench_*.py; do ROS_PYTHON_CHECK_FIELDS=0 tools/run python $$file || exit 1; done
+
+tables: setup
+	@tools/run python tools/accuracy_tables.py
 
 docs: setup
 	@tools/run sphinx-build -W --keep-going -q -b html docs docs/_build/html

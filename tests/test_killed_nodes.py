@@ -1,4 +1,4 @@
-"""Each node is killed in turn: the others go on, the monitor says what is silent, the bag stays."""
+"""Each node is killed in turn: the others go on, the monitor says who is silent, the bag stays."""
 
 import os
 import signal

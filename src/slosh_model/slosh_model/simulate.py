@@ -200,8 +200,8 @@ class Simulator:
         bad = np.flatnonzero(~np.isfinite(heights).all(axis=1))
         if len(bad):
             raise SloshModelError(
-                f"the solution left the finite numbers at t = {inputs.t[bad[0]]:g} s: the motion is "
-                "far outside the model's range, or max_step is too long"
+                f"the solution left the finite numbers at t = {inputs.t[bad[0]]:g} s: the motion "
+                "is far outside the model's range, or max_step is too long"
             )
         self._started = True
         end = State(float(inputs.t[-1]), self._modal.copy(), self._held.copy())

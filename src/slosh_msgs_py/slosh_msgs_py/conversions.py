@@ -77,7 +77,7 @@ def _plain(kind: str, content: Any) -> Any:
 
 
 def _integer(kind: str, content: Any) -> int:
-    """A whole number within the range of 'uint8' … 'int64'; rclpy would wrap another one around."""
+    """A whole number within the range of 'uint8' … 'int64'; rclpy would wrap another around."""
     number = int(content)
     bits = int(kind.lstrip("uint"))
     low, high = (0, 2**bits) if kind.startswith("u") else (-(2 ** (bits - 1)), 2 ** (bits - 1))

@@ -47,7 +47,7 @@ def run_node(
         return EXIT_WRONG_INPUT
     executor = make_executor()
     executor.add_node(node)
-    # A full collection takes some 100 ms with SciPy, Numba and OpenCV loaded: exempt what is there.
+    # A full collection takes 100 ms with SciPy, Numba and OpenCV loaded: exempt what is there.
     gc.collect()
     gc.freeze()
     with contextlib.suppress(ExternalShutdownException):

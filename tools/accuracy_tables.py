@@ -1,0 +1,97 @@
+"""Measures anew the tables that docs/ states.
+
+    tools/run python tools/accuracy_tables.py [cell] [measured]
+
+`cell` runs the simulated cell with every motion, live over DDS (some minutes), and fills
+docs/accuracy.md. `measured` replays the public measurements and the CFD motions, which it looks for in
+SLOSH_SHARED_DATA or ../shared/data, and fills docs/measurements.md.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+from slosh_bag.antisloshing import import_antisloshing
+from slosh_bag.motion_table import read_motion_table
+from slosh_bag.replay import replay_bag, replay_table
+from slosh_bag.replay_result import update_table
+from slosh_bringup.cell.motions import MOTIONS
+from slosh_model.containers import Cylinder
+from slosh_model.model import Model
+
+ROOT = Path(__file__).resolve().parent.parent
+PAGE = ROOT / "docs" / "accuracy.md"
+START, END = "<!-- table cell -->", "<!-- end cell -->"
+HEAD = (
+    "| motion | camera / truth σ | ε | 3D-NL / truth σ | ε | 3D-NL / camera σ | ε | "
+    "3D-L / camera σ | ε | images | lost |\n|---|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|\n"
+)
+PAIRS = ("camera / truth", "3D-NL / truth", "3D-NL / camera", "3D-L / camera")
+
+
+def main() -> int:
+    """Fills the tables that are asked for; all without arguments."""
+    wanted = sys.argv[1:] or ["cell", "measured"]
+    if "cell" in wanted:
+        cell_table()
+    if "measured" in wanted:
+        measured_tables()
+    return 0
+
+
+def cell_table() -> None:
+    """Runs every motion of the simulated cell."""
+    names = [name for name in MOTIONS if "-" in name]
+    rows = [cell_row(name, run_cell(name)) for name in names]
+    head, rest = PAGE.read_text().split(START)
+    tail = rest.split(END)[1]
+    PAGE.write_text(f"{head}{START}\n\n{HEAD}" + "".join(rows) + f"\n{END}{tail}")
+
+
+def run_cell(name: str) -> dict[str, Any]:
+    """The figures of one motion."""
+    with tempfile.TemporaryDirectory() as folder:
+        command = [sys.executable, "-m", "slosh_bringup.cli", "demo", "--motion", name]
+        done = subprocess.run(
+            [*command, "--json", "-o", folder], capture_output=True, text=True, check=True
+        )
+    figures: dict[str, Any] = json.loads(done.stdout)
+    print(name, flush=True)
+    return figures
+
+
+def cell_row(name: str, figures: dict[str, Any]) -> str:
+    """One line of the table; σ in mm, ε in %."""
+    by_name = {row["name"]: row for row in figures["agreements"]}
+    cells = []
+    for pair in PAIRS:
+        row = by_name[pair]
+        cells += [f"{1e3 * row['sigma']:.2f}", f"{1e2 * row['epsilon']:+.1f}"]
+    lost = sum(figures["lost"].values())
+    count = by_name["camera / truth"]["count"]
+    return f"| {name} | " + " | ".join(cells) + f" | {count} | {lost} |\n"
+
+
+def measured_tables() -> None:
+    """Replays what others measured and computed."""
+    data = Path(os.environ.get("SLOSH_SHARED_DATA", ROOT.parent / "shared" / "data"))
+    page = ROOT / "docs" / "measurements.md"
+    with tempfile.TemporaryDirectory() as folder:
+        bags = import_antisloshing(data / "antisloshing", Path(folder))
+        results = [replay_bag(bag) for bag in bags]
+    upright = [result for result in results if not result.name.startswith("Tilt")]
+    update_table(page, "antisloshing", upright)
+    update_table(page, "tilted", [result for result in results if result not in upright])
+    cup = Model(Cylinder(0.05, 0.07))
+    tables = [(name, read_motion_table(data / "cfd" / f"{name}.csv.gz")) for name in ("l1", "e1")]
+    update_table(page, "cfd", [replay_table(name, table, cup) for name, table in tables])
+
+
+if __name__ == "__main__":
+    sys.exit(main())
