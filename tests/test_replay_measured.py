@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from slosh_bag.antisloshing import import_antisloshing
 from slosh_bag.definitions import find_interfaces
 from slosh_bag.motion_table import read_motion_table
