@@ -12,16 +12,20 @@ from mcap.exceptions import McapError
 from mcap.reader import make_reader
 from mcap.records import Channel, Message, Schema
 from mcap.stream_reader import StreamReader
+from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from rosbags.typesys.base import TypesysError
 from rosbags.typesys.store import Typestore
 from zstandard import ZstdError
 
 from slosh_bag.errors import SloshBagError
 
 MAGIC = b"\x89MCAP0\r\n"
-# What the MCAP library and the decompressor raise on bytes that are not what was written.
+# What the libraries raise on bytes that are not what was written.
 DAMAGE = (
     McapError,
+    SerdeError,
+    TypesysError,
     ZstdError,
     struct.error,
     ValueError,
@@ -88,13 +92,7 @@ class BagReader:
                     count = 1 + (before.count or 0 if before else 0)
                     counted[message.topic] = TopicInfo(message.message_type, count)
             else:
-                counts = summary.statistics.channel_message_counts if summary.statistics else {}
-                counted = {
-                    channel.topic: TopicInfo(
-                        summary.schemas[channel.schema_id].name, counts.get(channel.id, 0)
-                    )
-                    for channel in summary.channels.values()
-                }
+                counted = _counted(file, summary)
             for topic, info in counted.items():
                 before = found.get(topic)
                 total = (info.count or 0) + ((before.count or 0) if before else 0)
@@ -109,9 +107,13 @@ class BagReader:
                 if _summary(stream) is None:
                     continue
                 stream.seek(0)
-                for record in make_reader(stream).iter_metadata():
-                    if record.name == "slosh":
-                        facts.update(record.metadata)
+                try:
+                    records = list(make_reader(stream).iter_metadata())
+                except DAMAGE as error:
+                    raise SloshBagError(f"{file}: damaged metadata: {_reason(error)}") from None
+            for record in records:
+                if record.name == "slosh":
+                    facts.update(record.metadata)
         return facts
 
     def messages(self, topics: Collection[str] | None = None) -> Iterator[BagMessage]:
@@ -135,8 +137,18 @@ class BagReader:
                 yield from self._indexed(file, stream, topics)
 
     def decode(self, message: BagMessage) -> Any:
-        """The message as an object with the fields of its type."""
-        return self._typestore.deserialize_cdr(message.data, message.message_type)
+        """The message as an object with the fields of its type.
+
+        Raises:
+            SloshBagError: its bytes are not those of such a message.
+        """
+        try:
+            return self._typestore.deserialize_cdr(message.data, message.message_type)
+        except (*DAMAGE, AssertionError) as error:
+            raise SloshBagError(
+                f"{self.path}: {message.topic} at {message.log_ns} ns is no "
+                f"{message.message_type}: {_reason(error)}"
+            ) from None
 
     def _indexed(
         self, file: Path, stream: Any, topics: Collection[str] | None
@@ -184,7 +196,10 @@ class BagReader:
         self._known.add(schema.name)
         if schema.name in self._typestore.fielddefs:
             return
-        types = get_types_from_msg(schema.data.decode(), schema.name)
+        try:
+            types = get_types_from_msg(schema.data.decode(), schema.name)
+        except TypesysError:
+            raise SloshBagError(f"the definition of {schema.name!r} cannot be read") from None
         missing = {
             name: spec for name, spec in types.items() if name not in self._typestore.fielddefs
         }
@@ -221,6 +236,20 @@ def _summary(stream: Any) -> Any:
         return make_reader(stream).get_summary()
     except DAMAGE:
         return None
+
+
+def _counted(file: Path, summary: Any) -> dict[str, TopicInfo]:
+    """The topics of a finished file, from its summary."""
+    counts = summary.statistics.channel_message_counts if summary.statistics else {}
+    try:
+        return {
+            channel.topic: TopicInfo(
+                summary.schemas[channel.schema_id].name, counts.get(channel.id, 0)
+            )
+            for channel in summary.channels.values()
+        }
+    except KeyError:
+        raise SloshBagError(f"{file}: damaged: a channel without its schema") from None
 
 
 def _message(schema: Schema, channel: Channel, record: Message) -> BagMessage:
