@@ -42,8 +42,8 @@ def main() -> int:
     try:
         python = find_python()
         check_tools()
-        once("environment", environment_inputs(python), lambda: install_environment(python))
-        once("workspace", workspace_inputs(), build_workspace)
+        once("environment", VENV, environment_inputs(python), lambda: install_environment(python))
+        once("workspace", WORKSPACE / "install", workspace_inputs(), build_workspace)
     except BootstrapError as error:
         print(f"setup: {error}", file=sys.stderr)
         return 1
@@ -88,12 +88,12 @@ def check_tools() -> None:
         )
 
 
-def once(name: str, inputs: Iterable[bytes], action: Callable[[], None]) -> None:
-    """Runs the action unless it was done before with the same inputs."""
+def once(name: str, folder: Path, inputs: Iterable[bytes], action: Callable[[], None]) -> None:
+    """Runs the action that fills the folder unless it was done before with the same inputs."""
     digest = hashlib.sha256()
     for item in inputs:
         digest.update(hashlib.sha256(item).digest())
-    stamp = VENV / f".{name}"
+    stamp = folder / f".{name}"
     if stamp.is_file() and stamp.read_text() == digest.hexdigest():
         return
     stamp.unlink(missing_ok=True)
