@@ -3,8 +3,8 @@
     tools/run python tools/accuracy_tables.py [cell] [measured]
 
 `cell` runs the simulated cell with every motion, live over DDS (some minutes), and fills
-docs/accuracy.md. `measured` replays the public measurements and the CFD motions, which it looks for in
-SLOSH_SHARED_DATA or ../shared/data, and fills docs/measurements.md.
+docs/accuracy.md. `measured` replays the public measurements and the CFD motions, which it looks
+for in SLOSH_SHARED_DATA or ../shared/data, and fills docs/measurements.md.
 """
 
 from __future__ import annotations

@@ -1,20 +1,26 @@
 """The recorder's core: takes messages at any rate, writes them from a thread of its own.
 
 A chunk's compression stalls for tens of milliseconds; a queue keeps that away from whoever
-receives the messages.
+receives the messages. Flushes follow a steady clock, not the messages' own times: those stand
+still, or jump back, where a simulated clock does.
 """
 
 from __future__ import annotations
 
 import queue
 import threading
+import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
-from slosh_bag.bag_writer import BagWriter, Qos
+from rosbags.typesys.base import TypesysError
 
-FLUSH_PERIOD_NS = 500_000_000
+from slosh_bag.bag_writer import BagWriter, Qos
+from slosh_bag.errors import SloshBagError
+
+FLUSH_PERIOD = 0.5  # s
 """A killed process loses at most what came since the last flush."""
 QUEUE_LENGTH = 20_000
 QUEUE_BYTES = 512 * 2**20
@@ -38,6 +44,8 @@ class RecorderStatus:
 
     Attributes:
         written: messages by topic.
+        size: bytes of these messages.
+        refused: why a topic cannot be recorded, by topic; the others go on.
         lost: messages that found the queue full.
         waiting: messages in the queue.
         highest: most messages that the queue has held.
@@ -45,6 +53,8 @@ class RecorderStatus:
     """
 
     written: dict[str, int]
+    size: int
+    refused: dict[str, str]
     lost: int
     waiting: int
     highest: int
@@ -52,14 +62,22 @@ class RecorderStatus:
 
 
 class Recorder:
-    """Records serialised messages into a bag."""
+    """Records serialised messages into a bag.
 
-    def __init__(self, folder: Path) -> None:
+    Args:
+        folder: the bag's folder.
+        clock: steady clock of the flushes [s].
+    """
+
+    def __init__(self, folder: Path, clock: Callable[[], float] = time.monotonic) -> None:
         self._writer = BagWriter(folder)
         self.path = self._writer.path
+        self._clock = clock
         self._queue: queue.Queue[_Message | _Topic | None] = queue.Queue(QUEUE_LENGTH)
+        self._written: dict[str, int] = {}
+        self._refused: dict[str, str] = {}
         self._lost = self._highest = 0
-        self._bytes = 0
+        self._bytes = self._size = 0
         self._lock = threading.Lock()
         self._failure = ""
         self._thread = threading.Thread(target=self._run, name="bag writer", daemon=True)
@@ -88,9 +106,15 @@ class Recorder:
 
     def status(self) -> RecorderStatus:
         """How the recording goes."""
-        counts = self._writer.counts
         return RecorderStatus(
-            counts, self._lost, self._queue.qsize(), self._highest, self._failure
+            # Copies in one step each: the writer's thread adds topics meanwhile.
+            written=self._written.copy(),
+            size=self._size,
+            refused=self._refused.copy(),
+            lost=self._lost,
+            waiting=self._queue.qsize(),
+            highest=self._highest,
+            failure=self._failure,
         )
 
     def close(self) -> None:
@@ -99,31 +123,47 @@ class Recorder:
         self._thread.join()
 
     def _run(self) -> None:
-        flushed_ns = 0
-        while (item := self._next()) is not None:
+        flushed = self._clock()
+        while (item := self._next(flushed + FLUSH_PERIOD - self._clock())) is not None:
             if self._failure:
                 continue  # keep emptying the queue: the node lives on and says what is wrong
             try:
-                if isinstance(item, _Topic):
-                    self._writer.add_topic(*item)
-                    continue
-                if isinstance(item, _Message):
-                    self._writer.write(*item)
-                newest_ns = item.log_ns if isinstance(item, _Message) else None
-                if newest_ns is None or newest_ns - flushed_ns >= FLUSH_PERIOD_NS:
+                self._take(item)
+                if self._clock() - flushed >= FLUSH_PERIOD:
                     self._writer.flush()
-                    flushed_ns = flushed_ns if newest_ns is None else newest_ns
-            except (OSError, ValueError) as error:
-                self._failure = f"{self.path}: {error}"
+                    flushed = self._clock()
+            except Exception as error:  # a thread that ended here would say nothing to anyone
+                self._fail(error)
         try:
             self._writer.close()
-        except OSError as error:
-            self._failure = self._failure or f"{self.path}: {error}"
+        except Exception as error:
+            self._fail(error)
 
-    def _next(self) -> _Message | _Topic | bool | None:
-        """The next item; True where nothing came for a flush period; None at the end."""
+    def _fail(self, error: Exception) -> None:
+        reason = " ".join(str(error).split()) or type(error).__name__
+        self._failure = self._failure or f"{self.path}: {reason}"
+
+    def _take(self, item: _Message | _Topic | bool) -> None:
+        if isinstance(item, _Topic):
+            self._announce(item)
+        elif isinstance(item, _Message) and item.topic not in self._refused:
+            self._writer.write(*item)
+            self._written[item.topic] += 1
+            self._size += len(item.data)
+
+    def _announce(self, topic: _Topic) -> None:
+        """A topic whose type nobody can describe is left out; all others are recorded."""
         try:
-            item = self._queue.get(timeout=FLUSH_PERIOD_NS * 1e-9)
+            self._writer.add_topic(*topic)
+        except (SloshBagError, TypesysError) as error:
+            self._refused[topic.name] = " ".join(str(error).split())
+        else:
+            self._written.setdefault(topic.name, 0)
+
+    def _next(self, patience: float) -> _Message | _Topic | bool | None:
+        """The next item; True where nothing came for some seconds; None at the end."""
+        try:
+            item = self._queue.get(timeout=max(patience, 0.0))
         except queue.Empty:
             return True
         if isinstance(item, _Message):

@@ -49,7 +49,9 @@ PARAMETERS = (
     ParameterSpec("image_noise", 2.5, "standard deviation, of 255", (0.0, 50.0)),
     ParameterSpec("seed", 1, "of all noise", (0, 2**31 - 1)),
     ParameterSpec("repeat", 1, "how often the motion is played", (1, 10000)),
-    ParameterSpec("readers", 2, "start once accel and images have so many readers", (0, 100)),
+    ParameterSpec(
+        "readers", 2, "start once every topic has so many readers; 0: at once", (0, 100)
+    ),
     ParameterSpec("patience", 30.0, "start anyway after so long [s]", (0.0, 3600.0)),
 )
 
@@ -129,11 +131,11 @@ class CellNode(Node):
         self._finished.set()
 
     def _readers(self) -> int:
-        """Readers of accel, or of the images where those have fewer."""
-        accel = self._pub[topics.ACCEL].get_subscription_count()
-        image_topics = (topics.IMAGE, topics.IMAGE_COMPRESSED)
-        image = sum(self._pub[topic].get_subscription_count() for topic in image_topics)
-        return int(min(accel, image))
+        """Fewest readers of any topic of the cell: not before that is every node there to see."""
+        images = (topics.IMAGE, topics.IMAGE_COMPRESSED)
+        others = (topics.ACCEL, topics.ESTIMATE, topics.FREE_SURFACE)
+        counts = [self.count_subscribers(topic) for topic in others]
+        return min(sum(map(self.count_subscribers, images)), *counts)
 
     def _summary(self) -> dict[str, Any]:
         prefix = self.get_namespace().rstrip("/")
