@@ -1,9 +1,8 @@
-"""Draws what the cell's camera sees: a glass cup with dark liquid.
+"""Draws what the cell's camera sees: a glass cup with dark liquid on the robot's plate.
 
-Every edge is computed by the pinhole projection, column by column, and drawn with the share of the
-pixel that it covers: where an edge lies is exact to a few hundredths of a pixel. The free surface
-is taken over the whole cross-section, so that a crest inside hides the wall behind it. Refraction
-is left out.
+Every edge is computed by the pinhole projection, column by column, and drawn with the share of
+the pixel that it covers: where an edge lies is exact to a few hundredths of a pixel. Refraction is
+left out.
 """
 
 from __future__ import annotations
@@ -14,15 +13,22 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from slosh_bringup.cell.surface_lines import SurfaceLines
 from slosh_camera.geometry import CupView
-from slosh_model.bessel import radial_shape
 
 Array = NDArray[np.float64]
+Layer = NDArray[np.float32]
 GrayImage = NDArray[np.uint8]
+ColourImage = NDArray[np.uint8]
 
-AZIMUTHS = 181
-RINGS = 8
-NOISE_TILES = 8
+MARGIN = 8
+"""Pixels around the cup that are drawn anew with it, for the lens' blur."""
+NOISE_SHIFT = 64
+"""One field of noise serves all frames, shifted by up to so many pixels; fresh noise costs more."""
+PLATE_RADIUS, PLATE_THICKNESS = 1.5, 0.2
+"""The plate under the cup, as multiples of the cup's radius."""
+LUMA = np.array([0.114, 0.587, 0.299])
+"""Share of blue, green and red in a grey level (ITU-R BT.601)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,6 +39,10 @@ class Appearance:
         background, liquid, surface: of the background, of the liquid seen through the wall, of its
             free surface seen from above.
         outline: of the cup's edges.
+        plate: of the plate on which the cup stands.
+        shading: how unevenly liquid and surface are lit, relative.
+        glint: brightness that the glass' reflections add.
+        tint: blue, green and red of the liquid relative to its grey level, in colour images.
         noise: standard deviation of the camera's noise.
         blur: standard deviation of the lens' blur [px].
         seed: of the noise.
@@ -42,6 +52,10 @@ class Appearance:
     liquid: float = 48.0
     surface: float = 118.0
     outline: float = 150.0
+    plate: float = 165.0
+    shading: float = 0.12
+    glint: float = 9.0
+    tint: tuple[float, float, float] = (0.55, 0.9, 1.35)
     noise: float = 2.5
     blur: float = 0.7
     seed: int = 1
@@ -57,21 +71,26 @@ class CupRenderer:
 
     def __init__(self, view: CupView, appearance: Appearance | None = None) -> None:
         self._view = view
-        self._look = appearance or Appearance()
-        camera = view.camera
-        self._columns = np.arange(camera.width, dtype=np.float64)
-        self._rows = np.arange(camera.height, dtype=np.float32)[:, np.newaxis]
-        left, right = view.tangent_azimuths()
-        span = (right - left) % (2.0 * np.pi)
-        self._front = left + span * np.linspace(0.0, 1.0, AZIMUTHS)
-        self._rear = left - (2.0 * np.pi - span) * np.linspace(0.0, 1.0, AZIMUTHS)
-        self._radii = np.linspace(1.0 / RINGS, 1.0, RINGS)
-        self._shape = radial_shape(1, self._radii)
-        self._sides = self._side_coverage(left, right)
-        self._floor = self._floor_line()
-        self._background = self._draw_background()
-        self._noise = self._noise_tiles()
-        self._frame = 0
+        self._look = look = appearance or Appearance()
+        self._top = view.cup.radius if view.cup.rim_level is None else view.cup.rim_level
+        backdrop = self._draw_backdrop()
+        self._region = self._cup_region()
+        rows, columns = self._region
+        self._rows = np.arange(rows.start, rows.stop, dtype=np.float32)[:, np.newaxis]
+        self._columns = np.arange(columns.start, columns.stop, dtype=np.float64)
+        self._lines = SurfaceLines(view, self._columns)
+        self._floor = self._lines.floor()
+        self._sides = self._side_coverage()
+        self._behind = backdrop[self._region].copy()
+        across = self._across()
+        self._liquid = np.asarray(look.liquid * (1.0 - look.shading * across**2), np.float32)
+        self._surface = np.asarray(look.surface * (1.0 + look.shading * across), np.float32)
+        self._glint = self._reflections(across)
+        self._backdrop = self._blurred(backdrop)
+        tint = np.array(look.tint) / (LUMA @ np.array(look.tint))
+        self._tint = [np.float32(share - 1.0) for share in tint]
+        self._random = np.random.default_rng(look.seed)
+        self._noise = self._noise_field()
 
     def render(self, sh_x: float, sh_y: float) -> GrayImage:
         """An image of the liquid with these wall heights at the container's +x and +y [m].
@@ -79,104 +98,137 @@ class CupRenderer:
         Returns:
             (height, width) uint8.
         """
-        look = self._look
-        front = self._line(self._front, self._wall_height(self._front, sh_x, sh_y), 1.0)
-        top, bottom = self._surface_envelope(sh_x, sh_y)
-        surface = self._between(top, np.maximum(bottom, front)) * self._sides
-        body = self._between(front, self._floor) * self._sides
-        image = self._background.copy()
-        image += surface * (look.surface - image)
-        image += body * (look.liquid - image)
-        if look.blur > 0.0:
-            image = cv2.GaussianBlur(image, (0, 0), look.blur)
-        return self._with_noise(image)
+        return self._exposed(self._paint(sh_x, sh_y)[0])
 
-    def _wall_height(self, azimuth: Array, sh_x: float, sh_y: float) -> Array:
-        return sh_x * np.cos(azimuth) + sh_y * np.sin(azimuth)
+    def render_colour(self, sh_x: float, sh_y: float) -> ColourImage:
+        """The same view in colour; its grey levels are those of `render`.
 
-    def _line(self, azimuth: Array, height: Array, relative_radius: float) -> Array:
-        """Image row of a curve at each column; NaN where the curve does not reach."""
-        radius = relative_radius * self._view.cup.radius
-        points = np.column_stack((radius * np.cos(azimuth), radius * np.sin(azimuth), height))
-        u, v = self._view.project(points).T
-        order = np.argsort(u)
-        rows: Array = np.interp(self._columns, u[order], v[order], left=np.nan, right=np.nan)
-        return rows
+        Returns:
+            (height, width, 3) uint8, blue, green, red.
+        """
+        image, wet = self._paint(sh_x, sh_y)
+        grey = self._exposed(image)
+        colour: ColourImage = cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR)
+        cup = grey[self._region].astype(np.float32)
+        wet *= cup
+        channels = [cv2.convertScaleAbs(cup + tint * wet) for tint in self._tint]
+        colour[self._region] = cv2.merge(channels)
+        return colour
 
-    def _floor_line(self) -> Array:
-        """Lower edge of the liquid; perspective makes the floor narrower than the cup's sides."""
-        line = self._line(self._front, np.full(AZIMUTHS, -self._view.cup.fill_height), 1.0)
-        known = np.isfinite(line)
-        rows: Array = np.interp(self._columns, self._columns[known], line[known])
-        return rows
+    def _paint(self, sh_x: float, sh_y: float) -> tuple[Layer, Layer]:
+        """The image before noise, and the liquid's share of each pixel in the cup's region."""
+        edges = self._lines.edges(sh_x, sh_y)
+        surface = self._between(edges.top, np.maximum(edges.bottom, edges.front))
+        body = self._between(edges.front, self._floor)
+        cup = self._behind + surface * (self._surface - self._behind)
+        cup += body * (self._liquid - cup)
+        cup += self._glint
+        image = self._backdrop.copy()
+        image[self._region] = self._blurred(cup)
+        return image, np.maximum(surface, body)
 
-    def _surface_envelope(self, sh_x: float, sh_y: float) -> tuple[Array, Array]:
-        """Upper and lower edge of the free surface at each column [px]."""
-        lines = [
-            self._line(side, shape * self._wall_height(side, sh_x, sh_y), radius)
-            for radius, shape in zip(self._radii, self._shape, strict=True)
-            for side in (self._front, self._rear)
-        ]
-        stack = np.stack(lines)
-        return np.fmin.reduce(stack), np.fmax.reduce(stack)
+    def _exposed(self, image: Layer) -> GrayImage:
+        """Adds the camera's noise and rounds to grey levels."""
+        if self._look.noise > 0.0:
+            down, right = self._random.integers(0, NOISE_SHIFT, 2)
+            height, width = image.shape
+            image += self._noise[down : down + height, right : right + width]
+        result: GrayImage = cv2.convertScaleAbs(cv2.max(image, 0.0))
+        return result
 
-    def _between(self, top: Array, bottom: Array) -> NDArray[np.float32]:
-        """Share of each pixel between two edges; 0 in columns that the edges do not reach."""
+    def _between(self, top: Array, bottom: Array) -> Layer:
+        """Share of each pixel between two edges and the cup's sides."""
         upper = np.nan_to_num(top, nan=1e6).astype(np.float32)
         lower = np.nan_to_num(bottom, nan=-1e6).astype(np.float32)
-        inside: NDArray[np.float32] = np.clip(self._rows + 0.5 - upper, 0.0, 1.0)
-        inside *= np.clip(lower + 0.5 - self._rows, 0.0, 1.0)
+        inside: Layer = np.clip(self._rows + np.float32(0.5) - upper, 0.0, 1.0)
+        inside *= np.clip(lower + np.float32(0.5) - self._rows, 0.0, 1.0)
+        inside *= self._sides
         return inside
 
-    def _side_coverage(self, left: float, right: float) -> NDArray[np.float32]:
-        """Share of each pixel between the cup's left and right edge."""
-        levels = np.linspace(-self._view.cup.fill_height, self._top_level(), 2)
+    def _cup_region(self) -> tuple[slice, slice]:
+        """The part of the image that changes: the cup, up to the frame's top."""
+        camera, cup = self._view.camera, self._view.cup
+        circle = np.linspace(-np.pi, np.pi, 73)
+        levels = (-cup.fill_height, self._top)
+        pixels = np.vstack([self._view.project_wall(circle, level) for level in levels])
+        left, right = int(pixels[:, 0].min()) - MARGIN, int(pixels[:, 0].max()) + MARGIN
+        bottom = int(pixels[:, 1].max()) + MARGIN
+        return slice(0, min(bottom, camera.height)), slice(max(left, 0), min(right, camera.width))
+
+    def _side_lines(self) -> tuple[Array, Array]:
+        """Image columns of the cup's left and right edge at each row of the region."""
+        levels = np.array([-self._view.cup.fill_height, self._top])
         rows = self._rows[:, 0].astype(np.float64)
         edges = []
-        for azimuth in (left, right):
+        for azimuth in self._view.tangent_azimuths():
             u, v = self._view.project_wall(np.full(2, azimuth), levels).T
-            slope = (u[1] - u[0]) / (v[1] - v[0])
-            edges.append(u[0] + slope * (rows - v[0]))
-        columns = self._columns[np.newaxis, :]
-        first, last = min(edges, key=np.mean), max(edges, key=np.mean)
-        inside = np.clip(columns + 0.5 - first[:, np.newaxis], 0.0, 1.0)
-        inside *= np.clip(last[:, np.newaxis] + 0.5 - columns, 0.0, 1.0)
+            edges.append(u[0] + (u[1] - u[0]) / (v[1] - v[0]) * (rows - v[0]))
+        return edges[0], edges[1]
+
+    def _side_coverage(self) -> Layer:
+        """Share of each pixel between the cup's left and right edge."""
+        left, right = self._side_lines()
+        inside = np.clip(self._columns + 0.5 - left[:, np.newaxis], 0.0, 1.0)
+        inside *= np.clip(right[:, np.newaxis] + 0.5 - self._columns, 0.0, 1.0)
         return np.asarray(inside, dtype=np.float32)
 
-    def _top_level(self) -> float:
-        level = self._view.cup.rim_level
-        return self._view.cup.radius if level is None else level
+    def _across(self) -> Array:
+        """Place across the cup, -1 at its left edge … 1 at its right edge."""
+        left, right = (edge[:, np.newaxis] for edge in self._side_lines())
+        place: Array = np.clip(2.0 * (self._columns - left) / (right - left) - 1.0, -1.0, 1.0)
+        return place
 
-    def _draw_background(self) -> NDArray[np.float32]:
-        """An unevenly lit wall with the cup's outline in front."""
-        look = self._look
-        light = 1.0 - 0.08 * (self._columns / self._columns[-1] - 0.4) ** 2
-        image = np.repeat((look.background * light)[np.newaxis, :], len(self._rows), axis=0)
-        image = image.astype(np.float32)
-        left, right = self._front[0], self._front[-1]
-        circle = np.linspace(-np.pi, np.pi, 2 * AZIMUTHS)
-        outlines = [self._view.project_wall(circle, self._top_level())]
-        for azimuth in (left, right):
-            ends = np.array([-self._view.cup.fill_height, self._top_level()])
-            outlines.append(self._view.project_wall(np.full(2, azimuth), ends))
-        for outline in outlines:
-            points = np.round(outline * 16.0).astype(np.int32)
-            cv2.polylines(image, [points], False, look.outline, 1, cv2.LINE_AA, 4)
-        return image
+    def _reflections(self, across: Array) -> Layer:
+        """Two soft bright bands along the glass, below its rim."""
+        bands = np.exp(-0.5 * ((across + 0.62) / 0.05) ** 2)
+        bands += 0.5 * np.exp(-0.5 * ((across - 0.75) / 0.03) ** 2)
+        ((_, rim),) = self._view.project_wall(self._view.camera_azimuth, self._top)
+        glass = np.clip((self._rows - rim) / 20.0, 0.0, 1.0) * self._sides
+        glass *= np.clip(self._floor + 0.5 - self._rows, 0.0, 1.0)
+        return np.asarray(self._look.glint * bands * glass, np.float32)
 
-    def _noise_tiles(self) -> list[NDArray[np.float32]]:
-        generator = np.random.default_rng(self._look.seed)
-        shape = self._background.shape
-        return [
-            (self._look.noise * generator.standard_normal(shape)).astype(np.float32)
-            for _ in range(NOISE_TILES if self._look.noise > 0.0 else 0)
-        ]
-
-    def _with_noise(self, image: NDArray[np.float32]) -> GrayImage:
-        """A few noise images in turn, shifted: fresh noise for each frame would cost more."""
-        if self._noise:
-            tile = self._noise[self._frame % len(self._noise)]
-            image = image + np.roll(tile, 37 * (self._frame // len(self._noise)), axis=0)
-            self._frame += 1
-        result: GrayImage = cv2.convertScaleAbs(np.maximum(image, 0.0))
+    def _blurred(self, image: Layer) -> Layer:
+        if self._look.blur == 0.0:
+            return image
+        result: Layer = cv2.GaussianBlur(image, (0, 0), self._look.blur)
         return result
+
+    def _draw_backdrop(self) -> Layer:
+        """An unevenly lit wall, the plate, and the cup's outline in front."""
+        look, camera, cup = self._look, self._view.camera, self._view.cup
+        across = np.linspace(0.0, 1.0, camera.width)
+        down = np.linspace(0.0, 1.0, camera.height)[:, np.newaxis]
+        light = 1.0 - 0.08 * (across - 0.4) ** 2 - 0.05 * down**2
+        # OpenCV smooths edges in 8 bit images only.
+        image = np.round(look.background * light).astype(np.uint8)
+        circle = np.linspace(-np.pi, np.pi, 361)
+        floor = -cup.fill_height
+        plate = self._disc(circle, PLATE_RADIUS * cup.radius, floor)
+        lower = self._disc(circle, PLATE_RADIUS * cup.radius, floor - PLATE_THICKNESS * cup.radius)
+        both = cv2.convexHull(np.vstack((plate, lower)))
+        cv2.fillPoly(image, [both], 0.85 * look.plate, cv2.LINE_AA, 4)
+        cv2.fillPoly(image, [plate], look.plate, cv2.LINE_AA, 4)
+        ends = np.array([floor, self._top])
+        outlines = [self._disc(circle, cup.radius, level) for level in ends]
+        outlines += [
+            _fixed_point(self._view.project_wall(np.full(2, azimuth), ends))
+            for azimuth in self._view.tangent_azimuths()
+        ]
+        for outline in outlines:
+            cv2.polylines(image, [outline], False, look.outline, 1, cv2.LINE_AA, 4)
+        return image.astype(np.float32)
+
+    def _disc(self, azimuth: Array, radius: float, level: float) -> NDArray[np.int32]:
+        """The outline of a level disc about the cup's axis, for OpenCV's drawing."""
+        points = (radius * np.cos(azimuth), radius * np.sin(azimuth), np.full_like(azimuth, level))
+        return _fixed_point(self._view.project(np.column_stack(points)))
+
+    def _noise_field(self) -> Layer:
+        camera = self._view.camera
+        shape = (camera.height + NOISE_SHIFT, camera.width + NOISE_SHIFT)
+        return self._look.noise * self._random.standard_normal(shape, dtype=np.float32)
+
+
+def _fixed_point(pixels: Array) -> NDArray[np.int32]:
+    """Pixels with four binary places, as OpenCV's drawing takes them."""
+    return np.round(pixels * 16.0).astype(np.int32)

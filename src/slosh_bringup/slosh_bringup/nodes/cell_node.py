@@ -50,7 +50,7 @@ PARAMETERS = (
     ParameterSpec("seed", 1, "of all noise", (0, 2**31 - 1)),
     ParameterSpec("repeat", 1, "how often the motion is played", (1, 10000)),
     ParameterSpec(
-        "readers", 2, "start once every topic has so many readers; 0: at once", (0, 100)
+        "readers", 2, "start once all topics have so many readers; 0: now", (0, 100)
     ),
     ParameterSpec("patience", 30.0, "start anyway after so long [s]", (0.0, 3600.0)),
 )
