@@ -24,7 +24,7 @@ ColourImage = NDArray[np.uint8]
 MARGIN = 8
 """Pixels around the cup that are drawn anew with it, for the lens' blur."""
 NOISE_SHIFT = 64
-"""One field of noise serves all frames, shifted by up to so many pixels; fresh noise costs more."""
+"""One field of noise serves all frames, shifted by up to so many pixels; new noise costs more."""
 PLATE_RADIUS, PLATE_THICKNESS = 1.5, 0.2
 """The plate under the cup, as multiples of the cup's radius."""
 LUMA = np.array([0.114, 0.587, 0.299])
