@@ -11,7 +11,7 @@ from slosh_bag.recorder import FLUSH_PERIOD, QUEUE_LENGTH, Recorder
 
 HEADER = "std_msgs/msg/Header"
 # A Header of stamp 0 with the frame "a".
-DATA = bytes.fromhex("00010000" "00000000" "00000000" "02000000" "6100")
+DATA = bytes.fromhex("000100000000000000000000020000006100")
 SECOND = 1_000_000_000
 
 

@@ -1,5 +1,6 @@
 """The recorder node over DDS: every byte, late joiners, publishers that offer different things."""
 
+import re
 import time
 
 import pytest
@@ -9,7 +10,6 @@ from rclpy.parameter import Parameter
 from rclpy.qos import QoSDurabilityPolicy as Durability
 from rclpy.qos import QoSProfile
 from rclpy.qos import QoSReliabilityPolicy as Reliability
-from rclpy.serialization import serialize_message
 from std_msgs.msg import Header
 
 from slosh_bag.errors import SloshBagError
@@ -25,18 +25,19 @@ BEST_EFFORT = QoSProfile(depth=10, reliability=Reliability.BEST_EFFORT)
 
 
 class Graph:
-    """A recorder and a node that publishes, in one executor."""
+    """A recorder and a node that publishes, in one executor; topics of this test alone."""
 
-    def __init__(self, folder):
+    def __init__(self, folder, prefix):
         rclpy.init()
         self.folder = folder
+        self.prefix = prefix
         self.node = Node("talker")
         self.executor = make_executor()
         self.executor.add_node(self.node)
         self.recorder = None
 
     def record(self, **parameters):
-        given = {"output": str(self.folder), "topics": "^/tested", **parameters}
+        given = {"output": str(self.folder), "topics": f"^{self.prefix}", **parameters}
         overrides = [Parameter(name, value=value) for name, value in given.items()]
         # The node takes its parameters from the command line: they come as overrides here.
         original = Node.__init__
@@ -55,23 +56,30 @@ class Graph:
             assert time.monotonic() < deadline, "what was awaited did not come"
             self.executor.spin_once(timeout_sec=0.05)
 
+    def silent_publisher(self, kind, topic, profile=qos.STREAM_OUT):
+        return self.node.create_publisher(kind, f"{self.prefix}/{topic}", profile)
+
     def publisher(self, kind, topic, profile=qos.STREAM_OUT):
-        publisher = self.node.create_publisher(kind, topic, profile)
+        publisher = self.silent_publisher(kind, topic, profile)
         self.until(lambda: publisher.get_subscription_count() > 0)
         return publisher
 
     def recorded(self, topic):
-        return self.recorder._core.status().written.get(topic, 0)
+        return self.recorder._core.status().written.get(f"{self.prefix}/{topic}", 0)
 
     def finish(self):
+        """The messages of the finished bag, and their contents."""
         self.recorder.close()
-        return list(BagReader(self.folder).messages())
+        reader = BagReader(self.folder)
+        messages = list(reader.messages())
+        return messages, [reader.decode(message) for message in messages]
 
     def close(self):
         for node in (self.node, self.recorder):
             if node is not None:
                 self.executor.remove_node(node)
                 node.destroy_node()
+        self.executor.shutdown()
         rclpy.shutdown()
 
 
@@ -80,57 +88,65 @@ def graph(request, tmp_path, monkeypatch):
     monkeypatch.setenv("SLOSH_EXECUTOR", request.param)
     monkeypatch.setenv("ROS_DOMAIN_ID", DOMAIN)
     monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    graph = Graph(tmp_path / "bag")
+    graph = Graph(tmp_path / "bag", "/" + re.sub(r"\W", "_", request.node.name))
     yield graph
     graph.close()
 
 
 def test_every_message_is_recorded_byte_for_byte(graph):
     graph.record()
-    publisher = graph.publisher(FreeSurface, "/tested/surface")
-    messages = [FreeSurface(msh=0.001 * n, profile_height=[float(n)] * n) for n in range(300)]
-    for message in messages:
-        publisher.publish(message)
-    graph.until(lambda: graph.recorded("/tested/surface") == len(messages))
-    recorded = graph.finish()
-    assert [m.data for m in recorded] == [serialize_message(m) for m in messages]
-    assert {m.message_type for m in recorded} == {"slosh_msgs/msg/FreeSurface"}
+    publisher = graph.publisher(FreeSurface, "surface")
+    # What another raw reader gets: the padding between fields is whatever the sender had there.
+    heard = []
+    graph.node.create_subscription(
+        FreeSurface, publisher.topic_name, heard.append, qos.STREAM_OUT, raw=True
+    )
+    graph.until(lambda: publisher.get_subscription_count() == 2)
+    for number in range(300):
+        heights = [float(number)] * number
+        publisher.publish(FreeSurface(msh=0.001 * number, profile_height=heights))
+    graph.until(lambda: graph.recorded("surface") == len(heard) == 300)
+    recorded, contents = graph.finish()
+    assert [message.data for message in recorded] == heard
+    assert [content.msh for content in contents] == [0.001 * number for number in range(300)]
+    assert {message.message_type for message in recorded} == {"slosh_msgs/msg/FreeSurface"}
 
 
 def test_latched_messages_from_before_the_start_are_recorded(graph):
-    publisher = graph.node.create_publisher(LimitEvent, "/tested/event", qos.EVENT)
+    publisher = graph.silent_publisher(LimitEvent, "event", qos.EVENT)
     publisher.publish(LimitEvent(id=7))
     graph.record()
-    graph.until(lambda: graph.recorded("/tested/event") == 1)
-    (message,) = graph.finish()
-    assert BagReader(graph.folder).decode(message).id == 7
+    graph.until(lambda: graph.recorded("event") == 1)
+    _, (event,) = graph.finish()
+    assert event.id == 7
 
 
 def test_a_later_publisher_that_offers_less_is_recorded_too(graph):
     graph.record()
-    first = graph.publisher(Header, "/tested/header")
+    first = graph.publisher(Header, "header")
     first.publish(Header(frame_id="reliable"))
-    graph.until(lambda: graph.recorded("/tested/header") == 1)
-    second = graph.publisher(Header, "/tested/header", BEST_EFFORT)
+    graph.until(lambda: graph.recorded("header") == 1)
+    second = graph.publisher(Header, "header", BEST_EFFORT)
     second.publish(Header(frame_id="best effort"))
-    graph.until(lambda: graph.recorded("/tested/header") == 2)
+    graph.until(lambda: graph.recorded("header") == 2)
     graph.until(lambda: first.get_subscription_count() > 0)
     first.publish(Header(frame_id="reliable again"))
-    graph.until(lambda: graph.recorded("/tested/header") == 3)
-    reader = BagReader(graph.folder)
-    frames = [reader.decode(message).frame_id for message in graph.finish()]
+    graph.until(lambda: graph.recorded("header") == 3)
+    _, contents = graph.finish()
+    frames = [content.frame_id for content in contents]
     assert frames == ["reliable", "best effort", "reliable again"]
 
 
 def test_only_what_was_asked_for_is_recorded(graph):
-    graph.record(exclude="secret")
-    secret = graph.node.create_publisher(Header, "/tested/secret", qos.STREAM_OUT)
-    other = graph.node.create_publisher(Header, "/other", qos.STREAM_OUT)
-    wanted = graph.publisher(Header, "/tested/header")
+    graph.record(topics=f"^{graph.prefix}/asked", exclude="secret")
+    secret = graph.silent_publisher(Header, "asked/secret")
+    other = graph.silent_publisher(Header, "other")
+    wanted = graph.publisher(Header, "asked/header")
     for publisher in (secret, other, wanted):
         publisher.publish(Header(frame_id="x"))
-    graph.until(lambda: graph.recorded("/tested/header") == 1)
-    assert {message.topic for message in graph.finish()} == {"/tested/header"}
+    graph.until(lambda: graph.recorded("asked/header") == 1)
+    recorded, _ = graph.finish()
+    assert [message.topic for message in recorded] == [wanted.topic_name]
     assert secret.get_subscription_count() == other.get_subscription_count() == 0
 
 

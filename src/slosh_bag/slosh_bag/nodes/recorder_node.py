@@ -31,7 +31,10 @@ PARAMETERS = (
     ParameterSpec("output", "bag", "folder of the bag; it must be new or empty"),
     ParameterSpec("topics", ".*", "regular expression of the topics to record"),
     ParameterSpec(
-        "exclude", "^/(rosout|parameter_events)$", "regular expression of those to leave out"
+        "exclude",
+        # Names with /_ are hidden by convention: the inner topics of actions, of no use in a bag.
+        "^/(rosout|parameter_events)$|/_",
+        "regular expression of those to leave out",
     ),
 )
 
