@@ -15,6 +15,7 @@ from slosh_msgs_py import qos, topics
 from slosh_msgs_py.errors import SloshMessageError
 from slosh_msgs_py.node.diagnostics import WARN, DiagnosticsReporter
 from slosh_msgs_py.node.parameters import ParameterSpec, declare
+from slosh_msgs_py.node.run import make_executor
 
 SPECS = (
     ParameterSpec("size", 1.0, "size [m]", (0.0, 2.0), read_only=False),
@@ -153,3 +154,27 @@ def test_a_wrong_start_is_one_line_and_exit_code_two():
     done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
     assert done.returncode == 2
     assert done.stderr.strip() == "SloshMessageError: parameter size = 5 is wrong"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "reason"),
+    [
+        (["--params-file", "/nowhere/cell.yaml"], "/nowhere/cell.yaml"),
+        (["-p", "size:=[1"], "size:=[1"),
+        (["--no-such-option"], "--no-such-option"),
+    ],
+)
+def test_a_command_line_that_ros_cannot_read_is_named_in_the_last_line(arguments, reason):
+    command = [sys.executable, "-c", NODE, "--ros-args", *arguments]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 2
+    assert "Traceback" not in done.stderr
+    line = done.stderr.strip().splitlines()[-1]
+    assert line.startswith("SloshMessageError: ROS cannot start: ")
+    assert reason in line
+
+
+def test_an_unknown_executor_is_named(monkeypatch):
+    monkeypatch.setenv("SLOSH_EXECUTOR", "multi")
+    with pytest.raises(SloshMessageError, match="'multi' must be one of events, single"):
+        make_executor()

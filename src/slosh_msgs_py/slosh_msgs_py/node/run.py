@@ -16,7 +16,10 @@ from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
+from slosh_msgs_py.errors import SloshMessageError
+
 EXIT_DONE, EXIT_WRONG_INPUT = 0, 2
+EXECUTORS = ("events", "single")
 _POLL = 0.1  # s; how long an idle executor waits before it looks whether to stop
 
 
@@ -35,9 +38,10 @@ def run_node(
     Returns:
         exit code: 0 done, 2 a wrong parameter or file (one line on stderr).
     """
-    rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
     stop = _StopFlag()
     try:
+        _initialise(arguments)
+        executor = make_executor()
         node = factory()
     except (ValueError, OSError) as error:
         rclpy.try_shutdown()
@@ -45,7 +49,6 @@ def run_node(
             raise
         print(f"{type(error).__name__}: {error}", file=sys.stderr)
         return EXIT_WRONG_INPUT
-    executor = make_executor()
     executor.add_node(node)
     # A full collection takes 100 ms with SciPy, Numba and OpenCV loaded: exempt what is there.
     gc.collect()
@@ -59,6 +62,17 @@ def run_node(
     node.destroy_node()
     rclpy.try_shutdown()
     return EXIT_DONE
+
+
+def _initialise(arguments: Sequence[str] | None) -> None:
+    """Starts ROS; a command line or parameter file that it cannot read is a wrong input."""
+    try:
+        rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
+    except RuntimeError as error:
+        # What follows are places in the sources of rcl.
+        reason = " ".join(str(error).split()).split(", at /")[0]
+        reason = reason.removeprefix("failed to initialize rcl: ")
+        raise SloshMessageError(f"ROS cannot start: {reason}") from None
 
 
 class _StopFlag:
@@ -78,8 +92,15 @@ def make_executor() -> Any:
 
     The events executor takes half the processor time of the single-threaded one. Its `spin()`
     delivers nothing in some releases, a loop of `spin_once()` works in all.
+
+    Raises:
+        SloshMessageError: SLOSH_EXECUTOR names no executor.
     """
-    if os.environ.get("SLOSH_EXECUTOR", "events") == "single":
+    wanted = os.environ.get("SLOSH_EXECUTOR", "events")
+    if wanted not in EXECUTORS:
+        known = ", ".join(EXECUTORS)
+        raise SloshMessageError(f"SLOSH_EXECUTOR = {wanted!r} must be one of {known}")
+    if wanted == "single":
         return SingleThreadedExecutor()
     try:
         from rclpy.experimental import EventsExecutor
