@@ -71,7 +71,7 @@ def test_a_wrong_name_lists_the_right_ones():
 def test_the_truth_is_the_models_response():
     model = read_model(config_folder() / "truth.yaml")
     motion = make_motion("c3")
-    truth = integrate_truth(model, motion.t, motion.acceleration)
+    truth = integrate_truth(model, motion)
     middle = len(motion.t) // 2
     assert truth.at(motion.t[middle]) == (truth.sh_x[middle], truth.sh_y[middle])
     assert truth.at(0.5) == (0.0, 0.0)

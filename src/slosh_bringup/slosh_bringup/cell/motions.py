@@ -16,9 +16,11 @@ from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from slosh_bringup.cell.motion_law import modified_trapezoid
 from slosh_bringup.errors import SloshBringupError
+from slosh_model.constants import GRAVITY
 
 Array = NDArray[np.float64]
 Path = Callable[[Array], tuple[Array, Array, Array]]
@@ -35,24 +37,59 @@ CIRCLE = 0.25
 
 @dataclass(frozen=True, slots=True)
 class Motion:
-    """A motion of the container, at rest at both ends.
+    """A motion of the container; its arrays are copies that cannot be written to.
 
     Attributes:
         name: e.g. 'c-8.9'.
         t: (N,) time, evenly spaced from 0 [s].
         position: (N, 3) of the container's origin in the world [m].
         acceleration: (N, 3) its second derivative [m/s²].
+        attitude: (N, 4) quaternion x, y, z, w, world ← container; None: upright throughout.
+        angular_velocity: (N, 3) in the container's frame [rad/s]; None: it does not turn.
     """
 
     name: str
     t: Array
     position: Array
     acceleration: Array
+    attitude: Array | None = None
+    angular_velocity: Array | None = None
+
+    def __post_init__(self) -> None:
+        """Copies and freezes the arrays."""
+        for name in ("t", "position", "acceleration", "attitude", "angular_velocity"):
+            if getattr(self, name) is not None:
+                array = np.array(getattr(self, name), dtype=np.float64)
+                array.setflags(write=False)
+                object.__setattr__(self, name, array)
 
     @property
     def duration(self) -> float:
         """Time from the first to the last sample [s]."""
         return float(self.t[-1] - self.t[0])
+
+    def specific_force(self) -> Array:
+        """What an accelerometer in the container feels, Rᵀ(a + g ẑ), (N, 3) [m/s²] (REP-145)."""
+        force = self.acceleration + np.array([0.0, 0.0, GRAVITY])
+        if self.attitude is not None:
+            force = Rotation.from_quat(self.attitude).apply(force, inverse=True)
+        return np.asarray(force, dtype=np.float64)
+
+    def repeated(self, times: int) -> Motion:
+        """The motion played several times in succession."""
+
+        def tiled(array: Array | None) -> Array | None:
+            return None if array is None else np.tile(array, (times, 1))
+
+        step = self.duration / max(len(self.t) - 1, 1)
+        return Motion(
+            self.name,
+            np.arange(times * len(self.t), dtype=np.float64) * step,
+            np.tile(self.position, (times, 1)),
+            np.tile(self.acceleration, (times, 1)),
+            tiled(self.attitude),
+            tiled(self.angular_velocity),
+        )
 
 
 @dataclass(frozen=True, slots=True)

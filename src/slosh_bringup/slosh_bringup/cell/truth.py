@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from slosh_bringup.cell.motions import Motion
+from slosh_model.constants import GRAVITY
 from slosh_model.model import Model
 from slosh_model.simulate import Inputs, simulate
 
@@ -32,13 +34,16 @@ class TruthLiquid:
         return float(np.interp(t, self.t, self.sh_x)), float(np.interp(t, self.t, self.sh_y))
 
 
-def integrate_truth(model: Model, t: Array, acceleration: Array) -> TruthLiquid:
+def integrate_truth(model: Model, motion: Motion) -> TruthLiquid:
     """The truth liquid of a motion, from rest.
+
+    A tilted container's liquid feels gravity from the side, a = Rᵀ(a + g ẑ) − g ẑ: the truth
+    always does, whatever effects its model names.
 
     Args:
         model: the truth model.
-        t: (N,) time [s].
-        acceleration: (N, 3) of the container, gravity excluded [m/s²].
+        motion: the container's motion.
     """
-    response, _ = simulate(model, Inputs(t, acceleration))
+    felt = motion.specific_force() - np.array([0.0, 0.0, GRAVITY])
+    response, _ = simulate(model, Inputs(motion.t, felt))
     return TruthLiquid(response.t, response.sh_x, response.sh_y)

@@ -6,7 +6,6 @@ import json
 import sys
 import threading
 import time
-from pathlib import Path
 from typing import Any
 
 import cv2
@@ -16,30 +15,35 @@ from rclpy.node import Node
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image, Imu
 from std_msgs.msg import String
 
-from slosh_bag.motion_table import read_motion_table
-from slosh_bringup.cell.motions import Motion, make_motion
-from slosh_bringup.cell.noise import with_white_noise
+from slosh_bringup.cell.motion_source import load_motion
 from slosh_bringup.cell.renderer import Appearance, CupRenderer
+from slosh_bringup.cell.sensors import read_sensors
 from slosh_bringup.cell.truth import integrate_truth
-from slosh_camera.calibration import Calibration, read_calibration
+from slosh_bringup.nodes.cell_messages import (
+    CAMERA_FRAME,
+    accel_message,
+    camera_info,
+    imu_message,
+    pose_message,
+    truth_message,
+)
+from slosh_bringup.processes import config_folder
+from slosh_camera.calibration import read_calibration
 from slosh_estimator.model_file import read_model
-from slosh_model.constants import GRAVITY
 from slosh_msgs.msg import FreeSurface
-from slosh_msgs_py import conversions, images, qos, topics, values
+from slosh_msgs_py import images, qos, topics
 from slosh_msgs_py.node.diagnostics import OK, DiagnosticsReporter, Health
 from slosh_msgs_py.node.parameters import ParameterSpec, declare
 from slosh_msgs_py.node.run import run_node
 from slosh_msgs_py.stamps import to_time
 
-TICK = 0.002
-CAMERA_FRAME = "camera_optical"
-IMU_FRAME = "imu"
+TICK = 0.002  # s; samples that fall due within it go out together
 JPEG_QUALITY = 90
 LINGER = 1.0  # s; the last messages are delivered before the process ends
 PARAMETERS = (
     ParameterSpec("motion", "c3", "motion by name, or a motion table (.csv, .csv.gz)"),
-    ParameterSpec("model", "", "model file of the truth liquid"),
-    ParameterSpec("calibration", "", "camera.yaml of the drawn camera"),
+    ParameterSpec("model", "", "model file of the truth liquid; empty: the shipped one"),
+    ParameterSpec("calibration", "", "camera.yaml of the drawn camera; empty: the shipped one"),
     ParameterSpec("rate", 1000.0, "samples of accel per second", (10.0, 1000.0)),
     ParameterSpec("imu_every", 5, "one imu sample for so many of accel; 0: none", (0, 1000)),
     ParameterSpec("fps", 60.0, "images per second", (1.0, 240.0)),
@@ -49,9 +53,7 @@ PARAMETERS = (
     ParameterSpec("image_noise", 2.5, "standard deviation, of 255", (0.0, 50.0)),
     ParameterSpec("seed", 1, "of all noise", (0, 2**31 - 1)),
     ParameterSpec("repeat", 1, "how often the motion is played", (1, 10000)),
-    ParameterSpec(
-        "readers", 2, "start once all topics have so many readers; 0: now", (0, 100)
-    ),
+    ParameterSpec("readers", 2, "start once all topics have so many readers; 0: now", (0, 100)),
     ParameterSpec("patience", 30.0, "start anyway after so long [s]", (0.0, 3600.0)),
 )
 
@@ -62,15 +64,14 @@ class CellNode(Node):
     def __init__(self) -> None:
         super().__init__("cell")
         self._given = given = declare(self, PARAMETERS)
-        self._calibration = read_calibration(given["calibration"])
-        self._motion = load_motion(given["motion"], given["rate"], given["repeat"])
-        motion = self._motion
-        self._truth = integrate_truth(read_model(given["model"]), motion.t, motion.acceleration)
-        self._noisy = with_white_noise(
-            motion.acceleration, given["acceleration_noise"], given["seed"]
-        )
+        config = config_folder()
+        calibration = read_calibration(given["calibration"] or config / "camera.yaml")
+        model = read_model(given["model"] or config / "truth.yaml")
+        self._motion = load_motion(given["motion"], given["rate"]).repeated(given["repeat"])
+        self._truth = integrate_truth(model, self._motion)
+        self._readings = read_sensors(self._motion, given["acceleration_noise"], given["seed"])
         look = Appearance(noise=given["image_noise"], seed=given["seed"])
-        self._renderer = CupRenderer(self._calibration.view, look)
+        self._renderer = CupRenderer(calibration.view, look)
         self._pub: dict[str, Any] = {
             topics.ACCEL: self.create_publisher(AccelStamped, topics.ACCEL, qos.STREAM_OUT),
             topics.IMU: self.create_publisher(Imu, topics.IMU, qos.STREAM_OUT),
@@ -86,8 +87,9 @@ class CellNode(Node):
             topics.SUMMARY: self.create_publisher(String, topics.SUMMARY, qos.EVENT),
         }
         self._counts = dict.fromkeys(self._pub, 0)
-        self._info = camera_info(self._calibration)
+        self._info = camera_info(calibration)
         self._report = DiagnosticsReporter(self, self._health, lambda: self._counts)
+        self._playing = False
         self._stop = threading.Event()
         self._finished = threading.Event()
         self._player = threading.Thread(target=self._play, name="player", daemon=True)
@@ -104,7 +106,8 @@ class CellNode(Node):
         return self._finished.is_set()
 
     def _health(self) -> Health:
-        return OK, f"playing {self._motion.name}, {self._motion.duration:.1f} s"
+        doing = "playing" if self._playing else "waiting for readers to play"
+        return OK, f"{doing} {self._motion.name}, {self._motion.duration:.1f} s"
 
     def _publish(self, topic: str, message: Any) -> None:
         self._pub[topic].publish(message)
@@ -122,6 +125,7 @@ class CellNode(Node):
         self._stop.wait(0.5)  # the slowest reader's other topics are matched too
         start_ns = int(self.get_clock().now().nanoseconds)
         self._start = time.monotonic()
+        self._playing = True
         camera = threading.Thread(target=self._film, args=(start_ns,), name="camera", daemon=True)
         camera.start()
         self._move(start_ns)
@@ -132,10 +136,10 @@ class CellNode(Node):
 
     def _readers(self) -> int:
         """Fewest readers of any topic of the cell: not before that is every node there to see."""
-        images = (topics.IMAGE, topics.IMAGE_COMPRESSED)
+        either = (topics.IMAGE, topics.IMAGE_COMPRESSED)
         others = (topics.ACCEL, topics.ESTIMATE, topics.FREE_SURFACE)
-        counts = [self.count_subscribers(topic) for topic in others]
-        return min(sum(map(self.count_subscribers, images)), *counts)
+        counts = [int(self.count_subscribers(topic)) for topic in others]
+        return min(sum(int(self.count_subscribers(topic)) for topic in either), *counts)
 
     def _summary(self) -> dict[str, Any]:
         prefix = self.get_namespace().rstrip("/")
@@ -150,18 +154,19 @@ class CellNode(Node):
 
     def _move(self, start_ns: int) -> None:
         """Publishes samples as they fall due, a few per tick."""
-        motion, due = self._motion, 0
-        stamps = start_ns + np.round(motion.t * 1e9).astype(np.int64)
-        force = self._noisy + np.array([0.0, 0.0, GRAVITY])
+        t, readings, due = self._motion.t, self._readings, 0
+        stamps = start_ns + np.round(t * 1e9).astype(np.int64)
         every = self._given["imu_every"]
-        while due < len(motion.t) and self._wait_until(motion.t[due] + TICK):
+        while due < len(t) and self._wait_until(t[due] + TICK):
             now = time.monotonic() - self._start
-            while due < len(motion.t) and motion.t[due] <= now:
+            while due < len(t) and t[due] <= now:
                 stamp = to_time(int(stamps[due]))
-                self._publish(topics.ACCEL, accel_message(stamp, self._noisy[due].tolist()))
+                self._publish(topics.ACCEL, accel_message(stamp, readings.acceleration[due]))
                 if every and due % every == 0:
-                    self._publish(topics.IMU, imu_message(stamp, force[due].tolist()))
-                    self._publish(topics.POSE, pose_message(stamp, motion.position[due].tolist()))
+                    felt, turning = readings.specific_force[due], readings.angular_velocity[due]
+                    self._publish(topics.IMU, imu_message(stamp, felt, turning))
+                    place, towards = readings.position[due], readings.attitude[due]
+                    self._publish(topics.POSE, pose_message(stamp, place, towards))
                 due += 1
 
     def _film(self, start_ns: int) -> None:
@@ -183,81 +188,6 @@ class CellNode(Node):
             self._publish(topics.CAMERA_INFO, self._info)
             self._publish(topics.TRUTH, truth_message(stamp_ns, sh_x, sh_y))
             frame += 1
-
-
-def load_motion(name: str, rate: float, repeat: int) -> Motion:
-    """A motion by name or from a table, at the rate and as often as asked."""
-    if name.endswith((".csv", ".csv.gz")):
-        table = read_motion_table(Path(name))
-        t = np.arange(int((table.t[-1] - table.t[0]) * rate) + 1) / rate
-        columns = [np.interp(t + table.t[0], table.t, table.acceleration[:, i]) for i in range(3)]
-        motion = Motion(Path(name).name, t, np.zeros((len(t), 3)), np.stack(columns, axis=1))
-    else:
-        motion = make_motion(name, rate)
-    t = np.arange(repeat * len(motion.t)) / rate
-    return Motion(
-        motion.name,
-        t,
-        np.tile(motion.position, (repeat, 1)),
-        np.tile(motion.acceleration, (repeat, 1)),
-    )
-
-
-def accel_message(stamp: Any, acceleration: list[float]) -> AccelStamped:
-    """Acceleration in the world's axes, gravity excluded."""
-    message = AccelStamped()
-    message.header.stamp, message.header.frame_id = stamp, "world"
-    linear = message.accel.linear
-    linear.x, linear.y, linear.z = acceleration
-    return message
-
-
-def imu_message(stamp: Any, force: list[float]) -> Imu:
-    """Specific force of an upright, not turning sensor (REP-145)."""
-    message = Imu()
-    message.header.stamp, message.header.frame_id = stamp, IMU_FRAME
-    linear = message.linear_acceleration
-    linear.x, linear.y, linear.z = force
-    message.orientation_covariance[0] = -1.0
-    return message
-
-
-def pose_message(stamp: Any, position: list[float]) -> PoseStamped:
-    """Pose of the upright container in the world."""
-    message = PoseStamped()
-    message.header.stamp, message.header.frame_id = stamp, "world"
-    place = message.pose.position
-    place.x, place.y, place.z = position
-    return message
-
-
-def camera_info(calibration: Calibration) -> CameraInfo:
-    """The camera's calibration as drivers publish it."""
-    camera = calibration.view.camera
-    k = camera.matrix
-    info = CameraInfo(
-        width=camera.width,
-        height=camera.height,
-        distortion_model="plumb_bob",
-        d=[float(value) for value in camera.distortion],
-        k=k.ravel(),
-        r=np.eye(3).ravel(),
-        p=np.hstack((k, np.zeros((3, 1)))).ravel(),
-    )
-    info.header.frame_id = CAMERA_FRAME
-    return info
-
-
-def truth_message(stamp_ns: int, sh_x: float, sh_y: float) -> FreeSurface:
-    """The exact heights as a measurement would state them."""
-    azimuth = float(np.arctan2(sh_y, sh_x))
-    height = float(np.hypot(sh_x, sh_y))
-    return conversions.to_message(
-        values.FreeSurface(
-            stamp_ns, msh=height, msh_stddev=0.0, azimuth=azimuth, fitted_msh=height,
-            fitted_azimuth=azimuth,
-        )
-    )  # fmt: skip
 
 
 def main() -> int:

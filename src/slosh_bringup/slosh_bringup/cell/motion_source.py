@@ -1,0 +1,88 @@
+"""Motions by name or from a motion table, at the rate at which the cell plays them."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.integrate import cumulative_trapezoid
+from scipy.spatial.transform import Rotation, Slerp
+
+from slosh_bag.motion_table import MotionTable, read_motion_table
+from slosh_bringup.cell.motions import Motion, make_motion
+from slosh_bringup.errors import SloshBringupError
+
+Array = NDArray[np.float64]
+
+TABLE_ENDINGS = (".csv", ".csv.gz")
+
+
+def load_motion(name: str, rate: float = 1000.0) -> Motion:
+    """A motion.
+
+    Args:
+        name: one of `motions.MOTIONS`, or the path of a motion table.
+        rate: samples per second.
+
+    Raises:
+        SloshBringupError: unknown name, wrong rate, or a table that is no motion.
+        SloshBagError: a table that cannot be read.
+    """
+    if name.endswith(TABLE_ENDINGS):
+        return motion_from_table(Path(name).name, read_motion_table(Path(name)), rate)
+    return make_motion(name, rate)
+
+
+def motion_from_table(name: str, table: MotionTable, rate: float) -> Motion:
+    """A table's motion on an even grid that starts at 0.
+
+    Accelerations are interpolated linearly, attitudes along the shortest turn. The position is the
+    acceleration's integral from rest; an angular velocity that is not given is the attitude's.
+
+    Args:
+        name: the motion's name.
+        table: the table.
+        rate: samples per second.
+
+    Raises:
+        SloshBringupError: shorter than two samples, a quaternion that is zero, or a rate that is
+            not positive.
+    """
+    if not (math.isfinite(rate) and rate > 0.0):
+        raise SloshBringupError(f"rate = {rate!r} Hz must be positive")
+    if (table.t[-1] - table.t[0]) * rate < 1.0:
+        raise SloshBringupError(f"{name}: lasts less than two samples at {rate:g} Hz")
+    # A hair of tolerance: (0.3 - 0.1) * 10 must count as two whole steps.
+    t = np.arange(math.floor((table.t[-1] - table.t[0]) * rate + 1e-6) + 1) / rate
+    moments = np.minimum(table.t[0] + t, table.t[-1])
+    acceleration = _sampled(moments, table.t, table.acceleration)
+    velocity = cumulative_trapezoid(acceleration, t, axis=0, initial=0.0)
+    position = cumulative_trapezoid(velocity, t, axis=0, initial=0.0)
+    turn = None if table.attitude is None else _attitude(name, table, moments)
+    rate_of_turn = None if turn is None else _angular_velocity(turn, rate)
+    if table.angular_velocity is not None:
+        rate_of_turn = _sampled(moments, table.t, table.angular_velocity)
+    quaternion = None if turn is None else turn.as_quat()
+    return Motion(name, t, position, acceleration, quaternion, rate_of_turn)
+
+
+def _attitude(name: str, table: MotionTable, moments: Array) -> Rotation:
+    zero = np.flatnonzero(~np.any(table.attitude, axis=1))
+    if len(zero):
+        raise SloshBringupError(
+            f"{name}: qx, qy, qz, qw: all zero at t = {table.t[zero[0]]:g} s, no rotation"
+        )
+    return Slerp(table.t, Rotation.from_quat(table.attitude))(moments)
+
+
+def _sampled(moments: Array, t: Array, values: Array) -> Array:
+    return np.stack([np.interp(moments, t, column) for column in values.T], axis=1)
+
+
+def _angular_velocity(turn: Rotation, rate: float) -> Array:
+    """Rotation from sample to sample, in the container's frame, per second."""
+    steps = (turn[:-1].inv() * turn[1:]).as_rotvec() * rate
+    velocity: Array = np.vstack((steps, steps[-1:]))
+    return velocity

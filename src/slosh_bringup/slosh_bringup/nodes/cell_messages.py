@@ -1,0 +1,83 @@
+"""The simulated cell's messages, as a robot's and a camera's drivers fill them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from geometry_msgs.msg import AccelStamped, PoseStamped
+from numpy.typing import NDArray
+from sensor_msgs.msg import CameraInfo, Imu
+
+from slosh_camera.calibration import Calibration
+from slosh_msgs.msg import FreeSurface
+from slosh_msgs_py import conversions, values
+
+Array = NDArray[np.float64]
+
+WORLD_FRAME = "world"
+IMU_FRAME = "imu"
+CAMERA_FRAME = "camera_optical"
+
+
+def accel_message(stamp: Any, acceleration: Array) -> AccelStamped:
+    """Acceleration in the world's axes, gravity excluded [m/s²]."""
+    message = AccelStamped()
+    message.header.stamp, message.header.frame_id = stamp, WORLD_FRAME
+    linear = message.accel.linear
+    linear.x, linear.y, linear.z = acceleration.tolist()
+    return message
+
+
+def imu_message(stamp: Any, force: Array, turning: Array) -> Imu:
+    """Specific force [m/s²] and angular velocity [rad/s] in the sensor's axes (REP-145)."""
+    message = Imu()
+    message.header.stamp, message.header.frame_id = stamp, IMU_FRAME
+    linear, angular = message.linear_acceleration, message.angular_velocity
+    linear.x, linear.y, linear.z = force.tolist()
+    angular.x, angular.y, angular.z = turning.tolist()
+    message.orientation_covariance[0] = -1.0
+    return message
+
+
+def pose_message(stamp: Any, position: Array, attitude: Array) -> PoseStamped:
+    """Pose of the container in the world: position [m], quaternion x, y, z, w."""
+    message = PoseStamped()
+    message.header.stamp, message.header.frame_id = stamp, WORLD_FRAME
+    place, turn = message.pose.position, message.pose.orientation
+    place.x, place.y, place.z = position.tolist()
+    turn.x, turn.y, turn.z, turn.w = attitude.tolist()
+    return message
+
+
+def camera_info(calibration: Calibration) -> CameraInfo:
+    """The camera's calibration as drivers publish it."""
+    camera = calibration.view.camera
+    k = camera.matrix
+    info = CameraInfo(
+        width=camera.width,
+        height=camera.height,
+        distortion_model="plumb_bob",
+        d=[float(value) for value in camera.distortion],
+        k=k.ravel(),
+        r=np.eye(3).ravel(),
+        p=np.hstack((k, np.zeros((3, 1)))).ravel(),
+    )
+    info.header.frame_id = CAMERA_FRAME
+    return info
+
+
+def truth_message(stamp_ns: int, sh_x: float, sh_y: float) -> FreeSurface:
+    """The exact heights as a measurement would state them."""
+    azimuth = float(np.arctan2(sh_y, sh_x))
+    height = float(np.hypot(sh_x, sh_y))
+    return conversions.to_message(
+        values.FreeSurface(
+            stamp_ns,
+            msh=height,
+            msh_stddev=0.0,
+            azimuth=azimuth,
+            fitted_msh=height,
+            fitted_azimuth=azimuth,
+        )
+    )
