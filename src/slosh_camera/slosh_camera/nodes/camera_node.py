@@ -14,19 +14,26 @@ from slosh_camera.detector import FreeSurfaceDetector
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.image import GrayImage, decode_compressed, to_gray
 from slosh_camera.measurement import Flag, Measurement, bad_image
+from slosh_camera.nodes.frame_gaps import FrameGaps
 from slosh_msgs.msg import FreeSurface
 from slosh_msgs_py import conversions, qos, topics, values
 from slosh_msgs_py.images import image_bytes
 from slosh_msgs_py.node.diagnostics import ERROR, OK, STALE, WARN, DiagnosticsReporter, Health
 from slosh_msgs_py.node.parameters import ParameterSpec, declare
 from slosh_msgs_py.node.run import run_node
-from slosh_msgs_py.stamps import to_nanoseconds
+from slosh_msgs_py.stamps import MAXIMUM, to_nanoseconds
 
 LOG_PERIOD = 5.0
 PARAMETERS = (
     ParameterSpec("calibration", "", "camera.yaml: camera, container and pose"),
     ParameterSpec("transport", "raw", "which images to read", choices=("raw", "compressed")),
     ParameterSpec("container_frame", "container", "the container's frame, on all output"),
+    ParameterSpec(
+        "frame_rate",
+        0.0,
+        "images per second of the camera, to count missing ones [Hz]; 0: learn it from the stamps",
+        (0.0, 1000.0),
+    ),
 )
 
 
@@ -45,9 +52,10 @@ class CameraNode(Node):
             self.create_subscription(
                 CompressedImage, topics.IMAGE_COMPRESSED, self._on_compressed, qos.IMAGE_IN
             )
+        self._gaps = FrameGaps(given["frame_rate"])
         self._flags: Counter[Flag] = Counter()
         self._recent = Flag.NONE
-        self._images = self._reported = 0
+        self._images = self._reported = self._refused = 0
         self._complaint = ""
         self._report = DiagnosticsReporter(self, self._health, self._facts)
 
@@ -72,18 +80,27 @@ class CameraNode(Node):
         self._images += 1
         self._report.count("image")
         stamp_ns = to_nanoseconds(stamp)
+        if not 0 <= stamp_ns <= MAXIMUM:
+            self._refused += 1
+            self._recent |= Flag.BAD_IMAGE
+            self._complain(f"image: stamp of {stamp_ns} ns is no time; check the camera's driver")
+            return
+        self._gaps.add(stamp_ns)
         try:
             image: GrayImage = decode()
             measurement = self._detector.update(stamp_ns, image)
         except SloshCameraError as error:
-            self._complaint = str(error)
-            self.get_logger().error(self._complaint, throttle_duration_sec=LOG_PERIOD)
+            self._complain(str(error))
             measurement = bad_image(stamp_ns)
         self._recent |= measurement.flags
         self._flags.update(flag for flag in Flag if flag and flag in measurement.flags)
         self._publisher.publish(conversions.to_message(to_value(measurement, self._frame)))
         self._report.count("measurement")
         self._report.latency(int(self.get_clock().now().nanoseconds) - stamp_ns)
+
+    def _complain(self, complaint: str) -> None:
+        self._complaint = complaint
+        self.get_logger().error(complaint, throttle_duration_sec=LOG_PERIOD)
 
     def _health(self) -> Health:
         silent, self._reported = self._images == self._reported, self._images
@@ -98,7 +115,12 @@ class CameraNode(Node):
         return OK, "measuring"
 
     def _facts(self) -> dict[str, Any]:
-        return {f"flag {flag.name}": count for flag, count in self._flags.items()}
+        flags = {f"flag {flag.name}": count for flag, count in self._flags.items()}
+        return {
+            "missing images": self._gaps.missing,
+            "dropped: impossible stamp": self._refused,
+            **flags,
+        }
 
 
 def to_value(measurement: Measurement, frame: str) -> values.FreeSurface:

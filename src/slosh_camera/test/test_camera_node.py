@@ -1,0 +1,302 @@
+"""The camera node over DDS: heights from raw and compressed images, and a life after bad ones."""
+
+import time
+
+import cv2
+import numpy as np
+import pytest
+import yaml
+
+rclpy = pytest.importorskip("rclpy", reason="ROS 2 is not installed")
+
+from builtin_interfaces.msg import Time  # noqa: E402
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus  # noqa: E402
+from hypothesis import given  # noqa: E402
+from hypothesis import strategies as st  # noqa: E402
+from rclpy.node import Node  # noqa: E402
+from sensor_msgs.msg import CompressedImage, Image  # noqa: E402
+
+from slosh_camera.errors import SloshCameraError  # noqa: E402
+from slosh_camera.nodes.camera_node import CameraNode  # noqa: E402
+from slosh_camera.nodes.frame_gaps import SECOND, FrameGaps  # noqa: E402
+from slosh_msgs.msg import FreeSurface  # noqa: E402
+from slosh_msgs_py import images, qos, topics  # noqa: E402
+from slosh_msgs_py.errors import SloshMessageError  # noqa: E402
+from slosh_msgs_py.node.run import make_executor  # noqa: E402
+from slosh_msgs_py.stamps import to_nanoseconds  # noqa: E402
+
+DOMAIN = "31"
+PATIENCE = 20.0
+FRAME = SECOND // 60
+# A height of the surface at the wall, towards the right of the image [m].
+HEIGHT = 0.01
+
+
+class Rig:
+    """The camera node and a node that stands for the driver and for whoever listens."""
+
+    def __init__(self, calibration, **parameters):
+        words = ["--ros-args", "-r", "__ns:=/rig", "-p", f"calibration:={calibration}"]
+        for name, value in parameters.items():
+            words += ["-p", f"{name}:={value}"]
+        rclpy.init(args=words)
+        self.executor = make_executor()
+        self.nodes = [Node("rig")]
+        self.executor.add_node(self.nodes[0])
+
+    def start(self, kind=Image, topic=topics.IMAGE):
+        self.nodes.append(CameraNode())
+        self.executor.add_node(self.nodes[-1])
+        self.heights, self.reports = [], []
+        rig = self.nodes[0]
+        rig.create_subscription(
+            FreeSurface, topics.FREE_SURFACE, self.heights.append, qos.STREAM_IN
+        )
+        rig.create_subscription(
+            DiagnosticArray, topics.DIAGNOSTICS, self.reports.append, qos.DIAGNOSTICS
+        )
+        self.driver = rig.create_publisher(kind, topic, qos.IMAGE_OUT)
+        node = self.nodes[-1]
+        self.until(
+            lambda: (
+                self.driver.get_subscription_count() == 1
+                and node.count_subscribers(topics.FREE_SURFACE) == 1
+                and node._publisher.get_subscription_count() == 1
+            )
+        )
+
+    def measure(self, message):
+        """The node's answer to an image."""
+        self.heights.clear()
+        self.driver.publish(message)
+        self.until(lambda: self.heights)
+        return self.heights[-1]
+
+    def report(self, condition):
+        """Key-value pairs and status of the first report for which the condition holds."""
+        self.reports.clear()
+
+        def found():
+            return [
+                (status, values)
+                for report in self.reports
+                for status in report.status
+                if condition(status, values := {pair.key: pair.value for pair in status.values})
+            ]
+
+        self.until(found)
+        return found()[0]
+
+    def until(self, condition):
+        deadline = time.monotonic() + PATIENCE
+        while not condition():
+            assert time.monotonic() < deadline, "what was awaited did not come"
+            self.executor.spin_once(timeout_sec=0.05)
+
+    def close(self):
+        for node in self.nodes:
+            self.executor.remove_node(node)
+            node.destroy_node()
+        self.executor.shutdown()
+        rclpy.shutdown()
+
+
+@pytest.fixture
+def make_rig(tmp_path, monkeypatch, make_scene):
+    monkeypatch.setenv("ROS_DOMAIN_ID", DOMAIN)
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    scene = make_scene(camera_height=0.08)
+    rotation, translation = scene.extrinsics()
+    calibration = tmp_path / "camera.yaml"
+    document = {
+        "image_width": scene.width,
+        "image_height": scene.height,
+        "camera_name": "rig",
+        "camera_matrix": {
+            "rows": 3,
+            "cols": 3,
+            "data": [
+                *(scene.focal, 0.0, 0.5 * (scene.width - 1)),
+                *(0.0, scene.focal, 0.5 * (scene.height - 1)),
+                *(0.0, 0.0, 1.0),
+            ],
+        },
+        "distortion_model": "plumb_bob",
+        "distortion_coefficients": {"rows": 1, "cols": 5, "data": [0.0] * 5},
+        "container": {
+            "radius": scene.radius,
+            "fill_height": scene.fill_height,
+            "wall_thickness": 0.002,
+            "rim_height": scene.rim_height,
+        },
+        "pose": {"rotation": rotation.ravel().tolist(), "translation": translation.tolist()},
+    }
+    calibration.write_text(yaml.safe_dump(document))
+    rigs = []
+
+    def make(**parameters):
+        rigs.append(Rig(parameters.pop("calibration", calibration), **parameters))
+        return rigs[-1]
+
+    yield make
+    for rig in rigs:
+        rig.close()
+
+
+@pytest.fixture
+def picture(make_scene):
+    return make_scene(camera_height=0.08).draw(HEIGHT, 0.0)
+
+
+@pytest.mark.parametrize("executor", ["events", "single"])
+@pytest.mark.parametrize("encoding", ["mono8", "bgr8"])
+def test_a_raw_image_is_measured(make_rig, picture, monkeypatch, encoding, executor):
+    monkeypatch.setenv("SLOSH_EXECUTOR", executor)
+    rig = make_rig(container_frame="cup")
+    rig.start()
+    pixels = picture if encoding == "mono8" else cv2.cvtColor(picture, cv2.COLOR_GRAY2BGR)
+    answer = rig.measure(images.image_message(pixels, encoding, 5 * SECOND + 7, "camera_optical"))
+    assert to_nanoseconds(answer.header.stamp) == 5 * SECOND + 7
+    assert answer.header.frame_id == "cup"
+    assert answer.flags == 0
+    assert answer.msh == pytest.approx(HEIGHT, abs=5e-4)
+    assert answer.sh_right == pytest.approx(HEIGHT, abs=1e-3)
+    assert answer.sh_left == pytest.approx(-HEIGHT, abs=1e-3)
+    assert len(answer.profile_height) == len(answer.profile_azimuth) > 100
+
+
+def test_a_compressed_image_is_measured(make_rig, picture):
+    rig = make_rig(transport="compressed")
+    rig.start(CompressedImage, topics.IMAGE_COMPRESSED)
+    data = cv2.imencode(".jpg", picture)[1].tobytes()
+    answer = rig.measure(images.compressed_message(data, "jpeg", SECOND, "camera_optical"))
+    assert answer.msh == pytest.approx(HEIGHT, abs=1e-3)
+    answer = rig.measure(images.compressed_message(data[:-500], "jpeg", SECOND, "camera_optical"))
+    assert answer.flags == FreeSurface.BAD_IMAGE
+
+
+def broken(picture, change):
+    message = images.image_message(picture, "mono8", 2 * SECOND, "camera_optical")
+    change(message)
+    return message
+
+
+def _cut(message):
+    message.data = message.data[:-1]
+
+
+def _empty(message):
+    message.height = message.width = message.step = 0
+    message.data = []
+
+
+def _one_pixel(message):
+    message.height = message.width = message.step = 1
+    message.data = [0]
+
+
+BROKEN = {
+    "cut": _cut,
+    "empty": _empty,
+    "one pixel": _one_pixel,
+    "encoding": lambda message: setattr(message, "encoding", "16UC1"),
+    "step": lambda message: setattr(message, "step", 7),
+    "huge": lambda message: setattr(message, "height", 2**32 - 1),
+}
+
+
+def test_the_node_lives_on_with_bad_images(make_rig, picture):
+    rig = make_rig()
+    rig.start()
+    for name, change in BROKEN.items():
+        answer = rig.measure(broken(picture, change))
+        assert answer.flags == FreeSurface.BAD_IMAGE, name
+        assert np.isnan(answer.msh), name
+        assert to_nanoseconds(answer.header.stamp) == 2 * SECOND
+    good = images.image_message(picture, "mono8", 3 * SECOND, "camera_optical")
+    assert rig.measure(good).flags == 0
+    status, values = rig.report(lambda status, values: "measurement total" in values)
+    assert values["flag BAD_IMAGE"] == str(len(BROKEN))
+    assert status.level == DiagnosticStatus.ERROR
+    assert status.message.startswith("image:")
+
+
+def test_an_impossible_stamp_is_dropped_and_counted(make_rig, picture):
+    rig = make_rig()
+    rig.start()
+    wild = images.image_message(picture, "mono8", 0, "camera_optical")
+    wild.header.stamp = Time(sec=-1, nanosec=5)
+    rig.driver.publish(wild)
+    good = images.image_message(picture, "mono8", SECOND, "camera_optical")
+    assert to_nanoseconds(rig.measure(good).header.stamp) == SECOND
+    status, values = rig.report(
+        lambda status, values: values.get("dropped: impossible stamp") == "1"
+    )
+    assert status.level == DiagnosticStatus.ERROR
+    assert values["image total"] == "2"
+    assert values["measurement total"] == "1"
+
+
+def test_missing_images_are_told(make_rig, picture):
+    rig = make_rig(frame_rate=60.0)
+    rig.start()
+    for number in (1, 2, 5, 6):
+        rig.measure(images.image_message(picture, "mono8", number * FRAME, "camera_optical"))
+    _, values = rig.report(lambda status, values: values.get("image total") == "4")
+    assert values["missing images"] == "2"
+
+
+@pytest.mark.parametrize(
+    ("parameters", "error", "match"),
+    [
+        ({"calibration": "/nowhere.yaml"}, SloshCameraError, "/nowhere.yaml"),
+        ({"transport": "theora"}, SloshMessageError, "one of raw, compressed"),
+        ({"frame_rate": "60"}, SloshMessageError, "write 1.0 for 1"),
+        ({"frame_rate": "-1.0"}, SloshMessageError, r"must lie in \[0, 1000\]"),
+    ],
+)
+def test_a_wrong_parameter_is_refused_in_one_line(make_rig, parameters, error, match):
+    rig = make_rig(**parameters)
+    with pytest.raises(error, match=match) as caught:
+        rig.start()
+    assert "\n" not in str(caught.value)
+
+
+@given(
+    st.integers(20, 200),
+    st.lists(st.tuples(st.integers(0, 10), st.integers(-1, 1)), min_size=9, max_size=60),
+)
+def test_learnt_or_stated_the_missing_frames_are_counted(rate, frames):
+    """Forty whole periods teach the rate; then every second frame comes after some lost ones."""
+    period = SECOND // rate
+    learnt, stated = FrameGaps(), FrameGaps(float(rate))
+    number = 0
+    gaps = [0] * 40 + [lost if index % 2 else 0 for index, (lost, _) in enumerate(frames)]
+    jitters = [0] * 40 + [jitter for _, jitter in frames]
+    expected = 0
+    for lost, jitter in zip(gaps, jitters, strict=True):
+        number += 1 + lost
+        expected += lost
+        stamp = number * period + jitter * period // 50
+        learnt.add(stamp)
+        stated.add(stamp)
+    assert learnt.missing == stated.missing == expected
+
+
+@pytest.mark.parametrize("jump", [-5 * SECOND, 0, 2 * SECOND])
+def test_pauses_and_clocks_that_jump_are_no_loss(jump):
+    gaps = FrameGaps(60.0)
+    stamp = 10 * SECOND
+    for step in (FRAME, FRAME, jump, FRAME, FRAME):
+        stamp += step
+        gaps.add(stamp)
+    assert gaps.missing == 0
+
+
+def test_the_rate_is_learnt_where_most_gaps_hide_a_frame():
+    gaps = FrameGaps()
+    stamp = 0
+    for periods in [1] * 10 + [1, 2, 2] * 30:
+        stamp += periods * FRAME
+        gaps.add(stamp)
+    assert gaps.missing == 60
