@@ -77,7 +77,8 @@ def find_levels(gray: GrayImage, region: Region, settings: DetectionSettings) ->
     # The container's dark floor shines through low down, a deep trough lets light in high up:
     # between the two is the liquid, nearer to the brighter end.
     column_liquid = np.percentile(body, _BODY_PERCENTILE, axis=0)
-    liquid = float(np.median(column_liquid))
+    # The darker columns: before a high rear crest half of them show little but free surface.
+    liquid = float(np.percentile(column_liquid, 25.0))
     threshold = settings.threshold
     if threshold is None:
         threshold = float(cv2.threshold(gray, 0, 255, cv2.THRESH_OTSU)[0])
@@ -90,6 +91,10 @@ def find_levels(gray: GrayImage, region: Region, settings: DetectionSettings) ->
     line_threshold = threshold
     if settings.threshold is None:
         line_threshold = max(threshold, liquid + _SURFACE_FRACTION * (background - liquid))
+    # A deep trough in front of a high rear crest leaves little liquid in the middle columns: there
+    # the free surface must not pass for it.
+    margin = settings.surface_contrast * (background - liquid)
+    column_liquid = np.minimum(column_liquid, liquid + margin)
     noise = float(np.median(np.abs(np.diff(body, axis=1)))) / (0.6745 * np.sqrt(2.0))
     return Levels(liquid, background, line_threshold, column_liquid, noise)
 
