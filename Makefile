@@ -15,7 +15,7 @@ help:
 	@echo "make lint      formatting, style, types, import rules"
 	@echo "make bench     the measurements behind each claim of speed"
 	@echo "make docs      the documentation, to docs/_build/html"
-	@echo "make tables    measure anew the tables of accuracy in docs/"
+	@echo "make tables    write the tables in docs/ anew, measuring what they state"
 	@echo "make clean     remove everything that setup made"
 
 setup:
@@ -39,6 +39,7 @@ bench: setup
 	@for file in benchmarks/bench_*.py; do ROS_PYTHON_CHECK_FIELDS=0 tools/run python $$file || exit 1; done
 
 tables: setup
+	@tools/run python tools/parameter_tables.py
 	@tools/run python tools/accuracy_tables.py
 
 docs: setup

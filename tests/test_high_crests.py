@@ -3,6 +3,7 @@
 import math
 
 import pytest
+
 from slosh_bringup.cell.renderer import CupRenderer
 from slosh_bringup.processes import config_folder
 from slosh_camera.calibration import read_calibration

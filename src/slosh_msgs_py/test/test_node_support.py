@@ -4,12 +4,13 @@ import os
 import signal
 import subprocess
 import sys
+import time
 
 import pytest
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
+from std_msgs.msg import Header
 
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.errors import SloshMessageError
@@ -42,6 +43,17 @@ def make_node(monkeypatch):
     for node in nodes:
         node.destroy_node()
     rclpy.shutdown()
+
+
+def spin_until(node, condition, patience=20.0):
+    executor = make_executor()
+    executor.add_node(node)
+    deadline = time.monotonic() + patience
+    while not condition():
+        assert time.monotonic() < deadline, "what was awaited did not come"
+        executor.spin_once(timeout_sec=0.05)
+    executor.remove_node(node)
+    executor.shutdown()
 
 
 def test_defaults_and_overrides(make_node):
@@ -100,12 +112,7 @@ def test_diagnostics_tell_rates_totals_and_latency(make_node):
     for latency in (1_000_000, 3_000_000, 50_000_000):
         reporter.count("input")
         reporter.latency(latency)
-    executor = SingleThreadedExecutor()
-    executor.add_node(node)
-    for _ in range(100):
-        executor.spin_once(timeout_sec=0.1)
-        if received:
-            break
+    spin_until(node, lambda: received)
     (status,) = received[0].status
     values = {pair.key: pair.value for pair in status.values}
     assert (status.level, status.name, status.message) == (WARN, "/tested", "careful")
@@ -115,7 +122,35 @@ def test_diagnostics_tell_rates_totals_and_latency(make_node):
     assert values["extra"] == "5"
 
 
+def test_a_node_reports_while_simulated_time_stands_still(make_node):
+    node = make_node(use_sim_time=True)
+    assert node.get_clock().now().nanoseconds == 0
+    received = []
+    node.create_subscription(DiagnosticArray, topics.DIAGNOSTICS, received.append, qos.DIAGNOSTICS)
+    reporter = DiagnosticsReporter(node, lambda: (WARN, "no clock"))
+    spin_until(node, lambda: received)
+    assert received[0].status[0].message == "no clock"
+    assert reporter.latency_percentiles()[0] != reporter.latency_percentiles()[0]  # NaN: none yet
+
+
+@pytest.mark.parametrize("executor", ["events", "single"])
+def test_a_stream_outlives_a_stall_of_its_reader(make_node, monkeypatch, executor):
+    """200 messages at 1 kHz, while the reader is busy for 200 ms."""
+    monkeypatch.setenv("SLOSH_EXECUTOR", executor)
+    node = make_node()
+    received = []
+    node.create_subscription(Header, "stream", received.append, qos.STREAM_IN)
+    publisher = node.create_publisher(Header, "stream", qos.STREAM_OUT)
+    spin_until(node, lambda: publisher.get_subscription_count() == 1)
+    for number in range(200):
+        publisher.publish(Header(frame_id=str(number)))
+    spin_until(node, lambda: received and received[-1].frame_id == "199")
+    assert [message.frame_id for message in received] == [str(n) for n in range(200)]
+
+
 NODE = """
+import os
+import signal
 import sys
 from rclpy.node import Node
 from slosh_msgs_py.errors import SloshMessageError
@@ -126,6 +161,8 @@ class Plain(Node):
         super().__init__("plain")
         if "wrong" in sys.argv:
             raise SloshMessageError("parameter size = 5 is wrong")
+        if "early" in sys.argv:
+            os.kill(os.getpid(), signal.SIGTERM)
         self.create_timer(0.01, lambda: print("alive", flush=True))
 
     def close(self):
@@ -147,6 +184,12 @@ def test_a_signal_ends_a_node_cleanly(executor, number):
         rest = process.stdout.read()
         assert process.wait(20) == 0
     assert rest.endswith("closed\n")
+
+
+def test_a_signal_during_the_start_ends_a_node_cleanly_too():
+    command = [sys.executable, "-c", NODE, "early"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert (done.returncode, done.stdout) == (0, "closed\n")
 
 
 def test_a_wrong_start_is_one_line_and_exit_code_two():
