@@ -1,25 +1,12 @@
-"""The simulated cell's motions, liquid and camera."""
-
-import math
+"""The simulated cell's motions."""
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from scipy.integrate import cumulative_simpson
 
 from slosh_bringup.cell.motion_law import PEAK, modified_trapezoid
-from slosh_bringup.cell.motions import LEVELS, MOTIONS, VERTICAL_LEVELS, make_motion
-from slosh_bringup.cell.renderer import Appearance, CupRenderer
-from slosh_bringup.cell.truth import integrate_truth
+from slosh_bringup.cell.motions import LEVELS, MOTIONS, VERTICAL_LEVELS, Motion, make_motion
 from slosh_bringup.errors import SloshBringupError
-from slosh_bringup.processes import config_folder
-from slosh_camera.calibration import read_calibration
-from slosh_camera.detector import FreeSurfaceDetector
-from slosh_camera.measurement import PeakSide
-from slosh_estimator.model_file import read_model
-
-CALIBRATION = read_calibration(config_folder() / "camera.yaml")
 
 
 def test_the_law_is_its_own_derivatives_integral():
@@ -68,51 +55,50 @@ def test_a_wrong_name_lists_the_right_ones():
         make_motion("x7")
 
 
-def test_the_truth_is_the_models_response():
-    model = read_model(config_folder() / "truth.yaml")
-    motion = make_motion("c3")
-    truth = integrate_truth(model, motion)
-    middle = len(motion.t) // 2
-    assert truth.at(motion.t[middle]) == (truth.sh_x[middle], truth.sh_y[middle])
-    assert truth.at(0.5) == (0.0, 0.0)
+def test_arrays_cannot_be_written_to_nor_through_their_source():
+    t = np.arange(3) / 10.0
+    motion = Motion("x", t, np.zeros((3, 3)), np.zeros((3, 3)))
+    t[0] = 7.0
+    assert motion.t[0] == 0.0
+    with pytest.raises(ValueError, match="read-only"):
+        motion.acceleration[0, 0] = 1.0
 
 
-def edge_row(image, column, dark_below=True):
-    """Sub-pixel row where a column crosses the middle of its extreme grey levels, from above."""
-    values = image[:, column].astype(float)
-    middle = 0.5 * (values.max() + values.min())
-    index = int(np.flatnonzero(values < middle)[0])
-    before, after = values[index - 1], values[index]
-    return index - 1 + (before - middle) / (before - after)
+def test_vertical_motion_leaves_the_planar_one_as_it_is():
+    """DL22, section 4.1: seen from above, the spatial paths are the planar ones."""
+    planar, spatial = make_motion("c-8.9"), make_motion("c3-4.5")
+    assert np.array_equal(planar.position[:, :2], spatial.position[:, :2])
+    assert np.array_equal(planar.acceleration[:, :2], spatial.acceleration[:, :2])
+    assert np.ptp(spatial.position[:, 2]) > 0.1
 
 
-@pytest.mark.parametrize("height", [-0.02, 0.0, 0.013, 0.03])
-def test_the_front_line_lies_where_the_projection_says(height):
-    """Straight from the camera's side: the wall nearest to the camera, a tilt towards it."""
-    view = CALIBRATION.view
-    clean = Appearance(noise=0.0, blur=0.0, surface=205.0)
-    azimuth = view.camera_azimuth
-    image = CupRenderer(view, clean).render(height * math.cos(azimuth), height * math.sin(azimuth))
-    ((u, v),) = view.project_wall(azimuth, height)
-    assert edge_row(image, round(u)) == pytest.approx(v, abs=0.1)
+def test_paths_have_their_shape_and_size():
+    line, eight, circle = (make_motion(name).position for name in ("l", "e", "c"))
+    assert not line[:, 0].any()
+    assert np.ptp(line[:, 1]) == pytest.approx(0.4, abs=1e-4)
+    assert np.ptp(eight, axis=0)[:2] == pytest.approx((0.8, 0.38), abs=1e-4)
+    centre = np.array([-0.25, 0.0, 0.0])
+    assert np.linalg.norm(circle - centre, axis=1) == pytest.approx(0.25)
+    turned = np.unwrap(np.arctan2(circle[:, 1], circle[:, 0] + 0.25))
+    assert turned[-1] - turned[0] == pytest.approx(4.0 * np.pi)
 
 
-@settings(max_examples=30, deadline=None)
-@given(st.floats(0.005, 0.035), st.floats(-math.pi, math.pi))
-def test_the_detector_reads_what_was_drawn(height, azimuth):
-    renderer = CupRenderer(CALIBRATION.view)
-    image = renderer.render(height * math.cos(azimuth), height * math.sin(azimuth))
-    measurement = FreeSurfaceDetector(CALIBRATION).update(0, image)
-    assert measurement.msh == pytest.approx(height, abs=0.0015)
-    away = azimuth - CALIBRATION.view.camera_azimuth
-    if math.cos(away) > 0.5:
-        assert measurement.peak_side is PeakSide.FRONT
-    if math.cos(away) < -0.5:
-        assert measurement.peak_side is PeakSide.REAR
+@pytest.mark.parametrize("rate", [100.0, 240.0])
+def test_the_rate_samples_the_same_motion(rate):
+    coarse, fine = make_motion("e3", rate), make_motion("e3", 4.0 * rate)
+    assert coarse.acceleration == pytest.approx(fine.acceleration[::4][: len(coarse.t)], abs=1e-9)
+    assert np.diff(coarse.t) == pytest.approx(1.0 / rate)
 
 
-def test_noise_differs_from_frame_to_frame_and_repeats_with_its_seed():
-    first, again = CupRenderer(CALIBRATION.view), CupRenderer(CALIBRATION.view)
-    one, two = first.render(0.0, 0.0), first.render(0.0, 0.0)
-    assert not np.array_equal(one, two)
-    assert np.array_equal(one, again.render(0.0, 0.0))
+@pytest.mark.parametrize("rate", [0.0, -1.0, np.nan, np.inf])
+def test_a_rate_that_is_none_is_refused(rate):
+    with pytest.raises(SloshBringupError, match="must be positive"):
+        make_motion("c", rate)
+
+
+def test_repeats_follow_one_another():
+    once = make_motion("c3", 100.0)
+    thrice = once.repeated(3)
+    assert np.diff(thrice.t) == pytest.approx(0.01)
+    assert np.array_equal(thrice.acceleration, np.tile(once.acceleration, (3, 1)))
+    assert thrice.attitude is None

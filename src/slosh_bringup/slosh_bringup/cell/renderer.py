@@ -80,7 +80,7 @@ class CupRenderer:
         self._columns = np.arange(columns.start, columns.stop, dtype=np.float64)
         self._lines = SurfaceLines(view, self._columns)
         self._floor = self._lines.floor()
-        self._sides = self._side_coverage()
+        self._inside = self._inside_cup()
         self._behind = backdrop[self._region].copy()
         across = self._across()
         self._liquid = np.asarray(look.liquid * (1.0 - look.shading * across**2), np.float32)
@@ -118,14 +118,15 @@ class CupRenderer:
     def _paint(self, sh_x: float, sh_y: float) -> tuple[Layer, Layer]:
         """The image before noise, and the liquid's share of each pixel in the cup's region."""
         edges = self._lines.edges(sh_x, sh_y)
-        surface = self._between(edges.top, np.maximum(edges.bottom, edges.front))
-        body = self._between(edges.front, self._floor)
-        cup = self._behind + surface * (self._surface - self._behind)
-        cup += body * (self._liquid - cup)
+        # The wall hides what lies below its front line; the surface has the rest of each pixel.
+        wet = self._above_floor(edges.top)
+        body = self._above_floor(edges.front)
+        cup = self._behind + wet * (self._surface - self._behind)
+        cup += body * (self._liquid - self._surface)
         cup += self._glint
         image = self._backdrop.copy()
         image[self._region] = self._blurred(cup)
-        return image, np.maximum(surface, body)
+        return image, wet
 
     def _exposed(self, image: Layer) -> GrayImage:
         """Adds the camera's noise and rounds to grey levels."""
@@ -136,14 +137,12 @@ class CupRenderer:
         result: GrayImage = cv2.convertScaleAbs(cv2.max(image, 0.0))
         return result
 
-    def _between(self, top: Array, bottom: Array) -> Layer:
-        """Share of each pixel between two edges and the cup's sides."""
-        upper = np.nan_to_num(top, nan=1e6).astype(np.float32)
-        lower = np.nan_to_num(bottom, nan=-1e6).astype(np.float32)
-        inside: Layer = np.clip(self._rows + np.float32(0.5) - upper, 0.0, 1.0)
-        inside *= np.clip(lower + np.float32(0.5) - self._rows, 0.0, 1.0)
-        inside *= self._sides
-        return inside
+    def _above_floor(self, edge: Array) -> Layer:
+        """Share of each pixel below an edge, above the floor and between the cup's sides."""
+        upper = np.nan_to_num(edge, nan=1e6).astype(np.float32)
+        share: Layer = np.clip(self._rows + np.float32(0.5) - upper, 0.0, 1.0)
+        share *= self._inside
+        return share
 
     def _cup_region(self) -> tuple[slice, slice]:
         """The part of the image that changes: the cup, up to the frame's top."""
@@ -165,11 +164,12 @@ class CupRenderer:
             edges.append(u[0] + (u[1] - u[0]) / (v[1] - v[0]) * (rows - v[0]))
         return edges[0], edges[1]
 
-    def _side_coverage(self) -> Layer:
-        """Share of each pixel between the cup's left and right edge."""
+    def _inside_cup(self) -> Layer:
+        """Share of each pixel between the cup's left and right edge, above its floor."""
         left, right = self._side_lines()
         inside = np.clip(self._columns + 0.5 - left[:, np.newaxis], 0.0, 1.0)
         inside *= np.clip(right[:, np.newaxis] + 0.5 - self._columns, 0.0, 1.0)
+        inside *= np.clip(self._floor + 0.5 - self._rows, 0.0, 1.0)
         return np.asarray(inside, dtype=np.float32)
 
     def _across(self) -> Array:
@@ -183,8 +183,7 @@ class CupRenderer:
         bands = np.exp(-0.5 * ((across + 0.62) / 0.05) ** 2)
         bands += 0.5 * np.exp(-0.5 * ((across - 0.75) / 0.03) ** 2)
         ((_, rim),) = self._view.project_wall(self._view.camera_azimuth, self._top)
-        glass = np.clip((self._rows - rim) / 20.0, 0.0, 1.0) * self._sides
-        glass *= np.clip(self._floor + 0.5 - self._rows, 0.0, 1.0)
+        glass = np.clip((self._rows - rim) / 20.0, 0.0, 1.0) * self._inside
         return np.asarray(self._look.glint * bands * glass, np.float32)
 
     def _blurred(self, image: Layer) -> Layer:
@@ -201,7 +200,7 @@ class CupRenderer:
         light = 1.0 - 0.08 * (across - 0.4) ** 2 - 0.05 * down**2
         # OpenCV smooths edges in 8 bit images only.
         image = np.round(look.background * light).astype(np.uint8)
-        circle = np.linspace(-np.pi, np.pi, 361)
+        circle = self._view.camera_azimuth + np.linspace(-np.pi, np.pi, 361)
         floor = -cup.fill_height
         plate = self._disc(circle, PLATE_RADIUS * cup.radius, floor)
         lower = self._disc(circle, PLATE_RADIUS * cup.radius, floor - PLATE_THICKNESS * cup.radius)

@@ -16,8 +16,10 @@ from slosh_model.bessel import radial_shape
 
 Array = NDArray[np.float64]
 
-AZIMUTHS = 181
-RINGS = 12
+CHORDS = 121
+"""Horizontal rays from the camera that meet the cup."""
+PLACES = 41
+"""Points along each ray, so many that the crest between two of them is higher by < 0.05 px."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,12 +28,12 @@ class SurfaceEdges:
 
     Attributes:
         front: (C,) line on the wall's half that faces the camera.
-        top, bottom: (C,) highest and lowest row of the whole surface.
+        top: (C,) highest row of the whole surface: the front line, a crest inside, or the rear
+            line.
     """
 
     front: Array
     top: Array
-    bottom: Array
 
 
 class SurfaceLines:
@@ -45,24 +47,22 @@ class SurfaceLines:
     def __init__(self, view: CupView, columns: Array) -> None:
         self._view = view
         self._columns = columns
-        # Close rings near the wall, where the surface is steepest.
-        relative = np.sqrt(np.linspace(0.0, 1.0, RINGS + 1)[1:])
-        azimuth = np.concatenate([_half_circles(view, ratio) for ratio in relative])
-        radius = np.repeat(relative * view.cup.radius, 2)[:, np.newaxis]
-        self._x, self._y = radius * np.cos(azimuth), radius * np.sin(azimuth)
-        shape = np.repeat(radial_shape(1, relative), 2)[:, np.newaxis]
-        self._rise_x, self._rise_y = shape * np.cos(azimuth), shape * np.sin(azimuth)
+        self._x, self._y = _chord_points(view)
+        radius = np.hypot(self._x, self._y)
+        relative = np.minimum(radius / view.cup.radius, 1.0)
+        # Smooth through the axis, where the shape is zero as well.
+        slope = radial_shape(1, relative) / np.maximum(radius, 1e-9)
+        self._rise_x, self._rise_y = slope * self._x, slope * self._y
 
     def edges(self, sh_x: float, sh_y: float) -> SurfaceEdges:
         """The edges for these wall heights at the container's +x and +y [m]."""
         lines = self._rows(self._x, self._y, sh_x * self._rise_x + sh_y * self._rise_y)
-        # The last pair of lines is the wall: its front half, its rear half.
-        return SurfaceEdges(lines[-2], np.fmin.reduce(lines), np.fmax.reduce(lines))
+        return SurfaceEdges(lines[0], np.fmin.reduce(lines))
 
     def floor(self) -> Array:
         """Lower edge of the liquid, (C,); the floor looks narrower than the cup's sides."""
-        level = np.full((1, AZIMUTHS), -self._view.cup.fill_height)
-        (line,) = self._rows(self._x[-2:-1], self._y[-2:-1], level)
+        level = np.full((1, CHORDS), -self._view.cup.fill_height)
+        (line,) = self._rows(self._x[:1], self._y[:1], level)
         known = np.isfinite(line)
         rows: Array = np.interp(self._columns, self._columns[known], line[known])
         return rows
@@ -71,8 +71,6 @@ class SurfaceLines:
         """Rows (L, C) of L curves of points (L, P)."""
         pixels = self._view.project(np.column_stack((x.ravel(), y.ravel(), z.ravel())))
         u, v = pixels[:, 0].reshape(x.shape), pixels[:, 1].reshape(x.shape)
-        order = np.argsort(u, axis=1)
-        u, v = np.take_along_axis(u, order, axis=1), np.take_along_axis(v, order, axis=1)
         columns = self._columns
         return np.stack(
             [
@@ -82,14 +80,21 @@ class SurfaceLines:
         )
 
 
-def _half_circles(view: CupView, relative_radius: float) -> Array:
-    """Azimuths (2, P) of the half of a ring that faces the camera, and of the other half.
+def _chord_points(view: CupView) -> tuple[Array, Array]:
+    """Points (PLACES, CHORDS) on horizontal rays through the cup, from its front to its rear wall.
 
-    They part where the camera's rays touch the ring, so that each half has one row per column.
+    Each row runs from the cup's left edge in the image to its right edge, so that it has one image
+    row at every column; the first is the front wall, the last the rear wall.
     """
     centre = view.pose.camera_centre
-    half = np.arccos(relative_radius * view.cup.radius / np.hypot(centre[0], centre[1]))
-    step = np.linspace(-1.0, 1.0, AZIMUTHS)
-    front = view.camera_azimuth + half * step
-    rear = view.camera_azimuth + np.pi + (np.pi - half) * step
-    return np.stack((front, rear))
+    distance = float(np.hypot(centre[0], centre[1]))
+    # Even steps about the cup: close rays at its edges, where the wall turns away.
+    aside = view.cup.radius * np.sin(np.linspace(np.pi / 2.0, -np.pi / 2.0, CHORDS))
+    off_axis = np.arcsin(aside / distance)
+    half = np.sqrt(np.maximum(view.cup.radius**2 - aside**2, 0.0))
+    heading = view.camera_azimuth + np.pi + off_axis
+    place = np.linspace(-1.0, 1.0, PLACES)[:, np.newaxis] * half
+    # The ray's point nearest to the axis, then along the ray.
+    x = place * np.cos(heading) - aside * np.sin(heading)
+    y = place * np.sin(heading) + aside * np.cos(heading)
+    return x, y

@@ -1,0 +1,135 @@
+"""The simulated cell's motion tables, sensors and truth liquid."""
+
+import numpy as np
+import pytest
+from scipy.integrate import cumulative_trapezoid
+from scipy.spatial.transform import Rotation
+
+from slosh_bag.errors import SloshBagError
+from slosh_bag.motion_table import MotionTable, write_motion_table
+from slosh_bringup.cell.motion_source import load_motion, motion_from_table
+from slosh_bringup.cell.motions import Motion, make_motion
+from slosh_bringup.cell.sensors import read_sensors
+from slosh_bringup.cell.truth import integrate_truth
+from slosh_bringup.errors import SloshBringupError
+from slosh_bringup.processes import config_folder
+from slosh_estimator.model_file import read_model
+from slosh_model.constants import GRAVITY
+
+TRUTH = read_model(config_folder() / "truth.yaml")
+
+
+def tilted(angle, t):
+    """A container at rest, rolled about x."""
+    quaternion = Rotation.from_euler("x", angle).as_quat()
+    rest = np.zeros((len(t), 3))
+    return Motion("tilt", t, rest, rest, np.tile(quaternion, (len(t), 1)))
+
+
+def test_a_tables_motion_is_the_one_that_was_written(tmp_path):
+    motion = make_motion("e3", 200.0)
+    path = tmp_path / "motion.csv.gz"
+    write_motion_table(path, MotionTable(motion.t + 5.0, motion.acceleration))
+    played = load_motion(str(path), 1000.0)
+    assert played.name == "motion.csv.gz"
+    assert played.t[0] == 0.0
+    assert played.duration == pytest.approx(motion.duration, abs=0.001)
+    assert played.acceleration[::5] == pytest.approx(motion.acceleration[: len(played.t[::5])])
+    assert played.position[::5] == pytest.approx(motion.position, abs=1e-3)
+    assert played.attitude is played.angular_velocity is None
+
+
+def test_attitude_is_sampled_as_a_rotation_and_gives_the_turning():
+    t = np.linspace(0.0, 1.0, 11)
+    turn = Rotation.from_rotvec(np.outer(2.0 * t, (0.0, 0.0, 1.0)))
+    quaternions = turn.as_quat() * np.where(np.arange(11) % 2, -1.0, 1.0)[:, np.newaxis]
+    motion = motion_from_table("x", MotionTable(t, np.zeros((11, 3)), quaternions), 100.0)
+    assert np.linalg.norm(motion.attitude, axis=1) == pytest.approx(1.0)
+    expected = np.outer(2.0 * motion.t, (0.0, 0.0, 1.0))
+    assert Rotation.from_quat(motion.attitude).as_rotvec() == pytest.approx(expected)
+    assert motion.angular_velocity == pytest.approx(np.tile((0.0, 0.0, 2.0), (101, 1)))
+
+
+def test_a_given_angular_velocity_wins():
+    t = np.linspace(0.0, 1.0, 3)
+    table = MotionTable(t, np.zeros((3, 3)), angular_velocity=np.tile((0.0, 0.0, 3.0), (3, 1)))
+    motion = motion_from_table("x", table, 10.0)
+    assert motion.angular_velocity == pytest.approx(np.tile((0.0, 0.0, 3.0), (11, 1)))
+
+
+def test_tables_that_are_no_motion_are_refused(tmp_path):
+    rest = np.zeros((2, 3))
+    with pytest.raises(SloshBringupError, match=r"x: lasts less than two samples at 10 Hz"):
+        motion_from_table("x", MotionTable(np.array([0.0, 0.05]), rest), 10.0)
+    with pytest.raises(SloshBringupError, match=r"rate = -1"):
+        motion_from_table("x", MotionTable(np.array([0.0, 1.0]), rest), -1.0)
+    quaternion = np.array([[0.0, 0.0, 0.0, 1.0], [0.0, 0.0, 0.0, 0.0]])
+    with pytest.raises(SloshBringupError, match=r"x: qx, qy, qz, qw: all zero at t = 1 s"):
+        motion_from_table("x", MotionTable(np.array([0.0, 1.0]), rest, quaternion), 10.0)
+    with pytest.raises(SloshBagError, match=r"none\.csv"):
+        load_motion(str(tmp_path / "none.csv"))
+
+
+def test_an_accelerometer_at_rest_feels_gravity_upwards_in_its_own_axes():
+    motion = tilted(0.3, np.arange(3) / 10.0)
+    expected = GRAVITY * np.array([0.0, np.sin(0.3), np.cos(0.3)])
+    assert motion.specific_force() == pytest.approx(np.tile(expected, (3, 1)))
+    upright = make_motion("c", 100.0)
+    assert upright.specific_force()[0] == pytest.approx((0.0, 0.0, GRAVITY))
+
+
+def test_sensor_noise_has_its_size_repeats_with_its_seed_and_differs_between_sensors():
+    motion = make_motion("c3")
+    readings, again = read_sensors(motion, 0.02, 3), read_sensors(motion, 0.02, 3)
+    other = read_sensors(motion, 0.02, 4)
+    accel = readings.acceleration - motion.acceleration
+    force = readings.specific_force - motion.specific_force()
+    assert accel.std() == pytest.approx(0.02, rel=0.02)
+    assert force.std() == pytest.approx(0.02, rel=0.02)
+    assert abs(np.corrcoef(accel.ravel(), force.ravel())[0, 1]) < 0.02
+    assert np.array_equal(readings.acceleration, again.acceleration)
+    assert not np.array_equal(readings.acceleration, other.acceleration)
+    assert not readings.angular_velocity.any()
+    assert np.array_equal(readings.attitude[-1], (0.0, 0.0, 0.0, 1.0))
+
+
+def test_the_truth_is_interpolated_between_its_samples():
+    motion = make_motion("c3")
+    truth = integrate_truth(TRUTH, motion)
+    middle = len(motion.t) // 2
+    assert truth.at(motion.t[middle]) == (truth.sh_x[middle], truth.sh_y[middle])
+    assert truth.at(0.5) == (0.0, 0.0)
+    between = truth.at(0.5 * (motion.t[middle] + motion.t[middle + 1]))
+    assert between[0] == pytest.approx(truth.sh_x[middle : middle + 2].mean())
+
+
+def test_the_truths_surface_stays_level_in_a_tilted_container():
+    """Statics of one mode: 2 C₁/(ξ₁² − 1) of the level surface's R tan(tilt), 0.837."""
+    tilt = 0.05
+    motion = tilted(tilt, np.arange(60000) / 1000.0)
+    truth = integrate_truth(TRUTH, motion)
+    xi = 1.841184
+    share = 2.0 / (xi**2 - 1.0)
+    rest = np.mean(truth.sh_y[40000:])
+    # Rolled about +x, the wall at +y rises: the liquid there stands lower on it.
+    assert rest == pytest.approx(-share * TRUTH.container.radius * np.tan(tilt), rel=0.01)
+    assert truth.sh_x == pytest.approx(np.zeros(len(motion.t)), abs=1e-12)
+
+
+def test_a_tilt_and_the_acceleration_that_feels_the_same_move_the_liquid_alike():
+    t = np.arange(2000) / 1000.0
+    angle = 0.1
+    felt = GRAVITY * np.array([0.0, np.sin(angle), np.cos(angle) - 1.0])
+    pushed = Motion("push", t, np.zeros((2000, 3)), np.tile(felt, (2000, 1)))
+    by_tilt = integrate_truth(TRUTH, tilted(angle, t))
+    by_push = integrate_truth(TRUTH, pushed)
+    assert by_tilt.sh_y == pytest.approx(by_push.sh_y, abs=1e-9)
+    assert np.abs(by_tilt.sh_y).max() > 0.005
+
+
+def test_position_is_the_accelerations_integral_from_rest():
+    t = np.linspace(0.0, 2.0, 41)
+    acceleration = np.stack((np.sin(t), np.cos(t), 0.1 * t), axis=1)
+    motion = motion_from_table("x", MotionTable(t, acceleration), 1000.0)
+    velocity = cumulative_trapezoid(motion.acceleration, motion.t, axis=0, initial=0.0)
+    assert np.gradient(motion.position, motion.t, axis=0) == pytest.approx(velocity, abs=1e-3)
