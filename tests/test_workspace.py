@@ -1,0 +1,97 @@
+"""The workspace is what colcon, rosdep and ros2 launch expect of it."""
+
+import ast
+import importlib
+import re
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
+
+import pytest
+import yaml
+
+ROOT = Path(__file__).resolve().parent.parent
+PACKAGES = sorted(path.parent for path in ROOT.glob("src/*/package.xml"))
+PYTHON = [package for package in PACKAGES if (package / "setup.py").exists()]
+DIRECT = {"numpy": "python3-numpy", "scipy": "python3-scipy", "cv2": "python3-opencv"}
+
+
+def manifest(package):
+    return ElementTree.parse(package / "package.xml").getroot()
+
+
+def scripts(package):
+    text = (package / "setup.py").read_text()
+    return dict(re.findall(r'"(\w+) = ([\w.]+):main"', text))
+
+
+def imported(package):
+    """Top-level modules that a package's own code imports."""
+    names = set()
+    for path in (package / package.name).rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.Import):
+                names |= {alias.name.split(".")[0] for alias in node.names}
+            elif isinstance(node, ast.ImportFrom) and node.module:
+                names.add(node.module.split(".")[0])
+    return names
+
+
+def test_all_eight_packages_are_there():
+    assert {package.name.removeprefix("slosh_") for package in PACKAGES} == {
+        "msgs", "msgs_py", "model", "camera", "estimator", "bag", "discovery", "bringup",
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("package", PACKAGES, ids=lambda path: path.name)
+def test_manifest_names_the_package_its_licence_and_its_build(package):
+    root = manifest(package)
+    assert root.findtext("name") == package.name
+    assert root.findtext("license") == "Apache-2.0"
+    build = "ament_cmake" if package.name == "slosh_msgs" else "ament_python"
+    assert root.findtext("export/build_type") == build
+
+
+@pytest.mark.parametrize("package", PYTHON, ids=lambda path: path.name)
+def test_ament_finds_the_package_and_its_programs(package):
+    assert (package / "resource" / package.name).is_file()
+    assert f"lib/{package.name}" in (package / "setup.cfg").read_text()
+    for module in scripts(package).values():
+        assert callable(importlib.import_module(module).main)
+
+
+@pytest.mark.parametrize("package", PYTHON, ids=lambda path: path.name)
+def test_what_is_imported_is_declared(package):
+    declared = {element.text for element in manifest(package).iter("exec_depend")}
+    modules = imported(package) - {package.name}
+    own = {path.name for path in PACKAGES}
+    messages = {name for name in modules if name.endswith("_msgs") or name.endswith("_srvs")}
+    needed = modules & own | messages | {DIRECT[name] for name in modules & set(DIRECT)}
+    if "rclpy" in modules:
+        needed.add("rclpy")
+    provided = {"builtin_interfaces": "slosh_msgs"}
+    assert {provided.get(name, name) for name in needed} <= declared
+
+
+def test_the_launch_file_starts_programs_that_exist():
+    text = (ROOT / "src/slosh_bringup/launch/cell.launch.py").read_text()
+    ast.parse(text)
+    started = re.findall(r'node\(\s*"(slosh_\w+)",\s*"(\w+)"', text)
+    assert len(started) == 5
+    for package, program in started:
+        assert program in scripts(ROOT / "src" / package)
+
+
+def test_the_parameter_file_names_only_parameters_that_exist():
+    text = (ROOT / "src/slosh_bringup/config/cell.yaml").read_text()
+    from slosh_bringup.processes import NODES
+
+    for node, content in yaml.safe_load(text)["/**"].items():
+        known = {spec.name for spec in importlib.import_module(NODES[node]).PARAMETERS}
+        assert set(content["ros__parameters"]) <= known
+
+
+def test_every_requirement_has_one_exact_version():
+    for name in ("ros", "runtime", "development"):
+        lines = (ROOT / "requirements" / f"{name}.txt").read_text().splitlines()[1:]
+        for line in lines:
+            assert re.fullmatch(r'[\w.-]+==[\w.]+( ; python_version (<|>=) "3\.12")?', line), line
