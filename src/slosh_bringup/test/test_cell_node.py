@@ -1,0 +1,188 @@
+"""The simulated cell over DDS: what a robot and a camera driver would send, and its own end."""
+
+import json
+import time
+
+import numpy as np
+import pytest
+
+rclpy = pytest.importorskip("rclpy", reason="ROS 2 is not installed")
+
+from geometry_msgs.msg import AccelStamped, PoseStamped  # noqa: E402
+from rclpy.executors import SingleThreadedExecutor  # noqa: E402
+from rclpy.node import Node  # noqa: E402
+from scipy.spatial.transform import Rotation  # noqa: E402
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image, Imu  # noqa: E402
+from std_msgs.msg import String  # noqa: E402
+
+from slosh_bag.motion_table import MotionTable, write_motion_table  # noqa: E402
+from slosh_bringup.cell.motion_source import load_motion  # noqa: E402
+from slosh_bringup.cell.truth import integrate_truth  # noqa: E402
+from slosh_bringup.errors import SloshBringupError  # noqa: E402
+from slosh_bringup.nodes.cell_node import CellNode  # noqa: E402
+from slosh_bringup.processes import config_folder  # noqa: E402
+from slosh_camera.calibration import read_calibration  # noqa: E402
+from slosh_camera.image import decode_compressed  # noqa: E402
+from slosh_estimator.model_file import read_model  # noqa: E402
+from slosh_model.constants import GRAVITY  # noqa: E402
+from slosh_msgs.msg import FreeSurface, SloshEstimate  # noqa: E402
+from slosh_msgs_py import qos, topics  # noqa: E402
+from slosh_msgs_py.stamps import to_nanoseconds  # noqa: E402
+
+DOMAIN = 33
+PATIENCE = 30.0
+KINDS = {
+    topics.ACCEL: AccelStamped,
+    topics.IMU: Imu,
+    topics.POSE: PoseStamped,
+    topics.IMAGE: Image,
+    topics.IMAGE_COMPRESSED: CompressedImage,
+    topics.CAMERA_INFO: CameraInfo,
+    topics.TRUTH: FreeSurface,
+}
+TILT = 0.1
+
+
+def stamps(messages):
+    return np.array([to_nanoseconds(message.header.stamp) for message in messages])
+
+
+def play(**parameters):
+    """Runs the node to its end; what a reader got by topic, and the summary."""
+    words = ["--ros-args"]
+    for name, value in parameters.items():
+        words += ["-p", f"{name}:={value}"]
+    rclpy.init(args=words, domain_id=DOMAIN)
+    nodes = []
+    try:
+        probe = Node("probe")
+        nodes.append(probe)
+        got = {topic: [] for topic in KINDS}
+        summaries = []
+        for topic, kind in KINDS.items():
+            probe.create_subscription(kind, topic, got[topic].append, qos.STREAM_OUT)
+        # The cell waits until the nodes that answer have readers, too.
+        probe.create_subscription(SloshEstimate, topics.ESTIMATE, print, qos.STREAM_IN)
+        probe.create_subscription(FreeSurface, topics.FREE_SURFACE, print, qos.STREAM_IN)
+        probe.create_subscription(String, topics.SUMMARY, summaries.append, qos.EVENT)
+        cell = CellNode()
+        nodes.append(cell)
+        executor = SingleThreadedExecutor()
+        executor.add_node(probe)
+        executor.add_node(cell)
+        deadline = time.monotonic() + PATIENCE
+        while not (cell.finished and summaries):
+            assert time.monotonic() < deadline, "the cell does not end"
+            executor.spin_once(timeout_sec=0.05)
+        cell.close()
+        return got, json.loads(summaries[0].data)
+    finally:
+        for node in nodes:
+            node.destroy_node()
+        rclpy.try_shutdown()
+
+
+@pytest.fixture(scope="module")
+def table(tmp_path_factory):
+    """Half a second of pushing a container that stands 0.1 rad tilted."""
+    t = np.arange(501) / 1000.0
+    push = np.stack((np.sin(2 * np.pi * t), 0.0 * t, 0.0 * t), axis=1)
+    turn = np.tile(Rotation.from_euler("x", TILT).as_quat(), (len(t), 1))
+    path = tmp_path_factory.mktemp("cell") / "push.csv"
+    write_motion_table(path, MotionTable(t, push, turn, np.tile((0.0, 0.0, 0.5), (501, 1))))
+    return path
+
+
+@pytest.fixture(scope="module")
+def played(table):
+    return play(motion=table, readers=1, acceleration_noise=0.0, image_noise=0.0, repeat=2)
+
+
+def test_nothing_is_lost_and_the_summary_counts_it(played):
+    got, summary = played
+    expected = {
+        topics.ACCEL: 1002,
+        topics.IMU: 201,
+        topics.POSE: 201,
+        topics.IMAGE: 61,
+        topics.IMAGE_COMPRESSED: 61,
+        topics.CAMERA_INFO: 61,
+        topics.TRUTH: 61,
+    }
+    assert {topic: len(messages) for topic, messages in got.items()} == expected
+    published = {f"/{topic}": count for topic, count in expected.items()}
+    assert summary == {"motion": "push.csv", "published": {**published, "/cell/summary": 1}}
+
+
+def test_stamps_lie_on_the_grid_of_one_clock(played):
+    got, _ = played
+    accel, imu, pose = (stamps(got[topic]) for topic in (topics.ACCEL, topics.IMU, topics.POSE))
+    assert (np.diff(accel) == 1_000_000).all()
+    assert np.array_equal(imu, accel[::5])
+    assert np.array_equal(imu, pose)
+    images = stamps(got[topics.IMAGE])
+    assert images[0] == accel[0]
+    assert np.abs(images - images[0] - np.arange(61) * 1e9 / 60.0).max() <= 1
+    for topic in (topics.IMAGE_COMPRESSED, topics.CAMERA_INFO, topics.TRUTH):
+        assert np.array_equal(stamps(got[topic]), images)
+
+
+def test_readings_are_the_motions(played, table):
+    got, _ = played
+    motion = load_motion(str(table)).repeated(2)
+    accel = [message.accel.linear for message in got[topics.ACCEL]]
+    assert {message.header.frame_id for message in got[topics.ACCEL]} == {"world"}
+    assert np.array([(a.x, a.y, a.z) for a in accel]) == pytest.approx(motion.acceleration)
+    first = got[topics.IMU][0]
+    force, turning = first.linear_acceleration, first.angular_velocity
+    felt = (0.0, GRAVITY * np.sin(TILT), GRAVITY * np.cos(TILT))
+    assert (force.x, force.y, force.z) == pytest.approx(felt)
+    assert (turning.x, turning.y, turning.z) == pytest.approx((0.0, 0.0, 0.5))
+    assert first.orientation_covariance[0] == -1.0
+    pose = got[topics.POSE][-1].pose
+    last = motion.position[1000]
+    assert (pose.position.x, pose.position.y) == pytest.approx((last[0], last[1]))
+    assert pose.orientation.x == pytest.approx(np.sin(TILT / 2.0))
+
+
+def test_the_truth_is_that_of_the_shipped_model(played, table):
+    got, _ = played
+    model = read_model(config_folder() / "truth.yaml")
+    truth = integrate_truth(model, load_motion(str(table)).repeated(2))
+    for index in (0, 20, 60):
+        message = got[topics.TRUTH][index]
+        sh_x, sh_y = truth.at(index / 60.0)
+        assert message.msh == pytest.approx(np.hypot(sh_x, sh_y))
+        assert message.azimuth == pytest.approx(np.arctan2(sh_y, sh_x))
+    assert got[topics.TRUTH][20].msh > 0.001
+
+
+def test_images_come_raw_and_compressed_with_their_calibration(played):
+    got, _ = played
+    raw, jpeg = got[topics.IMAGE][30], got[topics.IMAGE_COMPRESSED][30]
+    assert (raw.encoding, raw.height, raw.width, raw.step) == ("mono8", 480, 640, 640)
+    pixels = np.frombuffer(raw.data, np.uint8).reshape(480, 640)
+    decoded = decode_compressed(jpeg.format, bytes(jpeg.data))
+    assert np.abs(decoded.astype(int) - pixels).mean() < 1.0
+    info = got[topics.CAMERA_INFO][30]
+    camera = read_calibration(config_folder() / "camera.yaml").view.camera
+    assert np.array_equal(np.reshape(info.k, (3, 3)), camera.matrix)
+    frames = {message.header.frame_id for message in (raw, jpeg, info)}
+    assert frames == {"camera_optical"}
+
+
+def test_topics_that_are_not_wanted_stay_silent(table):
+    got, summary = play(motion=table, readers=1, imu_every=0, compressed=False, fps=20.0)
+    counts = {topic: len(messages) for topic, messages in got.items() if messages}
+    assert counts == {
+        topics.ACCEL: 501,
+        topics.IMAGE: 11,
+        topics.CAMERA_INFO: 11,
+        topics.TRUTH: 11,
+    }
+    assert "/imu" not in summary["published"]
+
+
+def test_an_unknown_motion_ends_it_before_it_starts():
+    with pytest.raises(SloshBringupError, match="unknown motion 'x9'"):
+        play(motion="x9")
