@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import cv2
 
@@ -40,7 +40,7 @@ def open_source(path: Path) -> Iterator[SourceFrame]:
     if not path.exists():
         raise SloshBringupError(f"{path}: no such file or folder")
     if path.suffix == ".mcap" or (path.is_dir() and any(path.glob("*.mcap"))):
-        return _bag_frames(path)
+        return bag_frames(path)
     if path.is_dir():
         return _folder_frames(path)
     return _video_frames(path)
@@ -81,7 +81,16 @@ def _captured(capture: cv2.VideoCapture) -> Iterator[SourceFrame]:
         index += 1
 
 
-def _bag_frames(path: Path) -> Iterator[SourceFrame]:
+def bag_frames(path: Path, stamps: Collection[int] | None = None) -> Iterator[SourceFrame]:
+    """The images of a bag's first image topic.
+
+    Args:
+        path: the bag.
+        stamps: only the images with these stamps [ns]; None: all.
+
+    Raises:
+        SloshBagError: a damaged bag, or one without images.
+    """
     reader = BagReader(path)
     topics = [topic for topic, info in reader.topics().items() if info.message_type in IMAGE_TYPES]
     if not topics:
@@ -89,14 +98,20 @@ def _bag_frames(path: Path) -> Iterator[SourceFrame]:
     for record in reader.messages(topics[:1]):
         message = reader.decode(record)
         stamp = stamp_ns(message)
-        try:
-            if record.message_type == IMAGE_TYPES[0]:
-                gray = to_gray(
-                    message.encoding, message.height, message.width, message.step, message.data
-                )
-            else:
-                gray = decode_compressed(message.format, message.data)
-        except SloshCameraError as error:
-            yield SourceFrame(stamp, f"{stamp} ns", None, str(error))
+        if stamps is None or stamp in stamps:
+            yield _decoded(stamp, message, record.message_type)
+
+
+def _decoded(stamp: int, message: Any, message_type: str) -> SourceFrame:
+    """A recorded image message's pixels."""
+    name = f"{stamp} ns"
+    try:
+        if message_type == IMAGE_TYPES[0]:
+            gray = to_gray(
+                message.encoding, message.height, message.width, message.step, message.data
+            )
         else:
-            yield SourceFrame(stamp, f"{stamp} ns", gray)
+            gray = decode_compressed(message.format, message.data)
+    except SloshCameraError as error:
+        return SourceFrame(stamp, name, None, str(error))
+    return SourceFrame(stamp, name, gray)

@@ -8,16 +8,16 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from slosh_bag.reader import BagReader
-from slosh_bringup.run_data import RecordedEvent, RunData, stamp_ns
+from slosh_bag.errors import SloshBagError
+from slosh_bringup.frame_source import bag_frames
+from slosh_bringup.run_data import RecordedEvent, RunData
 from slosh_bringup.run_result import RunResult
 from slosh_camera.calibration import Calibration
 from slosh_camera.detector import FreeSurfaceDetector
 from slosh_camera.drawing import draw_measurement
 from slosh_camera.errors import SloshCameraError
-from slosh_camera.image import decode_compressed, to_gray
+from slosh_camera.image import GrayImage
 from slosh_discovery.report import Frame, KeyFigure, ModelRow, RunReport, Span, Topic
 
 SOURCES = ("measured", "estimated", "disagreement")
@@ -143,32 +143,13 @@ def moments(data: RunData) -> dict[str, int]:
     return wanted
 
 
-def find_images(bag: Path, stamps: set[int]) -> dict[int, NDArray[np.uint8]]:
-    """The images with these stamps; one that cannot be decoded is left out."""
-    reader = BagReader(bag)
-    wanted = [
-        topic
-        for topic, info in reader.topics().items()
-        if info.message_type in ("sensor_msgs/msg/CompressedImage", "sensor_msgs/msg/Image")
-    ]
-    found: dict[int, NDArray[np.uint8]] = {}
-    if not wanted:
-        return found
-    for record in reader.messages(wanted[:1]):
-        message = reader.decode(record)
-        stamp = stamp_ns(message)
-        if stamp not in stamps:
-            continue
-        try:
-            if record.message_type.endswith("CompressedImage"):
-                found[stamp] = decode_compressed(message.format, message.data)
-            else:
-                found[stamp] = to_gray(
-                    message.encoding, message.height, message.width, message.step, message.data
-                )
-        except SloshCameraError:
-            continue
-    return found
+def find_images(bag: Path, stamps: set[int]) -> dict[int, GrayImage]:
+    """The images with these stamps; none where the bag has no images."""
+    try:
+        found = list(bag_frames(bag, stamps))
+    except SloshBagError:
+        return {}
+    return {frame.stamp_ns: frame.gray for frame in found if frame.gray is not None}
 
 
 def _rounded(value: float, digits: int) -> str:
