@@ -7,17 +7,29 @@ from typing import Any
 import numpy as np
 from geometry_msgs.msg import AccelStamped, PoseStamped
 from numpy.typing import NDArray
-from sensor_msgs.msg import CameraInfo, Imu
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image, Imu
+from std_msgs.msg import String
 
 from slosh_camera.calibration import Calibration
 from slosh_msgs.msg import FreeSurface
-from slosh_msgs_py import conversions, values
+from slosh_msgs_py import conversions, qos, topics, values
 
 Array = NDArray[np.float64]
 
 WORLD_FRAME = "world"
 IMU_FRAME = "imu"
 CAMERA_FRAME = "camera_optical"
+PUBLISHED = (
+    (topics.ACCEL, AccelStamped, qos.STREAM_OUT),
+    (topics.IMU, Imu, qos.STREAM_OUT),
+    (topics.POSE, PoseStamped, qos.STREAM_OUT),
+    (topics.IMAGE, Image, qos.IMAGE_OUT),
+    (topics.IMAGE_COMPRESSED, CompressedImage, qos.IMAGE_OUT),
+    (topics.CAMERA_INFO, CameraInfo, qos.IMAGE_OUT),
+    (topics.TRUTH, FreeSurface, qos.STREAM_OUT),
+    (topics.SUMMARY, String, qos.EVENT),
+)
+"""Topic, type and quality of service of everything that the cell publishes."""
 
 
 def accel_message(stamp: Any, acceleration: Array) -> AccelStamped:

@@ -10,9 +10,7 @@ from typing import Any
 
 import cv2
 import numpy as np
-from geometry_msgs.msg import AccelStamped, PoseStamped
 from rclpy.node import Node
-from sensor_msgs.msg import CameraInfo, CompressedImage, Image, Imu
 from std_msgs.msg import String
 
 from slosh_bringup.cell.motion_source import load_motion
@@ -21,6 +19,7 @@ from slosh_bringup.cell.sensors import read_sensors
 from slosh_bringup.cell.truth import integrate_truth
 from slosh_bringup.nodes.cell_messages import (
     CAMERA_FRAME,
+    PUBLISHED,
     accel_message,
     camera_info,
     imu_message,
@@ -30,8 +29,7 @@ from slosh_bringup.nodes.cell_messages import (
 from slosh_bringup.processes import config_folder
 from slosh_camera.calibration import read_calibration
 from slosh_estimator.model_file import read_model
-from slosh_msgs.msg import FreeSurface
-from slosh_msgs_py import images, qos, topics
+from slosh_msgs_py import images, topics
 from slosh_msgs_py.node.diagnostics import OK, DiagnosticsReporter, Health
 from slosh_msgs_py.node.parameters import ParameterSpec, declare
 from slosh_msgs_py.node.run import run_node
@@ -72,19 +70,9 @@ class CellNode(Node):
         self._readings = read_sensors(self._motion, given["acceleration_noise"], given["seed"])
         look = Appearance(noise=given["image_noise"], seed=given["seed"])
         self._renderer = CupRenderer(calibration.view, look)
-        self._pub: dict[str, Any] = {
-            topics.ACCEL: self.create_publisher(AccelStamped, topics.ACCEL, qos.STREAM_OUT),
-            topics.IMU: self.create_publisher(Imu, topics.IMU, qos.STREAM_OUT),
-            topics.POSE: self.create_publisher(PoseStamped, topics.POSE, qos.STREAM_OUT),
-            topics.IMAGE: self.create_publisher(Image, topics.IMAGE, qos.IMAGE_OUT),
-            topics.IMAGE_COMPRESSED: self.create_publisher(
-                CompressedImage, topics.IMAGE_COMPRESSED, qos.IMAGE_OUT
-            ),
-            topics.CAMERA_INFO: self.create_publisher(
-                CameraInfo, topics.CAMERA_INFO, qos.IMAGE_OUT
-            ),
-            topics.TRUTH: self.create_publisher(FreeSurface, topics.TRUTH, qos.STREAM_OUT),
-            topics.SUMMARY: self.create_publisher(String, topics.SUMMARY, qos.EVENT),
+        self._pub = {
+            topic: self.create_publisher(kind, topic, profile)
+            for topic, kind, profile in PUBLISHED
         }
         self._counts = dict.fromkeys(self._pub, 0)
         self._info = camera_info(calibration)
@@ -114,7 +102,14 @@ class CellNode(Node):
         self._counts[topic] += 1
 
     def _play(self) -> None:
-        """Waits for the readers, then runs both threads to the end of the motion."""
+        """Plays the motion; the node ends with it, also where that fails."""
+        try:
+            self._wait_for_readers()
+            self._perform()
+        finally:
+            self._finished.set()
+
+    def _wait_for_readers(self) -> None:
         deadline = time.monotonic() + self._given["patience"]
         while (
             self._readers() < self._given["readers"]
@@ -123,6 +118,9 @@ class CellNode(Node):
         ):
             pass
         self._stop.wait(0.5)  # the slowest reader's other topics are matched too
+
+    def _perform(self) -> None:
+        """Runs both threads to the end of the motion and says what was published."""
         start_ns = int(self.get_clock().now().nanoseconds)
         self._start = time.monotonic()
         self._playing = True
@@ -132,7 +130,6 @@ class CellNode(Node):
         camera.join()
         self._publish(topics.SUMMARY, String(data=json.dumps(self._summary())))
         self._stop.wait(LINGER)
-        self._finished.set()
 
     def _readers(self) -> int:
         """Fewest readers of any topic of the cell: not before that is every node there to see."""
@@ -192,6 +189,7 @@ class CellNode(Node):
 
 def main() -> int:
     """Runs the node."""
+    cv2.setNumThreads(1)  # small images; the other core belongs to the nodes
     return run_node(CellNode, finished=lambda node: node.finished)
 
 
