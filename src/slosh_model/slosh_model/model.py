@@ -61,6 +61,13 @@ class EffectUse:
         complete = find_effect(self.name).complete(self.parameters)
         object.__setattr__(self, "parameters", MappingProxyType(complete))
 
+    def __hash__(self) -> int:
+        return hash((self.name, tuple(self.parameters.items())))
+
+    def __reduce__(self) -> tuple[type[EffectUse], tuple[str, dict[str, float]]]:
+        # Read-only mappings cannot be pickled, and models travel between processes.
+        return EffectUse, (self.name, dict(self.parameters))
+
 
 @dataclass(frozen=True, slots=True)
 class Model:
@@ -114,7 +121,10 @@ class Model:
     def with_effect(self, effect: str, **parameters: float) -> Model:
         """The model with the effect added, or with these parameters in place of its own."""
         use = EffectUse(effect, parameters)
-        return replace(self, effects=(*self.without_effect(effect).effects, use))
+        if not self.has(effect):
+            return replace(self, effects=(*self.effects, use))
+        others = (use if other.name == effect else other for other in self.effects)
+        return replace(self, effects=tuple(others))
 
     def without_effect(self, effect: str) -> Model:
         """The model without the effect."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,21 +22,25 @@ Array = NDArray[np.float64]
 
 MAXIMUM_STEP = 0.002
 """Default bound of the sub-step [s]: relative error below 1e-6 for modes up to 10 Hz."""
+MAXIMUM_GAP = 3600.0
+"""Longest time between two samples [s]; more is a clock that jumped, not a motion."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Inputs:
     """The container's motion.
 
     Attributes:
         t: (N,) time [s], strictly increasing.
-        acceleration: (N, 3) of the container's origin, gravity excluded [m/s²].
-        attitude: (N, 4) quaternion x, y, z, w, world ← container; None: upright.
+        acceleration: (N, 3) of the container's origin in the world's axes, gravity excluded
+            [m/s²].
+        attitude: (N, 4) quaternion x, y, z, w, world ← container, of any length but zero; None:
+            upright and not turned.
         angular_velocity: (N, 3) in the container's frame [rad/s]; None: at rest.
 
     Raises:
         SloshModelError: shapes that do not match, a value that is not finite, time that does not
-            increase; the text names the array and the row.
+            increase or jumps by more than MAXIMUM_GAP; the text names the array and the row.
     """
 
     t: Array
@@ -44,32 +49,22 @@ class Inputs:
     angular_velocity: Array | None = None
 
     def __post_init__(self) -> None:
-        widths = {"t": None, "acceleration": 3, "attitude": 4, "angular_velocity": 3}
-        for name, width in widths.items():
+        rows = np.size(self.t)
+        widths = {"t": "", "acceleration": "xyz", "attitude": "xyzw", "angular_velocity": "xyz"}
+        for name, columns in widths.items():
             value = getattr(self, name)
-            if value is None:
-                continue
-            array = np.array(value, dtype=np.float64, order="C")
-            array.setflags(write=False)
-            object.__setattr__(self, name, array)
-            expected = (len(self.t),) if width is None else (len(self.t), width)
-            if array.shape != expected:
-                raise SloshModelError(f"{name} has the shape {array.shape}, expected {expected}")
-            bad = np.argwhere(~np.isfinite(array))
-            if len(bad):
-                raise SloshModelError(f"{name}[{bad[0][0]}] is not finite")
-        if len(self.t) == 0:
+            if value is not None:
+                shape = (rows, len(columns)) if columns else (rows,)
+                object.__setattr__(self, name, _frozen(name, value, shape, columns))
+        if rows == 0:
             raise SloshModelError("t is empty: a motion needs at least one sample")
-        late = np.flatnonzero(np.diff(self.t) <= 0.0)
-        if len(late):
-            row = late[0] + 1
-            raise SloshModelError(
-                f"t[{row}] = {self.t[row]!r} s does not come after "
-                f"t[{row - 1}] = {self.t[row - 1]!r} s"
-            )
+        _check_times(self.t)
+        if self.attitude is not None and not self.attitude.any(axis=1).all():
+            row = int(np.argmin(self.attitude.any(axis=1)))
+            raise SloshModelError(f"attitude[{row}] is zero: a quaternion has a length")
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class State:
     """Where a simulation stands; start the next one from it.
 
@@ -77,21 +72,31 @@ class State:
         t: time of the last input [s].
         modal: (modes, 4) x, y, vx, vy of each mode's mass [m, m/s].
         held: (4,) the last input's acceleration [m/s²] and the time since rest [s].
+
+    Raises:
+        SloshModelError: a shape that does not match or a value that is not finite.
     """
 
     t: float
     modal: Array
     held: Array
 
+    def __post_init__(self) -> None:
+        if not math.isfinite(self.t):
+            raise SloshModelError(f"the state's t = {self.t!r} s is not finite")
+        modal = _frozen("modal", self.modal, (len(self.modal), 4))
+        object.__setattr__(self, "modal", modal)
+        object.__setattr__(self, "held", _frozen("held", self.held, (4,)))
 
-@dataclass(frozen=True, slots=True)
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Response:
     """The liquid's answer, one entry per input sample.
 
     Attributes:
         t: (N,) time [s].
-        sh_x, sh_y: (N,) signed height on the wall at +x and +y [m].
-        modal: (N, modes, 4) x, y, vx, vy [m, m/s].
+        sh_x, sh_y: (N,) signed height on the wall at the container's +x and +y [m].
+        modal: (N, modes, 4) x, y, vx, vy in the axes of the acceleration [m, m/s].
     """
 
     t: Array
@@ -119,7 +124,6 @@ class Simulator:
     """
 
     __slots__ = (
-        "_gains",
         "_held",
         "_max_step",
         "_modal",
@@ -137,11 +141,16 @@ class Simulator:
         constants = model.mode_constants()
         self._modes = np.array(
             [
-                (mode.natural_frequency, mode.damping_ratio, mode.curvature, mode.container.radius)
-                for mode in constants
+                (
+                    mode.natural_frequency,
+                    mode.damping_ratio,
+                    mode.curvature,
+                    mode.container.radius,
+                    gain,
+                )
+                for mode, gain in zip(constants, model.height_gains(), strict=True)
             ]
         )
-        self._gains = np.array(model.height_gains())
         self._parameters = effect_parameters(model)
         self._modal = np.zeros((len(constants), 4))
         self._held = kernel.empty_held_input()
@@ -157,16 +166,18 @@ class Simulator:
         """Takes an input sample.
 
         Args:
-            dt: time since the sample before [s]; without one it is ignored.
+            dt: time since the sample before [s], finite; without one it is ignored, and where it
+                is not above 0 the sample only replaces the one before.
             ax, ay, az: the container's acceleration, gravity excluded [m/s²].
 
         Returns:
-            sh_x, sh_y: signed height on the wall at +x and +y [m].
+            sh_x, sh_y: signed height on the wall at +x and +y [m]; not finite where the solution
+                has left the finite numbers, until `reset`.
         """
         if not self._started:
             dt, self._started = 0.0, True
         heights: tuple[float, float] = kernel.advance(
-            self._modal, self._modes, self._gains, self._parameters, self._held, ax, ay, az, dt,
+            self._modal, self._modes, self._parameters, self._held, ax, ay, az, dt,
             self._max_step,
         )  # fmt: skip
         return heights
@@ -187,14 +198,19 @@ class Simulator:
                 )
             if start > inputs.t[0]:
                 raise SloshModelError(
-                    f"the motion starts at {inputs.t[0]!r} s, before the state's {start!r} s"
+                    f"the motion starts at {inputs.t[0]:.9g} s, before the state's {start:.9g} s"
+                )
+            if inputs.t[0] - start > MAXIMUM_GAP:
+                raise SloshModelError(
+                    f"the motion starts at {inputs.t[0]:.9g} s, more than {MAXIMUM_GAP:g} s "
+                    f"after the state's {start:.9g} s"
                 )
             self._modal[:], self._held[:] = state.modal, state.held
         intervals = np.diff(inputs.t, prepend=start)
         history = np.empty((len(inputs.t), *self._modal.shape))
         heights = np.empty((len(inputs.t), 2))
         kernel.advance_many(
-            self._modal, self._modes, self._gains, self._parameters, self._held, intervals,
+            self._modal, self._modes, self._parameters, self._held, intervals,
             inputs.acceleration, self._max_step, history, heights,
         )  # fmt: skip
         bad = np.flatnonzero(~np.isfinite(heights).all(axis=1))
@@ -204,8 +220,11 @@ class Simulator:
                 "is far outside the model's range, or max_step is too long"
             )
         self._started = True
-        end = State(float(inputs.t[-1]), self._modal.copy(), self._held.copy())
-        return Response(inputs.t, heights[:, 0], heights[:, 1], history), end
+        end = State(float(inputs.t[-1]), self._modal, self._held)
+        sh_x, sh_y = _turned(heights, inputs.attitude)
+        for array in (sh_x, sh_y, history):
+            array.setflags(write=False)
+        return Response(inputs.t, sh_x, sh_y, history), end
 
 
 def simulate(
@@ -223,8 +242,8 @@ def simulate(
         the response at the input's samples, and the state from which the next part can go on.
 
     Raises:
-        SloshModelError: the motion starts before the state, the state is another model's, or the
-            solution left the finite numbers.
+        SloshModelError: the motion starts before the state or long after it, the state is another
+            model's, or the solution left the finite numbers.
     """
     return Simulator(model, max_step=max_step).run(inputs, state)
 
@@ -240,3 +259,50 @@ def effect_parameters(model: Model) -> Array:
         for offset, parameter in enumerate(EFFECTS[use.name].parameters, start=1):
             flat[slot + offset] = use.parameters[parameter.name]
     return flat
+
+
+def _frozen(name: str, value: Any, shape: tuple[int, ...], columns: str = "") -> Array:
+    """A read-only copy.
+
+    Raises:
+        SloshModelError: no numbers, another shape, or a value that is not finite.
+    """
+    try:
+        array = np.array(value, dtype=np.float64, order="C")
+    except (TypeError, ValueError):
+        raise SloshModelError(f"{name} is no array of numbers") from None
+    array.setflags(write=False)
+    if array.shape != shape:
+        raise SloshModelError(f"{name} has the shape {array.shape}, expected {shape}")
+    bad = np.argwhere(~np.isfinite(array))
+    if len(bad):
+        place = tuple(int(index) for index in bad[0])
+        axis = f".{columns[place[1]]}" if columns else "".join(f"[{i}]" for i in place[1:])
+        raise SloshModelError(f"{name}[{place[0]}]{axis} = {array[place]} is not finite")
+    return array
+
+
+def _check_times(t: Array) -> None:
+    """Raises SloshModelError where time does not increase, or jumps."""
+    intervals = np.diff(t)
+    for wrong, what in (
+        (intervals <= 0.0, "does not come after"),
+        (intervals > MAXIMUM_GAP, f"comes more than {MAXIMUM_GAP:g} s after"),
+    ):
+        if wrong.any():
+            row = int(np.argmax(wrong)) + 1
+            raise SloshModelError(
+                f"t[{row}] = {t[row]:.9g} s {what} t[{row - 1}] = {t[row - 1]:.9g} s"
+            )
+
+
+def _turned(heights: Array, attitude: Array | None) -> tuple[Array, Array]:
+    """Heights (N, 2) at the world's +x and +y, as heights at the container's (N,), (N,)."""
+    height_x, height_y = heights[:, 0], heights[:, 1]
+    if attitude is None:
+        return height_x, height_y
+    # The twist about z of the swing-twist decomposition: x and y belong to the swing.
+    z, w = attitude[:, 2], attitude[:, 3]
+    yaw = np.arctan2(2.0 * w * z, w * w - z * z)
+    c, s = np.cos(yaw), np.sin(yaw)
+    return c * height_x + s * height_y, c * height_y - s * height_x

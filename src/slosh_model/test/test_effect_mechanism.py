@@ -1,60 +1,206 @@
 """An effect is one module: a new one in the folder is found, compiled in and cached anew."""
 
+import json
+import os
 import shutil
 import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 import slosh_model
 
 PACKAGE = Path(slosh_model.__file__).parent
-DRAG = """
-from numba import njit
-from slosh_model.effects.base import Effect, Parameter, Stage
 
-@njit
-def _term(mode, x, y, vx, vy, ax, ay, az, elapsed, p):
-    return -p[0] * vx, -p[0] * vy, 0.0, 0.0, 0.0
+# One module for each way in which an effect may act.
+EFFECTS = {
+    "a_drag": """
+from slosh_model.effects.base import Effect, Parameter, Stage, compiled
 
-def _modes(modes, parameters):
-    return modes
+@compiled
+def _term(mode, elapsed, q, inputs, p):
+    return -p[0] * q[2], -p[0] * q[3], 0.0, 0.0, 0.0
 
 EFFECT = Effect(
     name="a_drag", title="drag", stages=(Stage.DYNAMICS,), equation="k v", source="test",
-    parameters=(Parameter("k", "1/s", 0.0, 100.0, 0.0, "drag"),), term=_term, modes=_modes,
+    parameters=(Parameter("k", "1/s", 0.0, 100.0, 0.0, "drag"),), term=_term,
 )
-"""
+""",
+    "added_mass": """
+from slosh_model.effects.base import Effect, Parameter, Stage, compiled
+
+@compiled
+def _term(mode, elapsed, q, inputs, p):
+    return 0.0, 0.0, p[0], 0.0, p[1]
+
+EFFECT = Effect(
+    name="added_mass", title="added mass", stages=(Stage.DYNAMICS,), equation="m a", source="test",
+    parameters=(
+        Parameter("mx", "1", 0.0, 100.0, 0.0, "along x"),
+        Parameter("my", "1", 0.0, 100.0, 0.0, "along y"),
+    ),
+    term=_term,
+)
+""",
+    "fill": """
+from dataclasses import replace
+from slosh_model.effects.base import Effect, Parameter, Stage
+
+def _modes(modes, p):
+    def deeper(cup):
+        return replace(cup, fill_height=cup.fill_height + p["delta"])
+    return tuple(replace(mode, container=deeper(mode.container)) for mode in modes)
+
+EFFECT = Effect(
+    name="fill", title="fill", stages=(Stage.DYNAMICS, Stage.HEIGHT), equation="h", source="test",
+    parameters=(Parameter("delta", "m", -1.0, 1.0, 0.0, "more liquid"),), modes=_modes,
+)
+""",
+    "more_modes": """
+from slosh_model.effects.base import Effect, Parameter, Stage
+from slosh_model.modes import Mode
+
+def _modes(modes, p):
+    return (*modes, Mode(len(modes) + 1, modes[0].container, p["zeta"]))
+
+EFFECT = Effect(
+    name="more_modes", title="a mode", stages=(Stage.DYNAMICS,), equation="n", source="test",
+    parameters=(Parameter("zeta", "1", 0.0, 0.9, None, "its damping", 0.0),), modes=_modes,
+)
+""",
+    "ramp": """
+from slosh_model.effects.base import Effect, Parameter, Stage, compiled
+
+@compiled
+def _term(mode, elapsed, q, inputs, p):
+    return p[0] * elapsed, 0.0, 0.0, 0.0, 0.0
+
+EFFECT = Effect(
+    name="ramp", title="growing push", stages=(Stage.DYNAMICS,), equation="r t", source="test",
+    parameters=(Parameter("rate", "m/s³", 0.0, 100.0, 0.0, "growth"),), term=_term,
+)
+""",
+    "tall": """
+from slosh_model.effects.base import Effect, Stage
+
+EFFECT = Effect(
+    name="tall", title="tall", stages=(Stage.HEIGHT,), equation="2 eta", source="test",
+    height_gain=lambda mode, p: 2.0 * mode.linear_gain,
+)
+""",
+}
 PROBE = """
+import json
 import numpy as np
+from slosh_model import kernel
 from slosh_model.containers import Cylinder
 from slosh_model.model import Model
 from slosh_model.simulate import Inputs, State, simulate
-model = Model(Cylinder(0.05, 0.07), damping_ratio=0.0).with_effect("a_drag", k=2.0)
+
+CUP = Cylinder(0.05, 0.07)
+PLAIN = Model(CUP, damping_ratio=0.0)
+w = CUP.natural_frequency(1)
 t = np.linspace(0.0, 1.0, 501)
-state = State(0.0, np.array([[0.01, 0.0, 0.0, 0.0]]), np.zeros(4))
-x = simulate(model, Inputs(t, np.zeros((501, 3))), state)[0].modal[:, 0, 0]
-w = np.sqrt(model.container.natural_frequency(1) ** 2 - 1.0)
-exact = 0.01 * np.exp(-t) * (np.cos(w * t) + np.sin(w * t) / w)
-print(model.name, np.max(np.abs(x - exact)) < 1e-9)
+push = np.stack([np.sin(20 * t), np.cos(9 * t), 0 * t], axis=1)
+free = Inputs(t, np.zeros((501, 3)))
+aside = State(0.0, np.array([[0.01, 0.01, 0.0, 0.0]]), np.zeros(4))
+
+def run(model, inputs=free, state=None):
+    return simulate(model, inputs, state)[0]
+
+def same(model, other):
+    one, two = run(model, Inputs(t, push)), run(other, Inputs(t, push))
+    return bool(np.array_equal(one.sh_x, two.sh_x) and np.array_equal(one.modal, two.modal))
+
+def close(values, exact):
+    return bool(np.max(np.abs(values - exact)) < 1e-8)
+
+def oscillation(damping, frequency):
+    f = np.sqrt(frequency**2 - damping**2)
+    return 0.01 * np.exp(-damping * t) * (np.cos(f * t) + damping * np.sin(f * t) / f)
+
+drag = run(PLAIN.with_effect("a_drag", k=2.0), state=aside).modal[:, 0]
+heavy = run(PLAIN.with_effect("added_mass", mx=3.0, my=1.0), state=aside).modal[:, 0]
+both = run(PLAIN.with_effect("a_drag", k=2.0).with_effect("added_mass", mx=3.0, my=3.0),
+           state=aside).modal[:, 0]
+ramp = PLAIN.with_effect("ramp", rate=2.0)
+first, state = simulate(ramp, Inputs(t[:200], np.zeros((200, 3))))
+second, _ = simulate(ramp, Inputs(t[200:], np.zeros((301, 3))), state)
+pushed = np.concatenate([first.modal, second.modal])[:, 0, 0]
+print(json.dumps({
+    "name": PLAIN.with_effect("a_drag", k=2.0).name,
+    "drag": close(drag[:, 0], oscillation(1.0, w)),
+    "added_mass": close(heavy[:, 0], oscillation(0.0, w / 2.0))
+        and close(heavy[:, 1], oscillation(0.0, w / np.sqrt(2.0))),
+    "two_terms": close(both[:, 0], oscillation(0.25, w / 2.0)),
+    "elapsed": close(pushed, 2.0 / w**2 * (t - np.sin(w * t) / w)),
+    "fill": same(PLAIN.with_effect("fill", delta=0.01),
+                 Model(Cylinder(0.05, 0.08), damping_ratio=0.0)),
+    "more_modes": same(PLAIN.with_effect("more_modes"), Model(CUP, damping_ratio=0.0, modes=2)),
+    "height_gain": bool(np.array_equal(run(PLAIN.with_effect("tall"), Inputs(t, push)).sh_x,
+                                       2.0 * run(PLAIN, Inputs(t, push)).sh_x)),
+    "off": same(PLAIN, PLAIN.with_effect("a_drag", k=2.0).without_effect("a_drag")),
+    "hits": sum(kernel.advance_many.stats.cache_hits.values()),
+}))
 """
 
 
-def run_probe(root: Path) -> str:
-    environment = {
-        "PATH": "/usr/bin:/bin", "PYTHONPATH": str(root), "XDG_CACHE_HOME": str(root / "cache"),
-        "HOME": str(root),
-    }  # fmt: skip
-    command = [sys.executable, "-c", PROBE]
-    done = subprocess.run(
-        command, env=environment, capture_output=True, text=True, timeout=100, check=False
-    )
-    return done.stdout + done.stderr
-
-
-def test_a_new_module_is_an_effect_and_an_edit_is_never_missed(tmp_path):
+@pytest.fixture
+def package(tmp_path):
+    """A copy of the package with the test's effects; its own cache."""
     shutil.copytree(PACKAGE, tmp_path / "slosh_model")
-    module = tmp_path / "slosh_model" / "effects" / "a_drag.py"
-    module.write_text(DRAG)
-    assert "2D-L+a_drag True" in run_probe(tmp_path)
-    module.write_text(DRAG.replace("-p[0] * vx", "+p[0] * vx"))
-    assert "2D-L+a_drag False" in run_probe(tmp_path)
+    for name, text in EFFECTS.items():
+        (tmp_path / "slosh_model" / "effects" / f"{name}.py").write_text(text)
+    return tmp_path
+
+
+def run(root: Path, program: str, **environment: str) -> str:
+    surroundings = {
+        "PATH": os.defpath,
+        "PYTHONPATH": str(root),
+        "XDG_CACHE_HOME": str(root / "cache"),
+        "HOME": str(root),
+        **environment,
+    }
+    command = [sys.executable, "-c", program]
+    return subprocess.run(
+        command, env=surroundings, capture_output=True, text=True, timeout=100, check=True
+    ).stdout
+
+
+def test_each_kind_of_effect_is_one_module_and_an_edit_is_never_missed(package):
+    found = json.loads(run(package, PROBE))
+    assert found.pop("name") == "2D-L+a_drag"
+    assert found.pop("hits") == 0
+    assert found == dict.fromkeys(found, True)
+
+    assert json.loads(run(package, PROBE))["hits"] == 1  # compiled before
+
+    module = package / "slosh_model" / "effects" / "a_drag.py"
+    module.write_text(EFFECTS["a_drag"].replace("-p[0] * q[2]", "-3.0 * p[0] * q[2]"))
+    edited = json.loads(run(package, PROBE))
+    assert edited["hits"] == 0
+    assert not edited["drag"]
+    assert edited["added_mass"]
+
+
+SHORT = """
+import numpy as np
+from slosh_model.containers import Cylinder
+from slosh_model.model import Model
+from slosh_model.simulate import Inputs, simulate
+t = np.linspace(0.0, 0.4, 101)
+push = np.stack([3 * np.sin(20 * t), np.cos(9 * t), np.sin(t)], axis=1)
+response, _ = simulate(Model(Cylinder(0.05, 0.07)).spatial().nonlinear(), Inputs(t, push))
+print(repr(float(response.msh.max())))
+"""
+
+
+def test_works_where_compiling_is_switched_off():
+    root = PACKAGE.parent
+    plain = run(root, SHORT, NUMBA_DISABLE_JIT="1", XDG_CACHE_HOME="/nonexistent/cache")
+    cache = os.environ.get("XDG_CACHE_HOME", os.path.expanduser("~/.cache"))
+    compiled = run(root, SHORT, XDG_CACHE_HOME=cache)
+    assert float(plain) == pytest.approx(float(compiled), rel=1e-12)
+    assert float(plain) > 0.001

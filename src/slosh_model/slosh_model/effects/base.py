@@ -6,19 +6,23 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import Enum
-from typing import Any
+
+from numba import njit
 
 from slosh_model.errors import SloshModelError
 from slosh_model.modes import Mode
 
 Parameters = Mapping[str, float]
 
-# A compiled function (numba dispatcher) of
-#   (mode, x, y, vx, vy, ax, ay, az, elapsed, p) -> (fx, fy, mxx, mxy, myy).
-# mode: ω [rad/s], ζ, C, R [m]; x, y, vx, vy: the mass's place [m] and velocity [m/s]; ax, ay, az:
-# the container's acceleration [m/s²]; elapsed: time since rest [s]; p: the effect's parameters in
-# their order. It returns what the effect adds to (I + m) q̈ = f: force per modal mass [m/s²] and,
-# symmetric, relative mass [1].
+compiled = njit(error_model="numpy")
+"""Compiles a term; a division by zero gives inf or NaN, whose check would double the cost."""
+
+# A compiled function of (mode, elapsed, q, inputs, p) -> (fx, fy, mxx, mxy, myy).
+# mode: (ω [rad/s], ζ, C, R [m]); elapsed: time since rest [s]; q: (x, y, vx, vy), the mass's
+# place [m] and velocity [m/s]; inputs: (ax, ay, az), the container's acceleration [m/s²]; p: the
+# effect's parameters in their order. It returns what the effect adds to (I + m) q̈ = f: force per
+# modal mass [m/s²] and, symmetric, relative mass [1]. mode and inputs are tuples so that what a
+# later effect needs can be appended without a change to the others.
 Term = Callable[..., tuple[float, float, float, float, float]]
 
 
@@ -88,7 +92,7 @@ class Effect:
     equation: str
     source: str
     parameters: tuple[Parameter, ...] = ()
-    term: Any = None
+    term: Term | None = None
     modes: Callable[[tuple[Mode, ...], Parameters], tuple[Mode, ...]] | None = None
     height_gain: Callable[[Mode, Parameters], float] | None = None
 

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from numba import njit
-
-from slosh_model.effects.base import Effect, Parameter, Parameters, Stage
+from slosh_model.effects.base import Effect, Parameter, Parameters, Stage, compiled
 from slosh_model.modes import Mode
 
 ALPHA = 0.58
 """α of the spring of order w = 2, as Bauer found and DL22 use it."""
 
 
-@njit
-def _term(mode, x, y, vx, vy, ax, ay, az, elapsed, p):  # type: ignore[no-untyped-def]
+@compiled
+def _term(mode, elapsed, q, inputs, p):  # type: ignore[no-untyped-def]
     omega, zeta, curvature, radius = mode[0], mode[1], mode[2], mode[3]
+    x, y, vx, vy = q
     xr, yr = x / radius, y / radius
     c2 = curvature * curvature
     # Along the position: damping of the vertical motion, centripetal force, spring.

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from numba import njit
-
 from slosh_model.constants import GRAVITY
-from slosh_model.effects.base import Effect, Stage
+from slosh_model.effects.base import Effect, Stage, compiled
 
 
-@njit
-def _term(mode, x, y, vx, vy, ax, ay, az, elapsed, p):  # type: ignore[no-untyped-def]
-    stiffness = mode[0] ** 2 * az / GRAVITY
-    return -stiffness * x, -stiffness * y, 0.0, 0.0, 0.0
+@compiled
+def _term(mode, elapsed, q, inputs, p):  # type: ignore[no-untyped-def]
+    stiffness = mode[0] * mode[0] * inputs[2] / GRAVITY
+    return -stiffness * q[0], -stiffness * q[1], 0.0, 0.0, 0.0
 
 
 EFFECT = Effect(
