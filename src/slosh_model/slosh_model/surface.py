@@ -1,0 +1,160 @@
+"""The free surface's shape over the cross-section, and the height that describes a motion.
+
+Heights are above the still level. `wall_heights` has one row per mode: its height on the wall at
+the container's +x and +y side [m], the mode's displacement times its gain (DL22, Tables 1, 2).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from slosh_model.bessel import radial_shape
+from slosh_model.errors import SloshModelError
+from slosh_model.model import NONLINEAR, Model
+from slosh_model.simulate import Response
+
+Array = NDArray[np.float64]
+
+
+def plane_surface(
+    wall_heights: ArrayLike, relative_radius: ArrayLike, azimuth: ArrayLike
+) -> Array:
+    """Height of the plane surface of the L model (DL22, eq. (18)).
+
+    Args:
+        wall_heights: (modes, 2) [m].
+        relative_radius: r/R, in [0, 1]; any shape that broadcasts with azimuth.
+        azimuth: θ from the container's +x [rad].
+
+    Returns:
+        η [m], in the broadcast shape.
+    """
+    height_x, height_y = _rows(wall_heights).sum(axis=0)
+    profile = wall_profile(height_x, height_y, azimuth)
+    surface: Array = np.asarray(relative_radius, dtype=np.float64) * profile
+    return surface
+
+
+def bessel_surface(
+    wall_heights: ArrayLike,
+    relative_radius: ArrayLike,
+    azimuth: ArrayLike,
+    numbers: Sequence[int] | None = None,
+) -> Array:
+    """Height of the curved surface of the NL model (DL22, eq. (19)).
+
+    Args:
+        wall_heights: (modes, 2) [m].
+        relative_radius: r/R, in [0, 1]; any shape that broadcasts with azimuth.
+        azimuth: θ from the container's +x [rad].
+        numbers: n of each row; None: 1, 2 and so on.
+
+    Returns:
+        η [m], in the broadcast shape.
+    """
+    heights = _rows(wall_heights)
+    if numbers is None:
+        numbers = range(1, len(heights) + 1)
+    total = np.zeros(np.broadcast_shapes(np.shape(relative_radius), np.shape(azimuth)))
+    for n, (height_x, height_y) in zip(numbers, heights, strict=True):
+        total = total + radial_shape(n, relative_radius) * wall_profile(
+            height_x, height_y, azimuth
+        )
+    return total
+
+
+def surface_height(
+    model: Model, modal: ArrayLike, relative_radius: ArrayLike, azimuth: ArrayLike
+) -> Array:
+    """Height of a model's surface at one moment: plane for L, Bessel for NL.
+
+    Args:
+        model: the model.
+        modal: (modes, 4) x, y, vx, vy [m, m/s], as `simulate` gives them.
+        relative_radius: r/R, in [0, 1]; any shape that broadcasts with azimuth.
+        azimuth: θ in the axes of modal [rad].
+
+    Returns:
+        η [m], in the broadcast shape.
+    """
+    gains = np.array(model.height_gains())
+    heights = gains[:, np.newaxis] * np.asarray(modal, dtype=np.float64)[:, :2]
+    if not model.has(NONLINEAR):
+        return plane_surface(heights, relative_radius, azimuth)
+    numbers = [mode.number for mode in model.mode_constants()]
+    return bessel_surface(heights, relative_radius, azimuth, numbers)
+
+
+def wall_profile(sh_x: ArrayLike, sh_y: ArrayLike, azimuth: ArrayLike) -> Array:
+    """Height on the wall by azimuth: sh_x cos φ + sh_y sin φ, for either shape [m].
+
+    Args:
+        sh_x, sh_y: height at +x and +y [m]; any shape S.
+        azimuth: φ from +x [rad]; any shape A.
+
+    Returns:
+        height [m], shape S + A.
+    """
+    angle = np.asarray(azimuth, dtype=np.float64)
+    profile: Array = np.multiply.outer(sh_x, np.cos(angle)) + np.multiply.outer(
+        sh_y, np.sin(angle)
+    )
+    return profile
+
+
+def motion_axis(acceleration: ArrayLike, tolerance: float = 1e-6) -> float | None:
+    """The line along which a motion runs (DL22, Fig. 3).
+
+    Along one line the signed height on one side (SH, Table 1) says more than the maximum over the
+    wall (MSH, Table 2).
+
+    Args:
+        acceleration: (N, 3) [m/s²]; the vertical part may be anything.
+        tolerance: how large the part across the line may be, relative to that along it.
+
+    Returns:
+        the line's azimuth in (-π/2, π/2] [rad]; π/2 without any horizontal acceleration, as in
+        the figure; None where there is no such line: the motion asks for the MSH.
+    """
+    horizontal = np.asarray(acceleration, dtype=np.float64)[:, :2]
+    _, sizes, directions = np.linalg.svd(horizontal, full_matrices=False)
+    along = float(sizes[0]) if len(sizes) else 0.0
+    across = float(sizes[1]) if len(sizes) > 1 else 0.0
+    if along == 0.0:
+        return math.pi / 2.0
+    if across > tolerance * along:
+        return None
+    cosine, sine = directions[0]
+    # The line's direction to the +x side; along the y axis to +y.
+    if cosine < 0.0:
+        cosine, sine = -cosine, -sine
+    angle = math.atan2(sine, cosine)
+    return math.pi / 2.0 if angle <= -math.pi / 2.0 + tolerance else angle
+
+
+def sloshing_height(response: Response, acceleration: ArrayLike) -> tuple[str, Array]:
+    """The height that describes a motion from rest (DL22, Fig. 3).
+
+    Args:
+        response: the liquid's answer to it.
+        acceleration: (N, 3) in the response's axes [m/s²].
+
+    Returns:
+        'SH' with the signed height (N,) on the side to which `motion_axis` points, or 'MSH' with
+        the maximum over the wall (N,) [m].
+    """
+    axis = motion_axis(acceleration)
+    if axis is None:
+        return "MSH", response.msh
+    return "SH", math.cos(axis) * response.sh_x + math.sin(axis) * response.sh_y
+
+
+def _rows(wall_heights: ArrayLike) -> Array:
+    heights = np.asarray(wall_heights, dtype=np.float64)
+    if heights.ndim != 2 or heights.shape[1] != 2:
+        raise SloshModelError(f"wall_heights has the shape {heights.shape}, expected (modes, 2)")
+    return heights
