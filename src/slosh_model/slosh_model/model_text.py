@@ -6,6 +6,7 @@ The text comes and goes as a string: whoever opens the file names it in the erro
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import fields
 from typing import Any
@@ -17,20 +18,50 @@ from slosh_model.errors import SloshModelError
 from slosh_model.liquid import Liquid
 from slosh_model.model import EffectUse, Model, ValidityLimits
 
+INT_TAG, FLOAT_TAG = "tag:yaml.org,2002:int", "tag:yaml.org,2002:float"
 KEYS = ("container", "liquid", "damping_ratio", "modes", "limits", "effects")
 SHAPES = ("cylinder",)
 AUTO = "auto"
+# What PyYAML lets through where an explicit tag does not fit its value, as in `!!bool 5`.
+_YAML_FAILURES = (
+    yaml.YAMLError, ArithmeticError, AttributeError, LookupError, RecursionError, TypeError,
+    ValueError,
+)  # fmt: skip
 
 
-class _UniqueKeyLoader(yaml.SafeLoader):
-    """Refuses a key that stands twice in a mapping; plain YAML keeps the last in silence."""
+class _Loader(yaml.SafeLoader):
+    """A safe loader without the silent surprises of YAML 1.1.
+
+    Numbers are those of YAML 1.2: 1e-6 is one, 1:30 (ninety) and 010 (eight) are not that. A key
+    that stands twice is refused; plain YAML keeps the last in silence.
+    """
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
         keys = [self.construct_object(key, deep=True) for key, _ in node.value]
-        for key in keys:
-            if keys.count(key) > 1:
-                raise SloshModelError(f"key {key!r} stands twice")
+        for index, key in enumerate(keys):
+            if key in keys[:index]:
+                raise SloshModelError(f"key {_shown(key)} stands twice")
         return super().construct_mapping(node, deep)
+
+    def construct_whole(self, node: yaml.ScalarNode) -> int:
+        """An int; decimal, also with leading zeros."""
+        return int(node.value)
+
+
+_Loader.yaml_implicit_resolvers = {
+    first: [pair for pair in pairs if pair[0] not in (INT_TAG, FLOAT_TAG)]
+    for first, pairs in yaml.SafeLoader.yaml_implicit_resolvers.items()
+}
+_Loader.add_constructor(INT_TAG, _Loader.construct_whole)
+_Loader.add_implicit_resolver(INT_TAG, re.compile(r"[-+]?[0-9]+$"), list("-+0123456789"))
+_Loader.add_implicit_resolver(
+    FLOAT_TAG,
+    re.compile(
+        r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?$|[-+]?\.(inf|Inf|INF)$"
+        r"|\.(nan|NaN|NAN)$"
+    ),
+    list("-+.0123456789"),
+)
 
 
 def parse_model(text: str, source: str = "model.yaml") -> Model:
@@ -75,14 +106,14 @@ def _given_fields(value: Any) -> dict[str, float]:
 def _load(text: str) -> Mapping[str, Any]:
     try:
         # The loader is a SafeLoader.
-        document = yaml.load(text, _UniqueKeyLoader)
+        document = yaml.load(text, _Loader)
     except yaml.MarkedYAMLError as error:
         where = f"line {error.problem_mark.line + 1}: " if error.problem_mark else ""
         raise SloshModelError(f"not YAML: {where}{error.problem}") from None
     except SloshModelError:
         raise
-    except (yaml.YAMLError, ValueError, TypeError, RecursionError) as error:
-        raise SloshModelError(f"not YAML: {str(error).splitlines()[0]}") from None
+    except _YAML_FAILURES as error:
+        raise SloshModelError(f"not YAML: {str(error) or type(error).__name__}") from None
     return _mapping(document, "the document")
 
 
@@ -104,7 +135,8 @@ def _model(document: Mapping[str, Any]) -> Model:
 def _container(section: Mapping[str, Any]) -> Cylinder:
     shape = section.get("shape", "cylinder")
     if shape not in SHAPES:
-        raise SloshModelError(f"container.shape = {shape!r} (known: {', '.join(SHAPES)})")
+        known = ", ".join(SHAPES)
+        raise SloshModelError(f"container.shape = {_shown(shape)} (known: {known})")
     for key in ("radius", "fill_height"):
         if key not in section:
             raise SloshModelError(f"key 'container.{key}' is missing")
@@ -117,7 +149,7 @@ def _effects(section: Any) -> tuple[EffectUse, ...]:
     if section is None:
         return ()
     if not isinstance(section, list):
-        raise SloshModelError(f"effects must be a list, not {section!r}")
+        raise SloshModelError(f"effects must be a list, not {_shown(section)}")
     uses = []
     for index, item in enumerate(section):
         path = f"effects[{index}]"
@@ -143,7 +175,7 @@ def _numbers(kind: Any, section: Any, path: str, also: tuple[str, ...] = ()) -> 
 
 def _mapping(value: Any, path: str) -> Mapping[str, Any]:
     if not isinstance(value, dict):
-        raise SloshModelError(f"{path} must be a mapping of keys to values, not {value!r}"[:200])
+        raise SloshModelError(f"{path} must be a mapping of keys to values, not {_shown(value)}")
     return value
 
 
@@ -153,23 +185,32 @@ def _refuse_unknown(
     for key in section:
         if key not in known:
             names = ", ".join((*also, *known))
-            raise SloshModelError(f"unknown key '{prefix}{key}' (known: {names})")
+            shown = f"'{prefix}{key}'" if isinstance(key, str) else _shown(key)
+            raise SloshModelError(f"unknown key {shown[:60]} (known: {names})")
 
 
 def _number(value: Any, path: str) -> float:
-    """A finite number; '1e-6' too, which YAML 1.1 takes for text."""
-    if isinstance(value, bool) or not isinstance(value, (int, float, str)):
-        raise SloshModelError(f"{path} = {value!r} must be a number")
+    """A finite number."""
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        raise SloshModelError(f"{path} = {_shown(value)} must be a number")
     try:
         number = float(value)
-    except (ValueError, OverflowError):
-        raise SloshModelError(f"{path} = {value!r} must be a number"[:200]) from None
+    except OverflowError:
+        number = math.inf
     if not math.isfinite(number):
-        raise SloshModelError(f"{path} = {value!r} must be a finite number")
+        raise SloshModelError(f"{path} = {_shown(value)} must be a finite number")
     return number
 
 
 def _whole(value: Any, path: str) -> int:
     if isinstance(value, bool) or not isinstance(value, int):
-        raise SloshModelError(f"{path} = {value!r} must be a whole number")
+        raise SloshModelError(f"{path} = {_shown(value)} must be a whole number")
     return value
+
+
+def _shown(value: Any) -> str:
+    """A value as errors show it; aliases can make a short text's lists endless."""
+    if isinstance(value, (list, dict, set, tuple)):
+        return {list: "a list", dict: "a mapping"}.get(type(value), "a collection")
+    text = repr(value)
+    return text if len(text) <= 60 else f"{text[:60]}…"

@@ -24,6 +24,11 @@ effects:
     alpha: 0.6
 """
 
+# Each line's list holds the one before twice: written out, 2^40 entries.
+ALIASES = "container:\n  - &a0 [1, 1]\n" + "".join(
+    f"  - &a{n} [*a{n - 1}, *a{n - 1}]\n" for n in range(1, 40)
+)
+
 
 def test_reads_the_documented_example():
     model = parse_model(TEXT)
@@ -32,6 +37,21 @@ def test_reads_the_documented_example():
     assert model.liquid.kinematic_viscosity == 1e-6
     assert model.damping_ratio is None
     assert dict(model.effects[1].parameters) == {"alpha": 0.6}
+
+
+@pytest.mark.parametrize(
+    ("written", "value"),
+    [("1e-6", 1e-6), ("1.E-6", 1e-6), ("+.5e0", 0.5), ("1", 1.0), ("0010e-2", 0.1), ("0.50", 0.5)],
+)
+def test_numbers_are_numbers_however_they_are_written(written, value):
+    model = parse_model(f"container: {{radius: {written}, fill_height: 0.07}}")
+    assert model.container.radius == value
+
+
+def test_limits_and_modes_are_read():
+    model = parse_model(TEXT + "modes: 03\nlimits: {acceleration: 5, planar_jerk: 30.5}\n")
+    assert model.modes == 3
+    assert model.limits == ValidityLimits(acceleration=5.0, planar_jerk=30.5)
 
 
 def test_no_effect_is_the_planar_linear_model():
@@ -70,6 +90,23 @@ def test_round_trip(model):
         ("container: {radius: 0.05}", "'container.fill_height' is missing"),
         ("container: {radius: wide, fill_height: 0.07}", "container.radius = 'wide'"),
         ("container: {radius: true, fill_height: 0.07}", "container.radius = True"),
+        (
+            "container: {radius: '0.05', fill_height: 0.07}",
+            "container.radius = '0.05' must be a n",
+        ),
+        ("container: {radius: 0:05.5, fill_height: 0.07}", "container.radius = '0:05.5'"),
+        ("container: {radius: 1_0.0, fill_height: 0.07}", "container.radius = '1_0.0'"),
+        ("container: {radius: -.inf, fill_height: 0.07}", "container.radius = -inf must be a fin"),
+        ("container: {radius: 1e999, fill_height: 0.07}", "container.radius = inf must be a fin"),
+        ("container: {radius: 0.05, fill_height: 0.07, rim_height: 0.07}", "rim_height = 0.07 m"),
+        ("container: {radius: !!bool 5, fill_height: 0.07}", "not YAML: '5'"),
+        ("container: {radius: !!float '', fill_height: 0.07}", "not YAML"),
+        ("container: {radius: !!timestamp x, fill_height: 0.07}", "not YAML"),
+        ("container: {radius: !!python/name:os.system , fill_height: 1}", "not YAML"),
+        (f"container: {{radius: {'9' * 400}, fill_height: 1}}", "must be a finite number"),
+        (f"container: {{radius: {'9' * 9000}, fill_height: 1}}", "not YAML"),
+        (ALIASES, "container must be a mapping of keys to values, not a list"),
+        (TEXT.replace("auto", "yes"), "damping_ratio = True must be a number"),
         ("container: {radius: .nan, fill_height: 0.07}", "finite"),
         ("container: {radius: -1, fill_height: 0.07}", "container.radius = -1"),
         ("container: {shape: cone, radius: 1, fill_height: 1}", "container.shape = 'cone'"),
@@ -84,6 +121,12 @@ def test_round_trip(model):
         (TEXT.replace("auto", "1.5"), "damping_ratio = 1.5"),
         (TEXT.replace("auto", "low"), "damping_ratio = 'low'"),
         (TEXT + "modes: 0\n", "modes = 0"),
+        (TEXT + "modes: 9999999999999\n", "modes = 9999999999999"),
+        (TEXT + "effects: {}\n", "'effects' stands twice"),
+        (TEXT + "liquid: null\n", "'liquid' stands twice"),
+        (TEXT + "limits: null\n", "limits must be a mapping"),
+        (TEXT + "limits: {jerk: 0}\n", "limits.jerk = 0"),
+        (TEXT + "1.5: 2\n", r"unknown key 1.5 "),
         (TEXT + "modes: 1.5\n", "modes = 1.5"),
         (TEXT + "limits: {jerks: 1}\n", "limits.jerks"),
     ],
