@@ -10,6 +10,7 @@ from __future__ import annotations
 import hashlib
 import os
 import platform
+import stat
 import tempfile
 from pathlib import Path
 
@@ -24,19 +25,27 @@ def use_compile_cache() -> None:
 def cache_folder() -> Path:
     """The folder for these sources, this Numba and this Python; made if it can be."""
     base = os.environ.get("NUMBA_CACHE_DIR") or os.environ.get("XDG_CACHE_HOME")
-    root = Path(base) if base else Path.home() / ".cache"
-    name = f"slosh_model-{sources_digest()}"
-    for candidate in (
-        root / "slosh" / name,
-        Path(tempfile.gettempdir()) / f"slosh-{os.getuid()}" / name,
-    ):
+    root = Path(base) if base else Path(os.path.expanduser("~/.cache"))
+    folders = [Path(tempfile.gettempdir()) / f"slosh-{os.getuid()}"]
+    if root.is_absolute():  # without a home '~' stays
+        folders.insert(0, root / "slosh")
+    for folder in folders:
+        candidate = folder / f"slosh_model-{sources_digest()}"
         try:
-            candidate.mkdir(parents=True, exist_ok=True)
+            folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+            candidate.mkdir(mode=0o700, exist_ok=True)
         except OSError:
             continue
-        if os.access(candidate, os.W_OK):
+        if _ours_alone(folder) and _ours_alone(candidate):
             return candidate
     return Path(tempfile.mkdtemp(prefix="slosh-"))
+
+
+def _ours_alone(folder: Path) -> bool:
+    """True where we can write and no stranger can have put code there for us to run."""
+    facts = folder.stat()
+    open_to_all = bool(facts.st_mode & stat.S_IWOTH)
+    return facts.st_uid == os.getuid() and not open_to_all and os.access(folder, os.W_OK)
 
 
 def sources_digest() -> str:
