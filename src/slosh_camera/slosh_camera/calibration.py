@@ -5,21 +5,29 @@ The camera's part has the keys of ROS camera_calibration files.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any, TypeVar
 
+import cv2
 import numpy as np
 import yaml
+from numpy.typing import NDArray
 
 from slosh_camera.camera import PLUMB_BOB, PinholeCamera, camera_from_info
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.geometry import Cup, CupView, Pose
 from slosh_camera.settings import DetectionSettings, Liquid, RegionOfInterest
+from slosh_camera.yaml_fields import check_keys, integer, mapping, number, numbers
 
-_CONTAINER_KEYS = ("radius", "fill_height", "wall_thickness", "rim_height")
+_CONTAINER_KEYS = (
+    "radius",
+    "fill_height",
+    "wall_thickness",
+    "wall_refractive_index",
+    "rim_height",
+)
 _REGION_KEYS = ("x_offset", "y_offset", "width", "height")
 _DETECTION_KEYS = tuple(entry.name for entry in fields(DetectionSettings))
 _REQUIRED = (
@@ -36,11 +44,14 @@ _OPTIONAL = (
     "distortion_model",
     "region_of_interest",
     "detection",
+    "still_image",
     "rectification_matrix",
     "projection_matrix",
 )
 
 _T = TypeVar("_T")
+
+Image = NDArray[np.uint8]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -52,12 +63,15 @@ class Calibration:
         camera_name: name of the camera.
         region: region of interest; None: the container as projected.
         detection: settings of the detector.
+        still_image: image of the liquid at rest, from which the detector learns at start; None:
+            there is none.
     """
 
     view: CupView
     camera_name: str = "camera"
     region: RegionOfInterest | None = None
     detection: DetectionSettings = field(default_factory=DetectionSettings)
+    still_image: Path | None = None
 
     def __post_init__(self) -> None:
         """Refuse a region that leaves the image."""
@@ -89,15 +103,18 @@ def read_calibration(path: str | Path) -> Calibration:
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or "is not UTF-8 text"
         raise SloshCameraError(f"{path}: cannot be read: {reason}") from error
-    return parse_calibration(text, str(path))
+    return parse_calibration(text, str(path), Path(path).resolve().parent)
 
 
-def parse_calibration(text: str, source: str = "camera.yaml") -> Calibration:
+def parse_calibration(
+    text: str, source: str = "camera.yaml", folder: Path | None = None
+) -> Calibration:
     """Calibration from the text of a calibration file.
 
     Args:
         text: YAML.
         source: name of the file in error messages.
+        folder: where relative paths in the text start; None: they are kept as they are.
 
     Returns:
         The calibration.
@@ -111,8 +128,8 @@ def parse_calibration(text: str, source: str = "camera.yaml") -> Calibration:
         mark = getattr(error, "problem_mark", None)
         where = f" at line {mark.line + 1}" if mark is not None else ""
         raise SloshCameraError(f"{source}: is not valid YAML{where}") from error
-    root = _mapping(document, source, "the file")
-    _check_keys(root, _REQUIRED, _OPTIONAL, source, "")
+    root = mapping(document, source, "the file")
+    check_keys(root, _REQUIRED, _OPTIONAL, source, "")
     camera = _camera(root, source)
     cup = _built(source, "container.", lambda: _cup(root, source))
     pose = _built(source, "pose.", lambda: _pose(root, source))
@@ -122,7 +139,40 @@ def parse_calibration(text: str, source: str = "camera.yaml") -> Calibration:
     name = root.get("camera_name", "camera")
     if not isinstance(name, str):
         raise SloshCameraError(f"{source}: camera_name: {name!r} is not a text")
-    return _built(source, "", lambda: Calibration(view, name, region, detection))
+    still = _still_image(root, source, folder)
+    return _built(source, "", lambda: Calibration(view, name, region, detection, still))
+
+
+def read_still_image(calibration: Calibration) -> Image:
+    """Image of the liquid at rest that a calibration names.
+
+    Args:
+        calibration: the calibration.
+
+    Returns:
+        (height, width) grey or (height, width, 3) blue-green-red.
+
+    Raises:
+        SloshCameraError: no image is named, the file cannot be read, holds no image, or one of
+            another size than the camera's.
+    """
+    path, camera = calibration.still_image, calibration.view.camera
+    if path is None:
+        raise SloshCameraError("still_image: the calibration names none")
+    try:
+        data = np.fromfile(path, dtype=np.uint8)
+    except OSError as error:
+        raise SloshCameraError(f"{path}: cannot be read: {error.strerror}") from error
+    image = cv2.imdecode(data, cv2.IMREAD_ANYCOLOR) if data.size else None
+    if image is None:
+        raise SloshCameraError(f"{path}: is not an image that can be decoded, use PNG or JPEG")
+    height, width = image.shape[:2]
+    if (width, height) != (camera.width, camera.height):
+        raise SloshCameraError(
+            f"{path}: has {width} x {height} pixels, the calibration is for {camera.width} x "
+            f"{camera.height}"
+        )
+    return np.asarray(image, dtype=np.uint8)
 
 
 def format_calibration(calibration: Calibration) -> str:
@@ -157,6 +207,8 @@ def format_calibration(calibration: Calibration) -> str:
         if "liquid" in settings:
             settings["liquid"] = settings["liquid"].value
         document["detection"] = settings
+    if calibration.still_image is not None:
+        document["still_image"] = str(calibration.still_image)
     text: str = yaml.safe_dump(document, sort_keys=False, default_flow_style=None, width=99)
     return text
 
@@ -167,56 +219,65 @@ def _camera(root: Mapping[str, Any], source: str) -> PinholeCamera:
         raise SloshCameraError(
             f"{source}: distortion_model: {model!r} is not supported, use {PLUMB_BOB}"
         )
-    width = _integer(root, "image_width", source, "")
-    height = _integer(root, "image_height", source, "")
+    width = integer(root, "image_width", source, "")
+    height = integer(root, "image_height", source, "")
     matrix = _matrix(root, "camera_matrix", source)
     coefficients = _matrix(root, "distortion_coefficients", source)
     return _built(source, "", lambda: camera_from_info(matrix, coefficients, width, height))
 
 
 def _matrix(root: Mapping[str, Any], key: str, source: str) -> list[float]:
-    block = _mapping(root[key], source, key)
-    _check_keys(block, ("rows", "cols", "data"), (), source, f"{key}.")
-    size = _integer(block, "rows", source, f"{key}.") * _integer(block, "cols", source, f"{key}.")
-    return _numbers(block, "data", size, source, f"{key}.")
+    block = mapping(root[key], source, key)
+    check_keys(block, ("rows", "cols", "data"), (), source, f"{key}.")
+    size = integer(block, "rows", source, f"{key}.") * integer(block, "cols", source, f"{key}.")
+    return numbers(block, "data", size, source, f"{key}.")
 
 
 def _cup(root: Mapping[str, Any], source: str) -> Cup:
-    block = _mapping(root["container"], source, "container")
-    _check_keys(block, _CONTAINER_KEYS[:2], _CONTAINER_KEYS[2:], source, "container.")
-    return Cup(**{key: _number(block[key], source, f"container.{key}") for key in block})
+    block = mapping(root["container"], source, "container")
+    check_keys(block, _CONTAINER_KEYS[:2], _CONTAINER_KEYS[2:], source, "container.")
+    return Cup(**{key: number(block[key], source, f"container.{key}") for key in block})
 
 
 def _pose(root: Mapping[str, Any], source: str) -> Pose:
-    block = _mapping(root["pose"], source, "pose")
-    _check_keys(block, ("rotation", "translation"), (), source, "pose.")
-    rotation = _numbers(block, "rotation", 9, source, "pose.")
-    translation = _numbers(block, "translation", 3, source, "pose.")
+    block = mapping(root["pose"], source, "pose")
+    check_keys(block, ("rotation", "translation"), (), source, "pose.")
+    rotation = numbers(block, "rotation", 9, source, "pose.")
+    translation = numbers(block, "translation", 3, source, "pose.")
     return Pose(np.reshape(rotation, (3, 3)), np.array(translation))
 
 
 def _region(root: Mapping[str, Any], source: str) -> RegionOfInterest | None:
     if root.get("region_of_interest") is None:
         return None
-    block = _mapping(root["region_of_interest"], source, "region_of_interest")
-    _check_keys(block, _REGION_KEYS, (), source, "region_of_interest.")
+    block = mapping(root["region_of_interest"], source, "region_of_interest")
+    check_keys(block, _REGION_KEYS, (), source, "region_of_interest.")
     return RegionOfInterest(
-        **{key: _integer(block, key, source, "region_of_interest.") for key in _REGION_KEYS}
+        **{key: integer(block, key, source, "region_of_interest.") for key in _REGION_KEYS}
     )
 
 
 def _detection(root: Mapping[str, Any], source: str) -> DetectionSettings:
     if root.get("detection") is None:
         return DetectionSettings()
-    block = _mapping(root["detection"], source, "detection")
-    _check_keys(block, (), _DETECTION_KEYS, source, "detection.")
+    block = mapping(root["detection"], source, "detection")
+    check_keys(block, (), _DETECTION_KEYS, source, "detection.")
     values: dict[str, Any] = {}
     for key, value in block.items():
         if key == "liquid":
             values[key] = _liquid(value, source)
         elif not (key == "threshold" and value is None):
-            values[key] = _number(value, source, f"detection.{key}")
+            values[key] = number(value, source, f"detection.{key}")
     return DetectionSettings(**values)
+
+
+def _still_image(root: Mapping[str, Any], source: str, folder: Path | None) -> Path | None:
+    value = root.get("still_image")
+    if value is None:
+        return None
+    if not isinstance(value, str) or not value or "\0" in value:
+        raise SloshCameraError(f"{source}: still_image: {value!r} is not the path of an image")
+    return Path(value) if folder is None else folder / value
 
 
 def _liquid(value: object, source: str) -> Liquid:
@@ -236,49 +297,3 @@ def _built(source: str, prefix: str, build: Callable[[], _T]) -> _T:
         if str(error).startswith(f"{source}: "):
             raise
         raise SloshCameraError(f"{source}: {prefix}{error}") from error
-
-
-def _mapping(value: object, source: str, key: str) -> Mapping[str, Any]:
-    if not isinstance(value, Mapping):
-        raise SloshCameraError(f"{source}: {key}: is not a mapping of keys to values")
-    return value
-
-
-def _check_keys(
-    block: Mapping[str, Any],
-    required: tuple[str, ...],
-    optional: tuple[str, ...],
-    source: str,
-    prefix: str,
-) -> None:
-    for key in block:
-        if key not in required and key not in optional:
-            known = ", ".join((*required, *optional))
-            raise SloshCameraError(f"{source}: {prefix}{key}: unknown key, known are {known}")
-    for key in required:
-        if key not in block:
-            raise SloshCameraError(f"{source}: {prefix}{key}: is missing")
-
-
-def _number(value: object, source: str, key: str) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise SloshCameraError(f"{source}: {key}: {value!r} is not a number")
-    if not math.isfinite(value):
-        raise SloshCameraError(f"{source}: {key}: {value} is not a finite number")
-    return float(value)
-
-
-def _integer(block: Mapping[str, Any], key: str, source: str, prefix: str) -> int:
-    value = block[key]
-    if isinstance(value, bool) or not isinstance(value, int):
-        raise SloshCameraError(f"{source}: {prefix}{key}: {value!r} is not a whole number")
-    return value
-
-
-def _numbers(
-    block: Mapping[str, Any], key: str, count: int, source: str, prefix: str
-) -> list[float]:
-    values = block[key]
-    if not isinstance(values, list) or len(values) != count:
-        raise SloshCameraError(f"{source}: {prefix}{key}: must be a list of {count} numbers")
-    return [_number(value, source, f"{prefix}{key}") for value in values]

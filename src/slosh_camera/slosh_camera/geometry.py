@@ -37,12 +37,14 @@ class Cup:
         fill_height: depth of the liquid at rest [m].
         wall_thickness: thickness of the wall [m].
         rim_height: inner wall's height above the floor [m]; None: unknown.
+        wall_refractive_index: of the wall; acrylic glass has 1.49.
     """
 
     radius: float
     fill_height: float
     wall_thickness: float = 0.0
     rim_height: float | None = None
+    wall_refractive_index: float = 1.49
 
     def __post_init__(self) -> None:
         """Refuse a container that cannot be."""
@@ -52,6 +54,10 @@ class Cup:
                 raise SloshCameraError(f"{name}: {value} m, must be positive")
         if not (np.isfinite(self.wall_thickness) and self.wall_thickness >= 0.0):
             raise SloshCameraError(f"wall_thickness: {self.wall_thickness} m, must be >= 0")
+        if not (np.isfinite(self.wall_refractive_index) and self.wall_refractive_index >= 1.0):
+            raise SloshCameraError(
+                f"wall_refractive_index: {self.wall_refractive_index}, must be at least 1"
+            )
         if self.rim_height is not None and not (
             np.isfinite(self.rim_height) and self.rim_height > self.fill_height
         ):

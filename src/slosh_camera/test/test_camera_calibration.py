@@ -1,3 +1,7 @@
+from pathlib import Path
+
+import cv2
+import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
@@ -6,6 +10,7 @@ from slosh_camera.calibration import (
     format_calibration,
     parse_calibration,
     read_calibration,
+    read_still_image,
 )
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.settings import DetectionSettings, Liquid, RegionOfInterest
@@ -17,12 +22,14 @@ camera_name: side
 distortion_model: plumb_bob
 camera_matrix: {rows: 3, cols: 3, data: [1000.0, 0, 319.5, 0, 1000.0, 239.5, 0, 0, 1]}
 distortion_coefficients: {rows: 1, cols: 5, data: [-0.1, 0.01, 0, 0, 0]}
-container: {radius: 0.05, fill_height: 0.07, wall_thickness: 0.002, rim_height: 0.12}
+container: {radius: 0.05, fill_height: 0.07, wall_thickness: 0.002, rim_height: 0.12,
+            wall_refractive_index: 1.52}
 pose:
   rotation: [1, 0, 0, 0, 0, -1, 0, 1, 0]
   translation: [0, 0, 0.45]
 region_of_interest: {x_offset: 100, y_offset: 20, width: 400, height: 440}
 detection: {liquid: lighter, threshold: 120, min_band: 5}
+still_image: images/still.png
 """
 
 
@@ -37,6 +44,8 @@ def test_every_value_arrives():
     assert calibration.region == RegionOfInterest(100, 20, 400, 440)
     assert calibration.detection == DetectionSettings(Liquid.LIGHTER, 120.0, min_band=5.0)
     assert calibration.camera_name == "side"
+    assert cup.wall_refractive_index == 1.52
+    assert calibration.still_image == Path("images/still.png")
 
 
 def test_text_round_trip():
@@ -49,6 +58,12 @@ def test_round_trip_without_the_optional_parts():
     bare = parse_calibration(format_calibration(Calibration(full.view)))
     assert bare.region is None
     assert bare.detection == DetectionSettings()
+    assert bare.still_image is None
+
+
+def test_a_wall_is_of_acrylic_glass_unless_told_otherwise():
+    text = TEXT.replace(",\n            wall_refractive_index: 1.52", "")
+    assert parse_calibration(text).view.cup.wall_refractive_index == 1.49
 
 
 def test_file_round_trip(tmp_path):
@@ -86,6 +101,11 @@ def test_file_round_trip(tmp_path):
         ("liquid: lighter", "liquid: blue", "detection.liquid"),
         ("threshold: 120", "threshold: 300", "detection.threshold"),
         ("min_band", "band", "detection.band"),
+        ("index: 1.52", "index: 0.9", "container.wall_refractive_index"),
+        ("index: 1.52", "index: .inf", "container.wall_refractive_index"),
+        ("images/still.png", "3", "still_image"),
+        ("images/still.png", "''", "still_image"),
+        ("images/still.png", "[a]", "still_image"),
     ],
 )
 def test_a_wrong_value_is_named_with_file_and_key(old, new, key):
@@ -114,3 +134,52 @@ def test_a_file_that_is_not_text(tmp_path):
     path.write_bytes(b"\xff\xfe\x00\x81")
     with pytest.raises(SloshCameraError, match="UTF-8"):
         read_calibration(path)
+
+
+@pytest.fixture
+def with_still(tmp_path):
+    """Calibration file whose still image is written by the test."""
+    (tmp_path / "images").mkdir()
+    path = tmp_path / "camera.yaml"
+    path.write_text(TEXT)
+    return path, tmp_path / "images" / "still.png"
+
+
+@pytest.mark.parametrize("shape", [(480, 640), (480, 640, 3)])
+def test_the_still_image_lies_beside_the_file(with_still, shape, monkeypatch):
+    path, still = with_still
+    image = np.random.default_rng(1).integers(0, 255, shape, np.uint8)
+    cv2.imwrite(str(still), image)
+    monkeypatch.chdir(path.parent)
+    calibration = read_calibration(path.name)
+    assert calibration.still_image == still
+    monkeypatch.chdir("/")
+    assert_array_equal(read_still_image(calibration), image)
+    again = parse_calibration(format_calibration(calibration))
+    assert_array_equal(read_still_image(again), image)
+
+
+@pytest.mark.parametrize(
+    ("content", "word"),
+    [
+        (None, "cannot be read"),
+        (b"", "decoded"),
+        (b"not an image", "decoded"),
+        (cv2.imencode(".png", np.zeros((480, 600), np.uint8))[1].tobytes(), "600 x 480"),
+    ],
+)
+def test_a_still_image_that_cannot_be_used_is_named_when_it_is_read(with_still, content, word):
+    path, still = with_still
+    if content is not None:
+        still.write_bytes(content)
+    calibration = read_calibration(path)
+    with pytest.raises(SloshCameraError, match=word) as caught:
+        read_still_image(calibration)
+    assert str(caught.value).startswith(f"{still}: ")
+    assert "\n" not in str(caught.value)
+
+
+def test_no_still_image_to_read():
+    calibration = parse_calibration(TEXT.replace("still_image: images/still.png\n", ""))
+    with pytest.raises(SloshCameraError, match="still_image"):
+        read_still_image(calibration)
