@@ -1,0 +1,348 @@
+"""Measures the camera's accuracy on rendered sequences with exact truth.
+
+    tools/run python tools/camera_accuracy.py [FOLDER ...] [--disturb] [--check] ...
+
+Without folders it takes those of the shared data (SLOSH_SHARED_DATA or ../shared/data). A folder
+holds frame_*.jpg, calib.jpg and truth.json as described in the shared data's rendered/README.md.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import dataclasses
+import json
+import math
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from camera_figures import (
+    HIGH,
+    Detector,
+    FrameResult,
+    HeightFigures,
+    Options,
+    SequenceFigures,
+    figures,
+    measure_sequence,
+    value_of,
+)
+from camera_sequences import (
+    ROOT,
+    Image,
+    RenderedSequence,
+    read_image,
+    read_sequence,
+    shared_sequences,
+)
+
+from slosh_camera.calibration import Calibration
+from slosh_camera.detector import FreeSurfaceDetector
+from slosh_camera.drawing import draw_measurement
+from slosh_camera.errors import SloshCameraError
+from slosh_camera.measurement import Measurement
+
+PAGE = ROOT / "docs" / "accuracy.md"
+HEIGHTS = (
+    "| {} | n | NaN | RMS | max | bias | azimuth | wall | 1σ | 2σ | σ |",
+    "|---|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|",
+)
+FLAGS = (
+    "| edges and flags | left | right | SATURATED where cut | where the peak is outside | "
+    "cut, no flag | bound broken | false SATURATED | other flags |",
+    "|---|--:|--:|--:|--:|--:|--:|--:|---|",
+)
+
+
+class CompatibleDetector:
+    """The detector of this checkout, also where it takes grey images only or has no `measure`."""
+
+    def __init__(self, calibration: Calibration) -> None:
+        """Make the detector."""
+        self._detector: Any = FreeSurfaceDetector(calibration)
+        self._measure = getattr(self._detector, "measure", self._detector.update)
+        self._grey = False
+
+    def learn_still(self, image: Image) -> float:
+        """As the detector's."""
+        return float(self._call(lambda given: self._detector.learn_still(given), image))
+
+    def measure(self, stamp_ns: int, image: Image) -> Measurement:
+        """As the detector's."""
+        measured: Measurement = self._call(lambda given: self._measure(stamp_ns, given), image)
+        return measured
+
+    def _call(self, function: Any, image: Image) -> Any:
+        if not self._grey:
+            try:
+                return function(image)
+            except SloshCameraError:
+                if image.ndim == 2:
+                    raise
+        result = function(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY) if image.ndim == 3 else image)
+        self._grey = True
+        return result
+
+
+def main() -> int:
+    """Runs the command; returns its exit code."""
+    arguments = _parser().parse_args()
+    try:
+        return run(arguments)
+    except SloshCameraError as error:
+        print(f"camera_accuracy: {error}", file=sys.stderr)
+        return 2
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Measures, prints and writes what the arguments ask for."""
+    folders = arguments.folders or shared_sequences()
+    if not folders:
+        raise SloshCameraError("no sequences: give folders, or set SLOSH_SHARED_DATA")
+    sequences = [read_sequence(folder) for folder in folders]
+    options = Options(still=not arguments.no_still, grey=arguments.grey)
+    results = [measure_sequence(sequence, make_detector, options) for sequence in sequences]
+    rows = all_figures(sequences, results)
+    print(tables(rows))
+    missed = [line for row in rows[: len(sequences)] for line in shortfalls(row)]
+    print("\n".join(missed) or "every requirement is met", flush=True)
+    if arguments.frames:
+        write_frames(arguments.frames, sequences, results)
+    if arguments.json:
+        document = [dataclasses.asdict(row) for row in rows]
+        arguments.json.write_text(json.dumps(_plain(document), indent=2) + "\n")
+    if arguments.worst:
+        number, folder = arguments.worst
+        write_worst(Path(folder), int(number), sequences, results)
+    return 1 if arguments.check and missed else 0
+
+
+def make_detector(calibration: Calibration) -> Detector:
+    """The detector of this checkout."""
+    return CompatibleDetector(calibration)
+
+
+def all_figures(
+    sequences: Sequence[RenderedSequence], results: Sequence[Sequence[FrameResult]]
+) -> list[SequenceFigures]:
+    """Figures of each sequence and, of several, in total."""
+    pairs = zip(sequences, results, strict=True)
+    rows = [figures(sequence.name, frames) for sequence, frames in pairs]
+    if len(rows) > 1:
+        rows.append(figures("**total**", [frame for frames in results for frame in frames]))
+    return rows
+
+
+def tables(rows: Sequence[SequenceFigures]) -> str:
+    """The figures as Markdown."""
+    lines = [HEIGHTS[0].format("highest point"), HEIGHTS[1]]
+    lines += [_height_row(row.name, row.raw) for row in rows]
+    lines += ["", HEIGHTS[0].format("fitted line"), HEIGHTS[1]]
+    lines += [_height_row(row.name, row.fitted) for row in rows]
+    lines += ["", *FLAGS, *(_flag_row(row) for row in rows), ""]
+    return "\n".join(lines)
+
+
+def shortfalls(row: SequenceFigures) -> list[str]:
+    """What is asked of the camera and not met, one line each."""
+    found = [
+        *_height_shortfalls(row.raw, "highest point"),
+        *_height_shortfalls(row.fitted, "fitted line"),
+    ]
+    if row.cut and row.cut_flagged < 0.98 * row.cut:
+        found.append(f"SATURATED in {row.cut_flagged} of {row.cut} cut frames, asked is 98 %")
+    if row.false_saturated:
+        found.append(f"{row.false_saturated} false SATURATED")
+    return [f"not met: {row.name}: {line}" for line in found]
+
+
+def _height_shortfalls(row: HeightFigures, kind: str) -> list[str]:
+    checks = [
+        (row.missing == 0, f"{row.missing} frames without a height"),
+        (row.rms < 0.5e-3, f"RMS {_mm(row.rms)} mm, asked is 0.5"),
+        (row.largest < 1.5e-3, f"largest error {_mm(row.largest)} mm, asked is 1.5"),
+        (abs(row.bias) < 0.2e-3, f"bias {_mm(row.bias)} mm, asked is 0.2"),
+        (
+            not math.degrees(row.azimuth_rms) >= 8.0,
+            f"azimuth {math.degrees(row.azimuth_rms):.1f}°, asked is 8",
+        ),
+        (not row.side_share < 0.98, f"right wall in {_percent(row.side_share)}, asked is 98 %"),
+        (
+            0.58 <= row.within_1 <= 0.78,
+            f"{_percent(row.within_1)} within 1σ, asked is 58 to 78 %",
+        ),
+    ]
+    if row.count == 0:
+        return [f"{kind}: no height in any frame"]
+    return [f"{kind}: {text}" for good, text in checks if not good]
+
+
+def write_frames(
+    folder: Path, sequences: Sequence[RenderedSequence], results: Sequence[Sequence[FrameResult]]
+) -> None:
+    """A CSV for each sequence: truth and measurement of each frame, in mm and degrees."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for sequence, frames in zip(sequences, results, strict=True):
+        with (folder / f"{sequence.name}.csv").open("w", newline="") as file:
+            writer = csv.writer(file)
+            rows = [frame_row(frame) for frame in frames]
+            writer.writerow(rows[0] if rows else [])
+            writer.writerows(row.values() for row in rows)
+
+
+def frame_row(frame: FrameResult) -> dict[str, str]:
+    """One frame as text by column."""
+    truth, measured = frame.truth, frame.measured
+    heights = {
+        "msh_true": truth.msh,
+        "msh": measured.msh,
+        "msh_error": measured.msh - truth.msh,
+        "msh_sigma": measured.msh_stddev,
+        "fitted": value_of(measured, "fitted_msh"),
+        "fitted_error": value_of(measured, "fitted_msh") - truth.msh,
+        "fitted_sigma": value_of(measured, "fitted_msh_stddev"),
+        "left_true": truth.sh_left,
+        "left": measured.sh_left,
+        "right_true": truth.sh_right,
+        "right": measured.sh_right,
+    }
+    angles = {
+        "azimuth_true": truth.azimuth,
+        "azimuth": measured.azimuth,
+        "fitted_azimuth": value_of(measured, "fitted_azimuth"),
+        "slope_angle": value_of(measured, "slope_angle"),
+    }
+    return {
+        "index": str(truth.index),
+        **{name: f"{1e3 * value:.3f}" for name, value in heights.items()},
+        **{name: f"{math.degrees(value):.2f}" for name, value in angles.items()},
+        "side_true": truth.side.name.lower(),
+        "side": measured.peak_side.name.lower(),
+        "fitted_side": frame.fitted_side.name.lower(),
+        "cut": str(int(truth.touches_top)),
+        "peak_outside": str(int(truth.peak_outside)),
+        "flags": "|".join(str(flag.name) for flag in measured.flags),
+    }
+
+
+def write_worst(
+    folder: Path,
+    number: int,
+    sequences: Sequence[RenderedSequence],
+    results: Sequence[Sequence[FrameResult]],
+) -> None:
+    """Annotated pictures of the frames with the largest errors, of each sequence."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for sequence, frames in zip(sequences, results, strict=True):
+        for rank, frame in enumerate(sorted(frames, key=badness, reverse=True)[:number]):
+            picture = draw_measurement(
+                read_image(frame.truth.path), sequence.calibration, frame.measured
+            )
+            _draw_truth(picture, sequence, frame)
+            name = f"{sequence.name}_{rank}_frame_{frame.truth.index:03d}.png"
+            cv2.imwrite(str(folder / name), picture)
+
+
+def badness(frame: FrameResult) -> float:
+    """Size of the worse of the two errors [m]; a cut frame counts by what it claims too much."""
+    values = [frame.measured.msh, value_of(frame.measured, "fitted_msh")]
+    errors = [value - frame.truth.msh for value in values if math.isfinite(value)]
+    if frame.truth.touches_top:
+        return max([0.0, *errors]) if frame.measured.flags else math.inf
+    wrong_side = (
+        frame.truth.msh > HIGH
+        and bool(frame.truth.side)
+        and frame.measured.peak_side is not frame.truth.side
+    )
+    return max([abs(error) for error in errors], default=math.inf) + 1e-3 * wrong_side
+
+
+def _draw_truth(picture: Image, sequence: RenderedSequence, frame: FrameResult) -> None:
+    """The true line of both walls, thin, and the truth as text at the bottom."""
+    azimuth = np.linspace(-np.pi, np.pi, 721)
+    line = sequence.calibration.view.project_wall(azimuth, frame.truth.height(azimuth))
+    line = np.asarray(line)[np.all(np.isfinite(line), axis=1)]
+    cv2.polylines(
+        picture, [np.rint(8.0 * line).astype(np.int32)], False, (0, 255, 255), 1, cv2.LINE_AA, 3
+    )
+    truth = frame.truth
+    text = (
+        f"truth {1e3 * truth.msh:.2f} mm, {math.degrees(truth.azimuth):.0f} deg, "
+        f"{truth.side.name.lower()}; raw {1e3 * (frame.measured.msh - truth.msh):+.2f}, "
+        f"fitted {1e3 * (value_of(frame.measured, 'fitted_msh') - truth.msh):+.2f} mm"
+    )
+    place = (8, picture.shape[0] - 10)
+    cv2.putText(picture, text, place, cv2.FONT_HERSHEY_SIMPLEX, 0.45, (0, 0, 0), 3, cv2.LINE_AA)
+    cv2.putText(
+        picture, text, place, cv2.FONT_HERSHEY_SIMPLEX, 0.45, (0, 255, 255), 1, cv2.LINE_AA
+    )
+
+
+def _height_row(name: str, row: HeightFigures) -> str:
+    cells = [
+        name,
+        str(row.count),
+        str(row.missing),
+        _mm(row.rms),
+        _mm(row.largest),
+        f"{1e3 * row.bias:+.2f}",
+        f"{math.degrees(row.azimuth_rms):.1f}",
+        f"{row.side_right}/{row.side_count}",
+        _percent(row.within_1),
+        _percent(row.within_2),
+        _mm(row.sigma),
+    ]
+    return "| " + " | ".join(cells) + " |"
+
+
+def _flag_row(row: SequenceFigures) -> str:
+    others = ", ".join(f"{name} {count}" for name, count in row.other_flags.items())
+    cells = [
+        row.name,
+        _mm(row.left_rms),
+        _mm(row.right_rms),
+        f"{row.cut_flagged}/{row.cut}",
+        f"{row.outside_flagged}/{row.outside}",
+        str(row.cut_silent),
+        str(row.bound_broken),
+        f"{row.false_saturated}/{row.uncut}",
+        others or "none",
+    ]
+    return "| " + " | ".join(cells) + " |"
+
+
+def _mm(metres: float) -> str:
+    return f"{1e3 * metres:.2f}"
+
+
+def _percent(share: float) -> str:
+    return f"{100.0 * share:.0f} %"
+
+
+def _plain(value: Any) -> Any:
+    """What JSON cannot say becomes null."""
+    if isinstance(value, dict):
+        return {key: _plain(entry) for key, entry in value.items()}
+    if isinstance(value, list):
+        return [_plain(entry) for entry in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(description="Camera heights against exact truth.")
+    parser.add_argument("folders", nargs="*", type=Path, metavar="FOLDER")
+    parser.add_argument("--no-still", action="store_true", help="do not learn from calib.jpg")
+    parser.add_argument("--grey", action="store_true", help="read the images in grey")
+    parser.add_argument("--frames", type=Path, metavar="DIR", help="write a CSV per sequence")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures")
+    parser.add_argument("--worst", nargs=2, metavar=("N", "DIR"), help="draw the worst frames")
+    parser.add_argument("--check", action="store_true", help="exit 1 where a requirement fails")
+    return parser
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,162 @@
+"""Rendered image sequences with exact truth, as values: what the accuracy tools measure against.
+
+A folder holds truth.json, the frames it names and, as a rule, an image of the liquid at rest. The
+format is that of `rendered/README.md` in the shared data; truth.json states its conventions.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_camera.calibration import Calibration
+from slosh_camera.camera import camera_from_info
+from slosh_camera.errors import SloshCameraError
+from slosh_camera.geometry import Cup, CupView, Pose
+from slosh_camera.measurement import PeakSide
+
+Image = NDArray[np.uint8]
+
+ROOT = Path(__file__).resolve().parent.parent
+_SIDES = {"front": PeakSide.FRONT, "rear": PeakSide.REAR}
+
+
+@dataclass(frozen=True, slots=True)
+class FrameTruth:
+    """What is true in one frame.
+
+    Attributes:
+        index: of the frame.
+        path: its image.
+        stamp_ns: middle of the exposure [ns].
+        msh: highest point of the free surface on the wall above the still level [m].
+        azimuth: of that point [rad]; NaN where the surface is level.
+        side: the wall that carries it; UNKNOWN beside the image plane.
+        sh_left: wall height at the left apparent edge of the container [m].
+        sh_right: at the right edge [m].
+        touches_top: liquid is seen in the image's first row: heights are cut off.
+        peak_outside: the highest point projects outside the image.
+        modes: amplitude [m] and azimuth [rad] of the first and the second mode at the wall.
+    """
+
+    index: int
+    path: Path
+    stamp_ns: int
+    msh: float
+    azimuth: float
+    side: PeakSide
+    sh_left: float
+    sh_right: float
+    touches_top: bool
+    peak_outside: bool
+    modes: tuple[tuple[float, float], tuple[float, float]]
+
+    def height(self, azimuth: NDArray[np.float64]) -> NDArray[np.float64]:
+        """True height of the wall line [m] at azimuths [rad]."""
+        parts = [size * np.cos(azimuth - phase) for size, phase in self.modes]
+        return np.asarray(parts[0] + parts[1])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RenderedSequence:
+    """One folder.
+
+    Attributes:
+        name: of the folder.
+        calibration: camera, pose and cup from truth.json.
+        still: image of the liquid at rest; None: there is none.
+        frames: in the order of time.
+    """
+
+    name: str
+    calibration: Calibration
+    still: Path | None
+    frames: tuple[FrameTruth, ...]
+
+
+def shared_sequences() -> list[Path]:
+    """Folders of the shared data; SLOSH_SHARED_DATA or ../shared/data says where they are."""
+    data = Path(os.environ.get("SLOSH_SHARED_DATA", ROOT.parent / "shared" / "data"))
+    return sorted(path.parent for path in (data / "rendered").glob("*/truth.json"))
+
+
+def read_sequence(folder: Path) -> RenderedSequence:
+    """Read truth.json of a folder; images are read when they are measured.
+
+    Raises:
+        SloshCameraError: the file cannot be read or lacks a key; the message names it.
+    """
+    path = folder / "truth.json"
+    try:
+        truth = json.loads(path.read_text(encoding="utf-8"))
+        frames = tuple(_frame(folder, truth, entry) for entry in truth["frames"])
+        calibration = Calibration(_view(truth), folder.name)
+        still = folder / (truth.get("static") or {}).get("file", "calib.jpg")
+    except OSError as error:
+        raise SloshCameraError(f"{path}: cannot be read: {error.strerror}") from error
+    except KeyError as error:
+        raise SloshCameraError(f"{path}: lacks the key {error}") from error
+    except (ValueError, TypeError) as error:
+        raise SloshCameraError(f"{path}: {error}") from error
+    name = folder.resolve().name
+    return RenderedSequence(name, calibration, still if still.is_file() else None, frames)
+
+
+def read_image(path: Path, *, grey: bool = False) -> Image:
+    """An image as the detector takes it: blue-green-red, or grey.
+
+    Raises:
+        SloshCameraError: the file is missing or no image.
+    """
+    image = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE if grey else cv2.IMREAD_COLOR)
+    if image is None:
+        raise SloshCameraError(f"{path}: is missing or no image")
+    return np.asarray(image, dtype=np.uint8)
+
+
+def _view(truth: Mapping[str, Any]) -> CupView:
+    camera = truth["camera"]
+    cup: dict[str, float] = {
+        "radius": truth["R"],
+        "fill_height": truth["h"],
+        "wall_thickness": truth["wall_thickness"],
+        "rim_height": truth["h"] + truth["rim_z"],
+        "wall_refractive_index": truth["n_wall"],
+    }
+    known = {entry.name for entry in fields(Cup)}
+    return CupView(
+        camera_from_info(
+            np.ravel(camera["K"]).tolist(), camera["dist"], camera["width"], camera["height"]
+        ),
+        Pose(np.array(camera["R_cup2cam"]), np.array(camera["t_cup2cam"])),
+        Cup(**{key: value for key, value in cup.items() if key in known}),
+    )
+
+
+def _frame(folder: Path, truth: Mapping[str, Any], entry: Mapping[str, Any]) -> FrameTruth:
+    modes = tuple(
+        (float(entry.get(size, 0.0)), math.radians(entry.get(phase) or 0.0))
+        for size, phase in (("A1", "phi"), ("A2", "phi2"))
+    )
+    return FrameTruth(
+        index=entry["index"],
+        path=folder / entry["file"],
+        stamp_ns=round(1e9 * entry["t"]),
+        msh=entry["MSH"],
+        azimuth=math.nan if entry["peak_az"] is None else math.radians(entry["peak_az"]),
+        side=_SIDES.get(entry["peak_half"], PeakSide.UNKNOWN),
+        sh_left=entry["SH_left"],
+        sh_right=entry["SH_right"],
+        touches_top=bool(entry["liquid_touches_frame_top"]),
+        peak_outside=bool(entry["peak_out_of_frame"]),
+        modes=(modes[0], modes[1]),
+    )
