@@ -1,8 +1,9 @@
 """Where a cylindrical container is seen in an image, and what a pixel says about its wall.
 
 Container frame: origin in the centre of the still free surface, z up along the axis, azimuth
-counted from +x towards +y. Rays are straight: refraction at the wall and in the liquid is not
-modelled.
+counted from +x towards +y. Rays to the inner wall bend where they enter and leave the transparent
+wall (refraction.py): the liquid's line on the front wall is seen through the wall alone, the line
+on the rear wall through the wall and the air above the liquid.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from slosh_camera.camera import PinholeCamera
 from slosh_camera.errors import SloshCameraError
+from slosh_camera.refraction import GlassWall, WallTrace
 
 FloatArray = NDArray[np.float64]
 
@@ -141,12 +143,16 @@ class CupView:
     pose: Pose
     cup: Cup
     _centre: FloatArray = field(init=False, repr=False)
+    _glass: GlassWall = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         """Refuse a container that is not in front of the camera."""
         centre = self.pose.camera_centre
         object.__setattr__(self, "_centre", centre)
-        outer = self.cup.radius + self.cup.wall_thickness
+        cup = self.cup
+        glass = GlassWall(cup.radius, cup.wall_thickness, cup.wall_refractive_index)
+        object.__setattr__(self, "_glass", glass)
+        outer = glass.outer_radius
         if float(np.hypot(centre[0], centre[1])) <= outer:
             raise SloshCameraError(
                 "pose: the camera is inside the container or straight above it, "
@@ -175,17 +181,25 @@ class CupView:
         array = np.asarray(points, dtype=np.float64).reshape(-1, 3)
         return self.camera.project(array @ self.pose.rotation.T + self.pose.translation)
 
-    def project_wall(self, azimuth: ArrayLike, height: ArrayLike) -> FloatArray:
-        """Project points of the inner wall.
+    def project_wall(
+        self, azimuth: ArrayLike, height: ArrayLike, wall: Wall | None = None
+    ) -> FloatArray:
+        """Project points of the inner wall, through the wall that light crosses on its way.
 
         Args:
             azimuth: (N,) or scalar [rad].
             height: (N,) or scalar, above the still level [m].
+            wall: through the front wall alone, or through the front wall and the air behind it;
+                None: the front where the point is on the part of it that faces the camera.
 
         Returns:
-            (N, 2) pixels.
+            (N, 2) pixels; NaN where no ray from that side reaches the point.
         """
-        return self.project(self.wall_points(azimuth, height))
+        points = self.wall_points(azimuth, height)
+        if not self._glass.bends:
+            return self.project(points)
+        rear = None if wall is None else np.full(len(points), wall is Wall.REAR)
+        return self.project(self._centre + self._glass.sight(self._centre, points, rear))
 
     def wall_points(self, azimuth: ArrayLike, height: ArrayLike) -> FloatArray:
         """Points (N, 3) of the inner wall in the container frame [m], by azimuth and height."""
@@ -207,6 +221,11 @@ class CupView:
         """
         return self._centre, self.camera.rays(pixels) @ self.pose.rotation
 
+    def trace(self, pixels: ArrayLike) -> WallTrace:
+        """Where the rays of pixels (N, 2) meet the inner wall, in the container frame [m]."""
+        origin, direction = self.rays(pixels)
+        return self._glass.trace(origin, direction)
+
     def on_wall(self, pixels: ArrayLike, wall: Wall) -> tuple[FloatArray, FloatArray]:
         """Place pixels on the inner wall: the ray's intersection with the cylinder.
 
@@ -218,30 +237,24 @@ class CupView:
             Azimuth (N,) [rad] in (-pi, pi] and height above the still level (N,) [m]; NaN where
             the ray misses the cylinder.
         """
-        origin, direction = self.rays(pixels)
-        a = direction[:, 0] ** 2 + direction[:, 1] ** 2
-        half_b = direction[:, 0] * origin[0] + direction[:, 1] * origin[1]
-        c = origin[0] ** 2 + origin[1] ** 2 - self.cup.radius**2
-        discriminant = half_b**2 - a * c
-        root = np.sqrt(np.where(discriminant >= 0.0, discriminant, np.nan))
-        # The stable form of the quadratic's near root; half_b is negative towards the cup.
-        far = (-half_b + root) / a
-        scale = far if wall is Wall.REAR else c / (a * far)
-        scale = np.where(scale > 0.0, scale, np.nan)
-        points = origin + scale[:, np.newaxis] * direction
+        trace = self.trace(pixels)
+        points = trace.front if wall is Wall.FRONT else trace.rear
         return np.arctan2(points[:, 1], points[:, 0]), points[:, 2]
 
     def tangent_azimuths(self) -> tuple[float, float]:
-        """Ends of the part of the front wall that the camera's centre sees.
+        """Ends of the part of the front wall that the camera sees at the still level.
 
         Returns:
             Azimuths [rad] in (-pi, pi] of the inner wall's left and right edge in the image.
         """
         distance = float(np.hypot(self._centre[0], self._centre[1]))
-        half = float(np.arccos(self.cup.radius / distance))
-        ends = np.array([self.camera_azimuth - half, self.camera_azimuth + half])
-        pixels = self.project_wall(ends, 0.0)
-        if pixels[0, 0] > pixels[1, 0]:
+        outer = self._glass.outer_radius
+        to_edge = float(np.sqrt(distance**2 - outer**2))
+        elevation = float(np.arctan2(-self._centre[2], to_edge))
+        half = self._glass.visible_half_angle(distance, elevation)
+        ends = self.camera_azimuth + np.array([-half, half])
+        u = self.project(self.wall_points(ends, 0.0))[:, 0]
+        if u[0] > u[1]:
             ends = ends[::-1]
         wrapped = np.arctan2(np.sin(ends), np.cos(ends))
         return float(wrapped[0]), float(wrapped[1])

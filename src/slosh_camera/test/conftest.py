@@ -67,7 +67,7 @@ class Scene:
             0.5 * (self.height - 1),
             self.distortion,
         )
-        cup = Cup(self.radius, self.fill_height, 0.002, self.rim_height)
+        cup = Cup(self.radius, self.fill_height, 0.002, self.rim_height, 1.0)
         view = CupView(camera, Pose(*self.extrinsics()), cup)
         return Calibration(view, region=region, detection=settings or DetectionSettings())
 

@@ -9,7 +9,8 @@ from slosh_camera.camera import PinholeCamera, camera_from_info
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.geometry import Cup, CupView, Pose, Wall, look_at
 
-CUP = Cup(radius=0.05, fill_height=0.07, wall_thickness=0.002, rim_height=0.12)
+# Straight rays; test_camera_refraction.py has the wall that bends them.
+CUP = Cup(0.05, 0.07, wall_thickness=0.002, rim_height=0.12, wall_refractive_index=1.0)
 BARREL = (-0.25, 0.08, 0.001, -0.002, 0.01)
 
 

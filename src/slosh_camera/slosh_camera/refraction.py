@@ -1,0 +1,222 @@
+"""Light through the wall of a transparent cylinder, by Snell's law in three dimensions.
+
+The wall is a tube between two coaxial cylinders. A ray from the camera meets the outer cylinder,
+crosses the wall, leaves it at the inner cylinder (the front wall, where the liquid's line is
+seen) and, above the liquid, crosses the air in the container to the inner cylinder's far side (the
+rear wall). A wall of no thickness or of index 1 leaves the ray straight.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+_NEWTON_STEPS = 40
+_DIFFERENCE = 1e-7
+_CONVERGED = 1e-12
+_ARRIVED = 1e-9
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class WallTrace:
+    """Where rays meet the inner wall; NaN where they do not.
+
+    Attributes:
+        front: (N, 3) points on the near side [m].
+        rear: (N, 3) points on the far side, seen through the front wall and air [m]; NaN also
+            where the front wall reflects all light back.
+    """
+
+    front: FloatArray
+    rear: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class GlassWall:
+    """A tube about the z axis.
+
+    Attributes:
+        radius: inner radius [m].
+        thickness: [m].
+        index: refractive index of the wall against the air on both sides.
+    """
+
+    radius: float
+    thickness: float = 0.0
+    index: float = 1.0
+
+    @property
+    def outer_radius(self) -> float:
+        """Outer radius [m]."""
+        return self.radius + self.thickness
+
+    @property
+    def bends(self) -> bool:
+        """Whether the wall deflects light."""
+        return self.thickness > 0.0 and self.index != 1.0
+
+    def trace(self, origin: FloatArray, directions: FloatArray) -> WallTrace:
+        """Follow rays from outside to the inner wall.
+
+        Args:
+            origin: (3,) or (N, 3) start outside the container [m].
+            directions: (N, 3), of any length.
+
+        Returns:
+            The points (N, 3).
+        """
+        direction = directions / np.linalg.norm(directions, axis=1, keepdims=True)
+        start = np.broadcast_to(origin, direction.shape)
+        if self.bends:
+            start = _hit(start, direction, self.outer_radius, far=False)
+            direction = _refracted(direction, _outward(start), 1.0 / self.index)
+        front = _hit(start, direction, self.radius, far=False)
+        if self.bends:
+            direction = _refracted(direction, _outward(front), self.index)
+        return WallTrace(front, _hit(front, direction, self.radius, far=True))
+
+    def sight(
+        self, origin: FloatArray, points: FloatArray, rear: BoolArray | None = None
+    ) -> FloatArray:
+        """Directions in which points of the inner wall are seen from outside.
+
+        A vertical wall leaves a ray's vertical component alone, so the path in plan view is that
+        of a flat problem with the index of `_plan_index` (Bravais), and its impact parameter b
+        about the axis is b/index in the wall. Newton's method on asin(b), in which the azimuth is
+        smooth up to the silhouette, while the elevation follows from the path's length.
+
+        Args:
+            origin: (3,) camera's centre [m].
+            points: (N, 3) on the inner wall [m].
+            rear: (N,) whether a point is seen through the front wall and the air behind it;
+                None: where it is not on the part of the front wall that the camera sees.
+
+        Returns:
+            (N, 3) directions with a horizontal part of length 1; NaN where no ray arrives.
+        """
+        distance = float(np.hypot(origin[0], origin[1]))
+        camera_azimuth = float(np.arctan2(origin[1], origin[0]))
+        angle = np.arctan2(points[:, 1], points[:, 0]) - camera_azimuth
+        angle = np.arctan2(np.sin(angle), np.cos(angle))
+        target, rise = np.abs(angle), points[:, 2] - origin[2]
+        slope = rise / np.hypot(points[:, 0] - origin[0], points[:, 1] - origin[1])
+        if rear is None:
+            rear = target > self._turn(self._widest(slope), slope, distance, None)
+        widest = np.where(rear, self.radius, self._widest(slope))
+        phase = np.where(rear, 0.25 * np.pi, np.minimum(target, 1.2))
+        for _ in range(_NEWTON_STEPS):
+            impact = widest * np.sin(phase)
+            slope = rise / self._flat_length(impact, slope, distance, rear)
+            error = self._turn(impact, slope, distance, rear) - target
+            ahead = phase - _DIFFERENCE
+            change = self._turn(widest * np.sin(ahead), slope, distance, rear) - target - error
+            step = np.clip(error * _DIFFERENCE / change, -0.3, 0.3)
+            phase = np.clip(phase + step, 0.0, 0.5 * np.pi)
+            if np.nanmax(np.abs(step), initial=0.0) < _CONVERGED:
+                break
+        impact = widest * np.sin(phase)
+        missed = np.abs(self._turn(impact, slope, distance, rear) - target) > _ARRIVED
+        heading = camera_azimuth + np.pi - np.sign(angle) * np.arcsin(impact / distance)
+        directions = np.column_stack((np.cos(heading), np.sin(heading), slope))
+        directions[missed] = np.nan
+        return directions
+
+    def visible_half_angle(self, distance: float, elevation: float = 0.0) -> float:
+        """Half of the front wall's arc that a camera sees.
+
+        A ray that grazes the outer cylinder enters the wall at the critical angle and reaches the
+        inner wall further round than a straight tangent would.
+
+        Args:
+            distance: of the camera from the axis [m], larger than the outer radius.
+            elevation: of the grazing ray above the horizontal [rad].
+
+        Returns:
+            Angle about the axis [rad].
+        """
+        slope = np.array([np.tan(elevation)])
+        return float(self._turn(self._widest(slope), slope, distance, None)[0])
+
+    def _plan_index(self, slope: FloatArray) -> FloatArray:
+        """Refractive index in plan view for rays of a slope outside."""
+        if not self.bends:
+            return np.ones_like(slope)
+        # sin²/cos² of the elevation are slope²/(1 + slope²) and 1/(1 + slope²).
+        index: FloatArray = np.sqrt(self.index**2 * (1.0 + slope**2) - slope**2)
+        return index
+
+    def _widest(self, slope: FloatArray) -> FloatArray:
+        """Impact parameter up to which rays reach the inner wall [m]."""
+        return np.minimum(self.outer_radius, self._plan_index(slope) * self.radius)
+
+    def _turn(
+        self, impact: FloatArray, slope: FloatArray, distance: float, rear: BoolArray | None
+    ) -> FloatArray:
+        """Azimuth from the camera's at which a ray meets the front or the rear wall [rad]."""
+        in_wall = impact / self._plan_index(slope)
+        angle: FloatArray = (
+            _arcsin(impact / self.outer_radius)
+            - _arcsin(impact / distance)
+            + _arcsin(in_wall / self.radius)
+            - _arcsin(in_wall / self.outer_radius)
+        )
+        if rear is None:
+            return angle
+        return np.where(rear, angle + np.pi - 2.0 * _arcsin(impact / self.radius), angle)
+
+    def _flat_length(
+        self, impact: FloatArray, slope: FloatArray, distance: float, rear: BoolArray
+    ) -> FloatArray:
+        """Length in plan view over which a ray outside would rise as much as the bent one [m]."""
+        index = self._plan_index(slope)
+        in_wall = impact / index
+        outside = _leg(distance, impact) - _leg(self.outer_radius, impact)
+        # In the wall the ray rises more slowly: its slope is that outside over the plan index.
+        wall = (_leg(self.outer_radius, in_wall) - _leg(self.radius, in_wall)) / index
+        return outside + wall + np.where(rear, 2.0 * _leg(self.radius, impact), 0.0)
+
+
+def _hit(start: FloatArray, direction: FloatArray, radius: float, far: bool) -> FloatArray:
+    """Points (N, 3) where rays meet a cylinder ahead of their start; NaN where they miss."""
+    a = direction[:, 0] ** 2 + direction[:, 1] ** 2
+    half_b = direction[:, 0] * start[:, 0] + direction[:, 1] * start[:, 1]
+    c = start[:, 0] ** 2 + start[:, 1] ** 2 - radius**2
+    discriminant = half_b**2 - a * c
+    with np.errstate(invalid="ignore", divide="ignore"):
+        root = np.sqrt(np.where(discriminant >= 0.0, discriminant, np.nan))
+        # The stable form of the near root; half_b is negative towards the axis.
+        ahead = (-half_b + root) / a
+        scale = ahead if far else c / (a * ahead)
+        scale = np.where(scale >= 0.0, scale, np.nan)
+    return start + scale[:, np.newaxis] * direction
+
+
+def _outward(points: FloatArray) -> FloatArray:
+    normal = np.column_stack((points[:, 0], points[:, 1], np.zeros(len(points))))
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    return normal
+
+
+def _refracted(direction: FloatArray, normal: FloatArray, ratio: float) -> FloatArray:
+    """Unit directions (N, 3) after a surface whose normal faces the ray; NaN: all reflected."""
+    cosine = -np.sum(direction * normal, axis=1, keepdims=True)
+    with np.errstate(invalid="ignore"):
+        square = 1.0 - ratio**2 * (1.0 - cosine**2)
+        transmitted = np.sqrt(np.where(square >= 0.0, square, np.nan))
+    bent: FloatArray = ratio * direction + (ratio * cosine - transmitted) * normal
+    return bent
+
+
+def _arcsin(sine: FloatArray) -> FloatArray:
+    angle: FloatArray = np.arcsin(np.clip(sine, -1.0, 1.0))
+    return angle
+
+
+def _leg(hypotenuse: float, leg: FloatArray) -> FloatArray:
+    other: FloatArray = np.sqrt(np.maximum(hypotenuse**2 - leg**2, 0.0))
+    return other
