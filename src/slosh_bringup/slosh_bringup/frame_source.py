@@ -13,7 +13,7 @@ from slosh_bag.reader import BagReader
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.run_data import stamp_ns
 from slosh_camera.errors import SloshCameraError
-from slosh_camera.image import GrayImage, decode_compressed, to_gray
+from slosh_camera.image import GrayImage, decode_compressed, to_gray, to_image
 
 IMAGE_ENDINGS = (".png", ".jpg", ".jpeg")
 IMAGE_TYPES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
@@ -56,7 +56,7 @@ def _folder_frames(path: Path) -> Iterator[SourceFrame]:
 def _file_frame(index: int, file: Path) -> SourceFrame:
     stamp = round(index * 1e9 / FOLDER_RATE)
     try:
-        gray = decode_compressed(file.suffix[1:], file.read_bytes())
+        gray = to_gray(decode_compressed(file.suffix[1:], file.read_bytes()))
     except (SloshCameraError, OSError) as error:
         return SourceFrame(stamp, file.name, None, f"{file}: {error}")
     return SourceFrame(stamp, file.name, gray)
@@ -108,10 +108,12 @@ def _decoded(stamp: int, message: Any, message_type: str) -> SourceFrame:
     try:
         if message_type == IMAGE_TYPES[0]:
             gray = to_gray(
-                message.encoding, message.height, message.width, message.step, message.data
+                to_image(
+                    message.encoding, message.height, message.width, message.step, message.data
+                )
             )
         else:
-            gray = decode_compressed(message.format, message.data)
+            gray = to_gray(decode_compressed(message.format, message.data))
     except SloshCameraError as error:
         return SourceFrame(stamp, name, None, str(error))
     return SourceFrame(stamp, name, gray)

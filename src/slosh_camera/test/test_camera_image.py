@@ -1,3 +1,5 @@
+"""Images of messages and files: what is read, what is viewed in place, what is refused."""
+
 import cv2
 import numpy as np
 import pytest
@@ -5,57 +7,89 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from slosh_camera.errors import SloshCameraError
-from slosh_camera.image import decode_compressed, to_gray
+from slosh_camera.image import decode_compressed, read_image, to_gray, to_image
 
 GRAY = np.random.default_rng(0).integers(0, 256, (12, 20), dtype=np.uint8)
+COLOUR = np.random.default_rng(2).integers(0, 256, (12, 20, 3), dtype=np.uint8)
 SMOOTH = np.tile(np.linspace(0, 255, 64).astype(np.uint8), (48, 1))
+WIDE = np.dstack([GRAY ^ 85, GRAY])  # 16 bits, little end first
+# What a message holds, and the pixels that it stands for.
+STORED = {
+    "mono8": (GRAY[..., None], GRAY),
+    "8UC1": (GRAY[..., None], GRAY),
+    "bgr8": (COLOUR, COLOUR),
+    "8UC3": (COLOUR, COLOUR),
+    "rgb8": (COLOUR, COLOUR[..., ::-1]),
+    "bgra8": (np.dstack([COLOUR, GRAY]), COLOUR),
+    "rgba8": (np.dstack([COLOUR, GRAY]), COLOUR[..., ::-1]),
+    "mono16": (WIDE, GRAY),
+}
 
 
-def test_mono8_is_read_without_copying():
-    data = bytearray(GRAY.tobytes())
-    image = to_gray("mono8", 12, 20, 20, data)
-    data[0] ^= 255
-    assert image[0, 0] == data[0]
-    assert image.shape == (12, 20)
+@pytest.mark.parametrize("padding", [0, 1, 7])
+@pytest.mark.parametrize("encoding", STORED)
+def test_pixels_are_seen_where_the_message_has_them(encoding, padding):
+    stored, wanted = STORED[encoding]
+    rows = stored.reshape(12, -1)
+    data = bytearray(np.pad(rows, ((0, 0), (0, padding)), constant_values=99).tobytes())
+    image = to_image(encoding, 12, 20, rows.shape[1] + padding, data)
+    np.testing.assert_array_equal(image, wanted)
+    before = image.copy()
+    for place in range(len(data)):
+        data[place] ^= 255
+    np.testing.assert_array_equal(image, before ^ 255)  # the very bytes, not a copy
     with pytest.raises(ValueError, match="read-only"):
         image[0, 0] = 1
 
 
-@pytest.mark.parametrize("padding", [1, 7])
-def test_padding_of_the_rows_is_left_out(padding):
-    padded = np.pad(GRAY, ((0, 0), (0, padding)), constant_values=99)
-    np.testing.assert_array_equal(to_gray("mono8", 12, 20, 20 + padding, padded.tobytes()), GRAY)
+def test_the_upper_byte_counts_whatever_the_byte_order():
+    data = np.ascontiguousarray(WIDE[..., ::-1]).tobytes()
+    np.testing.assert_array_equal(to_image("mono16", 12, 20, 40, data, big_endian=True), GRAY)
 
 
-@pytest.mark.parametrize(("encoding", "red"), [("bgr8", 2), ("rgb8", 0)])
-def test_colours_are_weighted_by_their_place(encoding, red):
-    colour = np.zeros((4, 5, 3), np.uint8)
-    colour[..., red] = 200
-    padded = np.pad(colour.reshape(4, 15), ((0, 0), (0, 3)))
-    gray = to_gray(encoding, 4, 5, 18, padded.tobytes())
+@pytest.mark.parametrize("pattern", ["rggb", "bggr", "gbrg", "grbg"])
+def test_a_bayer_pattern_becomes_colour(pattern):
+    colour = {"r": 200, "g": 120, "b": 40}
+    cell = np.array([[colour[pattern[0]], colour[pattern[1]]],
+                     [colour[pattern[2]], colour[pattern[3]]]], np.uint8)  # fmt: skip
+    padded = np.pad(np.tile(cell, (6, 10)), ((0, 0), (0, 3)))
+    image = to_image(f"bayer_{pattern}8", 12, 20, 23, padded.tobytes())
+    assert image.shape == (12, 20, 3)
+    assert np.all(image[2:-2, 2:-2] == [40, 120, 200])
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_colours_are_weighted_by_their_place(order):
+    stored = np.zeros((4, 5, 3), np.uint8)
+    stored[..., 2 if order == 1 else 0] = 200
+    gray = to_gray(stored[..., ::order])
     assert gray.shape == (4, 5)
     assert np.all(gray == 60)  # 0.299 * 200
+    assert to_gray(gray) is gray
 
 
 @pytest.mark.parametrize(
     ("arguments", "word"),
     [
-        (("bayer_rggb8", 12, 20, 20, GRAY.tobytes()), "bayer_rggb8"),
+        (("yuv422", 12, 20, 20, GRAY.tobytes()), "yuv422"),
         (("", 12, 20, 20, GRAY.tobytes()), "encoding"),
         (("mono8", 0, 0, 0, b""), "empty"),
         (("mono8", 12, 0, 0, b""), "empty"),
         (("mono8", 12, 20, 19, GRAY.tobytes()), "step"),
         (("bgr8", 4, 20, 20, GRAY.tobytes()), "step"),
+        (("mono16", 12, 20, 39, GRAY.tobytes()), "step"),
         (("mono8", 12, 20, 20, GRAY.tobytes()[:-1]), "bytes"),
         (("mono8", 12, 20, 20, GRAY.tobytes() + b"0"), "bytes"),
         (("mono8", 12, 20, 20, b""), "bytes"),
+        (("mono8", 2**32 - 1, 20, 20, GRAY.tobytes()), "bytes"),
         (("mono8", 12, 20, 20, "text"), "buffer"),
         (("mono8", 12, 20, 20, None), "buffer"),
+        (("bayer_rggb8", 1, 1, 1, b"0"), "too few"),
     ],
 )
 def test_images_that_cannot_be(arguments, word):
     with pytest.raises(SloshCameraError, match=word) as caught:
-        to_gray(*arguments)
+        to_image(*arguments)
     assert "\n" not in str(caught.value)
 
 
@@ -74,9 +108,46 @@ def test_compressed_images(suffix, name, tolerance):
     assert np.max(np.abs(gray.astype(int) - SMOOTH)) <= tolerance
 
 
-def test_compressed_colour_becomes_grey():
-    data = cv2.imencode(".png", np.dstack([SMOOTH] * 3))[1].tobytes()
-    np.testing.assert_array_equal(decode_compressed("png", data), SMOOTH)
+@pytest.mark.parametrize(
+    ("stored", "wanted"),
+    [
+        (COLOUR, COLOUR),
+        (GRAY, GRAY),
+        (np.dstack([COLOUR, GRAY]), COLOUR),
+        (GRAY.astype(np.uint16) * 256 + 85, GRAY),
+        (COLOUR.astype(np.uint16) * 256 + 85, COLOUR),
+    ],
+    ids=["colour", "grey", "transparent", "grey, 16 bits", "colour, 16 bits"],
+)
+def test_colour_stays_and_all_else_is_left_out(stored, wanted):
+    data = cv2.imencode(".png", stored)[1].tobytes()
+    np.testing.assert_array_equal(decode_compressed("png", data), wanted)
+
+
+def test_what_a_phone_adds_around_the_pixels_does_not_matter():
+    thumbnail = cv2.imencode(".jpg", SMOOTH[:8, :8])[1].tobytes()
+    data = cv2.imencode(".jpg", np.dstack([SMOOTH] * 3))[1].tobytes()
+    block = b"\xff\xe1" + (len(thumbnail) + 2).to_bytes(2, "big") + thumbnail
+    assert decode_compressed("jpeg", data[:2] + block + data[2:] + b"0" * 500).shape == (48, 64, 3)
+    with pytest.raises(SloshCameraError, match="complete"):
+        decode_compressed("jpeg", data[:2] + block + data[2:-300])
+
+
+@pytest.mark.parametrize("suffix", [".bmp", ".tif", ".png", ".jpg"])
+def test_a_file_is_read_in_colour(tmp_path, suffix):
+    path = tmp_path / f"image{suffix}"
+    cv2.imwrite(str(path), np.dstack([SMOOTH] * 3))
+    assert read_image(path).shape == (48, 64, 3)
+
+
+@pytest.mark.parametrize("content", [None, b"", b"no image"])
+def test_a_file_that_is_no_image_is_named(tmp_path, content):
+    path = tmp_path / "broken.png"
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(SloshCameraError, match=r"broken\.png: ") as caught:
+        read_image(path)
+    assert "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize("suffix", [".jpg", ".png"])

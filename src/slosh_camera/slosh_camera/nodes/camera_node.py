@@ -12,7 +12,8 @@ from sensor_msgs.msg import CompressedImage, Image
 from slosh_camera.calibration import read_calibration
 from slosh_camera.detector import FreeSurfaceDetector
 from slosh_camera.errors import SloshCameraError
-from slosh_camera.image import GrayImage, decode_compressed, to_gray
+from slosh_camera.image import Image as Pixels
+from slosh_camera.image import decode_compressed, to_gray, to_image
 from slosh_camera.measurement import Flag, Measurement, bad_image
 from slosh_camera.nodes.frame_gaps import FrameGaps
 from slosh_msgs.msg import FreeSurface
@@ -62,12 +63,13 @@ class CameraNode(Node):
     def _on_image(self, message: Image) -> None:
         self._measure(
             message.header.stamp,
-            lambda: to_gray(
+            lambda: to_image(
                 message.encoding,
                 message.height,
                 message.width,
                 message.step,
                 image_bytes(message),
+                big_endian=bool(message.is_bigendian),
             ),
         )
 
@@ -87,8 +89,8 @@ class CameraNode(Node):
             return
         self._gaps.add(stamp_ns)
         try:
-            image: GrayImage = decode()
-            measurement = self._detector.update(stamp_ns, image)
+            image: Pixels = decode()
+            measurement = self._detector.update(stamp_ns, to_gray(image))
         except SloshCameraError as error:
             self._complain(str(error))
             measurement = bad_image(stamp_ns)

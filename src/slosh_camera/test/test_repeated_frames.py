@@ -1,0 +1,47 @@
+"""A frozen camera is told by its images alone, in whatever memory they lie."""
+
+import numpy as np
+import pytest
+
+from slosh_camera.repeats import RepeatedFrames, digest
+
+FIRST = np.random.default_rng(4).integers(0, 256, (30, 40, 3), dtype=np.uint8)
+
+
+def changed(image, place):
+    other = image.copy()
+    other[place] ^= 1
+    return other
+
+
+@pytest.mark.parametrize("image", [FIRST, FIRST[..., 0], FIRST[..., ::-1], FIRST[3:, 5:]])
+def test_only_the_image_before_counts(image):
+    frames = RepeatedFrames()
+    other = changed(image, (7, 9))
+    answers = [frames.is_repeat(each) for each in (image, image, other, image, image)]
+    assert answers == [False, True, False, False, True]
+
+
+@pytest.mark.parametrize("place", [(0, 0), (29, 39), (15, 20, 2)])
+def test_one_grey_level_of_one_pixel_is_a_new_image(place):
+    frames = RepeatedFrames()
+    assert not frames.is_repeat(FIRST)
+    assert not frames.is_repeat(changed(FIRST, place))
+
+
+def test_a_buffer_that_is_used_again_is_no_repeat():
+    frames, buffer = RepeatedFrames(), FIRST.copy()
+    assert not frames.is_repeat(buffer)
+    buffer[:] = FIRST[::-1]
+    assert not frames.is_repeat(buffer)
+
+
+def test_black_images_of_two_shapes_differ():
+    black = np.zeros((20, 30), np.uint8)
+    assert digest(black) != digest(black.reshape(30, 20))
+
+
+def test_digests_of_other_processes_serve_as_well():
+    frames = RepeatedFrames()
+    marks = [digest(image) for image in (FIRST, FIRST, FIRST[::-1])]
+    assert [frames.repeats(mark) for mark in marks] == [False, True, False]
