@@ -1,6 +1,6 @@
 """Measures the camera's accuracy on rendered sequences with exact truth.
 
-    tools/run python tools/camera_accuracy.py [FOLDER ...] [--disturb] [--check] ...
+    tools/run python tools/camera_accuracy.py [FOLDER ...] [--disturb] [--docs] [--check] ...
 
 Without folders it takes those of the shared data (SLOSH_SHARED_DATA or ../shared/data). A folder
 holds frame_*.jpg, calib.jpg and truth.json as described in the shared data's rendered/README.md.
@@ -20,17 +20,18 @@ from typing import Any
 
 import cv2
 import numpy as np
+from camera_disturbances import Disturbance, all_disturbances
 from camera_figures import (
     HIGH,
     Detector,
     FrameResult,
-    HeightFigures,
     Options,
     SequenceFigures,
     figures,
     measure_sequence,
     value_of,
 )
+from camera_robustness import disturbed_figures, measure_disturbed
 from camera_sequences import (
     ROOT,
     Image,
@@ -39,6 +40,8 @@ from camera_sequences import (
     read_sequence,
     shared_sequences,
 )
+from camera_tables import accuracy_tables, disturbance_table, replace_table, shortfalls
+from tqdm import tqdm
 
 from slosh_camera.calibration import Calibration
 from slosh_camera.detector import FreeSurfaceDetector
@@ -47,15 +50,6 @@ from slosh_camera.errors import SloshCameraError
 from slosh_camera.measurement import Measurement
 
 PAGE = ROOT / "docs" / "accuracy.md"
-HEIGHTS = (
-    "| {} | n | NaN | RMS | max | bias | azimuth | wall | 1σ | 2σ | σ |",
-    "|---|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|",
-)
-FLAGS = (
-    "| edges and flags | left | right | SATURATED where cut | where the peak is outside | "
-    "cut, no flag | bound broken | false SATURATED | other flags |",
-    "|---|--:|--:|--:|--:|--:|--:|--:|---|",
-)
 
 
 class CompatibleDetector:
@@ -91,6 +85,7 @@ class CompatibleDetector:
 def main() -> int:
     """Runs the command; returns its exit code."""
     arguments = _parser().parse_args()
+    cv2.setNumThreads(1)
     try:
         return run(arguments)
     except SloshCameraError as error:
@@ -107,9 +102,16 @@ def run(arguments: argparse.Namespace) -> int:
     options = Options(still=not arguments.no_still, grey=arguments.grey)
     results = [measure_sequence(sequence, make_detector, options) for sequence in sequences]
     rows = all_figures(sequences, results)
-    print(tables(rows))
     missed = [line for row in rows[: len(sequences)] for line in shortfalls(row)]
+    print(accuracy_tables(rows))
     print("\n".join(missed) or "every requirement is met", flush=True)
+    if arguments.docs:
+        replace_table(PAGE, "camera", accuracy_tables(rows))
+    if arguments.disturb:
+        disturbed = disturb(sequences, options, rows)
+        print("\n" + "\n".join(disturbed))
+        if arguments.docs:
+            replace_table(PAGE, "disturbances", disturbed[-1])
     if arguments.frames:
         write_frames(arguments.frames, sequences, results)
     if arguments.json:
@@ -137,48 +139,32 @@ def all_figures(
     return rows
 
 
-def tables(rows: Sequence[SequenceFigures]) -> str:
-    """The figures as Markdown."""
-    lines = [HEIGHTS[0].format("highest point"), HEIGHTS[1]]
-    lines += [_height_row(row.name, row.raw) for row in rows]
-    lines += ["", HEIGHTS[0].format("fitted line"), HEIGHTS[1]]
-    lines += [_height_row(row.name, row.fitted) for row in rows]
-    lines += ["", *FLAGS, *(_flag_row(row) for row in rows), ""]
-    return "\n".join(lines)
-
-
-def shortfalls(row: SequenceFigures) -> list[str]:
-    """What is asked of the camera and not met, one line each."""
-    found = [
-        *_height_shortfalls(row.raw, "highest point"),
-        *_height_shortfalls(row.fitted, "fitted line"),
+def disturb(
+    sequences: Sequence[RenderedSequence], options: Options, plain: Sequence[SequenceFigures]
+) -> list[str]:
+    """A table of all disturbances for each sequence and, of several, in total."""
+    every: list[Disturbance | None] = [None, *all_disturbances()]
+    pairs = [(change, sequence) for change in every for sequence in sequences]
+    measured = [
+        measure_disturbed(sequence, make_detector, options, change)
+        for change, sequence in tqdm(pairs, desc="disturbances", mininterval=1.0)
     ]
-    if row.cut and row.cut_flagged < 0.98 * row.cut:
-        found.append(f"SATURATED in {row.cut_flagged} of {row.cut} cut frames, asked is 98 %")
-    if row.false_saturated:
-        found.append(f"{row.false_saturated} false SATURATED")
-    return [f"not met: {row.name}: {line}" for line in found]
-
-
-def _height_shortfalls(row: HeightFigures, kind: str) -> list[str]:
-    checks = [
-        (row.missing == 0, f"{row.missing} frames without a height"),
-        (row.rms < 0.5e-3, f"RMS {_mm(row.rms)} mm, asked is 0.5"),
-        (row.largest < 1.5e-3, f"largest error {_mm(row.largest)} mm, asked is 1.5"),
-        (abs(row.bias) < 0.2e-3, f"bias {_mm(row.bias)} mm, asked is 0.2"),
-        (
-            not math.degrees(row.azimuth_rms) >= 8.0,
-            f"azimuth {math.degrees(row.azimuth_rms):.1f}°, asked is 8",
-        ),
-        (not row.side_share < 0.98, f"right wall in {_percent(row.side_share)}, asked is 98 %"),
-        (
-            0.58 <= row.within_1 <= 0.78,
-            f"{_percent(row.within_1)} within 1σ, asked is 58 to 78 %",
-        ),
-    ]
-    if row.count == 0:
-        return [f"{kind}: no height in any frame"]
-    return [f"{kind}: {text}" for good, text in checks if not good]
+    count = len(sequences)
+    groups = [measured[start : start + count] for start in range(0, len(measured), count)]
+    tables = []
+    for index, row in enumerate(plain):
+        members = [index] if index < count else list(range(count))
+        reference = [groups[0][member] for member in members]
+        rows = []
+        for change, group in zip(all_disturbances(), groups[1:], strict=True):
+            own = [group[member] for member in members]
+            parts = [
+                disturbed_figures(change, one.sequence, [one], [base])
+                for one, base in zip(own, reference, strict=True)
+            ]
+            rows.append((disturbed_figures(change, row.name, own, reference), parts))
+        tables.append(disturbance_table(row, rows))
+    return tables
 
 
 def write_frames(
@@ -239,10 +225,8 @@ def write_worst(
     folder.mkdir(parents=True, exist_ok=True)
     for sequence, frames in zip(sequences, results, strict=True):
         for rank, frame in enumerate(sorted(frames, key=badness, reverse=True)[:number]):
-            picture = draw_measurement(
-                read_image(frame.truth.path), sequence.calibration, frame.measured
-            )
-            _draw_truth(picture, sequence, frame)
+            picture = _with_truth(read_image(frame.truth.path), sequence, frame)
+            picture = draw_measurement(picture, sequence.calibration, frame.measured)
             name = f"{sequence.name}_{rank}_frame_{frame.truth.index:03d}.png"
             cv2.imwrite(str(folder / name), picture)
 
@@ -261,8 +245,9 @@ def badness(frame: FrameResult) -> float:
     return max([abs(error) for error in errors], default=math.inf) + 1e-3 * wrong_side
 
 
-def _draw_truth(picture: Image, sequence: RenderedSequence, frame: FrameResult) -> None:
-    """The true line of both walls, thin, and the truth as text at the bottom."""
+def _with_truth(image: Image, sequence: RenderedSequence, frame: FrameResult) -> Image:
+    """A copy with the true line of both walls, thin, and the truth as text at the bottom."""
+    picture = image.copy()
     azimuth = np.linspace(-np.pi, np.pi, 721)
     line = sequence.calibration.view.project_wall(azimuth, frame.truth.height(azimuth))
     line = np.asarray(line)[np.all(np.isfinite(line), axis=1)]
@@ -280,47 +265,7 @@ def _draw_truth(picture: Image, sequence: RenderedSequence, frame: FrameResult) 
     cv2.putText(
         picture, text, place, cv2.FONT_HERSHEY_SIMPLEX, 0.45, (0, 255, 255), 1, cv2.LINE_AA
     )
-
-
-def _height_row(name: str, row: HeightFigures) -> str:
-    cells = [
-        name,
-        str(row.count),
-        str(row.missing),
-        _mm(row.rms),
-        _mm(row.largest),
-        f"{1e3 * row.bias:+.2f}",
-        f"{math.degrees(row.azimuth_rms):.1f}",
-        f"{row.side_right}/{row.side_count}",
-        _percent(row.within_1),
-        _percent(row.within_2),
-        _mm(row.sigma),
-    ]
-    return "| " + " | ".join(cells) + " |"
-
-
-def _flag_row(row: SequenceFigures) -> str:
-    others = ", ".join(f"{name} {count}" for name, count in row.other_flags.items())
-    cells = [
-        row.name,
-        _mm(row.left_rms),
-        _mm(row.right_rms),
-        f"{row.cut_flagged}/{row.cut}",
-        f"{row.outside_flagged}/{row.outside}",
-        str(row.cut_silent),
-        str(row.bound_broken),
-        f"{row.false_saturated}/{row.uncut}",
-        others or "none",
-    ]
-    return "| " + " | ".join(cells) + " |"
-
-
-def _mm(metres: float) -> str:
-    return f"{1e3 * metres:.2f}"
-
-
-def _percent(share: float) -> str:
-    return f"{100.0 * share:.0f} %"
+    return picture
 
 
 def _plain(value: Any) -> Any:
@@ -340,6 +285,8 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--frames", type=Path, metavar="DIR", help="write a CSV per sequence")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures")
     parser.add_argument("--worst", nargs=2, metavar=("N", "DIR"), help="draw the worst frames")
+    parser.add_argument("--disturb", action="store_true", help="also under disturbances")
+    parser.add_argument("--docs", action="store_true", help=f"write the tables into {PAGE.name}")
     parser.add_argument("--check", action="store_true", help="exit 1 where a requirement fails")
     return parser
 
