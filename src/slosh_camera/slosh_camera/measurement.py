@@ -50,15 +50,22 @@ class Measurement:
         stamp_ns: moment of exposure [ns].
         msh: highest point that the camera sees on the wall [m]; a lower bound where SATURATED.
         msh_stddev: standard deviation of msh [m].
-        azimuth: azimuth of that point [rad].
+        azimuth: azimuth of that point [rad]; 0 or pi in a side view.
+        fitted_msh: highest point of the fitted surface on the whole wall [m].
+        fitted_msh_stddev: standard deviation of fitted_msh [m].
+        fitted_azimuth: azimuth of the fitted highest point [rad].
         sh_left: height at the left edge of the inner wall in the image [m].
         sh_right: height at the right edge [m].
         azimuth_left: azimuth of the left edge [rad].
         azimuth_right: azimuth of the right edge [rad].
+        slope_angle: of the straight line fitted to a side view [rad], positive where the liquid
+            rises towards the container's +x, to the right.
         profile_azimuth: (N,) azimuths of the line on the wall [rad]: the front wall from left to
             right, then the rear wall, where it is seen, from right to left.
-        profile_height: (N,) heights of that line [m].
-        edge_pixels: (N, 2) the same line in the image [px].
+        profile_x: (N,) places of a side view's line [m], at equal distances from the left wall to
+            the right wall; profile_azimuth is then empty.
+        profile_height: (N,) heights of the line [m]; NaN where a side view's line is hidden.
+        edge_pixels: (M, 2) the line in the image [px]; of a cylinder, point by point the profile.
         peak_pixel: (u, v) of the peak [px].
         peak_side: the wall that carries the peak.
         flags: what limits the measurement.
@@ -68,11 +75,16 @@ class Measurement:
     msh: float = NAN
     msh_stddev: float = NAN
     azimuth: float = NAN
+    fitted_msh: float = NAN
+    fitted_msh_stddev: float = NAN
+    fitted_azimuth: float = NAN
     sh_left: float = NAN
     sh_right: float = NAN
     azimuth_left: float = NAN
     azimuth_right: float = NAN
+    slope_angle: float = NAN
     profile_azimuth: FloatArray = field(default_factory=_no_values)
+    profile_x: FloatArray = field(default_factory=_no_values)
     profile_height: FloatArray = field(default_factory=_no_values)
     edge_pixels: FloatArray = field(default_factory=_no_pixels)
     peak_pixel: tuple[float, float] = (NAN, NAN)
