@@ -41,6 +41,7 @@ bench: setup
 tables: setup
 	@tools/run python tools/parameter_tables.py
 	@tools/run python tools/accuracy_tables.py
+	@tools/run python tools/camera_accuracy.py --disturb --docs
 
 docs: setup
 	@tools/run sphinx-build -W --keep-going -q -b html docs docs/_build/html

@@ -20,7 +20,7 @@ from typing import Any
 
 import cv2
 import numpy as np
-from camera_disturbances import Disturbance, all_disturbances
+from camera_disturbances import UNDISTURBED, all_disturbances
 from camera_figures import (
     HIGH,
     Detector,
@@ -50,6 +50,7 @@ from slosh_camera.errors import SloshCameraError
 from slosh_camera.measurement import Measurement
 
 PAGE = ROOT / "docs" / "accuracy.md"
+TOTAL = "**total**"
 
 
 class CompatibleDetector:
@@ -108,7 +109,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.docs:
         replace_table(PAGE, "camera", accuracy_tables(rows))
     if arguments.disturb:
-        disturbed = disturb(sequences, options, rows)
+        disturbed = disturb(sequences, options)
         print("\n" + "\n".join(disturbed))
         if arguments.docs:
             replace_table(PAGE, "disturbances", disturbed[-1])
@@ -135,35 +136,33 @@ def all_figures(
     pairs = zip(sequences, results, strict=True)
     rows = [figures(sequence.name, frames) for sequence, frames in pairs]
     if len(rows) > 1:
-        rows.append(figures("**total**", [frame for frames in results for frame in frames]))
+        rows.append(figures(TOTAL, [frame for frames in results for frame in frames]))
     return rows
 
 
-def disturb(
-    sequences: Sequence[RenderedSequence], options: Options, plain: Sequence[SequenceFigures]
-) -> list[str]:
+def disturb(sequences: Sequence[RenderedSequence], options: Options) -> list[str]:
     """A table of all disturbances for each sequence and, of several, in total."""
-    every: list[Disturbance | None] = [None, *all_disturbances()]
-    pairs = [(change, sequence) for change in every for sequence in sequences]
+    every = [UNDISTURBED, *all_disturbances()]
     measured = [
-        measure_disturbed(sequence, make_detector, options, change)
-        for change, sequence in tqdm(pairs, desc="disturbances", mininterval=1.0)
+        [measure_disturbed(sequence, make_detector, options, change) for sequence in sequences]
+        for change in tqdm(every, desc="disturbances")
     ]
-    count = len(sequences)
-    groups = [measured[start : start + count] for start in range(0, len(measured), count)]
+    everyone = list(range(len(sequences)))
+    groups = [(sequence.name, [index]) for index, sequence in enumerate(sequences)]
+    if len(sequences) > 1:
+        groups.append((TOTAL, everyone))
     tables = []
-    for index, row in enumerate(plain):
-        members = [index] if index < count else list(range(count))
-        reference = [groups[0][member] for member in members]
+    for name, members in groups:
         rows = []
-        for change, group in zip(all_disturbances(), groups[1:], strict=True):
-            own = [group[member] for member in members]
-            parts = [
-                disturbed_figures(change, one.sequence, [one], [base])
-                for one, base in zip(own, reference, strict=True)
+        plain = [measured[0][index] for index in members]
+        for change, parts in zip(every, measured, strict=True):
+            own = [parts[index] for index in members]
+            pairs = zip(own, plain, strict=True)
+            single = [
+                disturbed_figures(change, one.sequence, [one], [base]) for one, base in pairs
             ]
-            rows.append((disturbed_figures(change, row.name, own, reference), parts))
-        tables.append(disturbance_table(row, rows))
+            rows.append((disturbed_figures(change, name, own, plain), single))
+        tables.append(disturbance_table(name, rows))
     return tables
 
 

@@ -85,6 +85,13 @@ class Disturbance:
         return replace(calibration, view=CupView(view.camera, pose, view.cup))
 
 
+def _same(image: Image, scene: Scene, random: np.random.Generator) -> Image:
+    return image
+
+
+UNDISTURBED = Disturbance("undisturbed", _same, on_still=False)
+
+
 def all_disturbances() -> list[Disturbance]:
     """The disturbances of the robustness table, in its order."""
     light = [Disturbance(f"brightness x{f:g}", _brightness(f), False) for f in (0.4, 0.7, 1.4, 2)]

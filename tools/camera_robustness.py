@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from camera_disturbances import Disturbance
 from camera_figures import (
+    Detector,
     DetectorFactory,
     FrameResult,
     Options,
@@ -19,6 +20,7 @@ from camera_figures import (
 )
 from camera_sequences import RenderedSequence
 
+from slosh_camera.calibration import Calibration
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.measurement import Flag
 
@@ -117,7 +119,7 @@ def measure_disturbed(
     sequence: RenderedSequence,
     factory: DetectorFactory,
     options: Options,
-    disturbance: Disturbance | None,
+    disturbance: Disturbance,
 ) -> Disturbed:
     """Measure a sequence under a disturbance; frames that are cut off are left out.
 
@@ -125,17 +127,17 @@ def measure_disturbed(
         sequence: undisturbed.
         factory: makes the detector.
         options: how to measure.
-        disturbance: None: none.
+        disturbance: which; UNDISTURBED too.
     """
     frames = tuple(truth for truth in sequence.frames if not truth.touches_top)
     part = replace(sequence, frames=frames)
-    made = factory
-    if disturbance is not None:
-        tell = disturbance.calibration
+
+    def told(calibration: Calibration) -> Detector:
         # The images' own calibration stays as it is: the disturbance is drawn with it.
-        made = lambda calibration: factory(tell(calibration))  # noqa: E731
+        return factory(disturbance.calibration(calibration))
+
     try:
-        results = measure_sequence(part, made, options, disturbance)
+        results = measure_sequence(part, told, options, disturbance)
     except SloshCameraError as error:
         return Disturbed(sequence.name, len(frames), (), refusal=str(error))
     except Exception as error:

@@ -35,18 +35,15 @@ def accuracy_tables(rows: Sequence[SequenceFigures]) -> str:
 
 
 def disturbance_table(
-    plain: SequenceFigures, rows: Sequence[tuple[DisturbedFigures, Sequence[DisturbedFigures]]]
+    name: str, rows: Sequence[tuple[DisturbedFigures, Sequence[DisturbedFigures]]]
 ) -> str:
     """A row for each disturbance.
 
     Args:
-        plain: the undisturbed figures of the same frames.
+        name: of the sequence or of all.
         rows: figures of one sequence or of all together, and those of the single sequences.
     """
-    undisturbed = ["undisturbed", "", "", "", _mm(plain.raw.rms), _mm(plain.raw.largest)]
-    undisturbed += ["", "", _mm(plain.fitted.rms), _mm(plain.fitted.largest), "", "", ""]
-    lines = [_line(undisturbed), *(_disturbed_row(row, parts) for row, parts in rows)]
-    return _table(_DISTURBED.format(plain.name), lines)
+    return _table(_DISTURBED.format(name), [_disturbed_row(row, parts) for row, parts in rows])
 
 
 def shortfalls(row: SequenceFigures) -> list[str]:
