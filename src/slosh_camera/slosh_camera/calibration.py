@@ -6,7 +6,7 @@ The camera's part has the keys of ROS camera_calibration files.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -15,19 +15,19 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
+from slosh_camera.box import Box, BoxView
 from slosh_camera.camera import PLUMB_BOB, PinholeCamera, camera_from_info
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.geometry import Cup, CupView, Pose
 from slosh_camera.settings import DetectionSettings, Liquid, RegionOfInterest
 from slosh_camera.yaml_fields import check_keys, integer, mapping, number, numbers
 
-_CONTAINER_KEYS = (
-    "radius",
-    "fill_height",
-    "wall_thickness",
-    "wall_refractive_index",
-    "rim_height",
-)
+_CYLINDER, _RECTANGLE = "cylinder", "rectangle"
+_WALL_KEYS = ("wall_thickness", "wall_refractive_index", "rim_height")
+_CONTAINER_KEYS = {
+    _CYLINDER: (("radius", "fill_height"), _WALL_KEYS),
+    _RECTANGLE: (("width", "fill_height"), ("depth", *_WALL_KEYS)),
+}
 _REGION_KEYS = ("x_offset", "y_offset", "width", "height")
 _DETECTION_KEYS = tuple(entry.name for entry in fields(DetectionSettings))
 _REQUIRED = (
@@ -56,7 +56,7 @@ Image = NDArray[np.uint8]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Calibration:
-    """All that turns a pixel into a height.
+    """All that turns a pixel into a height on a cylinder's wall.
 
     Attributes:
         view: camera, pose and container.
@@ -75,18 +75,54 @@ class Calibration:
 
     def __post_init__(self) -> None:
         """Refuse a region that leaves the image."""
-        region, camera = self.region, self.view.camera
-        if region is not None and (
-            region.x_offset + region.width > camera.width
-            or region.y_offset + region.height > camera.height
-        ):
-            raise SloshCameraError(
-                f"region_of_interest: leaves the image of {camera.width} x {camera.height} pixels"
-            )
+        _check_region(self.region, self.view.camera)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SideCalibration:
+    """All that turns a pixel into a height on the face of a rectangular container.
+
+    Attributes:
+        view: camera, pose and container.
+        camera_name: name of the camera.
+        region: region of interest; None: the face as projected.
+        detection: settings of the detector.
+        still_image: image of the liquid at rest, from which the detector learns at start; None:
+            there is none.
+    """
+
+    view: BoxView
+    camera_name: str = "camera"
+    region: RegionOfInterest | None = None
+    detection: DetectionSettings = field(default_factory=DetectionSettings)
+    still_image: Path | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse a region that leaves the image."""
+        _check_region(self.region, self.view.camera)
+
+
+AnyCalibration = Calibration | SideCalibration
 
 
 def read_calibration(path: str | Path) -> Calibration:
-    """Read a calibration file.
+    """Read the calibration file of a cylindrical container.
+
+    Args:
+        path: the file, usually camera.yaml.
+
+    Returns:
+        The calibration.
+
+    Raises:
+        SloshCameraError: the file cannot be read, a value cannot be used or the container is not
+            a cylinder; the message names the file and the key.
+    """
+    return _of_cylinder(read_any_calibration(path), str(path))
+
+
+def read_any_calibration(path: str | Path) -> AnyCalibration:
+    """Read a calibration file, of a cylinder or of a side view of a rectangular container.
 
     Args:
         path: the file, usually camera.yaml.
@@ -103,13 +139,13 @@ def read_calibration(path: str | Path) -> Calibration:
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or "is not UTF-8 text"
         raise SloshCameraError(f"{path}: cannot be read: {reason}") from error
-    return parse_calibration(text, str(path), Path(path).resolve().parent)
+    return parse_any_calibration(text, str(path), Path(path).resolve().parent)
 
 
 def parse_calibration(
     text: str, source: str = "camera.yaml", folder: Path | None = None
 ) -> Calibration:
-    """Calibration from the text of a calibration file.
+    """Calibration of a cylindrical container from the text of its file.
 
     Args:
         text: YAML.
@@ -122,6 +158,25 @@ def parse_calibration(
     Raises:
         SloshCameraError: as read_calibration.
     """
+    return _of_cylinder(parse_any_calibration(text, source, folder), source)
+
+
+def parse_any_calibration(
+    text: str, source: str = "camera.yaml", folder: Path | None = None
+) -> AnyCalibration:
+    """Calibration from the text of a file, of a cylinder or of a side view.
+
+    Args:
+        text: YAML.
+        source: name of the file in error messages.
+        folder: where relative paths in the text start; None: they are kept as they are.
+
+    Returns:
+        The calibration.
+
+    Raises:
+        SloshCameraError: as read_any_calibration.
+    """
     try:
         document = yaml.safe_load(text)
     except yaml.YAMLError as error:
@@ -131,19 +186,22 @@ def parse_calibration(
     root = mapping(document, source, "the file")
     check_keys(root, _REQUIRED, _OPTIONAL, source, "")
     camera = _camera(root, source)
-    cup = _built(source, "container.", lambda: _cup(root, source))
+    container = _built(source, "container.", lambda: _container(root, source))
     pose = _built(source, "pose.", lambda: _pose(root, source))
-    view = _built(source, "", lambda: CupView(camera, pose, cup))
     region = _built(source, "", lambda: _region(root, source))
     detection = _built(source, "detection.", lambda: _detection(root, source))
     name = root.get("camera_name", "camera")
     if not isinstance(name, str):
         raise SloshCameraError(f"{source}: camera_name: {name!r} is not a text")
     still = _still_image(root, source, folder)
+    if isinstance(container, Box):
+        face = _built(source, "", lambda: BoxView(camera, pose, container))
+        return _built(source, "", lambda: SideCalibration(face, name, region, detection, still))
+    view = _built(source, "", lambda: CupView(camera, pose, container))
     return _built(source, "", lambda: Calibration(view, name, region, detection, still))
 
 
-def read_still_image(calibration: Calibration) -> Image:
+def read_still_image(calibration: AnyCalibration) -> Image:
     """Image of the liquid at rest that a calibration names.
 
     Args:
@@ -175,12 +233,10 @@ def read_still_image(calibration: Calibration) -> Image:
     return np.asarray(image, dtype=np.uint8)
 
 
-def format_calibration(calibration: Calibration) -> str:
-    """Text of a calibration file; parse_calibration of it gives the same calibration."""
-    camera, cup, pose = calibration.view.camera, calibration.view.cup, calibration.view.pose
-    container = {
-        key: getattr(cup, key) for key in _CONTAINER_KEYS if getattr(cup, key) is not None
-    }
+def format_calibration(calibration: AnyCalibration) -> str:
+    """Text of a calibration file; parse_any_calibration of it gives the same calibration."""
+    camera, pose = calibration.view.camera, calibration.view.pose
+    container = _container_block(calibration)
     document: dict[str, Any] = {
         "image_width": camera.width,
         "image_height": camera.height,
@@ -213,6 +269,17 @@ def format_calibration(calibration: Calibration) -> str:
     return text
 
 
+def _container_block(calibration: AnyCalibration) -> dict[str, Any]:
+    """The container's keys, without what is unknown."""
+    if isinstance(calibration, SideCalibration):
+        shape, holder = _RECTANGLE, asdict(calibration.view.box)
+    else:
+        shape, holder = _CYLINDER, asdict(calibration.view.cup)
+    required, optional = _CONTAINER_KEYS[shape]
+    known = {key: holder[key] for key in (*required, *optional) if holder[key] is not None}
+    return {"shape": shape, **known}
+
+
 def _camera(root: Mapping[str, Any], source: str) -> PinholeCamera:
     model = root.get("distortion_model", PLUMB_BOB)
     if model != PLUMB_BOB:
@@ -233,10 +300,19 @@ def _matrix(root: Mapping[str, Any], key: str, source: str) -> list[float]:
     return numbers(block, "data", size, source, f"{key}.")
 
 
-def _cup(root: Mapping[str, Any], source: str) -> Cup:
+def _container(root: Mapping[str, Any], source: str) -> Cup | Box:
     block = mapping(root["container"], source, "container")
-    check_keys(block, _CONTAINER_KEYS[:2], _CONTAINER_KEYS[2:], source, "container.")
-    return Cup(**{key: number(block[key], source, f"container.{key}") for key in block})
+    shape = block.get("shape", _CYLINDER)
+    if not isinstance(shape, str) or shape not in _CONTAINER_KEYS:
+        raise SloshCameraError(
+            f"{source}: container.shape: {shape!r}, must be {' or '.join(_CONTAINER_KEYS)}"
+        )
+    required, optional = _CONTAINER_KEYS[shape]
+    check_keys(block, required, (*optional, "shape"), source, "container.")
+    values = {
+        key: number(block[key], source, f"container.{key}") for key in block if key != "shape"
+    }
+    return Cup(**values) if shape == _CYLINDER else Box(**values)
 
 
 def _pose(root: Mapping[str, Any], source: str) -> Pose:
@@ -287,6 +363,24 @@ def _liquid(value: object, source: str) -> Liquid:
         raise SloshCameraError(
             f"{source}: detection.liquid: {value!r}, must be darker or lighter"
         ) from None
+
+
+def _of_cylinder(calibration: AnyCalibration, source: str) -> Calibration:
+    if isinstance(calibration, SideCalibration):
+        raise SloshCameraError(
+            f"{source}: container.shape: {_RECTANGLE}, but a {_CYLINDER} is needed here"
+        )
+    return calibration
+
+
+def _check_region(region: RegionOfInterest | None, camera: PinholeCamera) -> None:
+    if region is not None and (
+        region.x_offset + region.width > camera.width
+        or region.y_offset + region.height > camera.height
+    ):
+        raise SloshCameraError(
+            f"region_of_interest: leaves the image of {camera.width} x {camera.height} pixels"
+        )
 
 
 def _built(source: str, prefix: str, build: Callable[[], _T]) -> _T:

@@ -1,0 +1,186 @@
+"""Where a rectangular container is seen from the side, and what a pixel says about its face.
+
+Container frame: origin in the centre of the still free surface, x along the width, y away from
+the camera, z up. The liquid's line is seen on the inner side of the face towards the camera.
+Between the camera and that line a ray crosses one flat wall, which displaces it in parallel
+(Snell's law, exactly); the liquid's own refraction does not matter.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from slosh_camera.camera import PinholeCamera
+from slosh_camera.errors import SloshCameraError
+from slosh_camera.geometry import Pose
+
+FloatArray = NDArray[np.float64]
+
+# Newton's method on a concave increasing function converges from below in a handful of steps.
+_NEWTON_STEPS = 20
+_TOLERANCE = 1e-14
+
+
+@dataclass(frozen=True, slots=True)
+class Box:
+    """A rectangular container.
+
+    Attributes:
+        width: inner width, along x [m].
+        fill_height: depth of the liquid at rest [m].
+        depth: inner depth, along y [m]; None: the frame's origin lies on the inner side of the
+            face towards the camera, in the middle of the still line.
+        wall_thickness: thickness of the face towards the camera [m].
+        wall_refractive_index: of that face; acrylic glass has 1.49.
+        rim_height: inner wall's height above the floor [m]; None: unknown.
+    """
+
+    width: float
+    fill_height: float
+    depth: float | None = None
+    wall_thickness: float = 0.0
+    wall_refractive_index: float = 1.49
+    rim_height: float | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse a container that cannot be."""
+        for name in ("width", "fill_height", "depth"):
+            value = getattr(self, name)
+            if value is not None and not (np.isfinite(value) and value > 0.0):
+                raise SloshCameraError(f"{name}: {value} m, must be positive")
+        if not (np.isfinite(self.wall_thickness) and self.wall_thickness >= 0.0):
+            raise SloshCameraError(f"wall_thickness: {self.wall_thickness} m, must be >= 0")
+        if not (np.isfinite(self.wall_refractive_index) and self.wall_refractive_index >= 1.0):
+            raise SloshCameraError(
+                f"wall_refractive_index: {self.wall_refractive_index}, must be at least 1"
+            )
+        if self.rim_height is not None and not (
+            np.isfinite(self.rim_height) and self.rim_height > self.fill_height
+        ):
+            raise SloshCameraError(
+                f"rim_height: {self.rim_height} m, must be above fill_height {self.fill_height} m"
+            )
+
+    @property
+    def rim_level(self) -> float | None:
+        """Height of the rim above the still level [m]; None: unknown."""
+        return None if self.rim_height is None else self.rim_height - self.fill_height
+
+    @property
+    def face(self) -> float:
+        """The y at which the face towards the camera has its inner side [m]."""
+        return 0.0 if self.depth is None else -0.5 * self.depth
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BoxView:
+    """A rectangular container as a camera sees it from the side.
+
+    Attributes:
+        camera: the camera.
+        pose: transform container -> camera.
+        box: the container.
+    """
+
+    camera: PinholeCamera
+    pose: Pose
+    box: Box
+    _centre: FloatArray = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        """Refuse a face that is not in front of the camera, or not seen from outside."""
+        box, centre = self.box, self.pose.camera_centre
+        object.__setattr__(self, "_centre", centre)
+        if centre[1] >= box.face - box.wall_thickness:
+            raise SloshCameraError(
+                "pose: the camera is inside the container or behind it, it must look at the face "
+                "from outside, with the container's y pointing away from it"
+            )
+        top = 0.0 if box.rim_level is None else box.rim_level
+        half = 0.5 * box.width
+        corners = [(x, box.face, z) for x in (-half, half) for z in (-box.fill_height, top)]
+        depth = (np.array(corners) @ self.pose.rotation.T + self.pose.translation)[:, 2]
+        if np.any(depth <= 0.0):
+            raise SloshCameraError("pose: the container is not in front of the camera")
+        up = self.pose.rotation[:, 2]
+        if -up[1] <= abs(up[0]):
+            raise SloshCameraError(
+                "pose: the container is rolled by more than 45 degrees in the image, its z must "
+                "point up"
+            )
+
+    def project_face(self, x: ArrayLike, z: ArrayLike) -> FloatArray:
+        """Project points of the inner side of the face towards the camera.
+
+        The direction of a ray leaves it where, with q the tangent of its angle in air,
+        a q + t q / sqrt(n^2 + (n^2 - 1) q^2) = r: a the camera's distance from the face's outer
+        side, t the wall's thickness, n its index and r the lateral way (Snell's law).
+
+        Args:
+            x: (N,) or scalar [m].
+            z: (N,) or scalar, above the still level [m].
+
+        Returns:
+            (N, 2) pixels; NaN where PinholeCamera.project gives NaN.
+        """
+        across, level = np.broadcast_arrays(
+            np.atleast_1d(np.asarray(x, dtype=np.float64)),
+            np.atleast_1d(np.asarray(z, dtype=np.float64)),
+        )
+        lateral = np.column_stack((across - self._centre[0], level - self._centre[2]))
+        radius = np.hypot(lateral[:, 0], lateral[:, 1])
+        air = self._air
+        scale = np.divide(
+            air * self._tangent(radius), radius, out=np.zeros_like(radius), where=radius > 0.0
+        )
+        # Where the ray meets the outer side, seen from the camera.
+        outer = np.column_stack(
+            (lateral[:, 0] * scale, np.full(radius.size, air), lateral[:, 1] * scale)
+        )
+        return self.camera.project(outer @ self.pose.rotation.T)
+
+    def on_face(self, pixels: ArrayLike) -> tuple[FloatArray, FloatArray]:
+        """Place pixels on the inner side of the face towards the camera.
+
+        Args:
+            pixels: (N, 2).
+
+        Returns:
+            x (N,) and height above the still level z (N,) [m]; NaN where the ray misses the
+            face's plane.
+        """
+        direction = self.camera.rays(pixels) @ self.pose.rotation
+        ahead = np.where(direction[:, 1] > 0.0, direction[:, 1], np.nan)
+        slope_x, slope_z = direction[:, 0] / ahead, direction[:, 2] / ahead
+        index = self.box.wall_refractive_index
+        inside = np.sqrt(index**2 + (index**2 - 1.0) * (slope_x**2 + slope_z**2))
+        way = self._air + self.box.wall_thickness / inside
+        return self._centre[0] + slope_x * way, self._centre[2] + slope_z * way
+
+    def height_per_pixel(self, pixel: ArrayLike) -> float:
+        """Footprint of one pixel row on the face [m/px]; NaN where the ray misses it."""
+        u, v = np.asarray(pixel, dtype=np.float64)
+        _, height = self.on_face([[u, v - 0.5], [u, v + 0.5]])
+        return float(abs(height[1] - height[0]))
+
+    @property
+    def _air(self) -> float:
+        """Distance of the camera from the outer side of the face [m]."""
+        return float(self.box.face - self.box.wall_thickness - self._centre[1])
+
+    def _tangent(self, radius: FloatArray) -> FloatArray:
+        """Tangents of the angles in air of the rays that reach lateral distances."""
+        air, thickness = self._air, self.box.wall_thickness
+        index2 = self.box.wall_refractive_index**2
+        tangent = radius / (air + thickness / self.box.wall_refractive_index)
+        for _ in range(_NEWTON_STEPS):
+            inside = index2 + (index2 - 1.0) * tangent**2
+            error = air * tangent + thickness * tangent / np.sqrt(inside) - radius
+            step = error / (air + thickness * index2 / inside**1.5)
+            tangent = tangent - step
+            if np.all(np.abs(step) <= _TOLERANCE * (1.0 + tangent)):
+                break
+        return tangent

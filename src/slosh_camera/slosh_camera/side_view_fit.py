@@ -1,0 +1,149 @@
+"""Shape of the liquid's line over a rectangular container's width.
+
+Linear theory gives the standing waves cos(n pi (x + w/2) / w) [TM20's container; Ibrahim 2005,
+Faltinsen and Timokha 2009]; a level and the first three of them are fitted. The straight line of
+TM20, eqs. (11) and (12), is the least-squares line over the whole width.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+MODES = 3
+# Expected size of the modes, as parts of the width; it only matters where the line is hidden.
+_PRIOR = np.array([np.inf, 0.5, 0.15, 0.08])
+_SAMPLES = 64
+_POINTS = 5
+# Residuals beyond this part of the width count as wrong in the search for a first shape.
+_TRUNCATION = 0.03
+_ITERATIONS = 6
+_TUKEY = 4.7
+_MAD = 1.4826
+_GRID = 201
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Shape:
+    """A fitted line.
+
+    Attributes:
+        width: the container's [m].
+        coefficients: (1 + MODES,) level and amplitudes of the modes at the left wall [m].
+        covariance: (1 + MODES, 1 + MODES) of the coefficients for unit variance of a point.
+        scatter: robust standard deviation of the points about the shape [m].
+    """
+
+    width: float
+    coefficients: FloatArray
+    covariance: FloatArray
+    scatter: float
+
+    def at(self, x: FloatArray) -> FloatArray:
+        """Heights (N,) at places x (N,) [m]."""
+        heights: FloatArray = basis(x, self.width) @ self.coefficients
+        return heights
+
+    def highest(self) -> tuple[float, float, FloatArray]:
+        """Place and height [m] of the highest point between the walls, and its basis."""
+        x = np.linspace(-0.5 * self.width, 0.5 * self.width, _GRID)
+        functions = basis(x, self.width)
+        heights = functions @ self.coefficients
+        peak = int(np.argmax(heights))
+        return float(x[peak]), float(heights[peak]), functions[peak]
+
+
+def basis(x: FloatArray, width: float) -> FloatArray:
+    """Level and modes (N, 1 + MODES) at places x (N,)."""
+    phase = np.pi * (x / width + 0.5)
+    functions = np.empty((x.size, 1 + MODES))
+    functions[:, 0] = 1.0
+    functions[:, 1] = np.cos(phase)
+    # cos 2p and cos 3p by cos p; a cosine costs as much as all else here.
+    functions[:, 2] = 2.0 * functions[:, 1] ** 2 - 1.0
+    functions[:, 3] = functions[:, 1] * (2.0 * functions[:, 2] - 1.0)
+    return functions
+
+
+def first_shape(x: FloatArray, z: FloatArray, width: float, draws: FloatArray) -> Shape:
+    """Shape through the largest part of points that agree, found from small samples.
+
+    Args:
+        x: (N,) places [m].
+        z: (N,) heights [m].
+        width: the container's [m].
+        draws: (samples, points) numbers in [0, 1) that choose the samples' points.
+
+    Returns:
+        The shape; its scatter is that of the nearest half of the points.
+    """
+    functions = basis(x, width)
+    chosen = (draws * x.size).astype(np.intp)
+    few, heights = functions[chosen], z[chosen]
+    normal = np.einsum("spi,spj->sij", few, few) + _ridge(width, 1e-3 * width)
+    right = np.einsum("spi,sp->si", few, heights)
+    coefficients = np.linalg.solve(normal, right[:, :, np.newaxis])[:, :, 0]
+    residuals = np.abs(coefficients @ functions.T - z)
+    cost = np.minimum(residuals, _TRUNCATION * width).sum(axis=1)
+    best = int(np.argmin(cost))
+    scatter = _MAD * float(np.median(residuals[best]))
+    return Shape(width, coefficients[best], np.zeros((1 + MODES, 1 + MODES)), scatter)
+
+
+def sample_draws() -> FloatArray:
+    """Numbers that choose samples for `first_shape`: the same ones every time."""
+    strata = np.arange(_POINTS) + np.random.default_rng(0).random((_SAMPLES, _POINTS))
+    return strata / _POINTS
+
+
+def refined_shape(
+    x: FloatArray, z: FloatArray, start: Shape, floor: float, bounds: tuple[FloatArray, FloatArray]
+) -> Shape:
+    """Robust least squares about a first shape (Tukey's weights).
+
+    Args:
+        x: (N,) places [m].
+        z: (N,) heights [m].
+        start: first shape.
+        floor: least scatter that is assumed [m].
+        bounds: places and heights above which the line is known to lie there [m].
+
+    Returns:
+        The shape.
+    """
+    functions = np.vstack((basis(x, start.width), basis(bounds[0], start.width)))
+    target = np.concatenate((z, bounds[1]))
+    coefficients, scatter = start.coefficients, max(start.scatter, floor)
+    covariance = start.covariance
+    for _ in range(_ITERATIONS):
+        residual = target - functions @ coefficients
+        weight = np.maximum(1.0 - (residual / (_TUKEY * scatter)) ** 2, 0.0) ** 2
+        # A bound pulls only where the shape lies below it.
+        weight[x.size :] = residual[x.size :] > 0.0
+        weighted = functions * weight[:, np.newaxis]
+        covariance = np.linalg.inv(weighted.T @ functions + _ridge(start.width, scatter))
+        coefficients = covariance @ (weighted.T @ target)
+        own = np.abs(z - functions[: x.size] @ coefficients)
+        scatter = max(_MAD * float(np.median(own)), floor)
+    return Shape(start.width, coefficients, covariance, scatter)
+
+
+def straight_line(x: FloatArray, z: FloatArray) -> tuple[float, float]:
+    """Least-squares line z = level + slope x through points over the whole width.
+
+    Returns:
+        Level [m] at x = 0 and slope [-].
+    """
+    middle, level = float(np.mean(x)), float(np.mean(z))
+    away = x - middle
+    slope = float(np.dot(away, z) / np.dot(away, away))
+    return level - slope * middle, slope
+
+
+def _ridge(width: float, scatter: float) -> FloatArray:
+    return np.diag((scatter / (_PRIOR * width)) ** 2 + 1e-12)

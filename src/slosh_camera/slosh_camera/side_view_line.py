@@ -1,0 +1,191 @@
+"""The liquid's line in a side view: split of the columns, Canny's edges, fractions of a pixel."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_camera.side_view_region import SideRegion
+
+Image = NDArray[np.uint8]
+FloatArray = NDArray[np.float64]
+Single = NDArray[np.float32]
+IntArray = NDArray[np.intp]
+BoolArray = NDArray[np.bool_]
+
+# Rows about the expected one in which an edge is looked for.
+_WINDOW = 6
+_SUPPORT = 4
+# Sobel's response to a step of one grey level that is blurred with a standard deviation of 1 px.
+_SOBEL_STEP = 8.0 / float(np.sqrt(2.0 * np.pi))
+# The softest edges that are looked for [px], and how weak an edge may become along its way.
+_SOFTEST = 6.0
+_LOW_PART = 0.5
+# Sobel's response to noise of one grey level after the blur.
+_SOBEL_NOISE = 2.0
+_NOISE_MARGIN = 2.5
+_JUMP = 3.0
+# Part of the rows beside the split that must be what they are taken for.
+_BESIDE = 5
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Split:
+    """Where columns go over from background to liquid, by columns of half the size.
+
+    Attributes:
+        rows: (columns,) boundary between rows of half the size: the number of rows above it.
+        seen: (columns,) whether both are seen at the boundary.
+        full: (columns,) whether the column holds liquid up to its upper end.
+        agreement: mean evidence beside the boundary in favour of it, over the seen columns.
+    """
+
+    rows: IntArray
+    seen: BoolArray
+    full: BoolArray
+    agreement: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Edges:
+    """Edges of columns to a fraction of a pixel.
+
+    Attributes:
+        rows: (columns,) counted from the region's top; NaN where there is none.
+        softness: (columns,) standard deviation of the blurred step [px].
+    """
+
+    rows: FloatArray
+    softness: FloatArray
+
+
+def split_columns(speaks: Single, region: SideRegion) -> Split:
+    """Most likely boundary of each column: most evidence for background above, liquid below.
+
+    Args:
+        speaks: (rows, columns) evidence of half the size.
+        region: the region.
+
+    Returns:
+        The boundaries.
+    """
+    inside = region.inside[::2, ::2]
+    # Neighbours are heard as well: the line goes on from column to column.
+    speaks = cv2.blur(np.where(inside, speaks, np.float32(0.0)), (3, 1))
+    sums = np.vstack((np.zeros((1, speaks.shape[1]), np.float32), np.cumsum(speaks, axis=0)))
+    rows = np.argmax(sums, axis=0)
+    at = np.arange(rows.size)
+    above = _beside(sums, rows - _BESIDE, rows, at)
+    below = -_beside(sums, rows, rows + _BESIDE, at)
+    first = np.argmax(inside, axis=0)
+    last = inside.shape[0] - np.argmax(inside[::-1], axis=0)
+    wide = inside.any(axis=0)
+    full = wide & (rows <= first + 1) & (below > 0.0)
+    seen = wide & ~full & (rows < last - 1) & (above > 0.0) & (below > 0.0)
+    agreement = float(np.mean((above + below)[seen])) / (2.0 * _BESIDE) if seen.any() else 0.0
+    return Split(rows, seen, full, agreement)
+
+
+def canny_edges(channel: Image, region: SideRegion, limits: tuple[float, float]) -> Image:
+    """Canny's edges of the channel; thresholds by the contrast and the noise.
+
+    Args:
+        channel: (rows, columns) of the region, blurred.
+        region: the region.
+        limits: contrast of liquid and background and noise before the blur [grey levels].
+
+    Returns:
+        (rows, columns), not 0 on edges inside the container.
+    """
+    contrast, noise = limits
+    high = _SOBEL_STEP * abs(contrast) / _SOFTEST
+    low = max(_LOW_PART * high, min(_SOBEL_NOISE * _NOISE_MARGIN * noise, high))
+    return np.asarray(cv2.Canny(channel, low, high), dtype=np.uint8)
+
+
+def refine_edges(channel: Image, edges: Image, expected: FloatArray, contrast: float) -> Edges:
+    """Strongest Canny edge near the expected rows, to a fraction of a pixel.
+
+    The column's grey steps about a blurred edge are a Gaussian over the rows: its logarithm is a
+    parabola.
+
+    Args:
+        channel: (rows, columns) of the region, blurred.
+        edges: Canny's.
+        expected: (columns,) rows; NaN where no edge is looked for.
+        contrast: background less liquid [grey levels].
+
+    Returns:
+        The edges.
+    """
+    rows, columns = channel.shape
+    margin = _WINDOW + _SUPPORT
+    wanted = np.isfinite(expected)
+    centre = np.rint(np.where(wanted, expected, 0.0)).astype(np.intp)
+    wanted &= (centre >= margin) & (centre < rows - margin)
+    centre = np.clip(centre, margin, max(rows - margin - 1, margin))
+    at = np.arange(columns)
+    window = np.arange(-margin, margin + 1)[:, np.newaxis]
+    values = channel[centre + window, at].astype(np.float64)
+    # Half of the steps over two rows, positive from background down to liquid.
+    steps = 0.5 * np.sign(contrast) * (values[:-2] - values[2:])
+    inner = slice(margin - _WINDOW, margin + _WINDOW + 1)
+    marked = edges[(centre + window)[inner], at] > 0
+    found = np.where(marked, steps[margin - _WINDOW - 1 : margin + _WINDOW], 0.0)
+    best = np.argmax(found, axis=0)
+    wanted &= found[best, at] > 0.0
+    place = best + margin - _WINDOW - 1
+    offset, softness = _peak(steps, place, at, abs(contrast))
+    row = centre + best - _WINDOW + offset
+    return Edges(np.where(wanted, row, np.nan), np.where(wanted, softness, np.nan))
+
+
+def drop_loose_pieces(rows: FloatArray, near: BoolArray) -> BoolArray:
+    """Columns whose piece of the line belongs to the line.
+
+    A piece ends where the row jumps. What a droplet or a sticker adds is a piece of its own, most
+    of which is away from the fitted shape; a crest that the shape does not follow hangs together
+    with the rest.
+
+    Args:
+        rows: (columns,); NaN where there is no edge.
+        near: (columns,) whether the edge is near the fitted shape.
+
+    Returns:
+        (columns,) whether the edge is kept.
+    """
+    kept = np.isfinite(rows)
+    at = np.flatnonzero(kept)
+    if at.size == 0:
+        return kept
+    far = (np.abs(np.diff(rows[at])) > _JUMP * np.sqrt(np.diff(at))).astype(np.intp)
+    piece = np.concatenate(([0], np.cumsum(far)))
+    share = np.bincount(piece, near[at]) / np.bincount(piece)
+    kept[at] = share[piece] >= 0.5
+    return kept
+
+
+def _peak(
+    steps: FloatArray, place: IntArray, at: IntArray, contrast: float
+) -> tuple[FloatArray, FloatArray]:
+    """Sub-pixel place of the steepest step and the step's softness."""
+    around = np.array(
+        [steps[np.clip(place + k, 0, len(steps) - 1), at] for k in (-2, -1, 0, 1, 2)]
+    )
+    # Noise of single rows moves the peak less after this.
+    smooth = 0.25 * (around[:-2] + 2.0 * around[1:-1] + around[2:])
+    before, middle, after = np.log(np.maximum(smooth, 1e-3))
+    bend = before - 2.0 * middle + after
+    flat = bend > -1e-6
+    offset = np.where(flat, 0.0, 0.5 * (before - after) / np.where(flat, 1.0, bend))
+    softness = contrast / (np.sqrt(2.0 * np.pi) * np.maximum(smooth[1], 1e-3))
+    return np.clip(offset, -1.0, 1.0), softness
+
+
+def _beside(sums: Single, start: IntArray, stop: IntArray, at: IntArray) -> Single:
+    last = len(sums) - 1
+    difference: Single = sums[np.clip(stop, 0, last), at] - sums[np.clip(start, 0, last), at]
+    return difference

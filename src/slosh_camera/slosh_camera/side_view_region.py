@@ -1,0 +1,206 @@
+"""Part of a side view's image in which the liquid's line is looked for, prepared once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_camera.box import BoxView
+from slosh_camera.errors import SloshCameraError
+from slosh_camera.settings import RegionOfInterest
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.intp]
+BoolArray = NDArray[np.bool_]
+
+# The floor's edge lies below this part of the fill height.
+_LOWEST = 0.95
+# What is always wet lies below this part of the visible depth, what is dry above this part of the
+# visible freeboard; crests that reach further cover few columns.
+_WET = 0.6
+_DRY = 0.6
+_END = 0.97
+_SAMPLE_ROWS = 9
+_SAMPLE_COLUMN_STEP = 4
+_OUTLINE_POINTS = 65
+# Pixels at the container's edges mix liquid, wall and background.
+_EDGE_INSET = 1
+_MIN_COLUMNS = 24
+_MIN_ROWS = 8
+_LEVELS = 9
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Samples:
+    """Places in the region, as index arrays of one shape."""
+
+    rows: IntArray
+    columns: IntArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SideRegion:
+    """Rectangle of the image around the face; rows and columns are counted from its corner.
+
+    Attributes:
+        top: the image's row of the first row; even number of rows and columns follow.
+        left: the image's column of the first column.
+        inside: (rows, columns) where the face is seen.
+        wet: places that hold liquid nearly always.
+        dry: places that hold none nearly always.
+        row_of_level: (3, columns) polynomial that gives the row from the height, constant first.
+    """
+
+    top: int
+    left: int
+    inside: BoolArray
+    wet: Samples
+    dry: Samples
+    row_of_level: FloatArray
+
+    @property
+    def window(self) -> tuple[slice, slice]:
+        """The region's rows and columns of the image."""
+        rows, columns = self.inside.shape
+        return slice(self.top, self.top + rows), slice(self.left, self.left + columns)
+
+    def rows_at(self, level: FloatArray) -> FloatArray:
+        """Rows (columns,) of the heights (columns,) in each column, to a fraction of a pixel."""
+        constant, linear, square = self.row_of_level
+        rows: FloatArray = constant + level * (linear + level * square)
+        return rows
+
+
+def find_side_region(view: BoxView, given: RegionOfInterest | None) -> SideRegion:
+    """Region of interest from the projected face, cut to the given rectangle.
+
+    Args:
+        view: the container as the camera sees it.
+        given: the user's rectangle; None: the whole image.
+
+    Returns:
+        The region.
+
+    Raises:
+        SloshCameraError: too little of the face is inside the image or the rectangle.
+    """
+    camera = view.camera
+    limits = given or RegionOfInterest(0, 0, camera.width, camera.height)
+    low, high = _levels(view, limits)
+    mask = _mask(view, limits, low, high)
+    filled_columns = np.flatnonzero(mask.any(axis=0))
+    if filled_columns.size < _MIN_COLUMNS:
+        raise SloshCameraError(
+            f"pose: only {filled_columns.size} columns of the container are inside the image or "
+            f"the region of interest, needs {_MIN_COLUMNS}"
+        )
+    filled_rows = np.flatnonzero(mask.any(axis=1))
+    # Even sizes, so that every pixel has its place in the copy of half the size.
+    top, left = int(filled_rows[0]), int(filled_columns[0])
+    height = (int(filled_rows[-1]) + 1 - top) & ~1
+    width = (int(filled_columns[-1]) + 1 - left) & ~1
+    inside = mask[top : top + height, left : left + width]
+    rows_of = _rows_of_levels(view, np.linspace(low, high, _LEVELS), left + np.arange(width))
+    rows_of -= top
+    visible = _visible(view, inside, rows_of, (low, high))
+    powers = np.linspace(low, high, _LEVELS)[:, np.newaxis] ** np.arange(3)
+    polynomial: FloatArray = np.linalg.lstsq(powers, rows_of, rcond=None)[0]
+    region = SideRegion(top, left, inside, *visible, polynomial)
+    _check_level(region)
+    return region
+
+
+def _levels(view: BoxView, limits: RegionOfInterest) -> tuple[float, float]:
+    """Lowest and highest level of the face that may be inside the rectangle [m]."""
+    box = view.box
+    high = box.rim_level
+    if high is None:
+        right = limits.x_offset + limits.width - 1
+        upper = [[limits.x_offset, limits.y_offset], [right, limits.y_offset]]
+        high = float(np.max(view.on_face(upper)[1]))
+    if not (np.isfinite(high) and high > 0.0):
+        raise SloshCameraError(
+            "pose: the image or the region of interest ends below the still level"
+        )
+    return -_LOWEST * box.fill_height, high
+
+
+def _mask(view: BoxView, limits: RegionOfInterest, low: float, high: float) -> BoolArray:
+    """(image rows, image columns) where the face is seen between two levels."""
+    half = 0.5 * view.box.width
+    across = np.linspace(-half, half, _OUTLINE_POINTS)
+    up = np.linspace(low, high, _OUTLINE_POINTS)
+    outline = np.vstack(
+        (
+            view.project_face(across, low),
+            view.project_face(half, up),
+            view.project_face(across[::-1], high),
+            view.project_face(-half, up[::-1]),
+        )
+    )
+    if not np.all(np.isfinite(outline)):
+        raise SloshCameraError("pose: the container is outside the camera's field of view")
+    camera = view.camera
+    mask = np.zeros((camera.height, camera.width), np.uint8)
+    # Far outside, whole numbers of pixels would not fit.
+    near = np.clip(outline, -4.0 * camera.width, 5.0 * max(camera.width, camera.height))
+    cv2.fillPoly(mask, [np.rint(near).astype(np.int32)], 1)
+    size = 2 * _EDGE_INSET + 1
+    # The frame's border is no edge of the container.
+    mask = cv2.erode(mask, np.ones((size, size), np.uint8), borderValue=1)
+    inside = np.zeros(mask.shape, np.bool_)
+    window = (
+        slice(limits.y_offset, limits.y_offset + limits.height),
+        slice(limits.x_offset, limits.x_offset + limits.width),
+    )
+    inside[window] = mask[window] > 0
+    return inside
+
+
+def _rows_of_levels(view: BoxView, levels: FloatArray, columns: IntArray) -> FloatArray:
+    """(levels, columns) rows of the image at which levels cross columns."""
+    half = 0.5 * view.box.width
+    # Beyond the walls, so that columns that touch a rolled container are covered as well.
+    across = np.linspace(-1.2 * half, 1.2 * half, 4 * _OUTLINE_POINTS)
+    rows = np.empty((levels.size, columns.size))
+    for index, level in enumerate(levels):
+        pixels = view.project_face(across, level)
+        pixels = pixels[np.isfinite(pixels[:, 0])]
+        rows[index] = np.interp(columns, pixels[:, 0], pixels[:, 1])
+    return rows
+
+
+def _visible(
+    view: BoxView, inside: BoolArray, rows_of: FloatArray, levels: tuple[float, float]
+) -> tuple[Samples, Samples]:
+    """Places that are nearly always wet and nearly always dry, of the part inside the image."""
+    columns = np.flatnonzero(inside.any(axis=0))
+    first = np.argmax(inside, axis=0)
+    last = inside.shape[0] - 1 - np.argmax(inside[::-1], axis=0)
+    still = rows_of[0] + (rows_of[-1] - rows_of[0]) * (-levels[0] / (levels[1] - levels[0]))
+    columns = columns[_SAMPLE_COLUMN_STEP // 2 :: _SAMPLE_COLUMN_STEP]
+    depth = (last - still)[columns]
+    freeboard = (still - first)[columns]
+    steps = np.linspace(0.0, 1.0, _SAMPLE_ROWS)[:, np.newaxis]
+    wet = still[columns] + depth * (_WET + (_END - _WET) * steps)
+    dry = still[columns] - freeboard * (_DRY + (_END - _DRY) * steps)
+    limit = inside.shape[0] - 1
+    places = np.broadcast_to(columns, wet.shape)
+    return (
+        Samples(np.clip(np.rint(wet), 0, limit).astype(np.intp), places),
+        Samples(np.clip(np.rint(dry), 0, limit).astype(np.intp), places),
+    )
+
+
+def _check_level(region: SideRegion) -> None:
+    still = region.rows_at(np.zeros(region.inside.shape[1]))
+    middle = region.inside.shape[1] // 2
+    rows = np.flatnonzero(region.inside[:, middle])
+    if rows.size == 0 or not (rows[0] + _MIN_ROWS <= still[middle] <= rows[-1] - _MIN_ROWS):
+        raise SloshCameraError(
+            "pose: the still level is not inside the image or the region of interest with "
+            f"{_MIN_ROWS} rows above and below it"
+        )
