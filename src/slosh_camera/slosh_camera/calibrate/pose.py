@@ -1,0 +1,152 @@
+"""The five numbers that place a round container before a camera, and the pose they give.
+
+A turn about the container's own axis cannot be seen; the azimuth of the camera is chosen instead.
+"""
+
+from __future__ import annotations
+
+from dataclasses import astuple, dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_camera.errors import SloshCameraError
+from slosh_camera.geometry import Pose
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class CameraPlace:
+    """Where a camera stands about an upright container, and how it looks.
+
+    Attributes:
+        distance: of the camera's centre from the container's axis [m].
+        height: of the camera's centre above the still level [m].
+        yaw: turn to the left, away from looking at the axis [rad].
+        pitch: turn downwards [rad].
+        roll: turn of the picture clockwise [rad].
+    """
+
+    distance: float
+    height: float
+    yaw: float
+    pitch: float
+    roll: float
+
+    @property
+    def numbers(self) -> FloatArray:
+        """The five numbers in the order above."""
+        return np.array(astuple(self))
+
+
+def pose_of(place: CameraPlace, azimuth: float) -> Pose:
+    """Transform container -> camera.
+
+    Args:
+        place: the camera's place.
+        azimuth: at which the camera stands about the container's axis [rad].
+    """
+    cy, sy = np.cos(place.yaw), np.sin(place.yaw)
+    cp, sp = np.cos(place.pitch), np.sin(place.pitch)
+    cr, sr = np.cos(place.roll), np.sin(place.roll)
+    yaw = np.array([[cy, 0.0, sy], [0.0, 1.0, 0.0], [-sy, 0.0, cy]])
+    pitch = np.array([[1.0, 0.0, 0.0], [0.0, cp, -sp], [0.0, sp, cp]])
+    roll = np.array([[cr, -sr, 0.0], [sr, cr, 0.0], [0.0, 0.0, 1.0]])
+    rotation = roll @ pitch @ yaw @ _upright(azimuth)
+    centre = np.array(
+        [place.distance * np.cos(azimuth), place.distance * np.sin(azimuth), place.height]
+    )
+    return Pose(rotation, -rotation @ centre)
+
+
+def place_of(pose: Pose) -> tuple[CameraPlace, float]:
+    """The inverse of pose_of: place and azimuth of the camera [rad].
+
+    Raises:
+        SloshCameraError: the camera stands on the container's axis.
+    """
+    centre = pose.camera_centre
+    distance = float(np.hypot(centre[0], centre[1]))
+    if distance < 1e-9:
+        raise SloshCameraError("pose: the camera is straight above the container")
+    azimuth = float(np.arctan2(centre[1], centre[0]))
+    turn = pose.rotation @ _upright(azimuth).T
+    # turn = roll pitch yaw; its middle column is (-sr cp, cr cp, sp), its last row
+    # (-cp sy, sp, cp cy).
+    place = CameraPlace(
+        distance,
+        float(centre[2]),
+        float(np.arctan2(-turn[2, 0], turn[2, 2])),
+        float(np.arcsin(np.clip(turn[2, 1], -1.0, 1.0))),
+        float(np.arctan2(-turn[0, 1], turn[1, 1])),
+    )
+    return place, azimuth
+
+
+def _upright(azimuth: float) -> FloatArray:
+    """Rotation container -> an upright camera that looks at the axis."""
+    c, s = np.cos(azimuth), np.sin(azimuth)
+    return np.array([[-s, c, 0.0], [0.0, 0.0, -1.0], [-c, -s, 0.0]])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Axis:
+    """The container's axis in the camera frame, from its two sides; its ends are still open.
+
+    Attributes:
+        up: (3,) unit vector along the axis.
+        forward: (3,) unit vector from the camera's centre to the axis, at right angles to it.
+        distance: of the axis from the camera's centre [m].
+    """
+
+    up: FloatArray
+    forward: FloatArray
+    distance: float
+
+    @property
+    def rotation(self) -> FloatArray:
+        """Container -> camera for a camera at azimuth -90 deg; columns right, forward, up."""
+        return np.column_stack((np.cross(self.forward, self.up), self.forward, self.up))
+
+    def pitched(self, angle: float) -> Axis:
+        """The same axis seen from a camera pitched down further [rad]; sides hardly move."""
+        c, s = np.cos(angle), np.sin(angle)
+        return Axis(c * self.up + s * self.forward, c * self.forward - s * self.up, self.distance)
+
+    def place(self, height: float) -> CameraPlace:
+        """The camera's place when it stands so high above the still level [m]."""
+        translation = self.distance * self.forward - height * self.up
+        return place_of(Pose(self.rotation, translation))[0]
+
+
+def axis_from_sides(left: FloatArray, right: FloatArray, radius: float) -> Axis | None:
+    """Axis of a cylinder from its two sides: both planes through the camera touch it.
+
+    Args:
+        left: (2, 3) two rays of the left side, in the camera frame.
+        right: (2, 3) two rays of the right side.
+        radius: outer radius [m].
+
+    Returns:
+        The axis; None where the two sides cannot be those of one cylinder.
+    """
+    normals = [np.cross(side[0], side[1]) for side in (left, right)]
+    if min(np.linalg.norm(normal) for normal in normals) < 1e-12:
+        return None
+    up = np.cross(normals[0], normals[1])
+    length = float(np.linalg.norm(up))
+    if length < 1e-12:
+        return None
+    up = up / length * (-1.0 if up[1] > 0.0 else 1.0)
+    flat = []
+    for side in (left, right):
+        ray = side.sum(axis=0)
+        ray = ray - (ray @ up) * up
+        flat.append(ray / np.linalg.norm(ray))
+    forward = flat[0] + flat[1]
+    forward /= np.linalg.norm(forward)
+    sine = float(np.linalg.norm(np.cross(flat[0], forward)))
+    if sine < 1e-4:
+        return None
+    return Axis(up, forward, radius / sine)

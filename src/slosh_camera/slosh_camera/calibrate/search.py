@@ -1,0 +1,239 @@
+"""A coarse search for a round container in a still image: candidates for the fine fit.
+
+Two upright lines give the container's axis, a row gives the still level; what the rest of the
+picture then should show is looked up in the derivatives. Light goes straight here.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import combinations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_camera.calibrate.edges import EdgeImage
+from slosh_camera.calibrate.lines import UprightLine, upright_lines
+from slosh_camera.calibrate.pose import Axis, CameraPlace, axis_from_sides
+from slosh_camera.camera import PinholeCamera
+from slosh_camera.geometry import Cup
+
+FloatArray = NDArray[np.float64]
+Float32Array = NDArray[np.float32]
+
+_LINES = 26
+_LEAST_LINE = 0.06
+_LEAST_WIDTH = 0.06
+_MAX_PITCH = np.deg2rad(60.0)
+_MAX_ROLL = np.deg2rad(20.0)
+# Sides found by a vote are too rough for the pitch: it is tried at these differences.
+_PITCHES = np.deg2rad((-6.0, -3.0, -1.5, 0.0, 1.5, 3.0, 6.0))
+_ROW_STEP = 2.0
+# How far a coarse curve may be off its edge [px].
+_SLACK = 3
+# Weights of the level, the sides of the liquid, the sides above it, and the base.
+_WEIGHTS = {"level": 3.0, "liquid": 2.0, "glass": 0.5, "base": 0.7}
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """A place of the camera that the picture may show.
+
+    Attributes:
+        place: the place.
+        score: weighted mean of the edges' supports, 0 to 1.
+        width: of the container in the image [px].
+    """
+
+    place: CameraPlace
+    score: float
+    width: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Maps:
+    """Supports of level and of upright edges, each spread by the slack."""
+
+    level: Float32Array
+    upright: Float32Array
+
+
+def find_candidates(
+    edges: EdgeImage, camera: PinholeCamera, cup: Cup, count: int
+) -> list[Candidate]:
+    """Places of the camera that fit the picture roughly.
+
+    Args:
+        edges: the image, without distortion.
+        camera: its camera, without distortion.
+        cup: the container.
+        count: at most so many.
+
+    Returns:
+        Candidates that differ from one another, the best first; empty where the image has no
+        pair of upright lines.
+    """
+    rows = edges.shape[0]
+    lines = upright_lines(edges, _LINES, _LEAST_LINE * rows)
+    maps = _support_maps(edges)
+    found: list[Candidate] = []
+    for axis, width in _axes(lines, camera, cup, edges.shape):
+        for pitch in _PITCHES:
+            candidate = _best_level(maps, camera, cup, axis.pitched(pitch), width)
+            if candidate is not None:
+                found.append(candidate)
+    found.sort(key=lambda candidate: -candidate.score)
+    return _distinct(found, count)
+
+
+def _support_maps(edges: EdgeImage) -> _Maps:
+    level = edges.support(edges.down).astype(np.float32)
+    upright = edges.support(edges.across).astype(np.float32)
+    tall = np.ones((2 * _SLACK + 1, 1), np.uint8)
+    wide = np.ones((1, 2 * _SLACK - 1), np.uint8)
+    return _Maps(cv2.dilate(level, tall), cv2.dilate(upright, wide))
+
+
+def _axes(
+    lines: list[UprightLine], camera: PinholeCamera, cup: Cup, shape: tuple[int, int]
+) -> list[tuple[Axis, float]]:
+    """Axes of the pairs of lines that can be a container's two sides, with their width [px]."""
+    axes = []
+    middle = 0.5 * (shape[0] - 1)
+    for first, second in combinations(lines, 2):
+        left, right = sorted((first, second), key=lambda line: line.column)
+        width = right.column - left.column
+        shared = min(left.bottom, right.bottom) - max(left.top, right.top)
+        if width < _LEAST_WIDTH * shape[1] or shared < 0.03 * shape[0]:
+            continue
+        rays = [_line_rays(line, camera, middle) for line in (left, right)]
+        axis = axis_from_sides(rays[0], rays[1], cup.radius + cup.wall_thickness)
+        if axis is None or axis.distance < 1.5 * cup.radius:
+            continue
+        place = axis.place(0.0)
+        if abs(place.pitch) <= _MAX_PITCH and abs(place.roll) <= _MAX_ROLL:
+            axes.append((axis, width))
+    return axes
+
+
+def _line_rays(line: UprightLine, camera: PinholeCamera, middle: float) -> FloatArray:
+    v = np.array([0.25, 1.75]) * middle
+    u = line.column + line.lean * (v - middle)
+    return np.column_stack(((u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, np.ones(2)))
+
+
+def _best_level(
+    maps: _Maps, camera: PinholeCamera, cup: Cup, axis: Axis, width: float
+) -> Candidate | None:
+    """The still level with the most support on an axis."""
+    rows = maps.level.shape[0]
+    v = np.arange(0.03 * rows, 0.99 * rows, _ROW_STEP)
+    slope = (v - camera.cy) / camera.fy
+    near = axis.distance - cup.radius
+    drop = axis.up[1] - slope * axis.up[2]
+    drop = np.where(np.abs(drop) > 1e-6, drop, np.nan)
+    heights = near * (axis.forward[1] - slope * axis.forward[2]) / drop
+    heights = heights[np.abs(heights) < 3.0 * axis.distance]
+    if heights.size == 0:
+        return None
+    scores = _scores(maps, camera, cup, axis, heights)
+    best = int(np.argmax(scores))
+    return Candidate(axis.place(float(heights[best])), float(scores[best]), width)
+
+
+def _scores(
+    maps: _Maps, camera: PinholeCamera, cup: Cup, axis: Axis, heights: FloatArray
+) -> FloatArray:
+    """Support of each camera height (N,)."""
+    arc = np.deg2rad(np.linspace(-62.0, 62.0, 21))
+    outer = cup.radius + cup.wall_thickness
+    side = np.arccos(min(outer / axis.distance, 1.0))
+    top = min(cup.rim_level or 0.5 * cup.fill_height, cup.fill_height)
+    below = -np.linspace(0.08, 0.95, 12) * cup.fill_height
+    above = np.linspace(0.1, 0.9, 8) * top
+
+    def supports(
+        azimuth: ArrayOrFloat, radius: float, z: ArrayOrFloat, chart: Float32Array
+    ) -> FloatArray:
+        return _lookup(chart, _pixels(camera, axis, heights, azimuth, radius, z))
+
+    front = _mean(supports(arc, cup.radius, 0.0, maps.level))
+    rear = _mean(supports(arc + np.pi, cup.radius, 0.0, maps.level))
+    liquid = [_mean(supports(sign * side, outer, below, maps.upright)) for sign in (-1, 1)]
+    glass = [_mean(supports(sign * side, outer, above, maps.upright)) for sign in (-1, 1)]
+    base = _mean(supports(arc, cup.radius, -cup.fill_height, maps.level), least=0.5)
+    # The rear line is hidden behind the liquid for a camera below the level.
+    second = np.where(heights > 0.0, np.fmin(front, rear), 0.0)
+    level = np.where(heights > 0.0, np.fmax(front, rear), front)
+    parts = {
+        "level": 0.8 * level + 0.2 * np.fmax(second, level * (np.abs(heights) < 0.02)),
+        # Both sides are there or it is not a container.
+        "liquid": np.minimum(*(np.nan_to_num(part) for part in liquid)),
+        "glass": np.minimum(*glass),
+        "base": base,
+    }
+    total = np.zeros(heights.size)
+    weight = np.zeros(heights.size)
+    for name, part in parts.items():
+        seen = np.isfinite(part)
+        total += np.where(seen, _WEIGHTS[name] * np.nan_to_num(part), 0.0)
+        weight += np.where(seen, _WEIGHTS[name], 0.0)
+    return np.where(np.isfinite(level), total / np.maximum(weight, 1e-9), 0.0)
+
+
+ArrayOrFloat = FloatArray | float
+
+
+def _pixels(
+    camera: PinholeCamera,
+    axis: Axis,
+    heights: FloatArray,
+    azimuth: ArrayOrFloat,
+    radius: float,
+    z: ArrayOrFloat,
+) -> FloatArray:
+    """Pixels (N heights, M, 2) of points given by azimuth from the camera's, radius, height."""
+    angle, level = np.broadcast_arrays(np.atleast_1d(azimuth), np.atleast_1d(z))
+    points = np.column_stack(
+        (radius * np.sin(angle), -radius * np.cos(angle), np.asarray(level, dtype=np.float64))
+    )
+    here = points @ axis.rotation.T + axis.distance * axis.forward
+    cast = here[np.newaxis, :, :] - heights[:, np.newaxis, np.newaxis] * axis.up
+    depth = np.where(cast[..., 2] > 1e-6, cast[..., 2], np.nan)
+    flat = cast[..., :2] / depth[..., np.newaxis]
+    return flat * (camera.fx, camera.fy) + (camera.cx, camera.cy)
+
+
+def _lookup(chart: Float32Array, pixels: FloatArray) -> FloatArray:
+    """Values at the pixels; NaN outside the image."""
+    rows, columns = chart.shape
+    place = np.rint(np.nan_to_num(pixels, nan=-1.0, posinf=-1.0, neginf=-1.0))
+    u, v = place[..., 0], place[..., 1]
+    inside = (u >= 0) & (u < columns) & (v >= 0) & (v < rows)
+    index_u, index_v = np.where(inside, u, 0).astype(int), np.where(inside, v, 0).astype(int)
+    return np.where(inside, chart[index_v, index_u], np.nan)
+
+
+def _mean(values: FloatArray, least: float = 0.3) -> FloatArray:
+    """Mean over the samples (axis 1) inside the image; NaN where fewer than a share are."""
+    seen = np.isfinite(values)
+    count = seen.sum(axis=1)
+    total = np.where(seen, values, 0.0).sum(axis=1)
+    return np.where(count >= least * values.shape[1], total / np.maximum(count, 1), np.nan)
+
+
+def _distinct(found: list[Candidate], count: int) -> list[Candidate]:
+    """The best candidates, without those that a fit of a better one would reach as well."""
+    kept: list[Candidate] = []
+    for candidate in found:
+        if len(kept) == count:
+            break
+        if not any(_alike(candidate.place, other.place) for other in kept):
+            kept.append(candidate)
+    return kept
+
+
+def _alike(first: CameraPlace, second: CameraPlace) -> bool:
+    size = np.array([0.02 * first.distance, 0.05 * first.distance, 0.01, 0.035, 0.02])
+    return bool(np.all(np.abs(first.numbers - second.numbers) < size))
