@@ -1,0 +1,179 @@
+"""Where a camera sees points of a cup's inner wall, through the refracting glass.
+
+A ray that crosses coaxial cylinders keeps two numbers: the vertical component of its optical
+direction, and its optical angular momentum about the axis. With these two as unknowns the path
+through camera - outer wall - inner wall (- air - far inner wall) is a sum of plain terms, and
+the ray that meets a given point is found by two nested root searches. This shares nothing with
+the detector's geometry.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class View:
+    """A camera and a cup; lengths in metres, angles in radians.
+
+    Attributes:
+        rotation, translation: X_cam = rotation X_cup + translation.
+        focal: fx, fy in pixels; centre: cx, cy; k1: OpenCV's first radial coefficient.
+        size: width and height in pixels.
+        radius, wall: the cup's inner radius and wall thickness.
+        index: refractive index of the wall.
+    """
+
+    rotation: Array
+    translation: Array
+    focal: tuple[float, float]
+    centre: tuple[float, float]
+    size: tuple[int, int]
+    k1: float
+    radius: float
+    wall: float
+    index: float
+
+    @property
+    def position(self) -> Array:
+        """The camera's centre in the cup's frame."""
+        return np.asarray(-self.rotation.T @ self.translation)
+
+    @property
+    def distance(self) -> float:
+        """Horizontal distance of the camera from the cup's axis."""
+        return float(np.hypot(self.position[0], self.position[1]))
+
+    @property
+    def azimuth(self) -> float:
+        """Azimuth at which the camera stands."""
+        return float(math.atan2(self.position[1], self.position[0]))
+
+    def project(self, point: Array) -> tuple[float, float] | None:
+        """Pixel of a point (cup frame) seen along a straight line; None behind the camera."""
+        x, y, z = self.rotation @ np.asarray(point, dtype=float) + self.translation
+        if z <= 0:
+            return None
+        x, y = x / z, y / z
+        bend = 1 + self.k1 * (x * x + y * y)
+        return (
+            float(self.focal[0] * x * bend + self.centre[0]),
+            float(self.focal[1] * y * bend + self.centre[1]),
+        )
+
+    def wall_point(self, azimuth: float, height: float) -> Array:
+        """The point of the inner wall at `azimuth` and `height`."""
+        return np.array([self.radius * math.cos(azimuth), self.radius * math.sin(azimuth), height])
+
+    def contains(self, pixel: tuple[float, float]) -> bool:
+        """Whether a pixel lies in the image (pixel centres are whole numbers)."""
+        return -0.5 <= pixel[0] < self.size[0] - 0.5 and -0.5 <= pixel[1] < self.size[1] - 0.5
+
+    def tangents(self) -> tuple[float, float]:
+        """Azimuths where straight lines from the camera touch the inner wall: left, right."""
+        half = math.acos(self.radius / self.distance)
+        return wrap(self.azimuth - half), wrap(self.azimuth + half)
+
+    def edges(self) -> tuple[float, float]:
+        """Inner-wall azimuths seen at the cup's apparent edges: left, right."""
+        outer = self.radius + self.wall
+        half = math.acos(outer / self.distance)
+        half += math.asin(outer / (self.index * self.radius)) - math.asin(1 / self.index)
+        return wrap(self.azimuth - half), wrap(self.azimuth + half)
+
+    def project_refracted(self, azimuth: float, height: float) -> tuple[float, float] | None:
+        """Pixel of a point of the inner wall seen through the glass, None if no ray reaches it.
+
+        Points between the apparent edges are taken as front wall (glass only), others as rear
+        wall (front glass, then air).
+        """
+        left, _ = self.edges()
+        half = abs(wrap(left - self.azimuth))
+        turn = wrap(azimuth - self.azimuth)
+        rear = abs(turn) > half
+        direction = self._direction(turn, height - self.position[2], rear)
+        if direction is None:
+            return None
+        return self.project(self.position + direction)
+
+    def _direction(self, turn: float, rise: float, rear: bool) -> Array | None:
+        """Direction from the camera of the ray that arrives `turn` further and `rise` higher."""
+
+        def excess(vertical: float) -> float:
+            momentum = self._momentum(turn, vertical, rear)
+            if momentum is None:
+                return math.nan
+            return self._path(momentum, vertical, rear)[1] - rise
+
+        straight = rise / math.hypot(self.distance, rise)
+        samples = np.clip(straight + np.linspace(-0.35, 0.35, 41), -0.95, 0.95)
+        values = [excess(float(v)) for v in samples]
+        for low, high, a, b in zip(samples, samples[1:], values, values[1:], strict=False):
+            if math.isfinite(a) and math.isfinite(b) and a <= 0 <= b:
+                vertical = float(brentq(excess, low, high, xtol=1e-13))
+                break
+        else:
+            return None
+        momentum = self._momentum(turn, vertical, rear)
+        if momentum is None:
+            return None
+        horizontal = math.sqrt(1 - vertical**2)
+        angle = self.azimuth + math.pi - math.asin(momentum / (horizontal * self.distance))
+        return np.array([horizontal * math.cos(angle), horizontal * math.sin(angle), vertical])
+
+    def _momentum(self, turn: float, vertical: float, rear: bool) -> float | None:
+        """Angular momentum of the ray of vertical part `vertical` that arrives at `turn`."""
+        air = math.sqrt(1 - vertical**2)
+        limit = air * (self.radius if rear else self.radius + self.wall) * (1 - 1e-12)
+
+        def miss(momentum: float) -> float:
+            swept = self._path(momentum, vertical, rear)[0]
+            return wrap(swept - turn) if rear else swept - turn
+
+        # A ray to the rear wall sweeps about pi: the jump of wrap() lies far from the root.
+        grid = np.linspace(-limit, limit, 61)
+        values = [miss(float(m)) for m in grid]
+        for low, high, a, b in zip(grid, grid[1:], values, values[1:], strict=False):
+            if a * b <= 0 and abs(a - b) < math.pi / 2:
+                return float(brentq(miss, low, high, xtol=1e-16))
+        return None
+
+    def _path(self, momentum: float, vertical: float, rear: bool) -> tuple[float, float]:
+        """Azimuth swept and height gained from the camera to the inner wall."""
+        legs = [
+            (1.0, self.distance, self.radius + self.wall),
+            (self.index, self.radius + self.wall, self.radius),
+        ]
+        swept = rise = 0.0
+        for index, start, end in legs:
+            horizontal = math.sqrt(index**2 - vertical**2)
+            offset = momentum / horizontal
+            swept += math.asin(_unit(offset / end)) - math.asin(_unit(offset / start))
+            rise += (_leg(start, offset) - _leg(end, offset)) * vertical / horizontal
+        if rear:
+            horizontal = math.sqrt(1 - vertical**2)
+            offset = momentum / horizontal
+            swept += math.pi - 2 * math.asin(_unit(offset / self.radius))
+            rise += 2 * _leg(self.radius, offset) * vertical / horizontal
+        # A positive momentum here turns counter-clockwise as seen from above.
+        return swept, rise
+
+
+def wrap(angle: float) -> float:
+    """An angle moved into (-pi, pi]."""
+    return math.atan2(math.sin(angle), math.cos(angle))
+
+
+def _unit(sine: float) -> float:
+    return min(1.0, max(-1.0, sine))
+
+
+def _leg(radius: float, offset: float) -> float:
+    return math.sqrt(max(0.0, radius**2 - offset**2))

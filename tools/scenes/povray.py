@@ -1,0 +1,334 @@
+"""Writes a scene in POV-Ray's language and runs POV-Ray. Lengths in millimetres, linear light.
+
+The glass is one solid that contains the liquid; a film of glass (FILM thick) lies over the free
+surface. So each ray crosses exactly one boundary at a time with the true index on both sides,
+and nothing coincides. The mask is the same scene with flat, non-reflecting colours.
+"""
+
+from __future__ import annotations
+
+import math
+import subprocess
+from pathlib import Path
+
+import cv2
+import numpy as np
+from definitions import Camera, Colour, Scene
+from numpy.typing import NDArray
+from surface import Wave
+
+FILM = 0.01  # mm
+RINGS, SECTORS = 40, 240
+MARGIN = 1.02  # the surface's mesh reaches this far beyond the wall
+BOARD = (2600.0, 1700.0)  # mm
+
+Image = NDArray[np.float32]
+
+
+class RenderError(Exception):
+    """POV-Ray did not deliver."""
+
+
+def surface_mesh(wave: Wave, top: float) -> str:
+    """A closed mesh (mm) of the space above the surface up to z = `top`."""
+    radius = 1e3 * wave.radius
+    angles = np.arange(SECTORS) * 2 * math.pi / SECTORS
+    rings = np.append(np.linspace(0, 1, RINGS)[1:], MARGIN) * radius
+    r, angle = np.meshgrid(rings, angles, indexing="ij")
+
+    def height(rr: NDArray[np.float64], aa: NDArray[np.float64]) -> NDArray[np.float64]:
+        return 1e3 * wave.height(np.minimum(rr, radius) * 1e-3, aa)
+
+    z = height(r, angle)
+    step = 0.05
+    slope_r = (height(r + step, angle) - height(r - step, angle)) / (2 * step)
+    slope_a = (height(r, angle + 1e-3) - height(r, angle - 1e-3)) / 2e-3 / r
+    normal = np.stack(
+        [
+            -slope_r * np.cos(angle) + slope_a * np.sin(angle),
+            -slope_r * np.sin(angle) - slope_a * np.cos(angle),
+            np.ones_like(r),
+        ],
+        axis=-1,
+    ).reshape(-1, 3)
+    points = np.stack([r * np.cos(angle), r * np.sin(angle), z], axis=-1).reshape(-1, 3)
+    middle = float(height(np.array(0.0), np.array(0.0)))
+    tilt = normal[:SECTORS].mean(axis=0)
+    lid = points[-SECTORS:].copy()
+    lid[:, 2] = top
+    vertices = np.vstack([points, [[0, 0, middle]], lid, [[0, 0, top]]])
+    outward = lid * [1, 1, 0]
+    normals = np.vstack([normal, [tilt], outward, [[0, 0, 1]]])
+    faces = _faces(len(points))
+    return (
+        "mesh2 {\nvertex_vectors {" + _vectors(vertices) + "}\n"
+        "normal_vectors {" + _vectors(normals) + "}\n"
+        f"face_indices {{{len(faces)}," + ",".join(f"<{a},{b},{c}>" for a, b, c in faces) + "}\n"
+        "inside_vector <0,0,1>\n}\n"
+    )
+
+
+def _faces(count: int) -> list[tuple[int, int, int]]:
+    ring = [(i, (i + 1) % SECTORS) for i in range(SECTORS)]
+    centre, lid, apex = count, count + 1, count + 1 + SECTORS
+    faces = [(centre, a, b) for a, b in ring]
+    starts = [*range(0, count, SECTORS), lid]
+    for low, high in zip(starts[:-1], [*starts[1:-1], lid], strict=True):
+        for a, b in ring:
+            faces += [(low + a, high + a, high + b), (low + a, high + b, low + b)]
+    return faces + [(apex, lid + a, lid + b) for a, b in ring]
+
+
+def _vectors(rows: NDArray[np.float64]) -> str:
+    return f"{len(rows)}," + ",".join(f"<{x:.5f},{y:.5f},{z:.5f}>" for x, y, z in rows)
+
+
+def axes(camera: Camera) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Rotation cup to camera (OpenCV axes in its rows) and the camera's centre (mm)."""
+    az, pitch, roll = (math.radians(v) for v in (camera.azimuth, camera.pitch, camera.roll))
+    forward = np.array(
+        [
+            -math.cos(az) * math.cos(pitch),
+            -math.sin(az) * math.cos(pitch),
+            -math.sin(pitch),
+        ]
+    )
+    right = np.array([-math.sin(az), math.cos(az), 0.0])
+    down = np.cross(forward, right)
+    turned = math.cos(roll) * right + math.sin(roll) * down
+    down = np.cross(forward, turned)
+    centre = np.array(
+        [camera.distance * math.cos(az), camera.distance * math.sin(az), camera.height]
+    )
+    return np.stack([turned, down, forward]), centre
+
+
+def _vec(values: Colour | NDArray[np.float64]) -> str:
+    return "<" + ",".join(f"{float(v):.8g}" for v in values) + ">"
+
+
+def _camera(camera: Camera, size: tuple[int, int]) -> str:
+    """A camera of `size` pixels with the same focal length and principal point in its middle."""
+    rotation, centre = axes(camera)
+    right, down, forward = rotation
+    return (
+        f"camera {{ perspective location {_vec(centre)} direction {_vec(forward)} "
+        f"right {_vec(right * size[0] / camera.focal)} "
+        f"up {_vec(-down * size[1] / camera.focal)} }}\n"
+    )
+
+
+def _cup(scene: Scene, glass: str, liquid: str, liquid_top: str, drops: str) -> str:
+    cup = scene.cup
+    outer, floor = cup.radius + cup.wall, -cup.fill
+    bore = f"cylinder {{ <0,0,{floor}>, <0,0,{cup.rim + 5}>, {cup.radius} }}"
+    hollow = f"intersection {{ {bore} object {{ Above }} }}"
+    if drops:
+        hollow = f"difference {{ {hollow} {drops} }}"
+    depth = scene.cup.rim + 1
+    return (
+        f"difference {{ cylinder {{ <0,0,{floor - cup.base}>, <0,0,{cup.rim}>, {outer} }} "
+        f"{hollow} {glass} }}\n"
+        f"difference {{ cylinder {{ <0,0,{floor}>, <0,0,{depth}>, {cup.radius} {liquid} }} "
+        f"object {{ Above translate <0,0,{-FILM}> {liquid_top} }} {_interior(scene)} }}\n"
+    )
+
+
+def _interior(scene: Scene) -> str:
+    absorption = _vec(1e-3 * np.array(scene.liquid.absorption))
+    return f"interior {{ ior 1.33 media {{ absorption rgb {absorption} }} }} hollow"
+
+
+def _drops(scene: Scene) -> str:
+    """Flat bumps on the inner wall above the still level."""
+    rng = np.random.default_rng(100 + scene.room.seed)
+    parts = []
+    for _ in range(scene.droplets):
+        az = math.radians(scene.camera.azimuth + rng.uniform(-80, 80))
+        z = rng.uniform(6, scene.cup.rim - 6)
+        size = float(np.exp(rng.normal(math.log(1.3), 0.45)))
+        parts.append(
+            f"sphere {{ 0, 1 scale <{0.45 * size:.3f},{size:.3f},{1.25 * size:.3f}> "
+            f"translate <{scene.cup.radius},0,0> rotate <0,0,{math.degrees(az):.3f}> "
+            f"translate <0,0,{z:.3f}> }}"
+        )
+    return " ".join(parts)
+
+
+def _label(scene: Scene, folder: Path) -> str:
+    label = scene.label
+    if label is None:
+        return ""
+    paint_label(folder / "label.png", label.width / label.height)
+    radius = scene.cup.radius + scene.cup.wall + 0.05
+    half = 0.5 * label.width / radius
+    count = 24
+    angles = math.radians(label.azimuth) + np.linspace(-half, half, count)
+    bottom, top = label.z - label.height / 2, label.z + label.height / 2
+    rows = np.array(
+        [[radius * math.cos(a), radius * math.sin(a), z] for a in angles for z in (bottom, top)]
+    )
+    texture = ",".join(f"<{i / (count - 1):.5f},{v}>" for i in range(count) for v in (0, 1))
+    faces = ",".join(
+        f"<{2 * i},{2 * i + 1},{2 * i + 2}>,<{2 * i + 1},{2 * i + 3},{2 * i + 2}>"
+        for i in range(count - 1)
+    )
+    return (
+        f"mesh2 {{ vertex_vectors {{{_vectors(rows)}}} uv_vectors {{{2 * count},{texture}}} "
+        f"face_indices {{{2 * (count - 1)},{faces}}} uv_mapping "
+        'texture { pigment { image_map { png "label.png" interpolate 2 } } '
+        "finish { ambient 0 diffuse 0.6 emission 0.35 } } }\n"
+    )
+
+
+def paint_label(path: Path, aspect: float) -> None:
+    """A cream paper label with a few printed lines."""
+    high = 300
+    image = np.full((high, max(8, round(high * aspect)), 3), (215, 232, 238), np.uint8)
+    wide = image.shape[1]
+    cv2.rectangle(image, (8, 8), (wide - 9, high - 9), (150, 90, 60), 4)
+    for row, text in enumerate(("No 7", "pH 7.0", "250 ml", "A / 3")):
+        cv2.putText(image, text, (20, 70 + 58 * row), 0, 1.3, (60, 50, 40), 3, cv2.LINE_AA)
+    cv2.imwrite(str(path), image)
+
+
+def to_srgb(linear: NDArray[np.float64]) -> NDArray[np.uint8]:
+    """Linear light in [0, 1] as 8-bit sRGB values."""
+    clipped = np.clip(linear, 0, 1)
+    encoded = np.where(
+        clipped <= 0.0031308, 12.92 * clipped, 1.055 * np.power(clipped, 1 / 2.4) - 0.055
+    )
+    return np.asarray(np.round(255 * encoded), np.uint8)
+
+
+def paint_board(scene: Scene, path: Path) -> None:
+    """The board behind the cup: its colour, blurred things before it, uneven light."""
+    room = scene.room
+    rng = np.random.default_rng(room.seed)
+    high, wide = 425, 650
+    image = np.ones((high, wide, 3)) * np.array(room.wall)
+    for _ in range(room.things):
+        left, width = rng.uniform(0.18, 0.8) * wide, rng.uniform(0.015, 0.09) * wide
+        top, bottom = rng.uniform(-0.1, 0.5) * high, rng.uniform(0.55, 1.1) * high
+        tone = np.array(room.wall) * (
+            1 - room.contrast * rng.uniform(0.3, 1.0) * rng.uniform(0.8, 1.0, 3)
+        )
+        image[max(0, int(top)) : int(bottom), int(left) : int(left + width)] = tone
+    shelf = int(rng.uniform(0.25, 0.4) * high)
+    image[shelf : shelf + 6] *= 1 - 0.5 * room.contrast
+    image = cv2.GaussianBlur(image, (0, 0), 3.0)
+    image *= np.linspace(room.slope[0], room.slope[1], wide)[None, :, None]
+    image *= np.linspace(1.08, 0.85, high)[:, None, None]
+    cv2.imwrite(str(path), to_srgb(image)[..., ::-1])
+
+
+def paint_surroundings(scene: Scene, path: Path) -> None:
+    """What the cup reflects: walls, a ceiling, a window and a lamp, as a map over the sphere."""
+    room = scene.room
+    high, wide = 200, 400
+    tone = np.linspace(1.15, 0.5, high)[:, None, None] * np.ones((1, wide, 1))
+    image = tone * room.behind * np.array([0.9, 0.9, 0.88])
+    rng = np.random.default_rng(room.seed + 50)
+    for low, size in ((int(rng.uniform(10, 150)), 34), (int(rng.uniform(200, 340)), 22)):
+        image[62:100, low : low + size] = 1.0
+        image[62:100, low + size // 2 - 1 : low + size // 2 + 1] = 0.3
+    image[5:16] = 0.95
+    image = cv2.GaussianBlur(image, (0, 0), 2.0)
+    cv2.imwrite(str(path), to_srgb(image)[..., ::-1])
+
+
+def _surroundings(scene: Scene, shift: float) -> str:
+    """Board, table, sphere and lamps, turned so that the board stands behind the cup."""
+    room, cup = scene.room, scene.cup
+    top = -cup.fill - cup.base - 0.2
+    turn = scene.camera.azimuth + 90
+    lamp = math.radians(room.lamp_azimuth)
+    wide, high = BOARD
+    return (
+        "#declare Flat = finish { ambient 0 diffuse 0 emission 1 }\n"
+        'sphere { 0, 4000 hollow pigment { image_map { png "around.png" map_type 1 interpolate 2 }'
+        " rotate <90,0,0> } finish { Flat } no_shadow }\n"
+        'polygon { 5, <0,0>,<1,0>,<1,1>,<0,1>,<0,0> pigment { image_map { png "board.png" once '
+        f"interpolate 2 }} }} finish {{ Flat }} translate <-0.5,-0.5,0> scale <{wide},{high},1> "
+        f"rotate <90,0,0> translate <{shift},700,{high / 2 - 750}> rotate <0,0,{turn}> "
+        "no_shadow }\n"
+        f"box {{ <-420,-330,{top - 40}>, <420,330,{top}> pigment {{ bozo scale 25 color_map {{ "
+        f"[0 rgb {_vec(room.table)}] [1 rgb {_vec(room.table)}*1.12] }} }} "
+        f"finish {{ ambient 0 diffuse 0.75 emission 0.4 }} rotate <0,0,{turn}> }}\n"
+        f"light_source {{ <{1500 * math.cos(lamp):.1f},{1500 * math.sin(lamp):.1f},1800> "
+        f"rgb {room.sun} }}\n"
+        f"light_source {{ <{-900 * math.cos(lamp):.1f},{900 * math.sin(lamp):.1f},1500> "
+        f"rgb {0.5 * room.sun} shadowless }}\n"
+    )
+
+
+def photo_text(scene: Scene, wave: Wave, size: tuple[int, int], shift: float, folder: Path) -> str:
+    """The scene for a photograph."""
+    liquid = scene.liquid
+    look = (
+        f"texture {{ pigment {{ rgb {_vec(liquid.colour)} transmit {1 - liquid.opacity} }} "
+        f"finish {{ ambient 0 diffuse {1 - liquid.glow} emission {liquid.glow} "
+        "reflection { 0, 1 fresnel on } conserve_energy } }"
+    )
+    glass = (
+        "texture { pigment { rgbt <1,1,1,1> } finish { ambient 0 diffuse 0 specular 0.3 "
+        "roughness 0.002 reflection { 0, 1 fresnel on } conserve_energy } } "
+        f"interior {{ ior {scene.cup.index} }} hollow"
+    )
+    drops = _drops(scene) if scene.droplets else ""
+    return (
+        "#version 3.7;\nglobal_settings { assumed_gamma 1 max_trace_level 9 adc_bailout 0.012 }\n"
+        + _camera(scene.camera, size)
+        + "#declare Above = "
+        + surface_mesh(wave, scene.cup.rim + 10)
+        + _cup(scene, glass, look, look, drops)
+        + _label(scene, folder)
+        + _surroundings(scene, shift)
+    )
+
+
+def mask_text(scene: Scene, wave: Wave, size: tuple[int, int]) -> str:
+    """The scene for a mask: red liquid through the wall, green free surface, blue floor."""
+    flat = "finish { ambient 0 diffuse 0 emission 1 }"
+    floor = -scene.cup.fill + 0.02
+    side = (
+        "texture { pigment { gradient z color_map { [0 rgb <0,0,1>] [0.5 rgb <0,0,1>] "
+        f"[0.5 rgb <1,0,0>] [1 rgb <1,0,0>] }} scale 400 translate <0,0,{floor - 200}> }} "
+        f"{flat} }}"
+    )
+    free = f"texture {{ pigment {{ rgb <0,1,0> }} {flat} }}"
+    glass = (
+        "texture { pigment { rgbt <1,1,1,1> } finish { ambient 0 diffuse 0 } } "
+        f"interior {{ ior {scene.cup.index} }} hollow"
+    )
+    return (
+        "#version 3.7;\nglobal_settings { assumed_gamma 1 max_trace_level 12 }\n"
+        + _camera(scene.camera, size)
+        + "#declare Above = "
+        + surface_mesh(wave, scene.cup.rim + 10)
+        + _cup(scene, glass, side, free, "")
+    )
+
+
+def run(text: str, size: tuple[int, int], folder: Path, smooth: bool) -> Image:
+    """Renders `text` in `folder`; returns linear RGB in [0, 1], (H, W, 3).
+
+    Raises:
+        RenderError: POV-Ray failed; the message has its last lines.
+    """
+    (folder / "scene.pov").write_text(text)
+    out = folder / "scene.png"
+    out.unlink(missing_ok=True)
+    command = [
+        *("nice", "-n", "15", "povray", "+Iscene.pov", "+Oscene.png", "+WT1", "-D", "-V"),
+        *(f"+W{size[0]}", f"+H{size[1]}", "+FN16", "File_Gamma=1.0"),
+        *(("+A0.08", "+AM2", "+R2") if smooth else ("-A",)),
+    ]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    if done.returncode or not out.exists():
+        tail = " | ".join(done.stderr.strip().splitlines()[-8:])
+        raise RenderError(f"povray failed in {folder}: {tail}")
+    image = cv2.imread(str(out), cv2.IMREAD_UNCHANGED)
+    if image is None:
+        raise RenderError(f"{out}: is no image")
+    return np.asarray(image[..., :3][..., ::-1] / 65535.0, np.float32)

@@ -1,0 +1,179 @@
+"""Renders test sequences of a sloshing cup: render.py --list | NAME... -o DIR [--frames N]."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import sys
+import tempfile
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import povray
+from definitions import SCENES, Scene
+from numpy.typing import NDArray
+from optics import View
+from povray import Image
+from surface import MODE_2, Wave, natural_frequency
+from truth import frame_truth, header, mask_truth
+
+STILL = "calib.jpg"
+
+
+def view_of(scene: Scene) -> View:
+    """The scene's camera and cup in metres."""
+    rotation, centre = povray.axes(scene.camera)
+    camera, cup = scene.camera, scene.cup
+    return View(
+        rotation,
+        -rotation @ centre * 1e-3,
+        (camera.focal, camera.focal),
+        (
+            (camera.width - 1) / 2 + camera.offset[0],
+            (camera.height_px - 1) / 2 + camera.offset[1],
+        ),
+        (camera.width, camera.height_px),
+        camera.k1,
+        cup.radius * 1e-3,
+        cup.wall * 1e-3,
+        cup.index,
+    )
+
+
+def wave_at(scene: Scene, time: float, duration: float) -> Wave:
+    """The surface at `time` (s); the amplitude rises smoothly from almost nothing."""
+    motion, radius = scene.motion, scene.cup.radius * 1e-3
+    rise = min(1.0, max(0.0, (time + 0.02 * duration) / (0.65 * duration))) ** 1.3
+    beat = 1 - 0.12 * math.sin(2 * math.pi * time / duration * 1.7) ** 2
+    size = motion.peak * 1e-3 * rise * beat
+    turn = 2 * math.pi * natural_frequency(radius, scene.cup.fill * 1e-3) * time + 0.4
+    axis = math.radians(motion.phi)
+    along = size * math.cos(turn)
+    across = 0.0 if motion.kind == "planar" else size * motion.minor * math.sin(turn)
+    if motion.kind == "planar":
+        a1, phi = along, axis
+    else:
+        a1, phi = math.hypot(along, across), axis + math.atan2(across, along)
+    second = 2 * math.pi * natural_frequency(radius, scene.cup.fill * 1e-3, MODE_2) * time
+    a2 = motion.second * size * math.cos(second)
+    mean, double = (part * a1 * a1 / radius for part in motion.sharpening)
+    return Wave(radius, a1, phi, a2, axis if a2 else 0.0, mean, double)
+
+
+class Renderer:
+    """Renders one scene's frames and masks through its lens."""
+
+    def __init__(self, scene: Scene, folder: Path) -> None:
+        self._scene, self._folder, self._view = scene, folder, view_of(scene)
+        self._rng = np.random.default_rng(1000 + scene.room.seed)
+        self._maps, self._size = self._lens()
+        povray.paint_board(scene, folder / "board.png")
+        povray.paint_surroundings(scene, folder / "around.png")
+
+    def _lens(self) -> tuple[tuple[NDArray[np.float32], NDArray[np.float32]], tuple[int, int]]:
+        """Where each pixel lies in an undistorted picture, and that picture's size."""
+        view = self._view
+        wide, high = view.size
+        grid = np.stack(np.meshgrid(np.arange(wide), np.arange(high)), -1)
+        bent = (grid - view.centre) / view.focal
+        straight = bent.copy()
+        for _ in range(60):
+            square = np.sum(straight**2, axis=-1, keepdims=True)
+            straight = bent / (1 + view.k1 * square)
+        straight = straight * view.focal
+        half = np.abs(straight).max(axis=(0, 1)) + 3
+        size = (2 * math.ceil(half[0]), 2 * math.ceil(half[1]))
+        at = straight + np.array([(size[0] - 1) / 2, (size[1] - 1) / 2])
+        return (at[..., 0].astype(np.float32), at[..., 1].astype(np.float32)), size
+
+    def photograph(self, waves: list[Wave], shift: float) -> NDArray[np.uint8]:
+        """The picture (BGR) that a camera takes, `waves` being the exposure's instants."""
+        scene = self._scene
+        light: Any = 0.0
+        for wave in waves:
+            text = povray.photo_text(scene, wave, self._size, shift, self._folder)
+            light = light + povray.run(text, self._size, self._folder, smooth=True)
+        image: Image = cv2.remap(light / len(waves), *self._maps, cv2.INTER_CUBIC)
+        photo = scene.photo
+        if photo.lens_blur:
+            image = cv2.GaussianBlur(image, (0, 0), photo.lens_blur)
+        image = np.clip(image * photo.gain, 0, 1.5)
+        spread = np.sqrt(photo.shot**2 * image + photo.read**2)
+        noisy = image + spread * self._rng.standard_normal(image.shape)
+        return povray.to_srgb(np.asarray(noisy, np.float64))[..., ::-1]
+
+    def mask(self, wave: Wave) -> NDArray[np.uint8]:
+        """Classes 0 nothing, 1 liquid through the wall, 2 free surface, 3 floor."""
+        text = povray.mask_text(self._scene, wave, self._size)
+        colours = povray.run(text, self._size, self._folder, smooth=False)
+        colours = cv2.remap(colours, *self._maps, cv2.INTER_NEAREST)
+        mask = np.argmax(colours, axis=-1).astype(np.uint8) + 1
+        mask[colours.max(axis=-1) < 0.5] = 0
+        return np.asarray(mask, np.uint8)
+
+
+def render(scene: Scene, out: Path) -> None:
+    """Renders a scene into `out`."""
+    out.mkdir(parents=True, exist_ok=True)
+    view = view_of(scene)
+    truth = header(scene, view)
+    rate = scene.motion.frame_rate
+    duration = scene.frames / rate
+    quality = [cv2.IMWRITE_JPEG_QUALITY, scene.photo.quality]
+    with tempfile.TemporaryDirectory() as temporary:
+        renderer = Renderer(scene, Path(temporary))
+        still = Wave(view.radius)
+        cv2.imwrite(str(out / STILL), renderer.photograph([still], 0.0), quality)
+        cv2.imwrite(str(out / "calib_mask.png"), renderer.mask(still))
+        for index in range(scene.frames):
+            time = index / rate
+            wave = wave_at(scene, time, duration)
+            count = scene.photo.sub_frames
+            instants = [
+                time + scene.photo.exposure_s * ((k + 0.5) / count - 0.5) for k in range(count)
+            ]
+            shift = scene.room.moving * math.sin(2 * math.pi * 0.9 * time)
+            waves = [wave_at(scene, instant, duration) for instant in instants]
+            file, mask_file = f"frame_{index:03d}.jpg", f"mask_{index:03d}.png"
+            cv2.imwrite(str(out / file), renderer.photograph(waves, shift), quality)
+            mask = renderer.mask(wave)
+            cv2.imwrite(str(out / mask_file), mask)
+            entry = {"index": index, "file": file, "mask": mask_file, "t": time}
+            entry |= frame_truth(view, wave)
+            truth["frames"].append(entry | mask_truth(mask, entry))
+            print(f"\r{scene.name}: {index + 1} of {scene.frames}", end="", file=sys.stderr)
+    print(file=sys.stderr)
+    (out / "truth.json").write_text(json.dumps(truth, indent=1) + "\n")
+
+
+def main() -> int:
+    """Reads the command line."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("names", nargs="*", metavar="NAME", help="scenes, or `all`")
+    parser.add_argument("--list", action="store_true", help="list the scenes")
+    parser.add_argument("-o", "--out", type=Path, help="folder for the sequences")
+    parser.add_argument("--frames", type=int, help="frames per sequence")
+    args = parser.parse_args()
+    if args.list:
+        for scene in SCENES.values():
+            print(f"{scene.name:16} {scene.about}")
+        return 0
+    names = list(SCENES) if args.names == ["all"] else args.names
+    unknown = [name for name in names if name not in SCENES]
+    if unknown or not names or args.out is None:
+        parser.error(f"unknown scene {unknown[0]}" if unknown else "give NAME... and -o DIR")
+    for name in names:
+        scene = SCENES[name]
+        render(replace(scene, frames=args.frames or scene.frames), args.out / name)
+    return 0
+
+
+if __name__ == "__main__":
+    try:
+        sys.exit(main())
+    except povray.RenderError as error:
+        sys.exit(f"render: {error}")
