@@ -10,14 +10,15 @@ import cv2
 import numpy as np
 
 from slosh_bag.errors import SloshBagError
-from slosh_bringup.frame_source import bag_frames
+from slosh_bringup.detect.frame import SourceFrame
+from slosh_bringup.detect.source import bag_frames
 from slosh_bringup.run_data import RecordedEvent, RunData
 from slosh_bringup.run_result import RunResult
 from slosh_camera.calibration import Calibration
 from slosh_camera.detector import FreeSurfaceDetector
 from slosh_camera.drawing import draw_measurement
 from slosh_camera.errors import SloshCameraError
-from slosh_camera.image import GrayImage
+from slosh_camera.image import to_gray
 from slosh_discovery.report import Frame, KeyFigure, ModelRow, RunReport, Span, Topic
 
 SOURCES = ("measured", "estimated", "disagreement")
@@ -117,13 +118,12 @@ def frames(data: RunData, calibration: Calibration) -> tuple[Frame, ...]:
     for label, moment in wanted.items():
         if moment not in images:
             continue
-        gray = images[moment]
         try:
-            measurement = detector.update(moment, gray)
+            image = images[moment].image()
+            measurement = detector.update(moment, to_gray(image))
         except SloshCameraError:
             continue
-        colour = cv2.cvtColor(gray, cv2.COLOR_GRAY2BGR)
-        picture = draw_measurement(colour, calibration, measurement)
+        picture = draw_measurement(image, calibration, measurement)
         data_jpeg = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, 85])[1].tobytes()
         second = (moment - data.stamps[0]) * 1e-9
         found.append(Frame(data_jpeg, f"{label}: {second:.2f} s, {1e3 * measurement.msh:.1f} mm"))
@@ -143,13 +143,12 @@ def moments(data: RunData) -> dict[str, int]:
     return wanted
 
 
-def find_images(bag: Path, stamps: set[int]) -> dict[int, GrayImage]:
+def find_images(bag: Path, stamps: set[int]) -> dict[int, SourceFrame]:
     """The images with these stamps; none where the bag has no images."""
     try:
-        found = list(bag_frames(bag, stamps))
+        return {frame.stamp_ns: frame for frame in bag_frames(bag, stamps)}
     except SloshBagError:
         return {}
-    return {frame.stamp_ns: frame.gray for frame in found if frame.gray is not None}
 
 
 def _rounded(value: float, digits: int) -> str:

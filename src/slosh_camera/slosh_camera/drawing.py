@@ -1,6 +1,8 @@
-"""Pictures of what the detector found, for reports."""
+"""Pictures of what the detector found, for people who judge it."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -14,91 +16,267 @@ Image = NDArray[np.uint8]
 FloatArray = NDArray[np.float64]
 
 # Colours are blue, green, red.
-_LINE = (60, 200, 60)
-_PEAK = (40, 40, 240)
+FRONT = (70, 220, 70)
+REAR = (255, 170, 40)
+FITTED = (60, 220, 255)
+PEAK = (60, 60, 255)
 _SCALE = (230, 140, 40)
 _TEXT = (255, 255, 255)
-_PLATE = (50, 50, 50)
+_ALARM = (110, 170, 255)
+_PLATE = (40, 40, 40)
 _FONT = cv2.FONT_HERSHEY_SIMPLEX
-_FONT_SCALE = 0.45
+# Size of the letters in a picture of 480 rows; larger pictures get larger ones.
+_FONT_SCALE = 0.5
+_ROWS = 480
 # Drawing coordinates carry this many fractional bits.
 _SHIFT = 4
 _TICK = 0.010
-_MARGIN = 8
+_GAP = 8.0
+_DASHES = 60
+_MARGIN = 0.15
+_LEAST_DETAIL = 8.0
 
 
-def draw_measurement(image: Image, calibration: Calibration, measurement: Measurement) -> Image:
-    """Draw the detected line, the peak, a scale in millimetres and the numbers.
+@dataclass(frozen=True, slots=True)
+class _Canvas:
+    """A picture of a part of an image: magnified by `zoom`, with `origin` in its corner."""
+
+    picture: Image
+    size: float
+    zoom: float = 1.0
+    origin: tuple[float, float] = (0.0, 0.0)
+
+    def place(self, pixels: FloatArray) -> FloatArray:
+        """(N, 2) pixels of the image as coordinates of the picture; centres are whole numbers."""
+        placed: FloatArray = (pixels - np.array(self.origin) + 0.5) * self.zoom - 0.5
+        return placed
+
+    def line(self, pixels: FloatArray, colour: tuple[int, int, int], width: float = 1.0) -> None:
+        """A line through pixels of the image; unknown places interrupt it."""
+        for part in _whole_parts(self.place(pixels)):
+            fixed = np.round(part * (1 << _SHIFT)).astype(np.int32)
+            thickness = max(round(width * self.size), 1)
+            cv2.polylines(self.picture, [fixed], False, colour, thickness, cv2.LINE_AA, _SHIFT)
+
+    def dots(self, pixels: FloatArray, colour: tuple[int, int, int], radius: float) -> None:
+        """A dot at each pixel."""
+        reach = round(radius * self.size * (1 << _SHIFT))
+        for pixel in self.place(pixels):
+            cv2.circle(self.picture, _fixed(pixel), reach, colour, -1, cv2.LINE_AA, _SHIFT)
+
+    def ring(self, pixel: FloatArray, colour: tuple[int, int, int]) -> None:
+        """A ring around a pixel, which itself stays visible."""
+        centre, width = _fixed(self.place(pixel)), max(round(1.5 * self.size), 1)
+        reach = round(7.0 * self.size * (1 << _SHIFT))
+        cv2.circle(self.picture, centre, reach, colour, width, cv2.LINE_AA, _SHIFT)
+
+    def text(self, words: str, corner: FloatArray, colour: tuple[int, int, int] = _TEXT) -> None:
+        """Words on a dark plate, so that they are read before any background."""
+        put_text(self.picture, words, (round(corner[0]), round(corner[1])), self.size, colour)
+
+
+def draw_measurement(
+    image: Image, calibration: Calibration, measurement: Measurement, note: str = ""
+) -> Image:
+    """Draw the detected line, the fit, the peak, a scale in millimetres and the numbers.
+
+    Green is the line on the front wall, blue that on the rear wall, dashed yellow the fitted
+    surface's line on both, the red ring the peak.
 
     Args:
         image: (height, width) grey or (height, width, 3) blue-green-red; not changed.
         calibration: the calibration with which it was measured.
         measurement: what was measured in it.
+        note: a further line of text.
 
     Returns:
         (height, width, 3) blue-green-red picture.
     """
-    if image.ndim == 2:
-        picture = np.asarray(cv2.cvtColor(image, cv2.COLOR_GRAY2BGR), dtype=np.uint8)
-    else:
-        picture = image.copy()
-    _draw_scale(picture, calibration.view)
-    for pixel in measurement.edge_pixels:
-        cv2.circle(picture, _fixed(pixel), 1 << _SHIFT, _LINE, -1, cv2.LINE_AA, _SHIFT)
-    if np.all(np.isfinite(measurement.peak_pixel)):
-        centre = _fixed(np.asarray(measurement.peak_pixel))
-        cv2.circle(picture, centre, 7 << _SHIFT, _PEAK, 2, cv2.LINE_AA, _SHIFT)
-    for index, line in enumerate(_captions(measurement)):
-        _put_text(picture, line, (_MARGIN, 18 + 18 * index))
+    picture = _in_colour(image)
+    canvas = _Canvas(picture, letter_size(picture))
+    _draw_marks(canvas, calibration, measurement)
+    lines = [*captions(measurement), *([note] if note else [])]
+    for index, words in enumerate(lines):
+        colour = _ALARM if index and index >= len(lines) - bool(measurement.flags) else _TEXT
+        canvas.text(words, canvas.size * np.array([_GAP, 20.0 + 21.0 * index]), colour)
     return picture
 
 
-def _captions(measurement: Measurement) -> list[str]:
+def draw_detail(
+    image: Image, calibration: Calibration, measurement: Measurement, size: tuple[int, int]
+) -> Image:
+    """The container alone, scaled into a picture of a given size, with the marks and no text.
+
+    Args:
+        image: (height, width) grey or (height, width, 3) blue-green-red; not changed.
+        calibration: the calibration with which it was measured.
+        measurement: what was measured in it.
+        size: width and height of the picture [px].
+
+    Returns:
+        (height, width, 3) blue-green-red picture.
+    """
+    left, top, right, bottom = _surroundings(calibration.view, image, size[0] / size[1])
+    zoom = min(size[0] / (right - left), size[1] / (bottom - top))
+    part = _in_colour(image[top:bottom, left:right])
+    kind = cv2.INTER_AREA if zoom < 1.0 else cv2.INTER_CUBIC
+    width, height = round(zoom * (right - left)), round(zoom * (bottom - top))
+    picture = np.zeros((size[1], size[0], 3), np.uint8)
+    inside = picture[: min(height, size[1]), : min(width, size[0])]
+    inside[:] = cv2.resize(part, (width, height), interpolation=kind)[: size[1], : size[0]]
+    canvas = _Canvas(picture, letter_size(picture), zoom, (left, top))
+    _draw_marks(canvas, calibration, measurement)
+    return picture
+
+
+def captions(measurement: Measurement) -> list[str]:
+    """What was measured, in lines of words; the last names the flags, where there are any."""
     lines = []
     if np.isfinite(measurement.msh):
         bound = ">= " if Flag.SATURATED in measurement.flags else ""
         side = measurement.peak_side.name.lower()
+        sigma = _number(1e3 * measurement.msh_stddev, 2)
         lines.append(
-            f"MSH {bound}{measurement.msh * 1e3:.1f} mm +- {measurement.msh_stddev * 1e3:.1f}, "
-            f"{np.degrees(measurement.azimuth):.0f} deg, {side} wall"
+            f"MSH {bound}{measurement.msh * 1e3:.1f} mm +- {sigma}, "
+            f"{_number(np.degrees(measurement.azimuth), 0)} deg, {side} wall"
         )
-        lines.append(
-            f"left {_millimetres(measurement.sh_left)}, right {_millimetres(measurement.sh_right)}"
-        )
+    fitted = float(getattr(measurement, "fitted_msh", np.nan))
+    if np.isfinite(fitted):
+        sigma = _number(1e3 * float(getattr(measurement, "fitted_msh_stddev", np.nan)), 2)
+        degrees = _number(np.degrees(float(getattr(measurement, "fitted_azimuth", np.nan))), 0)
+        lines.append(f"fitted {fitted * 1e3:.1f} mm +- {sigma}, {degrees} deg")
+    slope = float(getattr(measurement, "slope_angle", np.nan))
+    if np.isfinite(slope):
+        lines.append(f"slope {np.degrees(slope):.2f} deg")
+    if np.isfinite(measurement.sh_left) or np.isfinite(measurement.sh_right):
+        left, right = _millimetres(measurement.sh_left), _millimetres(measurement.sh_right)
+        lines.append(f"left {left}, right {right}")
     if measurement.flags:
-        lines.append(" ".join(str(flag.name) for flag in measurement.flags))
+        lines.append(
+            " ".join(str(flag.name) for flag in Flag if flag and flag in measurement.flags)
+        )
     return lines
+
+
+def letter_size(picture: Image) -> float:
+    """How much larger than in a picture of 480 rows letters and marks are."""
+    return max(picture.shape[0] / _ROWS, 0.75)
+
+
+def put_text(
+    picture: Image,
+    words: str,
+    place: tuple[int, int],
+    size: float = 1.0,
+    colour: tuple[int, int, int] = _TEXT,
+) -> None:
+    """White text on a dark plate; `place` is its lower left corner [px]."""
+    scale, thickness = _FONT_SCALE * size, max(round(size), 1)
+    (width, height), below = cv2.getTextSize(words, _FONT, scale, thickness)
+    x, y = place
+    rim = max(round(2 * size), 1)
+    corner, other = (x - rim, y - height - rim), (x + width + rim, y + below)
+    cv2.rectangle(picture, corner, other, _PLATE, -1)
+    cv2.putText(picture, words, place, _FONT, scale, colour, thickness, cv2.LINE_AA)
+
+
+def _draw_marks(canvas: _Canvas, calibration: Calibration, measurement: Measurement) -> None:
+    view = calibration.view
+    _draw_scale(canvas, view)
+    _draw_fit(canvas, view, measurement)
+    on_front = _on_front(view, measurement.profile_azimuth)
+    radius = 0.7 * max(canvas.zoom / canvas.size, 1.0)
+    canvas.dots(measurement.edge_pixels[~on_front], REAR, radius)
+    canvas.dots(measurement.edge_pixels[on_front], FRONT, radius)
+    peak = np.asarray(measurement.peak_pixel)
+    if np.all(np.isfinite(peak)):
+        canvas.ring(peak, PEAK)
+
+
+def _draw_fit(canvas: _Canvas, view: CupView, measurement: Measurement) -> None:
+    """The line of the fitted surface: every mode of one azimuthal wave is a cosine at the wall."""
+    height = float(getattr(measurement, "fitted_msh", np.nan))
+    azimuth = float(getattr(measurement, "fitted_azimuth", np.nan))
+    if not (np.isfinite(height) and np.isfinite(azimuth)):
+        return
+    around = view.camera_azimuth + np.linspace(-np.pi, np.pi, 4 * _DASHES + 1)
+    pixels = view.project_wall(around, height * np.cos(around - azimuth))
+    for first in range(0, 4 * _DASHES, 4):
+        canvas.line(pixels[first : first + 3], FITTED)
+
+
+def _draw_scale(canvas: _Canvas, view: CupView) -> None:
+    """Height scale along the right edge of the container, every 10 mm, still level marked."""
+    azimuth = view.tangent_azimuths()[1]
+    top = view.cup.rim_level or view.cup.radius
+    first = int(np.ceil(-view.cup.fill_height / _TICK))
+    heights = _TICK * np.arange(first, int(np.floor(top / _TICK)) + 1)
+    unit = canvas.size / canvas.zoom
+    pixels = view.project_wall(azimuth, heights) + np.array([_GAP * unit, 0.0])
+    if not np.all(np.isfinite(pixels)):
+        return
+    canvas.line(pixels, _SCALE)
+    for height, pixel in zip(heights, pixels, strict=True):
+        at_rest = abs(height) < 0.5 * _TICK
+        end = pixel + np.array([(10.0 if at_rest else 5.0) * unit, 0.0])
+        canvas.line(np.vstack((pixel, end)), _SCALE, 2.0 if at_rest else 1.0)
+        if round(height / _TICK) % 2 == 0:
+            label = f"{height * 1e3:.0f}" + (" mm" if at_rest else "")
+            canvas.text(label, canvas.place(end) + canvas.size * np.array([4.0, 5.0]))
+
+
+def _on_front(view: CupView, azimuth: FloatArray) -> NDArray[np.bool_]:
+    """Which places of the wall lie on the part that faces the camera."""
+    middle = view.camera_azimuth
+    half = abs(_wrapped(np.asarray(view.tangent_azimuths()[0]) - middle))
+    return np.asarray(np.abs(_wrapped(azimuth - middle)) <= half + 1e-9)
+
+
+def _surroundings(view: CupView, image: Image, aspect: float) -> tuple[int, int, int, int]:
+    """Left, top, right and bottom of the container in the image, with a margin and the scale.
+
+    Args:
+        view: where the container is.
+        image: the image.
+        aspect: width / height that is aimed at, as far as the image goes.
+    """
+    around = np.linspace(-np.pi, np.pi, 73)
+    top = view.cup.rim_level or view.cup.radius
+    ends = np.vstack([view.project_wall(around, level) for level in (-view.cup.fill_height, top)])
+    low, high = np.nanmin(ends, axis=0), np.nanmax(ends, axis=0)
+    height, width = image.shape[:2]
+    margin = _MARGIN * (high[0] - low[0])
+    upper, lower = max(low[1] - 0.5 * margin, 0.0), min(high[1] + 0.5 * margin, height)
+    wanted = max(high[0] - low[0] + 2.5 * margin, aspect * (lower - upper))
+    middle = 0.5 * (low[0] + high[0]) + 0.5 * margin
+    left, right = max(middle - 0.5 * wanted, 0.0), min(middle + 0.5 * wanted, width)
+    if right - left < _LEAST_DETAIL or lower - upper < _LEAST_DETAIL:
+        return 0, 0, width, height
+    return int(left), int(upper), int(right), int(lower)
+
+
+def _whole_parts(points: FloatArray) -> list[FloatArray]:
+    known = np.all(np.isfinite(points), axis=1)
+    cuts = np.flatnonzero(np.diff(known)) + 1
+    return [part for part in np.split(points, cuts) if len(part) > 1 and np.isfinite(part[0, 0])]
+
+
+def _in_colour(image: Image) -> Image:
+    if image.ndim == 2:
+        return np.asarray(cv2.cvtColor(image, cv2.COLOR_GRAY2BGR), dtype=np.uint8)
+    return np.array(image, order="C")
+
+
+def _wrapped(angle: FloatArray) -> FloatArray:
+    return np.asarray(np.arctan2(np.sin(angle), np.cos(angle)), dtype=np.float64)
 
 
 def _millimetres(height: float) -> str:
     return f"{height * 1e3:.1f} mm" if np.isfinite(height) else "unknown"
 
 
-def _draw_scale(picture: Image, view: CupView) -> None:
-    """Height scale along the right edge of the container, every 10 mm, still level marked."""
-    azimuth = view.tangent_azimuths()[1]
-    top = view.cup.rim_level or view.cup.radius
-    first = int(np.ceil(-view.cup.fill_height / _TICK))
-    heights = _TICK * np.arange(first, int(np.floor(top / _TICK)) + 1)
-    pixels = view.project_wall(azimuth, heights) + np.array([_MARGIN, 0.0])
-    if not np.all(np.isfinite(pixels)):
-        return
-    cv2.line(picture, _fixed(pixels[0]), _fixed(pixels[-1]), _SCALE, 1, cv2.LINE_AA, _SHIFT)
-    for height, pixel in zip(heights, pixels, strict=True):
-        at_rest = abs(height) < 0.5 * _TICK
-        end = pixel + np.array([10.0 if at_rest else 5.0, 0.0])
-        cv2.line(picture, _fixed(pixel), _fixed(end), _SCALE, 1, cv2.LINE_AA, _SHIFT)
-        if round(height / _TICK) % 2 == 0:
-            label = f"{height * 1e3:.0f}" + (" mm" if at_rest else "")
-            _put_text(picture, label, (round(end[0]) + 3, round(end[1]) + 4))
-
-
-def _put_text(picture: Image, text: str, place: tuple[int, int]) -> None:
-    """White text on a dark plate, so that it is read before any background."""
-    (width, height), below = cv2.getTextSize(text, _FONT, _FONT_SCALE, 1)
-    x, y = place
-    cv2.rectangle(picture, (x - 2, y - height - 2), (x + width + 2, y + below), _PLATE, -1)
-    cv2.putText(picture, text, place, _FONT, _FONT_SCALE, _TEXT, 1, cv2.LINE_AA)
+def _number(value: float, digits: int) -> str:
+    return f"{value:.{digits}f}" if np.isfinite(value) else "?"
 
 
 def _fixed(pixel: FloatArray) -> tuple[int, int]:

@@ -4,68 +4,179 @@ from __future__ import annotations
 
 import argparse
 import csv
+import json
+import math
+import os
 import sys
+from collections.abc import Iterator, Sequence
+from contextlib import closing, contextmanager
 from pathlib import Path
+from typing import Any
 
 from tqdm import tqdm
 
-from slosh_bringup.frame_source import SourceFrame, open_source
-from slosh_camera.calibration import read_calibration
-from slosh_camera.detector import FreeSurfaceDetector
-from slosh_camera.errors import SloshCameraError
-from slosh_camera.measurement import Flag, Measurement, bad_image
+from slosh_bringup.detect.measuring import Detection, Result, measure_all
+from slosh_bringup.detect.pictures import (
+    WORST_LENGTH,
+    AnnotatedVideo,
+    Sink,
+    Strip,
+    Worst,
+)
+from slosh_bringup.detect.source import FOLDER_RATE, FrameSource, open_source
+from slosh_bringup.detect.table import COLUMNS, Summary, row
+from slosh_bringup.errors import SloshBringupError
+from slosh_camera.calibration import Calibration, read_calibration
 
-COLUMNS = (
-    "t", "frame", "msh", "msh_stddev", "azimuth", "sh_left", "sh_right", "peak_u", "peak_v",
-    "peak_side", "flags",
-)  # fmt: skip
+WORST_LIMIT = 200
+# Starting a process takes as long as measuring so many images.
+_WORTH_A_PROCESS = 60
+_MOST_JOBS = 64
+# Of a thousand broken images the first few say enough.
+_TOLD_PROBLEMS = 5
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declares the subcommand's options."""
-    parser.add_argument("source", type=Path, help="video, folder of images, or bag")
+    parser.add_argument(
+        "source", nargs="+", help="video, folder of images, image(s), 'pattern*.png' or bag"
+    )
     parser.add_argument("--camera", type=Path, required=True, help="camera.yaml")
     parser.add_argument("-o", "--output", type=Path, required=True, help="table [s, m, rad, px]")
+    parser.add_argument(
+        "--still", type=Path, metavar="IMAGE", help="image of the liquid at rest to learn from"
+    )
+    parser.add_argument("--video", type=Path, metavar="OUT.mp4", help="all images with marks")
+    parser.add_argument("--strip", type=Path, metavar="OUT.png", help="a sheet of some of them")
+    parser.add_argument(
+        "--worst", nargs="+", metavar=("OUT.png", "N"),
+        help=f"a sheet of the N most doubtful ones (default {WORST_LENGTH}), the worst first",
+    )  # fmt: skip
+    parser.add_argument(
+        "--rate", type=float, default=FOLDER_RATE, metavar="HZ",
+        help=f"images per second where they are files (default {FOLDER_RATE:g})",
+    )  # fmt: skip
+    parser.add_argument("--jobs", type=int, metavar="N", help="processes (default: all cores)")
+    parser.add_argument("--json", action="store_true", help="print the summary as JSON")
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Measures every image; prints how many could be measured."""
-    detector = FreeSurfaceDetector(read_calibration(arguments.camera))
-    frames = open_source(arguments.source)
-    measured = count = 0
-    with arguments.output.open("w", newline="") as file:
+    if not (math.isfinite(arguments.rate) and 0.0 < arguments.rate <= 1e6):
+        raise SloshBringupError(f"--rate {arguments.rate:g}: must be positive, at most 1e6 Hz")
+    calibration = read_calibration(arguments.camera)
+    detection = Detection(calibration, arguments.still or calibration.still_image)
+    with _quiet_decoders():
+        source = open_source(arguments.source, arguments.rate)
+        sinks = _sinks(arguments, calibration, source)
+        if source.note:
+            _tell(f"{source.name}: {source.note}")
+        jobs = _jobs(arguments.jobs, source.total)
+        with closing(measure_all(detection, source.frames, jobs)) as results:
+            summary = _write_table(arguments.output, source, results, sinks)
+        for warning in source.warnings:
+            _tell(f"warning: {warning}")
+        if not summary.frames:
+            raise SloshBringupError(f"{source.name}: no image could be read")
+        pictures = [sink.finish() for sink in sinks]
+    _print(arguments, summary, source, pictures)
+    return 0 if summary.measured else 1
+
+
+def _sinks(
+    arguments: argparse.Namespace, calibration: Calibration, source: FrameSource
+) -> list[Sink]:
+    """What takes the results beside the table; refuses wrong names before the work."""
+    sinks: list[Sink] = []
+    if arguments.video is not None:
+        sinks.append(AnnotatedVideo(arguments.video, calibration, source.rate))
+    if arguments.strip is not None:
+        sinks.append(Strip(arguments.strip, calibration))
+    if arguments.worst is not None:
+        path, *further = arguments.worst
+        sinks.append(Worst(Path(path), calibration, _worst_length(further)))
+    return sinks
+
+
+def _worst_length(words: Sequence[str]) -> int:
+    if not words:
+        return WORST_LENGTH
+    if len(words) > 1 or not words[0].isdecimal() or not 1 <= int(words[0]) <= WORST_LIMIT:
+        raise SloshBringupError(
+            f"--worst {' '.join(words)}: must be a picture's name and a number from 1 to "
+            f"{WORST_LIMIT}"
+        )
+    return int(words[0])
+
+
+def _jobs(wanted: int | None, total: int | None) -> int:
+    """Number of processes; by default no more than are worth their start."""
+    if wanted is not None:
+        if not 1 <= wanted <= _MOST_JOBS:
+            raise SloshBringupError(f"--jobs {wanted}: must be from 1 to {_MOST_JOBS}")
+        return wanted
+    cores = min(len(os.sched_getaffinity(0)), _MOST_JOBS)
+    return cores if total is None else max(min(cores, total // _WORTH_A_PROCESS), 1)
+
+
+def _write_table(
+    output: Path, source: FrameSource, results: Iterator[Result], sinks: Sequence[Sink]
+) -> Summary:
+    """Writes one line for each image as soon as it is measured."""
+    summary, first_ns = Summary(), None
+    with output.open("w", newline="") as file, _bar(source) as bar:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(COLUMNS)
-        first: int | None = None
-        for frame in tqdm(frames, desc="detect", unit="image"):
-            first = frame.stamp_ns if first is None else first
-            measurement = measure(detector, frame)
-            writer.writerow(row(measurement, frame.name, first))
-            count += 1
-            measured += measurement.msh == measurement.msh
-    print(f"{measured} of {count} images measured, in {arguments.output}")
-    return 0 if measured else 1
+        for result in results:
+            measurement = result.measurement
+            first_ns = measurement.stamp_ns if first_ns is None else first_ns
+            writer.writerow(row(measurement, result.frame.name, first_ns))
+            summary.add(measurement, result.problem)
+            if result.problem and summary.problems <= _TOLD_PROBLEMS:
+                _tell(result.problem)
+            for sink in sinks:
+                sink.add(result)
+            bar.update()
+    if summary.problems > _TOLD_PROBLEMS:
+        _tell(f"{summary.problems - _TOLD_PROBLEMS} more images like these, see the table's flags")
+    return summary
 
 
-def measure(detector: FreeSurfaceDetector, frame: SourceFrame) -> Measurement:
-    """The measurement of an image; one that cannot be used gives a flag and a line."""
-    problem = frame.problem
-    if frame.gray is not None:
+def _bar(source: FrameSource) -> Any:
+    """The progress bar, which other lines do not tear apart."""
+    return tqdm(total=source.total, desc="detect", unit="image", file=sys.stderr)
+
+
+def _tell(sentence: str) -> None:
+    tqdm.write(f"slosh detect: {sentence}", file=sys.stderr)
+
+
+def _print(
+    arguments: argparse.Namespace, summary: Summary, source: FrameSource, pictures: Sequence[str]
+) -> None:
+    if arguments.json:
+        facts = {"source": source.name, "table": str(arguments.output), **summary.facts()}
+        print(json.dumps({**facts, "warnings": source.warnings, "pictures": pictures}))
+        return
+    print(f"{summary.text()}, in {arguments.output}")
+    for sentence in pictures:
+        print(sentence)
+
+
+@contextmanager
+def _quiet_decoders() -> Iterator[None]:
+    """Keeps what image and video decoders print themselves off the terminal.
+
+    They write to the process's standard error, one line and more for every damaged image, which
+    gets its own line here.
+    """
+    before = sys.stderr
+    with open(os.dup(2), "w", buffering=1) as terminal, open(os.devnull, "w") as nowhere:
+        if before is sys.__stderr__:
+            sys.stderr = terminal
+        os.dup2(nowhere.fileno(), 2)
         try:
-            return detector.update(frame.stamp_ns, frame.gray)
-        except SloshCameraError as error:
-            problem = f"{frame.name}: {error}"
-    tqdm.write(f"slosh detect: {problem}", file=sys.stderr)
-    return bad_image(frame.stamp_ns)
-
-
-def row(measurement: Measurement, name: str, first_ns: int) -> list[str]:
-    """One line of the table; NaN stands for unknown, flags are joined by '|'."""
-    numbers = (
-        measurement.msh, measurement.msh_stddev, measurement.azimuth, measurement.sh_left,
-        measurement.sh_right, *measurement.peak_pixel,
-    )  # fmt: skip
-    flags = "|".join(str(flag.name) for flag in Flag if flag and flag in measurement.flags)
-    t = (measurement.stamp_ns - first_ns) * 1e-9
-    side = measurement.peak_side.name.lower()
-    return [f"{t:.6f}", name, *(f"{number:.7g}" for number in numbers), side, flags]
+            yield
+        finally:
+            os.dup2(terminal.fileno(), 2)
+            sys.stderr = before

@@ -1,0 +1,1 @@
+"""Offline detection: images in, a table and pictures out."""

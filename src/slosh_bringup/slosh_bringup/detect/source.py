@@ -1,0 +1,224 @@
+"""Images of a folder, a pattern, a video or a bag, one after another with their stamps."""
+
+from __future__ import annotations
+
+import glob
+from collections.abc import Collection, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+from itertools import chain
+from pathlib import Path
+from typing import Any
+
+import cv2
+
+from slosh_bag.errors import SloshBagError
+from slosh_bag.reader import BagMessage, BagReader
+from slosh_bringup.detect.frame import CompressedMessage, NoImage, RawMessage, SourceFrame
+from slosh_bringup.detect.series import IMAGE_ENDINGS, images_in, longest_series, natural_order
+from slosh_bringup.errors import SloshBringupError
+from slosh_bringup.run_data import stamp_ns
+
+RAW, COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
+FOLDER_RATE = 60.0
+"""Images of files carry no time: they count as taken at this rate [Hz], in natural order."""
+_SECOND = 1e9
+
+
+@dataclass(slots=True)
+class FrameSource:
+    """Images to measure.
+
+    Attributes:
+        name: what people call the source.
+        frames: the images, decoded by who needs them.
+        total: how many there are; None: not known.
+        rate: images per second [Hz]; None: as their stamps say.
+        note: what was left out, in words; empty: nothing.
+        warnings: what went wrong on the way, complete when the frames are at their end.
+    """
+
+    name: str
+    frames: Iterator[SourceFrame]
+    total: int | None = None
+    rate: float | None = None
+    note: str = ""
+    warnings: list[str] = field(default_factory=list)
+
+
+def open_source(sources: Sequence[str], rate: float = FOLDER_RATE) -> FrameSource:
+    """The images of a source.
+
+    Args:
+        sources: one folder, video, bag, image or pattern such as 'run/img_*.png', or several
+            images.
+        rate: images per second where they are files [Hz].
+
+    Raises:
+        SloshBringupError: there is nothing there that holds images.
+        SloshBagError: a damaged bag, or one without images.
+    """
+    if len(sources) > 1:
+        return _file_source(f"{sources[0]} …", _existing(sources), rate)
+    (name,) = sources
+    path = Path(name)
+    if not path.exists():
+        return _file_source(name, _matching(name), rate)
+    if path.suffix == ".mcap" or (path.is_dir() and any(path.glob("*.mcap"))):
+        return _bag_source(path)
+    if path.is_dir():
+        files = images_in(path)
+        if not files:
+            raise SloshBringupError(
+                f"{path}: no images ({', '.join(IMAGE_ENDINGS)}) in this folder"
+            )
+        series, note = longest_series(files)
+        return _file_source(name, series, rate, note)
+    if path.suffix.lower() in IMAGE_ENDINGS:
+        return _file_source(name, [path], rate)
+    return _video_source(path)
+
+
+def bag_frames(path: Path, stamps: Collection[int] | None = None) -> Iterator[SourceFrame]:
+    """The images of a bag's first image topic.
+
+    Args:
+        path: the bag.
+        stamps: only the images with these stamps [ns]; None: all.
+
+    Raises:
+        SloshBagError: a damaged bag, or one without images.
+    """
+    frames = _bag_source(path).frames
+    return (frame for frame in frames if stamps is None or frame.stamp_ns in stamps)
+
+
+def _existing(sources: Sequence[str]) -> list[Path]:
+    paths = [Path(source) for source in sources]
+    for path in paths:
+        if not path.exists():
+            raise SloshBringupError(f"{path}: no such file or folder")
+        if path.suffix.lower() not in IMAGE_ENDINGS or path.is_dir():
+            raise SloshBringupError(f"{path}: is no image; several sources must all be images")
+    return sorted(paths, key=natural_order)
+
+
+def _matching(pattern: str) -> list[Path]:
+    """The files that a pattern describes, as the shell would expand it."""
+    if not glob.has_magic(pattern):
+        raise SloshBringupError(f"{pattern}: no such file or folder")
+    paths = [Path(match) for match in glob.glob(pattern, recursive=True)]
+    files = [path for path in paths if path.suffix.lower() in IMAGE_ENDINGS and path.is_file()]
+    if not files:
+        raise SloshBringupError(
+            f"{pattern}: matches no image ({', '.join(IMAGE_ENDINGS)}); "
+            "for videos and bags name one file"
+        )
+    return sorted(files, key=natural_order)
+
+
+def _file_source(name: str, files: Sequence[Path], rate: float, note: str = "") -> FrameSource:
+    frames = (
+        SourceFrame(round(index * _SECOND / rate), file.name, file)
+        for index, file in enumerate(files)
+    )
+    return FrameSource(name, frames, len(files), rate, note)
+
+
+def _video_source(path: Path) -> FrameSource:
+    if not path.stat().st_size:
+        raise SloshBringupError(f"{path}: empty file")
+    capture = cv2.VideoCapture(str(path))
+    if not capture.isOpened():
+        raise SloshBringupError(
+            f"{path}: neither a video that OpenCV reads (is it whole?), an image, "
+            "a folder nor an MCAP bag"
+        )
+    announced = max(round(capture.get(cv2.CAP_PROP_FRAME_COUNT)), 0)
+    rate = capture.get(cv2.CAP_PROP_FPS)
+    rate = rate if 0.0 < rate < 1e5 else FOLDER_RATE
+    source = FrameSource(str(path), iter(()), announced or None, rate)
+    source.frames = _captured(capture, source)
+    return source
+
+
+def _captured(capture: cv2.VideoCapture, source: FrameSource) -> Iterator[SourceFrame]:
+    """The images of a video; of a cut one the last is left out, it may be half an image."""
+    waiting: SourceFrame | None = None
+    period = _SECOND / (source.rate or FOLDER_RATE)
+    stamp, index = -period, 0
+    while True:
+        more, image = capture.read()
+        if not more:
+            break
+        if waiting is not None:
+            yield waiting
+        # The stamp is that of the image just read; some files have none.
+        told = capture.get(cv2.CAP_PROP_POS_MSEC) * 1e6
+        stamp = told if told > stamp else stamp + period
+        waiting = SourceFrame(round(stamp), f"frame {index}", image)
+        index += 1
+    capture.release()
+    if source.total is not None and index < source.total - 1:
+        source.warnings.append(
+            f"{source.name}: announces {source.total} images and ends after {max(index - 1, 0)}: "
+            "cut off?"
+        )
+    elif waiting is not None:
+        yield waiting
+
+
+def _bag_source(path: Path) -> FrameSource:
+    reader = BagReader(path)
+    topics = {
+        topic: info for topic, info in reader.topics().items()
+        if info.message_type in (RAW, COMPRESSED) and info.count != 0
+    }  # fmt: skip
+    if not topics:
+        reason = f" ({reader.warnings[0]})" if reader.warnings else ""
+        raise SloshBagError(f"{path}: holds no images{reason}")
+    # Nothing was lost in raw images.
+    chosen, *others = sorted(topics, key=lambda topic: topics[topic].message_type != RAW)
+    note = f"measuring topic {chosen}; left out: {', '.join(others)}" if others else ""
+    source = FrameSource(str(path), iter(()), topics[chosen].count, None, note)
+    source.frames = _recorded(reader, chosen, source)
+    return source
+
+
+def _recorded(reader: BagReader, topic: str, source: FrameSource) -> Iterator[SourceFrame]:
+    """The images of a topic; damage behind the first ones ends them with a warning."""
+    records = reader.messages([topic])
+    try:
+        first = next(records, None)
+        for record in chain([] if first is None else [first], _until_damage(records, source)):
+            yield _message_frame(reader, record)
+    finally:
+        source.warnings.extend(dict.fromkeys(reader.warnings))
+
+
+def _until_damage(records: Iterable[BagMessage], source: FrameSource) -> Iterator[BagMessage]:
+    try:
+        yield from records
+    except SloshBagError as error:
+        source.warnings.append(f"{error}; what lies behind is lost")
+
+
+def _message_frame(reader: BagReader, record: BagMessage) -> SourceFrame:
+    try:
+        message = reader.decode(record)
+    except SloshBagError as error:
+        return SourceFrame(record.log_ns, f"{record.log_ns} ns", NoImage(str(error)))
+    stamp = stamp_ns(message)
+    return SourceFrame(stamp, f"{stamp} ns", _message_content(message, record.message_type))
+
+
+def _message_content(message: Any, message_type: str) -> RawMessage | CompressedMessage:
+    if message_type == RAW:
+        return RawMessage(
+            message.encoding,
+            message.height,
+            message.width,
+            message.step,
+            message.data,
+            bool(message.is_bigendian),
+        )
+    return CompressedMessage(message.format, message.data)
