@@ -365,6 +365,21 @@ def test_the_command_refuses_a_missing_folder(tmp_path):
     assert "none/truth.json: cannot be read" in done.stderr
 
 
+def test_a_folder_of_sequences_stands_for_those_in_it(tool, folder):
+    assert tool.sequences.sequences_in(folder) == [folder]
+    assert tool.sequences.sequences_in(folder.parent) == [folder]
+
+
+def test_second_order_parts_sharpen_the_true_line(tool, folder):
+    path = folder / "truth.json"
+    plain = json.loads(path.read_text())
+    plain["frames"][0] |= {"A20": 1 * MM, "A22": 2 * MM}
+    path.write_text(json.dumps(plain))
+    truth = tool.sequences.read_sequence(folder).frames[0]
+    crest = np.radians([179.0, 269.0, 359.0])
+    assert truth.height(crest) == pytest.approx([23 * MM, -1 * MM, -17 * MM])
+
+
 def test_the_shared_truth_is_read_by_its_conventions(tool):
     folders = tool.sequences.shared_sequences()
     if not folders:

@@ -3,7 +3,8 @@
     tools/run python tools/camera_accuracy.py [FOLDER ...] [--disturb] [--docs] [--check] ...
 
 Without folders it takes those of the shared data (SLOSH_SHARED_DATA or ../shared/data). A folder
-holds frame_*.jpg, calib.jpg and truth.json as described in the shared data's rendered/README.md.
+holds frame_*.jpg, calib.jpg and truth.json as described in the shared data's rendered/README.md,
+or folders that do.
 """
 
 from __future__ import annotations
@@ -38,6 +39,7 @@ from camera_sequences import (
     RenderedSequence,
     read_image,
     read_sequence,
+    sequences_in,
     shared_sequences,
 )
 from camera_tables import accuracy_tables, disturbance_table, replace_table, shortfalls
@@ -96,7 +98,8 @@ def main() -> int:
 
 def run(arguments: argparse.Namespace) -> int:
     """Measures, prints and writes what the arguments ask for."""
-    folders = arguments.folders or shared_sequences()
+    given = [path for folder in arguments.folders for path in sequences_in(folder)]
+    folders = given or shared_sequences()
     if not folders:
         raise SloshCameraError("no sequences: give folders, or set SLOSH_SHARED_DATA")
     sequences = [read_sequence(folder) for folder in folders]

@@ -28,6 +28,8 @@ Image = NDArray[np.uint8]
 
 ROOT = Path(__file__).resolve().parent.parent
 _SIDES = {"front": PeakSide.FRONT, "rear": PeakSide.REAR}
+# Two modes and, where the truth has them, the second-order parts that sharpen a crest.
+_WAVES = (("A1", "phi", 1), ("A2", "phi2", 1), ("A20", "phi", 0), ("A22", "phi", 2))
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +47,7 @@ class FrameTruth:
         sh_right: at the right edge [m].
         touches_top: liquid is seen in the image's first row: heights are cut off.
         peak_outside: the highest point projects outside the image.
-        modes: amplitude [m] and azimuth [rad] of the first and the second mode at the wall.
+        waves: parts of the wall's line: amplitude [m], azimuth [rad], periods around the wall.
     """
 
     index: int
@@ -58,12 +60,14 @@ class FrameTruth:
     sh_right: float
     touches_top: bool
     peak_outside: bool
-    modes: tuple[tuple[float, float], tuple[float, float]]
+    waves: tuple[tuple[float, float, int], ...]
 
     def height(self, azimuth: NDArray[np.float64]) -> NDArray[np.float64]:
         """True height of the wall line [m] at azimuths [rad]."""
-        parts = [size * np.cos(azimuth - phase) for size, phase in self.modes]
-        return np.asarray(parts[0] + parts[1])
+        line = np.zeros(np.shape(azimuth))
+        for size, phase, periods in self.waves:
+            line = line + size * np.cos(periods * (azimuth - phase))
+        return np.asarray(line)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -87,6 +91,11 @@ def shared_sequences() -> list[Path]:
     """Folders of the shared data; SLOSH_SHARED_DATA or ../shared/data says where they are."""
     data = Path(os.environ.get("SLOSH_SHARED_DATA", ROOT.parent / "shared" / "data"))
     return sorted(path.parent for path in (data / "rendered").glob("*/truth.json"))
+
+
+def sequences_in(folder: Path) -> list[Path]:
+    """The sequences in a folder; where it holds none, the folder itself."""
+    return sorted(path.parent for path in folder.glob("*/truth.json")) or [folder]
 
 
 def read_sequence(folder: Path) -> RenderedSequence:
@@ -143,9 +152,9 @@ def _view(truth: Mapping[str, Any]) -> CupView:
 
 
 def _frame(folder: Path, truth: Mapping[str, Any], entry: Mapping[str, Any]) -> FrameTruth:
-    modes = tuple(
-        (float(entry.get(size, 0.0)), math.radians(entry.get(phase) or 0.0))
-        for size, phase in (("A1", "phi"), ("A2", "phi2"))
+    waves = tuple(
+        (float(entry.get(size, 0.0)), math.radians(entry.get(phase) or 0.0), periods)
+        for size, phase, periods in _WAVES
     )
     return FrameTruth(
         index=entry["index"],
@@ -158,5 +167,5 @@ def _frame(folder: Path, truth: Mapping[str, Any], entry: Mapping[str, Any]) -> 
         sh_right=entry["SH_right"],
         touches_top=bool(entry["liquid_touches_frame_top"]),
         peak_outside=bool(entry["peak_out_of_frame"]),
-        modes=(modes[0], modes[1]),
+        waves=waves,
     )

@@ -80,8 +80,10 @@ class Room:
     Attributes:
         wall: colour of the board behind the cup; `things` shows blurred objects before it.
         slope: brightness at the left and right end of the board, relative.
+        texture: relative strength of a fine pattern on the board.
         moving: amplitude of the board's motion.
         sun: brightness of the lamp, `lamp_azimuth` where it stands.
+        behind: brightness of what the cup reflects.
     """
 
     wall: Colour = (0.75, 0.75, 0.73)
@@ -90,6 +92,7 @@ class Room:
     contrast: float = 0.8
     seed: int = 1
     slope: tuple[float, float] = (1.0, 1.0)
+    texture: float = 0.0
     moving: float = 0.0
     sun: float = 0.6
     lamp_azimuth: float = -140.0
@@ -142,7 +145,8 @@ class Scene:
     motion: Motion = field(default_factory=Motion)
     label: Label | None = None
     droplets: int = 0
-    frames: int = 16
+    frames: int = 20
+    still_frames: int = 2
 
 
 BASE = Scene("replica_A", "like the shared A_rotating: dark liquid, level camera")
@@ -189,7 +193,7 @@ SCENES: dict[str, Scene] = {
         replace(
             BASE,
             name="steep",
-            about="pitched down 28 deg from 0.4 m, green half-clear liquid",
+            about="pitched down 29 deg from 0.4 m, green half-clear liquid",
             liquid=Liquid(absorption=(45, 9, 38), colour=(0.10, 0.35, 0.12), opacity=0.12),
             camera=Camera(distance=340, height=190, pitch=29, focal=1000),
             room=Room(seed=5, table=(0.35, 0.30, 0.25)),
@@ -198,8 +202,9 @@ SCENES: dict[str, Scene] = {
         replace(
             BASE,
             name="below",
-            about="camera 3 cm below the still level, looking up a little",
+            about="low fill, camera 3 cm below the still level and looking up a little",
             liquid=Liquid(absorption=(60, 80, 40), colour=(0.04, 0.02, 0.06)),
+            cup=Cup(fill=45, rim=60),
             camera=Camera(height=-30, pitch=-4),
             room=Room(seed=6, wall=(0.55, 0.58, 0.6)),
             motion=Motion(phi=110, minor=0.9),
@@ -211,7 +216,9 @@ SCENES: dict[str, Scene] = {
             liquid=Liquid(absorption=(3, 9, 26), colour=(0.2, 0.1, 0.03), opacity=0.0),
             camera=Camera(height=25, pitch=3),
             photo=Photo(gain=1.15, shot=0.008, sub_frames=3, exposure_s=0.004, quality=85),
-            room=Room(seed=7, slope=(0.25, 1.3), moving=60, things=8, wall=(0.7, 0.7, 0.68)),
+            room=Room(
+                seed=7, slope=(0.25, 1.3), moving=60, things=8, wall=(0.7, 0.7, 0.68), behind=1.0
+            ),
             motion=Motion(phi=0, minor=0.5, second=0.06),
         ),
         replace(
@@ -243,11 +250,10 @@ SCENES: dict[str, Scene] = {
         replace(
             BASE,
             name="crop_top",
-            about="the frame's top cuts high peaks, pitch 15",
-            camera=Camera(height=55, pitch=15, offset=(0.0, 0.0)),
+            about="the frame's top cuts high peaks, pitch 17",
+            camera=Camera(height=55, pitch=17),
             room=Room(seed=11),
             motion=Motion(phi=-20, minor=0.8, peak=30),
-            frames=20,
         ),
         replace(
             BASE,
@@ -261,12 +267,30 @@ SCENES: dict[str, Scene] = {
         ),
         replace(
             BASE,
+            name="clear_textured",
+            about="clear water before a patterned board: contrast by refraction alone",
+            liquid=Liquid(absorption=(1.5, 0.6, 0.4), colour=(0.0, 0.0, 0.0), opacity=0.0),
+            camera=Camera(height=35, pitch=5),
+            room=Room(seed=14, wall=(0.42, 0.4, 0.36), things=7, texture=0.35),
+            motion=Motion(phi=-75, minor=0.7, peak=26),
+        ),
+        replace(
+            BASE,
             name="hd",
             about="1280x720, pitch 6",
             camera=Camera(width=1280, height_px=720, focal=1780, height=47, pitch=6),
             room=Room(seed=13),
             motion=Motion(phi=35, minor=0.9),
-            frames=8,
+        ),
+        replace(
+            BASE,
+            name="motion_blur",
+            about="exposures of 10 ms: the line is smeared over up to 13 px",
+            liquid=Liquid(absorption=(40, 90, 160), colour=(0.10, 0.05, 0.02)),
+            camera=Camera(height=35, pitch=5),
+            photo=Photo(exposure_s=0.010, sub_frames=6, lens_blur=0.5),
+            room=Room(seed=15, wall=(0.55, 0.57, 0.6)),
+            motion=Motion(phi=10, minor=0.8),
         ),
     )
 }

@@ -217,9 +217,18 @@ def paint_board(scene: Scene, path: Path) -> None:
     shelf = int(rng.uniform(0.25, 0.4) * high)
     image[shelf : shelf + 6] *= 1 - 0.5 * room.contrast
     image = cv2.GaussianBlur(image, (0, 0), 3.0)
+    if room.texture:
+        image *= 1 + room.texture * _pattern(rng, (high, wide))[..., None]
     image *= np.linspace(room.slope[0], room.slope[1], wide)[None, :, None]
     image *= np.linspace(1.08, 0.85, high)[:, None, None]
     cv2.imwrite(str(path), to_srgb(image)[..., ::-1])
+
+
+def _pattern(rng: np.random.Generator, shape: tuple[int, int]) -> NDArray[np.float64]:
+    """Noise of spot sizes from 1 to 8 pixels, of unit standard deviation."""
+    layers = [cv2.GaussianBlur(rng.standard_normal(shape), (0, 0), s) for s in (1.0, 3.0, 8.0)]
+    noise = sum(layer / layer.std() for layer in layers)
+    return np.asarray(noise / np.std(noise))
 
 
 def paint_surroundings(scene: Scene, path: Path) -> None:

@@ -45,9 +45,10 @@ def view_of(scene: Scene) -> View:
 
 
 def wave_at(scene: Scene, time: float, duration: float) -> Wave:
-    """The surface at `time` (s); the amplitude rises smoothly from almost nothing."""
+    """The surface at `time` (s): still in the first frames, then the amplitude rises."""
     motion, radius = scene.motion, scene.cup.radius * 1e-3
-    rise = min(1.0, max(0.0, (time + 0.02 * duration) / (0.65 * duration))) ** 1.3
+    start = scene.still_frames / motion.frame_rate - 0.02 * duration
+    rise = min(1.0, max(0.0, (time - start) / (0.65 * (duration - start)))) ** 1.3
     beat = 1 - 0.12 * math.sin(2 * math.pi * time / duration * 1.7) ** 2
     size = motion.peak * 1e-3 * rise * beat
     turn = 2 * math.pi * natural_frequency(radius, scene.cup.fill * 1e-3) * time + 0.4
