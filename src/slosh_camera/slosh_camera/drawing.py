@@ -8,9 +8,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from slosh_camera.calibration import Calibration
+from slosh_camera.box import BoxView
+from slosh_camera.calibration import AnyCalibration
 from slosh_camera.geometry import CupView
-from slosh_camera.measurement import Flag, Measurement
+from slosh_camera.measurement import Flag, Measurement, PeakSide
+from slosh_camera.outline import fitted_line, levels, outline, scale_places
 
 Image = NDArray[np.uint8]
 FloatArray = NDArray[np.float64]
@@ -32,7 +34,7 @@ _ROWS = 480
 _SHIFT = 4
 _TICK = 0.010
 _GAP = 8.0
-_DASHES = 60
+_DASH = 4
 _MARGIN = 0.15
 _LEAST_DETAIL = 8.0
 
@@ -76,7 +78,7 @@ class _Canvas:
 
 
 def draw_measurement(
-    image: Image, calibration: Calibration, measurement: Measurement, note: str = ""
+    image: Image, calibration: AnyCalibration, measurement: Measurement, note: str = ""
 ) -> Image:
     """Draw the detected line, the fit, the peak, a scale in millimetres and the numbers.
 
@@ -103,7 +105,7 @@ def draw_measurement(
 
 
 def draw_detail(
-    image: Image, calibration: Calibration, measurement: Measurement, size: tuple[int, int]
+    image: Image, calibration: AnyCalibration, measurement: Measurement, size: tuple[int, int]
 ) -> Image:
     """The container alone, scaled into a picture of a given size, with the marks and no text.
 
@@ -134,33 +136,28 @@ def captions(measurement: Measurement) -> list[str]:
     lines = []
     if np.isfinite(measurement.msh):
         bound = ">= " if Flag.SATURATED in measurement.flags else ""
-        side = measurement.peak_side.name.lower()
+        where = f"{_degrees(measurement.azimuth, 0)}, {measurement.peak_side.name.lower()} wall"
+        if measurement.peak_side is PeakSide.UNKNOWN:
+            where = _degrees(measurement.azimuth, 0)
         sigma = _number(1e3 * measurement.msh_stddev, 2)
-        lines.append(
-            f"MSH {bound}{measurement.msh * 1e3:.1f} mm +- {sigma}, "
-            f"{_number(np.degrees(measurement.azimuth), 0)} deg, {side} wall"
-        )
-    fitted = float(getattr(measurement, "fitted_msh", np.nan))
-    if np.isfinite(fitted):
-        sigma = _number(1e3 * float(getattr(measurement, "fitted_msh_stddev", np.nan)), 2)
-        degrees = _number(np.degrees(float(getattr(measurement, "fitted_azimuth", np.nan))), 0)
-        lines.append(f"fitted {fitted * 1e3:.1f} mm +- {sigma}, {degrees} deg")
-    slope = float(getattr(measurement, "slope_angle", np.nan))
-    if np.isfinite(slope):
-        lines.append(f"slope {np.degrees(slope):.2f} deg")
+        lines.append(f"MSH {bound}{_millimetres(measurement.msh)} +- {sigma}, {where}")
+    if np.isfinite(measurement.fitted_msh):
+        sigma = _number(1e3 * measurement.fitted_msh_stddev, 2)
+        where = _degrees(measurement.fitted_azimuth, 0)
+        lines.append(f"fitted {_millimetres(measurement.fitted_msh)} +- {sigma}, {where}")
+    if np.isfinite(measurement.slope_angle):
+        lines.append(f"slope {_degrees(measurement.slope_angle, 2)}")
     if np.isfinite(measurement.sh_left) or np.isfinite(measurement.sh_right):
         left, right = _millimetres(measurement.sh_left), _millimetres(measurement.sh_right)
         lines.append(f"left {left}, right {right}")
     if measurement.flags:
-        lines.append(
-            " ".join(str(flag.name) for flag in Flag if flag and flag in measurement.flags)
-        )
+        lines.append(" ".join(str(flag.name) for flag in measurement.flags))
     return lines
 
 
 def letter_size(picture: Image) -> float:
     """How much larger than in a picture of 480 rows letters and marks are."""
-    return max(picture.shape[0] / _ROWS, 0.75)
+    return max(float(picture.shape[0]) / _ROWS, 0.75)
 
 
 def put_text(
@@ -180,11 +177,13 @@ def put_text(
     cv2.putText(picture, words, place, _FONT, scale, colour, thickness, cv2.LINE_AA)
 
 
-def _draw_marks(canvas: _Canvas, calibration: Calibration, measurement: Measurement) -> None:
+def _draw_marks(canvas: _Canvas, calibration: AnyCalibration, measurement: Measurement) -> None:
     view = calibration.view
     _draw_scale(canvas, view)
-    _draw_fit(canvas, view, measurement)
-    on_front = _on_front(view, measurement.profile_azimuth)
+    fitted = fitted_line(view, measurement)
+    for first in range(0, len(fitted), _DASH):
+        canvas.line(fitted[first : first + _DASH // 2 + 1], FITTED)
+    on_front = _on_front(view, measurement)
     radius = 0.7 * max(canvas.zoom / canvas.size, 1.0)
     canvas.dots(measurement.edge_pixels[~on_front], REAR, radius)
     canvas.dots(measurement.edge_pixels[on_front], FRONT, radius)
@@ -193,26 +192,13 @@ def _draw_marks(canvas: _Canvas, calibration: Calibration, measurement: Measurem
         canvas.ring(peak, PEAK)
 
 
-def _draw_fit(canvas: _Canvas, view: CupView, measurement: Measurement) -> None:
-    """The line of the fitted surface: every mode of one azimuthal wave is a cosine at the wall."""
-    height = float(getattr(measurement, "fitted_msh", np.nan))
-    azimuth = float(getattr(measurement, "fitted_azimuth", np.nan))
-    if not (np.isfinite(height) and np.isfinite(azimuth)):
-        return
-    around = view.camera_azimuth + np.linspace(-np.pi, np.pi, 4 * _DASHES + 1)
-    pixels = view.project_wall(around, height * np.cos(around - azimuth))
-    for first in range(0, 4 * _DASHES, 4):
-        canvas.line(pixels[first : first + 3], FITTED)
-
-
-def _draw_scale(canvas: _Canvas, view: CupView) -> None:
+def _draw_scale(canvas: _Canvas, view: CupView | BoxView) -> None:
     """Height scale along the right edge of the container, every 10 mm, still level marked."""
-    azimuth = view.tangent_azimuths()[1]
-    top = view.cup.rim_level or view.cup.radius
-    first = int(np.ceil(-view.cup.fill_height / _TICK))
-    heights = _TICK * np.arange(first, int(np.floor(top / _TICK)) + 1)
+    floor, top = levels(view)
+    ticks = np.arange(int(np.ceil(floor / _TICK)), int(np.floor(top / _TICK)) + 1)
+    heights = np.asarray(_TICK * ticks, dtype=np.float64)
     unit = canvas.size / canvas.zoom
-    pixels = view.project_wall(azimuth, heights) + np.array([_GAP * unit, 0.0])
+    pixels = scale_places(view, heights) + np.array([_GAP * unit, 0.0])
     if not np.all(np.isfinite(pixels)):
         return
     canvas.line(pixels, _SCALE)
@@ -225,14 +211,19 @@ def _draw_scale(canvas: _Canvas, view: CupView) -> None:
             canvas.text(label, canvas.place(end) + canvas.size * np.array([4.0, 5.0]))
 
 
-def _on_front(view: CupView, azimuth: FloatArray) -> NDArray[np.bool_]:
-    """Which places of the wall lie on the part that faces the camera."""
+def _on_front(view: CupView | BoxView, measurement: Measurement) -> NDArray[np.bool_]:
+    """Which of the line's pixels lie on the wall that faces the camera."""
+    azimuth = measurement.profile_azimuth
+    if isinstance(view, BoxView) or len(azimuth) != len(measurement.edge_pixels):
+        return np.ones(len(measurement.edge_pixels), dtype=np.bool_)
     middle = view.camera_azimuth
     half = abs(_wrapped(np.asarray(view.tangent_azimuths()[0]) - middle))
     return np.asarray(np.abs(_wrapped(azimuth - middle)) <= half + 1e-9)
 
 
-def _surroundings(view: CupView, image: Image, aspect: float) -> tuple[int, int, int, int]:
+def _surroundings(
+    view: CupView | BoxView, image: Image, aspect: float
+) -> tuple[int, int, int, int]:
     """Left, top, right and bottom of the container in the image, with a margin and the scale.
 
     Args:
@@ -240,11 +231,11 @@ def _surroundings(view: CupView, image: Image, aspect: float) -> tuple[int, int,
         image: the image.
         aspect: width / height that is aimed at, as far as the image goes.
     """
-    around = np.linspace(-np.pi, np.pi, 73)
-    top = view.cup.rim_level or view.cup.radius
-    ends = np.vstack([view.project_wall(around, level) for level in (-view.cup.fill_height, top)])
-    low, high = np.nanmin(ends, axis=0), np.nanmax(ends, axis=0)
     height, width = image.shape[:2]
+    ends = outline(view)
+    if not np.any(np.isfinite(ends)):
+        return 0, 0, width, height
+    low, high = np.nanmin(ends, axis=0), np.nanmax(ends, axis=0)
     margin = _MARGIN * (high[0] - low[0])
     upper, lower = max(low[1] - 0.5 * margin, 0.0), min(high[1] + 0.5 * margin, height)
     wanted = max(high[0] - low[0] + 2.5 * margin, aspect * (lower - upper))
@@ -273,6 +264,10 @@ def _wrapped(angle: FloatArray) -> FloatArray:
 
 def _millimetres(height: float) -> str:
     return f"{height * 1e3:.1f} mm" if np.isfinite(height) else "unknown"
+
+
+def _degrees(angle: float, digits: int) -> str:
+    return f"{_number(float(np.degrees(angle)), digits)} deg"
 
 
 def _number(value: float, digits: int) -> str:

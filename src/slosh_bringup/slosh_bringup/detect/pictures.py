@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from slosh_bringup.detect.frame import SourceFrame
 from slosh_bringup.detect.measuring import Result
-from slosh_bringup.detect.table import fitted, flag_names
+from slosh_bringup.detect.table import flag_names
 from slosh_bringup.errors import SloshBringupError
 from slosh_camera.calibration import Calibration
 from slosh_camera.drawing import captions, draw_detail, draw_measurement, put_text
@@ -32,7 +32,7 @@ DOUBTFUL_DISAGREEMENT = 3.0
 _VIDEO_CODECS = {".avi": "MJPG", ".mkv": "mp4v"}
 _USUAL_CODEC = "mp4v"
 _TILE = (480, 400)
-_LINE, _RIM = 20, 6
+_LINES, _LINE, _RIM = 7, 20, 6
 _LETTERS = 0.9
 _LONGEST = 62
 _SHEET_WIDTH = 4
@@ -74,8 +74,8 @@ def judge(measurement: Measurement) -> Doubt:
 
 def disagreement(measurement: Measurement) -> float:
     """Standard deviations between the highest point seen and the fitted one; NaN: unknown."""
-    spread = math.hypot(measurement.msh_stddev, fitted(measurement, "fitted_msh_stddev"))
-    apart = abs(measurement.msh - fitted(measurement, "fitted_msh"))
+    spread = math.hypot(measurement.msh_stddev, measurement.fitted_msh_stddev)
+    apart = abs(measurement.msh - measurement.fitted_msh)
     return apart / spread if spread > 0.0 else math.nan
 
 
@@ -104,9 +104,12 @@ class Sheet:
         return f"{len(results)} images in {self._path}"
 
     def _tile(self, result: Result, remark: str) -> Image:
-        lines = [result.frame.name, *captions(result.measurement)[:4], remark or result.problem]
+        found = captions(result.measurement)
+        if remark and result.measurement.flags:
+            found = found[:-1]  # the remark tells the flags
+        lines = [result.frame.name, *found, remark or result.problem]
         width, height = _TILE
-        text = np.zeros((7 * _LINE, width, 3), np.uint8)
+        text = np.zeros((_LINES * _LINE + _RIM, width, 3), np.uint8)
         for k, words in enumerate(line for line in lines if line):
             put_text(text, shortened(words), (_RIM, (k + 1) * _LINE), _LETTERS)
         picture = _decoded(result)

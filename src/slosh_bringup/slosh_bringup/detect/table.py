@@ -25,13 +25,9 @@ def row(measurement: Measurement, name: str, first_ns: int) -> list[str]:
         measurement.sh_right, *measurement.peak_pixel,
     )  # fmt: skip
     further = (
-        fitted(measurement, "fitted_msh"),
-        fitted(measurement, "fitted_msh_stddev"),
-        fitted(measurement, "fitted_azimuth"),
-        measurement.azimuth_left,
-        measurement.azimuth_right,
-        fitted(measurement, "slope_angle"),
-    )
+        measurement.fitted_msh, measurement.fitted_msh_stddev, measurement.fitted_azimuth,
+        measurement.azimuth_left, measurement.azimuth_right, measurement.slope_angle,
+    )  # fmt: skip
     return [
         f"{(measurement.stamp_ns - first_ns) * 1e-9:.6f}",
         name,
@@ -42,14 +38,9 @@ def row(measurement: Measurement, name: str, first_ns: int) -> list[str]:
     ]
 
 
-def fitted(measurement: Measurement, name: str) -> float:
-    """A value of the fit; NaN where there is none."""
-    return float(getattr(measurement, name, math.nan))
-
-
 def flag_names(flags: Flag) -> list[str]:
     """The names of the flags that are set."""
-    return [str(flag.name) for flag in Flag if flag and flag in flags]
+    return [str(flag.name) for flag in flags]
 
 
 @dataclass(slots=True)
