@@ -1,9 +1,10 @@
-"""Compares this folder's geometry with ray-traced sequences made elsewhere.
+"""Compares ray-traced sequences, made here or elsewhere, with this folder's geometry.
 
-check_truth.py DIR [--masks N]: DIR holds sequences (each with a truth.json). Every field that
-follows from the surface and the camera is computed anew from A1, phi, A2, phi2 and the camera;
-the largest differences are printed. With --masks, N frames of each sequence get a new mask,
-which is compared with the stored one pixel by pixel.
+check_truth.py DIR [--edges N] [--masks N]: DIR is a sequence or holds some (each with a
+truth.json). Every field that follows from the surface and the camera is computed anew from the
+surface's amplitudes and the camera; the largest differences are printed. With --edges, the stored
+masks of the still liquid and of N frames are compared with the wall's line as the geometry sees
+it; with --masks, N frames of each sequence are traced anew and compared pixel by pixel.
 """
 
 from __future__ import annotations
@@ -19,16 +20,25 @@ from typing import Any
 import cv2
 import numpy as np
 from definitions import Camera, Cup, Scene
+from numpy.typing import NDArray
 from optics import View, wrap
 from povray import axes
 from render import Renderer
+from scipy.interpolate import CubicSpline
 from surface import Wave
 from truth import frame_truth, mask_truth
 
+Array = NDArray[np.float64]
+
 HEIGHTS = ("MSH", "SH_left", "SH_right", "SH_left_tangent", "SH_right_tangent")
 PIXELS = ("peak_px", "peak_px_norefraction")
+# Camera's elevation over the still surface (deg) from which its rear line is clear of its front.
+MIN_ELEVATION = 2.0
+# This far below the wall's line (px) there must be liquid.
+BELOW = 1
 WORDS = ("peak_half", "peak_on_visible_front_wall", "peak_out_of_frame")
-LIMITS = {"m": 1e-7, "px": 0.05, "deg": 0.01, "masks": 0.005}
+# The masks' pixels are whole: single columns are off by up to half a pixel, their mean is not.
+LIMITS = {"m": 1e-7, "px": 0.05, "deg": 0.01, "masks": 0.005, "mean": 0.15, "column": 0.8}
 
 
 def scene_of(truth: dict[str, Any]) -> Scene:
@@ -143,19 +153,85 @@ def compare_masks(truth: dict[str, Any], folder: Path, count: int) -> tuple[floa
     return worst, notes
 
 
+def edge_gaps(view: View, wave: Wave, mask: NDArray[np.uint8], rear: bool) -> Array:
+    """By how many rows (px, downwards positive) a mask's line lies off the wall's line.
+
+    Args:
+        view: camera and cup.
+        wave: the surface.
+        mask: its classes.
+        rear: the upper edge of the free surface, else that of the liquid seen through the wall.
+
+    Returns:
+        One value per column between points of the line; none within 5 % of the cup's edges,
+        where the line is steep.
+    """
+    left, _ = view.edges()
+    half = 0.4 * math.pi if rear else 0.95 * abs(wrap(left - view.azimuth))
+    azimuths = view.azimuth + math.pi * rear + np.linspace(-half, half, 61)
+    seen = [view.project_refracted(a, float(wave.wall(a))) for a in azimuths]
+    line = np.array([pixel for pixel in seen if pixel is not None])
+    line = line[np.argsort(line[:, 0])]
+    columns = np.arange(math.ceil(line[0, 0]), math.floor(line[-1, 0]) + 1)
+    columns = columns[(columns >= 0) & (columns < mask.shape[1])]
+    rows = CubicSpline(line[:, 0], line[:, 1])(columns)
+    inside = (rows > 0.5) & (rows < mask.shape[0] - BELOW - 1)
+    return np.array(
+        [
+            _top_of_run(mask[:, column] == (2 if rear else 1), row) - row
+            for column, row in zip(columns[inside], rows[inside], strict=True)
+        ]
+    )
+
+
+def _top_of_run(there: NDArray[np.bool_], row: float) -> float:
+    """Upper edge of the run of pixels that reaches below `row`; NaN: there is none."""
+    start = math.ceil(row) + BELOW
+    if not there[start]:
+        return math.nan
+    above = np.flatnonzero(~there[:start])
+    return float(above[-1]) + 0.5 if above.size else -0.5
+
+
+def compare_edges(truth: dict[str, Any], folder: Path, count: int) -> dict[str, float]:
+    """Mean and largest gap (px) between the stored masks' lines and the wall's line."""
+    view = view_of_truth(truth)
+    frames = truth["frames"]
+    chosen = frames[:: max(1, len(frames) // count)]
+    still = Wave(truth["R"])
+    lines = [("front", wave_of(frame, truth["R"]), frame["mask"], False) for frame in chosen]
+    # Only at rest, and from above, no crest stands before the rear wall's line.
+    if math.degrees(math.atan2(view.position[2], view.distance)) > MIN_ELEVATION:
+        lines.append(("rear", still, truth["static"]["mask"], True))
+    gaps: dict[str, list[Array]] = {}
+    for name, wave, file, rear in lines:
+        mask = cv2.imread(str(folder / file), cv2.IMREAD_GRAYSCALE)
+        if mask is None:
+            return {f"mean {file} is missing": math.nan}
+        gaps.setdefault(name, []).append(edge_gaps(view, wave, np.asarray(mask, np.uint8), rear))
+    result = {}
+    for name, parts in gaps.items():
+        result[f"mean {name} line"] = max(abs(float(np.mean(part))) for part in parts if part.size)
+        result[f"column {name} line"] = max(float(np.abs(p).max()) for p in parts if p.size)
+    return result
+
+
 def main() -> int:
     """Reads the command line; returns 1 if a difference is beyond its limit."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", type=Path)
+    parser.add_argument("--edges", type=int, default=0, help="masks to compare with the geometry")
     parser.add_argument("--masks", type=int, default=0, help="masks to render per sequence")
     args = parser.parse_args()
-    files = sorted(args.folder.glob("*/truth.json"))
+    files = sorted([*args.folder.glob("truth.json"), *args.folder.glob("*/truth.json")])
     if not files:
         parser.error(f"no sequence with a truth.json in {args.folder}")
     bad = 0
     for file in files:
         truth = json.loads(file.read_text())
         worst, notes = compare(truth)
+        if args.edges:
+            worst |= compare_edges(truth, file.parent, args.edges)
         if args.masks:
             worst["masks share of pixels"], more = compare_masks(truth, file.parent, args.masks)
             notes += more

@@ -151,13 +151,21 @@ def frame_truth(view: View, wave: Wave) -> dict[str, Any]:
     }
 
 
+def largest_part(there: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """The largest connected part: total reflection at the rim shows specks of the liquid."""
+    count, labels, stats, _ = cv2.connectedComponentsWithStats(
+        there.astype(np.uint8), connectivity=8
+    )
+    if count < 2:
+        return there
+    return np.asarray(labels == 1 + int(np.argmax(stats[1:, cv2.CC_STAT_AREA])))
+
+
 def mask_truth(mask: NDArray[np.uint8], entry: dict[str, Any]) -> dict[str, Any]:
     """What follows from the mask: the topmost liquid, and whether the peak is to be seen."""
-    liquid = ((mask == 1) | (mask == 2)).astype(np.uint8)
-    count, labels, stats, _ = cv2.connectedComponentsWithStats(liquid, connectivity=8)
-    if count < 2:
+    body = largest_part((mask == 1) | (mask == 2))
+    if not body.any():
         return {"liquid_top_px": None, "liquid_touches_frame_top": False, "peak_visible": None}
-    body = labels == 1 + int(np.argmax(stats[1:, cv2.CC_STAT_AREA]))
     row = int(np.argmax(body.any(axis=1)))
     column = int(np.median(np.flatnonzero(body[row])))
     seen = entry["peak_px"] or entry["peak_px_norefraction"]
