@@ -163,8 +163,8 @@ def edge_gaps(view: View, wave: Wave, mask: NDArray[np.uint8], rear: bool) -> Ar
         rear: the upper edge of the free surface, else that of the liquid seen through the wall.
 
     Returns:
-        One value per column between points of the line; none within 5 % of the cup's edges,
-        where the line is steep.
+        One value per column between points of the line; none close to the cup's edges, where
+        the line is steep. NaN: no liquid below the line.
     """
     left, _ = view.edges()
     half = 0.4 * math.pi if rear else 0.95 * abs(wrap(left - view.azimuth))
@@ -172,7 +172,7 @@ def edge_gaps(view: View, wave: Wave, mask: NDArray[np.uint8], rear: bool) -> Ar
     seen = [view.project_refracted(a, float(wave.wall(a))) for a in azimuths]
     line = np.array([pixel for pixel in seen if pixel is not None])
     line = line[np.argsort(line[:, 0])]
-    columns = np.arange(math.ceil(line[0, 0]), math.floor(line[-1, 0]) + 1)
+    columns = np.arange(math.ceil(line[0, 0]) + 2, math.floor(line[-1, 0]) - 1)
     columns = columns[(columns >= 0) & (columns < mask.shape[1])]
     rows = CubicSpline(line[:, 0], line[:, 1])(columns)
     inside = (rows > 0.5) & (rows < mask.shape[0] - BELOW - 1)
