@@ -30,6 +30,10 @@ _NOISE_MARGIN = 2.5
 _JUMP = 3.0
 # Part of the rows beside the split that must be what they are taken for.
 _BESIDE = 5
+# A line leads up to the region's end where it comes so near to it, in rows of half the size and
+# rows per column.
+_TOP_ROWS = 6
+_STEEPEST = 3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -83,22 +87,22 @@ def split_columns(speaks: Single, region: SideRegion) -> Split:
     first = np.argmax(inside, axis=0)
     last = inside.shape[0] - np.argmax(inside[::-1], axis=0)
     wide = inside.any(axis=0)
-    full = wide & (rows <= first + 1) & (below > 0.0)
-    seen = wide & ~full & (rows < last - 1) & (above > 0.0) & (below > 0.0)
+    dark_to_top = wide & (rows <= first + 1) & (below > 0.0)
+    seen = wide & ~dark_to_top & (rows < last - 1) & (above > 0.0) & (below > 0.0)
+    full = _reached(dark_to_top, seen, rows - first)
     agreement = float(np.mean((above + below)[seen])) / (2.0 * _BESIDE) if seen.any() else 0.0
     return Split(rows, seen, full, agreement)
 
 
-def canny_edges(channel: Image, region: SideRegion, limits: tuple[float, float]) -> Image:
+def canny_edges(channel: Image, limits: tuple[float, float]) -> Image:
     """Canny's edges of the channel; thresholds by the contrast and the noise.
 
     Args:
         channel: (rows, columns) of the region, blurred.
-        region: the region.
         limits: contrast of liquid and background and noise before the blur [grey levels].
 
     Returns:
-        (rows, columns), not 0 on edges inside the container.
+        (rows, columns), not 0 on edges.
     """
     contrast, noise = limits
     high = _SOBEL_STEP * abs(contrast) / _SOFTEST
@@ -124,16 +128,15 @@ def refine_edges(channel: Image, edges: Image, expected: FloatArray, contrast: f
     rows, columns = channel.shape
     margin = _WINDOW + _SUPPORT
     wanted = np.isfinite(expected)
-    centre = np.rint(np.where(wanted, expected, 0.0)).astype(np.intp)
-    wanted &= (centre >= margin) & (centre < rows - margin)
-    centre = np.clip(centre, margin, max(rows - margin - 1, margin))
+    centre = np.clip(np.rint(np.where(wanted, expected, 0.0)), 0, rows - 1).astype(np.intp)
     at = np.arange(columns)
-    window = np.arange(-margin, margin + 1)[:, np.newaxis]
-    values = channel[centre + window, at].astype(np.float64)
+    # Beyond the region its last row goes on: no step, so no edge.
+    window = np.clip(centre + np.arange(-margin, margin + 1)[:, np.newaxis], 0, rows - 1)
+    values = channel[window, at].astype(np.float64)
     # Half of the steps over two rows, positive from background down to liquid.
     steps = 0.5 * np.sign(contrast) * (values[:-2] - values[2:])
     inner = slice(margin - _WINDOW, margin + _WINDOW + 1)
-    marked = edges[(centre + window)[inner], at] > 0
+    marked = edges[window[inner], at] > 0
     found = np.where(marked, steps[margin - _WINDOW - 1 : margin + _WINDOW], 0.0)
     best = np.argmax(found, axis=0)
     wanted &= found[best, at] > 0.0
@@ -183,6 +186,31 @@ def _peak(
     offset = np.where(flat, 0.0, 0.5 * (before - after) / np.where(flat, 1.0, bend))
     softness = contrast / (np.sqrt(2.0 * np.pi) * np.maximum(smooth[1], 1e-3))
     return np.clip(offset, -1.0, 1.0), softness
+
+
+def _reached(to_top: BoolArray, seen: BoolArray, below_top: IntArray) -> BoolArray:
+    """Of the columns that are liquid up to the top, those that the line leads up to.
+
+    A dark thing before the face, such as a sticker, ends in the middle of the line instead.
+
+    Args:
+        to_top: (columns,) whether the column is liquid up to its upper end.
+        seen: (columns,) whether the line is seen.
+        below_top: (columns,) rows of the line below the upper end.
+
+    Returns:
+        (columns,).
+    """
+    reached = np.zeros_like(to_top)
+    at_line = np.flatnonzero(seen)
+    changes = np.flatnonzero(np.diff(np.concatenate(([False], to_top, [False]))))
+    for start, stop in zip(changes[::2], changes[1::2], strict=True):
+        after = int(np.searchsorted(at_line, start))
+        beside = at_line[max(after - 1, 0) : after + 1]
+        gap = np.where(beside < start, start - beside, beside - stop + 1)
+        leads = below_top[beside] <= _TOP_ROWS + _STEEPEST * gap
+        reached[start:stop] = beside.size == 0 or bool(np.any(leads))
+    return reached
 
 
 def _beside(sums: Single, start: IntArray, stop: IntArray, at: IntArray) -> Single:

@@ -107,7 +107,7 @@ def find_side_region(view: BoxView, given: RegionOfInterest | None) -> SideRegio
     rows_of -= top
     visible = _visible(view, inside, rows_of, (low, high))
     powers = np.linspace(low, high, _LEVELS)[:, np.newaxis] ** np.arange(3)
-    polynomial: FloatArray = np.linalg.lstsq(powers, rows_of, rcond=None)[0]
+    polynomial = np.linalg.lstsq(powers, rows_of, rcond=None)[0].astype(np.float64)
     region = SideRegion(top, left, inside, *visible, polynomial)
     _check_level(region)
     return region

@@ -1,0 +1,57 @@
+"""The detector that fits a calibration."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_camera.calibration import AnyCalibration, Calibration, SideCalibration
+from slosh_camera.detector import FreeSurfaceDetector
+from slosh_camera.errors import SloshCameraError
+from slosh_camera.measurement import Measurement
+from slosh_camera.settings import DetectionSettings
+from slosh_camera.side_view import SideViewDetector
+
+Image = NDArray[np.uint8]
+
+
+class SurfaceDetector(Protocol):
+    """What every detector can do; images are (height, width) or (height, width, 3)."""
+
+    @property
+    def still_offset(self) -> float:
+        """Height that was measured on the liquid at rest and is subtracted since [m]."""
+
+    def learn_still(self, image: Image, /) -> float:
+        """Learn from an image of the liquid at rest; the offset of its level [m]."""
+
+    def measure(self, stamp_ns: int, image: Image, /) -> Measurement:
+        """Measure one image by itself."""
+
+    def update(self, stamp_ns: int, image: Image, /) -> Measurement:
+        """Measure one image of a sequence; flags it where it repeats the one before."""
+
+
+def detector_for(
+    calibration: AnyCalibration, settings: DetectionSettings | None = None
+) -> FreeSurfaceDetector | SideViewDetector:
+    """Detector for a calibration: of a cylinder or of a rectangular container's side view.
+
+    Args:
+        calibration: what the camera looks at.
+        settings: settings; None: those of the calibration.
+
+    Returns:
+        The detector; it is a SurfaceDetector.
+
+    Raises:
+        SloshCameraError: too little of the container is inside the image, or this is no
+            calibration.
+    """
+    if isinstance(calibration, SideCalibration):
+        return SideViewDetector(calibration, settings)
+    if isinstance(calibration, Calibration):
+        return FreeSurfaceDetector(calibration, settings)
+    raise SloshCameraError(f"calibration: {type(calibration).__name__} is none")

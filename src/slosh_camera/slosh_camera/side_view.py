@@ -1,0 +1,205 @@
+"""Free surface of a rectangular container seen from the side [TM20, section 2.1, Fig. 3].
+
+As in TM20 the face is cut out, split into liquid and background and the line found by Canny's
+algorithm, here to a fraction of a pixel. A level and the first three sloshing modes are fitted to
+it robustly, so that droplets, stickers and highlights do not matter; the slope is that of the
+straight line of TM20, eq. (12).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_camera.calibration import SideCalibration
+from slosh_camera.errors import SloshCameraError
+from slosh_camera.measurement import NAN, Flag, Measurement, PeakSide
+from slosh_camera.repeats import RepeatedFrames
+from slosh_camera.settings import DetectionSettings
+from slosh_camera.side_view_appearance import learnt_appearance
+from slosh_camera.side_view_profile import Profile, describe
+from slosh_camera.side_view_region import find_side_region
+from slosh_camera.side_view_trace import Knowledge, Light, TracedLine, trace_line
+
+Image = NDArray[np.uint8]
+
+# Part of the columns that may be without an edge before the line counts as hidden.
+_MAX_HIDDEN = 0.05
+# Steps of this standard deviation or softer are blurred [px].
+_BLURRED = 3.0
+# Part of the still line that may be hidden, and how much it may be inclined.
+_MAX_HIDDEN_STILL = 0.4
+_MAX_STILL_SLOPE = float(np.tan(np.radians(5.0)))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SideMeasurement(Measurement):
+    """Measurement of a side view.
+
+    Attributes:
+        slope_stddev: standard deviation of slope_angle [rad].
+    """
+
+    slope_stddev: float = NAN
+
+
+class SideViewDetector:
+    """Detector for one calibrated camera that looks at a rectangular container's face."""
+
+    def __init__(
+        self, calibration: SideCalibration, settings: DetectionSettings | None = None
+    ) -> None:
+        """Prepare the region of interest.
+
+        Args:
+            calibration: camera, container and pose.
+            settings: settings; None: those of the calibration. Of them `liquid`, `threshold`,
+                `surface_contrast` and `min_band` do not matter: liquid and background are told
+                by where they are.
+
+        Raises:
+            SloshCameraError: too little of the container is inside the image.
+        """
+        self._view = calibration.view
+        self._settings = settings or calibration.detection
+        self._region = find_side_region(calibration.view, calibration.region)
+        self._knowledge = Knowledge()
+        self._repeats = RepeatedFrames()
+
+    @property
+    def still_offset(self) -> float:
+        """Height that was measured on the liquid at rest and is subtracted since [m]."""
+        return self._knowledge.level
+
+    def learn_still(self, image: Image) -> float:
+        """Learn the zero of heights and slope, and what liquid and background look like.
+
+        Args:
+            image: (height, width) or (height, width, 3) image of the liquid at rest.
+
+        Returns:
+            The offset [m] of the still level against the calibration, in the middle.
+
+        Raises:
+            SloshCameraError: the image does not fit the camera, or shows no whole, level line;
+                what was learnt before stays.
+        """
+        self._check(image)
+        trace = trace_line(self._view, self._region, self._settings, Knowledge(), image)
+        light, line = trace.light, trace.line
+        whole = line is not None and line.hidden <= _MAX_HIDDEN_STILL
+        if light is None or line is None or not whole or Flag.SATURATED in trace.flags:
+            raise SloshCameraError(
+                "still image: shows no whole liquid line, check light, region and calibration"
+            )
+        profile = describe(line, self._view)
+        level, slope = profile.level, float(np.tan(profile.slope_angle))
+        if abs(slope) > _MAX_STILL_SLOPE:
+            raise SloshCameraError(
+                f"still image: the liquid's line is inclined by {np.degrees(np.arctan(slope)):.1f}"
+                " deg, check that the liquid is at rest, and the calibration's pose"
+            )
+        self._knowledge = self._learnt(light, Knowledge(level, slope))
+        return level
+
+    def update(self, stamp_ns: int, image: Image) -> Measurement:
+        """Measure one image of a sequence; flags it where it repeats the one before.
+
+        Args:
+            stamp_ns: moment of exposure [ns].
+            image: as for measure.
+
+        Returns:
+            The measurement.
+
+        Raises:
+            SloshCameraError: as measure.
+        """
+        measurement = self.measure(stamp_ns, image)
+        if self._repeats.is_repeat(image):
+            return replace(measurement, flags=measurement.flags | Flag.FROZEN)
+        return measurement
+
+    def measure(self, stamp_ns: int, image: Image) -> SideMeasurement:
+        """Measure one image by itself.
+
+        Args:
+            stamp_ns: moment of exposure [ns].
+            image: (height, width) grey or (height, width, 3) blue-green-red.
+
+        Returns:
+            The measurement; what the image does not show is NaN, with a flag that says why.
+
+        Raises:
+            SloshCameraError: the image is not 8-bit of the calibrated size.
+        """
+        self._check(image)
+        trace = trace_line(self._view, self._region, self._settings, self._knowledge, image)
+        if trace.line is None:
+            return SideMeasurement(stamp_ns=stamp_ns, flags=trace.flags)
+        flags = trace.flags | _limits(trace.line)
+        return _measurement(stamp_ns, flags, trace.line, describe(trace.line, self._view))
+
+    def _learnt(self, light: Light, still: Knowledge) -> Knowledge:
+        """What the image of the liquid at rest shows, given where its line lies."""
+        columns = np.arange(self._region.inside.shape[1])
+        rows = self._region.rows_at(np.zeros(columns.size))
+        corner = np.array([self._region.left, self._region.top])
+        x, _ = self._view.on_face(np.column_stack((columns, rows)) + corner)
+        rows = self._region.rows_at(still.zero(x))
+        weights = light.appearance.weights
+        appearance = learnt_appearance(light.channel, self._region, weights, rows)
+        return replace(still, appearance=appearance)
+
+    def _check(self, image: Image) -> None:
+        camera = self._view.camera
+        size = (camera.height, camera.width)
+        if image.dtype != np.uint8 or image.shape not in (size, (*size, 3)):
+            shape = " x ".join(str(size) for size in (*image.shape[1::-1], *image.shape[2:]))
+            raise SloshCameraError(
+                f"image: {shape} of {image.dtype}, the calibration is for {camera.width} x "
+                f"{camera.height} of uint8, grey or with three colours"
+            )
+
+
+def _limits(line: TracedLine) -> Flag:
+    flags = Flag.NONE
+    if line.hidden > _MAX_HIDDEN:
+        flags |= Flag.OCCLUDED
+    if float(np.median(line.softness)) > _BLURRED:
+        flags |= Flag.BLURRED
+    return flags
+
+
+def _measurement(
+    stamp_ns: int, flags: Flag, line: TracedLine, profile: Profile
+) -> SideMeasurement:
+    """The measurement of a line that is found; x > 0 is azimuth 0, x < 0 azimuth pi."""
+    peak, fitted = profile.peak, profile.fitted
+    return SideMeasurement(
+        stamp_ns=stamp_ns,
+        msh=peak.height,
+        msh_stddev=peak.stddev,
+        azimuth=_azimuth(peak.x),
+        fitted_msh=fitted.height,
+        fitted_msh_stddev=fitted.stddev,
+        fitted_azimuth=_azimuth(fitted.x),
+        sh_left=profile.left,
+        sh_right=profile.right,
+        azimuth_left=float(np.pi),
+        azimuth_right=0.0,
+        slope_angle=profile.slope_angle,
+        slope_stddev=profile.slope_stddev,
+        profile_x=profile.x,
+        profile_height=profile.height,
+        edge_pixels=line.pixels,
+        peak_pixel=profile.peak_pixel,
+        peak_side=PeakSide.FRONT,
+        flags=flags,
+    )
+
+
+def _azimuth(x: float) -> float:
+    return 0.0 if x >= 0.0 else float(np.pi)

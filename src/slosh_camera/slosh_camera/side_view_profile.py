@@ -1,0 +1,187 @@
+"""From the traced line of a side view to what is published: profile, highest point, slope."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_camera.box import BoxView
+from slosh_camera.measurement import NAN
+from slosh_camera.side_view_fit import basis, straight_line
+from slosh_camera.side_view_trace import TracedLine
+
+FloatArray = NDArray[np.float64]
+
+# Places of the published profile, the walls included.
+PLACES = 65
+# Points within this part of the width from a wall tell the height at it.
+_WALL_PART = 0.05
+_LEAST_POINTS = 4
+# The height at a wall is unknown where the line ends further from it, as part of the width.
+_WALL_GAP = 0.03
+# Points so near to a place tell the height there [px].
+_REACH = 2.5
+_SMOOTHED_COLUMNS = 5
+# Standard deviation of the running median over that of its points, which resemble each other.
+_SMOOTHED_NOISE = 0.8
+# What all points may be off together [px], and as a part of the edge's softness: uneven light
+# and JPEG move the whole edge.
+_COMMON_FLOOR = 0.05
+_COMMON_SOFTNESS = 0.02
+# Neighbouring residuals resemble each other over so many columns.
+_CORRELATED_COLUMNS = 4.0
+
+
+@dataclass(frozen=True, slots=True)
+class Highest:
+    """A highest point.
+
+    Attributes:
+        x: place [m].
+        height: above the still line [m].
+        stddev: standard deviation of the height [m].
+    """
+
+    x: float
+    height: float
+    stddev: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Profile:
+    """What one line says.
+
+    Attributes:
+        x: (PLACES,) at equal distances from the left wall to the right wall [m].
+        height: (PLACES,) above the still line [m]; NaN where the line is hidden.
+        peak: highest point that is seen.
+        peak_pixel: of it in the image [px].
+        fitted: highest point of the fitted shape.
+        left: height at the left wall [m]; NaN where it is hidden.
+        right: height at the right wall [m].
+        level: height of the straight line in the middle [m].
+        slope_angle: of the straight line [rad], positive where the liquid rises to the right.
+        slope_stddev: standard deviation of slope_angle [rad].
+    """
+
+    x: FloatArray
+    height: FloatArray
+    peak: Highest
+    peak_pixel: tuple[float, float]
+    fitted: Highest
+    left: float
+    right: float
+    level: float
+    slope_angle: float
+    slope_stddev: float
+
+
+def describe(line: TracedLine, view: BoxView) -> Profile:
+    """Profile, highest points and straight line of a traced line.
+
+    Args:
+        line: the line.
+        view: the container as the camera sees it.
+
+    Returns:
+        What the line says.
+    """
+    half = 0.5 * view.box.width
+    x = np.linspace(-half, half, PLACES)
+    residual = line.z - line.shape.at(line.x)
+    height = _resampled(line, residual, x)
+    whole = np.where(np.isfinite(height), height, line.shape.at(x))
+    level, slope = straight_line(x, whole)
+    left, right = (_at_wall(line, residual, wall) for wall in (-half, half))
+    common = _common(line)
+    covariance = _CORRELATED_COLUMNS * line.shape.scatter**2 * line.shape.covariance
+    peak = _peak(line, residual, (left, right), common)
+    fitted_x, fitted_height, functions = line.shape.highest()
+    fitted_stddev = float(np.sqrt(common**2 + functions @ covariance @ functions))
+    return Profile(
+        x=x,
+        height=height,
+        peak=peak,
+        peak_pixel=_pixel(line, view, peak),
+        fitted=Highest(fitted_x, fitted_height, fitted_stddev),
+        left=left,
+        right=right,
+        level=level,
+        slope_angle=float(np.arctan(slope)),
+        slope_stddev=_slope_stddev(x, slope, common, covariance),
+    )
+
+
+def _resampled(line: TracedLine, residual: FloatArray, x: FloatArray) -> FloatArray:
+    """Heights at places: the shape, and the mean of what the points about a place add to it."""
+    reach = max(0.5 * float(x[1] - x[0]), _REACH * line.pixel_height)
+    start = np.searchsorted(line.x, x - reach)
+    count = np.searchsorted(line.x, x + reach) - start
+    sums = np.concatenate(([0.0], np.cumsum(residual)))
+    added = (sums[start + count] - sums[start]) / np.maximum(count, 1)
+    height: FloatArray = np.where(count > 0, line.shape.at(x) + added, np.nan)
+    return height
+
+
+def _at_wall(line: TracedLine, residual: FloatArray, wall: float) -> float:
+    """Height at a wall: the shape, and where a line through what nearby points add leads to.
+
+    The last pixels before the wall mix what is on either side, so the line is led on over them.
+    """
+    width = line.shape.width
+    away = np.abs(line.x - wall)
+    near = away < max(_WALL_PART * width, 2.0 * _LEAST_POINTS * line.pixel_height)
+    if np.count_nonzero(near) < _LEAST_POINTS or np.min(away) > _WALL_GAP * width:
+        return NAN
+    added = residual[near]
+    level, _ = straight_line(away[near], added)
+    # Too few points to tell a slope would lead anywhere.
+    level = float(np.clip(level, np.min(added), np.max(added)))
+    return float(line.shape.at(np.array([wall]))[0]) + level
+
+
+def _peak(
+    line: TracedLine, residual: FloatArray, walls: tuple[float, float], common: float
+) -> Highest:
+    """Highest point that is seen: of the line, at a wall, or of columns that are full."""
+    heights = line.shape.at(line.x) + _running_median(residual)
+    half = 0.5 * line.shape.width
+    x = np.concatenate((line.x, [-half, half], line.full_x))
+    z = np.concatenate((heights, walls, line.full_z))
+    highest = int(np.nanargmax(z))
+    stddev = float(np.hypot(common, _SMOOTHED_NOISE * line.shape.scatter))
+    return Highest(float(x[highest]), float(z[highest]), stddev)
+
+
+def _pixel(line: TracedLine, view: BoxView, peak: Highest) -> tuple[float, float]:
+    zero = line.knowledge.zero(np.array([peak.x]))
+    u, v = view.project_face(peak.x, peak.height + zero)[0]
+    return float(u), float(v)
+
+
+def _running_median(values: FloatArray) -> FloatArray:
+    padded = np.pad(values, _SMOOTHED_COLUMNS // 2, mode="reflect")
+    windows = np.lib.stride_tricks.sliding_window_view(padded, _SMOOTHED_COLUMNS)
+    median: FloatArray = np.median(windows, axis=1)
+    return median
+
+
+def _common(line: TracedLine) -> float:
+    """Standard deviation of what all points are off together [m]."""
+    softness = float(np.median(line.softness))
+    return line.pixel_height * float(np.hypot(_COMMON_FLOOR, _COMMON_SOFTNESS * softness))
+
+
+def _slope_stddev(x: FloatArray, slope: float, common: float, covariance: FloatArray) -> float:
+    """Standard deviation of the straight line's angle [rad].
+
+    The straight line's slope is a weighted sum of the heights, and these follow the shape's
+    coefficients. What light does to the edge may differ from wall to wall.
+    """
+    away = x - np.mean(x)
+    functions = (away / np.dot(away, away)) @ basis(x, float(np.ptp(x)))
+    of_light = 2.0 * common / float(np.ptp(x))
+    spread = float(np.sqrt(functions @ covariance @ functions + of_light**2))
+    return spread / (1.0 + slope**2)

@@ -1,0 +1,308 @@
+"""From one image of a side view to the places of the liquid's line on the face."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_camera.box import BoxView
+from slosh_camera.measurement import Flag
+from slosh_camera.settings import DetectionSettings
+from slosh_camera.side_view_appearance import (
+    Appearance,
+    Levels,
+    brightness,
+    colour_weights,
+    evidence,
+    half_size,
+    measure_levels,
+    one_channel,
+    raw_contrast,
+    seen_appearance,
+)
+from slosh_camera.side_view_fit import Shape, first_shape, refined_shape, sample_draws
+from slosh_camera.side_view_line import (
+    Edges,
+    Split,
+    canny_edges,
+    drop_loose_pieces,
+    refine_edges,
+    split_columns,
+)
+from slosh_camera.side_view_region import SideRegion
+
+Image = NDArray[np.uint8]
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+# Evidence for the line, from 0 (none) to 1, and part of the columns that must show it.
+_MIN_AGREEMENT = 0.35
+_MIN_SEEN = 0.3
+_MIN_POINTS = 12
+_SATURATED_COLUMNS = 2
+# A column's own split counts where it is nearer to the first shape than this part of the width.
+_OWN_SPLIT = 0.1
+# An edge is near the shape within so many standard deviations, and within so many rows.
+_GATE = 4.7
+_GATE_ROWS = 1.5
+# Columns without an edge are looked at again where there are more than this part of them.
+_LOOK_AGAIN = 0.02
+# Least scatter of the points that is assumed [px].
+_SCATTER_FLOOR = 0.03
+_DRAWS = sample_draws()
+_NO_BOUNDS = (np.empty(0), np.empty(0))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Knowledge:
+    """What an image of the liquid at rest has taught.
+
+    Attributes:
+        level: of the still line at x = 0 [m].
+        slope: of the still line [-].
+        appearance: liquid and background; None: each image shows them itself.
+    """
+
+    level: float = 0.0
+    slope: float = 0.0
+    appearance: Appearance | None = None
+
+    def zero(self, x: FloatArray) -> FloatArray:
+        """Height of the still line at places x (N,) [m]."""
+        return self.level + self.slope * x
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Light:
+    """The region of one image in one channel.
+
+    Attributes:
+        channel: (rows, columns), blurred.
+        levels: of it.
+        appearance: liquid and background.
+    """
+
+    channel: Image
+    levels: Levels
+    appearance: Appearance
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TracedLine:
+    """The line of one image; N columns show it.
+
+    Attributes:
+        x: (N,) places on the face [m], from left to right.
+        z: (N,) heights above the still line [m].
+        pixels: (N, 2) [px].
+        softness: (N,) standard deviations of the edges [px].
+        shape: what is fitted.
+        pixel_height: footprint of one pixel row [m].
+        full_x: (M,) places of the columns that are full of liquid [m].
+        full_z: (M,) heights up to which they are seen to be full [m].
+        hidden: part of the columns without an edge, not counting the full ones.
+        knowledge: that places the still line.
+    """
+
+    x: FloatArray
+    z: FloatArray
+    pixels: FloatArray
+    softness: FloatArray
+    shape: Shape
+    pixel_height: float
+    full_x: FloatArray
+    full_z: FloatArray
+    hidden: float
+    knowledge: Knowledge
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Trace:
+    """What one image shows; `light` and `line` are None where it does not show them."""
+
+    flags: Flag
+    light: Light | None = None
+    line: TracedLine | None = None
+
+
+def trace_line(
+    view: BoxView,
+    region: SideRegion,
+    settings: DetectionSettings,
+    knowledge: Knowledge,
+    image: Image,
+) -> Trace:
+    """Find the line in one image.
+
+    Args:
+        view: the container as the camera sees it.
+        region: the region.
+        settings: the detector's settings.
+        knowledge: what the liquid at rest has taught.
+        image: (height, width) or (height, width, 3) of the calibrated camera.
+
+    Returns:
+        What the image shows.
+    """
+    part = image[region.window]
+    dark, bright = brightness(part, region)
+    if bright < settings.max_dark:
+        return Trace(Flag.TOO_DARK | Flag.NOT_FOUND)
+    if dark > settings.min_bright:
+        return Trace(Flag.TOO_BRIGHT | Flag.NOT_FOUND)
+    if raw_contrast(part, region) < settings.min_contrast:
+        return Trace(Flag.NOT_FOUND)
+    light = _light(part, region, settings, knowledge.appearance)
+    if light.levels.contrast * light.appearance.levels.contrast <= 0.0:
+        return Trace(Flag.NOT_FOUND)
+    speaks = evidence(half_size(light.channel), light.appearance, light.levels)
+    split = split_columns(speaks, region)
+    flags = Flag.NONE
+    if np.count_nonzero(split.full) >= _SATURATED_COLUMNS:
+        flags = Flag.SATURATED
+    enough = np.count_nonzero(split.seen) >= max(_MIN_POINTS, _MIN_SEEN * split.seen.size)
+    if not enough or split.agreement < _MIN_AGREEMENT:
+        return Trace(flags | Flag.NOT_FOUND, light)
+    line = _Tracer(view, region, knowledge, light).line(split)
+    return Trace(flags | (Flag.NOT_FOUND if line is None else Flag.NONE), light, line)
+
+
+def _light(
+    part: Image, region: SideRegion, settings: DetectionSettings, learnt: Appearance | None
+) -> Light:
+    if learnt is not None and (learnt.weights is None) != (part.ndim == 2):
+        learnt = None
+    weights = colour_weights(part, region) if learnt is None else learnt.weights
+    channel = one_channel(part, weights)
+    levels = measure_levels(channel, region)
+    if settings.blur > 0.0:
+        channel = np.asarray(cv2.GaussianBlur(channel, (0, 0), settings.blur), dtype=np.uint8)
+    appearance = learnt or seen_appearance(channel, region, weights)
+    return Light(channel, levels, appearance)
+
+
+class _Tracer:
+    """One image's columns on their way to places on the face."""
+
+    def __init__(
+        self, view: BoxView, region: SideRegion, knowledge: Knowledge, light: Light
+    ) -> None:
+        self._view = view
+        self._region = region
+        self._knowledge = knowledge
+        self._light = light
+        self._columns = np.arange(region.inside.shape[1])
+        self._still = region.rows_at(np.zeros(self._columns.size))
+        middle = self._columns.size // 2
+        pixel = (region.left + middle, region.top + self._still[middle])
+        self._pixel_height = view.height_per_pixel(pixel)
+
+    def line(self, split: Split) -> TracedLine | None:
+        """The line along the boundary of the columns' split; None where no line is found."""
+        at_split = np.repeat(2.0 * split.rows.astype(np.float64) - 0.5, 2)
+        seen, full = np.repeat(split.seen, 2), np.repeat(split.full, 2)
+        first = self._first(at_split, seen)
+        predicted = self._rows_of(first)
+        reach = _OWN_SPLIT * self._view.box.width / self._pixel_height
+        own = seen & (np.abs(at_split - predicted) < reach)
+        expected = np.where(full, np.nan, np.where(own, at_split, predicted))
+        edges = self._canny()
+        found = self._refine(edges, expected)
+        kept = self._kept(found, first)
+        if self._hidden(kept, full) > _LOOK_AGAIN:
+            again = self._refine(edges, np.where(kept | full, np.nan, predicted))
+            found = Edges(
+                np.where(kept, found.rows, again.rows),
+                np.where(kept, found.softness, again.softness),
+            )
+            kept = self._kept(found, first)
+        if np.count_nonzero(kept) < max(_MIN_POINTS, _MIN_SEEN * np.count_nonzero(~full)):
+            return None
+        return self._placed(found, kept, full, first)
+
+    def _first(self, at_split: FloatArray, seen: BoolArray) -> Shape:
+        """Shape through most of the boundaries."""
+        columns = self._columns[seen][::2]
+        x, z = self._place(at_split[columns], columns)
+        return first_shape(x, z, self._view.box.width, _DRAWS)
+
+    def _rows_of(self, shape: Shape) -> FloatArray:
+        """Rows (columns,) at which a shape crosses the columns."""
+        rows = self._still
+        # Only where the camera is rolled or looks askew does a column's place depend on the row.
+        for _ in range(2):
+            x, _ = self._on_face(rows, self._columns)
+            rows = self._region.rows_at(shape.at(x) + self._knowledge.zero(x))
+        return rows
+
+    def _canny(self) -> Image:
+        light = self._light
+        edges = canny_edges(light.channel, (light.levels.contrast, light.levels.noise))
+        edges[~self._region.inside] = 0
+        if light.appearance.foreign is not None:
+            edges[light.appearance.foreign] = 0
+        return edges
+
+    def _refine(self, edges: Image, expected: FloatArray) -> Edges:
+        return refine_edges(self._light.channel, edges, expected, self._light.levels.contrast)
+
+    def _kept(self, found: Edges, first: Shape) -> BoolArray:
+        """Columns whose edge belongs to the line."""
+        columns = np.flatnonzero(np.isfinite(found.rows))
+        kept = np.zeros(self._columns.size, np.bool_)
+        if columns.size < _MIN_POINTS:
+            return kept
+        x, z = self._place(found.rows[columns], columns)
+        shape = refined_shape(x, z, first, self._floor, _NO_BOUNDS)
+        gate = max(_GATE * shape.scatter, _GATE_ROWS * self._pixel_height)
+        near = kept.copy()
+        near[columns] = np.abs(z - shape.at(x)) < gate
+        return drop_loose_pieces(found.rows, near)
+
+    def _hidden(self, kept: BoolArray, full: BoolArray) -> float:
+        """Part of the columns that could show the line and do not."""
+        could = self._region.inside.any(axis=0) & ~full
+        return float(np.count_nonzero(could & ~kept)) / max(int(np.count_nonzero(could)), 1)
+
+    def _placed(self, found: Edges, kept: BoolArray, full: BoolArray, first: Shape) -> TracedLine:
+        columns, over = np.flatnonzero(kept), np.flatnonzero(full)
+        x, z = self._place(found.rows[columns], columns)
+        upper = np.argmax(self._region.inside, axis=0).astype(np.float64)
+        full_x, full_z = self._place(upper[over], over)
+        shape = refined_shape(x, z, first, self._floor, (full_x, full_z))
+        order = np.argsort(x)
+        columns = columns[order]
+        pixels = np.column_stack((columns.astype(np.float64), found.rows[columns]))
+        return TracedLine(
+            x=x[order],
+            z=z[order],
+            pixels=pixels + self._corner,
+            softness=found.softness[columns],
+            shape=shape,
+            pixel_height=self._pixel_height,
+            full_x=full_x,
+            full_z=full_z,
+            hidden=self._hidden(kept, full),
+            knowledge=self._knowledge,
+        )
+
+    def _place(self, rows: FloatArray, columns: NDArray[np.intp]) -> tuple[FloatArray, FloatArray]:
+        """Places on the face and heights above the still line [m]."""
+        x, z = self._on_face(rows, columns)
+        return x, z - self._knowledge.zero(x)
+
+    def _on_face(
+        self, rows: FloatArray, columns: NDArray[np.intp]
+    ) -> tuple[FloatArray, FloatArray]:
+        return self._view.on_face(np.column_stack((columns, rows)) + self._corner)
+
+    @property
+    def _corner(self) -> FloatArray:
+        return np.array([self._region.left, self._region.top], dtype=np.float64)
+
+    @property
+    def _floor(self) -> float:
+        return _SCATTER_FLOOR * self._pixel_height
