@@ -10,6 +10,7 @@ the detector's geometry.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -112,14 +113,8 @@ class View:
                 return math.nan
             return self._path(momentum, vertical, rear)[1] - rise
 
-        straight = rise / math.hypot(self.distance, rise)
-        samples = np.clip(straight + np.linspace(-0.35, 0.35, 41), -0.95, 0.95)
-        values = [excess(float(v)) for v in samples]
-        for low, high, a, b in zip(samples, samples[1:], values, values[1:], strict=False):
-            if math.isfinite(a) and math.isfinite(b) and a <= 0 <= b:
-                vertical = float(brentq(excess, low, high, xtol=1e-13))
-                break
-        else:
+        vertical = _root(excess, rise / math.hypot(self.distance, rise))
+        if vertical is None:
             return None
         momentum = self._momentum(turn, vertical, rear)
         if momentum is None:
@@ -133,17 +128,15 @@ class View:
         air = math.sqrt(1 - vertical**2)
         limit = air * (self.radius if rear else self.radius + self.wall) * (1 - 1e-12)
 
-        def miss(momentum: float) -> float:
-            swept = self._path(momentum, vertical, rear)[0]
-            return wrap(swept - turn) if rear else swept - turn
+        # A ray to the rear wall sweeps about pi.
+        target = turn % (2 * math.pi) if rear else turn
 
-        # A ray to the rear wall sweeps about pi: the jump of wrap() lies far from the root.
-        grid = np.linspace(-limit, limit, 61)
-        values = [miss(float(m)) for m in grid]
-        for low, high, a, b in zip(grid, grid[1:], values, values[1:], strict=False):
-            if a * b <= 0 and abs(a - b) < math.pi / 2:
-                return float(brentq(miss, low, high, xtol=1e-16))
-        return None
+        def miss(momentum: float) -> float:
+            return self._path(momentum, vertical, rear)[0] - target
+
+        if miss(-limit) * miss(limit) > 0:
+            return None
+        return float(brentq(miss, -limit, limit, xtol=1e-16))
 
     def _path(self, momentum: float, vertical: float, rear: bool) -> tuple[float, float]:
         """Azimuth swept and height gained from the camera to the inner wall."""
@@ -164,6 +157,17 @@ class View:
             rise += 2 * _leg(self.radius, offset) * vertical / horizontal
         # A positive momentum here turns counter-clockwise as seen from above.
         return swept, rise
+
+
+def _root(excess: Callable[[float], float], guess: float) -> float | None:
+    """Where an increasing function is zero: close to the guess, or where it is found farther."""
+    for reach, count in ((0.04, 2), (0.35, 41)):
+        samples = np.clip(guess + np.linspace(-reach, reach, count), -0.95, 0.95)
+        values = [excess(float(sample)) for sample in samples]
+        for low, high, a, b in zip(samples, samples[1:], values, values[1:], strict=False):
+            if a <= 0 <= b:
+                return float(brentq(excess, low, high, xtol=1e-13))
+    return None
 
 
 def wrap(angle: float) -> float:
