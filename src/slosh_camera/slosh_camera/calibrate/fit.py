@@ -1,91 +1,68 @@
-"""The fine fit of a camera's place to a container's edges in a still image.
-
-Fitted are the two sides of the container (planes through the camera that touch the outer wall),
-the still level on the front and, seen from above, on the rear wall, and the floor's front edge.
-"""
+"""The fine fit of a camera's place to the curves of a round container in a still image."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from enum import Enum
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 from scipy.optimize import least_squares
 
-from slosh_camera.calibrate.edges import EdgeImage, find_edges
-from slosh_camera.calibrate.pose import CameraPlace, pose_of
+from slosh_camera.calibrate.curves import (
+    EMPTY,
+    OUTLINE,
+    SIDES,
+    WETTED,
+    Curve,
+    SeenCurve,
+    axis_distance,
+    distances,
+    look_for_curves,
+    view_at,
+    width_of,
+)
+from slosh_camera.calibrate.edges import EdgeImage
+from slosh_camera.calibrate.pose import CameraPlace
 from slosh_camera.camera import PinholeCamera
 from slosh_camera.errors import SloshCameraError
-from slosh_camera.geometry import Cup, CupView, Wall
+from slosh_camera.geometry import Cup, CupView
 
 FloatArray = NDArray[np.float64]
 
-# The fit works at this azimuth; the caller's is put in afterwards.
-AZIMUTH = -0.5 * np.pi
-
 _PLACE = 5
-# Samples of one curve [px apart]; bounds of the error of one, and how many neighbours share it.
-_SPACING = 2.0
+# Bounds of the error of one sample [px], and how many neighbours share it.
 _LEAST_ERROR, _MOST_ERROR = 0.15, 1.0
 _SHARED_BY = 5.0
 # What a whole curve may be off [px], beside its samples' errors: reflections at a side shift and
 # turn it, and empty glass has several edges; the liquid's meniscus; the floor's thickness and a
 # fill height given too roughly [m].
-_SIDE_ERROR, _SIDE_TURN, _EMPTY_ERROR = 0.2, 0.2, 1.0
+_SIDE_ERROR, _SIDE_TURN, _EMPTY_ERROR = 0.3, 0.2, 2.0
 _LEVEL_ERROR = 0.2
 _BASE_ERROR = 0.0015
-# Towards its edge a shiny wall mirrors ever more of what is beside it, so that the steepest
-# change lies inside the true edge: 0.46 to 0.56 px for Fresnel's formulas, a radius of 60 to 300
-# px, and the smoothing used here with a pixel's own.
-_SHINE = 0.47
 # Search to both sides of a predicted curve, as a share of the container's width, and at least.
 _STAGES = ((0.045, 8.0), (0.045, 8.0), (0.03, 6.0), (0.015, 4.0), (0.012, 3.0), (0.012, 3.0))
 # An edge farther off than this after the fit belongs to something else [px].
 INLIER = 1.5
-# Front and rear line closer than this are one edge [px].
-_LEAST_SEPARATION = 6.0
 _FAR = 1e3
 _DIFFERENCE = 1e-6
 
 
-class Curve(Enum):
-    """A curve of the container that shows in the image."""
-
-    LEFT = "left side"
-    RIGHT = "right side"
-    LEFT_EMPTY = "left side above the liquid"
-    RIGHT_EMPTY = "right side above the liquid"
-    FRONT = "still level, front"
-    REAR = "still level, rear"
-    BASE = "floor"
-
-
-_WETTED = (Curve.LEFT, Curve.RIGHT)
-_EMPTY = (Curve.LEFT_EMPTY, Curve.RIGHT_EMPTY)
-_SIDES = _WETTED + _EMPTY
-_LEFT = (Curve.LEFT, Curve.LEFT_EMPTY)
-
-
 @dataclass(frozen=True, slots=True, eq=False)
-class SeenCurve:
-    """The edges found along a predicted curve.
+class Hint:
+    """What is known about the place beside the container's edges, from a board.
 
     Attributes:
-        curve: which one.
-        pixels: (N, 2) edges found.
-        normals: (N, 2) unit normals of the prediction there.
-        slopes: (N,) their strengths [levels/px].
-        samples: how many samples of the curve lie in the image, N at most.
+        numbers: (5,) in the order of CameraPlace; NaN where nothing is known.
+        stddev: (5,) their standard deviations.
     """
 
-    curve: Curve
-    pixels: FloatArray
-    normals: FloatArray
-    slopes: FloatArray
-    samples: int
+    numbers: FloatArray
+    stddev: FloatArray
+
+
+NO_HINT = Hint(np.full(_PLACE, np.nan), np.ones(_PLACE))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -108,8 +85,9 @@ class Fit:
 
     @property
     def rms(self) -> float:
-        """Root mean square of the inliers' residuals [px]."""
-        every = np.concatenate(self.residuals)
+        """Root mean square of the inliers' residuals [px], where the liquid's outline is."""
+        pairs = zip(self.seen, self.residuals, strict=True)
+        every = np.concatenate([r for seen, r in pairs if seen.curve in OUTLINE])
         near = every[np.abs(every) < INLIER]
         return float(np.sqrt(np.mean(near**2))) if near.size else float("nan")
 
@@ -121,7 +99,9 @@ class Fit:
         return float("nan")
 
 
-def fit_place(edges: EdgeImage, camera: PinholeCamera, cup: Cup, start: CameraPlace) -> Fit | None:
+def fit_place(
+    edges: EdgeImage, camera: PinholeCamera, cup: Cup, start: CameraPlace, hint: Hint = NO_HINT
+) -> Fit | None:
     """Fit the camera's place to the edges, looking for them ever closer to the prediction.
 
     Args:
@@ -129,20 +109,22 @@ def fit_place(edges: EdgeImage, camera: PinholeCamera, cup: Cup, start: CameraPl
         camera: its camera, without distortion.
         cup: the container.
         start: where to start.
+        hint: what else is known.
 
     Returns:
         The fit; None where it runs away or loses the edges.
     """
     place = start
     covariance = np.full((_PLACE, _PLACE), np.nan)
+    reach = 0.0
     try:
         for share, least in _STAGES:
             view = view_at(camera, cup, place)
-            reach = max(share * _width(view), least)
+            reach = max(share * width_of(view), least)
             seen = look_for_curves(edges, view, reach)
             if not _enough(seen):
                 return None
-            place, covariance = _solve(camera, cup, place, seen)
+            place, covariance = _Problem(camera, cup, place, seen, hint).solved()
         view = view_at(camera, cup, place)
         seen = look_for_curves(edges, view, reach)
     except SloshCameraError:
@@ -151,172 +133,79 @@ def fit_place(edges: EdgeImage, camera: PinholeCamera, cup: Cup, start: CameraPl
     return Fit(place, covariance, seen, residuals, _score(edges, seen, residuals))
 
 
-def view_at(
-    camera: PinholeCamera, cup: Cup, place: CameraPlace, azimuth: float = AZIMUTH
-) -> CupView:
-    """The container as the camera at a place sees it."""
-    return CupView(camera, pose_of(place, azimuth), cup)
-
-
-def _width(view: CupView) -> float:
-    left, right = (_side_points(view, curve, np.zeros(1))[0] for curve in _WETTED)
-    return float(np.hypot(*(right - left)))
-
-
-def curve_points(view: CupView, curve: Curve, count: int) -> FloatArray:
-    """Points (count, 2) along a curve in the image [px], from left to right or from below."""
-    cup = view.cup
-    if curve in _SIDES:
-        top = cup.rim_level if cup.rim_level is not None else 0.5 * cup.fill_height
-        low, high = (0.05, 0.95) if curve in _EMPTY else (-0.97, -0.03)
-        scale = top if curve in _EMPTY else cup.fill_height
-        return _side_points(view, curve, np.linspace(low * scale, high * scale, count))
-    # The last degrees before a side are bent, short and mixed with it.
-    arc = np.deg2rad(np.linspace(-76.0, 76.0, count))
-    middle = view.camera_azimuth
-    if curve is Curve.REAR:
-        return view.project_wall(middle + np.pi - arc, 0.0, Wall.REAR)
-    level = -cup.fill_height if curve is Curve.BASE else 0.0
-    return view.project_wall(middle + arc, level, Wall.FRONT)
-
-
-def _side_points(view: CupView, curve: Curve, z: FloatArray) -> FloatArray:
-    """Points of the outer wall where a plane through the camera touches it."""
-    outer = view.cup.radius + view.cup.wall_thickness
-    centre = view.pose.camera_centre
-    half = np.arccos(outer / np.hypot(centre[0], centre[1]))
-    azimuth = view.camera_azimuth + (-half if curve in _LEFT else half)
-    points = np.column_stack(
-        (np.full(z.size, outer * np.cos(azimuth)), np.full(z.size, outer * np.sin(azimuth)), z)
-    )
-    return view.project(points)
-
-
-def look_for_curves(edges: EdgeImage, view: CupView, reach: float) -> tuple[SeenCurve, ...]:
-    """Edges along every curve that the view should show, those of no use left out."""
-    separation = _separation(view)
-    double = view.pose.camera_centre[2] > 0.0 and separation > _LEAST_SEPARATION
-    seen = []
-    for curve in Curve:
-        near = reach
-        if curve is Curve.REAR and not double:
-            continue
-        if curve in (Curve.FRONT, Curve.REAR) and double:
-            near = min(reach, 0.45 * separation)
-        found = _look(edges, view, curve, near)
-        if found.samples >= 10:
-            seen.append(found)
-    return tuple(seen)
-
-
-def _separation(view: CupView) -> float:
-    """Rows between the middles of the front and the rear line of the still level [px]."""
-    front = curve_points(view, Curve.FRONT, 3)[1]
-    rear = curve_points(view, Curve.REAR, 3)[1]
-    return float(np.hypot(*(front - rear)))
-
-
-def _look(edges: EdgeImage, view: CupView, curve: Curve, reach: float) -> SeenCurve:
-    ends = curve_points(view, curve, 9)
-    length = float(np.nansum(np.hypot(*np.diff(ends, axis=0).T)))
-    points = curve_points(view, curve, max(int(length / _SPACING), 12))
-    tangent = np.gradient(points, axis=0)
-    tangent /= np.maximum(np.hypot(tangent[:, 0], tangent[:, 1]), 1e-9)[:, np.newaxis]
-    # Outwards for a side, upwards for a level.
-    normals = np.column_stack((tangent[:, 1], -tangent[:, 0]))
-    if curve in _SIDES and curve not in _LEFT:
-        normals = -normals
-    rows, columns = edges.shape
-    inside = np.all((points >= 2.0) & (points <= (columns - 3.0, rows - 3.0)), axis=1)
-    points, normals = points[inside], normals[inside]
-    found = find_edges(edges, points, normals, reach, outermost=curve in _SIDES)
-    kept = found.slope > 0.0
-    return SeenCurve(curve, found.pixels[kept], normals[kept], found.slope[kept], len(points))
-
-
-def distances(view: CupView, seen: SeenCurve) -> FloatArray:
-    """Signed distance of the edges found from a curve (N,) [px]; along the normals positive."""
-    if seen.curve in _SIDES:
-        return _side_distances(view, seen)
-    line = curve_points(view, seen.curve, 81)
-    v = np.interp(seen.pixels[:, 0], line[:, 0], line[:, 1])
-    return (seen.pixels[:, 1] - v) * seen.normals[:, 1]
-
-
-def _side_distances(view: CupView, seen: SeenCurve) -> FloatArray:
-    origin, direction = view.rays(seen.pixels)
-    flat = np.hypot(direction[:, 0], direction[:, 1])
-    offset = (origin[0] * direction[:, 1] - origin[1] * direction[:, 0]) / flat
-    outer = view.cup.radius + view.cup.wall_thickness
-    outwards = (-offset if seen.curve in _LEFT else offset) - outer
-    distance = _distance(view)
-    cup = view.cup
-    shine = _SHINE if cup.wall_thickness > 0.0 and cup.wall_refractive_index > 1.0 else 0.0
-    return np.asarray(outwards * view.camera.fx / distance + shine)
-
-
 def _enough(seen: Sequence[SeenCurve]) -> bool:
     """Both sides and a line of the level have edges."""
     sizes = {curve.curve: len(curve.pixels) for curve in seen}
     level = max(sizes.get(Curve.FRONT, 0), sizes.get(Curve.REAR, 0))
-    return level >= 8 and min(sizes.get(curve, 0) for curve in _WETTED) >= 8
+    return level >= 8 and min(sizes.get(curve, 0) for curve in WETTED) >= 8
 
 
-def _solve(
-    camera: PinholeCamera, cup: Cup, start: CameraPlace, seen: Sequence[SeenCurve]
-) -> tuple[CameraPlace, FloatArray]:
-    """Least squares over the place and each curve's own error; the place and its covariance.
+class _Problem:
+    """Least squares over the place and each curve's own error.
 
     A curve's own error (an offset, for a side a turn, too) is an unknown with an expected size,
     so that the covariance holds what no number of samples averages out.
     """
-    view = view_at(camera, cup, start)
-    shapes = [_own_errors(view, curve) for curve in seen]
-    weights = [_weight(curve, distances(view, curve)) for curve in seen]
-    scale = np.array([start.distance, start.distance, 1.0, 1.0, 1.0])
-    splits = np.cumsum([shape.shape[1] for shape in shapes])
-    samples = sum(len(curve.pixels) for curve in seen)
 
-    own_size = int(splits[-1])
-    own_slope = np.vstack(
-        (
-            -_block_diagonal([w * shape for w, shape in zip(weights, shapes, strict=True)]),
-            np.eye(own_size),
-        )
-    )
-
-    def cost(numbers: FloatArray) -> FloatArray:
-        own = numbers[_PLACE:]
-        try:
-            here = view_at(camera, cup, CameraPlace(*(numbers[:_PLACE] * scale)))
-        except SloshCameraError:
-            return np.full(samples + own_size, _FAR)
-        parts = [
-            weight * distances(here, curve) for curve, weight in zip(seen, weights, strict=True)
+    def __init__(
+        self,
+        camera: PinholeCamera,
+        cup: Cup,
+        start: CameraPlace,
+        seen: Sequence[SeenCurve],
+        hint: Hint,
+    ) -> None:
+        view = view_at(camera, cup, start)
+        self._camera, self._cup, self._start, self._seen = camera, cup, start, seen
+        self._scale = np.array([start.distance, start.distance, 1.0, 1.0, 1.0])
+        self._weights = [_weight(curve, distances(view, curve)) for curve in seen]
+        shapes = [
+            weight * _own_errors(view, curve)
+            for curve, weight in zip(seen, self._weights, strict=True)
         ]
-        fixed = np.nan_to_num(np.concatenate(parts), nan=_FAR)
-        return np.concatenate((fixed, np.zeros(own_size))) + own_slope @ own
+        own = block_diag(*shapes)
+        self._samples, self._own_size = own.shape
+        self._hinted = np.isfinite(hint.numbers)
+        self._hint = hint.numbers[self._hinted]
+        self._hint_weight = 1.0 / hint.stddev[self._hinted]
+        hints = np.zeros((self._hint.size, self._own_size))
+        self._own_slope: FloatArray = np.vstack((-own, np.eye(self._own_size), hints))
 
-    def slope(numbers: FloatArray) -> FloatArray:
+    def solved(self) -> tuple[CameraPlace, FloatArray]:
+        """The place and the covariance of its five numbers (5, 5)."""
+        first = np.concatenate((self._start.numbers / self._scale, np.zeros(self._own_size)))
+        result = least_squares(
+            self._cost, first, jac=self._slope, loss="soft_l1", max_nfev=25, xtol=1e-7
+        )
+        covariance = np.linalg.pinv(result.jac.T @ result.jac)[:_PLACE, :_PLACE]
+        place = CameraPlace(*(float(value) for value in result.x[:_PLACE] * self._scale))
+        return place, covariance * np.outer(self._scale, self._scale)
+
+    def _cost(self, numbers: FloatArray) -> FloatArray:
+        place = numbers[:_PLACE] * self._scale
+        fixed = np.zeros(len(self._own_slope))
+        try:
+            view = view_at(self._camera, self._cup, CameraPlace(*place))
+        except SloshCameraError:
+            return np.full(fixed.size, _FAR)
+        pairs = zip(self._seen, self._weights, strict=True)
+        parts = [weight * distances(view, curve) for curve, weight in pairs]
+        fixed[: self._samples] = np.nan_to_num(np.concatenate(parts), nan=_FAR)
+        fixed[self._samples + self._own_size :] = (
+            place[self._hinted] - self._hint
+        ) * self._hint_weight
+        cost: FloatArray = fixed + self._own_slope @ numbers[_PLACE:]
+        return cost
+
+    def _slope(self, numbers: FloatArray) -> FloatArray:
         # The curves' own errors enter linearly; differences are taken over the place alone.
-        here = cost(numbers)
+        here = self._cost(numbers)
         columns = []
         for index in range(_PLACE):
             moved = numbers.copy()
             moved[index] += _DIFFERENCE
-            columns.append((cost(moved) - here) / _DIFFERENCE)
-        return np.column_stack((*columns, own_slope))
-
-    first = np.concatenate((start.numbers / scale, np.zeros(own_size)))
-    result = least_squares(cost, first, jac=slope, loss="soft_l1", max_nfev=25, xtol=1e-7)
-    covariance = np.linalg.pinv(result.jac.T @ result.jac)[:_PLACE, :_PLACE]
-    place = CameraPlace(*(float(value) for value in result.x[:_PLACE] * scale))
-    return place, covariance * np.outer(scale, scale)
-
-
-def _block_diagonal(blocks: Sequence[FloatArray]) -> FloatArray:
-    whole: FloatArray = block_diag(*blocks)
-    return whole
+            columns.append((self._cost(moved) - here) / _DIFFERENCE)
+        return np.column_stack((*columns, self._own_slope))
 
 
 def _own_errors(view: CupView, seen: SeenCurve) -> FloatArray:
@@ -324,10 +213,10 @@ def _own_errors(view: CupView, seen: SeenCurve) -> FloatArray:
     count = len(seen.pixels)
     flat = np.ones((count, 1))
     if seen.curve is Curve.BASE:
-        return flat * (_LEVEL_ERROR + _BASE_ERROR * view.camera.fy / _distance(view))
-    if seen.curve not in _SIDES:
+        return flat * (_LEVEL_ERROR + _BASE_ERROR * view.camera.fy / axis_distance(view))
+    if seen.curve not in SIDES:
         return flat * _LEVEL_ERROR
-    shift = _EMPTY_ERROR if seen.curve in _EMPTY else _SIDE_ERROR
+    shift = _EMPTY_ERROR if seen.curve in EMPTY else _SIDE_ERROR
     turn = np.linspace(-_SIDE_TURN, _SIDE_TURN, count)[:, np.newaxis]
     return np.hstack((shift * flat, turn))
 
@@ -341,10 +230,6 @@ def _weight(seen: SeenCurve, residual: FloatArray) -> float:
         rest = residual - np.polynomial.polynomial.polyval(place, smooth)
         scatter = float(np.clip(1.5 * np.median(np.abs(rest)), _LEAST_ERROR, _MOST_ERROR))
     return float(1.0 / (scatter * np.sqrt(_SHARED_BY)))
-
-
-def _distance(view: CupView) -> float:
-    return float(np.hypot(*view.pose.camera_centre[:2]))
 
 
 def _score(edges: EdgeImage, seen: Sequence[SeenCurve], residuals: Sequence[FloatArray]) -> float:

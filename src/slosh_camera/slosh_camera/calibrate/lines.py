@@ -96,9 +96,9 @@ def _edge_pixels(edges: EdgeImage) -> tuple[FloatArray, FloatArray, FloatArray, 
     shift = 0.5 * (left - right) / np.minimum(left - 2.0 * here + right, -1e-9)
     lean = -edges.down[rows, columns].astype(np.float64) / across[rows, columns]
     middle = 0.5 * (edges.shape[0] - 1)
-    u: FloatArray = columns + np.clip(shift, -0.5, 0.5)
-    v: FloatArray = rows - middle
-    return u, v, edges.support(here), np.asarray(lean)
+    u = np.asarray(columns + np.clip(shift, -0.5, 0.5), dtype=np.float64)
+    v = np.asarray(rows - middle, dtype=np.float64)
+    return u, v, edges.support(here), lean
 
 
 def _vote(

@@ -32,6 +32,9 @@ _PITCHES = np.deg2rad((-6.0, -3.0, -1.5, 0.0, 1.5, 3.0, 6.0))
 _ROW_STEP = 2.0
 # How far a coarse curve may be off its edge [px].
 _SLACK = 3
+# By how much the score of a container is lowered for its width being so many slacks: the narrower
+# it is, the more edges fall within the slack by chance.
+_CHANCE = 2.0
 # Weights of the level, the sides of the liquid, the sides above it, and the base.
 _WEIGHTS = {"level": 3.0, "liquid": 2.0, "glass": 0.5, "base": 0.7}
 
@@ -42,7 +45,7 @@ class Candidate:
 
     Attributes:
         place: the place.
-        score: weighted mean of the edges' supports, 0 to 1.
+        score: weighted mean of the edges' supports, less what chance gives; at most 1.
         width: of the container in the image [px].
     """
 
@@ -79,10 +82,9 @@ def find_candidates(
     maps = _support_maps(edges)
     found: list[Candidate] = []
     for axis, width in _axes(lines, camera, cup, edges.shape):
-        for pitch in _PITCHES:
-            candidate = _best_level(maps, camera, cup, axis.pitched(pitch), width)
-            if candidate is not None:
-                found.append(candidate)
+        tries = [_best_level(maps, camera, cup, axis.pitched(p), width) for p in _PITCHES]
+        # The fine fit finds the pitch from any of them.
+        found += sorted((t for t in tries if t), key=lambda t: -t.score)[:1]
     found.sort(key=lambda candidate: -candidate.score)
     return _distinct(found, count)
 
@@ -139,7 +141,8 @@ def _best_level(
         return None
     scores = _scores(maps, camera, cup, axis, heights)
     best = int(np.argmax(scores))
-    return Candidate(axis.place(float(heights[best])), float(scores[best]), width)
+    score = float(scores[best]) - _CHANCE * _SLACK / width
+    return Candidate(axis.place(float(heights[best])), score, width)
 
 
 def _scores(

@@ -1,0 +1,181 @@
+"""The curves of a round container that show in a still image, and the edges found on them.
+
+They are the two sides of the container (planes through the camera that touch the outer wall), the
+still level on the front and, seen from above, on the rear wall, and the floor's front edge.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_camera.calibrate.edges import EdgeImage, find_edges
+from slosh_camera.calibrate.pose import CameraPlace, pose_of
+from slosh_camera.camera import PinholeCamera
+from slosh_camera.geometry import Cup, CupView, Wall
+
+FloatArray = NDArray[np.float64]
+
+# The fit works at this azimuth; the caller's is put in afterwards.
+AZIMUTH = -0.5 * np.pi
+
+# Samples of one curve [px apart].
+_SPACING = 2.0
+# Towards its edge a shiny wall mirrors ever more of what is beside it, so that the steepest
+# change lies inside the true edge: 0.46 to 0.56 px for Fresnel's formulas, a radius of 60 to 300
+# px, and the smoothing used here with a pixel's own.
+_SHINE = 0.47
+# Front and rear line closer than this are one edge [px].
+_LEAST_SEPARATION = 6.0
+
+
+class Curve(Enum):
+    """A curve of the container that shows in the image."""
+
+    LEFT = "left side"
+    RIGHT = "right side"
+    LEFT_EMPTY = "left side above the liquid"
+    RIGHT_EMPTY = "right side above the liquid"
+    FRONT = "still level, front"
+    REAR = "still level, rear"
+    BASE = "floor"
+
+
+WETTED = (Curve.LEFT, Curve.RIGHT)
+EMPTY = (Curve.LEFT_EMPTY, Curve.RIGHT_EMPTY)
+SIDES = WETTED + EMPTY
+_LEFT = (Curve.LEFT, Curve.LEFT_EMPTY)
+# The curves whose places are known best; empty glass has several edges, the floor is a guess.
+OUTLINE = (*WETTED, Curve.FRONT, Curve.REAR)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SeenCurve:
+    """The edges found along a predicted curve.
+
+    Attributes:
+        curve: which one.
+        pixels: (N, 2) edges found.
+        normals: (N, 2) unit normals of the prediction there.
+        slopes: (N,) their strengths [levels/px].
+        samples: how many samples of the curve lie in the image, N at most.
+    """
+
+    curve: Curve
+    pixels: FloatArray
+    normals: FloatArray
+    slopes: FloatArray
+    samples: int
+
+
+def view_at(
+    camera: PinholeCamera, cup: Cup, place: CameraPlace, azimuth: float = AZIMUTH
+) -> CupView:
+    """The container as the camera at a place sees it."""
+    return CupView(camera, pose_of(place, azimuth), cup)
+
+
+def curve_points(view: CupView, curve: Curve, count: int) -> FloatArray:
+    """Points (count, 2) along a curve in the image [px], from left to right or from below."""
+    cup = view.cup
+    if curve in SIDES:
+        top = cup.rim_level if cup.rim_level is not None else 0.5 * cup.fill_height
+        low, high = (0.05, 0.95) if curve in EMPTY else (-0.97, -0.03)
+        scale = top if curve in EMPTY else cup.fill_height
+        return _side_points(view, curve, np.linspace(low * scale, high * scale, count))
+    # The last degrees before a side are bent, short and mixed with it.
+    arc = np.deg2rad(np.linspace(-76.0, 76.0, count))
+    middle = view.camera_azimuth
+    if curve is Curve.REAR:
+        return view.project_wall(middle + np.pi - arc, 0.0, Wall.REAR)
+    level = -cup.fill_height if curve is Curve.BASE else 0.0
+    return view.project_wall(middle + arc, level, Wall.FRONT)
+
+
+def _side_points(view: CupView, curve: Curve, z: FloatArray) -> FloatArray:
+    """Points of the outer wall where a plane through the camera touches it."""
+    outer = view.cup.radius + view.cup.wall_thickness
+    centre = view.pose.camera_centre
+    half = np.arccos(outer / np.hypot(centre[0], centre[1]))
+    azimuth = view.camera_azimuth + (-half if curve in _LEFT else half)
+    points = np.column_stack(
+        (np.full(z.size, outer * np.cos(azimuth)), np.full(z.size, outer * np.sin(azimuth)), z)
+    )
+    return view.project(points)
+
+
+def width_of(view: CupView) -> float:
+    """Distance of the two sides at the still level in the image [px]."""
+    left, right = (_side_points(view, curve, np.zeros(1))[0] for curve in WETTED)
+    return float(np.hypot(*(right - left)))
+
+
+def look_for_curves(edges: EdgeImage, view: CupView, reach: float) -> tuple[SeenCurve, ...]:
+    """Edges along every curve that the view should show, those of no use left out."""
+    separation = _separation(view)
+    double = view.pose.camera_centre[2] > 0.0 and separation > _LEAST_SEPARATION
+    seen = []
+    for curve in Curve:
+        near = reach
+        if curve is Curve.REAR and not double:
+            continue
+        if curve in (Curve.FRONT, Curve.REAR) and double:
+            near = min(reach, 0.45 * separation)
+        found = _look(edges, view, curve, near)
+        if found.samples >= 10:
+            seen.append(found)
+    return tuple(seen)
+
+
+def _separation(view: CupView) -> float:
+    """Rows between the middles of the front and the rear line of the still level [px]."""
+    front = curve_points(view, Curve.FRONT, 3)[1]
+    rear = curve_points(view, Curve.REAR, 3)[1]
+    return float(np.hypot(*(front - rear)))
+
+
+def _look(edges: EdgeImage, view: CupView, curve: Curve, reach: float) -> SeenCurve:
+    ends = curve_points(view, curve, 9)
+    length = float(np.nansum(np.hypot(*np.diff(ends, axis=0).T)))
+    points = curve_points(view, curve, max(int(length / _SPACING), 12))
+    tangent = np.gradient(points, axis=0)
+    tangent /= np.maximum(np.hypot(tangent[:, 0], tangent[:, 1]), 1e-9)[:, np.newaxis]
+    # Outwards for a side, upwards for a level.
+    normals = np.column_stack((tangent[:, 1], -tangent[:, 0]))
+    if curve in SIDES and curve not in _LEFT:
+        normals = -normals
+    rows, columns = edges.shape
+    inside = np.all((points >= 2.0) & (points <= (columns - 3.0, rows - 3.0)), axis=1)
+    points, normals = points[inside], normals[inside]
+    found = find_edges(edges, points, normals, reach, outermost=curve in SIDES)
+    kept = found.slope > 0.0
+    return SeenCurve(curve, found.pixels[kept], normals[kept], found.slope[kept], len(points))
+
+
+def distances(view: CupView, seen: SeenCurve) -> FloatArray:
+    """Signed distance of the edges found from a curve (N,) [px]; along the normals positive."""
+    if seen.curve in SIDES:
+        return _side_distances(view, seen)
+    line = curve_points(view, seen.curve, 81)
+    v = np.interp(seen.pixels[:, 0], line[:, 0], line[:, 1])
+    return (seen.pixels[:, 1] - v) * seen.normals[:, 1]
+
+
+def _side_distances(view: CupView, seen: SeenCurve) -> FloatArray:
+    origin, direction = view.rays(seen.pixels)
+    flat = np.hypot(direction[:, 0], direction[:, 1])
+    offset = (origin[0] * direction[:, 1] - origin[1] * direction[:, 0]) / flat
+    outer = view.cup.radius + view.cup.wall_thickness
+    outwards = (-offset if seen.curve in _LEFT else offset) - outer
+    distance = axis_distance(view)
+    cup = view.cup
+    shine = _SHINE if cup.wall_thickness > 0.0 and cup.wall_refractive_index > 1.0 else 0.0
+    return np.asarray(outwards * view.camera.fx / distance + shine)
+
+
+def axis_distance(view: CupView) -> float:
+    """Horizontal distance of the camera's centre from the container's axis [m]."""
+    return float(np.hypot(*view.pose.camera_centre[:2]))
