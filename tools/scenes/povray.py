@@ -329,7 +329,7 @@ def run(text: str, size: tuple[int, int], folder: Path, smooth: bool) -> Image:
     out = folder / "scene.png"
     out.unlink(missing_ok=True)
     command = [
-        *("nice", "-n", "15", "povray", "+Iscene.pov", "+Oscene.png", "+WT1", "-D", "-V"),
+        *("povray", "+Iscene.pov", "+Oscene.png", "+WT1", "-D", "-V"),
         *(f"+W{size[0]}", f"+H{size[1]}", "+FN16", "File_Gamma=1.0"),
         *(("+A0.08", "+AM2", "+R2") if smooth else ("-A",)),
     ]
