@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,7 +42,8 @@ _SIDE_ERROR, _SIDE_TURN, _EMPTY_ERROR = 0.3, 0.2, 2.0
 _LEVEL_ERROR = 0.2
 _BASE_ERROR = 0.0015
 # Search to both sides of a predicted curve, as a share of the container's width, and at least.
-_STAGES = ((0.045, 8.0), (0.045, 8.0), (0.03, 6.0), (0.015, 4.0), (0.012, 3.0), (0.012, 3.0))
+_ROUGH = ((0.045, 8.0), (0.045, 8.0), (0.03, 6.0))
+_FINE = ((0.03, 6.0), (0.015, 4.0), (0.012, 3.0), (0.012, 3.0))
 # An edge farther off than this after the fit belongs to something else [px].
 INLIER = 1.5
 _FAR = 1e3
@@ -100,7 +101,13 @@ class Fit:
 
 
 def fit_place(
-    edges: EdgeImage, camera: PinholeCamera, cup: Cup, start: CameraPlace, hint: Hint = NO_HINT
+    edges: EdgeImage,
+    camera: PinholeCamera,
+    cup: Cup,
+    start: CameraPlace,
+    hint: Hint = NO_HINT,
+    *,
+    rough: bool = False,
 ) -> Fit | None:
     """Fit the camera's place to the edges, looking for them ever closer to the prediction.
 
@@ -110,15 +117,18 @@ def fit_place(
         cup: the container.
         start: where to start.
         hint: what else is known.
+        rough: from far away, to a few pixels: light goes straight, which is quicker.
 
     Returns:
         The fit; None where it runs away or loses the edges.
     """
+    if rough:
+        cup = replace(cup, wall_refractive_index=1.0)
     place = start
     covariance = np.full((_PLACE, _PLACE), np.nan)
     reach = 0.0
     try:
-        for share, least in _STAGES:
+        for share, least in _ROUGH if rough else _FINE:
             view = view_at(camera, cup, place)
             reach = max(share * width_of(view), least)
             seen = look_for_curves(edges, view, reach)
@@ -175,7 +185,7 @@ class _Problem:
         """The place and the covariance of its five numbers (5, 5)."""
         first = np.concatenate((self._start.numbers / self._scale, np.zeros(self._own_size)))
         result = least_squares(
-            self._cost, first, jac=self._slope, loss="soft_l1", max_nfev=25, xtol=1e-7
+            self._cost, first, jac=self._slope, loss="soft_l1", max_nfev=12, xtol=1e-6
         )
         covariance = np.linalg.pinv(result.jac.T @ result.jac)[:_PLACE, :_PLACE]
         place = CameraPlace(*(float(value) for value in result.x[:_PLACE] * self._scale))

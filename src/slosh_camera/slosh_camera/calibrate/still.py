@@ -35,12 +35,14 @@ MAX_RESIDUAL = 1.0
 MAX_HEIGHT_ERROR = 1e-3
 """Standard error of a height up to which a pose is of use [m]."""
 _LEAST_SHARE = 0.5
-_CANDIDATES = 5
+_CANDIDATES, _FINE_FITS = 6, 2
 # The coarse search takes so many columns at least, and less than twice as many.
 _SEARCH_WIDTH = 800
 # A second place counts as another answer where it moves a height by more than this [m], and as a
 # rival where its score comes so close to the best.
 _SAME = 1e-3
+# Rough fits that differ by less than this, relative to the distance or [rad], are one.
+_ALIKE = 0.02
 _RIVAL = 0.93
 _ARC = np.deg2rad(np.linspace(-60.0, 60.0, 13))
 _STEP = 1e-6
@@ -113,9 +115,11 @@ def calibrate_by_edges(
     check_size(image, camera)
     straight, pinhole = undistorted(image, camera)
     edges = edge_image(straight)
+    starts = [candidate.place for candidate in _candidates(straight, pinhole, cup)]
+    rough = [fit_place(edges, pinhole, cup, start, hint, rough=True) for start in starts]
     fits = [
-        fit_place(edges, pinhole, cup, candidate.place, hint)
-        for candidate in _candidates(straight, pinhole, cup)
+        fit_place(edges, pinhole, cup, fit.place, hint)
+        for fit in _distinct([fit for fit in rough if fit])[:_FINE_FITS]
     ]
     ranked = sorted((fit for fit in fits if fit), key=lambda fit: -fit.score)
     if not ranked:
@@ -198,6 +202,17 @@ def _candidates(image: Image, camera: PinholeCamera, cup: Cup) -> list[Candidate
             (camera.cy + 0.5) / shrink - 0.5,
         )
     return find_candidates(edge_image(image), camera, cup, _CANDIDATES)
+
+
+def _distinct(fits: list[Fit]) -> list[Fit]:
+    """The fits that ended at different places, the best first."""
+    kept: list[Fit] = []
+    for fit in sorted(fits, key=lambda fit: -fit.score):
+        far = _ALIKE * fit.place.distance
+        size = np.array([far, far, _ALIKE, _ALIKE, _ALIKE])
+        if all(np.any(np.abs(fit.place.numbers - k.place.numbers) > size) for k in kept):
+            kept.append(fit)
+    return kept
 
 
 def _check_curves(fit: Fit) -> None:
