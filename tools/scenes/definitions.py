@@ -215,7 +215,7 @@ SCENES: dict[str, Scene] = {
             about="light from one side, moving background, tea that absorbs little, blur",
             liquid=Liquid(absorption=(3, 9, 26), colour=(0.2, 0.1, 0.03), opacity=0.0),
             camera=Camera(height=25, pitch=3),
-            photo=Photo(gain=1.15, shot=0.008, sub_frames=3, exposure_s=0.004, quality=85),
+            photo=Photo(gain=1.3, shot=0.008, sub_frames=3, exposure_s=0.004, quality=85),
             room=Room(
                 seed=7, slope=(0.25, 1.3), moving=60, things=8, wall=(0.7, 0.7, 0.68), behind=1.0
             ),
@@ -271,7 +271,7 @@ SCENES: dict[str, Scene] = {
             about="clear water before a patterned board: contrast by refraction alone",
             liquid=Liquid(absorption=(1.5, 0.6, 0.4), colour=(0.0, 0.0, 0.0), opacity=0.0),
             camera=Camera(height=35, pitch=5),
-            room=Room(seed=14, wall=(0.42, 0.4, 0.36), things=7, texture=0.35),
+            room=Room(seed=14, wall=(0.42, 0.4, 0.36), things=7, texture=0.18),
             motion=Motion(phi=-75, minor=0.7, peak=26),
         ),
         replace(

@@ -219,7 +219,8 @@ def paint_board(scene: Scene, path: Path) -> None:
     image = cv2.GaussianBlur(image, (0, 0), 3.0)
     if room.texture:
         image *= 1 + room.texture * _pattern(rng, (high, wide))[..., None]
-    image *= np.linspace(room.slope[0], room.slope[1], wide)[None, :, None]
+    # The gradient lies in the third of the board that the cameras see.
+    image *= np.interp(np.linspace(0, 1, wide), (0.35, 0.65), room.slope)[None, :, None]
     image *= np.linspace(1.08, 0.85, high)[:, None, None]
     cv2.imwrite(str(path), to_srgb(image)[..., ::-1])
 
