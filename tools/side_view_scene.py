@@ -152,18 +152,21 @@ def draw(setup: Setup, liquid: Liquid, look: Look = Look(), seed: int = 1) -> Im
     if setup.rim_height is not None:
         inside &= z <= setup.rim_height - setup.fill_height
     wet = inside & (z <= liquid.at(x, setup.width))
-    # Behind the face the ray goes on through air until it meets the surface or the rear wall.
-    rear_x, rear_z = x + way[0] * setup.depth, z + way[1] * setup.depth
+    # Behind the face the ray goes on through air until it meets the surface, a side or the rear.
+    side = np.copysign(0.5 * setup.width, way[0])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        depth = np.fmin((side - x) / way[0], setup.depth)
+    rear_x, rear_z = x + way[0] * depth, z + way[1] * depth
     top = inside & ~wet & (rear_z <= liquid.at(rear_x, setup.width))
     colours = [np.atleast_1d(np.asarray(value, dtype=np.float64)) for value in _greys(look)]
-    depth = max(colour.size for colour in colours)
-    picture = np.empty((*x.shape, depth))
+    channels = max(colour.size for colour in colours)
+    picture = np.empty((*x.shape, channels))
     picture[:] = colours[3]
     for where, colour in ((inside, colours[1]), (top, colours[2]), (wet, colours[0])):
         picture[where] = colour
     for patch in look.patches:
         picture[patch.covers(x, z)] = np.atleast_1d(patch.grey)
-    small = picture.reshape(setup.rows, SUPERSAMPLES, setup.columns, SUPERSAMPLES, depth)
+    small = picture.reshape(setup.rows, SUPERSAMPLES, setup.columns, SUPERSAMPLES, channels)
     return _exposed(small.mean(axis=(1, 3)), look, seed)
 
 

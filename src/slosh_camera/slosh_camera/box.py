@@ -152,19 +152,38 @@ class BoxView:
             x (N,) and height above the still level z (N,) [m]; NaN where the ray misses the
             face's plane.
         """
-        direction = self.camera.rays(pixels) @ self.pose.rotation
-        ahead = np.where(direction[:, 1] > 0.0, direction[:, 1], np.nan)
-        slope_x, slope_z = direction[:, 0] / ahead, direction[:, 2] / ahead
+        slope_x, slope_z = self._slopes(pixels)
         index = self.box.wall_refractive_index
         inside = np.sqrt(index**2 + (index**2 - 1.0) * (slope_x**2 + slope_z**2))
         way = self._air + self.box.wall_thickness / inside
         return self._centre[0] + slope_x * way, self._centre[2] + slope_z * way
+
+    def on_rear(self, pixels: ArrayLike) -> tuple[FloatArray, FloatArray]:
+        """Place pixels on the inner side of the rear wall, seen through air above the liquid.
+
+        Args:
+            pixels: (N, 2).
+
+        Returns:
+            x (N,) and height above the still level z (N,) [m]; NaN where the box's depth is
+            unknown or the ray misses.
+        """
+        depth = np.nan if self.box.depth is None else self.box.depth
+        x, z = self.on_face(pixels)
+        slope_x, slope_z = self._slopes(pixels)
+        return x + slope_x * depth, z + slope_z * depth
 
     def height_per_pixel(self, pixel: ArrayLike) -> float:
         """Footprint of one pixel row on the face [m/px]; NaN where the ray misses it."""
         u, v = np.asarray(pixel, dtype=np.float64)
         _, height = self.on_face([[u, v - 0.5], [u, v + 0.5]])
         return float(abs(height[1] - height[0]))
+
+    def _slopes(self, pixels: ArrayLike) -> tuple[FloatArray, FloatArray]:
+        """How far rays in air go along x and z while they go 1 along y; NaN away from the face."""
+        direction = self.camera.rays(pixels) @ self.pose.rotation
+        ahead = np.where(direction[:, 1] > 0.0, direction[:, 1], np.nan)
+        return direction[:, 0] / ahead, direction[:, 2] / ahead
 
     @property
     def _air(self) -> float:

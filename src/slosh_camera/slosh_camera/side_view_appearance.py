@@ -234,8 +234,8 @@ def _smooth(places: NDArray[np.intp], values: FloatArray, columns: FloatArray) -
     centre, scale = 0.5 * float(places[0] + places[-1]), 0.5 * float(np.ptp(places)) + 1.0
     powers = ((places - centre) / scale)[:, np.newaxis] ** np.arange(3)
     weight = np.ones(values.size)
-    residual = values - np.median(values)
-    coefficients = np.zeros(3, dtype=np.float64)
+    residual = (values - np.median(values)).astype(np.float64)
+    coefficients = np.zeros(3, np.float64)
     for _ in range(_ROBUST_STEPS):
         width = 3.0 * float(np.median(np.abs(residual))) + 1.0
         weight = 1.0 / (1.0 + (residual / width) ** 2) ** 2
@@ -243,8 +243,8 @@ def _smooth(places: NDArray[np.intp], values: FloatArray, columns: FloatArray) -
         normal = weighted.T @ powers + 1e-9 * np.eye(3)
         coefficients = np.linalg.solve(normal, weighted.T @ values)
         residual = (values - powers @ coefficients).astype(np.float64)
-    smooth: FloatArray = ((columns - centre) / scale)[:, np.newaxis] ** np.arange(3) @ coefficients
-    return smooth
+    smooth = ((columns - centre) / scale)[:, np.newaxis] ** np.arange(3) @ coefficients
+    return np.asarray(smooth, dtype=np.float64)
 
 
 def _spread(small: Single, where: BoolArray, contrast: float) -> tuple[Single, BoolArray]:

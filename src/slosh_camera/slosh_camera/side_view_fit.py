@@ -1,8 +1,9 @@
 """Shape of the liquid's line over a rectangular container's width.
 
-Linear theory gives the standing waves cos(n pi (x + w/2) / w) [TM20's container; Ibrahim 2005,
-Faltinsen and Timokha 2009]; a level and the first three of them are fitted. The straight line of
-TM20, eqs. (11) and (12), is the least-squares line over the whole width.
+A steady acceleration inclines a plane; linear theory adds the standing waves
+cos(n pi (x + w/2) / w) [Ibrahim 2005; Faltinsen and Timokha 2009]. A level, a straight line and
+the first three waves are fitted. The straight line of TM20, eqs. (11) and (12), is the
+least-squares line over the whole width.
 """
 
 from __future__ import annotations
@@ -16,10 +17,12 @@ FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
 MODES = 3
-# Expected size of the modes, as parts of the width; it only matters where the line is hidden.
-_PRIOR = np.array([np.inf, 0.5, 0.15, 0.08])
-_SAMPLES = 64
-_POINTS = 5
+_FUNCTIONS = 2 + MODES
+# Expected size of line and modes, as parts of the width: it tells the line from the first mode
+# where they are much alike, and matters where the line is hidden.
+_PRIOR = np.array([np.inf, 0.5, 0.5, 0.15, 0.08])
+_SAMPLES = 96
+_POINTS = 6
 # Residuals beyond this part of the width count as wrong in the search for a first shape.
 _TRUNCATION = 0.03
 _ITERATIONS = 6
@@ -34,8 +37,9 @@ class Shape:
 
     Attributes:
         width: the container's [m].
-        coefficients: (1 + MODES,) level and amplitudes of the modes at the left wall [m].
-        covariance: (1 + MODES, 1 + MODES) of the coefficients for unit variance of a point.
+        coefficients: (2 + MODES,) level, height of the straight line at the right wall and
+            amplitudes of the modes at the left wall [m].
+        covariance: (2 + MODES, 2 + MODES) of the coefficients for unit variance of a point.
         scatter: robust standard deviation of the points about the shape [m].
     """
 
@@ -59,14 +63,15 @@ class Shape:
 
 
 def basis(x: FloatArray, width: float) -> FloatArray:
-    """Level and modes (N, 1 + MODES) at places x (N,)."""
+    """Level, straight line and modes (N, 2 + MODES) at places x (N,)."""
     phase = np.pi * (x / width + 0.5)
-    functions = np.empty((x.size, 1 + MODES))
+    functions = np.empty((x.size, _FUNCTIONS))
     functions[:, 0] = 1.0
-    functions[:, 1] = np.cos(phase)
+    functions[:, 1] = 2.0 * x / width
+    functions[:, 2] = np.cos(phase)
     # cos 2p and cos 3p by cos p; a cosine costs as much as all else here.
-    functions[:, 2] = 2.0 * functions[:, 1] ** 2 - 1.0
-    functions[:, 3] = functions[:, 1] * (2.0 * functions[:, 2] - 1.0)
+    functions[:, 3] = 2.0 * functions[:, 2] ** 2 - 1.0
+    functions[:, 4] = functions[:, 2] * (2.0 * functions[:, 3] - 1.0)
     return functions
 
 
@@ -92,7 +97,7 @@ def first_shape(x: FloatArray, z: FloatArray, width: float, draws: FloatArray) -
     cost = np.minimum(residuals, _TRUNCATION * width).sum(axis=1)
     best = int(np.argmin(cost))
     scatter = _MAD * float(np.median(residuals[best]))
-    return Shape(width, coefficients[best], np.zeros((1 + MODES, 1 + MODES)), scatter)
+    return Shape(width, coefficients[best], np.zeros((_FUNCTIONS, _FUNCTIONS)), scatter)
 
 
 def sample_draws() -> FloatArray:
@@ -134,15 +139,36 @@ def refined_shape(
 
 
 def straight_line(x: FloatArray, z: FloatArray) -> tuple[float, float]:
-    """Least-squares line z = level + slope x through points over the whole width.
+    """Least-squares line z = level + slope x through a curve over its whole length.
+
+    Args:
+        x: (N,) places in order [m].
+        z: (N,) heights [m].
 
     Returns:
         Level [m] at x = 0 and slope [-].
     """
-    middle, level = float(np.mean(x)), float(np.mean(z))
-    away = x - middle
-    slope = float(np.dot(away, z) / np.dot(away, away))
-    return level - slope * middle, slope
+    weights = slope_weights(x)
+    slope = float(weights @ z)
+    part = trapezoid(x)
+    return float(part @ (z - slope * x)), slope
+
+
+def slope_weights(x: FloatArray) -> FloatArray:
+    """(N,) by which the heights at places (N,) add up to the least-squares line's slope [1/m]."""
+    part = trapezoid(x)
+    away = x - part @ x
+    weights: FloatArray = part * away / (part @ away**2)
+    return weights
+
+
+def trapezoid(x: FloatArray) -> FloatArray:
+    """(N,) parts of the length that places (N,) stand for; the ends count half."""
+    steps = np.diff(x)
+    part = np.zeros(x.size)
+    part[:-1] += 0.5 * steps
+    part[1:] += 0.5 * steps
+    return part / float(np.sum(part))
 
 
 def _ridge(width: float, scatter: float) -> FloatArray:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from slosh_camera.box import BoxView
 from slosh_camera.measurement import NAN
-from slosh_camera.side_view_fit import basis, straight_line
+from slosh_camera.side_view_fit import basis, slope_weights, straight_line
 from slosh_camera.side_view_trace import TracedLine
 
 FloatArray = NDArray[np.float64]
@@ -136,7 +136,8 @@ def _at_wall(line: TracedLine, residual: FloatArray, wall: float) -> float:
     if np.count_nonzero(near) < _LEAST_POINTS or np.min(away) > _WALL_GAP * width:
         return NAN
     added = residual[near]
-    level, _ = straight_line(away[near], added)
+    order = np.argsort(away[near])
+    level, _ = straight_line(away[near][order], added[order])
     # Too few points to tell a slope would lead anywhere.
     level = float(np.clip(level, np.min(added), np.max(added)))
     return float(line.shape.at(np.array([wall]))[0]) + level
@@ -180,8 +181,7 @@ def _slope_stddev(x: FloatArray, slope: float, common: float, covariance: FloatA
     The straight line's slope is a weighted sum of the heights, and these follow the shape's
     coefficients. What light does to the edge may differ from wall to wall.
     """
-    away = x - np.mean(x)
-    functions = (away / np.dot(away, away)) @ basis(x, float(np.ptp(x)))
+    functions = slope_weights(x) @ basis(x, float(np.ptp(x)))
     of_light = 2.0 * common / float(np.ptp(x))
     spread = float(np.sqrt(functions @ covariance @ functions + of_light**2))
     return spread / (1.0 + slope**2)

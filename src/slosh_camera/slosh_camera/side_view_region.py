@@ -27,7 +27,7 @@ _SAMPLE_ROWS = 9
 _SAMPLE_COLUMN_STEP = 4
 _OUTLINE_POINTS = 65
 # Pixels at the container's edges mix liquid, wall and background.
-_EDGE_INSET = 1
+_EDGE_INSET = 2
 _MIN_COLUMNS = 24
 _MIN_ROWS = 8
 _LEVELS = 9

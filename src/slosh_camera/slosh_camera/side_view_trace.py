@@ -32,6 +32,7 @@ from slosh_camera.side_view_line import (
     refine_edges,
     split_columns,
 )
+from slosh_camera.side_view_rear import FrontLine, front_line
 from slosh_camera.side_view_region import SideRegion
 
 Image = NDArray[np.uint8]
@@ -99,6 +100,7 @@ class TracedLine:
         z: (N,) heights above the still line [m].
         pixels: (N, 2) [px].
         softness: (N,) standard deviations of the edges [px].
+        doubt: (N,) by which the line may be lower, since the surface behind may be seen [px].
         shape: what is fitted.
         pixel_height: footprint of one pixel row [m].
         full_x: (M,) places of the columns that are full of liquid [m].
@@ -111,6 +113,7 @@ class TracedLine:
     z: FloatArray
     pixels: FloatArray
     softness: FloatArray
+    doubt: FloatArray
     shape: Shape
     pixel_height: float
     full_x: FloatArray
@@ -221,7 +224,10 @@ class _Tracer:
             kept = self._kept(found, first)
         if np.count_nonzero(kept) < max(_MIN_POINTS, _MIN_SEEN * np.count_nonzero(~full)):
             return None
-        return self._placed(found, kept, full, first)
+        light = self._light
+        line = FrontLine(found, kept, np.zeros(kept.size))
+        line = front_line(self._view, self._region, light.channel, line, light.levels)
+        return self._placed(line, full)
 
     def _first(self, at_split: FloatArray, seen: BoolArray) -> Shape:
         """Shape through most of the boundaries."""
@@ -267,25 +273,27 @@ class _Tracer:
         could = self._region.inside.any(axis=0) & ~full
         return float(np.count_nonzero(could & ~kept)) / max(int(np.count_nonzero(could)), 1)
 
-    def _placed(self, found: Edges, kept: BoolArray, full: BoolArray, first: Shape) -> TracedLine:
-        columns, over = np.flatnonzero(kept), np.flatnonzero(full)
-        x, z = self._place(found.rows[columns], columns)
+    def _placed(self, line: FrontLine, full: BoolArray) -> TracedLine:
+        columns, over = np.flatnonzero(line.kept), np.flatnonzero(full)
+        rows, softness = line.edges.rows[columns], line.edges.softness[columns]
+        x, z = self._place(rows, columns)
+        order = np.argsort(x)
+        x, z = x[order], z[order]
         upper = np.argmax(self._region.inside, axis=0).astype(np.float64)
         full_x, full_z = self._place(upper[over], over)
-        shape = refined_shape(x, z, first, self._floor, (full_x, full_z))
-        order = np.argsort(x)
-        columns = columns[order]
-        pixels = np.column_stack((columns.astype(np.float64), found.rows[columns]))
+        start = first_shape(x, z, self._view.box.width, _DRAWS)
+        pixels = np.column_stack((columns.astype(np.float64), rows)) + self._corner
         return TracedLine(
-            x=x[order],
-            z=z[order],
-            pixels=pixels + self._corner,
-            softness=found.softness[columns],
-            shape=shape,
+            x=x,
+            z=z,
+            pixels=pixels[order],
+            softness=softness[order],
+            doubt=line.doubt[columns][order],
+            shape=refined_shape(x, z, start, self._floor, (full_x, full_z)),
             pixel_height=self._pixel_height,
             full_x=full_x,
             full_z=full_z,
-            hidden=self._hidden(kept, full),
+            hidden=self._hidden(line.kept, full),
             knowledge=self._knowledge,
         )
 

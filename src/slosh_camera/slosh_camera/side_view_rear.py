@@ -1,0 +1,140 @@
+"""Line on the rear wall in a side view: where the camera looks down on the surface.
+
+A camera above a part of the liquid sees the free surface there, between the line on the face
+and, higher in the image, the line on the rear wall. Where the surface is nearly as dark as the
+liquid the upper line is the more marked edge; taken for the line on the face it would read too
+high. The surface has the same height at the face and at the rear wall, so that the upper line says
+where the lower one is; whether the upper one was found is told by the grey level in between.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ndtr
+
+from slosh_camera.box import BoxView
+from slosh_camera.side_view_appearance import Levels
+from slosh_camera.side_view_line import Edges
+from slosh_camera.side_view_region import SideRegion
+
+Image = NDArray[np.uint8]
+FloatArray = NDArray[np.float64]
+
+# Lines at least so many rows apart, and so many times the edge's softness, show what is between.
+_APART_ROWS = 3.0
+_APART_SOFTNESS = 2.4
+_SHARP_PERCENTILE = 10.0
+_LEAST_COLUMNS = 8
+# Least difference of surface and liquid, as a part of that of background and liquid.
+_LEAST_SURFACE = 0.08
+# A surface that differs more from the liquid makes the line on the face the more marked edge.
+_MOST_SURFACE = 0.5
+# Heights at the rear wall are taken to go on over this part of the width.
+_MARGIN = 0.02
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FrontLine:
+    """The line on the face, after the line on the rear wall was told from it.
+
+    Attributes:
+        edges: the line.
+        kept: (columns,) where it is seen.
+        doubt: (columns,) rows by which it may lie lower, since only one line is seen where there
+            may be two [px].
+    """
+
+    edges: Edges
+    kept: NDArray[np.bool_]
+    doubt: FloatArray
+
+
+def front_line(
+    view: BoxView, region: SideRegion, channel: Image, found: FrontLine, levels: Levels
+) -> FrontLine:
+    """Line on the face where the line that was found is that on the rear wall.
+
+    Args:
+        view: the container as the camera sees it.
+        region: the region.
+        channel: (rows, columns) of the region, blurred.
+        found: the line that was found.
+        levels: of liquid and background.
+
+    Returns:
+        The line on the face; where nothing speaks for a second line, the line that was found.
+    """
+    columns = np.flatnonzero(found.kept)
+    rows, softness = found.edges.rows[columns], found.edges.softness[columns]
+    gap = np.maximum(np.nan_to_num(_in_front(view, region, rows, columns) - rows), 0.0)
+    sharp = float(np.percentile(softness, _SHARP_PERCENTILE))
+    apart = gap >= max(_APART_ROWS, _APART_SOFTNESS * sharp)
+    surface = 0.0
+    if np.count_nonzero(apart) >= _LEAST_COLUMNS:
+        steps = _at(channel, rows + 0.5 * gap, columns) - _at(channel, rows + 1.5 * gap, columns)
+        # A single edge is still on its way down in the middle.
+        tail = ndtr(-0.5 * gap / sharp) - ndtr(-1.5 * gap / sharp)
+        surface = float(np.median((steps / levels.contrast - tail)[apart]))
+    if surface < _LEAST_SURFACE:
+        doubt = np.zeros(found.kept.size)
+        doubt[columns] = gap
+        return FrontLine(found.edges, found.kept, doubt)
+    surface = min(surface, _MOST_SURFACE)
+    own = (1.0 - surface) * float(np.median(softness[apart]))
+    rear = rows - _shift(gap, own, surface)
+    front = _in_front(view, region, rear, columns)
+    at = found.edges.rows.copy()
+    at[columns] = np.where(gap > 0.0, front, rows)
+    return FrontLine(
+        Edges(at, found.edges.softness), np.isfinite(at) & found.kept, np.zeros(at.size)
+    )
+
+
+def _at(channel: Image, rows: FloatArray, columns: NDArray[np.intp]) -> FloatArray:
+    """Grey levels (N,) at rows (N,), which are fractions, of columns (N,)."""
+    last = len(channel) - 2
+    above = np.clip(np.floor(np.nan_to_num(rows)), 0, last).astype(np.intp)
+    part = np.clip(np.nan_to_num(rows) - above, 0.0, 1.0)
+    levels: FloatArray = (1.0 - part) * channel[above, columns] + part * channel[
+        above + 1, columns
+    ]
+    return levels
+
+
+def _shift(gap: FloatArray, softness: float, surface: float) -> FloatArray:
+    """Rows by which the lower line draws the upper one's steepest place down.
+
+    Two blurred steps, 1 - surface and surface high, are two Gaussians over the rows; this is one
+    step of Newton's method from the upper one's centre to the sum's maximum.
+    """
+    ratio = surface / (1.0 - surface)
+    square = (gap / softness) ** 2
+    overlap = ratio * np.exp(-0.5 * square)
+    shift: FloatArray = gap * overlap / (1.0 + overlap * (1.0 - square))
+    return shift
+
+
+def _in_front(
+    view: BoxView, region: SideRegion, rows: FloatArray, columns: NDArray[np.intp]
+) -> FloatArray:
+    """Rows of the line on the face if these are rows of the line on the rear wall.
+
+    NaN where the rear wall does not show what stands before it.
+    """
+    pixels = np.column_stack((columns + region.left, rows + region.top))
+    rear_x, rear_z = view.on_rear(pixels)
+    between = np.abs(rear_x) <= 0.5 * view.box.width
+    if np.count_nonzero(between) < _LEAST_COLUMNS:
+        return np.full(rows.size, np.nan)
+    order = np.argsort(rear_x[between])
+    known, heights = rear_x[between][order], rear_z[between][order]
+    x, _ = view.on_face(pixels)
+    margin = _MARGIN * view.box.width
+    inside = (x >= known[0] - margin) & (x <= known[-1] + margin)
+    every = np.zeros(region.inside.shape[1])
+    every[columns] = np.interp(x, known, heights)
+    front: FloatArray = np.where(inside, region.rows_at(every)[columns], np.nan)
+    return front
