@@ -16,6 +16,7 @@ COMMANDS: dict[str, str] = {
     "demo": "the simulated cell, all nodes, record, report",
     "cell": "all nodes on a real robot's topics, until Ctrl-C",
     "simulate": "open-loop prediction of a motion table",
+    "calibrate": "camera.yaml from an image of the liquid at rest",
     "detect": "heights from a video or a folder of images",
     "replay": "the estimator's and the monitor's cores over bags",
     "import": "public measured data to bags",

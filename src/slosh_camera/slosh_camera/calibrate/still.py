@@ -23,7 +23,7 @@ from slosh_camera.calibrate.pose import CameraPlace, place_of
 from slosh_camera.calibrate.search import Candidate, find_candidates
 from slosh_camera.camera import PinholeCamera
 from slosh_camera.errors import SloshCameraError
-from slosh_camera.geometry import Cup, CupView, Pose, Wall
+from slosh_camera.geometry import Cup, CupView, Wall
 
 FloatArray = NDArray[np.float64]
 Image = NDArray[np.uint8]
@@ -310,8 +310,3 @@ def _heights(view: CupView, truth: CupView, wall: Wall) -> FloatArray:
     arc = AZIMUTH + (_ARC if wall is Wall.FRONT else np.pi - _ARC)
     azimuth, height = np.tile(arc, len(HEIGHTS)), np.repeat(HEIGHTS, arc.size)
     return view.on_wall(truth.project_wall(azimuth, height, wall), wall)[1]
-
-
-def pose_place(pose: Pose) -> FloatArray:
-    """The five numbers of the camera's place (5,) in a pose."""
-    return place_of(pose)[0].numbers

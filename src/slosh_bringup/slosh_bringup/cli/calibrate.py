@@ -1,0 +1,264 @@
+"""`slosh calibrate`: camera.yaml from an image of the liquid at rest."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+from dataclasses import fields
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_bringup.errors import SloshBringupError
+from slosh_camera.calibrate.board import (
+    FORMAT,
+    BoardFit,
+    check_hint,
+    find_board,
+    hint_of_flat_board,
+    parse_board,
+    pose_by_board,
+)
+from slosh_camera.calibrate.curves import Curve
+from slosh_camera.calibrate.intrinsics import KnownCamera, camera_of_view, read_known_camera
+from slosh_camera.calibrate.picture import draw_calibration
+from slosh_camera.calibrate.pose import CameraPlace
+from slosh_camera.calibrate.still import StillFit, calibrate_by_edges, check_pose, check_size
+from slosh_camera.calibration import Calibration, format_calibration, parse_calibration
+from slosh_camera.errors import SloshCameraError
+from slosh_camera.geometry import Cup, CupView, Pose, Wall
+
+Image = NDArray[np.uint8]
+
+_CUP_KEYS = tuple(entry.name for entry in fields(Cup))
+# Edges that lie farther than this from the pose that a board gives are worth a word [px].
+_DOUBTFUL_OFFSET = 1.0
+_LEAST_SHARE = 0.5
+_NUMBERS = tuple(entry.name for entry in fields(CameraPlace))
+_SENSE = (
+    (1e3, 1, "mm from the axis"),
+    (1e3, 1, "mm above the still level"),
+    (180.0 / np.pi, 2, "deg to the left of the axis"),
+    (180.0 / np.pi, 2, "deg down"),
+    (180.0 / np.pi, 2, "deg clockwise"),
+)
+# About which axis yaw, pitch and roll turn.
+_AXES = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]])
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declares the subcommand's options."""
+    parser.add_argument("still", type=Path, help="image of the liquid at rest")
+    camera = parser.add_mutually_exclusive_group(required=True)
+    camera.add_argument(
+        "--camera", type=Path, metavar="FILE",
+        help="intrinsic parameters: a file of ROS camera_calibration, or a camera.yaml",
+    )  # fmt: skip
+    camera.add_argument(
+        "--fov", type=float, metavar="DEG", help="horizontal field of view of an ideal lens"
+    )
+    cup = parser.add_argument_group("container [m]; what --camera's file holds is the default")
+    cup.add_argument("--radius", type=float, metavar="M", help="inner radius")
+    cup.add_argument("--fill-height", type=float, metavar="M", help="of the liquid at rest")
+    cup.add_argument("--wall-thickness", type=float, metavar="M", help="default 0")
+    cup.add_argument("--rim-height", type=float, metavar="M", help="above the inner floor")
+    cup.add_argument("--wall-refractive-index", type=float, metavar="N", help="default 1.49")
+    cup.add_argument(
+        "--azimuth", type=float, default=-90.0, metavar="DEG",
+        help="where the camera stands about the container, from its +x towards +y (default -90)",
+    )  # fmt: skip
+    board = parser.add_argument_group("board of markers")
+    board.add_argument("--board", metavar="BOARD", help=f"{FORMAT}, in m; see docs/calibration.md")
+    board.add_argument(
+        "--board-place", nargs=6, type=float, metavar=("X", "Y", "Z", "YAW", "PITCH", "ROLL"),
+        help="pose of the board in the container's frame [m, deg]; without it the board lies face "
+        "up on the plane on which the container stands",
+    )  # fmt: skip
+    board.add_argument(
+        "--base-thickness", type=float, default=0.0, metavar="M",
+        help="of the container's floor, where a board lies beside it (default 0)",
+    )  # fmt: skip
+    parser.add_argument("-o", "--output", type=Path, required=True, help="camera.yaml to write")
+    parser.add_argument(
+        "--picture", type=Path, metavar="OUT.png", help="the pose drawn over the image"
+    )
+    parser.add_argument("--json", action="store_true", help="print the result as JSON")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Finds the pose, writes camera.yaml and says how good it is."""
+    image = _read_image(arguments.still)
+    known = _known_camera(arguments, image)
+    cup = _cup(arguments, known)
+    try:
+        fit, board = _fitted(arguments, image, known, cup)
+    except SloshCameraError as error:
+        raise SloshBringupError(f"{arguments.still}: {error}") from error
+    text = _camera_yaml(arguments, fit, known)
+    if arguments.picture is not None:
+        _write_picture(arguments.picture, draw_calibration(image, fit, board))
+    arguments.output.write_text(text, encoding="utf-8")
+    print(_as_json(arguments, fit, board) if arguments.json else _as_text(arguments, fit, board))
+    return 0
+
+
+def _read_image(path: Path) -> Image:
+    data = np.fromfile(path, dtype=np.uint8)
+    image = cv2.imdecode(data, cv2.IMREAD_COLOR) if data.size else None
+    if image is None:
+        raise SloshBringupError(f"{path}: is not an image that can be decoded, use PNG or JPEG")
+    return np.asarray(image, dtype=np.uint8)
+
+
+def _known_camera(arguments: argparse.Namespace, image: Image) -> KnownCamera:
+    if arguments.camera is not None:
+        return read_known_camera(arguments.camera)
+    height, width = image.shape[:2]
+    try:
+        camera = camera_of_view(width, height, np.deg2rad(arguments.fov))
+    except SloshCameraError as error:
+        raise SloshBringupError(f"--fov: {error}") from error
+    return KnownCamera(camera, "camera", {})
+
+
+def _cup(arguments: argparse.Namespace, known: KnownCamera) -> Cup:
+    """The container by the options, else by the file."""
+    values = {key: known.container[key] for key in _CUP_KEYS if key in known.container}
+    given = {key: getattr(arguments, key) for key in _CUP_KEYS}
+    values.update({key: value for key, value in given.items() if value is not None})
+    for key in ("radius", "fill_height"):
+        if key not in values:
+            raise SloshBringupError(
+                f"--{key.replace('_', '-')}: is needed, the camera's file does not give it"
+            )
+    return Cup(**values)
+
+
+def _fitted(
+    arguments: argparse.Namespace, image: Image, known: KnownCamera, cup: Cup
+) -> tuple[StillFit, BoardFit | None]:
+    azimuth = np.deg2rad(_finite(arguments.azimuth, "--azimuth"))
+    if arguments.board is None:
+        if arguments.board_place is not None:
+            raise SloshBringupError("--board-place: needs --board")
+        return calibrate_by_edges(image, known.camera, cup, azimuth), None
+    check_size(image, known.camera)
+    board = find_board(image, known.camera, parse_board(arguments.board))
+    if arguments.board_place is not None:
+        pose, covariance = pose_by_board(board, _board_place(arguments.board_place))
+        return check_pose(image, CupView(known.camera, pose, cup), covariance), board
+    base = _finite(arguments.base_thickness, "--base-thickness")
+    hint = hint_of_flat_board(board, cup, base)
+    fit = calibrate_by_edges(image, known.camera, cup, azimuth, hint)
+    check_hint(hint, fit.place.numbers)
+    return fit, board
+
+
+def _finite(value: float, option: str) -> float:
+    if not np.isfinite(value):
+        raise SloshBringupError(f"{option}: {value} is not a finite number")
+    return float(value)
+
+
+def _board_place(values: list[float]) -> Pose:
+    """Transform board -> container, turned about the fixed axes x, y, z by roll, pitch, yaw."""
+    x, y, z, yaw, pitch, roll = (_finite(value, "--board-place") for value in values)
+    turns = [
+        np.deg2rad(angle) * axis for angle, axis in zip((yaw, pitch, roll), _AXES, strict=True)
+    ]
+    about_z, about_y, about_x = (cv2.Rodrigues(turn)[0] for turn in turns)
+    return Pose(about_z @ about_y @ about_x, np.array([x, y, z]))
+
+
+def _camera_yaml(arguments: argparse.Namespace, fit: StillFit, known: KnownCamera) -> str:
+    """The file's text; the still image's path is relative to the file."""
+    folder = arguments.output.resolve().parent
+    still = Path(os.path.relpath(arguments.still.resolve(), folder))
+    text = format_calibration(Calibration(fit.view, known.name, still_image=still))
+    # What was written must be what `slosh detect` reads.
+    parse_calibration(text, str(arguments.output), folder)
+    return text
+
+
+def _write_picture(path: Path, picture: Image) -> None:
+    if path.suffix.lower() not in (".png", ".jpg", ".jpeg"):
+        raise SloshBringupError(f"{path}: pictures are written as .png or .jpg")
+    path.write_bytes(cv2.imencode(path.suffix, picture)[1].tobytes())
+
+
+def _as_json(arguments: argparse.Namespace, fit: StillFit, board: BoardFit | None) -> str:
+    pose = fit.view.pose
+    facts = {
+        "output": str(arguments.output),
+        "rotation": pose.rotation.ravel().tolist(),
+        "translation": pose.translation.tolist(),
+        "place": _named(fit.place.numbers),
+        "stddev": _named(fit.stddev),
+        "residual": _known(fit.residual),
+        "residual_height": _known(fit.residual_height),
+        "height_stddev": {wall.value: fit.height_stddev[wall] for wall in Wall},
+        "curves": {
+            curve.name: {"share": curve.share, "offset": _known(curve.offset)}
+            for curve in fit.curves
+        },
+        "board_residual": None if board is None else board.residual,
+        "warnings": _warnings(fit),
+    }
+    return json.dumps(facts)
+
+
+def _named(numbers: NDArray[np.float64]) -> dict[str, float]:
+    return dict(zip(_NUMBERS, (float(value) for value in numbers), strict=True))
+
+
+def _known(value: float) -> float | None:
+    """JSON has no NaN."""
+    return value if np.isfinite(value) else None
+
+
+def _as_text(arguments: argparse.Namespace, fit: StillFit, board: BoardFit | None) -> str:
+    place, error = fit.place, fit.stddev
+    lines = [
+        f"{name:9}{scale * value:8.{digits}f} +- {scale * sigma:.{digits}f} {unit}"
+        for name, value, sigma, (scale, digits, unit) in zip(
+            _NUMBERS, place.numbers, error, _SENSE, strict=True
+        )
+    ]
+    lines += [
+        f"{curve.name:27} {100.0 * curve.share:4.0f} % seen, {curve.offset:+.2f} px off"
+        for curve in fit.curves
+    ]
+    if board is not None:
+        lines.append(f"board    {len(board.corners)} corners, {board.residual:.2f} px rms")
+    front, rear = (1e3 * fit.height_stddev[wall] for wall in (Wall.FRONT, Wall.REAR))
+    level = 1e3 * fit.residual_height
+    lines += [
+        f"residual {fit.residual:8.2f} px rms (sides, still level); still level {level:.2f} mm",
+        f"a height's error by the pose, at -20 to 20 mm: {front:.2f} mm (front wall), "
+        f"{rear:.2f} mm (rear wall), 1 sigma",
+        *(f"warning: {warning}" for warning in _warnings(fit)),
+        f"{arguments.output}",
+    ]
+    return "\n".join(lines)
+
+
+def _warnings(fit: StillFit) -> list[str]:
+    """What the picture shows otherwise than the dimensions say."""
+    checks = {check.name: check for check in fit.curves}
+    warnings = []
+    floor = checks.get(Curve.BASE.value)
+    if floor is not None and floor.share < _LEAST_SHARE:
+        warnings.append(
+            "the floor's edge is not where the dimensions put it; if it can be seen, check "
+            "radius, fill height, wall thickness and the focal length, which the rest cannot tell"
+        )
+    for name in (Curve.LEFT.value, Curve.RIGHT.value, Curve.FRONT.value, Curve.REAR.value):
+        check = checks.get(name)
+        if check is not None and abs(check.offset) > _DOUBTFUL_OFFSET:
+            warnings.append(f"the {name} lies {check.offset:+.1f} px from where the pose puts it")
+    if not np.isfinite(fit.residual):
+        warnings.append("the container's edges are not seen, nothing checks the board's place")
+    return warnings

@@ -1,0 +1,299 @@
+"""Pose of an ArUco or ChArUco board in a still image, and what it tells about a container."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_camera.calibrate.fit import Hint
+from slosh_camera.calibrate.pose import place_of
+from slosh_camera.camera import PinholeCamera
+from slosh_camera.errors import SloshCameraError
+from slosh_camera.geometry import Cup, Pose
+
+FloatArray = NDArray[np.float64]
+Image = NDArray[np.uint8]
+
+FORMAT = "charuco:COLSxROWS:SQUARE:MARKER[:DICT] or aruco:COLSxROWS:MARKER:GAP[:DICT]"
+_DEFAULT_DICTIONARY = "4X4_50"
+_MAX_SIDE = 50
+_LEAST_CORNERS = 4
+_MAX_RESIDUAL = 1.5
+# The other of the two poses that a plane's perspective leaves must fit worse by this factor.
+_AMBIGUOUS = 1.5
+# Corners of a board are found to this at best [px]; a board lies flat, the depth of the liquid and
+# the thickness of the container's floor are known to [rad, m].
+_LEAST_ERROR = 0.1
+_FLATNESS, _LEVEL_ERROR = 0.002, 0.001
+# A board and a container that differ by more than this contradict each other [m, rad].
+_CONTRADICTION = (0.006, 0.03, 0.03)
+_STEP = 1e-6
+
+
+@dataclass(frozen=True, slots=True)
+class Board:
+    """A printed board.
+
+    Attributes:
+        charuco: a chessboard with markers in its white squares; otherwise a grid of markers.
+        columns: squares, or markers, in a row.
+        rows: squares, or markers, in a column.
+        size: side of a square, or of a marker [m].
+        inner: side of a marker in its square, or gap between two markers [m].
+        dictionary: name of OpenCV's dictionary, without DICT_.
+    """
+
+    charuco: bool
+    columns: int
+    rows: int
+    size: float
+    inner: float
+    dictionary: str = _DEFAULT_DICTIONARY
+
+    def __post_init__(self) -> None:
+        """Refuse a board that cannot be."""
+        least = 2 if self.charuco else 1
+        if not (least <= self.columns <= _MAX_SIDE and least <= self.rows <= _MAX_SIDE):
+            raise SloshCameraError(
+                f"board: {self.columns} x {self.rows}, both must be {least} to {_MAX_SIDE}"
+            )
+        if not (np.isfinite(self.size) and self.size > 0.0):
+            raise SloshCameraError(f"board: {self.size} m, must be positive")
+        if not (np.isfinite(self.inner) and self.inner > 0.0):
+            raise SloshCameraError(f"board: {self.inner} m, must be positive")
+        if self.charuco and self.inner >= self.size:
+            raise SloshCameraError(
+                f"board: its markers of {self.inner} m do not fit into squares of {self.size} m"
+            )
+
+    def opencv(self) -> cv2.aruco.Board:
+        """The board as OpenCV knows it."""
+        name = f"DICT_{self.dictionary}"
+        number = getattr(cv2.aruco, name, None)
+        if not isinstance(number, int):
+            raise SloshCameraError(f"board: OpenCV has no dictionary {name}")
+        markers = cv2.aruco.getPredefinedDictionary(number)
+        kind = cv2.aruco.CharucoBoard if self.charuco else cv2.aruco.GridBoard
+        try:
+            return kind((self.columns, self.rows), self.size, self.inner, markers)
+        except cv2.error as error:
+            raise SloshCameraError(f"board: {name} has too few markers for it") from error
+
+
+def parse_board(text: str) -> Board:
+    """A board from a line like charuco:7x5:0.02:0.015:4X4_50.
+
+    Raises:
+        SloshCameraError: the text is none of a board's.
+    """
+    kind, *parts = text.split(":")
+    counts = parts[0].lower().split("x") if parts else []
+    if kind not in ("charuco", "aruco") or len(parts) not in (3, 4) or len(counts) != 2:
+        raise SloshCameraError(f"board: {text!r} is not {FORMAT}")
+    try:
+        columns, rows = (int(count) for count in counts)
+        size, inner = float(parts[1]), float(parts[2])
+    except ValueError:
+        raise SloshCameraError(f"board: {text!r} is not {FORMAT}") from None
+    dictionary = parts[3] if len(parts) == 4 else _DEFAULT_DICTIONARY
+    return Board(kind == "charuco", columns, rows, size, inner, dictionary.removeprefix("DICT_"))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BoardFit:
+    """Where a board was found.
+
+    Attributes:
+        pose: transform board -> camera. The board's frame is OpenCV's: origin in its top left
+            corner as printed, x right, y down the page, z into the page.
+        vector: (6,) the same as rotation vector and translation [rad, m].
+        covariance: (6, 6) of the vector.
+        corners: (N, 2) corners found [px].
+        residual: rms distance between corners and pose [px].
+    """
+
+    pose: Pose
+    vector: FloatArray
+    covariance: FloatArray
+    corners: FloatArray
+    residual: float
+
+
+def find_board(image: Image, camera: PinholeCamera, board: Board) -> BoardFit:
+    """Find a board in an image.
+
+    Args:
+        image: (height, width) grey or (height, width, 3) blue-green-red.
+        camera: its camera.
+        board: the board.
+
+    Returns:
+        Its pose.
+
+    Raises:
+        SloshCameraError: this OpenCV has no detector, the board is not seen, or its pose is not
+            determined.
+    """
+    if not hasattr(cv2, "aruco") or not hasattr(cv2.aruco, "CharucoDetector"):
+        raise SloshCameraError(f"board: needs OpenCV 4.7 or later, this is {cv2.__version__}")
+    points, corners = _matched(image, board)
+    if len(points) < _LEAST_CORNERS:
+        raise SloshCameraError(
+            f"board: {len(points)} corners of it are seen, {_LEAST_CORNERS} are needed; check its "
+            "description and the light"
+        )
+    matrix, lens = camera.matrix, np.array(camera.distortion)
+    vector, residual = _solved(points, corners, matrix, lens)
+    if not residual <= _MAX_RESIDUAL:
+        raise SloshCameraError(
+            f"board: its corners lie {residual:.2f} px rms from the best pose, more than "
+            f"{_MAX_RESIDUAL:g}; check its description and the intrinsic parameters"
+        )
+    _, slope = cv2.projectPoints(points, vector[:3], vector[3:], matrix, lens)
+    slope = slope[:, :6] / max(residual, _LEAST_ERROR)
+    return BoardFit(
+        _pose(vector), vector, np.linalg.pinv(slope.T @ slope), corners.reshape(-1, 2), residual
+    )
+
+
+def _matched(image: Image, board: Board) -> tuple[FloatArray, FloatArray]:
+    """Corners of the board found: places on it (N, 3) [m] and in the image (N, 2) [px]."""
+    known = board.opencv()
+    if isinstance(known, cv2.aruco.CharucoBoard):
+        corners, ids, _, _ = cv2.aruco.CharucoDetector(known).detectBoard(image)
+    else:
+        settings = cv2.aruco.DetectorParameters()
+        settings.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
+        corners, ids, _ = cv2.aruco.ArucoDetector(known.getDictionary(), settings).detectMarkers(
+            image
+        )
+    if ids is None or len(ids) == 0:
+        return np.empty((0, 3)), np.empty((0, 2))
+    points, pixels = known.matchImagePoints(corners, ids)
+    if points is None:
+        return np.empty((0, 3)), np.empty((0, 2))
+    return points.reshape(-1, 3).astype(float), pixels.reshape(-1, 2).astype(float)
+
+
+def _solved(
+    points: FloatArray, corners: FloatArray, matrix: FloatArray, lens: FloatArray
+) -> tuple[FloatArray, float]:
+    """Rotation vector and translation (6,) of the better of a plane's two poses; residual [px]."""
+    try:
+        _, turns, shifts, _ = cv2.solvePnPGeneric(
+            points, corners, matrix, lens, flags=cv2.SOLVEPNP_IPPE
+        )
+    except cv2.error as error:
+        raise SloshCameraError("board: its corners seen lie on one line") from error
+    found = []
+    for turn, shift in zip(turns, shifts, strict=True):
+        turn, shift = cv2.solvePnPRefineLM(points, corners, matrix, lens, turn, shift)
+        pixels, _ = cv2.projectPoints(points, turn, shift, matrix, lens)
+        rms = float(np.sqrt(np.mean(np.sum((pixels.reshape(-1, 2) - corners) ** 2, axis=1))))
+        found.append((np.concatenate((turn.ravel(), shift.ravel())), rms))
+    found.sort(key=lambda pair: pair[1])
+    if not found or not np.all(np.isfinite(found[0][0])):
+        raise SloshCameraError("board: no pose explains its corners")
+    if len(found) > 1:
+        same = np.allclose(found[0][0], found[1][0], atol=1e-3)
+        if not same and found[1][1] < _AMBIGUOUS * max(found[0][1], _LEAST_ERROR):
+            raise SloshCameraError(
+                "board: its tilt is ambiguous, two poses fit equally well; it must be larger in "
+                "the image"
+            )
+    return found[0]
+
+
+def _pose(vector: FloatArray) -> Pose:
+    rotation, _ = cv2.Rodrigues(vector[:3])
+    return Pose(rotation, vector[3:])
+
+
+def hint_of_flat_board(fit: BoardFit, cup: Cup, base_thickness: float) -> Hint:
+    """What a board tells that lies face up on the plane on which the container stands.
+
+    Args:
+        fit: where the board is.
+        cup: the container.
+        base_thickness: of the container's floor [m].
+
+    Returns:
+        The camera's height, pitch and roll; where on the plane the container stands is open.
+
+    Raises:
+        SloshCameraError: the board does not lie face up.
+    """
+    raise_by = base_thickness + cup.fill_height
+
+    def numbers(vector: FloatArray) -> FloatArray:
+        pose = _pose(vector)
+        up = -pose.rotation[:, 2]
+        height = -float(up @ pose.translation) - raise_by
+        return np.array([height, -np.arcsin(up[2]), np.arctan2(up[0], -up[1])])
+
+    here = numbers(fit.vector)
+    if abs(here[2]) > np.deg2rad(60.0):
+        raise SloshCameraError(
+            "board: does not lie flat and face up; where it stands otherwise, its place in the "
+            "container's frame must be given"
+        )
+    variance = np.diag(_carried(numbers, fit))
+    least = np.array([_LEVEL_ERROR, _FLATNESS, _FLATNESS])
+    known, stddev = np.full(5, np.nan), np.ones(5)
+    known[[1, 3, 4]] = here
+    stddev[[1, 3, 4]] = np.sqrt(variance + least**2)
+    return Hint(known, stddev)
+
+
+def check_hint(hint: Hint, numbers: FloatArray) -> None:
+    """Refuse a container whose edges contradict the board on its plane."""
+    shift = np.abs(numbers - hint.numbers)[[1, 3, 4]]
+    if np.any(shift > _CONTRADICTION):
+        height, pitch, roll = 1e3 * shift[0], *np.rad2deg(shift[1:])
+        raise SloshCameraError(
+            f"board: contradicts the container's edges, by {height:.1f} mm of height, {pitch:.1f} "
+            f"deg of pitch and {roll:.1f} deg of roll; check the board's size and the container's"
+        )
+
+
+def pose_by_board(fit: BoardFit, board_in_container: Pose) -> tuple[Pose, FloatArray]:
+    """Pose of a container in whose frame the board's place is known.
+
+    Args:
+        fit: where the board is.
+        board_in_container: transform board -> container.
+
+    Returns:
+        Transform container -> camera, and the covariance (5, 5) of the camera's place.
+
+    Raises:
+        SloshCameraError: the camera is straight above the container.
+    """
+    rotation, origin = board_in_container.rotation, board_in_container.translation
+
+    def pose(vector: FloatArray) -> Pose:
+        board = _pose(vector)
+        turn = board.rotation @ rotation.T
+        return Pose(turn, board.translation - turn @ origin)
+
+    def numbers(vector: FloatArray) -> FloatArray:
+        return place_of(pose(vector))[0].numbers
+
+    return pose(fit.vector), _carried(numbers, fit)
+
+
+def _carried(function: Callable[[FloatArray], FloatArray], fit: BoardFit) -> FloatArray:
+    """Covariance of what is computed from the board's vector."""
+    here = function(fit.vector)
+    columns = []
+    for index in range(6):
+        moved = fit.vector.copy()
+        moved[index] += _STEP
+        columns.append((function(moved) - here) / _STEP)
+    slope = np.column_stack(columns)
+    carried: FloatArray = slope @ fit.covariance @ slope.T
+    return carried

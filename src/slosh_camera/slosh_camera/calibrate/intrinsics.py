@@ -1,0 +1,121 @@
+"""Intrinsic parameters from a file of ROS camera_calibration, or from a camera.yaml."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from slosh_camera.camera import PLUMB_BOB, PinholeCamera, camera_from_info
+from slosh_camera.errors import SloshCameraError
+from slosh_camera.yaml_fields import integer, mapping, number, numbers
+
+_NEEDED = ("image_width", "image_height", "camera_matrix", "distortion_coefficients")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class KnownCamera:
+    """What a file tells before a calibration.
+
+    Attributes:
+        camera: intrinsic parameters.
+        name: of the camera.
+        container: numbers of the container by their key in camera.yaml; empty: none are there.
+    """
+
+    camera: PinholeCamera
+    name: str
+    container: Mapping[str, float]
+
+
+def read_known_camera(path: str | Path) -> KnownCamera:
+    """Read the camera's keys, and the container's where there are any; others are left alone.
+
+    Args:
+        path: file of ROS camera_calibration, or a camera.yaml.
+
+    Returns:
+        What it tells.
+
+    Raises:
+        SloshCameraError: the file cannot be read or a value cannot be used; the message names
+            the file and the key.
+    """
+    source = str(path)
+    try:
+        document = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or "is not UTF-8 text"
+        raise SloshCameraError(f"{source}: cannot be read: {reason}") from error
+    except yaml.YAMLError as error:
+        mark = getattr(error, "problem_mark", None)
+        where = f" at line {mark.line + 1}" if mark is not None else ""
+        raise SloshCameraError(f"{source}: is not valid YAML{where}") from error
+    root = mapping(document, source, "the file")
+    for key in _NEEDED:
+        if key not in root:
+            raise SloshCameraError(f"{source}: {key}: is missing")
+    name = root.get("camera_name", "camera")
+    if not isinstance(name, str):
+        raise SloshCameraError(f"{source}: camera_name: {name!r} is not a text")
+    return KnownCamera(_camera(root, source), name, _container(root, source))
+
+
+def camera_of_view(width: int, height: int, field_of_view: float) -> PinholeCamera:
+    """A camera without distortion by its horizontal field of view.
+
+    Args:
+        width: image width [px].
+        height: image height [px].
+        field_of_view: angle between the image's left and right edge [rad].
+
+    Returns:
+        The camera; its principal point is the image's centre.
+
+    Raises:
+        SloshCameraError: there is no such angle.
+    """
+    if not 0.0 < field_of_view < np.pi:
+        raise SloshCameraError(
+            f"field of view: {np.rad2deg(field_of_view):g} deg, must be between 0 and 180"
+        )
+    focal = 0.5 * width / float(np.tan(0.5 * field_of_view))
+    return PinholeCamera(width, height, focal, focal, 0.5 * (width - 1), 0.5 * (height - 1))
+
+
+def _camera(root: Mapping[str, Any], source: str) -> PinholeCamera:
+    model = root.get("distortion_model", PLUMB_BOB)
+    width = integer(root, "image_width", source, "")
+    height = integer(root, "image_height", source, "")
+    matrix, lens = (_data(root, key, source) for key in _NEEDED[2:])
+    try:
+        return camera_from_info(matrix, lens, width, height, str(model))
+    except SloshCameraError as error:
+        raise SloshCameraError(f"{source}: {error}") from error
+
+
+def _data(root: Mapping[str, Any], key: str, source: str) -> list[float]:
+    block = mapping(root[key], source, key)
+    values = block.get("data")
+    if not isinstance(values, list):
+        raise SloshCameraError(f"{source}: {key}.data: is missing")
+    return numbers(block, "data", len(values), source, f"{key}.")
+
+
+def _container(root: Mapping[str, Any], source: str) -> dict[str, float]:
+    if root.get("container") is None:
+        return {}
+    block = mapping(root["container"], source, "container")
+    if block.get("shape", "cylinder") != "cylinder":
+        raise SloshCameraError(
+            f"{source}: container.shape: {block['shape']}, but a cylinder is needed here"
+        )
+    return {
+        str(key): number(value, source, f"container.{key}")
+        for key, value in block.items()
+        if key != "shape"
+    }

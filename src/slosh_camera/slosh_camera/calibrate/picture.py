@@ -1,0 +1,91 @@
+"""A picture to judge a calibration by: the container's predicted edges over the still image."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_camera.calibrate.board import BoardFit
+from slosh_camera.calibrate.curves import SIDES, Curve, curve_points
+from slosh_camera.calibrate.still import StillFit
+from slosh_camera.drawing import letter_size, put_text
+from slosh_camera.geometry import CupView, Wall
+
+FloatArray = NDArray[np.float64]
+Image = NDArray[np.uint8]
+
+# Blue, green, red.
+_FRONT, _REAR, _SIDE, _BASE = (70, 220, 70), (255, 170, 40), (60, 220, 255), (200, 80, 200)
+_SMALL_WIDTH = 1000
+_SHIFT = 4
+_COUNT = 181
+
+
+def draw_calibration(image: Image, fit: StillFit, board: BoardFit | None = None) -> Image:
+    """The container's edges and still level as the pose predicts them, over the image.
+
+    Green is the still level on the front wall, blue on the rear wall, yellow the outer sides and
+    the rim, violet the floor; where they lie on what they name, the pose is right.
+
+    Args:
+        image: (height, width) grey or (height, width, 3) blue-green-red; not changed.
+        fit: the pose.
+        board: the board found, whose axes are drawn.
+
+    Returns:
+        (height, width, 3) blue-green-red picture, of double size where the image is small.
+    """
+    colour = cv2.cvtColor(image, cv2.COLOR_GRAY2BGR) if image.ndim == 2 else image
+    zoom = 2 if image.shape[1] < _SMALL_WIDTH else 1
+    size = (zoom * image.shape[1], zoom * image.shape[0])
+    picture = np.array(cv2.resize(colour, size, interpolation=cv2.INTER_CUBIC), dtype=np.uint8)
+    for curve in Curve:
+        _draw(picture, curve_points(fit.view, curve, _COUNT), zoom, _colour(curve))
+    _draw_rim(picture, fit.view, zoom)
+    if board is not None:
+        _draw_axes(picture, fit, board, zoom)
+    letters = letter_size(picture)
+    place = (round(8 * letters), picture.shape[0] - round(12 * letters))
+    put_text(picture, _caption(fit), place, letters)
+    return picture
+
+
+def _colour(curve: Curve) -> tuple[int, int, int]:
+    if curve in SIDES:
+        return _SIDE
+    return {Curve.FRONT: _FRONT, Curve.REAR: _REAR}.get(curve, _BASE)
+
+
+def _draw_rim(picture: Image, view: CupView, zoom: int) -> None:
+    rim = view.cup.rim_level
+    if rim is None:
+        return
+    arc = view.camera_azimuth + np.deg2rad(np.linspace(-76.0, 76.0, _COUNT))
+    _draw(picture, view.project_wall(arc, rim, Wall.FRONT), zoom, _SIDE)
+    # From above the rim its far side is seen over it, not through the front wall.
+    if view.pose.camera_centre[2] < rim:
+        _draw(picture, view.project_wall(arc + np.pi, rim, Wall.REAR), zoom, _SIDE)
+
+
+def _draw(picture: Image, points: FloatArray, zoom: int, colour: tuple[int, int, int]) -> None:
+    known = points[np.all(np.isfinite(points), axis=1)]
+    if len(known) < 2:
+        return
+    place = np.clip((known + 0.5) * zoom - 0.5, -1e4, 1e4)
+    fixed = np.round(place * (1 << _SHIFT)).astype(np.int32)
+    cv2.polylines(picture, [fixed], False, colour, 1, cv2.LINE_AA, _SHIFT)
+
+
+def _draw_axes(picture: Image, fit: StillFit, board: BoardFit, zoom: int) -> None:
+    camera = fit.view.camera
+    matrix = camera.matrix * np.array([[zoom], [zoom], [1.0]])
+    matrix[:2, 2] += 0.5 * (zoom - 1)
+    lens = np.array(camera.distortion)
+    length = 0.4 * fit.view.cup.radius
+    cv2.drawFrameAxes(picture, matrix, lens, board.vector[:3], board.vector[3:], length, 2)
+
+
+def _caption(fit: StillFit) -> str:
+    worst = 1e3 * max(fit.height_stddev.values())
+    return f"residual {fit.residual:.2f} px, heights to {worst:.2f} mm (1 sigma)"
