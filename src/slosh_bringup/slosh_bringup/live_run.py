@@ -16,7 +16,7 @@ from slosh_bringup.processes import NodeGroup, NodeProcess, node_environment
 from slosh_bringup.run_data import read_run
 from slosh_bringup.run_report import make_report
 from slosh_bringup.run_result import RunResult, evaluate
-from slosh_camera.calibration import read_calibration
+from slosh_camera.calibration import read_any_calibration
 from slosh_discovery.report import render_report
 from slosh_estimator.model_file import read_model
 
@@ -46,7 +46,7 @@ def prepare_folder(folder: Path) -> None:
 def check_files(setup: CellSetup) -> None:
     """Reads the cell's files once, so that a mistake is told before any process starts."""
     read_model(setup.model)
-    read_calibration(setup.calibration)
+    read_any_calibration(setup.calibration)
 
 
 def run_nodes(
@@ -98,7 +98,7 @@ def write_results(setup: CellSetup, folder: Path, title: str) -> RunResult:
         ) from None
     result = evaluate(data)
     model_text = setup.model.read_text()
-    calibration = read_calibration(setup.calibration)
+    calibration = read_any_calibration(setup.calibration)
     report = make_report(data, result, title, model_text, calibration)
     (folder / REPORT).write_text(render_report(report), encoding="utf-8")
     (folder / RESULT).write_text(json.dumps(result.document(), indent=2) + "\n")

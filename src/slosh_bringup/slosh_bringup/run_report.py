@@ -14,11 +14,10 @@ from slosh_bringup.detect.frame import SourceFrame
 from slosh_bringup.detect.source import bag_frames
 from slosh_bringup.run_data import RecordedEvent, RunData
 from slosh_bringup.run_result import RunResult
-from slosh_camera.calibration import Calibration
-from slosh_camera.detector import FreeSurfaceDetector
+from slosh_camera.calibration import AnyCalibration
 from slosh_camera.drawing import draw_measurement
 from slosh_camera.errors import SloshCameraError
-from slosh_camera.image import to_gray
+from slosh_camera.learnt import learnt_detector
 from slosh_discovery.report import Frame, KeyFigure, ModelRow, RunReport, Span, Topic
 
 SOURCES = ("measured", "estimated", "disagreement")
@@ -26,7 +25,7 @@ START = 0
 
 
 def make_report(
-    data: RunData, result: RunResult, title: str, model_text: str, calibration: Calibration
+    data: RunData, result: RunResult, title: str, model_text: str, calibration: AnyCalibration
 ) -> RunReport:
     """The report of a recorded run."""
     limits = [event.limit for event in data.events if event.source == 0]
@@ -109,18 +108,18 @@ def topics(data: RunData) -> tuple[Topic, ...]:
     )
 
 
-def frames(data: RunData, calibration: Calibration) -> tuple[Frame, ...]:
+def frames(data: RunData, calibration: AnyCalibration) -> tuple[Frame, ...]:
     """Three images with the detected line: still, highest, and farthest from the model."""
     wanted = moments(data)
     images = find_images(data.bag, set(wanted.values()))
-    detector = FreeSurfaceDetector(calibration)
+    detector = learnt_detector(calibration)
     found = []
     for label, moment in wanted.items():
         if moment not in images:
             continue
         try:
             image = images[moment].image()
-            measurement = detector.update(moment, to_gray(image))
+            measurement = detector.measure(moment, image)
         except SloshCameraError:
             continue
         picture = draw_measurement(image, calibration, measurement)

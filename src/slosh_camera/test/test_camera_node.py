@@ -13,11 +13,13 @@ from builtin_interfaces.msg import Time  # noqa: E402
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus  # noqa: E402
 from hypothesis import given  # noqa: E402
 from hypothesis import strategies as st  # noqa: E402
+from rclpy.duration import Duration  # noqa: E402
 from rclpy.node import Node  # noqa: E402
 from sensor_msgs.msg import CompressedImage, Image  # noqa: E402
 
 from slosh_camera.errors import SloshCameraError  # noqa: E402
 from slosh_camera.nodes.camera_node import CameraNode  # noqa: E402
+from slosh_camera.nodes.complaints import Complaints  # noqa: E402
 from slosh_camera.nodes.frame_gaps import SECOND, FrameGaps  # noqa: E402
 from slosh_msgs.msg import FreeSurface  # noqa: E402
 from slosh_msgs_py import images, qos, topics  # noqa: E402
@@ -44,7 +46,7 @@ class Rig:
         self.nodes = [Node("rig")]
         self.executor.add_node(self.nodes[0])
 
-    def start(self, kind=Image, topic=topics.IMAGE):
+    def start(self, kind=Image, topic=topics.IMAGE, quality=qos.IMAGE_OUT):
         self.nodes.append(CameraNode())
         self.executor.add_node(self.nodes[-1])
         self.heights, self.reports = [], []
@@ -55,7 +57,7 @@ class Rig:
         rig.create_subscription(
             DiagnosticArray, topics.DIAGNOSTICS, self.reports.append, qos.DIAGNOSTICS
         )
-        self.driver = rig.create_publisher(kind, topic, qos.IMAGE_OUT)
+        self.driver = rig.create_publisher(kind, topic, quality)
         node = self.nodes[-1]
         self.until(
             lambda: (
@@ -127,6 +129,7 @@ def make_rig(tmp_path, monkeypatch, make_scene):
             "radius": scene.radius,
             "fill_height": scene.fill_height,
             "wall_thickness": 0.002,
+            "wall_refractive_index": 1.0,
             "rim_height": scene.rim_height,
         },
         "pose": {"rotation": rotation.ravel().tolist(), "translation": translation.tolist()},
@@ -160,6 +163,8 @@ def test_a_raw_image_is_measured(make_rig, picture, monkeypatch, encoding, execu
     assert answer.header.frame_id == "cup"
     assert answer.flags == 0
     assert answer.msh == pytest.approx(HEIGHT, abs=5e-4)
+    assert answer.fitted_msh == pytest.approx(HEIGHT, abs=5e-4)
+    assert answer.fitted_msh_stddev > 0.0
     assert answer.sh_right == pytest.approx(HEIGHT, abs=1e-3)
     assert answer.sh_left == pytest.approx(-HEIGHT, abs=1e-3)
     assert len(answer.profile_height) == len(answer.profile_azimuth) > 100
@@ -227,14 +232,62 @@ def test_an_impossible_stamp_is_dropped_and_counted(make_rig, picture):
     wild = images.image_message(picture, "mono8", 0, "camera_optical")
     wild.header.stamp = Time(sec=-1, nanosec=5)
     rig.driver.publish(wild)
+    status, _ = rig.report(lambda status, values: values.get("dropped: impossible stamp") == "1")
+    assert status.level == DiagnosticStatus.ERROR
     good = images.image_message(picture, "mono8", SECOND, "camera_optical")
     assert to_nanoseconds(rig.measure(good).header.stamp) == SECOND
-    status, values = rig.report(
-        lambda status, values: values.get("dropped: impossible stamp") == "1"
-    )
-    assert status.level == DiagnosticStatus.ERROR
-    assert values["image total"] == "2"
+    _, values = rig.report(lambda status, values: values.get("image total") == "2")
     assert values["measurement total"] == "1"
+
+
+@pytest.mark.parametrize("executor", ["events", "single"])
+def test_the_newest_image_is_measured_and_the_others_give_way(
+    make_rig, picture, monkeypatch, executor
+):
+    monkeypatch.setenv("SLOSH_EXECUTOR", executor)
+    rig = make_rig()
+    rig.start()
+    for number in range(1, 7):
+        rig.driver.publish(images.image_message(picture, "mono8", number * FRAME, "optical"))
+        if number == 1:
+            rig.until(lambda: rig.heights)
+    # All have arrived before the node gets to see any.
+    assert rig.driver.wait_for_all_acked(Duration(seconds=PATIENCE))
+    rig.until(lambda: to_nanoseconds(rig.heights[-1].header.stamp) == 6 * FRAME)
+    assert [to_nanoseconds(answer.header.stamp) for answer in rig.heights] == [FRAME, 6 * FRAME]
+    _, values = rig.report(lambda status, values: values.get("measurement total") == "2")
+    assert values["images that gave way"] == "4"
+
+
+def test_images_offered_as_best_effort_are_read(make_rig, picture):
+    rig = make_rig()
+    rig.start(quality=qos.IMAGE_IN)
+    answer = rig.measure(images.image_message(picture, "mono8", SECOND, "camera_optical"))
+    assert answer.msh == pytest.approx(HEIGHT, abs=1e-3)
+
+
+def test_a_still_image_is_learnt_at_start(make_rig, make_scene, tmp_path):
+    scene = make_scene(camera_height=0.08)
+    still = tmp_path / "still.png"
+    cv2.imwrite(str(still), scene.draw(0.0, 0.0, level=0.002))
+    rig = make_rig(still_image=still)
+    rig.start()
+    raised = scene.draw(HEIGHT, 0.0, level=0.002)
+    answer = rig.measure(images.image_message(raised, "mono8", SECOND, "camera_optical"))
+    assert answer.msh == pytest.approx(HEIGHT, abs=1e-3)
+
+
+def test_complaints_do_not_flood():
+    lines = []
+    complaints = Complaints(lines.append)
+    for number in range(600):
+        complaints.add("wrong encoding", number * FRAME)
+        complaints.add("wrong step", number * FRAME)
+    assert lines == ["wrong encoding", "wrong step"] * 2
+    assert complaints.last == "wrong step"
+    for number in range(600):
+        complaints.add(f"{number} bytes", 20 * SECOND + number)
+    assert len(lines) == 9
 
 
 def test_missing_images_are_told(make_rig, picture):
@@ -250,6 +303,7 @@ def test_missing_images_are_told(make_rig, picture):
     ("parameters", "error", "match"),
     [
         ({"calibration": "/nowhere.yaml"}, SloshCameraError, "/nowhere.yaml"),
+        ({"still_image": "/nowhere.png"}, SloshCameraError, "/nowhere.png"),
         ({"transport": "theora"}, SloshMessageError, "one of raw, compressed"),
         ({"frame_rate": "60"}, SloshMessageError, "write 1.0 for 1"),
         ({"frame_rate": "-1.0"}, SloshMessageError, r"must lie in \[0, 1000\]"),

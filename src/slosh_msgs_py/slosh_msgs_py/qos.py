@@ -34,8 +34,10 @@ STREAM_IN: Final = _profile(Reliability.BEST_EFFORT, Durability.VOLATILE, STREAM
 """To read them: sensor data, with room for a pause."""
 IMAGE_OUT: Final = _profile(Reliability.RELIABLE, Durability.VOLATILE, 10)
 """To publish images."""
-IMAGE_IN: Final = _profile(Reliability.BEST_EFFORT, Durability.VOLATILE, 5)
-"""To process images: sensor data, the oldest of five give way."""
+IMAGE_IN: Final = _profile(Reliability.BEST_EFFORT, Durability.VOLATILE, 1)
+"""To process images of any publisher: the newest alone."""
+IMAGE_RELIABLE_IN: Final = _profile(Reliability.RELIABLE, Durability.VOLATILE, 1)
+"""The same where it is offered: of large images read as best effort Fast DDS loses many."""
 EVENT: Final = _profile(Reliability.RELIABLE, Durability.TRANSIENT_LOCAL, 100)
 """Events and latched facts, both ends: a late joiner receives the latest ones."""
 DIAGNOSTICS: Final = _profile(Reliability.RELIABLE, Durability.VOLATILE, 10)

@@ -26,7 +26,7 @@ from slosh_bringup.detect.pictures import (
 from slosh_bringup.detect.source import FOLDER_RATE, FrameSource, open_source
 from slosh_bringup.detect.table import COLUMNS, Summary, row
 from slosh_bringup.errors import SloshBringupError
-from slosh_camera.calibration import Calibration, read_calibration
+from slosh_camera.calibration import AnyCalibration, read_any_calibration
 
 WORST_LIMIT = 200
 # Starting a process takes as long as measuring so many images.
@@ -64,8 +64,8 @@ def run(arguments: argparse.Namespace) -> int:
     """Measures every image; prints how many could be measured."""
     if not (math.isfinite(arguments.rate) and 0.0 < arguments.rate <= 1e6):
         raise SloshBringupError(f"--rate {arguments.rate:g}: must be positive, at most 1e6 Hz")
-    calibration = read_calibration(arguments.camera)
-    detection = Detection(calibration, arguments.still or calibration.still_image)
+    calibration = read_any_calibration(arguments.camera)
+    detection = Detection(calibration, arguments.still)
     with _quiet_decoders():
         source = open_source(arguments.source, arguments.rate)
         sinks = _sinks(arguments, calibration, source)
@@ -84,7 +84,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _sinks(
-    arguments: argparse.Namespace, calibration: Calibration, source: FrameSource
+    arguments: argparse.Namespace, calibration: AnyCalibration, source: FrameSource
 ) -> list[Sink]:
     """What takes the results beside the table; refuses wrong names before the work."""
     sinks: list[Sink] = []

@@ -24,10 +24,10 @@ import cv2
 
 from slosh_bringup.detect.frame import SourceFrame
 from slosh_bringup.errors import SloshBringupError
-from slosh_camera.calibration import Calibration
-from slosh_camera.detector import FreeSurfaceDetector
+from slosh_camera.calibration import AnyCalibration
+from slosh_camera.detectors import SurfaceDetector
 from slosh_camera.errors import SloshCameraError
-from slosh_camera.image import Image, read_image, to_gray
+from slosh_camera.learnt import learnt_detector
 from slosh_camera.measurement import Flag, Measurement, bad_image
 from slosh_camera.repeats import Digest, RepeatedFrames, digest
 
@@ -41,26 +41,20 @@ class Detection:
 
     Attributes:
         calibration: camera, container and settings.
-        still_image: image of the liquid at rest to learn from first; None: none.
+        still_image: image of the liquid at rest to learn from first; None: the one that the
+            calibration names, if any.
     """
 
-    calibration: Calibration
+    calibration: AnyCalibration
     still_image: Path | None = None
 
-    def detector(self) -> FreeSurfaceDetector:
+    def detector(self) -> SurfaceDetector:
         """A detector that has learnt from the still image.
 
         Raises:
             SloshCameraError: the calibration or the still image cannot be used.
         """
-        detector = FreeSurfaceDetector(self.calibration)
-        if self.still_image is not None:
-            image = read_image(self.still_image)
-            try:
-                detector.learn_still(_for_detector(image))
-            except SloshCameraError as error:
-                raise SloshCameraError(f"{self.still_image}: {error}") from None
-        return detector
+        return learnt_detector(self.calibration, self.still_image)
 
 
 class Result(NamedTuple):
@@ -111,23 +105,14 @@ def _told_repeats(answers: Iterable[tuple[SourceFrame, _Answer]]) -> Generator[R
         yield Result(frame, measurement, problem)
 
 
-def _measure(detector: FreeSurfaceDetector, frame: SourceFrame) -> _Answer:
+def _measure(detector: SurfaceDetector, frame: SourceFrame) -> _Answer:
     try:
         image = frame.image()
-        measurement = _measure_alone(detector, frame.stamp_ns, image)
+        measurement = detector.measure(frame.stamp_ns, image)
     except SloshCameraError as error:
         told = str(error) if frame.name in str(error) else f"{frame.name}: {error}"
         return _Answer(bad_image(frame.stamp_ns), None, told)
     return _Answer(measurement, digest(image), "")
-
-
-def _for_detector(image: Image) -> Image:
-    return to_gray(image)
-
-
-def _measure_alone(detector: FreeSurfaceDetector, stamp_ns: int, image: Image) -> Measurement:
-    measurement = detector.update(stamp_ns, _for_detector(image))
-    return replace(measurement, flags=measurement.flags & ~Flag.FROZEN)
 
 
 def _in_processes(
@@ -165,7 +150,7 @@ def _interrupts_later() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-_detector: FreeSurfaceDetector | None = None
+_detector: SurfaceDetector | None = None
 
 
 def _begin(detection: Detection) -> None:

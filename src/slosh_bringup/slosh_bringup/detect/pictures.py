@@ -16,7 +16,7 @@ from slosh_bringup.detect.frame import SourceFrame
 from slosh_bringup.detect.measuring import Result
 from slosh_bringup.detect.table import flag_names
 from slosh_bringup.errors import SloshBringupError
-from slosh_camera.calibration import Calibration
+from slosh_camera.calibration import AnyCalibration
 from slosh_camera.drawing import captions, draw_detail, draw_measurement, put_text
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.measurement import Measurement
@@ -87,7 +87,7 @@ class Sheet:
         calibration: with which the images were measured.
     """
 
-    def __init__(self, path: Path, calibration: Calibration) -> None:
+    def __init__(self, path: Path, calibration: AnyCalibration) -> None:
         check_picture(path)
         self._path, self._calibration = path, calibration
 
@@ -131,7 +131,9 @@ class Strip:
         length: how many images.
     """
 
-    def __init__(self, path: Path, calibration: Calibration, length: int = STRIP_LENGTH) -> None:
+    def __init__(
+        self, path: Path, calibration: AnyCalibration, length: int = STRIP_LENGTH
+    ) -> None:
         self._sheet, self._length = Sheet(path, calibration), length
         self._kept: list[Result] = []
         self._step, self._count = 1, 0
@@ -160,7 +162,9 @@ class Worst:
         length: how many images.
     """
 
-    def __init__(self, path: Path, calibration: Calibration, length: int = WORST_LENGTH) -> None:
+    def __init__(
+        self, path: Path, calibration: AnyCalibration, length: int = WORST_LENGTH
+    ) -> None:
         self._sheet, self._length = Sheet(path, calibration), length
         self._heap: list[tuple[tuple[int, int, float], int, Result, str]] = []
         self._count = 0
@@ -192,7 +196,7 @@ class AnnotatedVideo:
         rate: images per second [Hz]; None: as the first stamps say.
     """
 
-    def __init__(self, path: Path, calibration: Calibration, rate: float | None) -> None:
+    def __init__(self, path: Path, calibration: AnyCalibration, rate: float | None) -> None:
         self._path, self._calibration, self._rate = path, calibration, rate
         camera = calibration.view.camera
         self._size = (camera.width, camera.height)

@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 import sys
+import time
 from collections import Counter
+from collections.abc import Callable
 from typing import Any
 
 from rclpy.node import Node
 from sensor_msgs.msg import CompressedImage, Image
 
-from slosh_camera.calibration import read_calibration
-from slosh_camera.detector import FreeSurfaceDetector
+from slosh_camera.calibration import read_any_calibration
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.image import Image as Pixels
-from slosh_camera.image import decode_compressed, to_gray, to_image
+from slosh_camera.image import decode_compressed, to_image
+from slosh_camera.learnt import learnt_detector
 from slosh_camera.measurement import Flag, Measurement, bad_image
+from slosh_camera.nodes.complaints import Complaints
 from slosh_camera.nodes.frame_gaps import FrameGaps
+from slosh_camera.nodes.newest_image import NewestImage
 from slosh_msgs.msg import FreeSurface
 from slosh_msgs_py import conversions, qos, topics, values
 from slosh_msgs_py.images import image_bytes
@@ -24,9 +28,13 @@ from slosh_msgs_py.node.parameters import ParameterSpec, declare
 from slosh_msgs_py.node.run import run_node
 from slosh_msgs_py.stamps import MAXIMUM, to_nanoseconds
 
-LOG_PERIOD = 5.0
 PARAMETERS = (
     ParameterSpec("calibration", "", "camera.yaml: camera, container and pose"),
+    ParameterSpec(
+        "still_image",
+        "",
+        "image of the liquid at rest to learn from; empty: the one that camera.yaml names",
+    ),
     ParameterSpec("transport", "raw", "which images to read", choices=("raw", "compressed")),
     ParameterSpec("container_frame", "container", "the container's frame, on all output"),
     ParameterSpec(
@@ -39,26 +47,27 @@ PARAMETERS = (
 
 
 class CameraNode(Node):
-    """Decodes, calls the core, publishes. Few images wait; the oldest give way."""
+    """Decodes, calls the core, publishes. Of the images that wait, only the newest counts."""
 
     def __init__(self) -> None:
         super().__init__("camera")
         given = declare(self, PARAMETERS)
         self._frame = given["container_frame"]
-        self._detector = FreeSurfaceDetector(read_calibration(given["calibration"]))
+        calibration = read_any_calibration(given["calibration"])
+        self._detector = learnt_detector(calibration, given["still_image"] or None)
         self._publisher = self.create_publisher(FreeSurface, topics.FREE_SURFACE, qos.STREAM_OUT)
-        if given["transport"] == "raw":
-            self.create_subscription(Image, topics.IMAGE, self._on_image, qos.IMAGE_IN)
-        else:
-            self.create_subscription(
-                CompressedImage, topics.IMAGE_COMPRESSED, self._on_compressed, qos.IMAGE_IN
-            )
         self._gaps = FrameGaps(given["frame_rate"])
         self._flags: Counter[Flag] = Counter()
         self._recent = Flag.NONE
         self._images = self._reported = self._refused = 0
-        self._complaint = ""
+        self._complaints = Complaints(self.get_logger().error)
         self._report = DiagnosticsReporter(self, self._health, self._facts)
+        if given["transport"] == "raw":
+            self._input = NewestImage(self, Image, topics.IMAGE, self._on_image)
+        else:
+            self._input = NewestImage(
+                self, CompressedImage, topics.IMAGE_COMPRESSED, self._on_compressed
+            )
 
     def _on_image(self, message: Image) -> None:
         self._measure(
@@ -78,7 +87,7 @@ class CameraNode(Node):
             message.header.stamp, lambda: decode_compressed(message.format, image_bytes(message))
         )
 
-    def _measure(self, stamp: Any, decode: Any) -> None:
+    def _measure(self, stamp: Any, decode: Callable[[], Pixels]) -> None:
         self._images += 1
         self._report.count("image")
         stamp_ns = to_nanoseconds(stamp)
@@ -89,20 +98,18 @@ class CameraNode(Node):
             return
         self._gaps.add(stamp_ns)
         try:
-            image: Pixels = decode()
-            measurement = self._detector.update(stamp_ns, to_gray(image))
+            measurement = self._detector.update(stamp_ns, decode())
         except SloshCameraError as error:
             self._complain(str(error))
             measurement = bad_image(stamp_ns)
         self._recent |= measurement.flags
-        self._flags.update(flag for flag in Flag if flag and flag in measurement.flags)
+        self._flags.update(measurement.flags)
         self._publisher.publish(conversions.to_message(to_value(measurement, self._frame)))
         self._report.count("measurement")
         self._report.latency(int(self.get_clock().now().nanoseconds) - stamp_ns)
 
     def _complain(self, complaint: str) -> None:
-        self._complaint = complaint
-        self.get_logger().error(complaint, throttle_duration_sec=LOG_PERIOD)
+        self._complaints.add(complaint, time.monotonic_ns())
 
     def _health(self) -> Health:
         silent, self._reported = self._images == self._reported, self._images
@@ -110,9 +117,9 @@ class CameraNode(Node):
         if silent:
             return STALE, "no images since the last report"
         if Flag.BAD_IMAGE in recent:
-            return ERROR, self._complaint
+            return ERROR, self._complaints.last
         if recent:
-            names = ", ".join(str(flag.name) for flag in Flag if flag and flag in recent)
+            names = ", ".join(str(flag.name) for flag in recent)
             return WARN, f"measuring, with flags: {names}"
         return OK, "measuring"
 
@@ -120,23 +127,28 @@ class CameraNode(Node):
         flags = {f"flag {flag.name}": count for flag, count in self._flags.items()}
         return {
             "missing images": self._gaps.missing,
+            "images that gave way": self._input.dropped,
             "dropped: impossible stamp": self._refused,
             **flags,
         }
 
 
 def to_value(measurement: Measurement, frame: str) -> values.FreeSurface:
-    """A measurement as the message has it; the fit over the whole wall is not known yet."""
+    """A measurement as the message has it."""
     return values.FreeSurface(
         stamp_ns=measurement.stamp_ns,
         frame_id=frame,
         msh=measurement.msh,
         msh_stddev=measurement.msh_stddev,
         azimuth=measurement.azimuth,
+        fitted_msh=measurement.fitted_msh,
+        fitted_msh_stddev=measurement.fitted_msh_stddev,
+        fitted_azimuth=measurement.fitted_azimuth,
         sh_left=measurement.sh_left,
         sh_right=measurement.sh_right,
         azimuth_left=measurement.azimuth_left,
         azimuth_right=measurement.azimuth_right,
+        slope_angle=measurement.slope_angle,
         profile_azimuth=measurement.profile_azimuth,
         profile_height=measurement.profile_height,
         peak_u=measurement.peak_pixel[0],

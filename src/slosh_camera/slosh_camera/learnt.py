@@ -1,0 +1,39 @@
+"""The detector as it starts to work: with what the image of the liquid at rest taught it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+from slosh_camera.calibration import AnyCalibration, read_still_image
+from slosh_camera.detectors import SurfaceDetector, detector_for
+from slosh_camera.errors import SloshCameraError
+
+
+def learnt_detector(
+    calibration: AnyCalibration, still_image: str | Path | None = None
+) -> SurfaceDetector:
+    """The detector of a calibration that has learnt from an image of the liquid at rest.
+
+    Args:
+        calibration: what the camera looks at.
+        still_image: the image; None: the one that the calibration names, if it names one.
+
+    Returns:
+        The detector; without any still image one that takes the calibration's level for zero.
+
+    Raises:
+        SloshCameraError: the calibration or the still image cannot be used; the text names the
+            file.
+    """
+    if still_image is not None:
+        calibration = replace(calibration, still_image=Path(still_image))
+    detector = detector_for(calibration)
+    if calibration.still_image is None:
+        return detector
+    image = read_still_image(calibration)
+    try:
+        detector.learn_still(image)
+    except SloshCameraError as error:
+        raise SloshCameraError(f"{calibration.still_image}: {error}") from None
+    return detector

@@ -1,0 +1,87 @@
+"""Subscription to images that hands out the newest one alone."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable
+from typing import Any
+
+from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.node import Node
+
+from slosh_msgs_py import qos
+
+
+class NewestImage:
+    """Reads images; those that came while one was being worked on give way to the newest.
+
+    The queue holds one image, so that work never lags behind by more than that. It reads
+    reliably: of large images read as best effort Fast DDS loses many. Where a publisher offers
+    no more than best effort, that is taken.
+
+    Attributes:
+        dropped: images that were published and that gave way, or were lost on the way.
+    """
+
+    def __init__(self, node: Node, kind: Any, topic: str, use: Callable[[Any], None]) -> None:
+        """Subscribes.
+
+        Args:
+            node: the node.
+            kind: Image or CompressedImage.
+            topic: where the images are.
+            use: gets each image.
+        """
+        self._node, self._kind, self._topic, self._use = node, kind, topic, use
+        self.dropped = 0
+        self._last: int | None = None
+        self._subscription = self._subscribe(qos.IMAGE_RELIABLE_IN)
+
+    @property
+    def is_reliable(self) -> bool:
+        """Whether images are read reliably."""
+        return bool(self._subscription.qos_profile == qos.IMAGE_RELIABLE_IN)
+
+    def _subscribe(self, profile: Any) -> Any:
+        events = SubscriptionEventCallbacks(
+            incompatible_qos=self._on_incompatible, use_default_callbacks=False
+        )
+        callback = _WithInfo(self._on_image)
+        return self._node.create_subscription(
+            self._kind, self._topic, callback, profile, event_callbacks=events
+        )
+
+    def _on_incompatible(self, event: Any) -> None:
+        if self.is_reliable:
+            self._node.get_logger().warning(
+                f"{self._topic}: a publisher offers best effort only, some images may be lost"
+            )
+            reliable = self._subscription
+            self._subscription = self._subscribe(qos.IMAGE_IN)
+            self._node.destroy_subscription(reliable)
+            self._last = None
+
+    def _on_image(self, message: Any, info: dict[str, Any]) -> None:
+        number = info.get("publication_sequence_number")
+        if number is not None:
+            # A publisher that starts anew counts from the beginning.
+            if self._last is not None and number > self._last:
+                self.dropped += number - self._last - 1
+            self._last = number
+        self._use(message)
+
+
+class _WithInfo:
+    """Calls a function with message and info in every executor.
+
+    The executor finds out from the signature what a callback wants. rclpy's events executor then
+    hands over both as one pair, the others as two arguments.
+    """
+
+    def __init__(self, use: Callable[[Any, dict[str, Any]], None]) -> None:
+        self._use = use
+        self.__signature__ = inspect.signature(use)
+
+    def __call__(self, *given: Any) -> None:
+        message, info = given if len(given) == 2 else given[0]
+        self._use(message, info)
