@@ -77,11 +77,14 @@ class Board:
         if not isinstance(number, int):
             raise SloshCameraError(f"board: OpenCV has no dictionary {name}")
         markers = cv2.aruco.getPredefinedDictionary(number)
+        fields = self.columns * self.rows
+        needed = fields // 2 if self.charuco else fields
+        if needed > len(markers.bytesList):
+            raise SloshCameraError(
+                f"board: needs {needed} markers, {name} has {len(markers.bytesList)}"
+            )
         kind = cv2.aruco.CharucoBoard if self.charuco else cv2.aruco.GridBoard
-        try:
-            return kind((self.columns, self.rows), self.size, self.inner, markers)
-        except cv2.error as error:
-            raise SloshCameraError(f"board: {name} has too few markers for it") from error
+        return kind((self.columns, self.rows), self.size, self.inner, markers)
 
 
 def parse_board(text: str) -> Board:

@@ -55,7 +55,8 @@ class CurveCheck:
     Attributes:
         name: of the curve.
         share: part of its samples that have an edge within 1.5 px, 0 to 1.
-        offset: median signed distance of the edges [px]; outwards for a side, upwards for a level.
+        offset: median signed distance of the edges [px]; outwards for a side, upwards for a
+            level; NaN: no edges.
         rms: root mean square distance of the edges within 1.5 px [px]; NaN: none.
     """
 
@@ -288,7 +289,8 @@ def _result(
 def _checked(curve: Curve, samples: int, residual: FloatArray) -> CurveCheck:
     near = residual[np.abs(residual) < INLIER]
     rms = float(np.sqrt(np.mean(near**2))) if near.size else float("nan")
-    return CurveCheck(curve.value, near.size / samples, float(np.median(residual)), rms)
+    offset = float(np.median(residual)) if residual.size else float("nan")
+    return CurveCheck(curve.value, near.size / samples, offset, rms)
 
 
 def _height_stddev(view: CupView, fit: Fit, wall: Wall) -> float:

@@ -1,0 +1,195 @@
+"""Boards of markers, put into images by a homography that the package does not compute."""
+
+import cv2
+import numpy as np
+import pytest
+
+from slosh_camera.calibrate.board import (
+    Board,
+    check_hint,
+    find_board,
+    hint_of_flat_board,
+    parse_board,
+    pose_by_board,
+)
+from slosh_camera.calibrate.pose import CameraPlace, place_of, pose_of
+from slosh_camera.calibrate.still import calibrate_by_edges
+from slosh_camera.camera import PinholeCamera
+from slosh_camera.errors import SloshCameraError
+from slosh_camera.geometry import Cup, Pose
+
+needs_aruco = pytest.mark.skipif(
+    not hasattr(getattr(cv2, "aruco", None), "CharucoDetector"),
+    reason=f"OpenCV {cv2.__version__} has no board detector, 4.7 has",
+)
+pytestmark = needs_aruco
+
+CHARUCO = Board(True, 5, 4, 0.02, 0.015)
+GRID = Board(False, 3, 2, 0.03, 0.006)
+CAMERA = PinholeCamera(1280, 960, 1500.0, 1500.0, 639.5, 479.5)
+CUP = Cup(0.05, 0.07)
+PLACE = CameraPlace(0.5, 0.25, 0.0, 0.45, 0.02)
+# Face up: the board's z, into the page, is down; its x lies along the container's x.
+FACE_UP = np.diag([1.0, -1.0, -1.0])
+
+
+def sheet(board, pixels_per_metre=8000):
+    """Printed page of a board without a margin, and its width and height [m]."""
+    if board.charuco:
+        width, height = board.columns * board.size, board.rows * board.size
+    else:
+        width = board.columns * (board.size + board.inner) - board.inner
+        height = board.rows * (board.size + board.inner) - board.inner
+    size = round(width * pixels_per_metre), round(height * pixels_per_metre)
+    return board.opencv().generateImage(size, marginSize=0), (width, height)
+
+
+def put(image, board, pose, camera=CAMERA):
+    """The image with a board at a pose (board -> camera), with a white rim about it."""
+    page, (width, height) = sheet(board)
+    rim = 60
+    page = cv2.copyMakeBorder(page, rim, rim, rim, rim, cv2.BORDER_CONSTANT, value=255)
+    ends = np.array([[0, 0, 0], [width, 0, 0], [width, height, 0], [0, height, 0]], float)
+    turn, _ = cv2.Rodrigues(pose.rotation)
+    seen, _ = cv2.projectPoints(ends, turn, pose.translation, camera.matrix, None)
+    columns, rows = page.shape[1] - 2 * rim, page.shape[0] - 2 * rim
+    # Pixels of the page are areas: its edge lies half a pixel beyond the first centre.
+    source = np.array([[0, 0], [columns, 0], [columns, rows], [0, rows]], float) + rim - 0.5
+    matrix, _ = cv2.findHomography(source, seen.reshape(-1, 2))
+    size = (camera.width, camera.height)
+    # Four samples a side to a pixel, as a sensor averages.
+    fine = np.array([[4.0, 0.0, 1.5], [0.0, 4.0, 1.5], [0.0, 0.0, 1.0]]) @ matrix
+    large = (4 * size[0], 4 * size[1])
+    warped = cv2.resize(cv2.warpPerspective(page, fine, large), size, interpolation=cv2.INTER_AREA)
+    inside = cv2.warpPerspective(np.full_like(page, 255), matrix, size) > 0
+    return np.where(inside, warped, image)
+
+
+def on_table(x=0.07, y=-0.06, base=0.0):
+    """Board -> camera, for a board that lies on the container's plane."""
+    container = pose_of(PLACE, -0.5 * np.pi)
+    origin = np.array([x, y, -CUP.fill_height - base])
+    return Pose(container.rotation @ FACE_UP, container.rotation @ origin + container.translation)
+
+
+def grey(value=120):
+    return np.full((CAMERA.height, CAMERA.width), value, np.uint8)
+
+
+@pytest.mark.parametrize("board", [CHARUCO, GRID], ids=["charuco", "aruco"])
+def test_finds_a_board(board):
+    truth = on_table()
+    found = find_board(put(grey(), board, truth), CAMERA, board)
+    assert np.allclose(found.pose.rotation, truth.rotation, atol=4e-3)
+    assert np.allclose(found.pose.translation, truth.translation, atol=1.5e-3)
+    assert found.residual < 0.5
+
+
+def test_a_flat_board_tells_height_pitch_and_roll():
+    found = find_board(put(grey(), CHARUCO, on_table(base=0.003)), CAMERA, CHARUCO)
+    hint = hint_of_flat_board(found, CUP, 0.003)
+    error = hint.numbers - PLACE.numbers
+    assert np.array_equal(np.isnan(hint.numbers), [True, False, True, False, False])
+    assert np.all(np.abs(error[[1, 3, 4]]) < [2e-3, 4e-3, 4e-3])
+    assert np.all(np.abs(error[[1, 3, 4]]) < 3.0 * hint.stddev[[1, 3, 4]])
+
+
+def test_a_board_at_a_known_place_gives_the_pose():
+    turn, _ = cv2.Rodrigues(np.array([0.0, 0.0, 0.4]))
+    place = Pose(turn @ FACE_UP, np.array([0.02, -0.08, -0.05]))
+    container = pose_of(PLACE, 0.3)
+    truth = Pose(
+        container.rotation @ place.rotation,
+        container.rotation @ place.translation + container.translation,
+    )
+    pose, covariance = pose_by_board(
+        find_board(put(grey(), CHARUCO, truth), CAMERA, CHARUCO), place
+    )
+    found, azimuth = place_of(pose)
+    error = np.abs(found.numbers - PLACE.numbers)
+    assert np.all(error < [2e-3, 2e-3, 4e-3, 4e-3, 4e-3])
+    assert azimuth == pytest.approx(0.3, abs=5e-3)
+    assert np.all(np.sqrt(np.diag(covariance)) < 5e-3)
+
+
+def test_board_and_edges_together(make_scene):
+    scene = make_scene(
+        width=1280, height=960, focal=1500.0, camera_height=0.25, distance=0.5, aim=-0.01
+    )
+    view = scene.calibration().view
+    flat = np.array([0.08, -0.05, -CUP.fill_height])
+    board_pose = Pose(
+        view.pose.rotation @ FACE_UP, view.pose.rotation @ flat + view.pose.translation
+    )
+    image = put(scene.draw(), CHARUCO, board_pose, view.camera)
+    hint = hint_of_flat_board(find_board(image, view.camera, CHARUCO), CUP, 0.0)
+    fit = calibrate_by_edges(image, view.camera, CUP, hint=hint)
+    check_hint(hint, fit.place.numbers)
+    truth = place_of(view.pose)[0].numbers
+    assert np.all(np.abs(fit.place.numbers - truth) < [2e-3, 1e-3, 1e-3, 2e-3, 1e-3])
+    free = calibrate_by_edges(image, view.camera, CUP)
+    assert np.all(fit.stddev <= free.stddev + 1e-9)
+    # The same board said to be a third larger puts the plane elsewhere.
+    wrong = Board(True, 5, 4, 0.027, 0.02)
+    with pytest.raises(SloshCameraError, match="board: contradicts the container's edges, by"):
+        check_hint(
+            hint_of_flat_board(find_board(image, view.camera, wrong), CUP, 0.0), fit.place.numbers
+        )
+
+
+def test_an_upright_board_is_not_flat():
+    upright = Pose(np.eye(3), np.array([-0.05, -0.04, 0.5]))
+    found = find_board(put(grey(), CHARUCO, upright), CAMERA, CHARUCO)
+    with pytest.raises(SloshCameraError, match="board: does not lie flat and face up"):
+        hint_of_flat_board(found, CUP, 0.0)
+
+
+def test_no_board_is_one_line():
+    with pytest.raises(SloshCameraError, match=r"board: 0 corners of it are seen, 4 are needed"):
+        find_board(grey(), CAMERA, CHARUCO)
+
+
+def test_another_dictionary_is_not_found():
+    image = put(grey(), CHARUCO, on_table())
+    with pytest.raises(SloshCameraError, match="corners of it are seen"):
+        find_board(image, CAMERA, Board(True, 5, 4, 0.02, 0.015, "6X6_50"))
+
+
+def test_wrong_intrinsics_show_as_residual():
+    image = put(grey(), CHARUCO, on_table())
+    with pytest.raises(SloshCameraError, match=r"board: its corners lie .* px rms"):
+        find_board(image, PinholeCamera(1280, 960, 700.0, 1500.0, 639.5, 479.5), CHARUCO)
+
+
+def test_board_descriptions():
+    assert parse_board("charuco:7x5:0.02:0.015") == Board(True, 7, 5, 0.02, 0.015, "4X4_50")
+    assert parse_board("aruco:3x2:0.03:0.006:DICT_5X5_100") == Board(
+        False, 3, 2, 0.03, 0.006, "5X5_100"
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "match"),
+    [
+        ("", "is not charuco:COLS"),
+        ("chess:7x5:0.02:0.015", "is not charuco:COLS"),
+        ("charuco:7:0.02:0.015", "is not charuco:COLS"),
+        ("charuco:7x5:wide:0.015", "is not charuco:COLS"),
+        ("charuco:7x5:0.02:0.03", "do not fit"),
+        ("charuco:1x5:0.02:0.01", "both must be 2 to 50"),
+        ("charuco:900x900:0.02:0.01", "both must be 2 to 50"),
+        ("charuco:7x5:nan:0.01", "must be positive"),
+        ("aruco:2x2:-1:0.01", "must be positive"),
+    ],
+)
+def test_bad_descriptions(text, match):
+    with pytest.raises(SloshCameraError, match=match) as caught:
+        parse_board(text)
+    assert "\n" not in str(caught.value)
+
+
+def test_unknown_or_short_dictionaries():
+    with pytest.raises(SloshCameraError, match="OpenCV has no dictionary DICT_4X4_49"):
+        Board(True, 5, 4, 0.02, 0.015, "4X4_49").opencv()
+    with pytest.raises(SloshCameraError, match="needs 400 markers, DICT_4X4_50 has 50"):
+        Board(False, 20, 20, 0.02, 0.005).opencv()

@@ -1,0 +1,190 @@
+"""Calibration from a still image, against drawn and ray-traced images whose pose is known."""
+
+import dataclasses
+import json
+import os
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from slosh_camera.calibrate.fit import Hint
+from slosh_camera.calibrate.pose import CameraPlace, place_of, pose_of
+from slosh_camera.calibrate.still import calibrate_by_edges, check_pose
+from slosh_camera.camera import camera_from_info
+from slosh_camera.errors import SloshCameraError
+from slosh_camera.geometry import Cup, CupView, Pose, Wall
+
+SHARED = Path(os.environ.get("SLOSH_SHARED_DATA", Path(__file__).parents[4] / "shared" / "data"))
+RENDERED = SHARED / "rendered"
+
+
+def height_errors(truth, found, wall):
+    """What a pose makes of heights of -20 to 20 mm within 60 degrees of the wall's middle [m]."""
+    arc = np.deg2rad(np.linspace(-60.0, 60.0, 25)) + (np.pi if wall is Wall.REAR else 0.0)
+    azimuth = truth.camera_azimuth + np.tile(arc, 3)
+    height = np.repeat([-0.02, 0.0, 0.02], arc.size)
+    _, read = found.on_wall(truth.project_wall(azimuth, height, wall), wall)
+    return read - height
+
+
+def worst_error(truth, fit):
+    return max(np.max(np.abs(height_errors(truth, fit.view, wall))) for wall in Wall)
+
+
+def rendered(name):
+    truth = json.loads((RENDERED / name / "truth.json").read_text())
+    known = truth["camera"]
+    camera = camera_from_info(np.ravel(known["K"]), known["dist"], known["width"], known["height"])
+    cup = Cup(
+        truth["R"], truth["h"], truth["wall_thickness"], truth["h"] + truth["rim_z"],
+        truth["n_wall"],
+    )  # fmt: skip
+    view = CupView(camera, Pose(np.array(known["R_cup2cam"]), np.array(known["t_cup2cam"])), cup)
+    return cv2.imread(str(RENDERED / name / truth["static"]["file"])), view
+
+
+@pytest.mark.skipif(not RENDERED.is_dir(), reason=f"no rendered sequences in {RENDERED}")
+@pytest.mark.parametrize("name", ["A_planar", "B_rotating", "D_rotating"])
+def test_ray_traced_cup(name, record_property):
+    image, truth = rendered(name)
+    fit = calibrate_by_edges(image, truth.camera, truth.cup)
+    worst = worst_error(truth, fit)
+    record_property("worst_mm", 1e3 * worst)
+    assert worst < 0.2e-3
+    assert fit.residual < 0.4
+    assert worst < 3.0 * max(fit.height_stddev.values())
+
+
+SCENES = {
+    "level": {},
+    "from above, rolled": {"camera_height": 0.08, "roll": 0.03, "aim": 0.01},
+    "from below": {"camera_height": -0.05},
+    "distorting lens": {"camera_height": 0.05, "distortion": (-0.12, 0.05, 0.001, -0.001, 0.0)},
+    "light liquid, noise": {"liquid": 200, "surface": 150, "background": 60, "noise": 4.0},
+}
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_drawn_cup(make_scene, name):
+    scene = make_scene(**SCENES[name])
+    truth = scene.calibration().view
+    cup = Cup(scene.radius, scene.fill_height)
+    truth = CupView(truth.camera, truth.pose, cup)
+    fit = calibrate_by_edges(scene.draw(), truth.camera, cup)
+    assert worst_error(truth, fit) < 0.25e-3
+    assert fit.place.roll == pytest.approx(place_of(truth.pose)[0].roll, abs=2e-3)
+
+
+def test_large_image_is_searched_small_and_fitted_whole(make_scene):
+    scene = make_scene(width=1920, height=1080, focal=2400.0, camera_height=0.04, oversampling=2)
+    truth = scene.calibration().view
+    cup = Cup(scene.radius, scene.fill_height)
+    truth = CupView(truth.camera, truth.pose, cup)
+    fit = calibrate_by_edges(scene.draw(), truth.camera, cup)
+    assert worst_error(truth, fit) < 0.1e-3
+
+
+def test_the_azimuth_is_the_callers(make_scene):
+    scene = make_scene(camera_height=0.05, camera_azimuth=0.7)
+    truth = scene.calibration().view
+    cup = Cup(scene.radius, scene.fill_height)
+    fit = calibrate_by_edges(scene.draw(), truth.camera, cup, azimuth=0.7)
+    assert fit.view.camera_azimuth == pytest.approx(0.7)
+    assert np.allclose(fit.view.pose.rotation, truth.pose.rotation, atol=5e-3)
+    assert np.allclose(fit.view.pose.translation, truth.pose.translation, atol=2e-3)
+
+
+def test_a_hint_moves_the_fit_as_far_as_it_is_sure(make_scene):
+    scene = make_scene(camera_height=0.05)
+    camera, cup = scene.calibration().view.camera, Cup(scene.radius, scene.fill_height)
+    image = scene.draw()
+    free = calibrate_by_edges(image, camera, cup)
+    wrong = free.place.numbers + 0.002
+    known = np.array([np.nan, np.nan, np.nan, wrong[3], np.nan])
+    pitches = [
+        calibrate_by_edges(image, camera, cup, hint=Hint(known, np.full(5, stddev))).place.pitch
+        for stddev in (1.0, 1e-5)
+    ]
+    assert pitches[0] == pytest.approx(free.place.pitch, abs=1e-4)
+    assert pitches[1] == pytest.approx(wrong[3], abs=1e-4)
+
+
+def test_place_and_pose_are_inverse():
+    place = CameraPlace(0.4, 0.1, 0.05, 0.2, -0.1)
+    back, azimuth = place_of(pose_of(place, 2.0))
+    assert np.allclose(back.numbers, place.numbers)
+    assert azimuth == pytest.approx(2.0)
+
+
+def refusal(image, camera, cup):
+    with pytest.raises(SloshCameraError) as caught:
+        calibrate_by_edges(image, camera, cup)
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
+
+
+def cut(image, camera, left=0, top=0):
+    """The image without its left columns and its upper rows, and the camera that took that."""
+    part = np.ascontiguousarray(image[top:, left:])
+    height, width = part.shape[:2]
+    return part, dataclasses.replace(
+        camera, width=width, height=height, cx=camera.cx - left, cy=camera.cy - top
+    )
+
+
+def test_refuses_what_does_not_show_a_container(make_scene):
+    scene = make_scene(camera_height=0.05)
+    camera, cup = scene.calibration().view.camera, Cup(scene.radius, scene.fill_height)
+    noise = np.random.default_rng(1).integers(0, 255, (480, 640), dtype=np.uint8)
+    for image in (np.zeros((480, 640), np.uint8), noise, scene.empty()):
+        assert "no round container is found" in refusal(image, camera, cup)
+
+
+def test_refuses_a_cut_container(make_scene):
+    scene = make_scene(camera_height=0.05)
+    camera, cup = scene.calibration().view.camera, Cup(scene.radius, scene.fill_height)
+    # The left side is at column 208, the still level at rows 231 to 257.
+    for left, top in ((240, 0), (320, 0), (0, 300)):
+        assert refusal(*cut(scene.draw(), camera, left, top), cup).startswith("still image: ")
+
+
+def test_refuses_a_moving_surface(make_scene):
+    scene = make_scene(camera_height=0.05)
+    camera, cup = scene.calibration().view.camera, Cup(scene.radius, scene.fill_height)
+    assert "still image: " in refusal(scene.draw(0.02, 0.3), camera, cup)
+
+
+def test_refuses_a_container_too_small_to_measure(make_scene):
+    scene = make_scene(camera_height=0.05, distance=2.5)
+    camera, cup = scene.calibration().view.camera, Cup(scene.radius, scene.fill_height)
+    assert "still image: " in refusal(scene.draw(), camera, cup)
+
+
+def test_refuses_images_of_another_camera(make_scene):
+    camera, cup = make_scene().calibration().view.camera, Cup(0.05, 0.07)
+    assert "1 x 1 pixels, the camera is calibrated for 640 x 480" in refusal(
+        np.zeros((1, 1), np.uint8), camera, cup
+    )
+    assert "2-dimensional float64" in refusal(np.zeros((480, 640)), camera, cup)
+
+
+def test_checking_a_known_pose_sees_how_far_it_is_off(make_scene):
+    scene = make_scene(camera_height=0.05)
+    view = scene.calibration().view
+    cup = Cup(scene.radius, scene.fill_height)
+    place, azimuth = place_of(view.pose)
+    covariance = np.diag(np.full(5, 1e-8))
+    offsets = []
+    for rise in (0.0, 0.002):
+        moved = dataclasses.replace(place, height=place.height + rise)
+        fit = check_pose(
+            scene.draw(), CupView(view.camera, pose_of(moved, azimuth), cup), covariance
+        )
+        offsets.append({curve.name: curve.offset for curve in fit.curves}["still level, front"])
+    # Predicted too low by 2 mm of a wall 400 to 440 mm away, at 1000 px.
+    assert offsets[0] == pytest.approx(0.0, abs=0.2)
+    assert offsets[1] == pytest.approx(4.7, abs=0.3)
+    blank = check_pose(scene.empty(), CupView(view.camera, view.pose, cup), covariance)
+    assert np.isnan(blank.residual)
