@@ -66,6 +66,22 @@ def test_wall_points_are_seen_where_the_detector_s_geometry_sees_them(scenes, tm
         assert math.dist(mine, straight) > 0.1
 
 
+def test_a_steep_camera_sees_the_rear_wall_over_the_front_rim(scenes):
+    view = scenes.render.view_of(scenes.definitions.SCENES["steep"])
+    for height, over in [(-9 * MM, False), (20 * MM, True)]:
+        # Camera, front wall and rear wall in the plane through the axis.
+        rear = np.array([-view.radius, height])
+        front = rear + (np.array([view.distance, view.position[2]]) - rear) * (
+            2 * view.radius / (view.distance + view.radius)
+        )
+        assert (front[1] > view.rim) is over
+        azimuth = view.azimuth + math.pi
+        straight = view.project(view.wall_point(azimuth, height))
+        through = view.project_refracted(azimuth, height)
+        assert math.dist(straight, through) > 0.5
+        assert view.seen(azimuth, height) == (straight if over else through)
+
+
 def test_edges_of_the_cup_are_those_of_the_detector_s_geometry(scenes, tmp_path):
     view, _ = written(scenes, tmp_path, scenes.definitions.BASE, [])
     cup_view = scenes.sequences.read_sequence(tmp_path).calibration.view

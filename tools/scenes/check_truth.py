@@ -83,6 +83,7 @@ def view_of_truth(truth: dict[str, Any]) -> View:
         camera["k1"],
         truth["R"],
         truth["wall_thickness"],
+        truth["rim_z"],
         truth["n_wall"],
     )
 
@@ -169,7 +170,7 @@ def edge_gaps(view: View, wave: Wave, mask: NDArray[np.uint8], rear: bool) -> Ar
     left, _ = view.edges()
     half = 0.4 * math.pi if rear else 0.95 * abs(wrap(left - view.azimuth))
     azimuths = view.azimuth + math.pi * rear + np.linspace(-half, half, 61)
-    seen = [view.project_refracted(a, float(wave.wall(a))) for a in azimuths]
+    seen = [view.seen(a, float(wave.wall(a))) for a in azimuths]
     line = np.array([pixel for pixel in seen if pixel is not None])
     line = line[np.argsort(line[:, 0])]
     columns = np.arange(math.ceil(line[0, 0]) + 2, math.floor(line[-1, 0]) - 1)

@@ -29,6 +29,7 @@ class View:
         focal: fx, fy in pixels; centre: cx, cy; k1: OpenCV's first radial coefficient.
         size: width and height in pixels.
         radius, wall: the cup's inner radius and wall thickness.
+        rim: height of the cup's rim above the still level.
         index: refractive index of the wall.
     """
 
@@ -40,6 +41,7 @@ class View:
     k1: float
     radius: float
     wall: float
+    rim: float
     index: float
 
     @property
@@ -95,14 +97,31 @@ class View:
         Points between the apparent edges are taken as front wall (glass only), others as rear
         wall (front glass, then air).
         """
-        left, _ = self.edges()
-        half = abs(wrap(left - self.azimuth))
         turn = wrap(azimuth - self.azimuth)
-        rear = abs(turn) > half
+        rear = self._is_rear(azimuth)
         direction = self._direction(turn, height - self.position[2], rear)
         if direction is None:
             return None
         return self.project(self.position + direction)
+
+    def seen(self, azimuth: float, height: float) -> tuple[float, float] | None:
+        """Pixel of a point of the inner wall: through the glass, or over the front rim."""
+        point = self.wall_point(azimuth, height)
+        if self._is_rear(azimuth) and self._crosses_front_at(point) > self.rim:
+            return self.project(point)
+        return self.project_refracted(azimuth, height)
+
+    def _is_rear(self, azimuth: float) -> bool:
+        left, _ = self.edges()
+        return abs(wrap(azimuth - self.azimuth)) > abs(wrap(left - self.azimuth))
+
+    def _crosses_front_at(self, point: Array) -> float:
+        """Height at which the straight line from a wall point to the camera leaves the bore."""
+        towards = self.position - point
+        flat = towards[:2]
+        # The other intersection of the line with the circle through the point.
+        share = -2 * float(point[:2] @ flat) / float(flat @ flat)
+        return float(point[2] + share * towards[2])
 
     def _direction(self, turn: float, rise: float, rear: bool) -> Array | None:
         """Direction from the camera of the ray that arrives `turn` further and `rise` higher."""

@@ -40,6 +40,7 @@ def view_of(scene: Scene) -> View:
         camera.k1,
         cup.radius * 1e-3,
         cup.wall * 1e-3,
+        cup.rim * 1e-3,
         cup.index,
     )
 

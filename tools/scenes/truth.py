@@ -36,7 +36,8 @@ CONVENTIONS = {
     "plane; peak_front_cos is that cosine; peak_on_visible_front_wall = az inside "
     "[theta_left, theta_right] as seen from the camera",
     "peak_px": "projection of the peak wall point THROUGH the refracting wall (front wall: glass "
-    "only; rear wall: glass + air), null if no ray reaches it; peak_px_norefraction: straight",
+    "only; rear wall: glass + air, or air alone where it is seen over the front rim), null if no "
+    "ray reaches it; peak_px_norefraction: straight",
     "peak_visible": "the peak's pixel is in the frame and within 6 px of liquid in the mask",
     "mask": "0 nothing, 1 liquid seen through the wall, 2 free surface seen from above, 3 cup "
     "floor of the liquid, seen through the refracting, non-reflecting cup, no blur, no label or "
@@ -136,7 +137,7 @@ def frame_truth(view: View, wave: Wave) -> dict[str, Any]:
         nothing = ("peak_az", "peak_front_cos", "peak_half", "peak_px", "peak_px_norefraction")
         return entry | dict.fromkeys(nothing) | {"peak_out_of_frame": False}
     cosine = math.cos(azimuth - view.azimuth)
-    refracted = view.project_refracted(azimuth, height)
+    refracted = view.seen(azimuth, height)
     straight = view.project(view.wall_point(azimuth, height))
     seen = refracted or straight
     return entry | {
@@ -171,7 +172,8 @@ def mask_truth(mask: NDArray[np.uint8], entry: dict[str, Any]) -> dict[str, Any]
     seen = entry["peak_px"] or entry["peak_px_norefraction"]
     visible = None
     if seen is not None:
-        rows, columns = np.nonzero(body)
+        # The rim may stand before the surface and part it.
+        rows, columns = np.nonzero((mask == 1) | (mask == 2))
         gap = np.hypot(columns - seen[0], rows - seen[1]).min()
         visible = bool(gap < 6.0) and not entry["peak_out_of_frame"]
     return {
