@@ -74,7 +74,7 @@ def test_a_steep_camera_sees_the_rear_wall_over_the_front_rim(scenes):
         front = rear + (np.array([view.distance, view.position[2]]) - rear) * (
             2 * view.radius / (view.distance + view.radius)
         )
-        assert (front[1] > view.rim) is over
+        assert bool(front[1] > view.rim) is over
         azimuth = view.azimuth + math.pi
         straight = view.project(view.wall_point(azimuth, height))
         through = view.project_refracted(azimuth, height)
