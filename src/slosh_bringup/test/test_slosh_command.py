@@ -3,19 +3,15 @@
 import json
 import re
 
-import cv2
 import numpy as np
 import pytest
 
-from slosh_bringup.cell.renderer import CupRenderer
 from slosh_bringup.cell_setup import read_setup
 from slosh_bringup.cli.main import COMMANDS, LATER, main
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.processes import config_folder
-from slosh_camera.calibration import read_calibration
 
 MODEL = str(config_folder() / "model.yaml")
-CAMERA = str(config_folder() / "camera.yaml")
 
 
 @pytest.fixture
@@ -86,33 +82,6 @@ def test_simulate_names_what_is_wrong(capsys, motion, tmp_path):
 def test_a_folder_that_cannot_be_written_is_one_line(capsys, motion):
     line = fails_with(capsys, "simulate", MODEL, str(motion), "-o", "/nowhere/out.csv")
     assert "/nowhere/out.csv" in line
-
-
-def test_detect_measures_a_folder_and_flags_what_is_broken(capsys, tmp_path):
-    renderer = CupRenderer(read_calibration(CAMERA).view)
-    heights = [0.01, 0.02, 0.03]
-    for index, height in enumerate(heights):
-        cv2.imwrite(str(tmp_path / f"{index}.png"), renderer.render(0.0, height))
-    (tmp_path / "3.png").write_bytes(b"no image")
-    cv2.imwrite(str(tmp_path / "4.png"), np.zeros((1, 1), np.uint8))
-    output = tmp_path / "out.csv"
-    assert main(["detect", str(tmp_path), "--camera", CAMERA, "-o", str(output)]) == 0
-    captured = capsys.readouterr()
-    assert "3 of 5 images measured" in captured.out
-    assert "3.png" in captured.err
-    table = np.genfromtxt(output, delimiter=",", names=True, dtype=None, encoding=None)
-    assert table["msh"][:3] == pytest.approx(heights, abs=0.001)
-    assert list(table["flags"][3:]) == ["BAD_IMAGE", "BAD_IMAGE"]
-
-
-def test_detect_names_a_source_without_images(capsys, tmp_path):
-    output = str(tmp_path / "out.csv")
-    (tmp_path / "empty").mkdir()
-    text = tmp_path / "movie.mp4"
-    text.write_text("no movie")
-    for source in (tmp_path / "empty", tmp_path / "nothing", text):
-        words = ("detect", str(source), "--camera", CAMERA, "-o", output)
-        assert source.name in fails_with(capsys, *words)
 
 
 def test_replay_names_what_is_no_bag(capsys, tmp_path):

@@ -1,0 +1,386 @@
+"""`slosh detect`: sources, order, processes, pictures, and what it says about garbage."""
+
+import json
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+import yaml
+
+from slosh_bag.bag_writer import BagWriter
+from slosh_bag.definitions import Definitions
+from slosh_bringup.cell.renderer import CupRenderer
+from slosh_bringup.cli.main import main
+from slosh_bringup.detect.frame import SourceFrame
+from slosh_bringup.detect.measuring import Result
+from slosh_bringup.detect.pictures import Strip, Worst, judge
+from slosh_bringup.detect.series import images_in, longest_series
+from slosh_bringup.detect.source import open_source
+from slosh_bringup.processes import config_folder
+from slosh_camera.calibration import read_calibration
+from slosh_camera.geometry import Wall
+from slosh_camera.measurement import Flag, Measurement
+
+CAMERA = str(config_folder() / "camera.yaml")
+HEIGHTS = [0.004 + 0.002 * k for k in range(9)]
+STORE = Definitions()
+
+
+@pytest.fixture(scope="module")
+def images():
+    """The simulated cup with the peak at the camera's far side, at rising heights."""
+    renderer = CupRenderer(read_calibration(CAMERA).view)
+    return [cv2.cvtColor(renderer.render(0.0, height), cv2.COLOR_GRAY2BGR) for height in HEIGHTS]
+
+
+@pytest.fixture
+def folder(tmp_path, images):
+    path = tmp_path / "images"
+    path.mkdir()
+    for number, image in enumerate(images):
+        cv2.imwrite(str(path / f"frame_{number}.png"), image)
+    return path
+
+
+def detect(tmp_path, *words, camera=CAMERA):
+    """Runs the command; returns its exit code and the table."""
+    output = tmp_path / "out.csv"
+    code = main(["detect", *map(str, words), "--camera", str(camera), "-o", str(output)])
+    table = np.genfromtxt(
+        output, delimiter=",", names=True, dtype=None, encoding=None, ndmin=1, comments=None
+    )
+    return code, table
+
+
+def refused(capsys, tmp_path, *words, camera=CAMERA):
+    """The one line with which the command refuses its work."""
+    output = tmp_path / "out.csv"
+    words = ["detect", *map(str, words), "--camera", str(camera), "-o", str(output)]
+    assert main(words) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    lines = [line for line in captured.err.split("\n") if line.startswith("slosh")]
+    (line,) = lines
+    return line
+
+
+def test_a_folder_gives_heights_in_natural_order(capsys, tmp_path, folder):
+    for number in (9, 10):
+        (folder / f"frame_{number}.png").write_bytes((folder / "frame_0.png").read_bytes())
+    code, table = detect(tmp_path, folder, "--rate", "100")
+    assert code == 0
+    assert list(table["frame"]) == [f"frame_{number}.png" for number in range(11)]
+    assert table["t"] == pytest.approx(np.arange(11) / 100)
+    assert table["msh"][:9] == pytest.approx(HEIGHTS, abs=1e-3)
+    assert table["fitted_msh"][:9] == pytest.approx(HEIGHTS, abs=1e-3)
+    assert np.degrees(table["fitted_azimuth"][8]) == pytest.approx(90.0, abs=5.0)
+    assert np.all(np.isnan(table["slope_angle"]))
+    assert list(table["flags"]) == [""] * 10 + ["FROZEN"]
+    assert "11 of 11 images measured" in capsys.readouterr().out
+
+
+def test_processes_do_not_change_a_number(tmp_path, folder, images):
+    (folder / "frame_9.png").write_bytes(b"no image")
+    cv2.imwrite(str(folder / "frame_10.png"), images[0])
+    cv2.imwrite(str(folder / "frame_11.png"), images[0])
+    tables = []
+    for jobs in ("1", "2"):
+        detect(tmp_path, folder, "--jobs", jobs)
+        tables.append((tmp_path / "out.csv").read_text())
+    assert tables[0] == tables[1]
+    assert [line.split(",")[10] for line in tables[0].split()[-3:]] == ["BAD_IMAGE", "", "FROZEN"]
+
+
+def test_the_longest_series_is_measured_and_the_rest_is_told(capsys, tmp_path, folder, images):
+    for number in range(9):
+        cv2.imwrite(str(folder / f"mask_{number}.png"), images[0])
+    cv2.imwrite(str(folder / "calib.jpg"), images[0])
+    _, table = detect(tmp_path, folder)
+    assert list(table["frame"]) == [f"frame_{number}.png" for number in range(9)]
+    told = capsys.readouterr().err
+    assert "left out: 9 images mask_#.png, calib.jpg" in told
+
+
+@pytest.mark.parametrize(
+    ("names", "chosen"),
+    [
+        (["b_1.png", "b_2.png", "image_1.png", "image_2.png"], ["image_1.png", "image_2.png"]),
+        (["cam1_1.png", "cam2_1.png", "cam2_2.png"], ["cam2_1.png", "cam2_2.png"]),
+        (["a.png", "b.png"], ["a.png", "b.png"]),
+        (["x 9.jpg", "x 10.jpg", ".x 11.jpg"], ["x 9.jpg", "x 10.jpg"]),
+        (
+            ["12-30-59 frame 1.png", "12-31-00 frame 2.png", "still.png"],
+            ["12-30-59 frame 1.png", "12-31-00 frame 2.png"],
+        ),
+    ],
+)
+def test_files_that_belong_together(tmp_path, names, chosen):
+    for name in names:
+        (tmp_path / name).touch()
+    files, note = longest_series(images_in(tmp_path))
+    assert [file.name for file in files] == chosen
+    assert bool(note) == (len(chosen) < len([name for name in names if name[0] != "."]))
+
+
+def test_patterns_and_lists_of_images(tmp_path, folder):
+    _, table = detect(tmp_path, folder / "frame_[123].png")
+    assert list(table["frame"]) == ["frame_1.png", "frame_2.png", "frame_3.png"]
+    _, table = detect(tmp_path, folder / "frame_3.png", folder / "frame_0.png")
+    assert list(table["frame"]) == ["frame_0.png", "frame_3.png"]
+    _, table = detect(tmp_path, folder / "frame_3.png")
+    assert table["msh"] == pytest.approx([HEIGHTS[3]], abs=1e-3)
+
+
+def write_video(path, images, codec="MJPG", rate=50.0):
+    size = images[0].shape[1::-1]
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*codec), rate, size)
+    assert writer.isOpened()
+    for image in images:
+        writer.write(image)
+    writer.release()
+    return path
+
+
+def test_a_video_and_what_is_left_of_one_that_was_cut(capsys, tmp_path, images):
+    video = write_video(tmp_path / "movie.avi", images)
+    code, table = detect(tmp_path, video)
+    assert code == 0
+    assert table["t"] == pytest.approx(np.arange(9) / 50)
+    assert table["msh"] == pytest.approx(HEIGHTS, abs=1e-3)
+    video.write_bytes(video.read_bytes()[: video.stat().st_size // 2])
+    code, table = detect(tmp_path, video)
+    assert code == 0
+    assert 2 <= len(table) < 6
+    assert table["msh"] == pytest.approx(HEIGHTS[: len(table)], abs=1e-3)
+    assert "announces 9 images" in capsys.readouterr().err
+
+
+def write_bag(folder, images):
+    """Images at 20 Hz, the fourth with a step that does not match; and another, shorter topic."""
+    types = {
+        name: STORE.hash(name) and STORE.typestore.types[name]
+        for name in ("std_msgs/msg/Header", "sensor_msgs/msg/Image")
+    }
+    time = STORE.typestore.types["builtin_interfaces/msg/Time"]
+    with BagWriter(folder) as bag:
+        bag.add_topic("/camera/image_raw", "sensor_msgs/msg/Image")
+        for number, image in enumerate(images):
+            height, width = image.shape[:2]
+            message = types["sensor_msgs/msg/Image"](
+                header=types["std_msgs/msg/Header"](
+                    stamp=time(sec=100, nanosec=number * 50_000_000), frame_id="camera"
+                ),
+                height=height,
+                width=width,
+                encoding="bgr8",
+                is_bigendian=0,
+                step=7 if number == 3 else 3 * width,
+                data=np.ascontiguousarray(image).reshape(-1),
+            )
+            data = bytes(STORE.typestore.serialize_cdr(message, "sensor_msgs/msg/Image"))
+            bag.write("/camera/image_raw", data, 10**11 + number)
+    return folder
+
+
+def test_a_bag_with_a_bad_message_and_a_damaged_one(capsys, tmp_path, images):
+    bag = write_bag(tmp_path / "bag", images[:6])
+    code, table = detect(tmp_path, bag)
+    assert code == 0
+    assert table["t"] == pytest.approx(np.arange(6) / 20)
+    assert list(table["flags"]) == ["", "", "", "BAD_IMAGE", "", ""]
+    assert table["msh"][[0, 1, 2, 4, 5]] == pytest.approx(
+        np.array(HEIGHTS)[[0, 1, 2, 4, 5]], abs=1e-3
+    )
+    assert "step 7" in capsys.readouterr().err
+    (file,) = bag.glob("*.mcap")
+    file.write_bytes(file.read_bytes()[: file.stat().st_size * 3 // 4])
+    output = tmp_path / "out.csv"
+    code = main(["detect", str(bag), "--camera", CAMERA, "-o", str(output)])
+    complaints = [
+        line for line in capsys.readouterr().err.split("\n")
+        if line.startswith("slosh detect") and "step 7" not in line
+    ]  # fmt: skip
+    assert code in (0, 2)
+    assert len(complaints) == 1
+    assert str(file.name) in complaints[0] or str(bag) in complaints[0]
+
+
+def test_pictures_show_the_doubtful_ones_first(capsys, tmp_path, folder, images):
+    cv2.imwrite(str(folder / "frame_4.png"), np.zeros_like(images[0]))
+    words = ("--video", tmp_path / "v.mp4", "--strip", tmp_path / "s.png", "--worst")
+    code, _ = detect(tmp_path, folder, *words, tmp_path / "w.png", 3)
+    assert code == 0
+    assert "9 images in" in capsys.readouterr().out
+    capture = cv2.VideoCapture(str(tmp_path / "v.mp4"))
+    assert capture.get(cv2.CAP_PROP_FRAME_COUNT) == 9
+    assert capture.get(cv2.CAP_PROP_FPS) == pytest.approx(60.0)
+    strip, worst = (cv2.imread(str(tmp_path / name)) for name in ("s.png", "w.png"))
+    assert strip.shape[1] == 4 * 480
+    assert worst.shape[1] == 3 * 480
+    # The black image comes first, the others show a bright background.
+    centre = worst[worst.shape[0] // 3 : worst.shape[0] // 2]
+    assert np.median(centre[:, 100:380]) < 20
+    assert np.median(centre[:, 580:860]) > 100
+
+
+def test_doubt_goes_by_what_is_wrong():
+    fine = Measurement(0, msh=0.01, msh_stddev=1e-4, fitted_msh=0.01, fitted_msh_stddev=1e-4)
+    vague = Measurement(0, msh=0.01, msh_stddev=1e-3, fitted_msh=0.01, fitted_msh_stddev=1e-4)
+    apart = Measurement(0, msh=0.02, msh_stddev=1e-4, fitted_msh=0.01, fitted_msh_stddev=1e-4)
+    flagged = Measurement(0, msh=0.01, msh_stddev=1e-4, flags=Flag.OCCLUDED)
+    twice = Measurement(0, msh=0.01, msh_stddev=1e-4, flags=Flag.OCCLUDED | Flag.BLURRED)
+    lost = Measurement(0, flags=Flag.NOT_FOUND)
+    ordered = [fine, vague, apart, flagged, twice, lost]
+    assert sorted(ordered, key=lambda one: judge(one).rank) == ordered
+    assert judge(apart).reason.startswith("seen and fitted")
+
+
+class _Sheet:
+    def write(self, results):
+        self.names = [result.frame.name for result, _ in results]
+        return ""
+
+
+def test_sheets_hold_few_images_of_many(tmp_path):
+    calibration = read_calibration(CAMERA)
+    strip, worst = (kind(tmp_path / "x.png", calibration, 4) for kind in (Strip, Worst))
+    for number in range(1001):
+        measurement = Measurement(0, msh=0.0, msh_stddev=1e-3 * (number * 7 % 1000))
+        result = Result(SourceFrame(0, str(number), Path("none")), measurement, "")
+        for sink in (strip, worst):
+            sink._sheet = _Sheet()
+            sink.add(result)
+            assert len(getattr(sink, "_kept", getattr(sink, "_heap", ()))) <= 16
+    strip.finish()
+    worst.finish()
+    places = [int(name) for name in strip._sheet.names]
+    assert len(places) == 4
+    assert places[0] == 0
+    assert min(np.diff(places)) > 200
+    assert worst._sheet.names == ["857", "714", "571", "428"]
+
+
+def test_a_still_image_moves_the_zero(tmp_path, folder):
+    view = read_calibration(CAMERA).view
+    _, before = detect(tmp_path, folder)
+    still = tmp_path / "still.png"
+    camera = tmp_path / "camera.yaml"
+    camera.write_text(Path(CAMERA).read_text() + "still_image: still.png\n")
+    cv2.imwrite(str(still), np.roll(CupRenderer(view).render(0.0, 0.0), 4, axis=0))
+    _, after = detect(tmp_path, folder, "--still", still)
+    _, named = detect(tmp_path, folder, camera=camera)
+    raised = np.median(after["fitted_msh"] - before["fitted_msh"])
+    footprint = view.height_per_pixel((320.0, 240.0), Wall.FRONT)
+    assert raised == pytest.approx(4 * footprint, abs=0.7e-3)
+    np.testing.assert_array_equal(after, named)
+
+
+def test_the_summary_as_json(capsys, tmp_path, folder):
+    (folder / "frame_9.png").write_bytes(b"")
+    assert detect(tmp_path, folder, "--json")[0] == 0
+    facts = json.loads(capsys.readouterr().out)
+    assert facts["frames"] == 10
+    assert facts["measured"] == 9
+    assert facts["flags"] == {"BAD_IMAGE": 1}
+    assert facts["msh_max"] == pytest.approx(HEIGHTS[-1], abs=1e-3)
+
+
+def test_every_kind_of_garbage_is_flagged_with_one_line(capsys, tmp_path, images):
+    folder = tmp_path / "garbage"
+    folder.mkdir()
+    good = cv2.imencode(".png", images[0])[1].tobytes()
+    jpeg = cv2.imencode(".jpg", images[0])[1].tobytes()
+    flipped = bytearray(good)
+    flipped[len(good) // 2] ^= 255
+    contents = {
+        "0.png": good,
+        "1.png": b"",
+        "2.png": b"no image",
+        "3.png": good[: len(good) // 2],
+        "4.jpg": jpeg[: len(jpeg) // 2],
+        "5.png": cv2.imencode(".png", np.zeros((1, 1), np.uint8))[1].tobytes(),
+        "6.png": cv2.imencode(".png", images[0][:100])[1].tobytes(),
+        "7.png": bytes(flipped),
+    }
+    for name, content in contents.items():
+        (folder / name).write_bytes(content)
+    capsys.readouterr()
+    code, table = detect(tmp_path, *sorted(folder.iterdir()))
+    assert code == 0
+    assert list(table["flags"]) == [""] + ["BAD_IMAGE"] * 7
+    assert np.isfinite(table["msh"]).tolist() == [True] + [False] * 7
+    lines = capsys.readouterr().err.replace("\r", "\n").split("\n")
+    told = [line for line in lines if line.startswith("slosh detect")]
+    assert [any(name in line for line in told) for name in list(contents)[1:6]] == [True] * 5
+    assert told[-1].endswith("see the table's flags")
+    assert len(told) == 6
+
+
+@pytest.mark.parametrize(("level", "flag"), [(0, "TOO_DARK"), (255, "TOO_BRIGHT")])
+def test_black_and_white_images_are_flagged(capsys, tmp_path, images, level, flag):
+    cv2.imwrite(str(tmp_path / "only.png"), np.full_like(images[0], level))
+    code, table = detect(tmp_path, tmp_path / "only.png")
+    assert code == 1
+    assert flag in table["flags"][0]
+    assert np.isnan(table["msh"][0])
+
+
+def test_a_source_without_images_is_named(capsys, tmp_path):
+    (tmp_path / "texts").mkdir()
+    (tmp_path / "texts" / "note.txt").write_text("no image")
+    (tmp_path / "text.mp4").write_text("no movie")
+    (tmp_path / "empty.mkv").touch()
+    (tmp_path / "broken.mcap").write_bytes(b"\x89MCAP0\r\n" + b"\0" * 50)
+    for name in ("texts", "nothing", "text.mp4", "empty.mkv", "broken.mcap", "none_*.png"):
+        assert name in refused(capsys, tmp_path, tmp_path / name)
+
+
+def test_a_cut_video_without_its_index_is_named(capsys, tmp_path, images):
+    video = write_video(tmp_path / "movie.mp4", images, "mp4v")
+    video.write_bytes(video.read_bytes()[: video.stat().st_size // 2])
+    assert "is it whole?" in refused(capsys, tmp_path, video)
+
+
+@pytest.mark.parametrize(
+    ("words", "match"),
+    [
+        (("--jobs", "0"), "--jobs 0"),
+        (("--rate", "nan"), "--rate nan"),
+        (("--rate", "-5"), "--rate -5"),
+        (("--worst", "w.png", "none"), "--worst none"),
+        (("--strip", "strip.txt"), "strip.txt"),
+        (("--strip", "/nowhere/strip.png"), "/nowhere"),
+        (("--video", "/nowhere/video.mp4"), "/nowhere"),
+        (("--still", "/nowhere.png"), "/nowhere.png"),
+    ],
+)
+def test_a_wrong_option_is_refused_before_the_work(capsys, tmp_path, folder, words, match):
+    assert match in refused(capsys, tmp_path, folder, *words)
+
+
+@pytest.mark.parametrize("key", ["pose", "camera_matrix", "container"])
+def test_a_calibration_with_nan_is_refused(capsys, tmp_path, folder, key):
+    document = yaml.safe_load(Path(CAMERA).read_text())
+    place = {"pose": ("translation", 0), "camera_matrix": ("data", 0), "container": ("radius",)}
+    block = document[key]
+    for step in place[key][:-1]:
+        block = block[step]
+    block[place[key][-1]] = float("nan")
+    camera = tmp_path / "camera.yaml"
+    camera.write_text(yaml.safe_dump(document))
+    line = refused(capsys, tmp_path, folder, camera=camera)
+    assert "camera.yaml" in line
+    assert key in line
+
+
+def test_an_output_that_cannot_be_written_is_named(capsys, folder):
+    assert main(["detect", str(folder), "--camera", CAMERA, "-o", "/nowhere/out.csv"]) == 2
+    assert "/nowhere/out.csv" in capsys.readouterr().err
+
+
+def test_a_source_is_read_as_it_is_needed(folder):
+    source = open_source([str(folder)])
+    assert source.total == 9
+    (folder / "frame_8.png").unlink()
+    assert next(source.frames).name == "frame_0.png"
