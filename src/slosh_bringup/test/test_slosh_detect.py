@@ -273,7 +273,7 @@ def test_a_still_image_moves_the_zero(tmp_path, folder):
     raised = np.median(after["fitted_msh"] - before["fitted_msh"])
     footprint = view.height_per_pixel((320.0, 240.0), Wall.FRONT)
     assert raised == pytest.approx(4 * footprint, abs=0.7e-3)
-    np.testing.assert_array_equal(after, named)
+    assert after["msh"].tolist() == named["msh"].tolist()
 
 
 def test_the_summary_as_json(capsys, tmp_path, folder):
