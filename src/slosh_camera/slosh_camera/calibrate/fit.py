@@ -46,6 +46,9 @@ _ROUGH = ((0.045, 8.0), (0.045, 8.0), (0.03, 6.0))
 _FINE = ((0.03, 6.0), (0.015, 4.0), (0.012, 3.0), (0.012, 3.0))
 # An edge farther off than this after the fit belongs to something else [px].
 INLIER = 1.5
+# The narrower a container, the more edges of other things lie near its curves by chance: this [px]
+# over its width is taken off the score.
+_CHANCE = 6.0
 _FAR = 1e3
 _DIFFERENCE = 1e-6
 
@@ -75,7 +78,7 @@ class Fit:
         covariance: (5, 5) of its five numbers, in their order and units.
         seen: the edges that were fitted.
         residuals: distance of each edge from its fitted curve [px], one array per curve.
-        score: mean support of the curves, 0 to 1.
+        score: mean support of the curves, less what chance gives; at most 1.
     """
 
     place: CameraPlace
@@ -140,7 +143,8 @@ def fit_place(
     except SloshCameraError:
         return None
     residuals = tuple(distances(view, curve) for curve in seen)
-    return Fit(place, covariance, seen, residuals, _score(edges, seen, residuals))
+    score = _score(edges, seen, residuals) - _CHANCE / width_of(view)
+    return Fit(place, covariance, seen, residuals, score)
 
 
 def _enough(seen: Sequence[SeenCurve]) -> bool:

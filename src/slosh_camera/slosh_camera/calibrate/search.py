@@ -28,7 +28,7 @@ _LEAST_WIDTH = 0.06
 _MAX_PITCH = np.deg2rad(60.0)
 _MAX_ROLL = np.deg2rad(20.0)
 # Sides found by a vote are too rough for the pitch: it is tried at these differences.
-_PITCHES = np.deg2rad((-6.0, -3.0, -1.5, 0.0, 1.5, 3.0, 6.0))
+_PITCHES = np.deg2rad((-5.0, -1.7, 1.7, 5.0))
 _ROW_STEP = 2.0
 # How far a coarse curve may be off its edge [px].
 _SLACK = 3

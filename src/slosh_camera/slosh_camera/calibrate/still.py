@@ -35,7 +35,7 @@ MAX_RESIDUAL = 1.0
 MAX_HEIGHT_ERROR = 1e-3
 """Standard error of a height up to which a pose is of use [m]."""
 _LEAST_SHARE = 0.5
-_CANDIDATES, _FINE_FITS = 6, 2
+_CANDIDATES, _FINE_FITS = 6, 3
 # The coarse search takes so many columns at least, and less than twice as many.
 _SEARCH_WIDTH = 800
 # A second place counts as another answer where it moves a height by more than this [m], and as a

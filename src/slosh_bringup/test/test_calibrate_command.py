@@ -1,0 +1,201 @@
+"""`slosh calibrate`: a camera.yaml that `slosh detect` reads, or one line that says why not."""
+
+import json
+
+import cv2
+import numpy as np
+import pytest
+
+from slosh_bringup.cell.renderer import CupRenderer
+from slosh_bringup.cli.main import main
+from slosh_bringup.processes import config_folder
+from slosh_camera.calibration import read_calibration
+from slosh_camera.geometry import CupView, Wall, look_at
+
+SHIPPED = read_calibration(config_folder() / "camera.yaml").view
+VIEW = CupView(SHIPPED.camera, look_at((0.0, -0.45, 0.08), (0.004, 0.0, -0.01)), SHIPPED.cup)
+LENS, CUP = VIEW.camera, VIEW.cup
+CONTAINER = ["--radius", f"{CUP.radius}", "--fill-height", f"{CUP.fill_height}"]
+GLASS = ["--wall-thickness", f"{CUP.wall_thickness}", "--rim-height", f"{CUP.rim_height}"]
+
+# As ROS camera_calibration writes it.
+INTRINSICS = f"""
+image_width: {LENS.width}
+image_height: {LENS.height}
+camera_name: narrow_stereo
+camera_matrix: {{rows: 3, cols: 3, data: [{LENS.fx}, 0, {LENS.cx}, 0, {LENS.fy}, {LENS.cy}, 0, 0, 1]}}
+distortion_model: plumb_bob
+distortion_coefficients: {{rows: 1, cols: 5, data: [0, 0, 0, 0, 0]}}
+rectification_matrix: {{rows: 3, cols: 3, data: [1, 0, 0, 0, 1, 0, 0, 0, 1]}}
+projection_matrix:
+  rows: 3
+  cols: 4
+  data: [{LENS.fx}, 0, {LENS.cx}, 0, 0, {LENS.fy}, {LENS.cy}, 0, 0, 0, 1, 0]
+"""
+
+
+@pytest.fixture(scope="module")
+def picture():
+    return CupRenderer(VIEW).render_colour(0.0, 0.0)
+
+
+@pytest.fixture
+def still(tmp_path, picture):
+    path = tmp_path / "still.png"
+    cv2.imwrite(str(path), picture)
+    return path
+
+
+@pytest.fixture
+def intrinsics(tmp_path):
+    path = tmp_path / "ost.yaml"
+    path.write_text(INTRINSICS)
+    return path
+
+
+def worst_height_error(found):
+    errors = []
+    for wall, turn in ((Wall.FRONT, 0.0), (Wall.REAR, np.pi)):
+        azimuth = VIEW.camera_azimuth + turn + np.tile(np.deg2rad(np.linspace(-60, 60, 13)), 3)
+        height = np.repeat([-0.02, 0.0, 0.02], 13)
+        _, read = found.on_wall(VIEW.project_wall(azimuth, height, wall), wall)
+        errors.append(np.max(np.abs(read - height)))
+    return max(errors)
+
+
+def fails_with(capsys, *words):
+    assert main(["calibrate", *(str(word) for word in words)]) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    (line,) = captured.err.strip().split("\n")
+    return line
+
+
+def test_writes_what_detect_reads(capsys, tmp_path, still, intrinsics):
+    output, check = tmp_path / "out" / "camera.yaml", tmp_path / "check.png"
+    output.parent.mkdir()
+    words = [still, "--camera", intrinsics, *CONTAINER, *GLASS, "-o", output, "--picture", check]
+    assert main(["calibrate", *(str(word) for word in words)]) == 0
+    text = capsys.readouterr().out
+    for part in ("mm from the axis", "deg down", "px rms", "mm (front wall)", "camera.yaml"):
+        assert part in text
+    calibration = read_calibration(output)
+    assert calibration.camera_name == "narrow_stereo"
+    assert calibration.view.cup == CUP
+    assert worst_height_error(calibration.view) < 0.25e-3
+    assert calibration.still_image.resolve() == still.resolve()
+    assert "still_image: ../still.png" in output.read_text()
+    drawn = cv2.imread(str(check)).astype(int)
+    # Green on the still level: where the front wall's middle is predicted, at double size.
+    ((u, v),) = calibration.view.project_wall(VIEW.camera_azimuth, 0.0, Wall.FRONT)
+    row, column = round(2 * v + 0.5), round(2 * u + 0.5)
+    around = drawn[row - 1 : row + 2, column]
+    assert np.max(around[:, 1] - around[:, 2]) > 60
+
+
+def test_a_camera_yaml_gives_the_container_too(capsys, tmp_path, still, intrinsics):
+    first, second = tmp_path / "camera.yaml", tmp_path / "second.yaml"
+    options = [*CONTAINER, *GLASS, "-o", first]
+    words = ["calibrate", still, "--camera", intrinsics, *options]
+    assert main([str(word) for word in words]) == 0
+    capsys.readouterr()
+    words = ["calibrate", still, "--camera", first, "--azimuth", 30, "-o", second, "--json"]
+    assert main([str(word) for word in words]) == 0
+    facts = json.loads(capsys.readouterr().out)
+    assert facts["residual"] < 0.5
+    assert facts["warnings"] == []
+    assert 0.0 < facts["height_stddev"]["front"] < 3e-4
+    again = read_calibration(second)
+    assert again.view.cup == CUP
+    assert np.rad2deg(again.view.camera_azimuth) == pytest.approx(30.0)
+    assert facts["place"]["distance"] == pytest.approx(0.45, abs=2e-3)
+
+
+def test_a_field_of_view_will_do(capsys, tmp_path, still):
+    output = tmp_path / "camera.yaml"
+    angle = 2.0 * np.rad2deg(np.arctan(0.5 * LENS.width / LENS.fx))
+    words = ["calibrate", still, "--fov", angle, *CONTAINER, *GLASS, "-o", output]
+    assert main([str(word) for word in words]) == 0
+    assert worst_height_error(read_calibration(output).view) < 0.25e-3
+
+
+def test_a_wrong_fill_height_is_noticed_at_the_floor(capsys, tmp_path, still, intrinsics):
+    output = tmp_path / "camera.yaml"
+    container = ["--radius", CUP.radius, "--fill-height", CUP.fill_height - 0.012]
+    words = ["calibrate", still, "--camera", intrinsics, *container, *GLASS, "-o", output]
+    assert main([str(word) for word in words]) == 0
+    assert (
+        "warning: the floor's edge is not where the dimensions put it" in capsys.readouterr().out
+    )
+
+
+def test_bad_input_is_one_line(capsys, tmp_path, still, intrinsics):
+    output = tmp_path / "never.yaml"
+    end = [*CONTAINER, "-o", output]
+    text, nan, blank, small = (
+        tmp_path / name for name in ("text.png", "nan.yaml", "blank.png", "small.png")
+    )
+    text.write_text("not an image")
+    nan.write_text(INTRINSICS.replace("[0, 0, 0, 0, 0]", "[0, .nan, 0, 0, 0]"))
+    cv2.imwrite(str(blank), np.full((LENS.height, LENS.width), 90, np.uint8))
+    cv2.imwrite(str(small), np.zeros((1, 1), np.uint8))
+    camera = ["--camera", intrinsics]
+    for words, part in (
+        ([tmp_path / "none.png", *camera, *end], "none.png: No such file"),
+        ([tmp_path, *camera, *end], "Is a directory"),
+        ([text, *camera, *end], "text.png: is not an image"),
+        ([small, *camera, *end], "small.png: still image: has 1 x 1 pixels"),
+        ([blank, *camera, *end], "blank.png: still image: no round container is found"),
+        ([still, "--camera", tmp_path / "none.yaml", *end], "none.yaml: cannot be read"),
+        ([still, "--camera", still, *end], "still.png: "),
+        ([still, "--camera", nan, *end], "distortion_coefficients.data: nan is not a finite"),
+        ([still, *camera, "-o", output], "--radius: is needed"),
+        ([still, *camera, "--radius", "0.05", "-o", output], "--fill-height: is needed"),
+        ([still, *camera, "--radius", "nan", "--fill-height", "1", "-o", output], "radius: nan"),
+        ([still, "--fov", "190", *end], "--fov: field of view: 190 deg"),
+        ([still, *camera, *end, "--azimuth", "nan"], "--azimuth: nan"),
+        ([still, *camera, *end, "--board", "chess"], "board: 'chess' is not charuco:"),
+        ([still, *camera, *end, "--board", "aruco:2x2:0.03:0.01"], "board: 0 corners of it"),
+        ([still, *camera, *end, "--board-place", *"000000"], "--board-place: needs --board"),
+        ([still, *camera, *end, "--picture", tmp_path / "x.txt"], "x.txt: pictures are written"),
+        ([still, *camera, *CONTAINER, "-o", tmp_path / "no" / "c.yaml"], "No such file"),
+    ):
+        assert part in fails_with(capsys, *words)
+    assert not output.exists()
+
+
+def test_intrinsics_are_needed(capsys, still, tmp_path):
+    with pytest.raises(SystemExit) as caught:
+        main(["calibrate", str(still), *CONTAINER, "-o", str(tmp_path / "camera.yaml")])
+    assert caught.value.code == 2
+
+
+def test_board_at_a_known_place(capsys, tmp_path, intrinsics):
+    if not hasattr(getattr(cv2, "aruco", None), "CharucoDetector"):
+        pytest.skip(f"OpenCV {cv2.__version__} has no board detector, 4.7 has")
+    # An upright page that faces the camera: half a square is 120 pixels of it.
+    markers = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_5X5_50)
+    board = cv2.aruco.CharucoBoard((5, 4), 0.02, 0.015, markers)
+    page = board.generateImage((1000, 800), marginSize=0)
+    camera, distance = LENS, 0.5
+    scale = camera.fx * 0.02 / distance / 200.0
+    size = round(1000 * scale), round(800 * scale)
+    image = np.full((camera.height, camera.width), 255, np.uint8)
+    image[100 : 100 + size[1], 150 : 150 + size[0]] = cv2.resize(
+        page, size, interpolation=cv2.INTER_AREA
+    )
+    path, output = tmp_path / "board.png", tmp_path / "camera.yaml"
+    cv2.imwrite(str(path), image)
+    corner = (np.array([149.5, 99.5]) - (camera.cx, camera.cy)) * distance / camera.fx
+    # Board's x along the container's, its y down the container's z: roll of -90 degrees.
+    place = [corner[0], distance - 0.45, -corner[1], 0, 0, -90]
+    words = [path, "--camera", intrinsics, *CONTAINER, *GLASS, "-o", output, "--json"]
+    words += ["--board", "charuco:5x4:0.02:0.015:5X5_50", "--board-place", *place]
+    assert main(["calibrate", *(str(word) for word in words)]) == 0
+    facts = json.loads(capsys.readouterr().out)
+    pose = read_calibration(output).view.pose
+    assert np.allclose(pose.rotation, [[1, 0, 0], [0, 0, -1], [0, 1, 0]], atol=5e-3)
+    assert np.allclose(pose.camera_centre, [0.0, -0.45, 0.0], atol=3e-3)
+    assert facts["board_residual"] < 0.5
+    assert facts["residual"] is None
+    assert "nothing checks the board's place" in facts["warnings"][-1]
