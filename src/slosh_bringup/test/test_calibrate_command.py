@@ -23,7 +23,10 @@ INTRINSICS = f"""
 image_width: {LENS.width}
 image_height: {LENS.height}
 camera_name: narrow_stereo
-camera_matrix: {{rows: 3, cols: 3, data: [{LENS.fx}, 0, {LENS.cx}, 0, {LENS.fy}, {LENS.cy}, 0, 0, 1]}}
+camera_matrix:
+  rows: 3
+  cols: 3
+  data: [{LENS.fx}, 0, {LENS.cx}, 0, {LENS.fy}, {LENS.cy}, 0, 0, 1]
 distortion_model: plumb_bob
 distortion_coefficients: {{rows: 1, cols: 5, data: [0, 0, 0, 0, 0]}}
 rectification_matrix: {{rows: 3, cols: 3, data: [1, 0, 0, 0, 1, 0, 0, 0, 1]}}

@@ -128,7 +128,7 @@ def test_board_and_edges_together(make_scene):
     truth = place_of(view.pose)[0].numbers
     assert np.all(np.abs(fit.place.numbers - truth) < [2e-3, 1e-3, 1e-3, 2e-3, 1e-3])
     free = calibrate_by_edges(image, view.camera, CUP)
-    assert np.all(fit.stddev <= free.stddev + 1e-9)
+    assert np.all(fit.stddev[[0, 1, 3]] < free.stddev[[0, 1, 3]])
     # The same board said to be a third larger puts the plane elsewhere.
     wrong = Board(True, 5, 4, 0.027, 0.02)
     with pytest.raises(SloshCameraError, match="board: contradicts the container's edges, by"):

@@ -36,9 +36,8 @@ _PLACE = 5
 _LEAST_ERROR, _MOST_ERROR = 0.15, 1.0
 _SHARED_BY = 5.0
 # What a whole curve may be off [px], beside its samples' errors: reflections at a side shift and
-# turn it, and empty glass has several edges; the liquid's meniscus; the floor's thickness and a
-# fill height given too roughly [m].
-_SIDE_ERROR, _SIDE_TURN, _EMPTY_ERROR = 0.3, 0.2, 2.0
+# turn it; the liquid's meniscus; the floor's thickness and a fill height given too roughly [m].
+_SIDE_ERROR, _SIDE_TURN = 0.3, 0.2
 _LEVEL_ERROR = 0.2
 _BASE_ERROR = 0.0015
 # Search to both sides of a predicted curve, as a share of the container's width, and at least.
@@ -137,7 +136,9 @@ def fit_place(
             seen = look_for_curves(edges, view, reach)
             if not _enough(seen):
                 return None
-            place, covariance = _Problem(camera, cup, place, seen, hint).solved()
+            # Empty glass has an outer and an inner edge, and either may be the stronger.
+            fitted = [curve for curve in seen if curve.curve not in EMPTY]
+            place, covariance = _Problem(camera, cup, place, fitted, hint).solved()
         view = view_at(camera, cup, place)
         seen = look_for_curves(edges, view, reach)
     except SloshCameraError:
@@ -230,9 +231,8 @@ def _own_errors(view: CupView, seen: SeenCurve) -> FloatArray:
         return flat * (_LEVEL_ERROR + _BASE_ERROR * view.camera.fy / axis_distance(view))
     if seen.curve not in SIDES:
         return flat * _LEVEL_ERROR
-    shift = _EMPTY_ERROR if seen.curve in EMPTY else _SIDE_ERROR
     turn = np.linspace(-_SIDE_TURN, _SIDE_TURN, count)[:, np.newaxis]
-    return np.hstack((shift * flat, turn))
+    return np.hstack((_SIDE_ERROR * flat, turn))
 
 
 def _weight(seen: SeenCurve, residual: FloatArray) -> float:
