@@ -1,0 +1,169 @@
+"""Cost of measuring an image, against what any edge detection in it costs.
+
+    tools/run python benchmarks/bench_camera_detector.py [--frames 60] [--turns 5]
+        [--folder DIR --camera CAMERA.yaml]
+
+One core, 1280 x 720. For every frame of a moving liquid the detector's `measure` and
+`cv2.GaussianBlur` (5 x 5) with `cv2.Canny` take turns on the same image, so that a busy machine
+disturbs both alike. The blur and Canny run over the region of interest, the box around the
+container in the image, and for comparison over the full image. The claim is the ratio of the
+medians.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import statistics
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+# isort: off
+import slosh_camera.nodes  # noqa: F401  before NumPy, for as many threads as in the node
+
+# isort: on
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_bringup.cell.renderer import CupRenderer
+from slosh_bringup.processes import config_folder
+from slosh_camera.calibration import Calibration, read_calibration
+from slosh_camera.detectors import detector_for
+from slosh_camera.image import read_image, to_gray
+from slosh_camera.outline import outline
+
+GOAL = 3.0
+WIDTH, HEIGHT = 1280, 720
+WARM_UP = 5
+RATE = 60.0
+FREQUENCY = 3.0  # Hz; near the first mode of the cell's cup
+KINDS = ("grey", "colour")
+Image = NDArray[np.uint8]
+
+
+def main() -> int:
+    """Measures and prints times per frame [ms] and their ratios."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--frames", type=int, default=60)
+    parser.add_argument("--turns", type=int, default=5)
+    parser.add_argument("--folder", type=Path, help="measure its frame_*.jpg and calib.jpg too")
+    parser.add_argument("--camera", type=Path, help="their camera.yaml")
+    arguments = parser.parse_args()
+    os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
+    cv2.setNumThreads(1)
+    results = {}
+    for kind in KINDS:
+        calibration, (still, *images) = rendered(kind, arguments.frames)
+        results[kind] = compare(calibration, still, images, arguments.turns)
+    if arguments.folder:
+        calibration = larger(read_calibration(arguments.camera))
+        files = [arguments.folder / "calib.jpg", *sorted(arguments.folder.glob("frame_*.jpg"))]
+        for kind in KINDS:
+            still, *images = (scaled(read_image(file), kind) for file in files)
+            name = f"{arguments.folder.name}, {kind}"
+            results[name] = compare(calibration, still, images, arguments.turns)
+    for kind, result in results.items():
+        print(json.dumps({"images": kind, **result}))
+    return 0 if all(result["ratio"] <= GOAL for result in results.values()) else 1
+
+
+def larger(calibration: Calibration) -> Calibration:
+    """The same camera with 1280 x 720 pixels; the cup is as high in the image."""
+    camera = calibration.view.camera
+    zoom = HEIGHT / camera.height
+    shift = (WIDTH - round(zoom * camera.width)) // 2
+    other = replace(
+        camera,
+        width=WIDTH,
+        height=HEIGHT,
+        fx=zoom * camera.fx,
+        fy=zoom * camera.fy,
+        cx=zoom * (camera.cx + 0.5) - 0.5 + shift,
+        cy=zoom * (camera.cy + 0.5) - 0.5,
+    )
+    return replace(calibration, view=replace(calibration.view, camera=other))
+
+
+def scaled(image: Image, kind: str) -> Image:
+    """An image as the larger camera would take it; its edges go on to the sides."""
+    width = round(HEIGHT / image.shape[0] * image.shape[1])
+    left = (WIDTH - width) // 2
+    if kind == "grey":
+        image = to_gray(image)
+    picture = cv2.resize(image, (width, HEIGHT), interpolation=cv2.INTER_CUBIC)
+    sides = (0, 0, left, WIDTH - width - left)
+    wide = cv2.copyMakeBorder(picture, *sides, cv2.BORDER_REPLICATE)
+    return np.asarray(wide, dtype=np.uint8)
+
+
+def rendered(kind: str, count: int) -> tuple[Calibration, list[Image]]:
+    """The liquid at rest, then swirling up to 25 mm high."""
+    calibration = larger(read_calibration(config_folder() / "camera.yaml"))
+    renderer = CupRenderer(calibration.view)
+    render = renderer.render if kind == "grey" else renderer.render_colour
+    t = np.arange(count) / RATE
+    amplitude = 0.025 * np.sin(np.pi * t / t[-1])
+    x = amplitude * np.cos(2.0 * np.pi * FREQUENCY * t)
+    y = 0.6 * amplitude * np.sin(2.0 * np.pi * FREQUENCY * t)
+    heights = zip([0.0, *x], [0.0, *y], strict=True)
+    return calibration, [render(float(sh_x), float(sh_y)) for sh_x, sh_y in heights]
+
+
+def region(calibration: Calibration) -> tuple[slice, slice]:
+    """Rows and columns of the box around the container in the image."""
+    pixels = outline(calibration.view)
+    low, high = np.floor(np.nanmin(pixels, axis=0)), np.ceil(np.nanmax(pixels, axis=0))
+    left, top = (max(int(value), 0) for value in low)
+    return slice(top, min(int(high[1]) + 1, HEIGHT)), slice(left, min(int(high[0]) + 1, WIDTH))
+
+
+def compare(
+    calibration: Calibration, still: Image, images: list[Image], turns: int
+) -> dict[str, Any]:
+    """Measures detector, region and full image in turns."""
+    detector = detector_for(calibration)
+    detector.learn_still(still)
+    rows, columns = region(calibration)
+    works: dict[str, Callable[[Image], object]] = {
+        "detector": lambda image: detector.measure(0, image),
+        "region": lambda image: edges(image[rows, columns]),
+        "full": edges,
+    }
+    for image in images[:WARM_UP]:
+        for work in works.values():
+            work(image)
+    times: dict[str, list[float]] = {name: [] for name in works}
+    for _ in range(turns):
+        for image in images:
+            for name, work in works.items():
+                started = time.perf_counter()
+                work(image)
+                times[name].append(1e3 * (time.perf_counter() - started))
+    medians = {name: statistics.median(values) for name, values in times.items()}
+    found = sum(np.isfinite(detector.measure(0, image).msh) for image in images)
+    return {
+        "region [px]": f"{columns.stop - columns.start} x {rows.stop - rows.start}",
+        "frames measured": f"{found} of {len(images)}",
+        "detector [ms]": round(medians["detector"], 2),
+        "detector, 95th percentile [ms]": round(float(np.percentile(times["detector"], 95)), 2),
+        "blur and Canny, region [ms]": round(medians["region"], 2),
+        "blur and Canny, full image [ms]": round(medians["full"], 2),
+        "ratio": round(medians["detector"] / medians["region"], 2),
+        "ratio to full image": round(medians["detector"] / medians["full"], 2),
+        "goal": GOAL,
+    }
+
+
+def edges(image: Image) -> Image:
+    """Blur and Canny as they come; Canny takes colour as well."""
+    return np.asarray(cv2.Canny(cv2.GaussianBlur(image, (5, 5), 0), 50, 150), dtype=np.uint8)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
