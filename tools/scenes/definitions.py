@@ -281,6 +281,7 @@ SCENES: dict[str, Scene] = {
             camera=Camera(width=1280, height_px=720, focal=1780, height=47, pitch=6),
             room=Room(seed=13),
             motion=Motion(phi=35, minor=0.9),
+            frames=14,
         ),
         replace(
             BASE,
@@ -288,9 +289,10 @@ SCENES: dict[str, Scene] = {
             about="exposures of 10 ms: the line is smeared over up to 13 px",
             liquid=Liquid(absorption=(40, 90, 160), colour=(0.10, 0.05, 0.02)),
             camera=Camera(height=35, pitch=5),
-            photo=Photo(exposure_s=0.010, sub_frames=6, lens_blur=0.5),
+            photo=Photo(exposure_s=0.010, sub_frames=5, lens_blur=0.5),
             room=Room(seed=15, wall=(0.55, 0.57, 0.6)),
             motion=Motion(phi=10, minor=0.8),
+            frames=14,
         ),
     )
 }
