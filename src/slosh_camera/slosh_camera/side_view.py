@@ -55,9 +55,9 @@ class SideViewDetector:
 
         Args:
             calibration: camera, container and pose.
-            settings: settings; None: those of the calibration. Of them `liquid`, `threshold`,
-                `surface_contrast` and `min_band` do not matter: liquid and background are told
-                by where they are.
+            settings: settings; None: those of the calibration. Of them `min_contrast`,
+                `max_dark` and `min_bright` matter: liquid and background are told by where they
+                are, not by how they look.
 
         Raises:
             SloshCameraError: too little of the container is inside the image.

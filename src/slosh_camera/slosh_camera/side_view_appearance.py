@@ -87,6 +87,11 @@ def brightness(part: Image, region: SideRegion) -> tuple[float, float]:
     return min(levels), max(levels)
 
 
+def brightest(part: Image, region: SideRegion) -> float:
+    """Grey level of the brighter one in its brightest colour."""
+    return float(max(np.max(levels) for levels in _typical(part, region)))
+
+
 def raw_contrast(part: Image, region: SideRegion) -> float:
     """Difference of liquid and background in the colour in which they differ most [levels]."""
     wet, dry = _typical(part, region)
@@ -234,17 +239,18 @@ def _smooth(places: NDArray[np.intp], values: FloatArray, columns: FloatArray) -
     centre, scale = 0.5 * float(places[0] + places[-1]), 0.5 * float(np.ptp(places)) + 1.0
     powers = ((places - centre) / scale)[:, np.newaxis] ** np.arange(3)
     weight = np.ones(values.size)
-    residual = (values - np.median(values)).astype(np.float64)
-    coefficients = np.zeros(3, np.float64)
+    coefficients: FloatArray = np.zeros(3)
+    residual: FloatArray = np.asarray(values - np.median(values), dtype=np.float64)
     for _ in range(_ROBUST_STEPS):
         width = 3.0 * float(np.median(np.abs(residual))) + 1.0
         weight = 1.0 / (1.0 + (residual / width) ** 2) ** 2
         weighted = powers * weight[:, np.newaxis]
         normal = weighted.T @ powers + 1e-9 * np.eye(3)
-        coefficients = np.linalg.solve(normal, weighted.T @ values)
-        residual = (values - powers @ coefficients).astype(np.float64)
-    smooth = ((columns - centre) / scale)[:, np.newaxis] ** np.arange(3) @ coefficients
-    return np.asarray(smooth, dtype=np.float64)
+        solved = np.linalg.solve(normal, weighted.T @ values)
+        coefficients = np.asarray(solved, dtype=np.float64)
+        residual = values - np.asarray(powers @ coefficients, dtype=np.float64)
+    at = ((columns - centre) / scale)[:, np.newaxis] ** np.arange(3)
+    return np.asarray(at @ coefficients, dtype=np.float64)
 
 
 def _spread(small: Single, where: BoolArray, contrast: float) -> tuple[Single, BoolArray]:

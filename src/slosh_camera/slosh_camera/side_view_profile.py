@@ -30,6 +30,11 @@ _SMOOTHED_NOISE = 0.8
 # and JPEG move the whole edge.
 _COMMON_FLOOR = 0.05
 _COMMON_SOFTNESS = 0.02
+# The same where the camera clips the brighter of liquid and background: the step's upper part is
+# missing.
+_COMMON_CLIPPED = 0.3
+# Standard deviation of a height that is right or too high by the doubt, over the doubt.
+_DOUBT = 0.5
 # Neighbouring residuals resemble each other over so many columns.
 _CORRELATED_COLUMNS = 4.0
 
@@ -99,18 +104,22 @@ def describe(line: TracedLine, view: BoxView) -> Profile:
     covariance = _CORRELATED_COLUMNS * line.shape.scatter**2 * line.shape.covariance
     peak = _peak(line, residual, (left, right), common)
     fitted_x, fitted_height, functions = line.shape.highest()
-    fitted_stddev = float(np.sqrt(common**2 + functions @ covariance @ functions))
+    doubt = _DOUBT * line.pixel_height * np.interp(x, line.x, line.doubt)
+    fitted_variance = common**2 + functions @ covariance @ functions
+    # What the shape does not follow may be wrong with it, and a doubt about a part moves it all.
+    fitted_variance += line.shape.scatter**2 + float(np.max(doubt)) ** 2
+    of_doubt = float(slope_weights(x) @ doubt)
     return Profile(
         x=x,
         height=height,
         peak=peak,
         peak_pixel=_pixel(line, view, peak),
-        fitted=Highest(fitted_x, fitted_height, fitted_stddev),
+        fitted=Highest(fitted_x, fitted_height, float(np.sqrt(fitted_variance))),
         left=left,
         right=right,
         level=level,
         slope_angle=float(np.arctan(slope)),
-        slope_stddev=_slope_stddev(x, slope, common, covariance),
+        slope_stddev=float(np.hypot(_slope_stddev(x, slope, common, covariance), of_doubt)),
     )
 
 
@@ -152,8 +161,9 @@ def _peak(
     x = np.concatenate((line.x, [-half, half], line.full_x))
     z = np.concatenate((heights, walls, line.full_z))
     highest = int(np.nanargmax(z))
-    stddev = float(np.hypot(common, _SMOOTHED_NOISE * line.shape.scatter))
-    return Highest(float(x[highest]), float(z[highest]), stddev)
+    doubt = _DOUBT * line.pixel_height * float(np.interp(x[highest], line.x, line.doubt))
+    stddev = np.sqrt(common**2 + (_SMOOTHED_NOISE * line.shape.scatter) ** 2 + doubt**2)
+    return Highest(float(x[highest]), float(z[highest]), float(stddev))
 
 
 def _pixel(line: TracedLine, view: BoxView, peak: Highest) -> tuple[float, float]:
@@ -171,8 +181,9 @@ def _running_median(values: FloatArray) -> FloatArray:
 
 def _common(line: TracedLine) -> float:
     """Standard deviation of what all points are off together [m]."""
+    of_softness = _COMMON_CLIPPED if line.clipped else _COMMON_SOFTNESS
     softness = float(np.median(line.softness))
-    return line.pixel_height * float(np.hypot(_COMMON_FLOOR, _COMMON_SOFTNESS * softness))
+    return line.pixel_height * float(np.hypot(_COMMON_FLOOR, of_softness * softness))
 
 
 def _slope_stddev(x: FloatArray, slope: float, common: float, covariance: FloatArray) -> float:

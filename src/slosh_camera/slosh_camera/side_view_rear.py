@@ -34,6 +34,9 @@ _LEAST_SURFACE = 0.08
 _MOST_SURFACE = 0.5
 # Heights at the rear wall are taken to go on over this part of the width.
 _MARGIN = 0.02
+_ALL = 0.99
+# Where the rear wall stands aside by more than this part of the width, crests hide much of it.
+_ASKEW = 0.06
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -69,7 +72,8 @@ def front_line(
     """
     columns = np.flatnonzero(found.kept)
     rows, softness = found.edges.rows[columns], found.edges.softness[columns]
-    gap = np.maximum(np.nan_to_num(_in_front(view, region, rows, columns) - rows), 0.0)
+    front, trusted = _in_front(view, region, rows, columns)
+    gap = np.maximum(np.nan_to_num(front - rows), 0.0)
     sharp = float(np.percentile(softness, _SHARP_PERCENTILE))
     apart = gap >= max(_APART_ROWS, _APART_SOFTNESS * sharp)
     surface = 0.0
@@ -78,19 +82,18 @@ def front_line(
         # A single edge is still on its way down in the middle.
         tail = ndtr(-0.5 * gap / sharp) - ndtr(-1.5 * gap / sharp)
         surface = float(np.median((steps / levels.contrast - tail)[apart]))
+    doubt = np.zeros(found.kept.size)
+    doubt[columns] = np.where(trusted, gap, _visible_depth(view, region, rows, columns))
     if surface < _LEAST_SURFACE:
-        doubt = np.zeros(found.kept.size)
-        doubt[columns] = gap
         return FrontLine(found.edges, found.kept, doubt)
     surface = min(surface, _MOST_SURFACE)
     own = (1.0 - surface) * float(np.median(softness[apart]))
     rear = rows - _shift(gap, own, surface)
-    front = _in_front(view, region, rear, columns)
+    front, _ = _in_front(view, region, rear, columns)
     at = found.edges.rows.copy()
     at[columns] = np.where(gap > 0.0, front, rows)
-    return FrontLine(
-        Edges(at, found.edges.softness), np.isfinite(at) & found.kept, np.zeros(at.size)
-    )
+    doubt[columns[trusted | (gap > 0.0)]] = 0.0
+    return FrontLine(Edges(at, found.edges.softness), np.isfinite(at) & found.kept, doubt)
 
 
 def _at(channel: Image, rows: FloatArray, columns: NDArray[np.intp]) -> FloatArray:
@@ -119,22 +122,38 @@ def _shift(gap: FloatArray, softness: float, surface: float) -> FloatArray:
 
 def _in_front(
     view: BoxView, region: SideRegion, rows: FloatArray, columns: NDArray[np.intp]
-) -> FloatArray:
+) -> tuple[FloatArray, NDArray[np.bool_]]:
     """Rows of the line on the face if these are rows of the line on the rear wall.
 
-    NaN where the rear wall does not show what stands before it.
+    Returns:
+        (N,) rows, NaN where the rear wall does not show what stands before it, and (N,) whether
+        they come from where the camera looks down on the surface; where it looks up, the liquid
+        before it hides the rear wall.
     """
     pixels = np.column_stack((columns + region.left, rows + region.top))
     rear_x, rear_z = view.on_rear(pixels)
     between = np.abs(rear_x) <= 0.5 * view.box.width
     if np.count_nonzero(between) < _LEAST_COLUMNS:
-        return np.full(rows.size, np.nan)
+        return np.full(rows.size, np.nan), np.zeros(rows.size, np.bool_)
     order = np.argsort(rear_x[between])
     known, heights = rear_x[between][order], rear_z[between][order]
-    x, _ = view.on_face(pixels)
+    x, z = view.on_face(pixels)
     margin = _MARGIN * view.box.width
     inside = (x >= known[0] - margin) & (x <= known[-1] + margin)
     every = np.zeros(region.inside.shape[1])
     every[columns] = np.interp(x, known, heights)
-    front: FloatArray = np.where(inside, region.rows_at(every)[columns], np.nan)
-    return front
+    front = np.where(inside, region.rows_at(every)[columns], np.nan)
+    down = (rear_z <= z)[between][order].astype(np.float64)
+    askew = abs(float(np.median(rear_x - x))) > _ASKEW * view.box.width
+    return front, inside & (np.interp(x, known, down) > _ALL) & (not askew)
+
+
+def _visible_depth(
+    view: BoxView, region: SideRegion, rows: FloatArray, columns: NDArray[np.intp]
+) -> FloatArray:
+    """Rows (N,) by which the rear end of a level surface is seen above its front end."""
+    pixels = np.column_stack((columns + region.left, rows + region.top))
+    _, z = view.on_face(pixels)
+    _, rear_z = view.on_rear(pixels)
+    _, above = view.on_face(pixels - np.array([0.0, 1.0]))
+    return np.nan_to_num(np.maximum(z - rear_z, 0.0) / (above - z))

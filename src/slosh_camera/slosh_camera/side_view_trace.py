@@ -14,6 +14,7 @@ from slosh_camera.settings import DetectionSettings
 from slosh_camera.side_view_appearance import (
     Appearance,
     Levels,
+    brightest,
     brightness,
     colour_weights,
     evidence,
@@ -39,6 +40,8 @@ Image = NDArray[np.uint8]
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
+# Standard deviation of the blur before Canny's algorithm [px].
+_BLUR = 0.8
 # Evidence for the line, from 0 (none) to 1, and part of the columns that must show it.
 _MIN_AGREEMENT = 0.35
 _MIN_SEEN = 0.3
@@ -53,6 +56,10 @@ _GATE_ROWS = 1.5
 _LOOK_AGAIN = 0.02
 # Least scatter of the points that is assumed [px].
 _SCATTER_FLOOR = 0.03
+# Rows at the region's upper end in which no line is placed.
+_END_ROWS = 4.0
+# Grey level from which the camera clips.
+_CLIPPED = 252.0
 _DRAWS = sample_draws()
 _NO_BOUNDS = (np.empty(0), np.empty(0))
 
@@ -84,11 +91,13 @@ class Light:
         channel: (rows, columns), blurred.
         levels: of it.
         appearance: liquid and background.
+        clipped: whether the camera clips the brighter one of the two.
     """
 
     channel: Image
     levels: Levels
     appearance: Appearance
+    clipped: bool
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -106,6 +115,7 @@ class TracedLine:
         full_x: (M,) places of the columns that are full of liquid [m].
         full_z: (M,) heights up to which they are seen to be full [m].
         hidden: part of the columns without an edge, not counting the full ones.
+        clipped: whether the camera clips the brighter of liquid and background.
         knowledge: that places the still line.
     """
 
@@ -119,6 +129,7 @@ class TracedLine:
     full_x: FloatArray
     full_z: FloatArray
     hidden: float
+    clipped: bool
     knowledge: Knowledge
 
 
@@ -158,7 +169,7 @@ def trace_line(
         return Trace(Flag.TOO_BRIGHT | Flag.NOT_FOUND)
     if raw_contrast(part, region) < settings.min_contrast:
         return Trace(Flag.NOT_FOUND)
-    light = _light(part, region, settings, knowledge.appearance)
+    light = _light(part, region, knowledge.appearance)
     if light.levels.contrast * light.appearance.levels.contrast <= 0.0:
         return Trace(Flag.NOT_FOUND)
     speaks = evidence(half_size(light.channel), light.appearance, light.levels)
@@ -173,18 +184,16 @@ def trace_line(
     return Trace(flags | (Flag.NOT_FOUND if line is None else Flag.NONE), light, line)
 
 
-def _light(
-    part: Image, region: SideRegion, settings: DetectionSettings, learnt: Appearance | None
-) -> Light:
+def _light(part: Image, region: SideRegion, learnt: Appearance | None) -> Light:
     if learnt is not None and (learnt.weights is None) != (part.ndim == 2):
         learnt = None
     weights = colour_weights(part, region) if learnt is None else learnt.weights
     channel = one_channel(part, weights)
     levels = measure_levels(channel, region)
-    if settings.blur > 0.0:
-        channel = np.asarray(cv2.GaussianBlur(channel, (0, 0), settings.blur), dtype=np.uint8)
+    channel = np.asarray(cv2.GaussianBlur(channel, (0, 0), _BLUR), dtype=np.uint8)
     appearance = learnt or seen_appearance(channel, region, weights)
-    return Light(channel, levels, appearance)
+    clipped = brightest(part, region) >= _CLIPPED
+    return Light(channel, levels, appearance, clipped)
 
 
 class _Tracer:
@@ -199,6 +208,7 @@ class _Tracer:
         self._light = light
         self._columns = np.arange(region.inside.shape[1])
         self._still = region.rows_at(np.zeros(self._columns.size))
+        self._upper = np.argmax(region.inside, axis=0).astype(np.float64)
         middle = self._columns.size // 2
         pixel = (region.left + middle, region.top + self._still[middle])
         self._pixel_height = view.height_per_pixel(pixel)
@@ -209,6 +219,8 @@ class _Tracer:
         seen, full = np.repeat(split.seen, 2), np.repeat(split.full, 2)
         first = self._first(at_split, seen)
         predicted = self._rows_of(first)
+        # So near to the region's end the line and that end are one edge.
+        full |= seen & (at_split < self._upper + _END_ROWS)
         reach = _OWN_SPLIT * self._view.box.width / self._pixel_height
         own = seen & (np.abs(at_split - predicted) < reach)
         expected = np.where(full, np.nan, np.where(own, at_split, predicted))
@@ -227,7 +239,7 @@ class _Tracer:
         light = self._light
         line = FrontLine(found, kept, np.zeros(kept.size))
         line = front_line(self._view, self._region, light.channel, line, light.levels)
-        return self._placed(line, full)
+        return self._placed(line, full & ~seen, full)
 
     def _first(self, at_split: FloatArray, seen: BoolArray) -> Shape:
         """Shape through most of the boundaries."""
@@ -257,30 +269,30 @@ class _Tracer:
 
     def _kept(self, found: Edges, first: Shape) -> BoolArray:
         """Columns whose edge belongs to the line."""
-        columns = np.flatnonzero(np.isfinite(found.rows))
+        rows = np.where(found.rows >= self._upper + _END_ROWS, found.rows, np.nan)
+        columns = np.flatnonzero(np.isfinite(rows))
         kept = np.zeros(self._columns.size, np.bool_)
         if columns.size < _MIN_POINTS:
             return kept
-        x, z = self._place(found.rows[columns], columns)
+        x, z = self._place(rows[columns], columns)
         shape = refined_shape(x, z, first, self._floor, _NO_BOUNDS)
         gate = max(_GATE * shape.scatter, _GATE_ROWS * self._pixel_height)
         near = kept.copy()
         near[columns] = np.abs(z - shape.at(x)) < gate
-        return drop_loose_pieces(found.rows, near)
+        return drop_loose_pieces(rows, near)
 
     def _hidden(self, kept: BoolArray, full: BoolArray) -> float:
         """Part of the columns that could show the line and do not."""
         could = self._region.inside.any(axis=0) & ~full
         return float(np.count_nonzero(could & ~kept)) / max(int(np.count_nonzero(could)), 1)
 
-    def _placed(self, line: FrontLine, full: BoolArray) -> TracedLine:
-        columns, over = np.flatnonzero(line.kept), np.flatnonzero(full)
+    def _placed(self, line: FrontLine, over_top: BoolArray, full: BoolArray) -> TracedLine:
+        columns, over = np.flatnonzero(line.kept), np.flatnonzero(over_top)
         rows, softness = line.edges.rows[columns], line.edges.softness[columns]
         x, z = self._place(rows, columns)
         order = np.argsort(x)
         x, z = x[order], z[order]
-        upper = np.argmax(self._region.inside, axis=0).astype(np.float64)
-        full_x, full_z = self._place(upper[over], over)
+        full_x, full_z = self._place(self._upper[over], over)
         start = first_shape(x, z, self._view.box.width, _DRAWS)
         pixels = np.column_stack((columns.astype(np.float64), rows)) + self._corner
         return TracedLine(
@@ -294,6 +306,7 @@ class _Tracer:
             full_x=full_x,
             full_z=full_z,
             hidden=self._hidden(line.kept, full),
+            clipped=self._light.clipped,
             knowledge=self._knowledge,
         )
 
