@@ -342,7 +342,7 @@ def _detection(root: Mapping[str, Any], source: str) -> DetectionSettings:
     for key, value in block.items():
         if key == "liquid":
             values[key] = _liquid(value, source)
-        elif not (key == "threshold" and value is None):
+        else:
             values[key] = number(value, source, f"detection.{key}")
     return DetectionSettings(**values)
 
@@ -360,9 +360,8 @@ def _liquid(value: object, source: str) -> Liquid:
     try:
         return Liquid(value)
     except ValueError:
-        raise SloshCameraError(
-            f"{source}: detection.liquid: {value!r}, must be darker or lighter"
-        ) from None
+        names = " or ".join(liquid.value for liquid in Liquid)
+        raise SloshCameraError(f"{source}: detection.liquid: {value!r}, must be {names}") from None
 
 
 def _of_cylinder(calibration: AnyCalibration, source: str) -> Calibration:

@@ -28,7 +28,7 @@ pose:
   rotation: [1, 0, 0, 0, 0, -1, 0, 1, 0]
   translation: [0, 0, 0.45]
 region_of_interest: {x_offset: 100, y_offset: 20, width: 400, height: 440}
-detection: {liquid: lighter, threshold: 120, min_band: 5}
+detection: {liquid: lighter, min_contrast: 30, max_dark: 5}
 still_image: images/still.png
 """
 
@@ -42,7 +42,9 @@ def test_every_value_arrives():
     assert cup.rim_level == pytest.approx(0.05)
     assert_array_equal(calibration.view.pose.camera_centre, [0.0, -0.45, 0.0])
     assert calibration.region == RegionOfInterest(100, 20, 400, 440)
-    assert calibration.detection == DetectionSettings(Liquid.LIGHTER, 120.0, min_band=5.0)
+    assert calibration.detection == DetectionSettings(
+        Liquid.LIGHTER, min_contrast=30.0, max_dark=5.0
+    )
     assert calibration.camera_name == "side"
     assert cup.wall_refractive_index == 1.52
     assert calibration.still_image == Path("images/still.png")
@@ -99,8 +101,8 @@ def test_file_round_trip(tmp_path):
         ("width: 400", "width: 600", "region_of_interest"),
         ("width: 400", "width: 0", "region_of_interest"),
         ("liquid: lighter", "liquid: blue", "detection.liquid"),
-        ("threshold: 120", "threshold: 300", "detection.threshold"),
-        ("min_band", "band", "detection.band"),
+        ("min_contrast: 30", "min_contrast: 300", "detection.min_contrast"),
+        ("max_dark", "dark", "detection.dark"),
         ("index: 1.52", "index: 0.9", "container.wall_refractive_index"),
         ("index: 1.52", "index: .inf", "container.wall_refractive_index"),
         ("images/still.png", "3", "still_image"),
