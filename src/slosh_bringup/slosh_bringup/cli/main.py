@@ -17,7 +17,7 @@ COMMANDS: dict[str, str] = {
     "cell": "all nodes on a real robot's topics, until Ctrl-C",
     "simulate": "open-loop prediction of a motion table",
     "calibrate": "camera.yaml from an image of the liquid at rest",
-    "detect": "heights from a video or a folder of images",
+    "detect": "heights from a video, a folder of images or a bag",
     "replay": "the estimator's and the monitor's cores over bags",
     "import": "public measured data to bags",
     "identify": "parameters from measurements (not in this version)",
