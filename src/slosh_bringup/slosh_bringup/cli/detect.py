@@ -28,7 +28,7 @@ from slosh_bringup.detect.table import COLUMNS, Summary, row
 from slosh_bringup.errors import SloshBringupError
 from slosh_camera.calibration import AnyCalibration, read_any_calibration
 
-WORST_LIMIT = 200
+WORST_LIMIT = 60
 # Starting a process takes as long as measuring so many images.
 _WORTH_A_PROCESS = 60
 _MOST_JOBS = 64

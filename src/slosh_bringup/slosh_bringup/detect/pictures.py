@@ -32,7 +32,7 @@ DOUBTFUL_DISAGREEMENT = 3.0
 _VIDEO_CODECS = {".avi": "MJPG", ".mkv": "mp4v"}
 _USUAL_CODEC = "mp4v"
 _TILE = (480, 400)
-_LINES, _LINE, _RIM = 5, 20, 6
+_LINES, _LINE, _RIM = 6, 20, 6
 _LETTERS = 0.9
 _LONGEST = 62
 _SHEET_WIDTH = 4
@@ -143,7 +143,7 @@ class Strip:
         if self._count % self._step == 0:
             self._kept.append(result)
         self._count += 1
-        if len(self._kept) >= 4 * self._length:
+        if len(self._kept) >= 2 * self._length:
             self._kept, self._step = self._kept[::2], 2 * self._step
 
     def finish(self) -> str:
