@@ -38,7 +38,7 @@ _SHARED_BY = 5.0
 # What a whole curve may be off [px], beside its samples' errors: reflections at a side shift and
 # turn it; the liquid's meniscus; the floor's thickness and a fill height given too roughly [m].
 _SIDE_ERROR, _SIDE_TURN = 0.3, 0.2
-_LEVEL_ERROR = 0.2
+_LEVEL_ERROR = 0.12
 _BASE_ERROR = 0.0015
 # Search to both sides of a predicted curve, as a share of the container's width, and at least.
 _ROUGH = ((0.045, 8.0), (0.045, 8.0), (0.03, 6.0))
@@ -249,7 +249,8 @@ def _weight(seen: SeenCurve, residual: FloatArray) -> float:
 def _score(edges: EdgeImage, seen: Sequence[SeenCurve], residuals: Sequence[FloatArray]) -> float:
     """Mean over the curves of the support on each; a curve that is absent counts nothing."""
     parts = []
-    for curve, residual in zip(seen, residuals, strict=True):
+    pairs = zip(seen, residuals, strict=True)
+    for curve, residual in ((c, r) for c, r in pairs if c.curve not in EMPTY):
         near = np.abs(residual) < INLIER
         support = float(edges.support(curve.slopes[near]).sum()) / curve.samples
         parts.append((support, 2.0 if curve.curve is Curve.FRONT else 1.0))

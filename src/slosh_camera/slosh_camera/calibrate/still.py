@@ -128,14 +128,16 @@ def calibrate_by_edges(
             "still image: no round container is found; its two sides and the still level must be "
             "in the image, sharp and clear of other edges"
         )
-    best = ranked[0]
-    _check_curves(best)
-    result = _result(best, camera, pinhole, cup, azimuth)
-    _check_size_of_errors(result)
-    view = view_at(pinhole, cup, best.place)
-    for rival in ranked[1:]:
-        _check_rival(view, best, rival)
-    return result
+    answers = [_result(fit, camera, pinhole, cup, azimuth) for fit in ranked]
+    faults = [_fault(fit, answer) for fit, answer in zip(ranked, answers, strict=True)]
+    if all(faults):
+        raise SloshCameraError(f"still image: {faults[0]}")
+    best = faults.index("")
+    view = view_at(pinhole, cup, ranked[best].place)
+    for rival, fault in zip(ranked[best + 1 :], faults[best + 1 :], strict=True):
+        if not fault:
+            _check_rival(view, ranked[best], rival)
+    return answers[best]
 
 
 def check_pose(
@@ -216,35 +218,33 @@ def _distinct(fits: list[Fit]) -> list[Fit]:
     return kept
 
 
-def _check_curves(fit: Fit) -> None:
-    """Refuse a fit without one of the sides or without the still level."""
+def _fault(fit: Fit, answer: StillFit) -> str:
+    """Why a fit is not to be used; empty: it is."""
     for curve in WETTED:
         share = np.nan_to_num(fit.share(curve))
         if share < _LEAST_SHARE:
-            raise SloshCameraError(
-                f"still image: the {curve.value} of the liquid shows on {100.0 * share:.0f} % of "
-                "its length; the whole container must be in the image, sharp and unobstructed"
+            return (
+                f"the {curve.value} of the liquid shows on {100.0 * share:.0f} % of its length; "
+                "the whole container must be in the image, sharp and unobstructed"
             )
     level = np.nanmax([fit.share(Curve.FRONT), fit.share(Curve.REAR), 0.0])
     if level < _LEAST_SHARE:
-        raise SloshCameraError(
-            f"still image: the still level shows on {100.0 * level:.0f} % of its length; the "
-            "liquid must be at rest and stand out from what is above it"
+        return (
+            f"the still level shows on {100.0 * level:.0f} % of its length; the liquid must be at "
+            "rest and stand out from what is above it"
         )
-
-
-def _check_size_of_errors(result: StillFit) -> None:
-    if not result.residual <= MAX_RESIDUAL:
-        raise SloshCameraError(
-            f"still image: the container's edges lie {result.residual:.2f} px rms from the best "
-            f"pose, more than {MAX_RESIDUAL:g}; check the intrinsic parameters and the dimensions"
+    if not answer.residual <= MAX_RESIDUAL:
+        return (
+            f"the container's edges lie {answer.residual:.2f} px rms from the best pose, more "
+            f"than {MAX_RESIDUAL:g}; check the intrinsic parameters and the dimensions"
         )
-    worst = max(result.height_stddev.values())
+    worst = max(answer.height_stddev.values())
     if not worst <= MAX_HEIGHT_ERROR:
-        raise SloshCameraError(
-            f"still image: it determines heights to {1e3 * worst:.1f} mm only, "
-            f"{1e3 * MAX_HEIGHT_ERROR:g} mm are needed; the container must fill more of the image"
+        return (
+            f"it determines heights to {1e3 * worst:.1f} mm only, {1e3 * MAX_HEIGHT_ERROR:g} mm "
+            "are needed; the container must fill more of the image"
         )
+    return ""
 
 
 def _check_rival(view: CupView, best: Fit, rival: Fit) -> None:

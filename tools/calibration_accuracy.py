@@ -1,0 +1,89 @@
+"""What `slosh calibrate` makes of stills whose pose is known, as a table.
+
+    tools/run python tools/calibration_accuracy.py [FOLDER ...] [--docs]
+
+A folder holds sequences of the shared data's format, or is one; default: the shared data. Beside
+the errors that the found pose makes of heights stands what the calibration claims of them.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+import cv2
+import numpy as np
+from camera_sequences import RenderedSequence, read_sequence, sequences_in, shared_sequences
+from camera_tables import replace_table
+
+from slosh_camera.calibrate.still import HEIGHTS, calibrate_by_edges
+from slosh_camera.errors import SloshCameraError
+from slosh_camera.geometry import CupView, Wall
+
+PAGE = Path(__file__).resolve().parent.parent / "docs" / "calibration.md"
+HEAD = (
+    "| still | front wall, largest | mean | claimed σ | rear wall, largest | mean | claimed σ | "
+    "distance | pitch | residual |"
+)
+_ARC = np.deg2rad(np.linspace(-60.0, 60.0, 25))
+
+
+def main() -> int:
+    """Prints the table; returns 1 where an image could not be calibrated."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("folder", nargs="*", type=Path, help="default: the shared data")
+    parser.add_argument("--docs", action="store_true", help=f"write the table into {PAGE.name}")
+    arguments = parser.parse_args()
+    folders = [found for folder in arguments.folder for found in sequences_in(folder)]
+    lines, refused = [HEAD, "|---|" + "--:|" * 9], 0
+    for folder in folders or shared_sequences():
+        sequence = read_sequence(folder)
+        try:
+            lines.append(row(sequence))
+        except SloshCameraError as error:
+            print(f"{sequence.name}: {error}", file=sys.stderr)
+            lines.append(f"| {sequence.name} | refused |" + " |" * 8)
+            refused += 1
+    table = "\n".join(lines)
+    print(table)
+    if arguments.docs:
+        replace_table(PAGE, "calibration", table)
+    return 1 if refused else 0
+
+
+def row(sequence: RenderedSequence) -> str:
+    """One line: errors of heights [mm], of distance [mm] and pitch [deg], residual [px]."""
+    truth = sequence.calibration.view
+    image = None if sequence.still is None else cv2.imread(str(sequence.still))
+    if image is None:
+        raise SloshCameraError("there is no image of the liquid at rest")
+    fit = calibrate_by_edges(
+        np.asarray(image, dtype=np.uint8), truth.camera, truth.cup, truth.camera_azimuth
+    )
+    cells = [sequence.name]
+    for wall in Wall:
+        error = height_errors(truth, fit.view, wall)
+        worst = error[np.argmax(np.abs(error))]
+        cells += [f"{1e3 * value:+.2f}" for value in (worst, np.mean(error))]
+        cells.append(f"{1e3 * fit.height_stddev[wall]:.2f}")
+    rotation = fit.view.pose.rotation @ truth.pose.rotation.T
+    distance = np.hypot(*fit.view.pose.camera_centre[:2]) - np.hypot(*truth.pose.camera_centre[:2])
+    cells += [
+        f"{1e3 * distance:+.1f}",
+        f"{np.rad2deg(np.arcsin(np.clip(rotation[2, 1], -1.0, 1.0))):+.2f}",
+        f"{fit.residual:.2f}",
+    ]
+    return "| " + " | ".join(cells) + " |"
+
+
+def height_errors(truth: CupView, found: CupView, wall: Wall) -> np.ndarray:
+    """What the pose makes of heights of -20 to 20 mm, 60 degrees to both sides [m]."""
+    middle = truth.camera_azimuth + (np.pi if wall is Wall.REAR else 0.0)
+    azimuth, height = np.tile(middle + _ARC, len(HEIGHTS)), np.repeat(HEIGHTS, _ARC.size)
+    _, read = found.on_wall(truth.project_wall(azimuth, height, wall), wall)
+    return np.asarray(read - height)[np.isfinite(read)]
+
+
+if __name__ == "__main__":
+    sys.exit(main())
