@@ -18,8 +18,9 @@ from slosh_bringup.detect.pictures import Strip, Worst, judge
 from slosh_bringup.detect.series import images_in, longest_series
 from slosh_bringup.detect.source import open_source
 from slosh_bringup.processes import config_folder
-from slosh_camera.calibration import read_calibration
-from slosh_camera.geometry import Wall
+from slosh_camera.box import Box, BoxView
+from slosh_camera.calibration import SideCalibration, format_calibration, read_calibration
+from slosh_camera.geometry import Pose, Wall
 from slosh_camera.measurement import Flag, Measurement
 
 CAMERA = str(config_folder() / "camera.yaml")
@@ -274,6 +275,30 @@ def test_a_still_image_moves_the_zero(tmp_path, folder):
     footprint = view.height_per_pixel((320.0, 240.0), Wall.FRONT)
     assert raised == pytest.approx(4 * footprint, abs=0.7e-3)
     assert after["msh"].tolist() == named["msh"].tolist()
+
+
+def test_a_rectangular_container_seen_from_the_side(tmp_path):
+    camera = read_calibration(CAMERA).view.camera
+    pose = Pose(np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]), [0.0, 0.0, 0.45])
+    view = BoxView(camera, pose, Box(0.1, 0.06, rim_height=0.12))
+    folder = tmp_path / "side"
+    folder.mkdir()
+    slopes = [0.0, 0.1, -0.2]
+    for number, slope in enumerate(slopes):
+        x = np.array([-0.05, 0.05, 0.05, -0.05])
+        corners = view.project_face(x, [-0.05 * slope, 0.05 * slope, -0.06, -0.06])
+        image = np.full((4 * camera.height, 4 * camera.width), 200, np.uint8)
+        cv2.fillPoly(image, [np.rint((corners + 0.5) * 4.0 - 0.5).astype(int)], 50)
+        small = cv2.resize(image, (camera.width, camera.height), interpolation=cv2.INTER_AREA)
+        cv2.imwrite(str(folder / f"frame_{number}.png"), small)
+    calibration = tmp_path / "side.yaml"
+    calibration.write_text(format_calibration(SideCalibration(view)))
+    code, table = detect(tmp_path, folder, "--strip", tmp_path / "s.png", camera=calibration)
+    assert code == 0
+    assert table["slope_angle"] == pytest.approx(np.arctan(slopes), abs=5e-3)
+    assert table["msh"] == pytest.approx(0.05 * np.abs(slopes), abs=5e-4)
+    assert table["sh_left"] == pytest.approx(-0.05 * np.array(slopes), abs=5e-4)
+    assert cv2.imread(str(tmp_path / "s.png")) is not None
 
 
 def test_the_summary_as_json(capsys, tmp_path, folder):
