@@ -37,8 +37,9 @@ MIN_ELEVATION = 2.0
 # This far below the wall's line (px) there must be liquid.
 BELOW = 1
 WORDS = ("peak_half", "peak_on_visible_front_wall", "peak_out_of_frame")
-# The masks' pixels are whole: single columns are off by up to half a pixel, their mean is not.
-LIMITS = {"m": 1e-7, "px": 0.05, "deg": 0.01, "masks": 0.005, "mean": 0.15, "column": 0.8}
+# A mask's pixels are whole: a column is off by up to half a pixel, twice that where a lens bends
+# the picture; the mean of all columns is not.
+LIMITS = {"m": 1e-7, "px": 0.05, "deg": 0.01, "masks": 0.005, "mean": 0.25, "column": 1.2}
 
 
 def scene_of(truth: dict[str, Any]) -> Scene:
