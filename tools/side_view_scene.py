@@ -151,19 +151,21 @@ def draw(setup: Setup, liquid: Liquid, look: Look = Look(), seed: int = 1) -> Im
     inside = (np.abs(x) <= 0.5 * setup.width) & (z >= -setup.fill_height)
     if setup.rim_height is not None:
         inside &= z <= setup.rim_height - setup.fill_height
-    wet = inside & (z <= liquid.at(x, setup.width))
+    # Parts of a sub-pixel, so that a level line may lie anywhere between two rows of them.
+    size = np.abs(np.gradient(z, axis=0))
+    wet = inside * _part(liquid.at(x, setup.width) - z, size)
     # Behind the face the ray goes on through air until it meets the surface, a side or the rear.
     side = np.copysign(0.5 * setup.width, way[0])
     with np.errstate(divide="ignore", invalid="ignore"):
         depth = np.fmin((side - x) / way[0], setup.depth)
     rear_x, rear_z = x + way[0] * depth, z + way[1] * depth
-    top = inside & ~wet & (rear_z <= liquid.at(rear_x, setup.width))
+    top = inside * _part(liquid.at(rear_x, setup.width) - rear_z, size)
     colours = [np.atleast_1d(np.asarray(value, dtype=np.float64)) for value in _greys(look)]
     channels = max(colour.size for colour in colours)
     picture = np.empty((*x.shape, channels))
     picture[:] = colours[3]
-    for where, colour in ((inside, colours[1]), (top, colours[2]), (wet, colours[0])):
-        picture[where] = colour
+    for part, colour in ((inside, colours[1]), (top, colours[2]), (wet, colours[0])):
+        picture += part[..., np.newaxis] * (colour - picture)
     for patch in look.patches:
         picture[patch.covers(x, z)] = np.atleast_1d(patch.grey)
     small = picture.reshape(setup.rows, SUPERSAMPLES, setup.columns, SUPERSAMPLES, channels)
@@ -173,6 +175,11 @@ def draw(setup: Setup, liquid: Liquid, look: Look = Look(), seed: int = 1) -> Im
 def still(setup: Setup, look: Look = Look()) -> Image:
     """The same view of the liquid at rest, with another noise."""
     return draw(setup, Liquid(), replace(look, motion=0), seed=999)
+
+
+def _part(above: FloatArray, size: FloatArray) -> FloatArray:
+    """Part of each sub-pixel below a line that lies so far above its middle."""
+    return np.clip(above / size + 0.5, 0.0, 1.0)
 
 
 def _greys(look: Look) -> tuple[Grey, ...]:

@@ -55,9 +55,8 @@ class SideViewDetector:
 
         Args:
             calibration: camera, container and pose.
-            settings: settings; None: those of the calibration. Of them `min_contrast`,
-                `max_dark` and `min_bright` matter: liquid and background are told by where they
-                are, not by how they look.
+            settings: settings; None: those of the calibration. `liquid` does not
+                matter: liquid and background are told by where they are.
 
         Raises:
             SloshCameraError: too little of the container is inside the image.

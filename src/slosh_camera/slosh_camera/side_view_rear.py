@@ -83,7 +83,7 @@ def front_line(
         tail = ndtr(-0.5 * gap / sharp) - ndtr(-1.5 * gap / sharp)
         surface = float(np.median((steps / levels.contrast - tail)[apart]))
     doubt = np.zeros(found.kept.size)
-    doubt[columns] = np.where(trusted, gap, _visible_depth(view, region, rows, columns))
+    doubt[columns] = _visible_depth(view, region, rows, columns)
     if surface < _LEAST_SURFACE:
         return FrontLine(found.edges, found.kept, doubt)
     surface = min(surface, _MOST_SURFACE)

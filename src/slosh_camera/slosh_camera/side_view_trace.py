@@ -40,8 +40,6 @@ Image = NDArray[np.uint8]
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
-# Standard deviation of the blur before Canny's algorithm [px].
-_BLUR = 0.8
 # Evidence for the line, from 0 (none) to 1, and part of the columns that must show it.
 _MIN_AGREEMENT = 0.35
 _MIN_SEEN = 0.3
@@ -56,7 +54,8 @@ _GATE_ROWS = 1.5
 _LOOK_AGAIN = 0.02
 # Least scatter of the points that is assumed [px].
 _SCATTER_FLOOR = 0.03
-# Rows at the region's upper end in which no line is placed.
+# Rows at the region's upper end in which no line is placed, and up to which alone a column that
+# is full is known to be so.
 _END_ROWS = 4.0
 # Grey level from which the camera clips.
 _CLIPPED = 252.0
@@ -169,7 +168,7 @@ def trace_line(
         return Trace(Flag.TOO_BRIGHT | Flag.NOT_FOUND)
     if raw_contrast(part, region) < settings.min_contrast:
         return Trace(Flag.NOT_FOUND)
-    light = _light(part, region, knowledge.appearance)
+    light = _light(part, region, settings.blur, knowledge.appearance)
     if light.levels.contrast * light.appearance.levels.contrast <= 0.0:
         return Trace(Flag.NOT_FOUND)
     speaks = evidence(half_size(light.channel), light.appearance, light.levels)
@@ -184,13 +183,14 @@ def trace_line(
     return Trace(flags | (Flag.NOT_FOUND if line is None else Flag.NONE), light, line)
 
 
-def _light(part: Image, region: SideRegion, learnt: Appearance | None) -> Light:
+def _light(part: Image, region: SideRegion, blur: float, learnt: Appearance | None) -> Light:
     if learnt is not None and (learnt.weights is None) != (part.ndim == 2):
         learnt = None
     weights = colour_weights(part, region) if learnt is None else learnt.weights
     channel = one_channel(part, weights)
     levels = measure_levels(channel, region)
-    channel = np.asarray(cv2.GaussianBlur(channel, (0, 0), _BLUR), dtype=np.uint8)
+    if blur > 0.0:
+        channel = np.asarray(cv2.GaussianBlur(channel, (0, 0), blur), dtype=np.uint8)
     appearance = learnt or seen_appearance(channel, region, weights)
     clipped = brightest(part, region) >= _CLIPPED
     return Light(channel, levels, appearance, clipped)
@@ -292,7 +292,7 @@ class _Tracer:
         x, z = self._place(rows, columns)
         order = np.argsort(x)
         x, z = x[order], z[order]
-        full_x, full_z = self._place(self._upper[over], over)
+        full_x, full_z = self._place(self._upper[over] + _END_ROWS, over)
         start = first_shape(x, z, self._view.box.width, _DRAWS)
         pixels = np.column_stack((columns.astype(np.float64), rows)) + self._corner
         return TracedLine(
