@@ -18,7 +18,7 @@ import os
 import statistics
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -57,20 +57,24 @@ def main() -> int:
     arguments = parser.parse_args()
     os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
     cv2.setNumThreads(1)
-    results = {}
+    good = True
+    for name, (calibration, (still, *images)) in cases(arguments):
+        result = compare(calibration, still, images, arguments.turns)
+        print(json.dumps({"images": name, **result}), flush=True)
+        good &= result["ratio"] <= GOAL
+    return 0 if good else 1
+
+
+def cases(arguments: argparse.Namespace) -> Iterator[tuple[str, tuple[Calibration, list[Image]]]]:
+    """What is measured: a name, the calibration, the still image and the others."""
     for kind in KINDS:
-        calibration, (still, *images) = rendered(kind, arguments.frames)
-        results[kind] = compare(calibration, still, images, arguments.turns)
+        yield kind, rendered(kind, arguments.frames)
     if arguments.folder:
         calibration = larger(read_calibration(arguments.camera))
         files = [arguments.folder / "calib.jpg", *sorted(arguments.folder.glob("frame_*.jpg"))]
         for kind in KINDS:
-            still, *images = (scaled(read_image(file), kind) for file in files)
-            name = f"{arguments.folder.name}, {kind}"
-            results[name] = compare(calibration, still, images, arguments.turns)
-    for kind, result in results.items():
-        print(json.dumps({"images": kind, **result}))
-    return 0 if all(result["ratio"] <= GOAL for result in results.values()) else 1
+            images = [scaled(read_image(file), kind) for file in files]
+            yield f"{arguments.folder.name}, {kind}", (calibration, images)
 
 
 def larger(calibration: Calibration) -> Calibration:
