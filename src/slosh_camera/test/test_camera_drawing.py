@@ -1,8 +1,14 @@
-import numpy as np
+from dataclasses import replace
 
+import numpy as np
+import pytest
+
+from slosh_camera.box import Box, BoxView
+from slosh_camera.calibration import SideCalibration
 from slosh_camera.detector import FreeSurfaceDetector
-from slosh_camera.drawing import draw_measurement
-from slosh_camera.measurement import Flag, bad_image
+from slosh_camera.drawing import captions, draw_detail, draw_measurement
+from slosh_camera.geometry import Pose
+from slosh_camera.measurement import Flag, Measurement, bad_image
 
 
 def test_line_and_peak_are_drawn_where_they_are(make_scene):
@@ -33,3 +39,66 @@ def test_flags_are_written(make_scene):
     assert np.any(empty[:30, :200] == 255)
     assert np.any(empty[:30, :200] != flagged[:30, :200])
     assert not np.any(dark)
+
+
+def yellow(picture, pixel):
+    """How many pixels around a place have the colour of the fitted surface."""
+    u, v = (round(float(value)) for value in pixel)
+    near = picture[v - 2 : v + 3, u - 4 : u + 5].astype(int)
+    return np.count_nonzero((near[..., 2] > 200) & (near[..., 1] > 170) & (near[..., 0] < 120))
+
+
+def test_the_fitted_surface_is_drawn_where_it_is(make_scene):
+    scene = make_scene()
+    calibration = scene.calibration()
+    measurement = Measurement(0, fitted_msh=0.03, fitted_azimuth=-np.pi / 2.0)
+    black = np.zeros((480, 640), np.uint8)
+    picture = draw_measurement(black, calibration, measurement)
+    angles = np.linspace(-2.3, -0.8, 16)
+    pixels = calibration.view.project_wall(angles, 0.03 * np.cos(angles + np.pi / 2.0))
+    # It is dashed: some of the places lie between two dashes.
+    assert sum(yellow(picture, pixel) > 0 for pixel in pixels) > 8
+    assert not any(yellow(picture, pixel) for pixel in pixels + 20.0)
+
+
+@pytest.fixture
+def side(make_scene):
+    camera = make_scene().calibration().view.camera
+    pose = Pose(np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]), [0.0, 0.0, 0.45])
+    return SideCalibration(BoxView(camera, pose, Box(0.1, 0.06, rim_height=0.12)))
+
+
+def test_a_side_view_gets_its_straight_line(side):
+    x = np.linspace(-0.05, 0.05, 51)
+    height = 0.2 * x + 0.001
+    measurement = Measurement(
+        0,
+        msh=0.011,
+        msh_stddev=1e-4,
+        slope_angle=np.arctan(0.2),
+        profile_x=x,
+        profile_height=np.where(abs(x) < 0.01, np.nan, height),
+    )
+    picture = draw_measurement(np.zeros((480, 640), np.uint8), side, measurement)
+    pixels = side.view.project_face(x, height)
+    assert sum(yellow(picture, pixel) > 0 for pixel in pixels) > 40
+    assert "slope 11.31 deg" in captions(measurement)
+    unknown = replace(measurement, slope_angle=np.nan)
+    picture = draw_measurement(np.zeros((480, 640), np.uint8), side, unknown)
+    assert not any(yellow(picture, pixel) for pixel in pixels)
+
+
+def test_a_detail_shows_the_whole_container_and_its_line(make_scene, side):
+    image = np.full((480, 640), 90, np.uint8)
+    pixel = side.view.project_face(0.0, 0.02)
+    measurement = Measurement(0, edge_pixels=pixel)
+    plain, marked = (
+        draw_detail(image, side, one, (300, 260)) for one in (bad_image(0), measurement)
+    )
+    assert plain.shape == (260, 300, 3)
+    changed = np.argwhere(np.any(plain != marked, axis=2))
+    assert 0 < len(changed) < 60
+    v, u = changed.mean(axis=0)
+    # The face with a margin and the scale is what fills the height.
+    assert 0.3 * 300 < u < 0.6 * 300
+    assert 0.2 * 260 < v < 0.5 * 260
