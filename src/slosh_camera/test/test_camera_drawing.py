@@ -58,7 +58,7 @@ def test_the_fitted_surface_is_drawn_where_it_is(make_scene):
     pixels = calibration.view.project_wall(angles, 0.03 * np.cos(angles + np.pi / 2.0))
     # It is dashed: some of the places lie between two dashes.
     assert sum(yellow(picture, pixel) > 0 for pixel in pixels) > 8
-    assert not any(yellow(picture, pixel) for pixel in pixels + 20.0)
+    assert not any(yellow(picture, pixel) for pixel in np.add(pixels, [0.0, 20.0]))
 
 
 @pytest.fixture
