@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from slosh_camera.calibrate.aruco import board_of, dictionary_of, find_corners
 from slosh_camera.calibrate.fit import Hint
 from slosh_camera.calibrate.pose import place_of
 from slosh_camera.camera import PinholeCamera
@@ -70,21 +72,21 @@ class Board:
                 f"board: its markers of {self.inner} m do not fit into squares of {self.size} m"
             )
 
-    def opencv(self) -> cv2.aruco.Board:
-        """The board as OpenCV knows it."""
-        name = f"DICT_{self.dictionary}"
-        number = getattr(cv2.aruco, name, None)
-        if not isinstance(number, int):
-            raise SloshCameraError(f"board: OpenCV has no dictionary {name}")
-        markers = cv2.aruco.getPredefinedDictionary(number)
+    def opencv(self) -> tuple[Any, Any]:
+        """The board and its dictionary as OpenCV knows them.
+
+        Raises:
+            SloshCameraError: there is no such dictionary, or it has too few markers.
+        """
+        markers = dictionary_of(self.dictionary)
         fields = self.columns * self.rows
-        needed = fields // 2 if self.charuco else fields
-        if needed > len(markers.bytesList):
+        needed, there = fields // 2 if self.charuco else fields, len(markers.bytesList)
+        if needed > there:
             raise SloshCameraError(
-                f"board: needs {needed} markers, {name} has {len(markers.bytesList)}"
+                f"board: needs {needed} markers, DICT_{self.dictionary} has {there}"
             )
-        kind = cv2.aruco.CharucoBoard if self.charuco else cv2.aruco.GridBoard
-        return kind((self.columns, self.rows), self.size, self.inner, markers)
+        shape = (self.columns, self.rows)
+        return board_of(self.charuco, shape, self.size, self.inner, markers), markers
 
 
 def parse_board(text: str) -> Board:
@@ -138,12 +140,10 @@ def find_board(image: Image, camera: PinholeCamera, board: Board) -> BoardFit:
         Its pose.
 
     Raises:
-        SloshCameraError: this OpenCV has no detector, the board is not seen, or its pose is not
+        SloshCameraError: this OpenCV knows no boards, the board is not seen, or its pose is not
             determined.
     """
-    if not hasattr(cv2, "aruco") or not hasattr(cv2.aruco, "CharucoDetector"):
-        raise SloshCameraError(f"board: needs OpenCV 4.7 or later, this is {cv2.__version__}")
-    points, corners = _matched(image, board)
+    points, corners = find_corners(image, board.charuco, *board.opencv())
     if len(points) < _LEAST_CORNERS:
         raise SloshCameraError(
             f"board: {len(points)} corners of it are seen, {_LEAST_CORNERS} are needed; check its "
@@ -161,25 +161,6 @@ def find_board(image: Image, camera: PinholeCamera, board: Board) -> BoardFit:
     return BoardFit(
         _pose(vector), vector, np.linalg.pinv(slope.T @ slope), corners.reshape(-1, 2), residual
     )
-
-
-def _matched(image: Image, board: Board) -> tuple[FloatArray, FloatArray]:
-    """Corners of the board found: places on it (N, 3) [m] and in the image (N, 2) [px]."""
-    known = board.opencv()
-    if isinstance(known, cv2.aruco.CharucoBoard):
-        corners, ids, _, _ = cv2.aruco.CharucoDetector(known).detectBoard(image)
-    else:
-        settings = cv2.aruco.DetectorParameters()
-        settings.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
-        corners, ids, _ = cv2.aruco.ArucoDetector(known.getDictionary(), settings).detectMarkers(
-            image
-        )
-    if ids is None or len(ids) == 0:
-        return np.empty((0, 3)), np.empty((0, 2))
-    points, pixels = known.matchImagePoints(corners, ids)
-    if points is None:
-        return np.empty((0, 3)), np.empty((0, 2))
-    return points.reshape(-1, 3).astype(float), pixels.reshape(-1, 2).astype(float)
 
 
 def _solved(
