@@ -23,7 +23,7 @@ Image = NDArray[np.uint8]
 FloatArray = NDArray[np.float64]
 Grey = float | tuple[float, float, float]
 
-SUPERSAMPLES = 4
+SUPERSAMPLES = 2
 
 
 @dataclass(frozen=True)

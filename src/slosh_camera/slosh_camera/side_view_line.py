@@ -28,6 +28,9 @@ _LOW_PART = 0.5
 _SOBEL_NOISE = 2.0
 _NOISE_MARGIN = 2.5
 _JUMP = 3.0
+# Gaps of so many columns hide the line, and so many columns beside them are doubtful.
+_WIDE = 6
+_ENDS = 3
 # Part of the rows beside the split that must be what they are taken for.
 _BESIDE = 5
 # A line leads up to the region's end where it comes so near to it, in rows of half the size and
@@ -168,7 +171,15 @@ def drop_loose_pieces(rows: FloatArray, near: BoolArray) -> BoolArray:
     piece = np.concatenate(([0], np.cumsum(far)))
     share = np.bincount(piece, near[at]) / np.bincount(piece)
     kept[at] = share[piece] >= 0.5
-    return kept
+    return _without_ends(kept)
+
+
+def _without_ends(kept: BoolArray) -> BoolArray:
+    """Leave out the columns beside a wide gap: there the edge turns into that of what hides it."""
+    hidden = np.array(~kept, dtype=np.uint8)[np.newaxis]
+    wide = cv2.morphologyEx(hidden, cv2.MORPH_OPEN, np.ones((1, _WIDE), np.uint8))
+    beside = cv2.dilate(wide, np.ones((1, 2 * _ENDS + 1), np.uint8))[0] > 0
+    return np.asarray(kept & ~beside, dtype=np.bool_)
 
 
 def _peak(

@@ -22,7 +22,7 @@ _LEAST_POINTS = 4
 # The height at a wall is unknown where the line ends further from it, as part of the width.
 _WALL_GAP = 0.03
 # Points so near to a place tell the height there [px].
-_REACH = 2.5
+_REACH = 4.0
 _SMOOTHED_COLUMNS = 5
 # Standard deviation of the running median over that of its points, which resemble each other.
 _SMOOTHED_NOISE = 0.8

@@ -209,6 +209,8 @@ class _Tracer:
         self._columns = np.arange(region.inside.shape[1])
         self._still = region.rows_at(np.zeros(self._columns.size))
         self._upper = np.argmax(region.inside, axis=0).astype(np.float64)
+        rows = np.clip(np.rint(self._still), 0, len(region.inside) - 1).astype(np.intp)
+        self._could = region.inside[rows, self._columns]
         middle = self._columns.size // 2
         pixel = (region.left + middle, region.top + self._still[middle])
         self._pixel_height = view.height_per_pixel(pixel)
@@ -283,7 +285,7 @@ class _Tracer:
 
     def _hidden(self, kept: BoolArray, full: BoolArray) -> float:
         """Part of the columns that could show the line and do not."""
-        could = self._region.inside.any(axis=0) & ~full
+        could = self._could & ~full
         return float(np.count_nonzero(could & ~kept)) / max(int(np.count_nonzero(could)), 1)
 
     def _placed(self, line: FrontLine, over_top: BoolArray, full: BoolArray) -> TracedLine:
