@@ -30,7 +30,7 @@ Image = NDArray[np.uint8]
 
 # Heights at which the error of a measured height is stated [m].
 HEIGHTS = (-0.02, 0.0, 0.02)
-MAX_RESIDUAL = 1.0
+MAX_RESIDUAL = 0.6
 """Residual up to which a fit is believed [px]."""
 MAX_HEIGHT_ERROR = 1e-3
 """Standard error of a height up to which a pose is of use [m]."""
@@ -117,11 +117,14 @@ def calibrate_by_edges(
     straight, pinhole = undistorted(image, camera)
     edges = edge_image(straight)
     starts = [candidate.place for candidate in _candidates(straight, pinhole, cup)]
-    rough = [fit_place(edges, pinhole, cup, start, hint, rough=True) for start in starts]
-    fits = [
-        fit_place(edges, pinhole, cup, fit.place, hint)
-        for fit in _distinct([fit for fit in rough if fit])[:_FINE_FITS]
-    ]
+
+    def roughly(places: list[CameraPlace]) -> list[Fit]:
+        tries = [fit_place(edges, pinhole, cup, place, hint, rough=True) for place in places]
+        return _distinct([fit for fit in tries if fit])
+
+    rough = roughly(starts)[:_FINE_FITS]
+    rough = _distinct(rough + roughly([_mirrored(fit.place, cup) for fit in rough]))
+    fits = [fit_place(edges, pinhole, cup, fit.place, hint) for fit in rough]
     ranked = sorted((fit for fit in fits if fit), key=lambda fit: -fit.score)
     if not ranked:
         raise SloshCameraError(
@@ -205,6 +208,12 @@ def _candidates(image: Image, camera: PinholeCamera, cup: Cup) -> list[Candidate
             (camera.cy + 0.5) / shrink - 0.5,
         )
     return find_candidates(edge_image(image), camera, cup, _CANDIDATES)
+
+
+def _mirrored(place: CameraPlace, cup: Cup) -> CameraPlace:
+    """As far below the level as a place is above it: where a rear line may pass for the front."""
+    turn = 2.0 * np.arctan2(place.height, place.distance - cup.radius)
+    return replace(place, height=-place.height, pitch=place.pitch - float(turn))
 
 
 def _distinct(fits: list[Fit]) -> list[Fit]:
