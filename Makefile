@@ -42,6 +42,7 @@ tables: setup
 	@tools/run python tools/parameter_tables.py
 	@tools/run python tools/accuracy_tables.py
 	@tools/run python tools/camera_accuracy.py --disturb --docs
+	@tools/run python tools/side_view_tables.py --docs
 
 docs: setup
 	@tools/run sphinx-build -W --keep-going -q -b html docs docs/_build/html
