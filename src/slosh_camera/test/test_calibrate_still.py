@@ -61,7 +61,12 @@ SCENES = {
     "level": {},
     "from above, rolled": {"camera_height": 0.08, "roll": 0.03, "aim": 0.01},
     "from below": {"camera_height": -0.05},
-    "distorting lens": {"camera_height": 0.05, "distortion": (-0.12, 0.05, 0.001, -0.001, 0.0)},
+    "distorting lens": {
+        "camera_height": 0.05,
+        "aim": 0.04,
+        "distortion": (-0.4, 0.1, 0.004, -0.004, 0.0),
+    },
+    "slightly from above": {"camera_height": 0.02},
     "light liquid, noise": {"liquid": 200, "surface": 150, "background": 60, "noise": 4.0},
 }
 
@@ -75,6 +80,24 @@ def test_drawn_cup(make_scene, name):
     fit = calibrate_by_edges(scene.draw(), truth.camera, cup)
     assert worst_error(truth, fit) < 0.25e-3
     assert fit.place.roll == pytest.approx(place_of(truth.pose)[0].roll, abs=2e-3)
+
+
+def test_without_the_floor_the_second_line_tells_above_from_below(make_scene):
+    scene = make_scene(camera_height=0.05)
+    view, cup = scene.calibration().view, Cup(scene.radius, scene.fill_height)
+    camera = dataclasses.replace(view.camera, height=290)
+    fit = calibrate_by_edges(np.ascontiguousarray(scene.draw()[:290]), camera, cup)
+    assert worst_error(CupView(camera, view.pose, cup), fit) < 0.25e-3
+
+
+def test_a_label_is_not_the_container(make_scene):
+    scene = make_scene(camera_height=0.05)
+    camera, cup = scene.calibration().view.camera, Cup(scene.radius, scene.fill_height)
+    image = scene.draw()
+    image[225:310, 300:350] = 225
+    image[270:280, 305:345] = 60
+    fit = calibrate_by_edges(image, camera, cup)
+    assert worst_error(CupView(camera, scene.calibration().view.pose, cup), fit) < 0.25e-3
 
 
 def test_large_image_is_searched_small_and_fitted_whole(make_scene):
@@ -147,19 +170,26 @@ def test_refuses_a_cut_container(make_scene):
     camera, cup = scene.calibration().view.camera, Cup(scene.radius, scene.fill_height)
     # The left side is at column 208, the still level at rows 231 to 257.
     for left, top in ((240, 0), (320, 0), (0, 300)):
-        assert refusal(*cut(scene.draw(), camera, left, top), cup).startswith("still image: ")
+        assert "no round container is found" in refusal(*cut(scene.draw(), camera, left, top), cup)
 
 
 def test_refuses_a_moving_surface(make_scene):
     scene = make_scene(camera_height=0.05)
     camera, cup = scene.calibration().view.camera, Cup(scene.radius, scene.fill_height)
-    assert "still image: " in refusal(scene.draw(0.02, 0.3), camera, cup)
+    assert "still level shows on" in refusal(scene.draw(0.005, 0.0), camera, cup)
+
+
+def test_refuses_a_blurred_image(make_scene):
+    scene = make_scene(camera_height=0.05)
+    camera, cup = scene.calibration().view.camera, Cup(scene.radius, scene.fill_height)
+    blurred = np.asarray(cv2.GaussianBlur(scene.draw(), (0, 0), 12.0))
+    assert "px rms from the best pose, more than 0.6" in refusal(blurred, camera, cup)
 
 
 def test_refuses_a_container_too_small_to_measure(make_scene):
-    scene = make_scene(camera_height=0.05, distance=2.5)
+    scene = make_scene(camera_height=0.05, distance=1.5)
     camera, cup = scene.calibration().view.camera, Cup(scene.radius, scene.fill_height)
-    assert "still image: " in refusal(scene.draw(), camera, cup)
+    assert "mm only, 1 mm are needed" in refusal(scene.draw(), camera, cup)
 
 
 def test_refuses_images_of_another_camera(make_scene):

@@ -29,7 +29,7 @@ _SPACING = 2.0
 # px, and the smoothing used here with a pixel's own.
 _SHINE = 0.47
 # Front and rear line closer than this are one edge [px].
-_LEAST_SEPARATION = 6.0
+LEAST_SEPARATION = 6.0
 
 
 class Curve(Enum):
@@ -115,22 +115,22 @@ def width_of(view: CupView) -> float:
 
 def look_for_curves(edges: EdgeImage, view: CupView, reach: float) -> tuple[SeenCurve, ...]:
     """Edges along every curve that the view should show, those of no use left out."""
-    separation = _separation(view)
-    double = view.pose.camera_centre[2] > 0.0 and separation > _LEAST_SEPARATION
+    apart = separation(view)
+    double = view.pose.camera_centre[2] > 0.0 and apart > LEAST_SEPARATION
     seen = []
     for curve in Curve:
         near = reach
         if curve is Curve.REAR and not double:
             continue
         if curve in (Curve.FRONT, Curve.REAR) and double:
-            near = min(reach, 0.45 * separation)
+            near = min(reach, 0.45 * apart)
         found = _look(edges, view, curve, near)
         if found.samples >= 10:
             seen.append(found)
     return tuple(seen)
 
 
-def _separation(view: CupView) -> float:
+def separation(view: CupView) -> float:
     """Rows between the middles of the front and the rear line of the still level [px]."""
     front = curve_points(view, Curve.FRONT, 3)[1]
     rear = curve_points(view, Curve.REAR, 3)[1]

@@ -12,6 +12,7 @@ from scipy.optimize import least_squares
 
 from slosh_camera.calibrate.curves import (
     EMPTY,
+    LEAST_SEPARATION,
     OUTLINE,
     SIDES,
     WETTED,
@@ -20,6 +21,7 @@ from slosh_camera.calibrate.curves import (
     axis_distance,
     distances,
     look_for_curves,
+    separation,
     view_at,
     width_of,
 )
@@ -40,6 +42,7 @@ _SHARED_BY = 5.0
 _SIDE_ERROR, _SIDE_TURN = 0.3, 0.2
 _LEVEL_ERROR = 0.12
 _BASE_ERROR = 0.0015
+_MERGED = 0.3
 # Search to both sides of a predicted curve, as a share of the container's width, and at least.
 _ROUGH = ((0.045, 8.0), (0.045, 8.0), (0.03, 6.0))
 _FINE = ((0.03, 6.0), (0.015, 4.0), (0.012, 3.0), (0.012, 3.0))
@@ -48,6 +51,8 @@ INLIER = 1.5
 # The narrower a container, the more edges of other things lie near its curves by chance: this [px]
 # over its width is taken off the score.
 _CHANCE = 6.0
+# Who explains two lines of the level explains more than who takes one of them for the only one.
+_TWO_LINES, _LEAST_SHARE = 0.15, 0.7
 _FAR = 1e3
 _DIFFERENCE = 1e-6
 
@@ -77,7 +82,8 @@ class Fit:
         covariance: (5, 5) of its five numbers, in their order and units.
         seen: the edges that were fitted.
         residuals: distance of each edge from its fitted curve [px], one array per curve.
-        score: mean support of the curves, less what chance gives; at most 1.
+        score: mean support of the curves, less what chance gives, and more for two
+            lines of the level; about 0 to 1.
     """
 
     place: CameraPlace
@@ -145,7 +151,10 @@ def fit_place(
         return None
     residuals = tuple(distances(view, curve) for curve in seen)
     score = _score(edges, seen, residuals) - _CHANCE / width_of(view)
-    return Fit(place, covariance, seen, residuals, score)
+    fit = Fit(place, covariance, seen, residuals, score)
+    # NaN, where the view has no rear line, is not more.
+    both = all(fit.share(curve) > _LEAST_SHARE for curve in (Curve.FRONT, Curve.REAR))
+    return replace(fit, score=score + _TWO_LINES) if both else fit
 
 
 def _enough(seen: Sequence[SeenCurve]) -> bool:
@@ -230,7 +239,9 @@ def _own_errors(view: CupView, seen: SeenCurve) -> FloatArray:
     if seen.curve is Curve.BASE:
         return flat * (_LEVEL_ERROR + _BASE_ERROR * view.camera.fy / axis_distance(view))
     if seen.curve not in SIDES:
-        return flat * _LEVEL_ERROR
+        # Front and rear line so close that they are one edge: it may be either, or between.
+        apart = abs(separation(view))
+        return flat * (_LEVEL_ERROR + (_MERGED * apart if apart < LEAST_SEPARATION else 0.0))
     turn = np.linspace(-_SIDE_TURN, _SIDE_TURN, count)[:, np.newaxis]
     return np.hstack((_SIDE_ERROR * flat, turn))
 

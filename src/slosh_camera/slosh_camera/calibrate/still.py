@@ -39,11 +39,11 @@ _CANDIDATES, _FINE_FITS = 6, 3
 # The coarse search takes so many columns at least, and less than twice as many.
 _SEARCH_WIDTH = 800
 # A second place counts as another answer where it moves a height by more than this [m], and as a
-# rival where its score comes so close to the best.
+# rival where its score comes so close to the best and its residual is at most so much larger.
 _SAME = 1e-3
 # Rough fits that differ by less than this, relative to the distance or [rad], are one.
 _ALIKE = 0.02
-_RIVAL = 0.93
+_RIVAL, _RIVAL_RESIDUAL = 0.93, 1.5
 _ARC = np.deg2rad(np.linspace(-60.0, 60.0, 13))
 _STEP = 1e-6
 
@@ -123,8 +123,9 @@ def calibrate_by_edges(
         return _distinct([fit for fit in tries if fit])
 
     rough = roughly(starts)[:_FINE_FITS]
-    rough = _distinct(rough + roughly([_mirrored(fit.place, cup) for fit in rough]))
-    fits = [fit_place(edges, pinhole, cup, fit.place, hint) for fit in rough]
+    places = [fit.place for fit in rough]
+    places += [_mirrored(place, cup) for place in places]
+    fits = [fit_place(edges, pinhole, cup, place, hint) for place in places]
     ranked = sorted((fit for fit in fits if fit), key=lambda fit: -fit.score)
     if not ranked:
         raise SloshCameraError(
@@ -211,9 +212,14 @@ def _candidates(image: Image, camera: PinholeCamera, cup: Cup) -> list[Candidate
 
 
 def _mirrored(place: CameraPlace, cup: Cup) -> CameraPlace:
-    """As far below the level as a place is above it: where a rear line may pass for the front."""
-    turn = 2.0 * np.arctan2(place.height, place.distance - cup.radius)
-    return replace(place, height=-place.height, pitch=place.pitch - float(turn))
+    """As far below the level as a place is above it, with its rear line where the front one was.
+
+    From above the rear line is often the stronger and passes for the front line of a camera below.
+    """
+    reach = np.copysign(cup.radius, place.height)
+    was = np.arctan2(place.height, place.distance + reach)
+    becomes = np.arctan2(-place.height, place.distance - reach)
+    return replace(place, height=-place.height, pitch=place.pitch + float(becomes - was))
 
 
 def _distinct(fits: list[Fit]) -> list[Fit]:
@@ -257,8 +263,8 @@ def _fault(fit: Fit, answer: StillFit) -> str:
 
 
 def _check_rival(view: CupView, best: Fit, rival: Fit) -> None:
-    """Refuse where two different places explain the image equally well."""
-    if rival.score < _RIVAL * best.score:
+    """Refuse where two different poses explain the image equally well."""
+    if rival.score < _RIVAL * best.score or rival.rms > _RIVAL_RESIDUAL * best.rms:
         return
     try:
         other = view_at(view.camera, view.cup, rival.place)
@@ -266,10 +272,14 @@ def _check_rival(view: CupView, best: Fit, rival: Fit) -> None:
         return
     shift = _heights(other, view, Wall.FRONT) - np.repeat(HEIGHTS, _ARC.size)
     if not np.nanmax(np.abs(shift)) <= _SAME:
-        near, far = (1e3 * fit.place.distance for fit in (best, rival))
+        poses = " or ".join(
+            f"{1e3 * fit.place.distance:.0f} mm from the container and "
+            f"{1e3 * fit.place.height:.0f} mm above the still level"
+            for fit in (best, rival)
+        )
         raise SloshCameraError(
-            f"still image: two containers fit equally well, {near:.0f} and {far:.0f} mm from the "
-            "camera; take other things out of the picture"
+            f"still image: two poses fit equally well, {poses}; the floor in the image, a board, "
+            "or fewer other things would tell"
         )
 
 
