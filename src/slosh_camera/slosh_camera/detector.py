@@ -1,62 +1,80 @@
-"""Free-surface detection in one image after another [TM20, Fig. 3; DL22, section 4.1].
+"""Free-surface detection in one image after another.
 
-DL22 takes the highest dark pixel and places it on the front wall where the liquid below is
-uniform, on the rear wall where the bright free surface is seen below it. Seen from above, the
-rear line is higher in the image than the front line at equal height, so here every visible point
-is first placed on its wall and the highest of them in metres is the peak. An interior crest that
-hides the rear line is read as if it were on the rear wall.
+The wall is unrolled along scan lines and reduced to one axis from liquid to background. The end
+of the liquid behind the front wall gives points at known places; a surface of the shapes of DL22,
+eqs. (18) and (19), is fitted to them, robustly. It predicts where the surface ends against the
+background - the line on the rear wall, or a crest before it; that edge is looked for there and
+fitted together with the front line. A peak on the camera's side has the front line's points up to
+it, one on the far side those of the upper edge [DL22, Fig. 7c, d].
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from slosh_camera import edge_search
+from slosh_camera.appearance import Tone, find_tone
 from slosh_camera.calibration import Calibration
-from slosh_camera.edges import EdgeRows, refine
 from slosh_camera.errors import SloshCameraError
-from slosh_camera.geometry import Wall
 from slosh_camera.measurement import Flag, Measurement, PeakSide
-from slosh_camera.region import find_region
-from slosh_camera.segmentation import Lines, find_levels, find_lines
+from slosh_camera.repeats import RepeatedFrames
+from slosh_camera.scan_grid import build_scan_grid
 from slosh_camera.settings import DetectionSettings, Liquid
-from slosh_camera.wall_line import (
-    Peak,
-    WallLine,
-    around_the_wall,
-    drop_strays,
-    edge_height,
-    highest,
-    running_median,
-)
+from slosh_camera.surface_choice import SurfaceChooser
+from slosh_camera.surface_evidence import INLIER, SurfaceFit, Unrolled, WallPoints
+from slosh_camera.surface_fit import SurfaceFitter
+from slosh_camera.surface_modes import SHAPES
+from slosh_camera.surface_prior import Prior
+from slosh_camera.surface_reading import SurfaceReading
+from slosh_camera.wall_geometry import WallGeometry
 
-GrayImage = NDArray[np.uint8]
+Image = NDArray[np.uint8]
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
-_OUTLIER_WINDOW = 9
-_OUTLIER_ROWS = 3.0
-# Part of a Gaussian edge's width between the levels that bound the free surface, 12 % and 65 %.
-_SOFT_EDGE = 0.62
-# The sharper edges have the lens' own width; two lines close together look like a wider one.
-_SHARP_PERCENTILE = 10.0
-# Rows are whole numbers.
-_ONE_EDGE = 1.0
-# The first row of liquid at the level that bounds it lies so far below the middle of its step.
-_MERGED_SHIFT = 1.0
-_SATURATED_COLUMNS = 2
+# Parts of the way from the still level to the lowest row between which there is mostly liquid:
+# below the deepest trough, or higher up, where a transparent liquid does not show the floor.
+_BODIES = (0.5, 1.0), (0.1, 0.5)
+# How much more plausible the second must make the liquid at rest to be preferred.
+_RATHER = 0.3
+# Deviation from the liquid's most frequent level up to which samples may belong to it.
+_LEVEL_REACH = 0.25
+# Deviation from the liquid's level, as a part of the contrast, from which on a sample is rather
+# something else; and the same in standard deviations of the noise from sample to sample, and in
+# median deviations within the liquid.
+_TOLERANCE = 0.08
+_TOLERANCE_NOISE = 4.0
+_TOLERANCE_SPREAD = 4.0
+# Standard deviation of the first mode, as a part of the radius.
+_FIRST = 0.5
+_LEAST_POINTS = 10
+# A first mode of more than this part of the radius is no sloshing.
+_HIGHEST = 0.9
+# Part of the scan lines that must show an edge of the fitted surface for it to be one, and part
+# that may be hidden without a remark.
+_LEAST_READ = 0.5
+_HIDDEN = 0.15
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Found:
+    """An image's edges and fit."""
+
+    view: Unrolled
+    fit: SurfaceFit
+    flags: Flag
 
 
 class FreeSurfaceDetector:
-    """Detector for one calibrated camera; keeps the last image and the still level's offset."""
+    """Detector for one calibrated camera; keeps what a still image taught and the last image."""
 
     def __init__(
         self, calibration: Calibration, settings: DetectionSettings | None = None
     ) -> None:
-        """Prepare the region of interest.
+        """Prepare the scan lines.
 
         Args:
             calibration: camera, container and pose.
@@ -67,180 +85,214 @@ class FreeSurfaceDetector:
         """
         self._view = calibration.view
         self._settings = settings or calibration.detection
-        self._region = find_region(calibration.view, calibration.region)
+        self._grid = build_scan_grid(calibration.view, calibration.region)
+        self._wall = WallGeometry(self._grid, calibration.view.cup.radius)
+        self._fitter, self._chooser = SurfaceFitter(self._wall), SurfaceChooser(self._wall)
         self._tangents = calibration.view.tangent_azimuths()
-        self._offset = 0.0
-        self._last: GrayImage | None = None
+        self._all_bodies = self._bodies = tuple(self._rows(body) for body in _BODIES)
+        self._zero = np.zeros(SHAPES)
+        self._prior = Prior(self._zero, first=_FIRST * calibration.view.cup.radius)
+        self._at_rest = Prior(self._zero, first=3e-3, level=5e-3)
+        self._static = np.zeros(self._grid.shape)
+        self._surface = float("nan")
+        self._repeats = RepeatedFrames()
 
     @property
     def still_offset(self) -> float:
-        """Height that was measured on the liquid at rest and is subtracted since [m]."""
-        return self._offset
+        """Height of the still level against the calibration, subtracted from heights [m]."""
+        return float(self._zero[0])
 
-    def learn_still(self, gray: GrayImage) -> float:
+    def learn_still(self, image: Image) -> float:
         """Take an image of the liquid at rest as the zero of all heights.
 
         Args:
-            gray: (height, width) image.
+            image: (height, width) grey or (height, width, 3) blue-green-red.
 
         Returns:
             The offset [m] of the still level against the calibration.
 
         Raises:
-            SloshCameraError: the image does not fit the camera, or shows no liquid.
+            SloshCameraError: the image does not fit the camera, or shows no liquid at rest.
         """
-        self._check(gray)
-        flags, lines = self._find(gray)
-        front = lines[0].height if lines else np.empty(0)
-        if Flag.SATURATED in flags or not np.any(np.isfinite(front)):
+        unrolled = self._unrolled(image)
+        fits: list[tuple[float, SurfaceFit, Unrolled, slice]] = []
+        for body in self._all_bodies:
+            seen = None if isinstance(unrolled, Flag) else self._front_line(unrolled, body)
+            if seen is not None:
+                fit, plausible = self._chooser.fit_still(*seen, self._at_rest)
+                fits.append((plausible - (_RATHER if fits else 0.0), fit, seen[0], body))
+        if fits:
+            _, fit, view, body = max(fits, key=lambda entry: entry[0])
+        if not fits or self._flags(fit) & (Flag.NOT_FOUND | Flag.SATURATED):
             raise SloshCameraError(
                 "still image: shows no whole liquid line, check light, region and calibration"
             )
-        self._offset += float(np.nanmedian(front))
-        return self._offset
+        self._zero = np.concatenate((fit.heights[:3], np.zeros(SHAPES - 3)))
+        self._prior = Prior(self._zero, first=self._prior.first)
+        self._bodies = (body,)
+        self._surface = self._chooser.surface_tone(view.picture, self._zero)
+        return self.still_offset
 
-    def update(self, stamp_ns: int, gray: GrayImage) -> Measurement:
-        """Measure one image.
+    def update(self, stamp_ns: int, image: Image) -> Measurement:
+        """Measure one image of a stream; one that repeats the image before is flagged FROZEN.
+
+        Args and errors are those of `measure`.
+        """
+        measurement = self.measure(stamp_ns, image)
+        if self._repeats.is_repeat(image):
+            return replace(measurement, flags=measurement.flags | Flag.FROZEN)
+        return measurement
+
+    def measure(self, stamp_ns: int, image: Image) -> Measurement:
+        """Measure one image by itself.
 
         Args:
             stamp_ns: moment of exposure [ns].
-            gray: (height, width) image of the calibrated camera.
+            image: (height, width) grey or (height, width, 3) blue-green-red image of the
+                calibrated camera.
 
         Returns:
             The measurement; what the image does not show is NaN, with a flag that says why.
 
         Raises:
-            SloshCameraError: the image is not 8-bit grey of the calibrated size.
+            SloshCameraError: the image is not 8-bit or not of the calibrated size.
         """
-        self._check(gray)
-        flags = Flag.FROZEN if self._is_repeated(gray) else Flag.NONE
-        found, lines = self._find(gray)
-        flags |= found
-        if not lines:
+        found = self._find(image)
+        flags = found if isinstance(found, Flag) else found.flags
+        if isinstance(found, Flag) or flags & Flag.NOT_FOUND:
             return Measurement(stamp_ns=stamp_ns, flags=flags)
-        left, right = (edge_height(lines, azimuth) for azimuth in self._tangents)
-        peak = self._peak(lines, (left, right))
-        if np.isnan(peak.height):
-            return Measurement(stamp_ns=stamp_ns, flags=flags | Flag.NOT_FOUND)
-        side = PeakSide.FRONT if peak.wall is Wall.FRONT else PeakSide.REAR
-        azimuth, height, pixels = around_the_wall(lines)
+        return self._read(stamp_ns, found)
+
+    def _rows(self, parts: tuple[float, float]) -> slice:
+        """Rows of a part of the way from the still level to the lowest row."""
+        below = self._grid.shape[0] - self._grid.still_row
+        top, bottom = (self._grid.still_row + int(part * below) for part in parts)
+        return slice(top, bottom)
+
+    def _check(self, image: Image) -> None:
+        camera = self._view.camera
+        if (
+            image.dtype != np.uint8
+            or image.shape[:2] != (camera.height, camera.width)
+            or image.shape[2:] not in ((), (3,))
+        ):
+            shape = " x ".join(str(size) for size in image.shape[::-1])
+            raise SloshCameraError(
+                f"image: {shape} of {image.dtype}, the calibration is for {camera.width} x "
+                f"{camera.height} of uint8"
+            )
+
+    def _find(self, image: Image) -> _Found | Flag:
+        """Edges and fit, or flags that say why there are none."""
+        unrolled = self._unrolled(image)
+        if isinstance(unrolled, Flag):
+            return unrolled
+        seen = [found for body in self._bodies if (found := self._front_line(unrolled, body))]
+        for view, points in seen:
+            fit = self._chooser.fit_certain(view, points, self._prior)
+            if fit is not None:
+                return _Found(view, fit, self._flags(fit))
+        best = [(self._chooser.fit_best(*found, self._prior), found[0]) for found in seen]
+        if not best:
+            return Flag.NOT_FOUND
+        (fit, _), view = max(best, key=lambda entry: entry[0][1])
+        return _Found(view, fit, self._flags(fit))
+
+    def _unrolled(self, image: Image) -> Image | Flag:
+        """The unrolled wall, or flags that say why there is nothing to be seen."""
+        self._check(image)
+        unrolled = self._grid.unroll(image)
+        light = self._light(unrolled)
+        return light if light else unrolled
+
+    def _light(self, unrolled: Image) -> Flag:
+        """Whether there is too little or too much light."""
+        seen = unrolled[::4, ::4][self._grid.inside[::4, ::4]]
+        dark, bright = np.percentile(seen, (2.0, 98.0))
+        if bright < self._settings.max_dark:
+            return Flag.TOO_DARK | Flag.NOT_FOUND
+        if dark > self._settings.min_bright:
+            return Flag.TOO_BRIGHT | Flag.NOT_FOUND
+        return Flag.NONE
+
+    def _front_line(self, unrolled: Image, body: slice) -> tuple[Unrolled, WallPoints] | None:
+        """The wall on the axis from liquid to background, and where the liquid ends on it."""
+        tone = find_tone(unrolled, self._grid.inside, body)
+        if tone is None or not self._believable(tone):
+            return None
+        view = Unrolled(tone.reduce(unrolled), self._static, self._surface, tone.noise)
+        first, last = self._wall.first_row, self._wall.last_row
+        level = edge_search.liquid_levels(view.picture, body.start, body.stop, _LEVEL_REACH)
+        level = np.where(np.isnan(level), np.nanmedian(level), level)
+        spread = np.median(np.abs(view.picture[body, ::4] - level[::4]))
+        tolerance = max(_TOLERANCE, _TOLERANCE_NOISE * tone.noise, _TOLERANCE_SPREAD * spread)
+        row, _ = edge_search.liquid_tops(view.picture, level, tolerance, first, last)
+        place, width = edge_search.refine_edges(view.picture, row, first, last)
+        return view, self._wall.wall_points(place, width, row <= first + 1)
+
+    def _believable(self, tone: Tone) -> bool:
+        """Whether liquid and background differ enough, and in the way that the settings tell."""
+        if tone.contrast < self._settings.min_contrast:
+            return False
+        lighter = float(np.mean(tone.liquid)) > float(np.mean(tone.background))
+        expected = self._settings.liquid
+        return expected is Liquid.ANY or (expected is Liquid.LIGHTER) == lighter
+
+    def _flags(self, fit: SurfaceFit) -> Flag:
+        flags, points = Flag.NONE, fit.points
+        front = (fit.front_weight > INLIER) & ~points.bound
+        upper = fit.upper_weight > INLIER
+        if self._fitter.cut_off(fit):
+            flags |= Flag.SATURATED
+        looked_at = np.count_nonzero(~points.bound)
+        read = np.count_nonzero(front | (upper & ~points.bound))
+        impossible = float(np.hypot(*fit.heights[1:3])) > _HIGHEST * self._view.cup.radius
+        if impossible or read < max(_LEAST_READ * looked_at, _LEAST_POINTS):
+            return flags | Flag.NOT_FOUND
+        if read < (1.0 - _HIDDEN) * looked_at:
+            flags |= Flag.OCCLUDED
+        if np.any(front) and np.median(points.width[front]) > self._settings.max_blur:
+            flags |= Flag.BLURRED
+        return flags
+
+    def _read(self, stamp_ns: int, found: _Found) -> Measurement:
+        cut_off = bool(found.flags & Flag.SATURATED)
+        reading = SurfaceReading(found.fit, self._zero, self._wall.footprint, cut_off=cut_off)
+        fitted, seen = reading.fitted(), reading.seen()
+        side = self._side(fitted.azimuth)
+        left, right = (reading.at(azimuth) for azimuth in self._tangents)
+        pixels = self._pixels(found, reading)
         return Measurement(
             stamp_ns=stamp_ns,
-            msh=peak.height,
-            msh_stddev=self._stddev(peak),
-            azimuth=peak.azimuth,
+            msh=seen.height,
+            msh_stddev=seen.stddev,
+            azimuth=seen.azimuth,
+            fitted_msh=fitted.height,
+            fitted_msh_stddev=fitted.stddev,
+            fitted_azimuth=fitted.azimuth,
             sh_left=left,
             sh_right=right,
             azimuth_left=self._tangents[0],
             azimuth_right=self._tangents[1],
-            profile_azimuth=azimuth,
-            profile_height=height,
+            profile_azimuth=reading.azimuth,
+            profile_height=reading.height,
             edge_pixels=pixels,
-            peak_pixel=peak.pixel,
+            peak_pixel=self._peak_pixel(seen.azimuth, seen.height),
             peak_side=side,
-            flags=flags,
+            flags=found.flags,
         )
 
-    def _check(self, gray: GrayImage) -> None:
-        camera = self._view.camera
-        if gray.dtype != np.uint8 or gray.shape != (camera.height, camera.width):
-            shape = " x ".join(str(size) for size in gray.shape[::-1])
-            raise SloshCameraError(
-                f"image: {shape} of {gray.dtype}, the calibration is for {camera.width} x "
-                f"{camera.height} of uint8"
-            )
+    def _side(self, azimuth: float) -> PeakSide:
+        towards = np.cos(azimuth - self._view.camera_azimuth)
+        return PeakSide.FRONT if towards > 0.0 else PeakSide.REAR
 
-    def _is_repeated(self, gray: GrayImage) -> bool:
-        repeated = self._last is not None and np.array_equal(self._last, gray)
-        # A copy, since the caller may use its buffer again.
-        self._last = gray.copy()
-        return repeated
+    def _pixels(self, found: _Found, reading: SurfaceReading) -> FloatArray:
+        front = self._grid.pixel_at(found.fit.points.place)[reading.front]
+        rear = self._grid.pixel_at(found.fit.upper_place)[reading.rear][::-1]
+        return np.vstack((front, rear))
 
-    def _find(self, gray: GrayImage) -> tuple[Flag, list[WallLine]]:
-        """Flags and, where liquid is found, the front and the rear line."""
-        region, settings = self._region, self._settings
-        part = gray[region.top : region.bottom, region.left : region.right]
-        dark, bright = np.percentile(part[::2, ::2], (2.0, 98.0))
-        if bright < settings.max_dark:
-            return Flag.TOO_DARK | Flag.NOT_FOUND, []
-        if dark > settings.min_bright:
-            return Flag.TOO_BRIGHT | Flag.NOT_FOUND, []
-        if settings.liquid is Liquid.LIGHTER:
-            settings = _inverted(settings)
-            part = cv2.bitwise_not(part)
-        if settings.blur > 0.0:
-            part = cv2.GaussianBlur(part, (0, 0), settings.blur)
-        levels = find_levels(part, region, settings)
-        lines = None if levels is None else find_lines(part, region, levels, settings)
-        if lines is None:
-            return Flag.NOT_FOUND, []
-        touching = np.count_nonzero(lines.found & (lines.upper == 0))
-        flags = Flag.SATURATED if touching >= _SATURATED_COLUMNS else Flag.NONE
-        return flags, self._place(part, lines)
-
-    def _place(self, part: GrayImage, lines: Lines) -> list[WallLine]:
-        """Put the front line on the front wall and, where the surface is seen, the rear line."""
-        upper = refine(part, lines.upper)
-        gap = lines.front - lines.upper
-        # A single soft edge passes through the surface's grey levels as well, over this many rows.
-        thickness = gap - _SOFT_EDGE * float(np.percentile(upper.width, _SHARP_PERCENTILE))
-        band = thickness >= self._settings.min_band
-        front = refine(part, np.where(band, lines.front, lines.upper))
-        # In between, the steps at the two lines run into each other: only roughly placed.
-        merged = ~band & (thickness > _ONE_EDGE)
-        front = EdgeRows(
-            np.where(merged, lines.front - _MERGED_SHIFT, front.row),
-            np.where(merged, np.maximum(gap, front.width), front.width),
-        )
-        placed = [
-            self._on_wall(Wall.FRONT, front, lines.found),
-            self._on_wall(Wall.REAR, upper, lines.found & band),
-        ]
-        return drop_strays(placed, self._view.cup.radius)
-
-    def _on_wall(self, wall: Wall, edge: EdgeRows, seen: BoolArray) -> WallLine:
-        keep = seen & (
-            np.abs(edge.row - running_median(edge.row, _OUTLIER_WINDOW)) < _OUTLIER_ROWS
-        )
-        rows = np.where(keep, edge.row, np.nan)
-        pixels = np.column_stack((self._region.columns, rows + self._region.top))
-        azimuth, height = self._view.on_wall(pixels, wall)
-        height = height - self._offset
-        return WallLine(wall, pixels, azimuth, height, edge.width, edge.row == 0.0)
-
-    def _peak(self, lines: list[WallLine], edges: tuple[float, float]) -> Peak:
-        """Highest visible point: of the lines, or one of the container's edges.
-
-        At an edge front and rear wall meet; it is counted with the front wall.
-        """
-        peaks = [highest(line) for line in lines]
-        for azimuth, height in zip(self._tangents, edges, strict=True):
-            if np.isnan(height):
-                continue
-            u, v = self._view.project_wall(azimuth, height + self._offset)[0]
-            width = float(lines[0].width[self._column(u) - self._region.left])
-            peaks.append(Peak(height, azimuth, (float(u), float(v)), Wall.FRONT, width))
-        return max(peaks, key=_order)
-
-    def _column(self, u: float) -> int:
-        """Nearest column of the region."""
-        return int(np.clip(np.rint(u), self._region.left, self._region.right - 1))
-
-    def _stddev(self, peak: Peak) -> float:
-        """One pixel's footprint at the peak's depth times the edge's width / sqrt(12).
-
-        The edge is taken to lie anywhere within its own width with equal probability.
-        """
-        # A ray through the very edge may miss the wall; the column beside it is as deep.
-        pixel = (self._column(peak.pixel[0]), peak.pixel[1])
-        footprint = self._view.height_per_pixel(pixel, peak.wall)
-        return footprint * peak.edge_width / float(np.sqrt(12.0))
-
-
-def _inverted(settings: DetectionSettings) -> DetectionSettings:
-    threshold = None if settings.threshold is None else 255.0 - settings.threshold
-    return replace(settings, threshold=threshold)
-
-
-def _order(peak: Peak) -> float:
-    return -np.inf if np.isnan(peak.height) else peak.height
+    def _peak_pixel(self, azimuth: float, height: float) -> tuple[float, float]:
+        if not np.isfinite(height):
+            return float("nan"), float("nan")
+        u, v = self._view.project_wall(azimuth, height + self._zero[0])[0]
+        return float(u), float(v)

@@ -40,7 +40,7 @@ def digest(image: Image) -> Digest:
     CRC-32 is the fastest checksum of the standard library that sees every change of one pixel;
     two images that differ are taken for one another once in 4e9.
     """
-    return image.shape, zlib.crc32(np.ascontiguousarray(_in_order_of_memory(image)))
+    return image.shape, zlib.crc32(np.ascontiguousarray(_in_order_of_memory(image)).data)
 
 
 def _in_order_of_memory(image: Image) -> Image:

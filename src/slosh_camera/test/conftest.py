@@ -1,4 +1,4 @@
-"""A drawn cup with a known plane surface, independent of the package's own projection."""
+"""A drawn cup with a known surface, independent of the package's own projection."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 import pytest
+from scipy.special import jv
 
 from slosh_camera.calibration import Calibration
 from slosh_camera.camera import PinholeCamera
@@ -14,6 +15,16 @@ from slosh_camera.geometry import Cup, CupView, Pose
 from slosh_camera.settings import DetectionSettings, RegionOfInterest
 
 SHIFT = 6
+XI = 1.8411837813
+WATER = 1.33
+
+
+def fresnel(cosine: np.ndarray) -> np.ndarray:
+    """Share of unpolarised light that water reflects, by the cosine of the angle of incidence."""
+    inside = np.sqrt(1.0 - (1.0 - cosine**2) / WATER**2)
+    across = ((cosine - WATER * inside) / (cosine + WATER * inside)) ** 2
+    along = ((inside - WATER * cosine) / (inside + WATER * cosine)) ** 2
+    return 0.5 * (across + along)
 
 
 @dataclass(frozen=True)
@@ -86,25 +97,55 @@ class Scene:
         return pixels.reshape(-1, 2)
 
     def draw(self, amplitude: float = 0.0, azimuth: float = 0.0, level: float = 0.0) -> np.ndarray:
-        """Grey image of the plane z = level + amplitude at the wall in the given azimuth."""
+        """Grey image of the first mode of a height at the wall in the given azimuth."""
         image = np.full(
             (self.oversampling * self.height, self.oversampling * self.width),
             self.background,
             np.uint8,
         )
+        if amplitude == 0.0 and self.camera_height > level:
+            self._fill(
+                image,
+                self._wall(np.linspace(-np.pi, np.pi, 721), np.full(721, level)),
+                self.surface,
+            )
+        elif amplitude != 0.0:
+            self._draw_surface(image, amplitude, azimuth, level)
         half = np.arccos(self.radius / self.distance)
         front = self.camera_azimuth + np.linspace(-half, half, 361)
         line = self._wall(front, level + amplitude * np.cos(front - azimuth))
         floor = self._wall(front, np.full(front.size, -self.fill_height))
         self._fill(image, np.vstack((line, floor[::-1])), self.liquid)
-        slope = amplitude / self.radius * np.cos(self.camera_azimuth - azimuth)
-        # A surface seen edge-on has no area.
-        if self.camera_height > 1e-9 + level + slope * self.distance:
-            around = np.linspace(-np.pi, np.pi, 721)
-            loop = self._wall(around, level + amplitude * np.cos(around - azimuth))
-            self._fill(image, loop, self.surface)
         small = cv2.resize(image, (self.width, self.height), interpolation=cv2.INTER_AREA)
         return self._exposed(small)
+
+    def _draw_surface(
+        self, image: np.ndarray, amplitude: float, azimuth: float, level: float
+    ) -> None:
+        """The free surface in small patches from far to near; each mirrors the background."""
+        radial = np.linspace(0.0, 1.0, 91)
+        around = np.linspace(-np.pi, np.pi, 241)
+        rho, angle = np.meshgrid(radial, around, indexing="ij")
+        height = level + amplitude * jv(1, XI * rho) / jv(1, XI) * np.cos(angle - azimuth)
+        points = np.stack(
+            (self.radius * rho * np.cos(angle), self.radius * rho * np.sin(angle), height), axis=-1
+        )
+        corners = np.stack(
+            (points[:-1, :-1], points[1:, :-1], points[1:, 1:], points[:-1, 1:]), axis=2
+        ).reshape(-1, 4, 3)
+        normal = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
+        rotation, translation = self.extrinsics()
+        sight = -rotation.T @ translation - corners.mean(axis=1)
+        distance = np.linalg.norm(sight, axis=1)
+        cosine = np.sum(normal * sight, axis=1) / np.linalg.norm(normal, axis=1) / distance
+        mirrored = fresnel(np.clip(cosine, 0.0, 1.0))
+        grey = np.rint(self.surface + mirrored * (self.background - self.surface))
+        pixels = (self.project(corners.reshape(-1, 3)) + 0.5) * self.oversampling - 0.5
+        fixed = np.rint(pixels * (1 << SHIFT)).astype(np.int32).reshape(-1, 4, 2)
+        for index in np.argsort(-distance):
+            # Only what is seen from above; from below the surface is a mirror of the liquid.
+            if cosine[index] > 0.0:
+                cv2.fillConvexPoly(image, fixed[index], grey[index], cv2.LINE_8, SHIFT)
 
     def empty(self) -> np.ndarray:
         """Grey image of the background alone."""

@@ -6,6 +6,7 @@ import pytest
 
 from slosh_camera.detector import FreeSurfaceDetector
 from slosh_camera.errors import SloshCameraError
+from slosh_camera.geometry import Wall
 from slosh_camera.measurement import Flag, PeakSide, bad_image
 from slosh_camera.settings import DetectionSettings, Liquid, RegionOfInterest
 
@@ -38,7 +39,7 @@ def test_tilted_plane_all_around(make_scene, camera, azimuth_deg):
         (result.sh_left, result.azimuth_left),
         (result.sh_right, result.azimuth_right),
     ):
-        assert height == pytest.approx(0.02 * np.cos(edge - azimuth), abs=0.6 * MM)
+        assert height == pytest.approx(0.02 * np.cos(edge - azimuth), abs=0.9 * MM)
 
 
 @pytest.mark.parametrize("camera_azimuth", [-2.5, 0.0, 1.0, 3.1])
@@ -79,7 +80,7 @@ def test_stddev_covers_the_error_and_grows_with_blur(make_scene):
     image = scene.draw(0.02, -1.3)
     sharp = measure(scene, image)
     soft = measure(scene, cv2.GaussianBlur(image, (0, 0), 2.5))
-    assert abs(sharp.msh - 0.02) < 2.0 * sharp.msh_stddev
+    assert abs(sharp.msh - 0.02) < 3.0 * sharp.msh_stddev
     assert sharp.msh_stddev < 0.5 * MM
     assert soft.msh_stddev > 1.5 * sharp.msh_stddev
 
@@ -115,20 +116,45 @@ def test_lens_distortion(make_scene):
     assert result.msh == pytest.approx(0.02, abs=0.3 * MM)
 
 
-@pytest.mark.parametrize("threshold", [None, 80.0])
-def test_liquid_lighter_than_its_background(make_scene, threshold):
+def test_liquid_lighter_than_its_background(make_scene):
     scene = make_scene(liquid=220, surface=150, background=40, **PITCHED)
-    settings = DetectionSettings(liquid=Liquid.LIGHTER, threshold=threshold)
-    result = measure(scene, scene.draw(0.02, 1.4), settings)
+    image = scene.draw(0.02, 1.4)
+    result = measure(scene, image)
     assert result.msh == pytest.approx(0.02, abs=0.3 * MM)
     assert result.peak_side is PeakSide.REAR
+    told = measure(scene, image, DetectionSettings(liquid=Liquid.LIGHTER))
+    assert told.msh == result.msh
 
 
-@pytest.mark.parametrize("threshold", [90.0, 130.0, 170.0])
-def test_fixed_threshold_does_not_move_the_line(make_scene, threshold):
+def test_liquid_that_should_be_darker_is_not_lighter(make_scene):
+    scene = make_scene(liquid=220, surface=150, background=40, **PITCHED)
+    settings = DetectionSettings(liquid=Liquid.DARKER)
+    assert measure(scene, scene.draw(0.02, 1.4), settings).flags == Flag.NOT_FOUND
+
+
+def test_coloured_liquid_as_bright_as_its_background(make_scene):
+    scene = make_scene(noise=2.0)
+    # Grey level 140 of liquid and of background; only the colours differ.
+    liquid, surface, background = (52, 143, 178), (100, 145, 155), (180, 137, 136)
+    channels = [
+        replace(scene, liquid=a, surface=b, background=c, seed=a).draw(0.015, -1.0)
+        for a, b, c in zip(liquid, surface, background, strict=True)
+    ]
+    image = np.dstack(channels)
+    grey = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
+    assert abs(np.median(grey[300:380, 300:340]) - np.median(grey[:60])) < 4
+    assert measure(scene, grey).flags == Flag.NOT_FOUND
+    assert measure(scene, image).msh == pytest.approx(0.015, abs=0.3 * MM)
+
+
+@pytest.mark.parametrize("gain", [0.4, 0.7, 1.15])
+def test_brightness_moves_nothing(make_scene, gain):
     scene = make_scene()
-    result = measure(scene, scene.draw(0.02, -1.6), DetectionSettings(threshold=threshold))
-    assert result.msh == pytest.approx(0.02, abs=0.15 * MM)
+    image = scene.draw(0.02, -1.6)
+    clean = measure(scene, image)
+    other = measure(scene, cv2.convertScaleAbs(image, alpha=gain))
+    assert other.flags == Flag.NONE
+    assert other.fitted_msh == pytest.approx(clean.fitted_msh, abs=0.05 * MM)
 
 
 def test_specks_and_drops_are_not_the_line(make_scene):
@@ -179,8 +205,9 @@ def test_an_edge_above_the_frame_is_a_lower_bound_and_not_continued(make_scene):
     azimuth_left = scene.calibration().view.tangent_azimuths()[0]
     result = measure(scene, scene.draw(0.04, azimuth_left + 0.5))
     assert Flag.SATURATED in result.flags
-    assert 0.01 < result.sh_left < 0.028
-    assert result.msh < 0.028
+    border = scene.calibration().view.on_wall([[result.peak_pixel[0], 0.0]], Wall.FRONT)[1][0]
+    assert result.msh == pytest.approx(border, abs=0.5 * MM)
+    assert result.msh < 0.04
 
 
 def test_saturation_ends_with_the_wave(make_scene):
@@ -224,7 +251,7 @@ def test_a_dark_thing_above_a_grey_table_is_not_liquid(make_scene):
 
 
 def test_too_faint_a_liquid_is_not_guessed_at(make_scene):
-    scene = make_scene(liquid=200, surface=208)
+    scene = make_scene(liquid=206, surface=210)
     assert measure(scene, scene.draw(0.01)).flags == Flag.NOT_FOUND
 
 
@@ -282,7 +309,7 @@ def test_still_image_without_liquid_is_refused(make_scene):
         np.zeros((1, 1), np.uint8),
         np.zeros((0, 0), np.uint8),
         np.zeros((480, 641), np.uint8),
-        np.zeros((480, 640, 3), np.uint8),
+        np.zeros((480, 640, 4), np.uint8),
         np.zeros((480, 640), np.float64),
     ],
 )
@@ -304,7 +331,7 @@ def test_refused_image_has_its_own_measurement():
         ({"aim": 0.3}, "still level"),
         ({"aim": -0.3}, "still level"),
         ({"roll": 1.6}, "rolled"),
-        ({"distance": 30.0}, "columns"),
+        ({"distance": 30.0}, "lines"),
     ],
 )
 def test_a_view_in_which_nothing_can_be_measured_is_refused(make_scene, changes, word):
@@ -314,7 +341,7 @@ def test_a_view_in_which_nothing_can_be_measured_is_refused(make_scene, changes,
 
 def test_a_region_beside_the_cup_is_refused(make_scene):
     calibration = make_scene().calibration(region=RegionOfInterest(0, 0, 100, 480))
-    with pytest.raises(SloshCameraError, match="columns"):
+    with pytest.raises(SloshCameraError, match="lines"):
         FreeSurfaceDetector(calibration)
 
 
@@ -332,9 +359,7 @@ def test_part_of_the_cup_is_enough(make_scene):
     [
         {"blur": -1.0},
         {"min_contrast": np.nan},
-        {"surface_contrast": 0.0},
-        {"min_band": 0.0},
-        {"threshold": 0.0},
+        {"max_blur": 0.0},
         {"max_dark": 300.0},
         {"min_bright": -1.0},
         {"liquid": "darker"},

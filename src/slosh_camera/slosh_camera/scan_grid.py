@@ -1,0 +1,211 @@
+"""Lines up the container's wall along which the liquid's edge is looked for.
+
+Each scan line follows the front wall upwards at one azimuth, as the camera sees it: a picture
+sampled along them is the wall unrolled. Where every sample meets the front and the rear wall is
+computed once for a calibration, so that one image costs no geometry.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_camera.errors import SloshCameraError
+from slosh_camera.geometry import CupView, Wall
+from slosh_camera.settings import RegionOfInterest
+
+Image = NDArray[np.uint8]
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+# Depth, as a fraction of the fill height, down to which lines reach; the floor's edge and what
+# shines through it lie below.
+_BOTTOM = 0.85
+# The pixels at the container's two edges mix liquid, wall and background.
+_EDGE_INSET = 1.5
+_MAX_LINES = 160
+_MIN_LINES = 12
+_MIN_SAMPLES = 24
+# Least height of wall above the still level that must be inside the image, in still-level rows.
+_MIN_ABOVE = 4
+_UNKNOWN_RIM = 1.2
+_EDGE_SAMPLES = 721
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ScanGrid:
+    """Samples along M lines up the wall, J each, from the top down.
+
+    Attributes:
+        pixels: (J, M, 2) places in the image (u, v), one pixel apart along a line.
+        inside: (J, M) whether the sample lies in the image and the region of interest.
+        front: (J, M, 3) point of the front wall seen there [m].
+        rear: (J, M, 3) point of the rear wall seen there above the liquid [m]; NaN: none.
+        azimuth: (M,) of the lines on the front wall at the still level [rad].
+        still_row: row at which the front wall's still level is seen, the same on all lines.
+    """
+
+    pixels: FloatArray
+    inside: BoolArray
+    front: FloatArray
+    rear: FloatArray
+    azimuth: FloatArray
+    still_row: int
+    _maps: tuple[NDArray[np.int16], NDArray[np.uint16]]
+    _window: tuple[int, int, int, int]
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Samples of a line and number of lines."""
+        return int(self.pixels.shape[0]), int(self.pixels.shape[1])
+
+    def unroll(self, image: Image) -> Image:
+        """Sample an image along the lines.
+
+        Args:
+            image: (height, width) or (height, width, 3); may be a view of any strides.
+
+        Returns:
+            (J, M) or (J, M, 3); 0 outside the image.
+        """
+        left, top, right, bottom = self._window
+        part = np.ascontiguousarray(image[top:bottom, left:right])
+        return np.asarray(
+            cv2.remap(part, *self._maps, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT),
+            dtype=np.uint8,
+        )
+
+    def pixel_at(self, rows: FloatArray) -> FloatArray:
+        """Places (M, 2) in the image of rows (M,) between samples; NaN where there is none."""
+        lines = np.arange(self.shape[1])
+        start, step = self.pixels[0], self.pixels[1] - self.pixels[0]
+        return np.asarray(start[lines] + rows[:, np.newaxis] * step[lines])
+
+
+def build_scan_grid(view: CupView, given: RegionOfInterest | None) -> ScanGrid:
+    """Scan lines over the part of the wall that the camera sees.
+
+    Args:
+        view: the container as the camera sees it.
+        given: the user's rectangle of the image; None: the whole image.
+
+    Returns:
+        The grid.
+
+    Raises:
+        SloshCameraError: the container is not upright in the image, or too little of it is
+            inside.
+    """
+    _check_upright(view)
+    azimuth = _line_azimuths(view)
+    bottom = view.project_wall(azimuth, -_BOTTOM * view.cup.fill_height, Wall.FRONT)
+    still = view.project_wall(azimuth, 0.0, Wall.FRONT)
+    length = np.linalg.norm(still - bottom, axis=1, keepdims=True)
+    unit = (still - bottom) / length
+    still_row = int(np.ceil(np.max(_heights(view, azimuth, still, unit))))
+    last_row = still_row + int(np.floor(np.min(length)))
+    along = np.arange(still_row, still_row - last_row - 1, -1.0)
+    pixels = still + along[:, np.newaxis, np.newaxis] * unit
+    limits = given or RegionOfInterest(0, 0, view.camera.width, view.camera.height)
+    inside = _inside(pixels, limits)
+    keep = _usable(inside, still_row)
+    if np.count_nonzero(keep) < _MIN_LINES:
+        raise SloshCameraError(
+            f"pose: only {np.count_nonzero(keep)} of {keep.size} lines up the container's wall "
+            "show the still level and liquid below it inside the image or the region of "
+            f"interest, needs {_MIN_LINES}"
+        )
+    pixels = np.ascontiguousarray(pixels[:, keep])
+    trace = view.trace(pixels.reshape(-1, 2))
+    shape = (*pixels.shape[:2], 3)
+    window = _window(pixels, limits)
+    return ScanGrid(
+        pixels,
+        inside[:, keep],
+        trace.front.reshape(shape),
+        trace.rear.reshape(shape),
+        azimuth[keep],
+        still_row,
+        _remap_tables(pixels, window),
+        window,
+    )
+
+
+def _check_upright(view: CupView) -> None:
+    up = view.pose.rotation[:, 2]
+    if -up[1] <= abs(up[0]):
+        raise SloshCameraError(
+            "pose: the container's axis is rolled by more than 45 degrees in the image, "
+            "it must point up"
+        )
+
+
+def _line_azimuths(view: CupView) -> FloatArray:
+    """Azimuths of front wall lines that are equally far apart in the image."""
+    left, right = view.tangent_azimuths()
+    span = (right - left + np.pi) % (2.0 * np.pi) - np.pi
+    azimuth = left + span * np.linspace(0.0, 1.0, _EDGE_SAMPLES)
+    u = view.project_wall(azimuth, 0.0, Wall.FRONT)[:, 0]
+    seen = np.isfinite(u)
+    if np.count_nonzero(seen) < 2:
+        raise SloshCameraError("pose: the container is outside the camera's field of view")
+    azimuth, u = azimuth[seen], u[seen]
+    order = np.argsort(u)
+    first, last = u[order[0]] + _EDGE_INSET, u[order[-1]] - _EDGE_INSET
+    lines = int(np.clip(last - first, 2, _MAX_LINES))
+    chosen: FloatArray = np.interp(np.linspace(first, last, lines), u[order], azimuth[order])
+    return chosen
+
+
+def _heights(
+    view: CupView, azimuth: FloatArray, still: FloatArray, unit: FloatArray
+) -> FloatArray:
+    """Pixels (M,) from the still level up to above the rim on the front and the rear wall."""
+    level = view.cup.rim_level
+    top = _UNKNOWN_RIM * view.cup.radius if level is None else level
+    ends = view.project_wall(azimuth, top, Wall.FRONT)
+    around = view.project_wall(np.linspace(-np.pi, np.pi, 73), top)
+    highest = np.nanmin(around[:, 1])
+    # Along a line to the row of the highest point of the rim, that of the rear wall included.
+    to_rim = (still[:, 1] - highest) / -unit[:, 1]
+    heights: FloatArray = np.fmax(np.sum((ends - still) * unit, axis=1), to_rim)
+    return heights
+
+
+def _inside(pixels: FloatArray, limits: RegionOfInterest) -> BoolArray:
+    u, v = pixels[..., 0], pixels[..., 1]
+    right, bottom = limits.x_offset + limits.width - 1, limits.y_offset + limits.height - 1
+    inside: BoolArray = (
+        (u >= limits.x_offset) & (u <= right) & (v >= limits.y_offset) & (v <= bottom)
+    )
+    return inside
+
+
+def _usable(inside: BoolArray, still_row: int) -> BoolArray:
+    """Lines (M,) that show the wall from above the still level to well below it."""
+    if still_row + _MIN_SAMPLES >= len(inside):
+        return np.zeros(inside.shape[1], dtype=np.bool_)
+    around = inside[max(still_row - _MIN_ABOVE, 0) : still_row + _MIN_SAMPLES]
+    usable: BoolArray = np.all(around, axis=0)
+    return usable
+
+
+def _window(pixels: FloatArray, limits: RegionOfInterest) -> tuple[int, int, int, int]:
+    """Left, top, right, bottom of the part of the image that the lines lie in."""
+    low = np.floor(np.min(pixels, axis=(0, 1))).astype(int)
+    high = np.ceil(np.max(pixels, axis=(0, 1))).astype(int) + 2
+    left, top = max(low[0], limits.x_offset), max(low[1], limits.y_offset)
+    right = min(high[0], limits.x_offset + limits.width)
+    bottom = min(high[1], limits.y_offset + limits.height)
+    return int(left), int(top), int(right), int(bottom)
+
+
+def _remap_tables(
+    pixels: FloatArray, window: tuple[int, int, int, int]
+) -> tuple[NDArray[np.int16], NDArray[np.uint16]]:
+    local = (pixels - window[:2]).astype(np.float32)
+    places, fractions = cv2.convertMaps(local[..., 0], local[..., 1], cv2.CV_16SC2)
+    return places, fractions

@@ -1,0 +1,179 @@
+"""Which surface an image shows: that of the front line, or the most plausible of many."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_camera import edge_search, surface_solver
+from slosh_camera.surface_evidence import SurfaceFit, Unrolled, WallPoints
+from slosh_camera.surface_fit import SurfaceFitter
+from slosh_camera.surface_modes import RADIAL, SHAPES, wall_shapes
+from slosh_camera.surface_prior import Prior
+from slosh_camera.wall_geometry import SKIP, WallGeometry
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+# A first guess is made from pairs of these lines, and of points that agree within a distance
+# [rows]; so many guesses are made.
+_PAIR_LINES = 14
+_AGREE = 5.0
+_CANDIDATES = 8
+# Share of agreeing front points from which on the front line alone decides.
+_CERTAIN = 0.8
+# Deviation from the liquid that no liquid has.
+_FAR_FROM_LIQUID = 0.35
+# Surfaces that are fitted to the end, and by how much they differ in the first mode [rows].
+_TRIED = 4
+_DIFFERENT = 10.0
+# Rows beside a line that do not show the surface between two lines.
+_EDGE_ROWS = 2.0
+# Levels at which liquid at rest is looked for [m].
+_LEVELS = np.arange(-15e-3, 15.5e-3, 5e-4)
+
+
+class SurfaceChooser:
+    """Finds the surface in pictures along one camera's scan lines."""
+
+    def __init__(self, geometry: WallGeometry) -> None:
+        """Prepare pairs of lines and a coarser set of them."""
+        self._wall = geometry
+        self._fitter = SurfaceFitter(geometry)
+        some = np.linspace(0, geometry.lines - 1, min(_PAIR_LINES, geometry.lines))
+        chosen = some.astype(np.int64)
+        self._pairs = np.array([(i, j) for i in chosen for j in chosen if j > i])
+        self._coarse = geometry.near[:, ::SKIP], geometry.far[:, ::SKIP]
+
+    def fit_certain(self, view: Unrolled, points: WallPoints, prior: Prior) -> SurfaceFit | None:
+        """Fit the surface that nearly all points of the front line agree with.
+
+        Args:
+            view: the picture.
+            points: of the front line.
+            prior: of the heights.
+
+        Returns:
+            The fit to the front line and the upper edge; None where the points do not agree.
+        """
+        starts, shares = self._candidates(points.azimuth, points.height, points.bound, prior)
+        if shares[0] < _CERTAIN:
+            return None
+        start = self._fitter.fit_front(points, prior, starts[0]).heights
+        return self._fitter.refined(view, points, start, prior)
+
+    def fit_best(
+        self, view: Unrolled, points: WallPoints, prior: Prior
+    ) -> tuple[SurfaceFit, float]:
+        """Fit several surfaces and take the one that agrees best with the picture.
+
+        Returns:
+            The fit and how plausible it is, to be compared with that of other fits.
+        """
+        starts = np.vstack(
+            (
+                self._candidates(points.azimuth, points.height, points.bound, prior)[0],
+                self._further_candidates(view, points, prior),
+            )
+        )
+        best, most = None, -np.inf
+        for start in self._most_likely(view, starts):
+            rough = self._fitter.refined(view, points, start, prior)
+            fit = self._fitter.refined(view, points, rough.heights, prior)
+            plausible = self._score(view, fit.heights)
+            plausible -= prior.surprise(fit.heights, self._wall.radius)
+            if best is None or plausible > most:
+                best, most = fit, plausible
+        if best is None:
+            return self._fitter.fit_front(points, prior), most
+        return best, most
+
+    def fit_still(
+        self, view: Unrolled, points: WallPoints, prior: Prior
+    ) -> tuple[SurfaceFit, float]:
+        """Fit the front line of liquid at rest: a level surface somewhere near the still level.
+
+        Returns:
+            The fit and how plausible it is.
+        """
+        levels = np.zeros((_LEVELS.size, SHAPES))
+        levels[:, 0] = _LEVELS
+        scores = [self._score(view, heights) for heights in levels]
+        start = levels[int(np.argmax(scores))]
+        used = self._fitter.refined(view, points, start, prior).points
+        return self._fitter.fit_front(used, prior, start), max(scores)
+
+    def surface_tone(self, picture: FloatArray, heights: FloatArray) -> float:
+        """What the free surface between a surface's two lines looks like; NaN: it is not seen."""
+        front, upper = self._wall.front_rows(heights), self._wall.silhouette(heights)
+        rows = np.arange(self._wall.rows)[:, np.newaxis]
+        between = (rows > upper + _EDGE_ROWS) & (rows < front - _EDGE_ROWS) & (upper > 0.0)
+        enough = np.count_nonzero(between) > 2 * self._wall.lines
+        return float(np.median(picture[between])) if enough else float("nan")
+
+    def _further_candidates(self, view: Unrolled, points: WallPoints, prior: Prior) -> FloatArray:
+        """First guesses (N, SHAPES) where the front line alone does not decide.
+
+        The ends of liquid and of what is far from liquid are tried, on the front and on the rear
+        wall: where the free surface looks like the liquid, the liquid's end is the upper edge.
+        """
+        first, last = self._wall.first_row, self._wall.last_row
+        level = np.zeros(self._wall.lines)
+        bright, _ = edge_search.liquid_tops(view.picture, level, _FAR_FROM_LIQUID, first, last)
+        starts = []
+        for place in (points.place, bright.astype(np.float64)):
+            for table in (self._wall.front, self._wall.rear):
+                found = self._wall.at(table, place)
+                azimuth = np.arctan2(found[:, 1], found[:, 0])
+                more, _ = self._candidates(azimuth, found[:, 2], place <= first + 1, prior)
+                starts.append(more)
+        return np.vstack(starts)
+
+    def _most_likely(self, view: Unrolled, starts: FloatArray) -> FloatArray:
+        """The few different surfaces that agree best with the picture."""
+        scores = np.array([self._score(view, heights) for heights in starts])
+        chosen: list[FloatArray] = []
+        for index in np.argsort(-scores):
+            start = starts[index]
+            if all(
+                np.hypot(*(start - other)[1:3]) > _DIFFERENT * self._wall.footprint
+                for other in chosen
+            ):
+                chosen.append(start)
+            if len(chosen) == _TRIED:
+                break
+        return np.array(chosen)
+
+    def _score(self, view: Unrolled, heights: FloatArray) -> float:
+        """How well a surface agrees with the picture, on every fourth line."""
+        upper = surface_solver.silhouette_rows(
+            *self._coarse,
+            self._wall.last_row[::SKIP],
+            self._wall.radius,
+            self._wall.footprint,
+            heights,
+            RADIAL,
+        )
+        score = edge_search.surface_score(
+            view.picture[:, ::SKIP],
+            view.static[:, ::SKIP],
+            view.surface,
+            self._wall.front_rows(heights)[::SKIP],
+            upper,
+            self._wall.first_row[::SKIP],
+            self._wall.last_row[::SKIP],
+        )
+        return float(score)
+
+    def _candidates(
+        self, azimuth: FloatArray, height: FloatArray, bound: BoolArray, prior: Prior
+    ) -> tuple[FloatArray, FloatArray]:
+        """First guesses (N, SHAPES) through points of the wall, and the shares that agree."""
+        offset = wall_shapes(np.nan_to_num(azimuth)) @ prior.centre
+        known = np.where(bound | np.isnan(azimuth), np.nan, height - offset)
+        first, shares = surface_solver.first_mode_candidates(
+            np.nan_to_num(azimuth), known, _AGREE * self._wall.footprint, self._pairs, _CANDIDATES
+        )
+        starts = np.tile(prior.centre, (len(first), 1))
+        starts[:, 1:3] += first
+        return starts, shares

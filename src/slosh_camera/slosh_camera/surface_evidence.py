@@ -1,0 +1,79 @@
+"""What one image shows of the surface, and what a fit makes of it: values only."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+INLIER = 0.1
+"""Weight from which on an edge agrees with a fit."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Unrolled:
+    """The unrolled wall in one image.
+
+    Attributes:
+        picture: (J, M), liquid 0, background 1.
+        static: (J, M) slope of what is there without any wave.
+        surface: what the free surface looked like at rest, on the picture's scale; NaN: unknown.
+        noise: standard deviation of a sample.
+    """
+
+    picture: FloatArray
+    static: FloatArray
+    surface: float
+    noise: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class WallPoints:
+    """Points of the front line on the wall, by scan line.
+
+    Attributes:
+        place: (M,) row along the line; NaN: none.
+        azimuth: (M,) [rad].
+        height: (M,) above the origin [m].
+        bound: (M,) whether the surface may be higher: the line ends at the image's border.
+        width: (M,) of the edge [samples].
+        scale: (M,) standard deviation of the height [m].
+    """
+
+    place: FloatArray
+    azimuth: FloatArray
+    height: FloatArray
+    bound: BoolArray
+    width: FloatArray
+    scale: FloatArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SurfaceFit:
+    """Fitted heights of the shapes and how the edges agree with them.
+
+    Attributes:
+        points: of the front line.
+        heights: (SHAPES,) [m] above the container's origin.
+        covariance: (SHAPES, SHAPES) [m²].
+        front_error, front_weight: (M,) fit less point [m], and weight in [0, 1].
+        upper_place: (M,) row of the upper edge; NaN: none.
+        upper_azimuth: (M,) where its ray meets the rear wall [rad].
+        upper_error, upper_weight: (M,) fit less edge [m], and weight.
+        upper_part: (M,) place of touch on the way from the front (0) to the rear wall (1).
+    """
+
+    points: WallPoints
+    heights: FloatArray
+    covariance: FloatArray
+    front_error: FloatArray
+    front_weight: FloatArray
+    upper_place: FloatArray
+    upper_azimuth: FloatArray
+    upper_error: FloatArray
+    upper_weight: FloatArray
+    upper_part: FloatArray

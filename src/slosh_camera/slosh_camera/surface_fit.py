@@ -1,0 +1,139 @@
+"""Edges near a surface, and the surface that fits them."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_camera import edge_search, surface_solver
+from slosh_camera.surface_evidence import SurfaceFit, Unrolled, WallPoints
+from slosh_camera.surface_modes import RADIAL, wall_shapes
+from slosh_camera.surface_prior import Prior
+from slosh_camera.wall_geometry import SYSTEMATIC, WallGeometry
+
+FloatArray = NDArray[np.float64]
+
+# Standard deviation of the upper edge, which depends on the surface between the walls as well, as
+# a part of a row.
+_UPPER_ROWS = 0.75
+# Lines that must reach the image's border for the surface to be cut off.
+_CUT_LINES = 2
+# Front points that far from a surface are looked for again, so near to it [rows].
+_FAR_ROWS = 6.0
+_AGAIN_ROWS = 5
+# Height between front line and upper edge below which they are seen as one [rows].
+_MERGED = 4.0
+# Slope from which on there is an edge.
+_LEAST_SLOPE = 0.03
+# Weight of upper edges above which it is less like background than below.
+_REVERSED = 0.3
+
+
+class SurfaceFitter:
+    """Fits surfaces to edges along one camera's scan lines."""
+
+    def __init__(self, geometry: WallGeometry) -> None:
+        """Keep the tables of the scan lines."""
+        self._wall = geometry
+
+    def fit_front(
+        self, points: WallPoints, prior: Prior, start: FloatArray | None = None
+    ) -> SurfaceFit:
+        """Fit the front line alone, from a first guess (SHAPES,) of the heights [m]."""
+        guess = prior.centre if start is None else start
+        about = prior.about(guess, self._wall.radius, front_alone=True)
+        return self._solve(points, np.full(self._wall.lines, np.nan), guess, about)
+
+    def refined(
+        self, view: Unrolled, points: WallPoints, start: FloatArray, prior: Prior
+    ) -> SurfaceFit:
+        """Look for both lines near a surface and fit them together."""
+        expected, upper = self._wall.front_rows(start), self._wall.silhouette(start)
+        used = self._corrected(view, points, expected, upper)
+        edge = self._upper_edge(view, used, expected, upper, start)
+        return self._solve(used, edge, start, prior.about(start, self._wall.radius))
+
+    def cut_off(self, fit: SurfaceFit) -> bool:
+        """Whether liquid or its surface reaches the image's border, in the image or by the fit."""
+        border = self._wall.first_row > 0
+        upper = self._wall.silhouette(fit.heights) < self._wall.first_row + 0.5
+        front = self._wall.front_rows(fit.heights) < self._wall.first_row + 0.5
+        by_fit = border & (front | (upper & ~self._wall.stretched))
+        return bool(
+            np.count_nonzero(fit.points.bound & border) >= _CUT_LINES
+            or np.count_nonzero(by_fit) >= _CUT_LINES
+        )
+
+    def _corrected(
+        self, view: Unrolled, points: WallPoints, expected: FloatArray, upper: FloatArray
+    ) -> WallPoints:
+        """Points of the front line, looked for again where they are far from a surface's.
+
+        Args:
+            view: the picture.
+            points: as found without a surface.
+            expected, upper: (M,) rows of the surface's front line and upper edge.
+        """
+        band = np.where(upper > 0.0, np.fmax(expected - upper, 0.0), np.inf)
+        # Two edges so close together are seen as one, anywhere between them.
+        merged = np.where(band < _MERGED, 0.5 * band * self._wall.footprint, 0.0)
+        scale = np.hypot(points.scale, merged)
+        far = ~(np.abs(points.place - expected) < _FAR_ROWS) & ~points.bound
+        guess = np.where(far, expected, np.nan)
+        row, slope = edge_search.follow_edge(
+            view.picture, view.static, guess, _AGAIN_ROWS, self._wall.last_row.astype(np.float64),
+            np.fmax(self._wall.first_row, upper).astype(np.int64), 1.0,
+        )  # fmt: skip
+        place, width = edge_search.refine_edges(
+            view.picture, np.maximum(row, 0), self._wall.first_row, self._wall.last_row
+        )
+        found = far & (row > 0) & (slope > max(_LEAST_SLOPE, 3.0 * view.noise))
+        again = self._wall.wall_points(np.where(found, place, np.nan), width, np.zeros_like(far))
+        return WallPoints(
+            np.where(found, again.place, points.place),
+            np.where(found, again.azimuth, points.azimuth),
+            np.where(found, again.height, points.height),
+            points.bound,
+            np.where(found, again.width, points.width),
+            np.where(found, 2.0 * scale, scale),
+        )
+
+    def _upper_edge(
+        self, view: Unrolled, points: WallPoints, expected: FloatArray, upper: FloatArray,
+        heights: FloatArray,
+    ) -> FloatArray:  # fmt: skip
+        """Rows (M,) of the upper edge near a surface's; NaN where there is none."""
+        guess = np.where(self._wall.stretched | (upper < 0.0), np.nan, upper)
+        size = float(np.hypot(heights[1], heights[2]))
+        # The prior's doubt of the surface's shape, in rows.
+        reach = int(np.clip(4.0 + 0.3 * size**2 / self._wall.radius / self._wall.footprint, 5, 24))
+        agree = np.abs(points.place - expected) < 3.0
+        floor = np.where(agree, points.place, expected)
+        row, slope = edge_search.follow_edge(
+            view.picture, view.static, guess, reach, floor, self._wall.first_row, _REVERSED
+        )
+        place, _ = edge_search.refine_edges(
+            view.picture, np.maximum(row, 0), self._wall.first_row, self._wall.last_row
+        )
+        found = (row > 0) & (slope > max(_LEAST_SLOPE, 3.0 * view.noise)) & (place < floor - 3.0)
+        return np.where(found, place, np.nan)
+
+    def _solve(
+        self,
+        points: WallPoints,
+        upper: FloatArray,
+        start: FloatArray,
+        about: tuple[FloatArray, FloatArray],
+    ) -> SurfaceFit:
+        near, far = self._wall.at(self._wall.near, upper), self._wall.at(self._wall.far, upper)
+        lines = self._wall.lines
+        wall = self._wall
+        scale = np.full(lines, np.hypot(SYSTEMATIC, _UPPER_ROWS * wall.footprint))
+        heights, covariance, *result = surface_solver.solve(
+            wall_shapes(np.nan_to_num(points.azimuth)), points.height, points.scale, points.bound,
+            near, far, scale, wall.radius, wall.footprint, start, *about, RADIAL,
+        )  # fmt: skip
+        azimuth = np.arctan2(far[:, 1], far[:, 0])
+        return SurfaceFit(
+            points, heights, covariance, result[0], result[1], upper, azimuth, *result[2:]
+        )

@@ -1,0 +1,89 @@
+"""Shapes of the free surface that are fitted to what the camera sees [DL22, eqs. (18), (19)].
+
+Over the cross-section of radius 1: the still level, the first and the second mode that a lateral
+acceleration excites, J₁(ξ₁₁ρ) and J₁(ξ₁₂ρ), and the two shapes that the first mode drives at
+second order, J₀(ξ₀₁ρ) (crests and troughs of unequal height all around) and J₂(ξ₂₁ρ) (sharper
+crests).
+All but the level have the height 1 at the wall at their highest place.
+"""
+
+from __future__ import annotations
+
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.special import factorial, jnp_zeros, jv
+
+FloatArray = NDArray[np.float64]
+
+_TERMS = 14
+
+
+class Shape(IntEnum):
+    """Index of a shape; FIRST_X has its crest at the container's +x, FIRST_Y at +y."""
+
+    LEVEL = 0
+    FIRST_X = 1
+    FIRST_Y = 2
+    SECOND_X = 3
+    SECOND_Y = 4
+    MEAN = 5
+    DOUBLE_X = 6
+    DOUBLE_Y = 7
+
+
+SHAPES = len(Shape)
+
+
+def _series(order: int, root: float) -> FloatArray:
+    """Coefficients of J_m(ξρ)/(J_m(ξ) ρ^m) in powers of ρ²."""
+    k = np.arange(_TERMS)
+    half = 0.5 * root
+    terms = (-1.0) ** k * half ** (2 * k + order) / (factorial(k) * factorial(k + order))
+    series: FloatArray = terms / jv(order, root)
+    return series
+
+
+RADIAL = np.array(
+    [
+        _series(1, jnp_zeros(1, 1)[0]),
+        _series(1, jnp_zeros(1, 2)[1]),
+        _series(0, jnp_zeros(0, 1)[0]),
+        _series(2, jnp_zeros(2, 1)[0]),
+    ]
+)
+"""(4, terms) power series in ρ² of first, second, mean and double shape."""
+
+
+def shapes_at(x: ArrayLike, y: ArrayLike) -> FloatArray:
+    """Heights of all shapes.
+
+    Args:
+        x, y: place over the cross-section in radii, (N,).
+
+    Returns:
+        (N, SHAPES).
+    """
+    x, y = np.atleast_1d(np.asarray(x, dtype=np.float64)), np.atleast_1d(np.asarray(y, float))
+    square = x * x + y * y
+    powers = square[:, np.newaxis] ** np.arange(_TERMS)
+    first, second, mean, double = RADIAL @ powers.T
+    return np.column_stack(
+        (
+            np.ones_like(x),
+            first * x,
+            first * y,
+            second * x,
+            second * y,
+            mean,
+            double * (x * x - y * y),
+            double * 2.0 * x * y,
+        )
+    )
+
+
+def wall_shapes(azimuth: ArrayLike) -> FloatArray:
+    """Heights of all shapes on the wall, (N, SHAPES), by azimuth (N,) [rad]."""
+    angle = np.atleast_1d(np.asarray(azimuth, dtype=np.float64))
+    return shapes_at(np.cos(angle), np.sin(angle))

@@ -1,0 +1,69 @@
+"""What is known of the surface's shape before an image is seen."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_camera.surface_modes import SHAPES
+
+FloatArray = NDArray[np.float64]
+
+# What a height of one standard deviation takes from the agreement with a picture.
+_SURPRISE = 0.02
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Prior:
+    """What is known of the heights before an image is seen.
+
+    Attributes:
+        centre: (SHAPES,) [m], at rest.
+        first: standard deviation of the first mode [m].
+        level: of the level [m].
+    """
+
+    centre: FloatArray
+    first: float
+    level: float = 3e-4
+
+    def about(
+        self, heights: FloatArray, radius: float, *, front_alone: bool = False
+    ) -> tuple[FloatArray, FloatArray]:
+        """Mean (SHAPES,) [m] and inverse covariance (SHAPES, SHAPES) beside a first mode.
+
+        The shapes of second order grow with the square of the first mode. Crests are sharper than
+        troughs: the double shape has its crest where the first mode has it. A front line alone
+        cannot tell these shapes from the first, so they are held tighter then.
+
+        Args:
+            heights: (SHAPES,) of which the first mode counts [m].
+            radius: of the container [m].
+            front_alone: whether there is no upper edge.
+        """
+        x, y = heights[1:3] - self.centre[1:3]
+        size, square = float(np.hypot(x, y)), float(x * x + y * y) / radius
+        tight = 0.3 if front_alone else 1.0
+        second = tight * (3e-4 + 0.05 * size)
+        mean = tight * (1e-4 + 0.25 * square)
+        along, across = tight * (1e-4 + 0.25 * square), tight * (1e-4 + 0.12 * square)
+        spread = np.array(
+            [self.level, self.first, self.first, second, second, mean, along, across]
+        )
+        turn = np.eye(SHAPES)
+        if size > 0.0:
+            # The double shape's crest turns by twice the azimuth.
+            c, s = (x * x - y * y) / size**2, 2.0 * x * y / size**2
+            turn[6:, 6:] = [[c, s], [-s, c]]
+        centre = self.centre.copy()
+        centre[6:] += 0.15 * tight * square * turn[6, 6:]
+        return centre, turn.T @ np.diag(spread**-2.0) @ turn
+
+    def surprise(self, heights: FloatArray, radius: float) -> float:
+        """How unlikely heights (SHAPES,) [m] are, beside the first mode's."""
+        centre, precision = self.about(heights, radius)
+        deviation = heights - centre
+        deviation[1:3] = 0.0
+        return _SURPRISE * float(deviation @ precision @ deviation)

@@ -1,0 +1,162 @@
+"""What a fitted surface and its edges say: the highest points, the profile, the uncertainty."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_camera.surface_evidence import INLIER, SurfaceFit
+from slosh_camera.surface_modes import wall_shapes
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+_BINS = 180
+_STEP = 2.0 * np.pi / _BINS
+# Points within about this angle speak for a place of the wall [rad].
+_KERNEL_WIDTH = np.radians(5.0)
+# Weight of the fit among the points around a place.
+_FIT_WEIGHT = 2.0
+# Part of the wall about a point for which it stands: next to the container's sides refraction
+# hides the line [rad].
+_STANDS_FOR = np.radians(17.0)
+# The surface touches the rear wall itself where it touches the ray so far along.
+_AT_REAR = 0.98
+# What makes up the standard deviation of a height, as fitted to the errors in rendered sequences
+# of many kinds (docs/accuracy.md): parts of the fit's own, of the points' scatter about it, of an
+# edge's width and of the height, and what is always left [m].
+_OF_FIT, _OF_SCATTER, _OF_WIDTH, _OF_HEIGHT = 0.3, 0.5, 0.05, 0.0025
+_REST = 2e-5
+# Width of an edge where there is none to measure it [rows].
+_WIDE = 10.0
+_FLOOR_PART = 0.006
+
+
+@dataclass(frozen=True, slots=True)
+class HighestPoint:
+    """Highest place of the surface on the wall.
+
+    Attributes:
+        height: above the still level [m].
+        azimuth: [rad] in (-pi, pi].
+        stddev: of the height [m].
+    """
+
+    height: float
+    azimuth: float
+    stddev: float
+
+
+class SurfaceReading:
+    """Heights on the wall as fitted, and as the points of the line have them."""
+
+    def __init__(
+        self, fit: SurfaceFit, zero: FloatArray, footprint: float, *, cut_off: bool = False
+    ) -> None:
+        """Gather the residuals of the points by azimuth.
+
+        Args:
+            fit: the fit to the edges.
+            zero: (SHAPES,) heights of the surface at rest [m].
+            footprint: of a sample on the wall [m].
+            cut_off: the surface reaches the image's border; nothing is told of what is beyond.
+        """
+        self._fit, points = fit, fit.points
+        self._heights = fit.heights - zero
+        # Where liquid reaches the image's border its height is at least the border's.
+        front = (fit.front_weight > INLIER) | points.bound
+        rear = (fit.upper_weight > INLIER) & (fit.upper_part > _AT_REAR)
+        self.front, self.rear = front, rear
+        self.azimuth = np.concatenate((points.azimuth[front], fit.upper_azimuth[rear][::-1]))
+        self._residual = np.concatenate((-fit.front_error[front], -fit.upper_error[rear][::-1]))
+        self._footprint, self._cut_off = footprint, cut_off
+        width = points.width[front & ~points.bound]
+        self.edge_width = float(np.median(width)) if width.size else np.nan
+        self._local, self._seen = self._around_the_wall(_KERNEL if cut_off else _NEAR)
+        self._scatter = self._consistency()
+
+    @property
+    def height(self) -> FloatArray:
+        """Heights of the points of the line above the still level (N,) [m]."""
+        return np.asarray(wall_shapes(self.azimuth) @ self._heights + self._residual)
+
+    def fitted(self) -> HighestPoint:
+        """Highest point of the fitted surface on the whole wall."""
+        height, azimuth = _highest(_WALL @ self._heights)
+        return HighestPoint(height, azimuth, self._stddev(height, azimuth))
+
+    def seen(self) -> HighestPoint:
+        """Highest point of the wall near which the line is seen."""
+        if self._cut_off and self.azimuth.size:
+            # Beyond the border the surface is higher: the points alone are sure.
+            best = int(np.argmax(self.height))
+            height, azimuth = float(self.height[best]), float(self.azimuth[best])
+        else:
+            around = _WALL @ self._heights + self._local
+            height, azimuth = _highest(np.where(self._seen, around, -np.inf))
+        if not np.isfinite(height):
+            return HighestPoint(np.nan, np.nan, np.nan)
+        return HighestPoint(height, azimuth, self._stddev(height, azimuth))
+
+    def at(self, azimuth: float) -> float:
+        """Height at one azimuth [m]; NaN where the line is not seen near it."""
+        index = round(azimuth / _STEP) % _BINS
+        if not self._seen[index]:
+            return float("nan")
+        return float(wall_shapes(azimuth)[0] @ self._heights + self._local[index])
+
+    def _around_the_wall(self, near: FloatArray) -> tuple[FloatArray, BoolArray]:
+        """What the points add to the fit, by azimuth, and where the line is seen."""
+        index = np.rint(self.azimuth / _STEP).astype(np.int64) % _BINS
+        total = np.bincount(index, self._residual, _BINS).astype(np.float64)
+        count = np.bincount(index, minlength=_BINS).astype(np.float64)
+        local = _smoothed(total, _KERNEL) / (_smoothed(count, _KERNEL) + _FIT_WEIGHT)
+        return local, _smoothed(count, near) > 0.5
+
+    def _consistency(self) -> float:
+        """Standard deviation of the points about the fit [m]."""
+        if not self._residual.size:
+            return 0.0
+        return float(np.sqrt(np.mean(np.square(self._residual))))
+
+    def _stddev(self, height: float, azimuth: float) -> float:
+        shapes = wall_shapes(azimuth)[0]
+        width = self.edge_width if np.isfinite(self.edge_width) else _WIDE
+        parts = (
+            _OF_FIT * np.sqrt(shapes @ self._fit.covariance @ shapes),
+            _OF_SCATTER * self._scatter,
+            _OF_WIDTH * width * self._footprint,
+            _OF_HEIGHT * height,
+            _REST,
+        )
+        return float(np.linalg.norm(parts))
+
+
+def _highest(around: FloatArray) -> tuple[float, float]:
+    """Height and azimuth of the highest place, between the azimuths of a closed curve."""
+    best = int(np.argmax(around))
+    left, top, right = around[best - 1], around[best], around[(best + 1) % _BINS]
+    bend = left - 2.0 * top + right
+    shift = 0.5 * (left - right) / bend if np.isfinite(bend) and bend < 0.0 else 0.0
+    height = float(top - 0.25 * (left - right) * shift) if shift else float(top)
+    azimuth = (best + shift) * _STEP
+    return height, float(np.arctan2(np.sin(azimuth), np.cos(azimuth)))
+
+
+def _smoothed(values: FloatArray, weights: FloatArray) -> FloatArray:
+    """Weighted sums over the neighbours on a closed curve."""
+    half = len(weights) // 2
+    around = np.concatenate((values[-half:], values, values[:half]))
+    return np.convolve(around, weights, mode="valid")
+
+
+def _bell(width: float) -> FloatArray:
+    half = int(3.0 * width / _STEP)
+    return np.asarray(np.exp(-0.5 * (_STEP * np.arange(-half, half + 1) / width) ** 2))
+
+
+_WALL = wall_shapes(_STEP * np.arange(_BINS))
+_KERNEL = _bell(_KERNEL_WIDTH)
+_NEAR = np.ones(2 * int(_STANDS_FOR / _STEP) + 1)
