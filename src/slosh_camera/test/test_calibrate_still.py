@@ -192,6 +192,14 @@ def test_refuses_a_container_too_small_to_measure(make_scene):
     assert "mm only, 1 mm are needed" in refusal(scene.draw(), camera, cup)
 
 
+def test_refuses_to_choose_between_two_containers(make_scene):
+    scene = make_scene(camera_height=0.05)
+    camera, cup = scene.calibration().view.camera, Cup(scene.radius, scene.fill_height)
+    image = scene.draw()
+    both = np.hstack((image[:, 160:480], image[:, 160:480]))
+    assert "two poses fit equally well" in refusal(both, camera, cup)
+
+
 def test_refuses_images_of_another_camera(make_scene):
     camera, cup = make_scene().calibration().view.camera, Cup(0.05, 0.07)
     assert "1 x 1 pixels, the camera is calibrated for 640 x 480" in refusal(

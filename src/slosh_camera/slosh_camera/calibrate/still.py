@@ -271,7 +271,8 @@ def _check_rival(view: CupView, best: Fit, rival: Fit) -> None:
     except SloshCameraError:
         return
     shift = _heights(other, view, Wall.FRONT) - np.repeat(HEIGHTS, _ARC.size)
-    if not np.nanmax(np.abs(shift)) <= _SAME:
+    # A ray that misses the other container's wall gives no number.
+    if not np.max(np.abs(shift)) <= _SAME:
         poses = " or ".join(
             f"{1e3 * fit.place.distance:.0f} mm from the container and "
             f"{1e3 * fit.place.height:.0f} mm above the still level"
