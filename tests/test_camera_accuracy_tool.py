@@ -5,6 +5,7 @@ import json
 import math
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -368,6 +369,28 @@ def test_the_command_refuses_a_missing_folder(tmp_path):
 def test_a_folder_of_sequences_stands_for_those_in_it(tool, folder):
     assert tool.sequences.sequences_in(folder) == [folder]
     assert tool.sequences.sequences_in(folder.parent) == [folder]
+
+
+def test_a_refused_sequence_is_told_and_does_not_stop_the_others(
+    tool, folder, answers, monkeypatch
+):
+    good = tool.sequences.read_sequence(folder)
+    bad = replace(good, name="bad", calibration=replace(good.calibration, camera_name="bad"))
+
+    def make(calibration):
+        if calibration.camera_name == "bad":
+            raise SloshCameraError("still image: shows no liquid")
+        return StandIn(answers)
+
+    monkeypatch.setattr(tool.accuracy, "make_detector", make)
+    options = tool.figures.Options()
+    taken, results, refused = tool.accuracy.measured_sequences([bad, good], options)
+    assert taken == [good]
+    assert len(results) == 1
+    assert len(results[0]) == len(FRAMES)
+    assert refused == ["not met: bad: refused: still image: shows no liquid"]
+    with pytest.raises(SloshCameraError, match="bad: refused: still image"):
+        tool.accuracy.measured_sequences([bad], options)
 
 
 def test_second_order_parts_sharpen_the_true_line(tool, folder):

@@ -104,9 +104,9 @@ def run(arguments: argparse.Namespace) -> int:
         raise SloshCameraError("no sequences: give folders, or set SLOSH_SHARED_DATA")
     sequences = [read_sequence(folder) for folder in folders]
     options = Options(still=not arguments.no_still, grey=arguments.grey)
-    results = [measure_sequence(sequence, make_detector, options) for sequence in sequences]
+    sequences, results, refused = measured_sequences(sequences, options)
     rows = all_figures(sequences, results)
-    missed = [line for row in rows[: len(sequences)] for line in shortfalls(row)]
+    missed = [line for row in rows[: len(sequences)] for line in shortfalls(row)] + refused
     print(accuracy_tables(rows))
     print("\n".join(missed) or "every requirement is met", flush=True)
     if arguments.docs:
@@ -125,6 +125,28 @@ def run(arguments: argparse.Namespace) -> int:
         number, folder = arguments.worst
         write_worst(Path(folder), int(number), sequences, results)
     return 1 if arguments.check and missed else 0
+
+
+def measured_sequences(
+    sequences: Sequence[RenderedSequence], options: Options
+) -> tuple[list[RenderedSequence], list[tuple[FrameResult, ...]], list[str]]:
+    """The sequences that the detector takes, their frames' results, a line for each other one.
+
+    Raises:
+        SloshCameraError: the detector takes none of them.
+    """
+    taken, results, refused = [], [], []
+    for sequence in sequences:
+        try:
+            frames = measure_sequence(sequence, make_detector, options)
+        except SloshCameraError as error:
+            refused.append(f"not met: {sequence.name}: refused: {error}")
+            continue
+        taken.append(sequence)
+        results.append(frames)
+    if not taken:
+        raise SloshCameraError("; ".join(refused).replace("not met: ", ""))
+    return taken, results, refused
 
 
 def make_detector(calibration: Calibration) -> Detector:
