@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_camera import edge_search
-from slosh_camera.appearance import Tone, find_tone
+from slosh_camera.appearance import Tone, find_tone, percentile
 from slosh_camera.calibration import Calibration
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.measurement import Flag, Measurement, PeakSide
@@ -117,7 +117,7 @@ class FreeSurfaceDetector:
         unrolled = self._unrolled(image)
         fits: list[tuple[float, SurfaceFit, Unrolled, slice]] = []
         for body in self._all_bodies:
-            seen = None if isinstance(unrolled, Flag) else self._front_line(unrolled, body)
+            seen = self._front_line(unrolled, body)
             if seen is not None:
                 fit, plausible = self._chooser.fit_still(*seen, self._at_rest)
                 fits.append((plausible - (_RATHER if fits else 0.0), fit, seen[0], body))
@@ -185,8 +185,6 @@ class FreeSurfaceDetector:
     def _find(self, image: Image) -> _Found | Flag:
         """Edges and fit, or flags that say why there are none."""
         unrolled = self._unrolled(image)
-        if isinstance(unrolled, Flag):
-            return unrolled
         seen = [found for body in self._bodies if (found := self._front_line(unrolled, body))]
         for view, points in seen:
             fit = self._chooser.fit_certain(view, points, self._prior)
@@ -194,26 +192,23 @@ class FreeSurfaceDetector:
                 return _Found(view, fit, self._flags(fit))
         best = [(self._chooser.fit_best(*found, self._prior), found[0]) for found in seen]
         if not best:
-            return Flag.NOT_FOUND
+            return self._light(unrolled)
         (fit, _), view = max(best, key=lambda entry: entry[0][1])
         return _Found(view, fit, self._flags(fit))
 
-    def _unrolled(self, image: Image) -> Image | Flag:
-        """The unrolled wall, or flags that say why there is nothing to be seen."""
+    def _unrolled(self, image: Image) -> Image:
         self._check(image)
-        unrolled = self._grid.unroll(image)
-        light = self._light(unrolled)
-        return light if light else unrolled
+        return self._grid.unroll(image)
 
     def _light(self, unrolled: Image) -> Flag:
-        """Whether there is too little or too much light."""
-        seen = unrolled[::4, ::4][self._grid.inside[::4, ::4]]
-        dark, bright = np.percentile(seen, (2.0, 98.0))
+        """Why no liquid can be told from background: too little or too much light, or neither."""
+        seen = unrolled[::4, ::4][self._grid.inside[::4, ::4]].reshape(-1, 1)
+        dark, bright = percentile(seen, 2.0)[0], percentile(seen, 98.0)[0]
         if bright < self._settings.max_dark:
             return Flag.TOO_DARK | Flag.NOT_FOUND
         if dark > self._settings.min_bright:
             return Flag.TOO_BRIGHT | Flag.NOT_FOUND
-        return Flag.NONE
+        return Flag.NOT_FOUND
 
     def _front_line(self, unrolled: Image, body: slice) -> tuple[Unrolled, WallPoints] | None:
         """The wall on the axis from liquid to background, and where the liquid ends on it."""
@@ -223,16 +218,18 @@ class FreeSurfaceDetector:
         view = Unrolled(tone.reduce(unrolled), self._static, self._surface, tone.noise)
         first, last = self._wall.first_row, self._wall.last_row
         level = edge_search.liquid_levels(view.picture, body.start, body.stop, _LEVEL_REACH)
-        level = np.where(np.isnan(level), np.nanmedian(level), level)
-        spread = np.median(np.abs(view.picture[body, ::4] - level[::4]))
+        if np.any(np.isnan(level)):
+            level = np.where(np.isnan(level), np.nanmedian(level), level)
+        spread = edge_search.usual_deviation(view.picture, level, body.start, body.stop)
         tolerance = max(_TOLERANCE, _TOLERANCE_NOISE * tone.noise, _TOLERANCE_SPREAD * spread)
-        row, _ = edge_search.liquid_tops(view.picture, level, tolerance, first, last)
+        row = edge_search.liquid_tops(view.picture, self._wall.inside, level, tolerance)
         place, width = edge_search.refine_edges(view.picture, row, first, last)
         return view, self._wall.wall_points(place, width, row <= first + 1)
 
     def _believable(self, tone: Tone) -> bool:
         """Whether liquid and background differ enough, and in the way that the settings tell."""
-        if tone.contrast < self._settings.min_contrast:
+        bright = max(float(np.max(tone.liquid)), float(np.max(tone.background)))
+        if tone.contrast < self._settings.min_contrast or bright < self._settings.max_dark:
             return False
         lighter = float(np.mean(tone.liquid)) > float(np.mean(tone.background))
         expected = self._settings.liquid
@@ -251,14 +248,13 @@ class FreeSurfaceDetector:
             return flags | Flag.NOT_FOUND
         if read < (1.0 - _HIDDEN) * looked_at:
             flags |= Flag.OCCLUDED
-        if np.any(front) and np.median(points.width[front]) > self._settings.max_blur:
-            flags |= Flag.BLURRED
         return flags
 
     def _read(self, stamp_ns: int, found: _Found) -> Measurement:
         cut_off = bool(found.flags & Flag.SATURATED)
         reading = SurfaceReading(found.fit, self._zero, self._wall.footprint, cut_off=cut_off)
         fitted, seen = reading.fitted(), reading.seen()
+        blurred = reading.edge_width > self._settings.max_blur
         side = self._side(fitted.azimuth)
         left, right = (reading.at(azimuth) for azimuth in self._tangents)
         pixels = self._pixels(found, reading)
@@ -279,7 +275,7 @@ class FreeSurfaceDetector:
             edge_pixels=pixels,
             peak_pixel=self._peak_pixel(seen.azimuth, seen.height),
             peak_side=side,
-            flags=found.flags,
+            flags=found.flags | Flag.BLURRED if blurred else found.flags,
         )
 
     def _side(self, azimuth: float) -> PeakSide:
@@ -287,8 +283,8 @@ class FreeSurfaceDetector:
         return PeakSide.FRONT if towards > 0.0 else PeakSide.REAR
 
     def _pixels(self, found: _Found, reading: SurfaceReading) -> FloatArray:
-        front = self._grid.pixel_at(found.fit.points.place)[reading.front]
-        rear = self._grid.pixel_at(found.fit.upper_place)[reading.rear][::-1]
+        front = self._grid.pixel_at(reading.front, found.fit.points.place)
+        rear = self._grid.pixel_at(reading.rear, found.fit.upper_place)[::-1]
         return np.vstack((front, rear))
 
     def _peak_pixel(self, azimuth: float, height: float) -> tuple[float, float]:

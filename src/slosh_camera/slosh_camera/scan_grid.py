@@ -26,7 +26,8 @@ BoolArray = NDArray[np.bool_]
 _BOTTOM = 0.85
 # The pixels at the container's two edges mix liquid, wall and background.
 _EDGE_INSET = 1.5
-_MAX_LINES = 160
+_MAX_LINES = 128
+_MAX_ROWS = 300
 _MIN_LINES = 12
 _MIN_SAMPLES = 24
 # Least height of wall above the still level that must be inside the image, in still-level rows.
@@ -40,7 +41,7 @@ class ScanGrid:
     """Samples along M lines up the wall, J each, from the top down.
 
     Attributes:
-        pixels: (J, M, 2) places in the image (u, v), one pixel apart along a line.
+        pixels: (J, M, 2) places in the image (u, v), a pixel apart along a line, or somewhat more.
         inside: (J, M) whether the sample lies in the image and the region of interest.
         front: (J, M, 3) point of the front wall seen there [m].
         rear: (J, M, 3) point of the rear wall seen there above the liquid [m]; NaN: none.
@@ -72,17 +73,16 @@ class ScanGrid:
             (J, M) or (J, M, 3); 0 outside the image.
         """
         left, top, right, bottom = self._window
-        part = np.ascontiguousarray(image[top:bottom, left:right])
+        part = image[top:bottom, left:right]
         return np.asarray(
             cv2.remap(part, *self._maps, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT),
             dtype=np.uint8,
         )
 
-    def pixel_at(self, rows: FloatArray) -> FloatArray:
-        """Places (M, 2) in the image of rows (M,) between samples; NaN where there is none."""
-        lines = np.arange(self.shape[1])
-        start, step = self.pixels[0], self.pixels[1] - self.pixels[0]
-        return np.asarray(start[lines] + rows[:, np.newaxis] * step[lines])
+    def pixel_at(self, lines: BoolArray, rows: FloatArray) -> FloatArray:
+        """Places (N, 2) in the image of rows (M,) between samples on some of the lines (M,)."""
+        start = self.pixels[0, lines]
+        return np.asarray(start + rows[lines, np.newaxis] * (self.pixels[1, lines] - start))
 
 
 def build_scan_grid(view: CupView, given: RegionOfInterest | None) -> ScanGrid:
@@ -105,9 +105,12 @@ def build_scan_grid(view: CupView, given: RegionOfInterest | None) -> ScanGrid:
     still = view.project_wall(azimuth, 0.0, Wall.FRONT)
     length = np.linalg.norm(still - bottom, axis=1, keepdims=True)
     unit = (still - bottom) / length
-    still_row = int(np.ceil(np.max(_heights(view, azimuth, still, unit))))
-    last_row = still_row + int(np.floor(np.min(length)))
-    along = np.arange(still_row, still_row - last_row - 1, -1.0)
+    height = np.max(_heights(view, azimuth, still, unit))
+    # Beyond some hundred samples on a line, finer ones add cost and no accuracy.
+    spacing = max(1.0, float(height + np.min(length)) / _MAX_ROWS)
+    still_row = int(np.ceil(height / spacing))
+    last_row = still_row + int(np.floor(np.min(length) / spacing))
+    along = spacing * np.arange(still_row, still_row - last_row - 1, -1.0)
     pixels = still + along[:, np.newaxis, np.newaxis] * unit
     limits = given or RegionOfInterest(0, 0, view.camera.width, view.camera.height)
     inside = _inside(pixels, limits)

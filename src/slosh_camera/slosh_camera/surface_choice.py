@@ -8,11 +8,13 @@ from numpy.typing import NDArray
 from slosh_camera import edge_search, surface_solver
 from slosh_camera.surface_evidence import SurfaceFit, Unrolled, WallPoints
 from slosh_camera.surface_fit import SurfaceFitter
-from slosh_camera.surface_modes import RADIAL, SHAPES, wall_shapes
+from slosh_camera.surface_modes import SHAPES
 from slosh_camera.surface_prior import Prior
+from slosh_camera.surface_solver import FINE
 from slosh_camera.wall_geometry import SKIP, WallGeometry
 
 FloatArray = NDArray[np.float64]
+Single = NDArray[np.float32]
 BoolArray = NDArray[np.bool_]
 
 # A first guess is made from pairs of these lines, and of points that agree within a distance
@@ -37,13 +39,12 @@ class SurfaceChooser:
     """Finds the surface in pictures along one camera's scan lines."""
 
     def __init__(self, geometry: WallGeometry) -> None:
-        """Prepare pairs of lines and a coarser set of them."""
+        """Prepare pairs of lines."""
         self._wall = geometry
         self._fitter = SurfaceFitter(geometry)
         some = np.linspace(0, geometry.lines - 1, min(_PAIR_LINES, geometry.lines))
         chosen = some.astype(np.int64)
         self._pairs = np.array([(i, j) for i in chosen for j in chosen if j > i])
-        self._coarse = geometry.near[:, ::SKIP], geometry.far[:, ::SKIP]
 
     def fit_certain(self, view: Unrolled, points: WallPoints, prior: Prior) -> SurfaceFit | None:
         """Fit the surface that nearly all points of the front line agree with.
@@ -59,8 +60,8 @@ class SurfaceChooser:
         starts, shares = self._candidates(points.azimuth, points.height, points.bound, prior)
         if shares[0] < _CERTAIN:
             return None
-        start = self._fitter.fit_front(points, prior, starts[0]).heights
-        return self._fitter.refined(view, points, start, prior)
+        start = self._fitter.fit_front(points, prior, starts[0], FINE).heights
+        return self._fitter.refined(view, points, start, prior, FINE)
 
     def fit_best(
         self, view: Unrolled, points: WallPoints, prior: Prior
@@ -103,7 +104,7 @@ class SurfaceChooser:
         used = self._fitter.refined(view, points, start, prior).points
         return self._fitter.fit_front(used, prior, start), max(scores)
 
-    def surface_tone(self, picture: FloatArray, heights: FloatArray) -> float:
+    def surface_tone(self, picture: Single, heights: FloatArray) -> float:
         """What the free surface between a surface's two lines looks like; NaN: it is not seen."""
         front, upper = self._wall.front_rows(heights), self._wall.silhouette(heights)
         rows = np.arange(self._wall.rows)[:, np.newaxis]
@@ -117,13 +118,13 @@ class SurfaceChooser:
         The ends of liquid and of what is far from liquid are tried, on the front and on the rear
         wall: where the free surface looks like the liquid, the liquid's end is the upper edge.
         """
-        first, last = self._wall.first_row, self._wall.last_row
+        first = self._wall.first_row
         level = np.zeros(self._wall.lines)
-        bright, _ = edge_search.liquid_tops(view.picture, level, _FAR_FROM_LIQUID, first, last)
+        bright = edge_search.liquid_tops(view.picture, self._wall.inside, level, _FAR_FROM_LIQUID)
         starts = []
         for place in (points.place, bright.astype(np.float64)):
-            for table in (self._wall.front, self._wall.rear):
-                found = self._wall.at(table, place)
+            for table in (self._wall.near, self._wall.far):
+                found = edge_search.table_at(table, place)
                 azimuth = np.arctan2(found[:, 1], found[:, 0])
                 more, _ = self._candidates(azimuth, found[:, 2], place <= first + 1, prior)
                 starts.append(more)
@@ -146,14 +147,7 @@ class SurfaceChooser:
 
     def _score(self, view: Unrolled, heights: FloatArray) -> float:
         """How well a surface agrees with the picture, on every fourth line."""
-        upper = surface_solver.silhouette_rows(
-            *self._coarse,
-            self._wall.last_row[::SKIP],
-            self._wall.radius,
-            self._wall.footprint,
-            heights,
-            RADIAL,
-        )
+        upper = self._wall.silhouette(heights, coarse=True)
         score = edge_search.surface_score(
             view.picture[:, ::SKIP],
             view.static[:, ::SKIP],
@@ -169,10 +163,10 @@ class SurfaceChooser:
         self, azimuth: FloatArray, height: FloatArray, bound: BoolArray, prior: Prior
     ) -> tuple[FloatArray, FloatArray]:
         """First guesses (N, SHAPES) through points of the wall, and the shares that agree."""
-        offset = wall_shapes(np.nan_to_num(azimuth)) @ prior.centre
+        offset = surface_solver.wall_shapes_of(azimuth) @ prior.centre
         known = np.where(bound | np.isnan(azimuth), np.nan, height - offset)
         first, shares = surface_solver.first_mode_candidates(
-            np.nan_to_num(azimuth), known, _AGREE * self._wall.footprint, self._pairs, _CANDIDATES
+            azimuth, known, _AGREE * self._wall.footprint, self._pairs, _CANDIDATES
         )
         starts = np.tile(prior.centre, (len(first), 1))
         starts[:, 1:3] += first

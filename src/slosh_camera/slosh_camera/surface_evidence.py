@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
+Single = NDArray[np.float32]
 BoolArray = NDArray[np.bool_]
 
 INLIER = 0.1
@@ -25,7 +26,7 @@ class Unrolled:
         noise: standard deviation of a sample.
     """
 
-    picture: FloatArray
+    picture: Single
     static: FloatArray
     surface: float
     noise: float
@@ -39,6 +40,7 @@ class WallPoints:
         place: (M,) row along the line; NaN: none.
         azimuth: (M,) [rad].
         height: (M,) above the origin [m].
+        shapes: (M, SHAPES) heights of all shapes there.
         bound: (M,) whether the surface may be higher: the line ends at the image's border.
         width: (M,) of the edge [samples].
         scale: (M,) standard deviation of the height [m].
@@ -47,6 +49,7 @@ class WallPoints:
     place: FloatArray
     azimuth: FloatArray
     height: FloatArray
+    shapes: FloatArray
     bound: BoolArray
     width: FloatArray
     scale: FloatArray

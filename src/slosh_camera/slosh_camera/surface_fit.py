@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
 from slosh_camera import edge_search, surface_solver
 from slosh_camera.surface_evidence import SurfaceFit, Unrolled, WallPoints
-from slosh_camera.surface_modes import RADIAL, wall_shapes
 from slosh_camera.surface_prior import Prior
+from slosh_camera.surface_solver import COARSE
 from slosh_camera.wall_geometry import SYSTEMATIC, WallGeometry
 
 FloatArray = NDArray[np.float64]
@@ -37,32 +39,52 @@ class SurfaceFitter:
         self._wall = geometry
 
     def fit_front(
-        self, points: WallPoints, prior: Prior, start: FloatArray | None = None
+        self,
+        points: WallPoints,
+        prior: Prior,
+        start: FloatArray | None = None,
+        coarse: float = COARSE,
     ) -> SurfaceFit:
-        """Fit the front line alone, from a first guess (SHAPES,) of the heights [m]."""
+        """Fit the front line alone.
+
+        Args:
+            points: of the front line.
+            prior: of the heights.
+            start: (SHAPES,) a first guess of the heights [m]; None: at rest.
+            coarse: deviations of a point up to which it counts at first.
+        """
         guess = prior.centre if start is None else start
         about = prior.about(guess, self._wall.radius, front_alone=True)
-        return self._solve(points, np.full(self._wall.lines, np.nan), guess, about)
+        return self._solve(points, np.full(self._wall.lines, np.nan), guess, about, coarse)
 
     def refined(
-        self, view: Unrolled, points: WallPoints, start: FloatArray, prior: Prior
+        self,
+        view: Unrolled,
+        points: WallPoints,
+        start: FloatArray,
+        prior: Prior,
+        coarse: float = COARSE,
     ) -> SurfaceFit:
-        """Look for both lines near a surface and fit them together."""
+        """Look for both lines near a surface and fit them together.
+
+        Args:
+            view: the picture.
+            points: of the front line.
+            start: (SHAPES,) heights of the surface [m].
+            prior: of the heights.
+            coarse: deviations of an edge up to which it counts at first.
+        """
         expected, upper = self._wall.front_rows(start), self._wall.silhouette(start)
         used = self._corrected(view, points, expected, upper)
         edge = self._upper_edge(view, used, expected, upper, start)
-        return self._solve(used, edge, start, prior.about(start, self._wall.radius))
+        return self._solve(used, edge, start, prior.about(start, self._wall.radius), coarse)
 
     def cut_off(self, fit: SurfaceFit) -> bool:
         """Whether liquid or its surface reaches the image's border, in the image or by the fit."""
-        border = self._wall.first_row > 0
-        upper = self._wall.silhouette(fit.heights) < self._wall.first_row + 0.5
-        front = self._wall.front_rows(fit.heights) < self._wall.first_row + 0.5
-        by_fit = border & (front | (upper & ~self._wall.stretched))
-        return bool(
-            np.count_nonzero(fit.points.bound & border) >= _CUT_LINES
-            or np.count_nonzero(by_fit) >= _CUT_LINES
-        )
+        cut = fit.points.bound & (self._wall.first_row > 0)
+        if np.count_nonzero(cut) >= _CUT_LINES:
+            return True
+        return bool(np.any(self._wall.beyond_border(fit.heights)))
 
     def _corrected(
         self, view: Unrolled, points: WallPoints, expected: FloatArray, upper: FloatArray
@@ -79,6 +101,8 @@ class SurfaceFitter:
         merged = np.where(band < _MERGED, 0.5 * band * self._wall.footprint, 0.0)
         scale = np.hypot(points.scale, merged)
         far = ~(np.abs(points.place - expected) < _FAR_ROWS) & ~points.bound
+        if not np.any(far):
+            return replace(points, scale=scale)
         guess = np.where(far, expected, np.nan)
         row, slope = edge_search.follow_edge(
             view.picture, view.static, guess, _AGAIN_ROWS, self._wall.last_row.astype(np.float64),
@@ -93,6 +117,7 @@ class SurfaceFitter:
             np.where(found, again.place, points.place),
             np.where(found, again.azimuth, points.azimuth),
             np.where(found, again.height, points.height),
+            np.where(found[:, np.newaxis], again.shapes, points.shapes),
             points.bound,
             np.where(found, again.width, points.width),
             np.where(found, 2.0 * scale, scale),
@@ -124,14 +149,14 @@ class SurfaceFitter:
         upper: FloatArray,
         start: FloatArray,
         about: tuple[FloatArray, FloatArray],
+        coarse: float,
     ) -> SurfaceFit:
-        near, far = self._wall.at(self._wall.near, upper), self._wall.at(self._wall.far, upper)
-        lines = self._wall.lines
         wall = self._wall
-        scale = np.full(lines, np.hypot(SYSTEMATIC, _UPPER_ROWS * wall.footprint))
+        near, far = edge_search.table_at(wall.near, upper), edge_search.table_at(wall.far, upper)
+        scale = np.full(wall.lines, np.hypot(SYSTEMATIC, _UPPER_ROWS * wall.footprint))
         heights, covariance, *result = surface_solver.solve(
-            wall_shapes(np.nan_to_num(points.azimuth)), points.height, points.scale, points.bound,
-            near, far, scale, wall.radius, wall.footprint, start, *about, RADIAL,
+            points.shapes, points.height, points.scale, points.bound, near, far, scale,
+            wall.radius, wall.footprint, start, *about, coarse,
         )  # fmt: skip
         azimuth = np.arctan2(far[:, 1], far[:, 0])
         return SurfaceFit(

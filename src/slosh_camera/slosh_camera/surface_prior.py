@@ -49,17 +49,20 @@ class Prior:
         second = tight * (3e-4 + 0.05 * size)
         mean = tight * (1e-4 + 0.25 * square)
         along, across = tight * (1e-4 + 0.25 * square), tight * (1e-4 + 0.12 * square)
-        spread = np.array(
-            [self.level, self.first, self.first, second, second, mean, along, across]
+        spread = (self.level, self.first, self.first, second, second, mean)
+        precision = np.zeros((SHAPES, SHAPES))
+        np.fill_diagonal(precision[:6, :6], np.power(spread, -2.0))
+        # The double shape's crest turns by twice the azimuth.
+        c, s = ((x * x - y * y) / size**2, 2.0 * x * y / size**2) if size > 0.0 else (1.0, 0.0)
+        p, q = along**-2.0, across**-2.0
+        precision[6:, 6:] = (
+            (c * c * p + s * s * q, c * s * (p - q)),
+            (c * s * (p - q), s * s * p + c * c * q),
         )
-        turn = np.eye(SHAPES)
-        if size > 0.0:
-            # The double shape's crest turns by twice the azimuth.
-            c, s = (x * x - y * y) / size**2, 2.0 * x * y / size**2
-            turn[6:, 6:] = [[c, s], [-s, c]]
         centre = self.centre.copy()
-        centre[6:] += 0.15 * tight * square * turn[6, 6:]
-        return centre, turn.T @ np.diag(spread**-2.0) @ turn
+        centre[6] += 0.15 * tight * square * c
+        centre[7] += 0.15 * tight * square * s
+        return centre, precision
 
     def surprise(self, heights: FloatArray, radius: float) -> float:
         """How unlikely heights (SHAPES,) [m] are, beside the first mode's."""

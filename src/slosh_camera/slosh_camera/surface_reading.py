@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from slosh_camera import surface_solver
 from slosh_camera.surface_evidence import INLIER, SurfaceFit
 from slosh_camera.surface_modes import wall_shapes
 
@@ -74,13 +75,14 @@ class SurfaceReading:
         self._footprint, self._cut_off = footprint, cut_off
         width = points.width[front & ~points.bound]
         self.edge_width = float(np.median(width)) if width.size else np.nan
-        self._local, self._seen = self._around_the_wall(_KERNEL if cut_off else _NEAR)
+        self._local, self._seen = self._around_the_wall(1 if cut_off else _NEAR)
         self._scatter = self._consistency()
 
     @property
     def height(self) -> FloatArray:
         """Heights of the points of the line above the still level (N,) [m]."""
-        return np.asarray(wall_shapes(self.azimuth) @ self._heights + self._residual)
+        at_points = surface_solver.wall_shapes_of(self.azimuth)
+        return np.asarray(at_points @ self._heights + self._residual)
 
     def fitted(self) -> HighestPoint:
         """Highest point of the fitted surface on the whole wall."""
@@ -105,15 +107,15 @@ class SurfaceReading:
         index = round(azimuth / _STEP) % _BINS
         if not self._seen[index]:
             return float("nan")
-        return float(wall_shapes(azimuth)[0] @ self._heights + self._local[index])
+        return float(_WALL[index] @ self._heights + self._local[index])
 
-    def _around_the_wall(self, near: FloatArray) -> tuple[FloatArray, BoolArray]:
+    def _around_the_wall(self, near: int) -> tuple[FloatArray, BoolArray]:
         """What the points add to the fit, by azimuth, and where the line is seen."""
         index = np.rint(self.azimuth / _STEP).astype(np.int64) % _BINS
-        total = np.bincount(index, self._residual, _BINS).astype(np.float64)
-        count = np.bincount(index, minlength=_BINS).astype(np.float64)
-        local = _smoothed(total, _KERNEL) / (_smoothed(count, _KERNEL) + _FIT_WEIGHT)
-        return local, _smoothed(count, near) > 0.5
+        total, count, seen = surface_solver.around_the_wall(
+            index, self._residual, _BINS, _KERNEL, near
+        )
+        return total / (count + _FIT_WEIGHT), seen
 
     def _consistency(self) -> float:
         """Standard deviation of the points about the fit [m]."""
@@ -122,7 +124,7 @@ class SurfaceReading:
         return float(np.sqrt(np.mean(np.square(self._residual))))
 
     def _stddev(self, height: float, azimuth: float) -> float:
-        shapes = wall_shapes(azimuth)[0]
+        shapes = _WALL[round(azimuth / _STEP) % _BINS]
         width = self.edge_width if np.isfinite(self.edge_width) else _WIDE
         parts = (
             _OF_FIT * np.sqrt(shapes @ self._fit.covariance @ shapes),
@@ -145,13 +147,6 @@ def _highest(around: FloatArray) -> tuple[float, float]:
     return height, float(np.arctan2(np.sin(azimuth), np.cos(azimuth)))
 
 
-def _smoothed(values: FloatArray, weights: FloatArray) -> FloatArray:
-    """Weighted sums over the neighbours on a closed curve."""
-    half = len(weights) // 2
-    around = np.concatenate((values[-half:], values, values[:half]))
-    return np.convolve(around, weights, mode="valid")
-
-
 def _bell(width: float) -> FloatArray:
     half = int(3.0 * width / _STEP)
     return np.asarray(np.exp(-0.5 * (_STEP * np.arange(-half, half + 1) / width) ** 2))
@@ -159,4 +154,4 @@ def _bell(width: float) -> FloatArray:
 
 _WALL = wall_shapes(_STEP * np.arange(_BINS))
 _KERNEL = _bell(_KERNEL_WIDTH)
-_NEAR = np.ones(2 * int(_STANDS_FOR / _STEP) + 1)
+_NEAR = 2 * int(_STANDS_FOR / _STEP) + 1

@@ -18,16 +18,26 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from slosh_camera.surface_modes import RADIAL_STEPS, RADIAL_TABLE
 from slosh_model.compile_cache import use_compile_cache
 
 use_compile_cache()
+
+_TABLE = RADIAL_TABLE
+_PER_UNIT = float(RADIAL_STEPS)
 
 _CHORD = 9
 _STEPS = 12
 _SHAPES = 8
 # Tukey's function: beyond this many standard deviations an observation has no weight.
 _TUKEY = 4.7
-_COARSE = 12.0
+COARSE, FINE = 12.0, 6.0
+"""Deviations up to which observations count at first, for a rough and for a good start."""
+# The solver has converged where no height changes by more [m]; places of touch are looked for in
+# every third round.
+_CONVERGED = 3e-6
+_NARROWER = 0.6
+_AGAIN = 3
 # The edge's neighbourhood, and how far below a crest the middle of its fade is seen [rows]; the
 # second as measured on rendered crests of all curvatures, and its relative standard deviation.
 _NEIGHBOURHOOD = 3.5
@@ -36,15 +46,23 @@ _FADE_DOUBT = 0.35
 
 
 @njit(cache=True, nogil=True)
-def _shapes(x, y, radial, out):  # type: ignore[no-untyped-def]
+def _radial(square):  # type: ignore[no-untyped-def]
+    """Radial parts of first, second, mean and double shape, by ρ²."""
+    place = square * _PER_UNIT
+    k = min(int(place), _TABLE.shape[0] - 2)
+    part = place - k
+    return (
+        _TABLE[k, 0] + part * (_TABLE[k + 1, 0] - _TABLE[k, 0]),
+        _TABLE[k, 1] + part * (_TABLE[k + 1, 1] - _TABLE[k, 1]),
+        _TABLE[k, 2] + part * (_TABLE[k + 1, 2] - _TABLE[k, 2]),
+        _TABLE[k, 3] + part * (_TABLE[k + 1, 3] - _TABLE[k, 3]),
+    )
+
+
+@njit(cache=True, nogil=True)
+def _shapes(x, y, out):  # type: ignore[no-untyped-def]
     """All shapes' heights at a place in radii."""
-    square = x * x + y * y
-    first = second = mean = double = 0.0
-    for k in range(radial.shape[1] - 1, -1, -1):
-        first = first * square + radial[0, k]
-        second = second * square + radial[1, k]
-        mean = mean * square + radial[2, k]
-        double = double * square + radial[3, k]
+    first, second, mean, double = _radial(x * x + y * y)
     out[0] = 1.0
     out[1] = first * x
     out[2] = first * y
@@ -56,17 +74,26 @@ def _shapes(x, y, radial, out):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _clearance(near, far, part, heights, radial, out):  # type: ignore[no-untyped-def]
+def _clearance(near, far, part, heights):  # type: ignore[no-untyped-def]
     """Surface above the ray at a part of the way from the front to the rear wall [m]."""
-    _shapes(near[0] + part * (far[0] - near[0]), near[1] + part * (far[1] - near[1]), radial, out)
-    total = -(near[2] + part * (far[2] - near[2]))
-    for k in range(_SHAPES):
-        total += heights[k] * out[k]
-    return total
+    x = near[0] + part * (far[0] - near[0])
+    y = near[1] + part * (far[1] - near[1])
+    first, second, mean, double = _radial(x * x + y * y)
+    height = heights[0] + mean * heights[5]
+    height += first * (heights[1] * x + heights[2] * y)
+    height += second * (heights[3] * x + heights[4] * y)
+    height += double * (heights[6] * (x * x - y * y) + heights[7] * 2.0 * x * y)
+    return height - near[2] - part * (far[2] - near[2])
 
 
 @njit(cache=True, nogil=True)
-def touch(near, far, radius, footprint, heights, radial, out):  # type: ignore[no-untyped-def]
+def _shapes_on_ray(near, far, part, out):  # type: ignore[no-untyped-def]
+    """All shapes' heights at a part of the way."""
+    _shapes(near[0] + part * (far[0] - near[0]), near[1] + part * (far[1] - near[1]), out)
+
+
+@njit(cache=True, nogil=True)
+def touch(near, far, radius, footprint, heights):  # type: ignore[no-untyped-def]
     """Where the surface comes closest to a ray from below, or rises most above it.
 
     Args:
@@ -74,8 +101,6 @@ def touch(near, far, radius, footprint, heights, radial, out):  # type: ignore[n
         radius: of the container [m].
         footprint: of a row on the rear wall [m].
         heights: (SHAPES,) [m].
-        radial: power series of the shapes.
-        out: (SHAPES,) takes the shapes at that place.
 
     Returns:
         Part of the way, the surface's height above the ray there [m], and how far it would be
@@ -84,7 +109,7 @@ def touch(near, far, radius, footprint, heights, radial, out):  # type: ignore[n
     values = np.empty(_CHORD)
     best = 0
     for k in range(_CHORD):
-        values[k] = _clearance(near, far, k / (_CHORD - 1.0), heights, radial, out)
+        values[k] = _clearance(near, far, k / (_CHORD - 1.0), heights)
         if values[k] > values[best]:
             best = k
     part = best / (_CHORD - 1.0)
@@ -102,11 +127,11 @@ def touch(near, far, radius, footprint, heights, radial, out):  # type: ignore[n
     if best and bend < 0.0:
         further = np.sqrt(slope**2 - 2.0 * bend / step**2 * _NEIGHBOURHOOD * footprint)
         hidden = _FADE * footprint * (1.0 - slope / further)
-    return part, _clearance(near, far, part, heights, radial, out), hidden
+    return part, _clearance(near, far, part, heights), hidden
 
 
 @njit(cache=True, nogil=True)
-def silhouette_rows(near, far, bottom, radius, footprint, heights, radial):  # type: ignore[no-untyped-def]
+def silhouette_rows(near, far, bottom, radius, footprint, heights):  # type: ignore[no-untyped-def]
     """Row on each line at which the surface of given heights ends against the background.
 
     Args:
@@ -114,7 +139,6 @@ def silhouette_rows(near, far, bottom, radius, footprint, heights, radial):  # t
         bottom: (M,) row that certainly shows liquid.
         radius, footprint: as for touch.
         heights: (SHAPES,) [m].
-        radial: power series of the shapes.
 
     Returns:
         (M,) row of the edge; NaN where no ray of the line reaches the rear wall, -1 where the
@@ -122,18 +146,13 @@ def silhouette_rows(near, far, bottom, radius, footprint, heights, radial):  # t
     """
     lines = near.shape[1]
     rows = np.full(lines, np.nan)
-    shapes = np.empty(_SHAPES)
     for i in range(lines):
         high, low = 0, bottom[i]
         if np.isnan(far[high, i, 0]) or np.isnan(far[low, i, 0]):
             continue
-        _, top, hidden = touch(
-            near[high, i], far[high, i], radius, footprint, heights, radial, shapes
-        )
+        _, top, hidden = touch(near[high, i], far[high, i], radius, footprint, heights)
         above = top - hidden
-        _, top, hidden = touch(
-            near[low, i], far[low, i], radius, footprint, heights, radial, shapes
-        )
+        _, top, hidden = touch(near[low, i], far[low, i], radius, footprint, heights)
         below = top - hidden
         if above > 0.0 or below < 0.0:
             rows[i] = -1.0 if above > 0.0 else np.nan
@@ -142,9 +161,7 @@ def silhouette_rows(near, far, bottom, radius, footprint, heights, radial):  # t
             # The clearance is nearly linear in the row: false position, kept inside the bracket.
             middle = high + int((low - high) * above / (above - below))
             middle = min(max(middle, high + 1), low - 1)
-            _, top, hidden = touch(
-                near[middle, i], far[middle, i], radius, footprint, heights, radial, shapes
-            )
+            _, top, hidden = touch(near[middle, i], far[middle, i], radius, footprint, heights)
             if top > hidden:
                 low, below = middle, top - hidden
             else:
@@ -158,6 +175,21 @@ def _tukey(ratio, limit):  # type: ignore[no-untyped-def]
     if abs(ratio) >= limit:
         return 0.0
     return (1.0 - (ratio / limit) ** 2) ** 2
+
+
+@njit(cache=True, nogil=True)
+def _dot(shapes, heights):  # type: ignore[no-untyped-def]
+    """Height of a surface; for so few numbers a library call would cost more than the sum."""
+    total = 0.0
+    for k in range(_SHAPES):
+        total += shapes[k] * heights[k]
+    return total
+
+
+@njit(cache=True, nogil=True)
+def _one_sided(ratio):  # type: ignore[no-untyped-def]
+    """Weight of a height that the surface has at least."""
+    return 1.0 if ratio < 0.0 else 0.0
 
 
 @njit(cache=True, nogil=True)
@@ -175,23 +207,22 @@ def first_mode_candidates(azimuth, height, scale, pairs, count):  # type: ignore
         the one candidate where no pair gives another.
     """
     known = max(np.count_nonzero(~np.isnan(height)), 1)
+    cosine, sine = np.cos(azimuth), np.sin(azimuth)
     tried = np.zeros((pairs.shape[0] + 1, 2))
     score = np.full(pairs.shape[0] + 1, -1.0)
-    score[0] = _agreement(azimuth, height, scale, 0.0, 0.0)
+    score[0] = _agreement(cosine, sine, height, scale, 0.0, 0.0)
     for p in range(pairs.shape[0]):
         i, j = pairs[p]
         if np.isnan(height[i]) or np.isnan(height[j]):
             continue
-        ci, si, cj, sj = (
-            np.cos(azimuth[i]), np.sin(azimuth[i]), np.cos(azimuth[j]), np.sin(azimuth[j]),
-        )  # fmt: skip
+        ci, si, cj, sj = cosine[i], sine[i], cosine[j], sine[j]
         determinant = ci * sj - cj * si
         if abs(determinant) < 0.3:
             continue
         x = (height[i] * sj - height[j] * si) / determinant
         y = (ci * height[j] - cj * height[i]) / determinant
         tried[p + 1] = x, y
-        score[p + 1] = _agreement(azimuth, height, scale, x, y)
+        score[p + 1] = _agreement(cosine, sine, height, scale, x, y)
     best = np.zeros((count, 2))
     share = np.zeros(count)
     for c in range(count):
@@ -207,12 +238,12 @@ def first_mode_candidates(azimuth, height, scale, pairs, count):  # type: ignore
 
 
 @njit(cache=True, nogil=True)
-def _agreement(azimuth, height, scale, x, y):  # type: ignore[no-untyped-def]
+def _agreement(cosine, sine, height, scale, x, y):  # type: ignore[no-untyped-def]
     """Number of points that agree with a first mode, counted on every third."""
     total = 0.0
     for k in range(0, height.size, 3):
         if not np.isnan(height[k]):
-            error = x * np.cos(azimuth[k]) + y * np.sin(azimuth[k]) - height[k]
+            error = x * cosine[k] + y * sine[k] - height[k]
             total += 3.0 * max(0.0, 1.0 - abs(error) / scale)
     return total
 
@@ -220,7 +251,7 @@ def _agreement(azimuth, height, scale, x, y):  # type: ignore[no-untyped-def]
 @njit(cache=True, nogil=True)
 def solve(  # type: ignore[no-untyped-def]
     front, front_height, front_scale, front_bound, near, far, ray_scale, radius, footprint,
-    start, centre, precision, radial,
+    start, centre, precision, coarse,
 ):  # fmt: skip
     """Iterated reweighted least squares with a Gaussian prior.
 
@@ -233,7 +264,7 @@ def solve(  # type: ignore[no-untyped-def]
         radius, footprint: as for touch.
         start: (SHAPES,) first guess of the heights [m].
         centre, precision: (SHAPES,) mean [m] and (SHAPES, SHAPES) inverse covariance of the prior.
-        radial: power series of the shapes.
+        coarse: deviations up to which observations count at first; more where the start is rough.
 
     Returns:
         heights (SHAPES,) [m], the inverse of the normal matrix, residuals and weights of the
@@ -246,43 +277,117 @@ def solve(  # type: ignore[no-untyped-def]
     shapes = np.empty(_SHAPES)
     normal = np.empty((_SHAPES, _SHAPES))
     right = np.empty(_SHAPES)
-    limit = _COARSE
-    for _ in range(_STEPS):
+    hidden = np.zeros(m)
+    limit = max(coarse, _TUKEY)
+    for round in range(_STEPS):
         normal[:] = precision
         right[:] = precision @ (centre - heights)
         for i in range(n):
             if np.isnan(front_height[i]):
                 continue
-            front_error[i] = front[i] @ heights - front_height[i]
+            front_error[i] = _dot(front[i], heights) - front_height[i]
             ratio = front_error[i] / front_scale[i]
-            if front_bound[i]:
-                front_weight[i] = 1.0 if ratio < 0.0 else 0.0
-            else:
-                front_weight[i] = _tukey(ratio, limit)
+            front_weight[i] = _one_sided(ratio) if front_bound[i] else _tukey(ratio, limit)
             weight = front_weight[i] / front_scale[i] ** 2
             _add(normal, right, front[i], front_error[i], weight)
         for i in range(m):
             if np.isnan(far[i, 0]):
                 continue
-            part[i], top, hidden = touch(
-                near[i], far[i], radius, footprint, heights, radial, shapes
-            )
-            ray_error[i] = top - hidden
-            variance = ray_scale[i] ** 2 + (_FADE_DOUBT * hidden) ** 2
+            # The place of touch hardly moves, and moving it changes nothing to first order.
+            if round % _AGAIN == 0:
+                part[i], top, hidden[i] = touch(near[i], far[i], radius, footprint, heights)
+            else:
+                top = _clearance(near[i], far[i], part[i], heights)
+            _shapes_on_ray(near[i], far[i], part[i], shapes)
+            ray_error[i] = top - hidden[i]
+            variance = ray_scale[i] ** 2 + (_FADE_DOUBT * hidden[i]) ** 2
             ray_weight[i] = _tukey(ray_error[i] / np.sqrt(variance), limit)
             _add(normal, right, shapes, ray_error[i], ray_weight[i] / variance)
-        step = np.linalg.solve(normal, right)
+        step = np.linalg.solve(_whole(normal), right)
         heights += step
-        if limit == _TUKEY and np.max(np.abs(step)) < 1e-6:
+        if limit == _TUKEY and np.max(np.abs(step)) < _CONVERGED:
             break
-        limit = max(_TUKEY, 0.7 * limit)
+        limit = max(_TUKEY, _NARROWER * limit)
     return heights, np.linalg.inv(normal), front_error, front_weight, ray_error, ray_weight, part
 
 
 @njit(cache=True, nogil=True)
 def _add(normal, right, shapes, error, weight):  # type: ignore[no-untyped-def]
+    """One observation's part of the normal equations, the lower triangle."""
     for k in range(_SHAPES):
         scaled = weight * shapes[k]
         right[k] -= scaled * error
-        for j in range(_SHAPES):
+        for j in range(k + 1):
             normal[k, j] += scaled * shapes[j]
+
+
+@njit(cache=True, nogil=True)
+def _whole(lower):  # type: ignore[no-untyped-def]
+    """The symmetric matrix of a lower triangle, in place."""
+    for k in range(_SHAPES):
+        for j in range(k):
+            lower[j, k] = lower[k, j]
+    return lower
+
+
+@njit(cache=True, nogil=True)
+def shapes_of(near):  # type: ignore[no-untyped-def]
+    """Heights (N, SHAPES) of all shapes at places (N, 3), x and y in radii."""
+    shapes = np.empty((near.shape[0], _SHAPES))
+    for i in range(near.shape[0]):
+        _shapes(near[i, 0], near[i, 1], shapes[i])
+    return shapes
+
+
+@njit(cache=True, nogil=True)
+def wall_shapes_of(azimuth):  # type: ignore[no-untyped-def]
+    """Heights (N, SHAPES) of all shapes on the wall, by azimuth (N,) [rad]."""
+    shapes = np.empty((azimuth.size, _SHAPES))
+    for i in range(azimuth.size):
+        _shapes(np.cos(azimuth[i]), np.sin(azimuth[i]), shapes[i])
+    return shapes
+
+
+@njit(cache=True, nogil=True)
+def above_ray(near, far, radius, footprint, heights):  # type: ignore[no-untyped-def]
+    """Whether a surface is seen above each ray (M, 3) to (M, 3); not where there is none."""
+    above = np.zeros(near.shape[0], np.bool_)
+    for i in range(near.shape[0]):
+        if not np.isnan(far[i, 0]):
+            _, top, hidden = touch(near[i], far[i], radius, footprint, heights)
+            above[i] = top > hidden
+    return above
+
+
+@njit(cache=True, nogil=True)
+def around_the_wall(index, residual, bins, kernel, near):  # type: ignore[no-untyped-def]
+    """Residuals of points on a closed curve, spread over their neighbourhood.
+
+    Args:
+        index: (N,) bin of each point. residual: (N,) [m].
+        bins: of the curve.
+        kernel: weights of the neighbours, of odd length.
+        near: as long as the part of the curve for which a point stands.
+
+    Returns:
+        (bins,) weighted sums of the residuals [m], sums of the weights, and whether a point is
+        near.
+    """
+    half, reach = kernel.size // 2, near // 2
+    edge = max(half, reach)
+    # Both ends are continued by the other, so that no neighbour needs to be wrapped.
+    sums, counts = np.zeros(bins + 2 * edge), np.zeros(bins + 2 * edge)
+    for p in range(index.size):
+        for place in (index[p] + edge, index[p] + edge - bins, index[p] + edge + bins):
+            if 0 <= place < sums.size:
+                sums[place] += residual[p]
+                counts[place] += 1.0
+    total, count = np.zeros(bins), np.zeros(bins)
+    seen = np.zeros(bins, np.bool_)
+    for b in range(bins):
+        for k in range(-half, half + 1):
+            total[b] += kernel[k + half] * sums[b + edge + k]
+            count[b] += kernel[k + half] * counts[b + edge + k]
+        for k in range(-reach, reach + 1):
+            seen[b] |= counts[b + edge + k] > 0.0
+    return total, count, seen

@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 from slosh_camera import edge_search, surface_solver
 from slosh_camera.scan_grid import ScanGrid
 from slosh_camera.surface_evidence import WallPoints
-from slosh_camera.surface_modes import RADIAL, wall_shapes
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -31,10 +30,11 @@ class WallGeometry:
     Attributes:
         radius: of the container [m].
         footprint: height of one sample on the rear wall [m].
+        inside: (J, M) 1 inside the image, 0 outside.
         first_row, last_row: (M,) rows inside the image.
         stretched: (M,) lines that are of no use for the upper edge.
-        front, rear: (J, M, 3) points of the walls [m]; NaN: none.
-        near, far: the same with x and y in radii.
+        near, far: (J, M, 3) points of the front and of the rear wall, x and y in radii, z [m];
+            NaN: none.
     """
 
     def __init__(self, grid: ScanGrid, radius: float) -> None:
@@ -48,21 +48,21 @@ class WallGeometry:
         self.radius = radius
         self.rows = rows
         self.lines = lines
-        self.front, self.rear = grid.front, grid.rear
         self.near = grid.front / (radius, radius, 1.0)
         self.far = grid.rear / (radius, radius, 1.0)
+        self.inside = grid.inside.astype(np.float32)
         self.first_row: IntArray = np.argmax(grid.inside, axis=0)
         self.last_row: IntArray = rows - 1 - np.argmax(grid.inside[::-1], axis=0)
+        self._may_be_cut = bool(np.any(self.first_row > 0))
         self.footprint = _rear_footprint(grid)
         self.stretched = _stretched(grid)
-        self._lines = np.arange(lines)
-
-    def at(self, table: FloatArray, rows: FloatArray) -> FloatArray:
-        """Values (M, 3) of a table (J, M, 3) at rows between samples; NaN where there is none."""
-        whole = np.clip(np.nan_to_num(rows, nan=0.0).astype(np.int64), 0, self.rows - 2)
-        part = (rows - whole)[:, np.newaxis]
-        upper, lower = table[whole, self._lines], table[whole + 1, self._lines]
-        return np.asarray(upper + (lower - upper) * part)
+        self._some = (
+            np.ascontiguousarray(self.near[:, ::SKIP]),
+            np.ascontiguousarray(self.far[:, ::SKIP]),
+        )
+        self._some_last = self.last_row[::SKIP].copy()
+        self._front_height = np.ascontiguousarray(grid.front[..., 2])
+        self._shapes = surface_solver.shapes_of(self.near[grid.still_row])
 
     def wall_points(
         self, place: FloatArray, width: FloatArray, at_border: BoolArray
@@ -75,29 +75,42 @@ class WallGeometry:
             at_border: (M,) whether the liquid reaches the image's border instead.
         """
         rows = np.where(at_border, self.first_row, place)
-        points = self.at(self.front, rows)
+        points = edge_search.table_at(self.near, rows)
         azimuth = np.arctan2(points[:, 1], points[:, 0])
+        shapes = surface_solver.shapes_of(points)
         scale = np.full(rows.size, np.hypot(SYSTEMATIC, _FRONT_ROWS * self.footprint))
-        return WallPoints(rows, azimuth, points[:, 2], at_border, width, scale)
+        return WallPoints(rows, azimuth, points[:, 2], shapes, at_border, width, scale)
 
-    def silhouette(self, heights: FloatArray) -> FloatArray:
-        """Rows (M,) at which a surface ends against the background; -1: above the image."""
-        return np.asarray(
-            surface_solver.silhouette_rows(
-                self.near,
-                self.far,
-                self.last_row,
-                self.radius,
-                self.footprint,
-                heights,
-                RADIAL,
-            )
+    def silhouette(self, heights: FloatArray, *, coarse: bool = False) -> FloatArray:
+        """Rows at which a surface ends against the background; -1: above the first row.
+
+        Args:
+            heights: (SHAPES,) of the surface [m].
+            coarse: for every `SKIP`th line only.
+
+        Returns:
+            (M,), between those of every `SKIP`th line.
+        """
+        rows = surface_solver.silhouette_rows(
+            *self._some, self._some_last, self.radius, self.footprint, heights
         )
+        return rows if coarse else np.asarray(edge_search.between_lines(rows, SKIP, self.lines))
 
     def front_rows(self, heights: FloatArray) -> FloatArray:
         """Rows (M,) of the front line of a surface."""
-        level = wall_shapes(np.arctan2(self.front[0, :, 1], self.front[0, :, 0])) @ heights
-        return np.asarray(edge_search.rows_of_heights(self.front[..., 2], level))
+        return np.asarray(edge_search.rows_of_heights(self._front_height, self._shapes @ heights))
+
+    def beyond_border(self, heights: FloatArray) -> BoolArray:
+        """Every `SKIP`th line: whether a surface is beyond the border; empty if it cannot be."""
+        if not self._may_be_cut:
+            return np.zeros(0, np.bool_)
+        rows = self.first_row[::SKIP] + 0.5
+        near = edge_search.table_at(self._some[0], rows)
+        far = edge_search.table_at(self._some[1], rows)
+        far[self.stretched[::SKIP]] = np.nan
+        above = surface_solver.above_ray(near, far, self.radius, self.footprint, heights)
+        front = surface_solver.shapes_of(near) @ heights > near[:, 2]
+        return np.asarray((above | front) & (self.first_row[::SKIP] > 0))
 
 
 def _rear_footprint(grid: ScanGrid) -> float:
