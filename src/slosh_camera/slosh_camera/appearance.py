@@ -53,8 +53,8 @@ class Tone:
 
     def reduce(self, picture: Image) -> Single:
         """Put a picture (J, M) or (J, M, C) on the axis: (J, M)."""
-        # Neighbouring lines show the same edge; their mean has less noise.
-        picture = np.asarray(cv2.blur(picture, (3, 1)), dtype=np.uint8)
+        # Takes specks and noise away and leaves edges where they are.
+        picture = np.asarray(cv2.medianBlur(picture, 3), dtype=np.uint8)
         weights = self.axis.astype(np.float32)
         offset = np.float32(self.axis @ self.liquid)
         if picture.ndim == 2:
@@ -66,13 +66,14 @@ class Tone:
         return np.asarray(level, dtype=np.float32)
 
 
-def find_tone(picture: Image, inside: BoolArray, body: slice) -> Tone | None:
+def find_tone(picture: Image, inside: BoolArray, body: slice, above: int) -> Tone | None:
     """The axis from liquid to background in one picture.
 
     Args:
         picture: (J, M) or (J, M, C) unrolled wall.
         inside: (J, M) whether the sample lies in the image.
         body: rows most samples of which show liquid.
+        above: row above which most samples that are not liquid show background.
 
     Returns:
         The axis; None where nothing differs from the liquid.
@@ -87,7 +88,10 @@ def find_tone(picture: Image, inside: BoolArray, body: slice) -> Tone | None:
     dry = rest[distance > limit]
     if len(dry) < _LEAST_SAMPLES:
         return None
-    background = percentile(dry, 50.0)
+    # Further down it may be the free surface.
+    upper = _samples(picture, inside, slice(0, above))
+    clear = upper[np.max(np.abs(upper - liquid), axis=1) > limit]
+    background = percentile(clear if len(clear) >= _LEAST_SAMPLES else dry, 50.0)
     axis = _axis(wet, dry, liquid, background)
     if axis is None:
         return None

@@ -27,7 +27,7 @@ from slosh_camera.surface_choice import SurfaceChooser
 from slosh_camera.surface_evidence import INLIER, SurfaceFit, Unrolled, WallPoints
 from slosh_camera.surface_fit import SurfaceFitter
 from slosh_camera.surface_modes import SHAPES
-from slosh_camera.surface_prior import Prior
+from slosh_camera.surface_prior import HIGHEST, Prior
 from slosh_camera.surface_reading import SurfaceReading
 from slosh_camera.wall_geometry import WallGeometry
 
@@ -40,6 +40,9 @@ BoolArray = NDArray[np.bool_]
 _BODIES = (0.5, 1.0), (0.1, 0.5)
 # How much more plausible the second must make the liquid at rest to be preferred.
 _RATHER = 0.3
+# How plausible a surface must be that the front line alone does not tell: fits to pictures without
+# a surface that can be told reach less.
+_BELIEVED = 0.0
 # Deviation from the liquid's most frequent level up to which samples may belong to it.
 _LEVEL_REACH = 0.25
 # Deviation from the liquid's level, as a part of the contrast, from which on a sample is rather
@@ -48,15 +51,19 @@ _LEVEL_REACH = 0.25
 _TOLERANCE = 0.08
 _TOLERANCE_NOISE = 4.0
 _TOLERANCE_SPREAD = 4.0
+# Width of an edge where there is none to measure it [rows].
+_SHARP = 2.0
+# Grey level from which on a background is white: whatever is as bright cannot be told from it.
+_WHITE = 250.0
 # Standard deviation of the first mode, as a part of the radius.
 _FIRST = 0.5
 _LEAST_POINTS = 10
-# A first mode of more than this part of the radius is no sloshing.
-_HIGHEST = 0.9
 # Part of the scan lines that must show an edge of the fitted surface for it to be one, and part
 # that may be hidden without a remark.
 _LEAST_READ = 0.5
-_HIDDEN = 0.15
+_HIDDEN = 0.13
+# The peak is hidden where the fitted surface is so much higher than what is seen [m].
+_HIGHER = 1e-3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -90,6 +97,8 @@ class FreeSurfaceDetector:
         self._fitter, self._chooser = SurfaceFitter(self._wall), SurfaceChooser(self._wall)
         self._tangents = calibration.view.tangent_azimuths()
         self._all_bodies = self._bodies = tuple(self._rows(body) for body in _BODIES)
+        top = int(np.min(self._wall.first_row))
+        self._above = (top + self._grid.still_row) // 2
         self._zero = np.zeros(SHAPES)
         self._prior = Prior(self._zero, first=_FIRST * calibration.view.cup.radius)
         self._at_rest = Prior(self._zero, first=3e-3, level=5e-3)
@@ -123,14 +132,14 @@ class FreeSurfaceDetector:
                 fits.append((plausible - (_RATHER if fits else 0.0), fit, seen[0], body))
         if fits:
             _, fit, view, body = max(fits, key=lambda entry: entry[0])
-        if not fits or self._flags(fit) & (Flag.NOT_FOUND | Flag.SATURATED):
+        if not fits or self._flags(fit, view) & (Flag.NOT_FOUND | Flag.SATURATED):
             raise SloshCameraError(
                 "still image: shows no whole liquid line, check light, region and calibration"
             )
         self._zero = np.concatenate((fit.heights[:3], np.zeros(SHAPES - 3)))
         self._prior = Prior(self._zero, first=self._prior.first)
         self._bodies = (body,)
-        self._surface = self._chooser.surface_tone(view.picture, self._zero)
+        self._surface = self._chooser.surface_tone(view, self._zero)
         return self.still_offset
 
     def update(self, stamp_ns: int, image: Image) -> Measurement:
@@ -158,9 +167,10 @@ class FreeSurfaceDetector:
             SloshCameraError: the image is not 8-bit or not of the calibrated size.
         """
         found = self._find(image)
-        flags = found if isinstance(found, Flag) else found.flags
-        if isinstance(found, Flag) or flags & Flag.NOT_FOUND:
-            return Measurement(stamp_ns=stamp_ns, flags=flags)
+        if isinstance(found, Flag):
+            return Measurement(stamp_ns=stamp_ns, flags=found)
+        if Flag.NOT_FOUND in found.flags:
+            return self._lower_bound(stamp_ns, found)
         return self._read(stamp_ns, found)
 
     def _rows(self, parts: tuple[float, float]) -> slice:
@@ -189,12 +199,15 @@ class FreeSurfaceDetector:
         for view, points in seen:
             fit = self._chooser.fit_certain(view, points, self._prior)
             if fit is not None:
-                return _Found(view, fit, self._flags(fit))
+                return _Found(view, fit, self._flags(fit, view))
         best = [(self._chooser.fit_best(*found, self._prior), found[0]) for found in seen]
         if not best:
             return self._light(unrolled)
-        (fit, _), view = max(best, key=lambda entry: entry[0][1])
-        return _Found(view, fit, self._flags(fit))
+        (fit, plausible), view = max(best, key=lambda entry: entry[0][1])
+        if plausible >= _BELIEVED:
+            return _Found(view, fit, self._flags(fit, view))
+        covered = self._wall.covered_border(view.picture)
+        return _Found(view, fit, Flag.NOT_FOUND | (Flag.SATURATED if covered else Flag.NONE))
 
     def _unrolled(self, image: Image) -> Image:
         self._check(image)
@@ -212,19 +225,23 @@ class FreeSurfaceDetector:
 
     def _front_line(self, unrolled: Image, body: slice) -> tuple[Unrolled, WallPoints] | None:
         """The wall on the axis from liquid to background, and where the liquid ends on it."""
-        tone = find_tone(unrolled, self._grid.inside, body)
+        tone = find_tone(unrolled, self._grid.inside, body, self._above)
         if tone is None or not self._believable(tone):
             return None
-        view = Unrolled(tone.reduce(unrolled), self._static, self._surface, tone.noise)
+        picture = tone.reduce(unrolled)
         first, last = self._wall.first_row, self._wall.last_row
-        level = edge_search.liquid_levels(view.picture, body.start, body.stop, _LEVEL_REACH)
+        level = edge_search.liquid_levels(picture, body.start, body.stop, _LEVEL_REACH)
         if np.any(np.isnan(level)):
             level = np.where(np.isnan(level), np.nanmedian(level), level)
-        spread = edge_search.usual_deviation(view.picture, level, body.start, body.stop)
+        spread = edge_search.usual_deviation(picture, level, body.start, body.stop)
         tolerance = max(_TOLERANCE, _TOLERANCE_NOISE * tone.noise, _TOLERANCE_SPREAD * spread)
-        row = edge_search.liquid_tops(view.picture, self._wall.inside, level, tolerance)
-        place, width = edge_search.refine_edges(view.picture, row, first, last)
-        return view, self._wall.wall_points(place, width, row <= first + 1)
+        row = edge_search.liquid_tops(picture, self._wall.inside, level, tolerance)
+        place, width = edge_search.refine_edges(picture, row, first, last)
+        known = width[np.isfinite(width)]
+        softness = float(np.median(known)) if known.size else _SHARP
+        clipped = bool(np.all(tone.background >= _WHITE))
+        view = Unrolled(picture, self._static, self._surface, tone.noise, softness, clipped)
+        return view, self._wall.wall_points(place, width, row <= first)
 
     def _believable(self, tone: Tone) -> bool:
         """Whether liquid and background differ enough, and in the way that the settings tell."""
@@ -235,26 +252,49 @@ class FreeSurfaceDetector:
         expected = self._settings.liquid
         return expected is Liquid.ANY or (expected is Liquid.LIGHTER) == lighter
 
-    def _flags(self, fit: SurfaceFit) -> Flag:
-        flags, points = Flag.NONE, fit.points
+    def _flags(self, fit: SurfaceFit, view: Unrolled) -> Flag:
+        flags = Flag.TOO_BRIGHT if view.clipped else Flag.NONE
+        points = fit.points
         front = (fit.front_weight > INLIER) & ~points.bound
         upper = fit.upper_weight > INLIER
         if self._fitter.cut_off(fit):
             flags |= Flag.SATURATED
         looked_at = np.count_nonzero(~points.bound)
         read = np.count_nonzero(front | (upper & ~points.bound))
-        impossible = float(np.hypot(*fit.heights[1:3])) > _HIGHEST * self._view.cup.radius
+        impossible = float(np.hypot(*fit.heights[1:3])) > HIGHEST * self._view.cup.radius
         if impossible or read < max(_LEAST_READ * looked_at, _LEAST_POINTS):
             return flags | Flag.NOT_FOUND
         if read < (1.0 - _HIDDEN) * looked_at:
             flags |= Flag.OCCLUDED
         return flags
 
+    def _lower_bound(self, stamp_ns: int, found: _Found) -> Measurement:
+        """Where no surface can be told, but liquid reaches the border: it is at least so high."""
+        points = found.fit.points
+        cut = points.bound & (self._wall.first_row > 0)
+        if Flag.SATURATED not in found.flags or not np.any(cut):
+            return Measurement(stamp_ns=stamp_ns, flags=found.flags)
+        heights = np.where(cut, points.height - points.shapes @ self._zero, -np.inf)
+        highest = int(np.argmax(heights))
+        place = self._grid.pixel_at(cut, points.place)[np.count_nonzero(cut[:highest])]
+        return Measurement(
+            stamp_ns=stamp_ns,
+            msh=float(heights[highest]),
+            azimuth=float(points.azimuth[highest]),
+            peak_pixel=(float(place[0]), float(place[1])),
+            peak_side=PeakSide.FRONT,
+            flags=found.flags & ~Flag.NOT_FOUND,
+        )
+
     def _read(self, stamp_ns: int, found: _Found) -> Measurement:
         cut_off = bool(found.flags & Flag.SATURATED)
         reading = SurfaceReading(found.fit, self._zero, self._wall.footprint, cut_off=cut_off)
         fitted, seen = reading.fitted(), reading.seen()
-        blurred = reading.edge_width > self._settings.max_blur
+        flags = found.flags
+        if reading.edge_width > self._settings.max_blur:
+            flags |= Flag.BLURRED
+        if fitted.height > seen.height + _HIGHER and not cut_off:
+            flags |= Flag.OCCLUDED
         side = self._side(fitted.azimuth)
         left, right = (reading.at(azimuth) for azimuth in self._tangents)
         pixels = self._pixels(found, reading)
@@ -275,7 +315,7 @@ class FreeSurfaceDetector:
             edge_pixels=pixels,
             peak_pixel=self._peak_pixel(seen.azimuth, seen.height),
             peak_side=side,
-            flags=found.flags | Flag.BLURRED if blurred else found.flags,
+            flags=flags,
         )
 
     def _side(self, azimuth: float) -> PeakSide:

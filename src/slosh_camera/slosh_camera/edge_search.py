@@ -16,7 +16,8 @@ FloatArray = NDArray[np.float64]
 
 use_compile_cache()
 
-# Bins of a histogram from -0.5 to 0.8, and samples that tell a line's level.
+# Bins of a histogram of what may be liquid, its ends, and samples that tell a line's level.
+_LOWEST, _TOP = -0.3, 0.5
 _BINS = 256
 _ENOUGH = 8
 # Samples beside an edge that must be inside the image.
@@ -29,7 +30,7 @@ _ENDED = 0.2
 _LIQUID_SPREAD = 1.0 / 0.45
 _BACKGROUND_SPREAD = 1.0 / 0.6
 _BETWEEN = 0.2
-_UNLIKE = 0.6
+_UNLIKE = 0.3
 # Weight of wrong samples against edges, and a slope that is half an edge.
 _WRONG = 4.0
 _HALF_EDGE = 0.08
@@ -61,7 +62,7 @@ def liquid_levels(picture, top, bottom, reach):  # type: ignore[no-untyped-def]
         (M,) levels; NaN where a line has hardly any such samples.
     """
     lines = picture.shape[1]
-    low, scale = -0.5, _BINS / 1.3
+    low, scale = _LOWEST, _BINS / (_TOP - _LOWEST)
     counts = np.zeros(_BINS, np.int64)
     for j in range(top, bottom, 2):
         for i in range(0, lines, 2):
@@ -218,7 +219,7 @@ def follow_edge(picture, static, guess, reach, floor, first, reversed_weight):  
         static: (J, M) slope of what is there without any wave: the rim, a label.
         guess: (M,) rows of the guessed curve; NaN: no edge is looked for.
         reach: samples by which the edge may lie off the guess.
-        floor: (M,) row below which there is no edge to look for: the front line.
+        floor: (M,) row below which there is no edge to look for.
         first: (M,) first row inside the image.
         reversed_weight: weight of edges above which it is less like background than below.
 
@@ -257,7 +258,7 @@ def rows_of_heights(table, level):  # type: ignore[no-untyped-def]
     """Rows at which lines up the wall reach given heights.
 
     Args:
-        table: (J, M) height of the wall by row, falling downwards [m].
+        table: (J, M) height of the wall by row, falling downwards [m]; NaN: not known, at the top.
         level: (M,) [m].
 
     Returns:
@@ -267,6 +268,8 @@ def rows_of_heights(table, level):  # type: ignore[no-untyped-def]
     found = np.empty(lines)
     for i in range(lines):
         high, low = 0, rows - 1
+        while np.isnan(table[high, i]) and high < low:
+            high += 1
         if level[i] >= table[high, i]:
             found[i] = high
             continue
@@ -295,7 +298,7 @@ def _gains(picture, static, guess, reach, floor, first, reversed_weight):  # typ
         centre = int(np.rint(guess[i]))
         for o in range(offsets):
             j = centre + o - reach
-            if j - 2 < first[i] or j + 1 >= rows or j > floor[i] - 2:
+            if j - 2 < first[i] or j + 1 >= rows or j > floor[i]:
                 continue
             above = picture[j - 1, i] + picture[j - 2, i]
             below = picture[j, i] + picture[j + 1, i]

@@ -64,7 +64,7 @@ class DetectionSettings:
     max_dark: float = 25.0
     min_bright: float = 230.0
     blur: float = 0.8
-    max_blur: float = 6.0
+    max_blur: float = 4.0
 
     def __post_init__(self) -> None:
         """Refuse values out of bounds."""

@@ -9,8 +9,8 @@ from slosh_camera import edge_search, surface_solver
 from slosh_camera.surface_evidence import SurfaceFit, Unrolled, WallPoints
 from slosh_camera.surface_fit import SurfaceFitter
 from slosh_camera.surface_modes import SHAPES
-from slosh_camera.surface_prior import Prior
-from slosh_camera.surface_solver import FINE
+from slosh_camera.surface_prior import HIGHEST, Prior
+from slosh_camera.surface_solver import COARSE, FINE
 from slosh_camera.wall_geometry import SKIP, WallGeometry
 
 FloatArray = NDArray[np.float64]
@@ -19,11 +19,13 @@ BoolArray = NDArray[np.bool_]
 
 # A first guess is made from pairs of these lines, and of points that agree within a distance
 # [rows]; so many guesses are made.
-_PAIR_LINES = 14
+_PAIR_LINES = 18
 _AGREE = 5.0
 _CANDIDATES = 8
 # Share of agreeing front points from which on the front line alone decides.
 _CERTAIN = 0.8
+# Surprise from which on a surface that the front line tells is compared with others.
+_UNLIKELY = 0.3
 # Deviation from the liquid that no liquid has.
 _FAR_FROM_LIQUID = 0.35
 # Surfaces that are fitted to the end, and by how much they differ in the first mode [rows].
@@ -55,13 +57,15 @@ class SurfaceChooser:
             prior: of the heights.
 
         Returns:
-            The fit to the front line and the upper edge; None where the points do not agree.
+            The fit to the front line and the upper edge; None where the points do not agree, or
+            the fit is no likely surface.
         """
         starts, shares = self._candidates(points.azimuth, points.height, points.bound, prior)
         if shares[0] < _CERTAIN:
             return None
         start = self._fitter.fit_front(points, prior, starts[0], FINE).heights
-        return self._fitter.refined(view, points, start, prior, FINE)
+        fit = self._fitter.refined(view, points, start, prior, FINE)
+        return fit if prior.surprise(fit.heights, self._wall.radius) < _UNLIKELY else None
 
     def fit_best(
         self, view: Unrolled, points: WallPoints, prior: Prior
@@ -77,17 +81,17 @@ class SurfaceChooser:
                 self._further_candidates(view, points, prior),
             )
         )
-        best, most = None, -np.inf
+        fits = []
         for start in self._most_likely(view, starts):
-            rough = self._fitter.refined(view, points, start, prior)
-            fit = self._fitter.refined(view, points, rough.heights, prior)
-            plausible = self._score(view, fit.heights)
-            plausible -= prior.surprise(fit.heights, self._wall.radius)
-            if best is None or plausible > most:
-                best, most = fit, plausible
-        if best is None:
-            return self._fitter.fit_front(points, prior), most
-        return best, most
+            for coarse in (FINE, COARSE):
+                rough = self._fitter.refined(view, points, start, prior, coarse)
+                fits.append(self._fitter.refined(view, points, rough.heights, prior, FINE))
+        plausible = [
+            self._score(view, fit.heights) - prior.surprise(fit.heights, self._wall.radius)
+            for fit in fits
+        ]
+        best = int(np.argmax(plausible))
+        return fits[best], plausible[best]
 
     def fit_still(
         self, view: Unrolled, points: WallPoints, prior: Prior
@@ -101,16 +105,19 @@ class SurfaceChooser:
         levels[:, 0] = _LEVELS
         scores = [self._score(view, heights) for heights in levels]
         start = levels[int(np.argmax(scores))]
-        used = self._fitter.refined(view, points, start, prior).points
-        return self._fitter.fit_front(used, prior, start), max(scores)
+        used = self._fitter.refined(view, points, start, prior, FINE).points
+        return self._fitter.fit_front(used, prior, start, FINE), max(scores)
 
-    def surface_tone(self, picture: Single, heights: FloatArray) -> float:
+    def surface_tone(self, view: Unrolled, heights: FloatArray) -> float:
         """What the free surface between a surface's two lines looks like; NaN: it is not seen."""
-        front, upper = self._wall.front_rows(heights), self._wall.silhouette(heights)
+        front, upper = (
+            self._wall.front_rows(heights),
+            self._wall.silhouette(heights, view.softness),
+        )
         rows = np.arange(self._wall.rows)[:, np.newaxis]
         between = (rows > upper + _EDGE_ROWS) & (rows < front - _EDGE_ROWS) & (upper > 0.0)
         enough = np.count_nonzero(between) > 2 * self._wall.lines
-        return float(np.median(picture[between])) if enough else float("nan")
+        return float(np.median(view.picture[between])) if enough else float("nan")
 
     def _further_candidates(self, view: Unrolled, points: WallPoints, prior: Prior) -> FloatArray:
         """First guesses (N, SHAPES) where the front line alone does not decide.
@@ -147,7 +154,7 @@ class SurfaceChooser:
 
     def _score(self, view: Unrolled, heights: FloatArray) -> float:
         """How well a surface agrees with the picture, on every fourth line."""
-        upper = self._wall.silhouette(heights, coarse=True)
+        upper = self._wall.silhouette(heights, view.softness, coarse=True)
         score = edge_search.surface_score(
             view.picture[:, ::SKIP],
             view.static[:, ::SKIP],
@@ -165,8 +172,9 @@ class SurfaceChooser:
         """First guesses (N, SHAPES) through points of the wall, and the shares that agree."""
         offset = surface_solver.wall_shapes_of(azimuth) @ prior.centre
         known = np.where(bound | np.isnan(azimuth), np.nan, height - offset)
+        agree, highest = _AGREE * self._wall.footprint, HIGHEST * self._wall.radius
         first, shares = surface_solver.first_mode_candidates(
-            azimuth, known, _AGREE * self._wall.footprint, self._pairs, _CANDIDATES
+            azimuth, known, agree, self._pairs, _CANDIDATES, highest
         )
         starts = np.tile(prior.centre, (len(first), 1))
         starts[:, 1:3] += first

@@ -24,12 +24,16 @@ class Unrolled:
         static: (J, M) slope of what is there without any wave.
         surface: what the free surface looked like at rest, on the picture's scale; NaN: unknown.
         noise: standard deviation of a sample.
+        softness: width of its edges [rows].
+        clipped: the background is white in the image, and so may be what is not background.
     """
 
     picture: Single
     static: FloatArray
     surface: float
     noise: float
+    softness: float
+    clipped: bool
 
 
 @dataclass(frozen=True, slots=True, eq=False)

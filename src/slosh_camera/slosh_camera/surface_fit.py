@@ -23,8 +23,10 @@ _CUT_LINES = 2
 # Front points that far from a surface are looked for again, so near to it [rows].
 _FAR_ROWS = 6.0
 _AGAIN_ROWS = 5
-# Height between front line and upper edge below which they are seen as one [rows].
-_MERGED = 4.0
+# Two edges are told from one another where they lie apart by so many rows, and so many times
+# their width.
+_APART = 3.0
+_WIDTHS_APART = 1.5
 # Slope from which on there is an edge.
 _LEAST_SLOPE = 0.03
 # Weight of upper edges above which it is less like background than below.
@@ -74,10 +76,12 @@ class SurfaceFitter:
             prior: of the heights.
             coarse: deviations of an edge up to which it counts at first.
         """
-        expected, upper = self._wall.front_rows(start), self._wall.silhouette(start)
+        expected, upper = self._wall.front_rows(start), self._wall.silhouette(start, view.softness)
         used = self._corrected(view, points, expected, upper)
         edge = self._upper_edge(view, used, expected, upper, start)
-        return self._solve(used, edge, start, prior.about(start, self._wall.radius), coarse)
+        return self._solve(
+            used, edge, start, prior.about(start, self._wall.radius), coarse, view.softness
+        )
 
     def cut_off(self, fit: SurfaceFit) -> bool:
         """Whether liquid or its surface reaches the image's border, in the image or by the fit."""
@@ -97,8 +101,9 @@ class SurfaceFitter:
             expected, upper: (M,) rows of the surface's front line and upper edge.
         """
         band = np.where(upper > 0.0, np.fmax(expected - upper, 0.0), np.inf)
+        apart = max(_APART, _WIDTHS_APART * view.softness)
         # Two edges so close together are seen as one, anywhere between them.
-        merged = np.where(band < _MERGED, 0.5 * band * self._wall.footprint, 0.0)
+        merged = np.where(band < 1.3 * apart, 0.5 * band * self._wall.footprint, 0.0)
         scale = np.hypot(points.scale, merged)
         far = ~(np.abs(points.place - expected) < _FAR_ROWS) & ~points.bound
         if not np.any(far):
@@ -134,13 +139,14 @@ class SurfaceFitter:
         reach = int(np.clip(4.0 + 0.3 * size**2 / self._wall.radius / self._wall.footprint, 5, 24))
         agree = np.abs(points.place - expected) < 3.0
         floor = np.where(agree, points.place, expected)
+        floor -= max(_APART, _WIDTHS_APART * view.softness)
         row, slope = edge_search.follow_edge(
             view.picture, view.static, guess, reach, floor, self._wall.first_row, _REVERSED
         )
         place, _ = edge_search.refine_edges(
             view.picture, np.maximum(row, 0), self._wall.first_row, self._wall.last_row
         )
-        found = (row > 0) & (slope > max(_LEAST_SLOPE, 3.0 * view.noise)) & (place < floor - 3.0)
+        found = (row > 0) & (slope > max(_LEAST_SLOPE, 3.0 * view.noise)) & (place < floor)
         return np.where(found, place, np.nan)
 
     def _solve(
@@ -150,13 +156,14 @@ class SurfaceFitter:
         start: FloatArray,
         about: tuple[FloatArray, FloatArray],
         coarse: float,
+        softness: float = 0.0,
     ) -> SurfaceFit:
         wall = self._wall
         near, far = edge_search.table_at(wall.near, upper), edge_search.table_at(wall.far, upper)
         scale = np.full(wall.lines, np.hypot(SYSTEMATIC, _UPPER_ROWS * wall.footprint))
         heights, covariance, *result = surface_solver.solve(
             points.shapes, points.height, points.scale, points.bound, near, far, scale,
-            wall.radius, wall.footprint, start, *about, coarse,
+            wall.radius, wall.fade(softness), start, *about, coarse,
         )  # fmt: skip
         azimuth = np.arctan2(far[:, 1], far[:, 0])
         return SurfaceFit(

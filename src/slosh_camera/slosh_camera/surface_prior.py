@@ -13,6 +13,8 @@ FloatArray = NDArray[np.float64]
 
 # What a height of one standard deviation takes from the agreement with a picture.
 _SURPRISE = 0.02
+HIGHEST = 0.9
+"""A first mode of more than this part of the radius is no sloshing."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -65,8 +67,7 @@ class Prior:
         return centre, precision
 
     def surprise(self, heights: FloatArray, radius: float) -> float:
-        """How unlikely heights (SHAPES,) [m] are, beside the first mode's."""
+        """How unlikely heights (SHAPES,) [m] are."""
         centre, precision = self.about(heights, radius)
         deviation = heights - centre
-        deviation[1:3] = 0.0
         return _SURPRISE * float(deviation @ precision @ deviation)

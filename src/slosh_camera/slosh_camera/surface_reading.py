@@ -19,7 +19,7 @@ _STEP = 2.0 * np.pi / _BINS
 # Points within about this angle speak for a place of the wall [rad].
 _KERNEL_WIDTH = np.radians(5.0)
 # Weight of the fit among the points around a place.
-_FIT_WEIGHT = 2.0
+_FIT_WEIGHT = 4.0
 # Part of the wall about a point for which it stands: next to the container's sides refraction
 # hides the line [rad].
 _STANDS_FOR = np.radians(17.0)
@@ -72,6 +72,8 @@ class SurfaceReading:
         self.front, self.rear = front, rear
         self.azimuth = np.concatenate((points.azimuth[front], fit.upper_azimuth[rear][::-1]))
         self._residual = np.concatenate((-fit.front_error[front], -fit.upper_error[rear][::-1]))
+        # A point that hardly agrees hardly counts.
+        self._trust = np.concatenate((fit.front_weight[front], fit.upper_weight[rear][::-1]))
         self._footprint, self._cut_off = footprint, cut_off
         width = points.width[front & ~points.bound]
         self.edge_width = float(np.median(width)) if width.size else np.nan
@@ -113,7 +115,7 @@ class SurfaceReading:
         """What the points add to the fit, by azimuth, and where the line is seen."""
         index = np.rint(self.azimuth / _STEP).astype(np.int64) % _BINS
         total, count, seen = surface_solver.around_the_wall(
-            index, self._residual, _BINS, _KERNEL, near
+            index, self._residual, self._trust, _BINS, _KERNEL, near
         )
         return total / (count + _FIT_WEIGHT), seen
 

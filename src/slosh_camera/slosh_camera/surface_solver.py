@@ -93,13 +93,13 @@ def _shapes_on_ray(near, far, part, out):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def touch(near, far, radius, footprint, heights):  # type: ignore[no-untyped-def]
+def touch(near, far, radius, fade, heights):  # type: ignore[no-untyped-def]
     """Where the surface comes closest to a ray from below, or rises most above it.
 
     Args:
         near, far: (3,) ends of the ray: x, y in radii, z [m].
         radius: of the container [m].
-        footprint: of a row on the rear wall [m].
+        fade: height on the rear wall over which a crest fades in, a row in a sharp picture [m].
         heights: (SHAPES,) [m].
 
     Returns:
@@ -125,19 +125,19 @@ def touch(near, far, radius, footprint, heights):  # type: ignore[no-untyped-def
         slope = max((0.5 * (right - left) + bend) / step, 0.0)
     hidden = 0.0
     if best and bend < 0.0:
-        further = np.sqrt(slope**2 - 2.0 * bend / step**2 * _NEIGHBOURHOOD * footprint)
-        hidden = _FADE * footprint * (1.0 - slope / further)
+        further = np.sqrt(slope**2 - 2.0 * bend / step**2 * _NEIGHBOURHOOD * fade)
+        hidden = _FADE * fade * (1.0 - slope / further)
     return part, _clearance(near, far, part, heights), hidden
 
 
 @njit(cache=True, nogil=True)
-def silhouette_rows(near, far, bottom, radius, footprint, heights):  # type: ignore[no-untyped-def]
+def silhouette_rows(near, far, bottom, radius, fade, heights):  # type: ignore[no-untyped-def]
     """Row on each line at which the surface of given heights ends against the background.
 
     Args:
         near, far: (J, M, 3) ends of every sample's ray: x, y in radii, z [m]; NaN: none.
         bottom: (M,) row that certainly shows liquid.
-        radius, footprint: as for touch.
+        radius, fade: as for touch.
         heights: (SHAPES,) [m].
 
     Returns:
@@ -150,9 +150,9 @@ def silhouette_rows(near, far, bottom, radius, footprint, heights):  # type: ign
         high, low = 0, bottom[i]
         if np.isnan(far[high, i, 0]) or np.isnan(far[low, i, 0]):
             continue
-        _, top, hidden = touch(near[high, i], far[high, i], radius, footprint, heights)
+        _, top, hidden = touch(near[high, i], far[high, i], radius, fade, heights)
         above = top - hidden
-        _, top, hidden = touch(near[low, i], far[low, i], radius, footprint, heights)
+        _, top, hidden = touch(near[low, i], far[low, i], radius, fade, heights)
         below = top - hidden
         if above > 0.0 or below < 0.0:
             rows[i] = -1.0 if above > 0.0 else np.nan
@@ -161,7 +161,7 @@ def silhouette_rows(near, far, bottom, radius, footprint, heights):  # type: ign
             # The clearance is nearly linear in the row: false position, kept inside the bracket.
             middle = high + int((low - high) * above / (above - below))
             middle = min(max(middle, high + 1), low - 1)
-            _, top, hidden = touch(near[middle, i], far[middle, i], radius, footprint, heights)
+            _, top, hidden = touch(near[middle, i], far[middle, i], radius, fade, heights)
             if top > hidden:
                 low, below = middle, top - hidden
             else:
@@ -193,7 +193,7 @@ def _one_sided(ratio):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def first_mode_candidates(azimuth, height, scale, pairs, count):  # type: ignore[no-untyped-def]
+def first_mode_candidates(azimuth, height, scale, pairs, count, highest):  # type: ignore[no-untyped-def]
     """First modes through pairs of front points, those first that most other points agree with.
 
     Args:
@@ -201,6 +201,7 @@ def first_mode_candidates(azimuth, height, scale, pairs, count):  # type: ignore
         scale: deviation beyond which a point does not agree; candidates differ by more [m].
         pairs: (P, 2) indices of lines.
         count: of candidates.
+        highest: first mode that liquid can have [m].
 
     Returns:
         (count, 2) heights at +x and at +y [m], and (count,) shares of points that agree; rest is
@@ -221,6 +222,8 @@ def first_mode_candidates(azimuth, height, scale, pairs, count):  # type: ignore
             continue
         x = (height[i] * sj - height[j] * si) / determinant
         y = (ci * height[j] - cj * height[i]) / determinant
+        if np.hypot(x, y) > highest:
+            continue
         tried[p + 1] = x, y
         score[p + 1] = _agreement(cosine, sine, height, scale, x, y)
     best = np.zeros((count, 2))
@@ -250,7 +253,7 @@ def _agreement(cosine, sine, height, scale, x, y):  # type: ignore[no-untyped-de
 
 @njit(cache=True, nogil=True)
 def solve(  # type: ignore[no-untyped-def]
-    front, front_height, front_scale, front_bound, near, far, ray_scale, radius, footprint,
+    front, front_height, front_scale, front_bound, near, far, ray_scale, radius, fade,
     start, centre, precision, coarse,
 ):  # fmt: skip
     """Iterated reweighted least squares with a Gaussian prior.
@@ -261,7 +264,7 @@ def solve(  # type: ignore[no-untyped-def]
         front_bound: (N,) whether the surface may be higher there.
         near, far: (M, 3) ends of the rays that the surface touches; NaN where there is none.
         ray_scale: (M,) deviation [m].
-        radius, footprint: as for touch.
+        radius, fade: as for touch.
         start: (SHAPES,) first guess of the heights [m].
         centre, precision: (SHAPES,) mean [m] and (SHAPES, SHAPES) inverse covariance of the prior.
         coarse: deviations up to which observations count at first; more where the start is rough.
@@ -295,7 +298,7 @@ def solve(  # type: ignore[no-untyped-def]
                 continue
             # The place of touch hardly moves, and moving it changes nothing to first order.
             if round % _AGAIN == 0:
-                part[i], top, hidden[i] = touch(near[i], far[i], radius, footprint, heights)
+                part[i], top, hidden[i] = touch(near[i], far[i], radius, fade, heights)
             else:
                 top = _clearance(near[i], far[i], part[i], heights)
             _shapes_on_ray(near[i], far[i], part[i], shapes)
@@ -349,22 +352,22 @@ def wall_shapes_of(azimuth):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def above_ray(near, far, radius, footprint, heights):  # type: ignore[no-untyped-def]
+def above_ray(near, far, radius, fade, heights):  # type: ignore[no-untyped-def]
     """Whether a surface is seen above each ray (M, 3) to (M, 3); not where there is none."""
     above = np.zeros(near.shape[0], np.bool_)
     for i in range(near.shape[0]):
         if not np.isnan(far[i, 0]):
-            _, top, hidden = touch(near[i], far[i], radius, footprint, heights)
+            _, top, hidden = touch(near[i], far[i], radius, fade, heights)
             above[i] = top > hidden
     return above
 
 
 @njit(cache=True, nogil=True)
-def around_the_wall(index, residual, bins, kernel, near):  # type: ignore[no-untyped-def]
+def around_the_wall(index, residual, trust, bins, kernel, near):  # type: ignore[no-untyped-def]
     """Residuals of points on a closed curve, spread over their neighbourhood.
 
     Args:
-        index: (N,) bin of each point. residual: (N,) [m].
+        index: (N,) bin of each point. residual: (N,) [m]. trust: (N,) weight of each.
         bins: of the curve.
         kernel: weights of the neighbours, of odd length.
         near: as long as the part of the curve for which a point stands.
@@ -380,8 +383,8 @@ def around_the_wall(index, residual, bins, kernel, near):  # type: ignore[no-unt
     for p in range(index.size):
         for place in (index[p] + edge, index[p] + edge - bins, index[p] + edge + bins):
             if 0 <= place < sums.size:
-                sums[place] += residual[p]
-                counts[place] += 1.0
+                sums[place] += trust[p] * residual[p]
+                counts[place] += trust[p]
     total, count = np.zeros(bins), np.zeros(bins)
     seen = np.zeros(bins, np.bool_)
     for b in range(bins):

@@ -10,6 +10,7 @@ from slosh_camera.scan_grid import ScanGrid
 from slosh_camera.surface_evidence import WallPoints
 
 FloatArray = NDArray[np.float64]
+Single = NDArray[np.float32]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
@@ -20,6 +21,12 @@ _FRONT_ROWS = 0.5
 # Lines on which a line of the image covers so many times as much of the rear wall as in the middle
 # are of no use for the upper edge.
 _STRETCH = 4.0
+# Width of an edge in a sharp picture [rows]; crests fade in over more rows in a softer one.
+_SHARP = 2.0
+_FADE_LIMITS = 0.7, 4.0
+# Lines on which liquid must reach the border, and what is surely no background there.
+_CUT_LINES = 3
+_COVERED = 0.6
 # Every fourth line is enough to compare surfaces.
 SKIP = 4
 
@@ -81,18 +88,25 @@ class WallGeometry:
         scale = np.full(rows.size, np.hypot(SYSTEMATIC, _FRONT_ROWS * self.footprint))
         return WallPoints(rows, azimuth, points[:, 2], shapes, at_border, width, scale)
 
-    def silhouette(self, heights: FloatArray, *, coarse: bool = False) -> FloatArray:
+    def fade(self, softness: float) -> float:
+        """Height on the rear wall over which a crest fades in, by the edges' width [rows]."""
+        return self.footprint * float(np.clip(softness / _SHARP, *_FADE_LIMITS))
+
+    def silhouette(
+        self, heights: FloatArray, softness: float, *, coarse: bool = False
+    ) -> FloatArray:
         """Rows at which a surface ends against the background; -1: above the first row.
 
         Args:
             heights: (SHAPES,) of the surface [m].
+            softness: width of the picture's edges [rows].
             coarse: for every `SKIP`th line only.
 
         Returns:
             (M,), between those of every `SKIP`th line.
         """
         rows = surface_solver.silhouette_rows(
-            *self._some, self._some_last, self.radius, self.footprint, heights
+            *self._some, self._some_last, self.radius, self.fade(softness), heights
         )
         return rows if coarse else np.asarray(edge_search.between_lines(rows, SKIP, self.lines))
 
@@ -100,11 +114,16 @@ class WallGeometry:
         """Rows (M,) of the front line of a surface."""
         return np.asarray(edge_search.rows_of_heights(self._front_height, self._shapes @ heights))
 
+    def covered_border(self, picture: Single) -> bool:
+        """Whether something else than background is seen where the image's border cuts lines."""
+        cut = np.flatnonzero(self.first_row > 0)
+        return bool(np.count_nonzero(picture[self.first_row[cut], cut] < _COVERED) >= _CUT_LINES)
+
     def beyond_border(self, heights: FloatArray) -> BoolArray:
         """Every `SKIP`th line: whether a surface is beyond the border; empty if it cannot be."""
         if not self._may_be_cut:
             return np.zeros(0, np.bool_)
-        rows = self.first_row[::SKIP] + 0.5
+        rows = self.first_row[::SKIP].astype(np.float64)
         near = edge_search.table_at(self._some[0], rows)
         far = edge_search.table_at(self._some[1], rows)
         far[self.stretched[::SKIP]] = np.nan
