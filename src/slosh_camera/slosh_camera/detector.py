@@ -30,6 +30,7 @@ from slosh_camera.surface_modes import SHAPES
 from slosh_camera.surface_prior import HIGHEST, Prior
 from slosh_camera.surface_reading import SurfaceReading
 from slosh_camera.wall_geometry import WallGeometry
+from slosh_camera.wall_pixels import WallPixels
 
 Image = NDArray[np.uint8]
 FloatArray = NDArray[np.float64]
@@ -95,6 +96,7 @@ class FreeSurfaceDetector:
         self._grid = build_scan_grid(calibration.view, calibration.region)
         self._wall = WallGeometry(self._grid, calibration.view.cup.radius)
         self._fitter, self._chooser = SurfaceFitter(self._wall), SurfaceChooser(self._wall)
+        self._wall_pixels = WallPixels(calibration.view)
         self._tangents = calibration.view.tangent_azimuths()
         self._all_bodies = self._bodies = tuple(self._rows(body) for body in _BODIES)
         top = int(np.min(self._wall.first_row))
@@ -313,7 +315,7 @@ class FreeSurfaceDetector:
             profile_azimuth=reading.azimuth,
             profile_height=reading.height,
             edge_pixels=pixels,
-            peak_pixel=self._peak_pixel(seen.azimuth, seen.height),
+            peak_pixel=self._wall_pixels(seen.azimuth, seen.height + self._zero[0]),
             peak_side=side,
             flags=flags,
         )
@@ -326,9 +328,3 @@ class FreeSurfaceDetector:
         front = self._grid.pixel_at(reading.front, found.fit.points.place)
         rear = self._grid.pixel_at(reading.rear, found.fit.upper_place)[::-1]
         return np.vstack((front, rear))
-
-    def _peak_pixel(self, azimuth: float, height: float) -> tuple[float, float]:
-        if not np.isfinite(height):
-            return float("nan"), float("nan")
-        u, v = self._view.project_wall(azimuth, height + self._zero[0])[0]
-        return float(u), float(v)

@@ -26,7 +26,7 @@ BoolArray = NDArray[np.bool_]
 _BOTTOM = 0.85
 # The pixels at the container's two edges mix liquid, wall and background.
 _EDGE_INSET = 1.5
-_MAX_LINES = 144
+_MAX_LINES = 128
 _MAX_ROWS = 300
 _MIN_LINES = 12
 _MIN_SAMPLES = 24

@@ -22,7 +22,7 @@ _KERNEL_WIDTH = np.radians(5.0)
 _FIT_WEIGHT = 4.0
 # Part of the wall about a point for which it stands: next to the container's sides refraction
 # hides the line [rad].
-_STANDS_FOR = np.radians(17.0)
+_STANDS_FOR = np.radians(25.0)
 # The surface touches the rear wall itself where it touches the ray so far along.
 _AT_REAR = 0.98
 # What makes up the standard deviation of a height, as fitted to the errors in rendered sequences
