@@ -150,7 +150,7 @@ class CupView:
         centre = self.pose.camera_centre
         object.__setattr__(self, "_centre", centre)
         cup = self.cup
-        glass = GlassWall(cup.radius, cup.wall_thickness, cup.wall_refractive_index)
+        glass = GlassWall(cup.radius, cup.wall_thickness, cup.wall_refractive_index, cup.rim_level)
         object.__setattr__(self, "_glass", glass)
         outer = glass.outer_radius
         if float(np.hypot(centre[0], centre[1])) <= outer:

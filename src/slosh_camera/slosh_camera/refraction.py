@@ -44,11 +44,13 @@ class GlassWall:
         radius: inner radius [m].
         thickness: [m].
         index: refractive index of the wall against the air on both sides.
+        rim: height of its upper end [m]; rays above it go straight. None: it has none.
     """
 
     radius: float
     thickness: float = 0.0
     index: float = 1.0
+    rim: float | None = None
 
     @property
     def outer_radius(self) -> float:
@@ -72,13 +74,16 @@ class GlassWall:
         """
         direction = directions / np.linalg.norm(directions, axis=1, keepdims=True)
         start = np.broadcast_to(origin, direction.shape)
+        over, straight = self._over_the_rim(start, direction)
         if self.bends:
             start = _hit(start, direction, self.outer_radius, far=False)
             direction = _refracted(direction, _outward(start), 1.0 / self.index)
         front = _hit(start, direction, self.radius, far=False)
         if self.bends:
             direction = _refracted(direction, _outward(front), self.index)
-        return WallTrace(front, _hit(front, direction, self.radius, far=True))
+        rear = _hit(front, direction, self.radius, far=True)
+        front[over], rear[over] = straight.front[over], straight.rear[over]
+        return WallTrace(front, rear)
 
     def sight(
         self, origin: FloatArray, points: FloatArray, rear: BoolArray | None = None
@@ -124,7 +129,21 @@ class GlassWall:
         heading = camera_azimuth + np.pi - np.sign(angle) * np.arcsin(impact / distance)
         directions = np.column_stack((np.cos(heading), np.sin(heading), slope))
         directions[missed] = np.nan
+        straight = points - origin
+        over, _ = self._over_the_rim(np.broadcast_to(origin, points.shape), straight)
+        flat = np.hypot(straight[over, 0], straight[over, 1])
+        directions[over] = straight[over] / flat[:, np.newaxis]
         return directions
+
+    def _over_the_rim(
+        self, start: FloatArray, direction: FloatArray
+    ) -> tuple[BoolArray, WallTrace]:
+        """Which straight rays look into the tube over its rim, and where all of them would hit."""
+        front = _hit(start, direction, self.radius, far=False)
+        rear = _hit(start, direction, self.radius, far=True)
+        if self.rim is None or not self.bends:
+            return np.zeros(len(direction), dtype=np.bool_), WallTrace(front, rear)
+        return np.asarray(front[:, 2] > self.rim), WallTrace(front, rear)
 
     def visible_half_angle(self, distance: float, elevation: float = 0.0) -> float:
         """Half of the front wall's arc that a camera sees.

@@ -124,3 +124,18 @@ def test_peaks_are_projected_where_the_ray_tracer_shows_them(name):
         straight, abs=1e-5
     )
     assert np.max(np.abs(straight - pixels)) > 1.0
+
+
+def test_over_the_rim_rays_go_straight_and_sight_finds_them_again():
+    glass = GlassWall(0.05, 0.003, 1.49, rim=0.03)
+    origin = np.array([0.0, -0.4, 0.3])
+    points = np.array([[0.01, 0.0489898, -0.01], [0.01, 0.0489898, 0.02]])
+    through, over = glass.sight(origin, points)
+    straight = points - origin
+    straight /= np.hypot(straight[:, 0], straight[:, 1])[:, np.newaxis]
+    # The lower point is seen through the glass, the upper one past it.
+    assert np.linalg.norm(through - straight[0]) > 1e-3
+    assert over == pytest.approx(straight[1], abs=1e-12)
+    trace = glass.trace(origin, np.vstack((through, over)))
+    assert trace.rear == pytest.approx(points, abs=1e-7)
+    assert trace.front[0, 2] < 0.03 < trace.front[1, 2]
