@@ -62,7 +62,7 @@ def test_wall_points_are_seen_where_the_detector_s_geometry_sees_them(scenes, tm
         assert straight == pytest.approx(
             cup_view.project(cup_view.wall_points(azimuth, height * MM))[0], abs=1e-6
         )
-        # The glass moves the point by far more than the two may differ, where it is seen through it.
+        # The glass moves a point seen through it by far more than the two may differ.
         through = view.project_refracted(azimuth, height * MM)
         assert math.dist(through, straight) > 0.1
 

@@ -129,7 +129,7 @@ def test_peaks_are_projected_where_the_ray_tracer_shows_them(name):
 def test_over_the_rim_rays_go_straight_and_sight_finds_them_again():
     glass = GlassWall(0.05, 0.003, 1.49, rim=0.03)
     origin = np.array([0.0, -0.4, 0.3])
-    points = np.array([[0.01, 0.0489898, -0.01], [0.01, 0.0489898, 0.02]])
+    points = np.array([[0.01, 0.0489898, -0.06], [0.01, 0.0489898, 0.02]])
     through, over = glass.sight(origin, points)
     straight = points - origin
     straight /= np.hypot(straight[:, 0], straight[:, 1])[:, np.newaxis]
