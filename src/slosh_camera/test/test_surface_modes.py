@@ -1,0 +1,136 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.special import jv
+
+from slosh_camera import surface_solver
+from slosh_camera.surface_modes import (
+    RADIAL_STEPS,
+    RADIAL_TABLE,
+    SHAPES,
+    Shape,
+    shapes_at,
+    wall_shapes,
+)
+
+# Zeros of J0', J1' (two) and J2', as tables have them.
+XI_01, XI_11, XI_12, XI_21 = 3.8317059702, 1.8411837813, 5.3314427735, 3.0542369282
+ABS = 1e-9
+BESSEL = {
+    Shape.FIRST_X: (1, XI_11, np.cos),
+    Shape.FIRST_Y: (1, XI_11, np.sin),
+    Shape.SECOND_X: (1, XI_12, np.cos),
+    Shape.SECOND_Y: (1, XI_12, np.sin),
+    Shape.MEAN: (0, XI_01, np.cos),
+    Shape.DOUBLE_X: (2, XI_21, np.cos),
+    Shape.DOUBLE_Y: (2, XI_21, np.sin),
+}
+WAVES = sorted(BESSEL)
+
+
+def disc(rings=40, around=48):
+    """Places of a product rule over the unit disc, and weights that sum to 1."""
+    nodes, weights = np.polynomial.legendre.leggauss(rings)
+    rho, part = 0.5 * (nodes + 1.0), 0.5 * weights
+    angle = 2.0 * np.pi * np.arange(around) / around
+    r, a = np.meshgrid(rho, angle, indexing="ij")
+    weight = np.repeat((2.0 * part * rho / around)[:, np.newaxis], around, axis=1)
+    return (r * np.cos(a)).ravel(), (r * np.sin(a)).ravel(), weight.ravel()
+
+
+@pytest.mark.parametrize("shape", WAVES, ids=lambda shape: shape.name)
+def test_shapes_are_bessel_functions(shape):
+    order, root, wave = BESSEL[shape]
+    rho, angle = (
+        part.ravel() for part in np.meshgrid(np.linspace(0, 1, 41), np.arange(0, 7, 0.5))
+    )
+    expected = jv(order, root * rho) / jv(order, root) * wave(order * angle)
+    found = shapes_at(rho * np.cos(angle), rho * np.sin(angle))[:, shape]
+    np.testing.assert_allclose(found, expected, atol=ABS)
+
+
+def test_the_level_is_the_same_everywhere():
+    x, y, _ = disc()
+    assert np.all(shapes_at(x, y)[:, Shape.LEVEL] == 1.0)
+
+
+@pytest.mark.parametrize("shape", WAVES, ids=lambda shape: shape.name)
+def test_crests_at_the_wall_have_height_1(shape):
+    around = wall_shapes(np.arange(0.0, 360.0, 1.0) * np.pi / 180.0)[:, shape]
+    assert np.max(around) == pytest.approx(1.0, abs=ABS)
+
+
+def test_crests_are_where_their_names_say():
+    at_x, at_y, half_way = wall_shapes([0.0, 0.5 * np.pi, 0.25 * np.pi])
+    for shape in (Shape.FIRST_X, Shape.SECOND_X, Shape.MEAN, Shape.DOUBLE_X):
+        assert at_x[shape] == pytest.approx(1.0, abs=ABS)
+    for shape in (Shape.FIRST_Y, Shape.SECOND_Y, Shape.MEAN):
+        assert at_y[shape] == pytest.approx(1.0, abs=ABS)
+    assert at_y[Shape.DOUBLE_X] == pytest.approx(-1.0, abs=ABS)
+    assert half_way[Shape.DOUBLE_Y] == pytest.approx(1.0, abs=ABS)
+
+
+@pytest.mark.parametrize("shape", WAVES, ids=lambda shape: shape.name)
+def test_no_liquid_flows_through_the_wall(shape):
+    # The potential has the surface's shape: no flow through the wall is no slope towards it.
+    angle = np.linspace(0.0, 2.0 * np.pi, 25)
+    step = 1e-5
+    outside, inside = (
+        shapes_at(rho * np.cos(angle), rho * np.sin(angle))[:, shape]
+        for rho in (1.0 + step, 1.0 - step)
+    )
+    assert np.max(np.abs(outside - inside) / (2.0 * step)) < 1e-6
+
+
+@pytest.mark.parametrize("shape", WAVES, ids=lambda shape: shape.name)
+def test_no_shape_changes_the_volume(shape):
+    x, y, weight = disc()
+    assert np.sum(weight) == pytest.approx(1.0)
+    assert abs(weight @ shapes_at(x, y)[:, shape]) < 1e-12
+
+
+def test_shapes_are_independent_of_one_another():
+    # Otherwise a fit could not tell them apart.
+    x, y, weight = disc()
+    shapes = shapes_at(x, y)
+    products = shapes.T @ (weight[:, np.newaxis] * shapes)
+    assert np.max(np.abs(products - np.diag(np.diag(products)))) < 1e-10
+
+
+def test_the_table_is_as_exact_as_it_says():
+    # Of the heights, on the line where each is highest; between the table's places and at them.
+    rho = np.sqrt(np.linspace(0.0, 1.0, 20001))
+    place = rho**2 * RADIAL_STEPS
+    k = np.minimum(place.astype(int), len(RADIAL_TABLE) - 2)
+    part = (place - k)[:, np.newaxis]
+    table = (1.0 - part) * RADIAL_TABLE[k] + part * RADIAL_TABLE[k + 1]
+    exact = shapes_at(rho, 0.0 * rho)
+    for column, (shape, power) in enumerate(
+        ((Shape.FIRST_X, 1), (Shape.SECOND_X, 1), (Shape.MEAN, 0), (Shape.DOUBLE_X, 2))
+    ):
+        assert np.max(np.abs(rho**power * table[:, column] - exact[:, shape])) < 2e-5
+
+
+@settings(deadline=None, derandomize=True)
+@given(st.floats(0.0, 1.0), st.floats(-np.pi, np.pi))
+def test_compiled_shapes_are_the_same_over_the_disc(rho, angle):
+    x, y = rho * np.cos(angle), rho * np.sin(angle)
+    compiled = surface_solver.shapes_of(np.array([[x, y, 0.123]]))
+    assert compiled.shape == (1, SHAPES)
+    np.testing.assert_allclose(compiled, shapes_at(x, y), atol=2e-5)
+
+
+@settings(deadline=None, derandomize=True)
+@given(st.floats(-10.0, 10.0))
+def test_compiled_shapes_are_the_same_on_the_wall(angle):
+    compiled = surface_solver.wall_shapes_of(np.array([angle]))
+    np.testing.assert_allclose(compiled, wall_shapes(angle), atol=1e-9)
+
+
+@settings(deadline=None, derandomize=True)
+@given(st.floats(1.0, 1.001))
+def test_points_just_outside_the_wall_are_continued(rho):
+    # Rays meet the wall with rounding; a place a hair outside must not jump.
+    compiled = surface_solver.shapes_of(np.array([[rho, 0.0, 0.0]]))
+    np.testing.assert_allclose(compiled, shapes_at(rho, 0.0), atol=5e-5)
