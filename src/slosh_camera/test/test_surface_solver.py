@@ -1,0 +1,463 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from slosh_camera import surface_solver
+from slosh_camera.scan_grid import build_scan_grid
+from slosh_camera.surface_modes import SHAPES, Shape, shapes_at, wall_shapes
+from slosh_camera.wall_geometry import WallGeometry
+
+RADIUS = 0.05
+MM = 1e-3
+# An edge that does not fade: the bare silhouette.
+NO_FADE = 1e-9
+PITCHED = {"camera_height": 0.45 * np.tan(np.radians(10.0))}
+# The front line alone cannot tell a first from a second mode, so something must be known.
+WEAK = np.diag(np.array([1.0, 30.0, 30.0, 2.0, 2.0, 2.0, 2.0, 2.0]) * MM) ** 2
+WEAK[np.diag_indices(SHAPES)] **= -1.0
+
+
+def random_surface(rng, first=0.4):
+    """Heights of all shapes of a slosh whose first mode is up to a part of the radius."""
+    size, azimuth = rng.uniform(0.3, 1.0) * first * RADIUS, rng.uniform(-np.pi, np.pi)
+    square = size**2 / RADIUS
+    heights = np.zeros(SHAPES)
+    heights[Shape.LEVEL] = rng.normal(0.0, 0.3 * MM)
+    heights[[Shape.FIRST_X, Shape.FIRST_Y]] = size * np.cos(azimuth), size * np.sin(azimuth)
+    heights[[Shape.SECOND_X, Shape.SECOND_Y]] = rng.normal(0.0, 0.05 * size, 2)
+    heights[Shape.MEAN] = rng.normal(0.0, 0.1 * square)
+    heights[[Shape.DOUBLE_X, Shape.DOUBLE_Y]] = rng.normal(0.0, 0.1 * square, 2)
+    return heights
+
+
+def highest_above(near, far, heights, places=4001):
+    """Where a surface is highest above a ray (3,) to (3,), and how high; by looking everywhere."""
+    part = np.linspace(0.0, 1.0, places)[:, np.newaxis]
+    points = near + part * (far - near)
+    above = shapes_at(points[:, 0], points[:, 1]) @ heights - points[:, 2]
+    highest = int(np.argmax(above))
+    return part[highest, 0], above[highest]
+
+
+def touching_rays(heights, count, rng):
+    """Rays from a camera at -y, somewhat above, that touch a surface in the rear half."""
+    start = rng.uniform(-0.8, 0.8, count) - 0.5 * np.pi
+    turn = np.pi + rng.uniform(-0.6, 0.6, count)
+    near = np.column_stack((np.cos(start), np.sin(start), np.zeros(count)))
+    far = np.column_stack((np.cos(start + turn), np.sin(start + turn), np.zeros(count)))
+    length = RADIUS * np.hypot(far[:, 0] - near[:, 0], far[:, 1] - near[:, 1])
+    above = np.empty(count)
+    for i in range(count):
+        for slope in (0.1, 0.2, 0.4, 0.8, 1.6):
+            far[i, 2] = -slope * length[i]
+            part, above[i] = highest_above(near[i], far[i], heights)
+            if part > 0.4:
+                break
+    near[:, 2] += above
+    far[:, 2] += above
+    return near, far
+
+
+def front_points(heights, count=120):
+    azimuth = np.linspace(-np.pi, 0.0, count)
+    shapes = wall_shapes(azimuth)
+    return shapes, shapes @ heights
+
+
+def no_rays():
+    return np.full((0, 3), np.nan), np.full((0, 3), np.nan), np.zeros(0)
+
+
+def solve(
+    front=None, rays=None, centre=None, precision=WEAK, bound=None, start=None,
+    scale=0.2 * MM, fade=NO_FADE, coarse=surface_solver.COARSE,
+):  # fmt: skip
+    shapes, height = front or (np.zeros((0, SHAPES)), np.zeros(0))
+    near, far = rays or no_rays()[:2]
+    centre = np.zeros(SHAPES) if centre is None else centre
+    return surface_solver.solve(
+        shapes, height, np.full(height.size, scale),
+        np.zeros(height.size, np.bool_) if bound is None else bound,
+        near, far, np.full(len(near), scale), RADIUS, fade,
+        centre.copy() if start is None else start, centre, precision, coarse,
+    )  # fmt: skip
+
+
+# The place of touch.
+
+
+def test_a_ray_over_a_crest_touches_it_there():
+    # The mean shape's negative is a hill in the middle of the container.
+    heights = np.zeros(SHAPES)
+    heights[Shape.MEAN] = -2.0 * MM
+    top = shapes_at(0.0, 0.0)[0] @ heights
+    near, far = np.array([0.0, -1.0, top + MM]), np.array([0.0, 1.0, top + MM])
+    part, above, hidden = surface_solver.touch(near, far, RADIUS, 0.5 * MM, heights)
+    assert part == pytest.approx(0.5, abs=1e-6)
+    assert above == pytest.approx(-1.0 * MM, abs=1e-6)
+    # A crest fades in over its whole fade, and a wider one where the picture is softer.
+    assert hidden == pytest.approx(0.5 * MM, rel=1e-6)
+    assert surface_solver.touch(near, far, RADIUS, MM, heights)[2] == pytest.approx(MM, rel=1e-6)
+
+
+def test_a_level_surface_is_touched_at_the_rear_wall_and_hides_nothing():
+    near, far = np.array([0.0, -1.0, 3.0 * MM]), np.array([0.0, 1.0, MM])
+    heights = np.eye(SHAPES)[Shape.LEVEL] * 0.5 * MM
+    part, above, hidden = surface_solver.touch(near, far, RADIUS, MM, heights)
+    assert part == 1.0
+    assert above == pytest.approx(-0.5 * MM)
+    assert hidden == 0.0
+
+
+def test_the_steeper_the_rear_edge_the_less_is_hidden():
+    # A surface that sinks at the rear wall, seen from above at growing angles.
+    heights = np.zeros(SHAPES)
+    heights[Shape.FIRST_Y] = 10.0 * MM
+    shares = []
+    for slope in (0.02, 0.1, 0.5, 1.0):
+        near, far = np.array([0.0, -1.0, 2.0 * RADIUS * slope]), np.array([0.0, 1.0, 0.0])
+        part, _, hidden = surface_solver.touch(near, far, RADIUS, 0.5 * MM, heights)
+        assert part == 1.0
+        shares.append(hidden / (0.5 * MM))
+    assert 1.0 > shares[0] > shares[1] > shares[2] > shares[3] > 0.0
+    assert shares[3] < 0.03
+
+
+def test_touch_against_looking_everywhere():
+    rng = np.random.default_rng(3)
+    errors = []
+    for _ in range(60):
+        heights = random_surface(rng, 0.3)
+        near, far = touching_rays(heights, 2, rng)
+        for i in range(2):
+            part, above, hidden = surface_solver.touch(near[i], far[i], RADIUS, 0.5 * MM, heights)
+            errors.append(above)
+            assert 0.0 <= part <= 1.0
+            assert 0.0 <= hidden <= 0.5 * MM * (1.0 + 1e-9)
+    # Nothing is higher than the highest place; what nine samples and a parabola miss is little.
+    assert np.max(errors) < 1e-6
+    assert np.min(errors) > -0.15 * MM
+    assert np.median(errors) > -0.001 * MM
+
+
+def test_a_surface_is_above_the_rays_that_meet_it():
+    rng = np.random.default_rng(4)
+    heights = random_surface(rng)
+    near, far = touching_rays(heights, 20, rng)
+    up = np.array([0.0, 0.0, 0.5 * MM])
+    none = np.full((20, 3), np.nan)
+    assert np.all(surface_solver.above_ray(near - up, far - up, RADIUS, NO_FADE, heights))
+    assert not np.any(surface_solver.above_ray(near + up, far + up, RADIUS, NO_FADE, heights))
+    assert not np.any(surface_solver.above_ray(near - up, none, RADIUS, NO_FADE, heights))
+
+
+# The silhouette.
+
+
+@pytest.mark.parametrize("camera", [{}, PITCHED], ids=["level", "pitched"])
+def test_silhouette_against_looking_everywhere(make_scene, camera):
+    wall = WallGeometry(build_scan_grid(make_scene(**camera).calibration().view, None), RADIUS)
+    near = np.ascontiguousarray(wall.near[:, ::4])
+    far = np.ascontiguousarray(wall.far[:, ::4])
+    last = wall.last_row[::4].copy()
+    rng = np.random.default_rng(5)
+    errors = []
+    for _ in range(5):
+        heights = random_surface(rng, 0.3)
+        rows = surface_solver.silhouette_rows(near, far, last, RADIUS, NO_FADE, heights)
+        for i in np.flatnonzero((rows > 2.0) & (rows < wall.rows - 5)):
+            # The surface is above the ray of the row below the silhouette, not of that above.
+            around = range(int(rows[i]) - 2, int(rows[i]) + 4)
+            above = np.array(
+                [highest_above(near[j, i], far[j, i], heights, 401)[1] for j in around]
+            )
+            below = int(np.argmax(above > 0.0))
+            exact = around[below] - above[below] / (above[below] - above[below - 1])
+            errors.append(rows[i] - exact)
+    assert len(errors) > 100
+    assert np.max(np.abs(errors)) < 0.2
+    assert np.percentile(np.abs(errors), 90) < 0.08
+
+
+def test_silhouette_of_a_level_surface_is_the_rear_line(make_scene):
+    scene = make_scene(**PITCHED)
+    wall = WallGeometry(build_scan_grid(scene.calibration().view, None), RADIUS)
+    heights = np.eye(SHAPES)[Shape.LEVEL] * 3.0 * MM
+    rows = surface_solver.silhouette_rows(
+        wall.near, wall.far, wall.last_row, RADIUS, wall.fade(2.0), heights
+    )
+    middle = wall.lines // 2
+    row = int(rows[middle])
+    seen = np.interp(rows[middle], [row, row + 1], wall.far[row : row + 2, middle, 2])
+    assert seen == pytest.approx(3.0 * MM, abs=1e-6)
+
+
+def test_the_edge_of_a_crest_is_seen_lower_in_a_soft_picture(make_scene):
+    # A camera at the level of the liquid sees the hill in the middle against the background.
+    wall = WallGeometry(build_scan_grid(make_scene().calibration().view, None), RADIUS)
+    heights = np.zeros(SHAPES)
+    heights[Shape.MEAN] = -4.0 * MM
+
+    def middle(softness):
+        rows = surface_solver.silhouette_rows(
+            wall.near, wall.far, wall.last_row, RADIUS, softness * wall.footprint, heights
+        )
+        return rows[wall.lines // 2]
+
+    bare = middle(1e-6)
+    # Half way to the rear wall a row is lower than there by a tenth.
+    assert middle(1.0) - bare == pytest.approx(1.1, abs=0.1)
+    assert middle(2.0) - bare == pytest.approx(2.2, abs=0.2)
+
+
+def test_silhouette_rows_that_cannot_be_seen(make_scene):
+    wall = WallGeometry(build_scan_grid(make_scene(**PITCHED).calibration().view, None), RADIUS)
+    far = wall.far.copy()
+    far[:, 3] = np.nan
+
+    def rows(level):
+        heights = np.eye(SHAPES)[Shape.LEVEL] * level
+        return surface_solver.silhouette_rows(
+            wall.near, far, wall.last_row, RADIUS, NO_FADE, heights
+        )
+
+    too_high, too_low = rows(0.2), rows(-0.2)
+    assert np.isnan(too_high[3])
+    assert np.all(np.delete(too_high, 3) == -1.0)
+    assert np.all(np.isnan(too_low))
+
+
+# The fit.
+
+
+@settings(deadline=None, derandomize=True, max_examples=25)
+@given(st.integers(0, 10**6))
+def test_noiseless_points_and_rays_give_the_surface_back(seed):
+    rng = np.random.default_rng(seed)
+    heights = random_surface(rng, 0.25)
+    rays = touching_rays(heights, 40, rng)
+    start = heights + rng.normal(0.0, 0.3 * MM, SHAPES)
+    found, _, front_error, front_weight, ray_error, ray_weight, part = solve(
+        front_points(heights), rays, start=start
+    )
+    around = wall_shapes(np.arange(0.0, 6.3, 0.1))
+    assert np.max(np.abs(around @ (found - heights))) < 0.05 * MM
+    assert np.max(np.abs(front_error)) < 0.05 * MM
+    assert np.median(np.abs(ray_error)) < 0.005 * MM
+    assert np.min(front_weight) > 0.99
+    assert np.median(ray_weight) > 0.99
+    assert np.all((part >= 0.0) & (part <= 1.0))
+
+
+def test_noiseless_front_points_all_around_are_met_exactly():
+    heights = random_surface(np.random.default_rng(6))
+    shapes = wall_shapes(np.linspace(-np.pi, np.pi, 200))
+    found, *_ = solve((shapes, shapes @ heights))
+    np.testing.assert_allclose(shapes @ found, shapes @ heights, atol=1e-6)
+
+
+def test_rays_alone_tell_the_surface_over_the_whole_cross_section():
+    # A hill in the middle is seen at the wall as if the level were lower.
+    heights = np.zeros(SHAPES)
+    heights[Shape.MEAN] = -2.0 * MM
+    start = 0.9 * heights
+    rays = touching_rays(heights, 60, np.random.default_rng(7))
+    found, *_ = solve(front_points(heights), rays, start=start)
+    np.testing.assert_allclose(found, heights, atol=0.05 * MM)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_fifth_of_outliers_moves_nothing(seed):
+    rng = np.random.default_rng(seed)
+    heights = random_surface(rng, 0.25)
+    shapes, height = front_points(heights)
+    near, far = touching_rays(heights, 40, rng)
+    bad = rng.choice(height.size, height.size // 5, replace=False)
+    height[bad] += rng.choice([-1.0, 1.0], bad.size) * rng.uniform(3.0 * MM, 20.0 * MM, bad.size)
+    bad_ray = rng.choice(40, 8, replace=False)
+    near[bad_ray, 2] += 5.0 * MM
+    far[bad_ray, 2] += 5.0 * MM
+    start = heights + rng.normal(0.0, 0.3 * MM, SHAPES)
+    found, _, _, weight, _, ray_weight, _ = solve((shapes, height), (near, far), start=start)
+    around = wall_shapes(np.arange(0.0, 6.3, 0.1))
+    assert np.max(np.abs(around @ (found - heights))) < 0.05 * MM
+    assert np.all(weight[bad] == 0.0)
+    assert np.min(np.delete(weight, bad)) > 0.5
+    assert np.all(ray_weight[bad_ray] == 0.0)
+
+
+def test_a_rough_start_needs_the_coarse_way():
+    # Nine deviations off: nothing counts in a fine fit, and what is started from is left.
+    shapes = wall_shapes(np.linspace(-np.pi, np.pi, 120))
+    front = shapes, np.full(120, 1.8 * MM)
+    precision = np.diag(np.full(SHAPES, (30.0 * MM) ** -2.0))
+    fine, coarse = (
+        shapes @ solve(front, coarse=coarse, precision=precision)[0]
+        for coarse in (surface_solver.FINE, surface_solver.COARSE)
+    )
+    np.testing.assert_allclose(coarse, 1.8 * MM, atol=1e-6)
+    np.testing.assert_allclose(fine, 0.0, atol=1e-6)
+
+
+def test_unknown_points_and_rays_do_not_count():
+    rng = np.random.default_rng(8)
+    heights = random_surface(rng, 0.25)
+    shapes, height = front_points(heights)
+    near, far = touching_rays(heights, 40, rng)
+    start = heights + 0.1 * MM
+    clean = solve((shapes[::2], height[::2]), (near[::2], far[::2]), start=start)
+    height[1::2] = np.nan
+    far[1::2] = np.nan
+    gaps = solve((shapes, height), (near, far), start=start)
+    np.testing.assert_allclose(gaps[0], clean[0], atol=1e-12)
+    np.testing.assert_allclose(gaps[1], clean[1], rtol=1e-9)
+    assert np.all(np.isnan(gaps[2][1::2]))
+    assert np.all(gaps[3][1::2] == 0.0)
+    assert np.all(np.isnan(gaps[6][1::2]))
+
+
+def test_bounds_below_the_surface_say_nothing():
+    heights = random_surface(np.random.default_rng(9))
+    shapes = wall_shapes(np.linspace(-np.pi, np.pi, 120))
+    height = shapes @ heights
+    bound = np.zeros(120, np.bool_)
+    bound[::3] = True
+    height[bound] -= 4.0 * MM
+    found, _, _, weight, *_ = solve((shapes, height), bound=bound, start=heights)
+    np.testing.assert_allclose(shapes @ found, shapes @ heights, atol=1e-6)
+    assert np.all(weight[bound] == 0.0)
+
+
+def test_the_surface_is_not_below_a_bound_however_far():
+    shapes = wall_shapes(np.linspace(-np.pi, np.pi, 120))
+    height = np.full(120, 20.0 * MM)
+    precision = np.diag(np.full(SHAPES, (5.0 * MM) ** -2.0))
+    free = solve((shapes, height), precision=precision, scale=0.1 * MM)[0]
+    held = solve(
+        (shapes, height), precision=precision, scale=0.1 * MM, bound=np.ones(120, np.bool_)
+    )[0]
+    assert free[Shape.LEVEL] == pytest.approx(0.0, abs=1e-6)  # outliers, all of them
+    assert np.min(shapes @ held) > 19.9 * MM
+
+
+def test_without_data_the_prior_is_left():
+    centre = np.arange(1.0, SHAPES + 1.0) * MM
+    precision = np.diag(np.arange(1.0, SHAPES + 1.0) * 1e6)
+    found, covariance, *_ = solve(centre=centre, precision=precision, start=np.zeros(SHAPES))
+    np.testing.assert_allclose(found, centre, atol=1e-12)
+    np.testing.assert_allclose(covariance, np.linalg.inv(precision), rtol=1e-9)
+
+
+def test_prior_and_points_are_weighed_by_their_variances():
+    # One point of the level against a prior of the same variance: the mean of both.
+    centre = np.zeros(SHAPES)
+    precision = np.diag(np.full(SHAPES, 1e12))
+    precision[0, 0] = (0.2 * MM) ** -2.0
+    front = np.eye(SHAPES)[:1], np.array([0.3 * MM])
+    found, covariance, _, weight, *_ = solve(front, centre=centre, precision=precision)
+    residual = (found[0] - 0.3 * MM) / (0.2 * MM)
+    # Tukey's weight of the point, as it says in any book.
+    expected = (1.0 - (residual / 4.7) ** 2) ** 2
+    assert weight[0] == pytest.approx(expected, rel=3e-3)
+    assert found[0] == pytest.approx(0.3 * MM * expected / (1.0 + expected), rel=3e-3)
+    assert covariance[0, 0] == pytest.approx((0.2 * MM) ** 2 / (1.0 + expected), rel=3e-3)
+
+
+def test_covariance_is_the_inverse_of_the_normal_matrix():
+    rng = np.random.default_rng(10)
+    heights = random_surface(rng, 0.25)
+    shapes, height = front_points(heights)
+    near, far = touching_rays(heights, 40, rng)
+    precision = np.diag(np.full(SHAPES, (3.0 * MM) ** -2.0))
+    precision[6, 7] = precision[7, 6] = 0.3 * precision[6, 6]
+    result = solve((shapes, height), (near, far), heights, precision)
+    _, covariance, _, front_weight, _, ray_weight, part = result
+    place = near + part[:, np.newaxis] * (far - near)
+    at_rays = shapes_at(place[:, 0], place[:, 1])
+    normal = (
+        precision
+        + (
+            shapes.T @ (front_weight[:, np.newaxis] * shapes)
+            + at_rays.T @ (ray_weight[:, np.newaxis] * at_rays)
+        )
+        / (0.2 * MM) ** 2
+    )
+    np.testing.assert_allclose(covariance @ normal, np.eye(SHAPES), atol=2e-3)
+    assert np.all(np.linalg.eigvalsh(covariance) > 0.0)
+
+
+def test_a_faded_crest_is_known_less_well():
+    heights = np.zeros(SHAPES)
+    heights[Shape.MEAN] = -2.0 * MM
+    near, far = touching_rays(heights, 60, np.random.default_rng(11))
+    fade = 0.8 * MM
+    # The edge is seen on rays that are lower by the fade: above them there is the surface.
+    lower = np.array([0.0, 0.0, fade])
+    front = front_points(heights)
+    sharp = solve(front, (near, far), start=heights)
+    soft = solve(front, (near - lower, far - lower), start=heights, fade=fade)
+    assert soft[0][Shape.MEAN] == pytest.approx(-2.0 * MM, abs=0.15 * MM)
+    assert soft[1][Shape.MEAN, Shape.MEAN] > 1.2 * sharp[1][Shape.MEAN, Shape.MEAN]
+
+
+# First guesses.
+
+
+def pairs_of(count):
+    some = range(0, count, 6)
+    return np.array([(i, j) for i in some for j in some if j > i])
+
+
+def candidates(azimuth, height, count=5, highest=0.9 * RADIUS):
+    return surface_solver.first_mode_candidates(
+        azimuth, height, 2.0 * MM, pairs_of(azimuth.size), count, highest
+    )
+
+
+def test_most_points_agree_with_the_first_guess():
+    rng = np.random.default_rng(12)
+    azimuth = np.linspace(-np.pi, 0.0, 108)
+    height = 12.0 * MM * np.cos(azimuth) - 20.0 * MM * np.sin(azimuth)
+    wrong = rng.permutation(108)[:45]
+    height[wrong] = rng.uniform(-40.0 * MM, 40.0 * MM, 45)
+    height[rng.permutation(108)[:10]] = np.nan
+    found, share = candidates(azimuth, height)
+    assert found[0] == pytest.approx((12.0 * MM, -20.0 * MM), abs=0.5 * MM)
+    assert 0.4 < share[0] < 0.8
+    assert np.all(np.diff(share) <= 0.0)
+    # All of them differ.
+    apart = np.linalg.norm(found[:, np.newaxis] - found, axis=2) + np.eye(len(found))
+    assert np.min(apart) >= 2.0 * MM
+
+
+def test_a_first_guess_that_no_liquid_has_is_not_made():
+    azimuth = np.linspace(-np.pi, 0.0, 108)
+    found, _ = candidates(azimuth, -0.06 * np.sin(azimuth))
+    assert np.max(np.hypot(*found.T)) <= 0.9 * RADIUS
+
+
+def test_unknown_points_leave_rest_as_the_one_guess():
+    azimuth = np.linspace(-np.pi, 0.0, 108)
+    found, share = candidates(azimuth, np.full(108, np.nan))
+    np.testing.assert_array_equal(found, [[0.0, 0.0]])
+    assert share[0] == 0.0
+
+
+# Around the wall.
+
+
+def test_residuals_are_spread_over_their_neighbourhood_around_the_closed_curve():
+    kernel = np.array([0.25, 0.5, 1.0, 0.5, 0.25])
+    index, residual, trust = np.array([0, 17]), np.array([2.0, -3.0]), np.array([1.0, 0.5])
+    total, count, seen = surface_solver.around_the_wall(index, residual, trust, 18, kernel, 3)
+    sums, weights, near = np.zeros(18), np.zeros(18), np.zeros(18, bool)
+    for place, value, weight in zip(index, residual, trust, strict=True):
+        for k in range(-2, 3):
+            sums[(place + k) % 18] += kernel[k + 2] * weight * value
+            weights[(place + k) % 18] += kernel[k + 2] * weight
+        for k in range(-1, 2):
+            near[(place + k) % 18] = True
+    np.testing.assert_allclose(total, sums, atol=1e-12)
+    np.testing.assert_allclose(count, weights, atol=1e-12)
+    np.testing.assert_array_equal(seen, near)
