@@ -1,7 +1,5 @@
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from slosh_camera import surface_solver
 from slosh_camera.scan_grid import build_scan_grid
@@ -231,23 +229,25 @@ def test_silhouette_rows_that_cannot_be_seen(make_scene):
 # The fit.
 
 
-@settings(deadline=None, derandomize=True, max_examples=25)
-@given(st.integers(0, 10**6))
-def test_noiseless_points_and_rays_give_the_surface_back(seed):
-    rng = np.random.default_rng(seed)
-    heights = random_surface(rng, 0.25)
-    rays = touching_rays(heights, 40, rng)
-    start = heights + rng.normal(0.0, 0.3 * MM, SHAPES)
-    found, _, front_error, front_weight, ray_error, ray_weight, part = solve(
-        front_points(heights), rays, start=start
-    )
+def test_noiseless_points_and_rays_give_the_surface_back():
     around = wall_shapes(np.arange(0.0, 6.3, 0.1))
-    assert np.max(np.abs(around @ (found - heights))) < 0.05 * MM
-    assert np.max(np.abs(front_error)) < 0.05 * MM
-    assert np.median(np.abs(ray_error)) < 0.005 * MM
-    assert np.min(front_weight) > 0.99
-    assert np.median(ray_weight) > 0.99
-    assert np.all((part >= 0.0) & (part <= 1.0))
+    errors = []
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        heights = random_surface(rng, 0.25)
+        rays = touching_rays(heights, 40, rng)
+        start = heights + rng.normal(0.0, 0.3 * MM, SHAPES)
+        result = solve(front_points(heights), rays, start=start)
+        found, _, front_error, front_weight, ray_error, ray_weight, part = result
+        errors.append(np.max(np.abs(around @ (found - heights))))
+        assert np.max(np.abs(front_error)) < 0.01 * MM
+        assert np.median(np.abs(ray_error)) < 0.03 * MM
+        assert np.min(front_weight) > 0.99
+        assert np.median(ray_weight) > 0.99
+        assert np.all((part >= 0.0) & (part <= 1.0))
+    # Where a crest is flat, the place of touch is known less exactly.
+    assert np.max(errors) < 0.02 * MM
+    assert np.median(errors) < 0.001 * MM
 
 
 def test_noiseless_front_points_all_around_are_met_exactly():
@@ -306,7 +306,8 @@ def test_unknown_points_and_rays_do_not_count():
     shapes, height = front_points(heights)
     near, far = touching_rays(heights, 40, rng)
     start = heights + 0.1 * MM
-    clean = solve((shapes[::2], height[::2]), (near[::2], far[::2]), start=start)
+    even = [part[::2].copy() for part in (shapes, height, near, far)]
+    clean = solve(even[:2], even[2:], start=start)
     height[1::2] = np.nan
     far[1::2] = np.nan
     gaps = solve((shapes, height), (near, far), start=start)
