@@ -108,18 +108,18 @@ def test_a_level_surface_is_touched_at_the_rear_wall_and_hides_nothing():
     assert hidden == 0.0
 
 
-def test_the_steeper_the_rear_edge_the_less_is_hidden():
-    # A surface that sinks at the rear wall, seen from above at growing angles.
+@pytest.mark.parametrize("angle", [0.05, 0.2, 0.5, 1.0])
+def test_the_steeper_the_rear_edge_is_seen_the_less_is_hidden(angle):
+    # The first mode is level at the wall and bent by (1 - xi^2) of its height per square radius.
+    size, fade = 10.0 * MM, 0.5 * MM
     heights = np.zeros(SHAPES)
-    heights[Shape.FIRST_Y] = 10.0 * MM
-    shares = []
-    for slope in (0.02, 0.1, 0.5, 1.0):
-        near, far = np.array([0.0, -1.0, 2.0 * RADIUS * slope]), np.array([0.0, 1.0, 0.0])
-        part, _, hidden = surface_solver.touch(near, far, RADIUS, 0.5 * MM, heights)
-        assert part == 1.0
-        shares.append(hidden / (0.5 * MM))
-    assert 1.0 > shares[0] > shares[1] > shares[2] > shares[3] > 0.0
-    assert shares[3] < 0.03
+    heights[Shape.FIRST_Y] = size
+    near, far = np.array([0.0, -1.0, 2.0 * RADIUS * angle]), np.array([0.0, 1.0, 0.0])
+    part, _, hidden = surface_solver.touch(near, far, RADIUS, fade, heights)
+    assert part == 1.0
+    bend = size * (1.8411837813**2 - 1.0) / RADIUS**2
+    further = np.sqrt(angle**2 + 2.0 * bend * 3.5 * fade)
+    assert hidden == pytest.approx(fade * (1.0 - angle / further), rel=0.1)
 
 
 def test_touch_against_looking_everywhere():
