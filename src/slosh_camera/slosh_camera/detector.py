@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from slosh_camera import edge_search
 from slosh_camera.appearance import Tone, find_tone, percentile
 from slosh_camera.calibration import Calibration
+from slosh_camera.container_edges import ContainerEdges
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.measurement import Flag, Measurement, PeakSide
 from slosh_camera.repeats import RepeatedFrames
@@ -97,6 +98,8 @@ class FreeSurfaceDetector:
         self._wall = WallGeometry(self._grid, calibration.view.cup.radius)
         self._fitter, self._chooser = SurfaceFitter(self._wall), SurfaceChooser(self._wall)
         self._wall_pixels = WallPixels(calibration.view)
+        self._edges = ContainerEdges(calibration.view)
+        self._usual_turn = 0.0
         self._tangents = calibration.view.tangent_azimuths()
         self._all_bodies = self._bodies = tuple(self._rows(body) for body in _BODIES)
         top = int(np.min(self._wall.first_row))
@@ -126,6 +129,12 @@ class FreeSurfaceDetector:
             SloshCameraError: the image does not fit the camera, or shows no liquid at rest.
         """
         unrolled = self._unrolled(image)
+        turn = self._edges.turn(image)
+        if self._edges.turned(image, 0.0):
+            raise SloshCameraError(
+                f"still image: the container's sides are turned by {np.degrees(turn):.1f} "
+                "degrees against the calibration, calibrate the camera anew"
+            )
         fits: list[tuple[float, SurfaceFit, Unrolled, slice]] = []
         for body in self._all_bodies:
             seen = self._front_line(unrolled, body)
@@ -141,6 +150,7 @@ class FreeSurfaceDetector:
         self._zero = np.concatenate((fit.heights[:3], np.zeros(SHAPES - 3)))
         self._prior = Prior(self._zero, first=self._prior.first)
         self._bodies = (body,)
+        self._usual_turn = turn
         self._surface = self._chooser.surface_tone(view, self._zero)
         return self.still_offset
 
@@ -197,6 +207,8 @@ class FreeSurfaceDetector:
     def _find(self, image: Image) -> _Found | Flag:
         """Edges and fit, or flags that say why there are none."""
         unrolled = self._unrolled(image)
+        if self._edges.turned(image, self._usual_turn):
+            return Flag.NOT_FOUND
         seen = [found for body in self._bodies if (found := self._front_line(unrolled, body))]
         for view, points in seen:
             fit = self._chooser.fit_certain(view, points, self._prior)

@@ -6,6 +6,8 @@ wall, 1 is background. Rows are counted from the top.
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
@@ -14,7 +16,7 @@ from slosh_model.compile_cache import use_compile_cache
 
 FloatArray = NDArray[np.float64]
 
-use_compile_cache()
+use_compile_cache(Path(__file__).resolve().parent)
 
 # Bins of a histogram of what may be liquid, its ends, and samples that tell a line's level.
 _LOWEST, _TOP = -0.3, 0.5

@@ -59,7 +59,7 @@ RADIAL_STEPS = 512
 RADIAL_TABLE = (np.arange(RADIAL_STEPS + 2) / RADIAL_STEPS)[:, np.newaxis] ** np.arange(
     _TERMS
 ) @ RADIAL.T
-"""(steps + 2, 4) the same by ρ² in equal steps; linear in between it is right to 2e-5."""
+"""(steps + 2, 4) the same by ρ² in equal steps; heights of shapes from it are right to 1e-5."""
 
 
 def shapes_at(x: ArrayLike, y: ArrayLike) -> FloatArray:

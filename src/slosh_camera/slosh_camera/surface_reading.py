@@ -23,8 +23,8 @@ _FIT_WEIGHT = 4.0
 # Part of the wall about a point for which it stands: next to the container's sides refraction
 # hides the line [rad].
 _STANDS_FOR = np.radians(25.0)
-# The surface touches the rear wall itself where it touches the ray so far along.
-_AT_REAR = 0.98
+# The surface touches the ray at the rear wall, or so near to it that it is as high there.
+_AT_REAR = 0.9
 # What makes up the standard deviation of a height, as fitted to the errors in rendered sequences
 # of many kinds (docs/accuracy.md): parts of the fit's own, of the points' scatter about it, of an
 # edge's width and of the height, and what is always left [m].

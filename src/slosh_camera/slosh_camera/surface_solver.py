@@ -15,13 +15,15 @@ neighbourhood of w rows further down, s'^2 = s^2 + 2 k w for a curvature k, the 
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 from numba import njit
 
 from slosh_camera.surface_modes import RADIAL_STEPS, RADIAL_TABLE
 from slosh_model.compile_cache import use_compile_cache
 
-use_compile_cache()
+use_compile_cache(Path(__file__).resolve().parent)
 
 _TABLE = RADIAL_TABLE
 _PER_UNIT = float(RADIAL_STEPS)
@@ -37,6 +39,7 @@ COARSE, FINE = 12.0, 6.0
 # every third round.
 _CONVERGED = 3e-6
 _NARROWER = 0.6
+_MANY_RAYS = 20
 _AGAIN = 3
 # The edge's neighbourhood, and how far below a crest the middle of its fade is seen [rows]; the
 # second as measured on rendered crests of all curvatures, and its relative standard deviation.
@@ -187,6 +190,23 @@ def _dot(shapes, heights):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
+def _usual_ratio(near, far, ray_scale, radius, fade, heights):  # type: ignore[no-untyped-def]
+    """One and a half times the rays' median deviation from a surface; 0 where they are few.
+
+    A surface fitted to the front line alone may lie far below the edge behind it, which most rays
+    agree on.
+    """
+    ratios = np.empty(ray_scale.size)
+    count = 0
+    for i in range(ray_scale.size):
+        if not np.isnan(far[i, 0]):
+            _, top, hidden = touch(near[i], far[i], radius, fade, heights)
+            ratios[count] = abs(top - hidden) / ray_scale[i]
+            count += 1
+    return 1.5 * np.median(ratios[:count]) if count >= _MANY_RAYS else 0.0
+
+
+@njit(cache=True, nogil=True)
 def _one_sided(ratio):  # type: ignore[no-untyped-def]
     """Weight of a height that the surface has at least."""
     return 1.0 if ratio < 0.0 else 0.0
@@ -281,7 +301,7 @@ def solve(  # type: ignore[no-untyped-def]
     normal = np.empty((_SHAPES, _SHAPES))
     right = np.empty(_SHAPES)
     hidden = np.zeros(m)
-    limit = max(coarse, _TUKEY)
+    limit = max(coarse, _TUKEY, _usual_ratio(near, far, ray_scale, radius, fade, heights))
     for round in range(_STEPS):
         normal[:] = precision
         right[:] = precision @ (centre - heights)

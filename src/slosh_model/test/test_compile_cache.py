@@ -61,12 +61,24 @@ def test_a_strangers_folder_is_not_trusted(tmp_path, monkeypatch):
 
 def test_the_digest_follows_every_source(tmp_path, monkeypatch):
     before = sources_digest()
+    package = Path(compile_cache.__file__).parent
     copy = tmp_path / "copy"
-    for path in Path(compile_cache.__file__).parent.rglob("*.py"):
-        target = copy / path.relative_to(Path(compile_cache.__file__).parent)
+    for path in package.rglob("*.py"):
+        target = copy / path.relative_to(package)
         target.parent.mkdir(parents=True, exist_ok=True)
         target.write_bytes(path.read_bytes())
-    monkeypatch.setattr(compile_cache, "__file__", str(copy / "compile_cache.py"))
-    assert sources_digest() == before
+    monkeypatch.setattr(compile_cache, "_THIS_PACKAGE", copy)
+    assert sources_digest(copy) == before
     (copy / "effects" / "base.py").write_text("# another")
-    assert sources_digest() != before
+    assert sources_digest(copy) != before
+
+
+def test_the_digest_follows_another_package_and_this_one(tmp_path):
+    other = tmp_path / "other"
+    other.mkdir()
+    (other / "tables.py").write_text("TABLE = 1")
+    before = sources_digest(other)
+    assert before != sources_digest()
+    (other / "tables.py").write_text("TABLE = 2")
+    assert sources_digest(other) != before
+    assert cache_folder(other).name == f"other-{sources_digest(other)}"

@@ -1,0 +1,135 @@
+"""Whether the container stands upright in the image as the calibration has it.
+
+Both of its sides are straight lines in the image. A camera that has been pushed sees them turned,
+and would read the turn as a tilt of the liquid: 2 degrees are 1.7 mm on a radius of 50 mm. Where
+exactly a side is seen, at the outer or the inner face of the wall, does not count.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from slosh_camera.geometry import CupView
+from slosh_model.compile_cache import use_compile_cache
+
+use_compile_cache(Path(__file__).resolve().parent)
+
+Image = NDArray[np.uint8]
+FloatArray = NDArray[np.float64]
+
+# Heights on each side at which an edge is looked for, and how far beside it [px].
+_HEIGHTS = 24
+_REACH = 20
+_LEAST_HEIGHTS = 10
+# Part of the container's height that shows its sides, from the floor and from the rim.
+_FROM_FLOOR, _TO_RIM = 0.85, 0.95
+_UNKNOWN_RIM = 0.9
+# Turns [rad] and shifts [px] that are tried.
+_TURNS = np.radians(np.arange(-5.0, 5.25, 0.5))
+_SHIFTS = np.arange(-9.0, 10.0, 1.0)
+# Slope of the picture that is half an edge [grey levels per pixel].
+_HALF_EDGE = 4.0
+# The container is turned where another turn agrees so many times better with the picture, on both
+# sides together and on each, and is so far from the usual one.
+_CLEARLY, _EACH = 1.08, 1.02
+_TURNED = np.radians(0.99)
+_LEAST_SCORE = 0.9
+
+
+class ContainerEdges:
+    """Looks for the sides of a calibrated view's container."""
+
+    def __init__(self, view: CupView) -> None:
+        """Project the sides; where too little of them is in the image, none is looked for."""
+        sides = [_side(view, left) for left in (True, False)]
+        self._able = all(len(side) >= _LEAST_HEIGHTS for side in sides)
+        places = np.vstack(sides)
+        self._first = len(sides[0])
+        self._height = np.ascontiguousarray(np.mean(places[:, 1]) - places[:, 1])
+        across = places[:, :1] + np.arange(-_REACH, _REACH + 1)
+        down = np.repeat(places[:, 1:], across.shape[1], axis=1)
+        self._map = across.astype(np.float32), down.astype(np.float32)
+
+    def turn(self, image: Image) -> float:
+        """Turn of the sides against the calibration, clockwise, to half a degree [rad]."""
+        return (
+            float(_TURNS[int(np.argmax(self._scores(image).sum(axis=0)))]) if self._able else 0.0
+        )
+
+    def turned(self, image: Image, usual: float) -> bool:
+        """Whether both sides are clearly turned against their usual turn [rad], and alike."""
+        if not self._able:
+            return False
+        scores = self._scores(image)
+        best = int(np.argmax(scores.sum(axis=0)))
+        if abs(_TURNS[best] - usual) < _TURNED or scores[:, best].sum() < _LEAST_SCORE:
+            return False
+        near = scores[:, np.abs(_TURNS - usual) < 0.6 * _TURNED].max(axis=1)
+        gain = scores[:, best] / near
+        return bool(np.mean(gain) > _CLEARLY and np.min(gain) > _EACH)
+
+    def _scores(self, image: Image) -> FloatArray:
+        """Agreement of every turn of the left and the right side with the picture, (2, turns)."""
+        strips = cv2.remap(image, *self._map, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        grey = strips if strips.ndim == 2 else cv2.cvtColor(strips, cv2.COLOR_BGR2GRAY)
+        levels = grey.astype(np.float32)
+        parts = slice(None, self._first), slice(self._first, None)
+        return np.array(
+            [_agreement(levels[part], self._height[part], _TURNS, _SHIFTS) for part in parts]
+        )
+
+
+def _side(view: CupView, left: bool) -> FloatArray:
+    """Pixels (N, 2) of the outer wall's left or right side, those in the image."""
+    cup, centre = view.cup, view.pose.camera_centre
+    outer = cup.radius + cup.wall_thickness
+    half = float(np.arccos(outer / np.hypot(centre[0], centre[1])))
+    top = _UNKNOWN_RIM * cup.radius if cup.rim_level is None else _TO_RIM * cup.rim_level
+    level = np.linspace(-_FROM_FLOOR * cup.fill_height, top, _HEIGHTS)
+    azimuth = view.camera_azimuth + (half if left else -half)
+    points = np.column_stack(
+        (np.full((_HEIGHTS, 2), outer) * (np.cos(azimuth), np.sin(azimuth)), level)
+    )
+    pixels = view.project(points)
+    margin = _REACH // 2
+    size = np.array([view.camera.width, view.camera.height])
+    with np.errstate(invalid="ignore"):
+        inside = np.all((pixels > (margin, 2)) & (pixels < size - (margin, 3)), axis=1)
+    return np.asarray(pixels[inside])
+
+
+@njit(cache=True, nogil=True)
+def _agreement(strips, height, turns, shifts):  # type: ignore[no-untyped-def]
+    """Mean of how marked the edges on turned and shifted sides are.
+
+    Args:
+        strips: (N, 2 reach + 1) grey levels across the sides.
+        height: (N,) above the middle of the sides [px].
+        turns: (T,) [rad]. shifts: (S,) [px].
+
+    Returns:
+        (T,) of the best shift, between 0 and 1.
+    """
+    rows, columns = strips.shape
+    edges = np.zeros((rows, columns))
+    for n in range(rows):
+        for k in range(1, columns - 1):
+            slope = 0.5 * abs(strips[n, k + 1] - strips[n, k - 1])
+            edges[n, k] = slope / (slope + _HALF_EDGE)
+    best = np.zeros(turns.size)
+    scores = np.empty(shifts.size)
+    for t in range(turns.size):
+        scores[:] = 0.0
+        for n in range(rows):
+            for s in range(shifts.size):
+                place = columns // 2 + shifts[s] + turns[t] * height[n]
+                k = min(max(int(place), 0), columns - 2)
+                part = min(max(place - k, 0.0), 1.0)
+                scores[s] += edges[n, k] + part * (edges[n, k + 1] - edges[n, k])
+        best[t] = np.max(scores) / rows
+    return best
