@@ -107,14 +107,15 @@ def test_what_is_outside_the_image_does_not_count():
 
 def test_levels_are_medians_of_what_is_near_the_most_frequent_level():
     rng = np.random.default_rng(2)
-    picture = rng.normal(0.02, 0.02, (200, 30)).astype(np.float32)
+    picture = rng.normal(0.08, 0.02, (200, 30)).astype(np.float32)
     picture[:, 3] += 0.1
+    picture[80:105] = rng.normal(-0.22, 0.01, (25, 30))  # something darker
     picture[40:70] = 1.0  # background in a deep trough
     # The floor shines through.
     picture[150:190] = rng.normal(0.4, 0.04, (40, 30))
     found = edge_search.liquid_levels(picture, 20, 200, 0.25)
     part = picture[20:200]
-    expected = [np.median(line[np.abs(line - 0.02) < 0.25]) for line in part.T]
+    expected = [np.median(line[np.abs(line - 0.08) < 0.25]) for line in part.T]
     np.testing.assert_allclose(found, expected, atol=0.002)
 
 
@@ -355,6 +356,16 @@ def test_no_upper_line_is_no_fault():
     alone = score(picture, CURVE - 0.5, np.full(100, np.nan))
     assert alone > score(picture, CURVE - 0.5, CURVE - 12.0) + 0.1
     assert alone == pytest.approx(score(picture, CURVE - 0.5, CURVE + 20.0), abs=1e-6)
+
+
+def test_liquid_above_and_background_below_speak_against_a_surface():
+    front, upper = CURVE + 10, CURVE - 8
+    picture = two_lines(front, upper)
+    clean = score(picture, front - 0.5, upper - 0.5)
+    above, below = picture.copy(), picture.copy()
+    above[3:13], below[68:78] = 0.1, 0.9
+    assert score(above, front - 0.5, upper - 0.5) < clean - 0.3
+    assert score(below, front - 0.5, upper - 0.5) < clean - 0.3
 
 
 def test_a_picture_without_a_surface_agrees_with_none():
