@@ -1,0 +1,189 @@
+import cv2
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from slosh_camera.appearance import find_tone, percentile
+
+ROWS, LINES = 160, 90
+BODY = slice(100, 150)
+ABOVE = 30
+INSIDE = np.ones((ROWS, LINES), np.bool_)
+FRONT = 90 + np.rint(6.0 * np.sin(np.arange(LINES) / 14.0)).astype(int)
+REAR = 60 + np.rint(6.0 * np.cos(np.arange(LINES) / 14.0)).astype(int)
+COLOURS = st.tuples(*3 * [st.integers(10, 240)])
+
+
+def wall(liquid, background, surface=None, noise=0.0, seed=1):
+    """The unrolled wall: background, free surface, liquid; grey levels or colours."""
+    row = np.arange(ROWS)[:, np.newaxis]
+    picture = np.empty((ROWS, LINES, np.size(liquid)))
+    picture[:] = background
+    picture[row >= REAR] = (
+        np.add(0.5 * np.array(liquid), 0.5 * np.array(background)) if surface is None else surface
+    )
+    picture[row >= FRONT] = liquid
+    picture += np.random.default_rng(seed).normal(0.0, noise, picture.shape)
+    picture = np.clip(np.rint(picture), 0, 255).astype(np.uint8)
+    return picture[..., 0].copy() if np.size(liquid) == 1 else picture
+
+
+def reduced(picture, inside=INSIDE):
+    tone = find_tone(picture, inside, BODY, ABOVE)
+    return tone, tone.reduce(picture)
+
+
+PAIRS = {
+    "darker": (45, 210),
+    "lighter": (220, 60),
+    "faint": (120, 150),
+    "colour": ((40, 60, 190), (215, 210, 205)),
+    "hue alone": ((52, 143, 178), (180, 137, 136)),
+    "one channel": ((100, 100, 60), (100, 100, 190)),
+}
+
+
+@pytest.mark.parametrize("name", PAIRS)
+def test_liquid_is_0_and_background_1(name):
+    liquid, background = PAIRS[name]
+    tone, level = reduced(wall(liquid, background, noise=1.0))
+    np.testing.assert_allclose(tone.liquid, np.atleast_1d(liquid), atol=1.0)
+    np.testing.assert_allclose(tone.background, np.atleast_1d(background), atol=1.0)
+    assert tone.axis @ (tone.background - tone.liquid) == pytest.approx(1.0)
+    assert tone.contrast == pytest.approx(np.max(np.abs(np.subtract(liquid, background))), abs=2.0)
+    assert level.dtype == np.float32
+    assert level.shape == (ROWS, LINES)
+    assert np.median(level[120:]) == pytest.approx(0.0, abs=0.03)
+    assert np.median(level[:50]) == pytest.approx(1.0, abs=0.03)
+    # The free surface, a mixture of both here, lies in between.
+    assert np.median(level[72:80]) == pytest.approx(0.5, abs=0.06)
+
+
+def test_edges_stay_where_they_are():
+    _, level = reduced(wall(45, 210, surface=45))
+    np.testing.assert_array_equal(np.argmax(level[:, 5:-5] < 0.5, axis=0), REAR[5:-5])
+
+
+def test_specks_are_taken_away():
+    picture = wall(45, 210)
+    picture[20, 40], picture[140, 40] = 0, 255
+    _, level = reduced(picture)
+    assert level[20, 40] == pytest.approx(1.0, abs=1e-3)
+    assert level[140, 40] == pytest.approx(0.0, abs=1e-3)
+
+
+def test_grey_in_three_channels_is_the_same_as_grey():
+    picture = wall(45, 210, surface=120, noise=3.0)
+    _, grey = reduced(picture)
+    _, colour = reduced(cv2.cvtColor(picture, cv2.COLOR_GRAY2BGR))
+    np.testing.assert_allclose(colour, grey, atol=1e-4)
+
+
+def test_a_restless_channel_counts_little():
+    # Blue differs as much as the others, but is full of noise.
+    rng = np.random.default_rng(2)
+    picture = wall((60, 60, 60), (180, 180, 180), noise=2.0)
+    restless = picture[..., 0] + rng.normal(0.0, 45.0, (ROWS, LINES))
+    picture[..., 0] = np.clip(restless, 0, 255).astype(np.uint8)
+    tone, _ = reduced(picture)
+    assert abs(tone.axis[0]) < 0.3 * abs(tone.axis[1])
+    assert abs(tone.axis[0]) < 0.3 * abs(tone.axis[2])
+
+
+@settings(deadline=None, derandomize=True, max_examples=60)
+@given(liquid=COLOURS, background=COLOURS, order=st.permutations(range(3)))
+def test_the_order_of_the_channels_does_not_matter(liquid, background, order):
+    assume(np.max(np.abs(np.subtract(liquid, background))) >= 40)
+    picture = wall(liquid, background, noise=2.0)
+    _, level = reduced(picture)
+    _, other = reduced(np.ascontiguousarray(picture[..., order]))
+    np.testing.assert_allclose(other, level, atol=1e-3)
+
+
+@settings(deadline=None, derandomize=True, max_examples=60)
+@given(liquid=COLOURS, background=COLOURS, gain=st.floats(0.4, 1.05))
+def test_brightness_does_not_matter(liquid, background, gain):
+    contrast = np.max(np.abs(np.subtract(liquid, background)))
+    assume(contrast >= 60)
+    picture = wall(liquid, background, noise=1.0)
+    _, level = reduced(picture)
+    _, other = reduced(cv2.convertScaleAbs(picture, alpha=gain))
+    # What rounding to whole grey levels leaves.
+    assert np.percentile(np.abs(other - level), 99) < 4.0 / (gain * contrast)
+
+
+@pytest.mark.parametrize("surface", [45, 90, 150, 205])
+def test_the_background_is_what_is_above_not_the_free_surface(surface):
+    picture = wall(45, 210, surface=surface)
+    picture[31:60] = surface  # more of it than of the background
+    tone, _ = reduced(picture)
+    assert tone.background[0] == 210
+    assert tone.liquid[0] == 45
+
+
+@pytest.mark.parametrize("noise", [1.0, 4.0, 10.0])
+def test_noise_is_that_of_a_sample_on_the_axis(noise):
+    tone, _ = reduced(wall(60, 200, noise=noise))
+    assert tone.noise == pytest.approx(noise / 140.0, rel=0.35)
+
+
+def test_uneven_light_is_no_noise():
+    picture = wall(60, 200).astype(np.int16)
+    picture += (np.arange(ROWS)[:, np.newaxis] // 8).astype(np.int16)
+    tone, _ = reduced(picture.astype(np.uint8))
+    assert tone.noise < 0.01
+
+
+def test_what_is_outside_the_image_does_not_count():
+    picture = wall((40, 60, 190), (215, 210, 205), noise=2.0)
+    inside = INSIDE.copy()
+    inside[:25], inside[:, :12] = False, False
+    tone = find_tone(picture, inside, BODY, ABOVE)
+    garbage = picture.copy()
+    garbage[~inside] = 0
+    other = find_tone(garbage, inside, BODY, ABOVE)
+    np.testing.assert_array_equal(other.background, tone.background)
+    np.testing.assert_array_equal(other.liquid, tone.liquid)
+    np.testing.assert_allclose(other.axis, tone.axis)
+
+
+@pytest.mark.parametrize("shape", [(), (3,)])
+def test_nothing_that_differs_is_no_tone(shape):
+    for grey in (0, 128, 255):
+        picture = np.full((ROWS, LINES, *shape), grey, np.uint8)
+        assert find_tone(picture, INSIDE, BODY, ABOVE) is None
+
+
+def test_hardly_anything_inside_is_no_tone():
+    inside = np.zeros_like(INSIDE)
+    inside[100:103, :9] = True
+    assert find_tone(wall(45, 210), inside, BODY, ABOVE) is None
+    assert find_tone(wall(45, 210), np.zeros_like(INSIDE), BODY, ABOVE) is None
+
+
+@settings(deadline=None, derandomize=True)
+@given(
+    seed=st.integers(0, 10**6),
+    size=st.integers(1, 500),
+    percent=st.integers(1, 99),
+    channels=st.integers(1, 3),
+)
+def test_percentiles_are_those_of_sorted_samples(seed, size, percent, channels):
+    samples = np.random.default_rng(seed).integers(0, 256, (size, channels), dtype=np.uint8)
+    found = percentile(samples, float(percent))
+    assert found.shape == (channels,)
+    for channel in range(channels):
+        # So many are not above it, and with the next lower level there would be fewer.
+        rank = 0.01 * percent * size
+        assert np.count_nonzero(samples[:, channel] <= found[channel]) >= rank - 1e-6
+        assert np.count_nonzero(samples[:, channel] < found[channel]) <= rank + 1e-6
+
+
+@pytest.mark.parametrize("percent", [2.0, 25.0, 50.0, 98.0])
+def test_percentiles_of_many_samples_are_those_of_numpy(percent):
+    samples = (
+        np.random.default_rng(3).normal(120.0, 30.0, (20000, 3)).clip(0, 255).astype(np.uint8)
+    )
+    expected = np.percentile(samples, percent, axis=0)
+    np.testing.assert_allclose(percentile(samples, percent), expected, atol=1.0)

@@ -1,0 +1,231 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from slosh_camera.surface_evidence import SurfaceFit, WallPoints
+from slosh_camera.surface_modes import SHAPES, Shape, wall_shapes
+from slosh_camera.surface_reading import SurfaceReading
+
+MM = 1e-3
+LINES = 120
+FOOTPRINT = 0.5 * MM
+ZERO = np.zeros(SHAPES)
+# A camera at -y: the front wall from left to right, the rear wall behind the same lines.
+FRONT = np.radians(np.linspace(-175.0, -5.0, LINES))
+REAR = -FRONT
+
+
+def slosh(size, azimuth, level=0.0):
+    heights = np.zeros(SHAPES)
+    heights[Shape.LEVEL] = level
+    heights[[Shape.FIRST_X, Shape.FIRST_Y]] = size * np.cos(azimuth), size * np.sin(azimuth)
+    return heights
+
+
+def fit_of(heights, *, front=True, rear=True, bump=None, width=2.0, covariance=1e-10):
+    """A fit all of whose edges agree, but for what a bump (LINES,) [m] adds to the front line."""
+    bump = np.zeros(LINES) if bump is None else bump
+    shapes = wall_shapes(FRONT)
+    points = WallPoints(
+        place=np.full(LINES, 100.0),
+        azimuth=FRONT,
+        height=shapes @ heights + bump,
+        shapes=shapes,
+        bound=np.zeros(LINES, np.bool_),
+        width=np.full(LINES, width),
+        scale=np.full(LINES, 0.2 * MM),
+    )
+    return SurfaceFit(
+        points=points,
+        heights=heights,
+        covariance=covariance * np.eye(SHAPES),
+        front_error=-bump,
+        front_weight=np.full(LINES, 1.0 if front else 0.0),
+        upper_place=np.full(LINES, 60.0),
+        upper_azimuth=REAR,
+        upper_error=np.zeros(LINES),
+        upper_weight=np.full(LINES, 1.0 if rear else 0.0),
+        upper_part=np.ones(LINES),
+    )
+
+
+def read(fit, *, zero=ZERO, cut_off=False):
+    return SurfaceReading(fit, zero, FOOTPRINT, cut_off=cut_off)
+
+
+def turned(a, b):
+    return np.angle(np.exp(1j * (a - b)))
+
+
+# The highest points.
+
+
+@settings(deadline=None, derandomize=True)
+@given(st.floats(0.5 * MM, 40.0 * MM), st.floats(-np.pi, np.pi), st.floats(-1.0 * MM, 1.0 * MM))
+def test_the_fitted_surfaces_highest_point(size, azimuth, level):
+    found = read(fit_of(slosh(size, azimuth, level))).fitted()
+    assert found.height == pytest.approx(size + level, abs=1e-7)
+    assert turned(found.azimuth, azimuth) == pytest.approx(0.0, abs=1e-4)
+    assert -np.pi <= found.azimuth <= np.pi
+
+
+def test_heights_are_above_the_surface_at_rest():
+    zero = slosh(0.5 * MM, 1.0, 2.0 * MM)
+    reading = read(fit_of(zero + slosh(10.0 * MM, -1.2)), zero=zero)
+    assert reading.fitted().height == pytest.approx(10.0 * MM, abs=1e-7)
+    assert reading.seen().height == pytest.approx(10.0 * MM, abs=1e-7)
+    assert reading.seen().azimuth == pytest.approx(-1.2, abs=1e-4)
+    np.testing.assert_allclose(
+        reading.height, 10.0 * MM * np.cos(reading.azimuth + 1.2), atol=1e-7
+    )
+    assert reading.at(-1.2) == pytest.approx(10.0 * MM, abs=0.01 * MM)
+
+
+def test_points_above_the_fit_raise_the_highest_seen_point_and_not_the_fitted_one():
+    azimuth = -1.3
+    bump = 1.0 * MM * np.exp(-0.5 * ((FRONT - azimuth) / np.radians(8.0)) ** 2)
+    flat = read(fit_of(slosh(10.0 * MM, azimuth)))
+    raised = read(fit_of(slosh(10.0 * MM, azimuth), bump=bump))
+    assert raised.fitted().height == flat.fitted().height
+    gain = raised.seen().height - flat.seen().height
+    # The fit has its say as well, and neighbours' points.
+    assert 0.4 * MM < gain < 0.9 * MM
+    assert raised.seen().azimuth == pytest.approx(azimuth, abs=np.radians(3.0))
+    # A bump far from the peak moves nothing there.
+    away = read(fit_of(slosh(10.0 * MM, azimuth), bump=np.roll(bump, 55)))
+    assert away.seen().height == pytest.approx(flat.seen().height, abs=1e-6)
+
+
+def test_one_wrong_point_is_not_the_highest():
+    bump = np.zeros(LINES)
+    bump[70] = 5.0 * MM
+    found = read(fit_of(slosh(10.0 * MM, FRONT[70]), bump=bump)).seen()
+    assert found.height < 10.6 * MM
+
+
+def test_points_that_hardly_agree_hardly_count():
+    azimuth = -1.3
+    bump = np.full(LINES, 1.0 * MM)
+    fit = fit_of(slosh(10.0 * MM, azimuth), bump=bump)
+    sure = read(fit).seen().height
+    unsure = read(replace(fit, front_weight=np.full(LINES, 0.12))).seen().height
+    against = read(replace(fit, front_weight=np.full(LINES, 0.09)))
+    assert sure > unsure + 0.2 * MM
+    assert not np.any(against.front)
+
+
+# What is seen.
+
+
+def test_a_peak_that_is_not_seen_is_fitted_and_not_seen():
+    reading = read(fit_of(slosh(10.0 * MM, 1.5), rear=False))
+    assert reading.fitted().height == pytest.approx(10.0 * MM, abs=1e-6)
+    seen = reading.seen()
+    # The front line's ends are the highest places near which a point is.
+    assert 0.0 < seen.height < 6.0 * MM
+    assert np.isnan(reading.at(1.5))
+    assert reading.at(-1.5) == pytest.approx(10.0 * MM * np.cos(3.0), abs=0.1 * MM)
+    both = read(fit_of(slosh(10.0 * MM, 1.5)))
+    assert both.seen().height == pytest.approx(10.0 * MM, abs=1e-6)
+    assert both.at(1.5) == pytest.approx(10.0 * MM, abs=0.01 * MM)
+
+
+def test_a_point_stands_for_its_neighbourhood_on_the_closed_wall():
+    # Between the front line's end at -175 degrees and the rear's at 175 all is near enough.
+    reading = read(fit_of(slosh(10.0 * MM, np.pi)))
+    assert reading.seen().height == pytest.approx(10.0 * MM, abs=1e-5)
+    assert abs(turned(reading.seen().azimuth, np.pi)) < 1e-3
+    for azimuth in np.radians([-179.9, 179.9, -540.0]):
+        assert reading.at(azimuth) == pytest.approx(10.0 * MM, abs=0.02 * MM)
+
+
+def test_crests_before_the_rear_wall_are_no_points_of_it():
+    fit = fit_of(slosh(10.0 * MM, 1.5))
+    part = np.where(np.arange(LINES) < 60, 0.5, 1.0)
+    reading = read(replace(fit, upper_part=part))
+    assert np.count_nonzero(reading.rear) == 60
+    assert not np.any(reading.rear[:60])
+
+
+def test_nothing_seen_is_nan_and_the_fit_is_left():
+    reading = read(fit_of(slosh(10.0 * MM, 1.5), front=False, rear=False))
+    seen = reading.seen()
+    assert np.isnan([seen.height, seen.azimuth, seen.stddev]).all()
+    assert reading.height.size == reading.azimuth.size == 0
+    assert np.isfinite(reading.fitted().stddev)
+
+
+def test_the_profile_goes_around_the_wall():
+    reading = read(fit_of(slosh(10.0 * MM, 0.3)))
+    # The front wall from left to right, then the rear wall from right to left.
+    np.testing.assert_array_equal(reading.azimuth, np.concatenate((FRONT, REAR[::-1])))
+    steps = turned(reading.azimuth[1:], reading.azimuth[:-1])
+    assert np.all(steps > 0.0)
+    np.testing.assert_allclose(
+        reading.height, 10.0 * MM * np.cos(reading.azimuth - 0.3), atol=1e-7
+    )
+
+
+# Lower bounds.
+
+
+def test_a_cut_off_surface_is_as_high_as_its_points_alone():
+    # Front points beyond -60 degrees reach the border: they lie lower than the surface.
+    fit = fit_of(slosh(30.0 * MM, 0.0), rear=False)
+    bound = np.degrees(FRONT) > -60.0
+    border = 12.0 * MM
+    points = replace(fit.points, bound=bound, height=np.where(bound, border, fit.points.height))
+    error = np.where(bound, fit.points.height - border, 0.0)
+    fit = replace(fit, points=points, front_error=error, front_weight=np.where(bound, 0.0, 1.0))
+    reading = read(fit, cut_off=True)
+    seen = reading.seen()
+    highest = np.max(fit.points.height)
+    assert seen.height == pytest.approx(highest, abs=1e-6)
+    assert seen.height < 15.0 * MM
+    assert np.degrees(seen.azimuth) > -62.0
+    # Nothing is told of what is beyond a point's own place.
+    assert np.isnan(reading.at(np.radians(10.0)))
+    assert np.isfinite(read(fit_of(slosh(30.0 * MM, 0.0), rear=False)).at(np.radians(10.0)))
+
+
+# The standard deviation.
+
+
+def stddev(**changes):
+    return read(fit_of(slosh(changes.pop("size", 10.0 * MM), -1.2), **changes)).seen().stddev
+
+
+def test_stddev_grows_with_everything_that_makes_a_height_doubtful():
+    usual = stddev()
+    assert 0.01 * MM < usual < 0.2 * MM
+    widths = [stddev(width=width) for width in (1.0, 2.0, 4.0, 8.0)]
+    assert np.all(np.diff(widths) > 0.0)
+    assert widths[3] > 3.0 * widths[0]
+    assert stddev(covariance=1e-7) > 2.0 * usual
+    assert stddev(size=40.0 * MM) > 1.3 * usual
+    scattered = np.random.default_rng(1).normal(0.0, 0.4 * MM, LINES)
+    assert stddev(bump=scattered) > 1.5 * usual
+    # Edges that have no width are wide ones.
+    assert stddev(width=np.nan) > widths[2]
+
+
+def test_stddev_of_the_fitted_point_grows_alike():
+    sharp, soft = (
+        read(fit_of(slosh(10.0 * MM, -1.2), width=width)).fitted().stddev for width in (2.0, 6.0)
+    )
+    assert soft > 2.0 * sharp
+
+
+def test_the_edges_width_is_the_front_lines():
+    fit = fit_of(slosh(10.0 * MM, -1.2))
+    width = np.where(np.arange(LINES) < 40, 30.0, 3.0)
+    # Edges that do not agree, and ends at the border, are no edges of the line.
+    weight = np.where(np.arange(LINES) < 40, 0.0, 1.0)
+    points = replace(fit.points, width=width)
+    assert read(replace(fit, points=points, front_weight=weight)).edge_width == 3.0
+    points = replace(points, bound=np.arange(LINES) < 40)
+    assert read(replace(fit, points=points)).edge_width == 3.0
+    assert np.isnan(read(fit_of(slosh(10.0 * MM, 1.5), front=False)).edge_width)
