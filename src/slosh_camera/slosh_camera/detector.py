@@ -107,7 +107,6 @@ class FreeSurfaceDetector:
         self._zero = np.zeros(SHAPES)
         self._prior = Prior(self._zero, first=_FIRST * calibration.view.cup.radius)
         self._at_rest = Prior(self._zero, first=3e-3, level=5e-3)
-        self._static = np.zeros(self._grid.shape)
         self._surface = float("nan")
         self._repeats = RepeatedFrames()
 
@@ -254,7 +253,7 @@ class FreeSurfaceDetector:
         known = width[np.isfinite(width)]
         softness = float(np.median(known)) if known.size else _SHARP
         clipped = bool(np.all(tone.background >= _WHITE))
-        view = Unrolled(picture, self._static, self._surface, tone.noise, softness, clipped)
+        view = Unrolled(picture, self._surface, tone.noise, softness, clipped)
         return view, self._wall.wall_points(place, width, row <= first)
 
     def _believable(self, tone: Tone) -> bool:

@@ -210,7 +210,7 @@ def _crossing(line, top, bottom, middle, sign):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def follow_edge(picture, static, guess, reach, floor, first, reversed_weight):  # type: ignore[no-untyped-def]
+def follow_edge(picture, guess, reach, floor, first, reversed_weight):  # type: ignore[no-untyped-def]
     """The most marked edge near a guessed curve, continuous from line to line.
 
     The path along which the sum of the slopes is largest, with steps of at most two samples from
@@ -218,7 +218,6 @@ def follow_edge(picture, static, guess, reach, floor, first, reversed_weight):  
 
     Args:
         picture: (J, M).
-        static: (J, M) slope of what is there without any wave: the rim, a label.
         guess: (M,) rows of the guessed curve; NaN: no edge is looked for.
         reach: samples by which the edge may lie off the guess.
         floor: (M,) row below which there is no edge to look for.
@@ -229,7 +228,7 @@ def follow_edge(picture, static, guess, reach, floor, first, reversed_weight):  
         row: (M,) first row below the edge; -1 where there is none.
         slope: (M,) difference over the edge.
     """
-    gain = _gains(picture, static, guess, reach, floor, first, reversed_weight)
+    gain = _gains(picture, guess, reach, floor, first, reversed_weight)
     lines, offsets = gain.shape
     score = np.zeros((lines, offsets))
     origin = np.zeros((lines, offsets), np.int64)
@@ -289,7 +288,7 @@ def rows_of_heights(table, level):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _gains(picture, static, guess, reach, floor, first, reversed_weight):  # type: ignore[no-untyped-def]
+def _gains(picture, guess, reach, floor, first, reversed_weight):  # type: ignore[no-untyped-def]
     """Slopes (M, 2 reach + 1) around a guessed curve; -inf where there is no edge to look for."""
     rows, lines = picture.shape
     offsets = 2 * reach + 1
@@ -306,12 +305,12 @@ def _gains(picture, static, guess, reach, floor, first, reversed_weight):  # typ
             below = picture[j, i] + picture[j + 1, i]
             step = 0.5 * (above - below)
             step = step if step > 0.0 else -reversed_weight * step
-            gain[i, o] = max(step - static[j, i], 0.0)
+            gain[i, o] = step
     return gain
 
 
 @njit(cache=True, nogil=True)
-def surface_score(picture, static, surface, front, upper, first, last):  # type: ignore[no-untyped-def]
+def surface_score(picture, surface, front, upper, first, last):  # type: ignore[no-untyped-def]
     """How well a picture agrees with a surface's front line and upper edge.
 
     Below the front line there should be liquid, above the upper edge background, in between
@@ -319,7 +318,6 @@ def surface_score(picture, static, surface, front, upper, first, last):  # type:
 
     Args:
         picture: (J, M).
-        static: (J, M) slope of what is there without any wave.
         surface: what the free surface looks like at rest; NaN: unknown.
         front, upper: (M,) rows; an upper edge that is NaN or negative is not seen.
         first, last: (M,) rows inside the image.
@@ -347,16 +345,16 @@ def surface_score(picture, static, surface, front, upper, first, last):  # type:
             wrong += min(max((1.0 - picture[j, i]) * _BACKGROUND_SPREAD, 0.0) ** 2, 1.0)
         for j in range(low, last[i] + 1):
             wrong += min((picture[j, i] * _LIQUID_SPREAD) ** 2, 1.0)
-        edges = _edge_at(picture, static, front[i], i, first[i], last[i], 0.7)
+        edges = _edge_at(picture, front[i], i, first[i], last[i], 0.7)
         if high < low - 2:
-            upper_edge = _edge_at(picture, static, upper[i], i, first[i], last[i], 0.3)
+            upper_edge = _edge_at(picture, upper[i], i, first[i], last[i], 0.3)
             edges = front_part * edges + upper_part * upper_edge
         total += edges - _WRONG * wrong / (last[i] + 1 - first[i])
     return total / lines
 
 
 @njit(cache=True, nogil=True)
-def _edge_at(picture, static, row, line, first, last, reversed_weight):  # type: ignore[no-untyped-def]
+def _edge_at(picture, row, line, first, last, reversed_weight):  # type: ignore[no-untyped-def]
     """How marked the edge next to a row is, and how near: between 0 and 1."""
     best = 0.0
     place = row
@@ -365,7 +363,7 @@ def _edge_at(picture, static, row, line, first, last, reversed_weight):  # type:
         above = picture[j - 1, line] + picture[j - 2, line]
         below = picture[j, line] + picture[j + 1, line]
         step = 0.5 * (above - below)
-        step = (step if step > 0.0 else -reversed_weight * step) - static[j, line]
+        step = step if step > 0.0 else -reversed_weight * step
         if step > best:
             best, place = step, j - 0.5
     off = (place - row) / _BESIDE

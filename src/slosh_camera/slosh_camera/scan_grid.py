@@ -148,9 +148,12 @@ def _check_upright(view: CupView) -> None:
 
 def _line_azimuths(view: CupView) -> FloatArray:
     """Azimuths of front wall lines that are equally far apart in the image."""
-    left, right = view.tangent_azimuths()
-    span = (right - left + np.pi) % (2.0 * np.pi) - np.pi
-    azimuth = left + span * np.linspace(0.0, 1.0, _EDGE_SAMPLES)
+    # Against the camera's azimuth: through a thick wall more than half of the front is seen.
+    middle = view.camera_azimuth
+    left, right = (
+        (end - middle + np.pi) % (2.0 * np.pi) - np.pi for end in view.tangent_azimuths()
+    )
+    azimuth = middle + np.linspace(left, right, _EDGE_SAMPLES)
     u = view.project_wall(azimuth, 0.0, Wall.FRONT)[:, 0]
     seen = np.isfinite(u)
     if np.count_nonzero(seen) < 2:

@@ -157,7 +157,6 @@ class SurfaceChooser:
         upper = self._wall.silhouette(heights, view.softness, coarse=True)
         score = edge_search.surface_score(
             view.picture[:, ::SKIP],
-            view.static[:, ::SKIP],
             view.surface,
             self._wall.front_rows(heights)[::SKIP],
             upper,

@@ -21,7 +21,6 @@ class Unrolled:
 
     Attributes:
         picture: (J, M), liquid 0, background 1.
-        static: (J, M) slope of what is there without any wave.
         surface: what the free surface looked like at rest, on the picture's scale; NaN: unknown.
         noise: standard deviation of a sample.
         softness: width of its edges [rows].
@@ -29,7 +28,6 @@ class Unrolled:
     """
 
     picture: Single
-    static: FloatArray
     surface: float
     noise: float
     softness: float

@@ -110,7 +110,7 @@ class SurfaceFitter:
             return replace(points, scale=scale)
         guess = np.where(far, expected, np.nan)
         row, slope = edge_search.follow_edge(
-            view.picture, view.static, guess, _AGAIN_ROWS, self._wall.last_row.astype(np.float64),
+            view.picture, guess, _AGAIN_ROWS, self._wall.last_row.astype(np.float64),
             np.fmax(self._wall.first_row, upper).astype(np.int64), 1.0,
         )  # fmt: skip
         place, width = edge_search.refine_edges(
@@ -141,7 +141,7 @@ class SurfaceFitter:
         floor = np.where(agree, points.place, expected)
         floor -= max(_APART, _WIDTHS_APART * view.softness)
         row, slope = edge_search.follow_edge(
-            view.picture, view.static, guess, reach, floor, self._wall.first_row, _REVERSED
+            view.picture, guess, reach, floor, self._wall.first_row, _REVERSED
         )
         place, _ = edge_search.refine_edges(
             view.picture, np.maximum(row, 0), self._wall.first_row, self._wall.last_row

@@ -32,7 +32,6 @@ _OF_FIT, _OF_SCATTER, _OF_WIDTH, _OF_HEIGHT = 0.3, 0.5, 0.05, 0.0025
 _REST = 2e-5
 # Width of an edge where there is none to measure it [rows].
 _WIDE = 10.0
-_FLOOR_PART = 0.006
 
 
 @dataclass(frozen=True, slots=True)

@@ -197,11 +197,10 @@ def planted(curve, step=0.5, background=1.0):
     return np.where(row < curve, background, background - step).astype(np.float32)
 
 
-def follow(picture, guess, static=None, reach=10, floor=None, first=None, reversed_weight=0.3):
+def follow(picture, guess, reach=10, floor=None, first=None, reversed_weight=0.3):
     lines = picture.shape[1]
     return edge_search.follow_edge(
         picture,
-        np.zeros(picture.shape) if static is None else static,
         np.asarray(guess, np.float64),
         reach,
         np.full(lines, ROWS - 1.0) if floor is None else floor,
@@ -227,18 +226,6 @@ def test_a_stronger_but_broken_edge_is_not_followed():
         picture[CURVE[i] + 8 :, i] -= 1.0  # a highlight's or a droplet's end
     row, _ = follow(picture, CURVE)
     np.testing.assert_array_equal(row, CURVE)
-
-
-def test_an_edge_that_is_always_there_is_ignored():
-    rim = planted(np.full(100, 35), 1.0)
-    picture = planted(np.full(100, 42)) + rim
-    static = np.zeros(picture.shape)
-    static[1:-2] = 0.5 * (rim[:-3] + rim[1:-2] - rim[2:-1] - rim[3:])
-    # What is there without any wave is taken off, one row apart as well.
-    static = np.maximum(static, np.maximum(np.roll(static, 1, 0), np.roll(static, -1, 0)))
-    guess = np.full(100, 38.0)
-    assert np.all(follow(picture, guess)[0] == 35)
-    np.testing.assert_array_equal(follow(picture, guess, static)[0], 42)
 
 
 def test_an_edge_the_other_way_round_counts_by_its_weight():
@@ -329,7 +316,7 @@ def score(picture, front, upper, surface=np.nan):
     lines = picture.shape[1]
     first, last = np.zeros(lines, np.int64), np.full(lines, ROWS - 1, np.int64)
     return edge_search.surface_score(
-        picture, np.zeros(picture.shape), surface,
+        picture, surface,
         np.asarray(front, np.float64), np.asarray(upper, np.float64), first, last,
     )  # fmt: skip
 
