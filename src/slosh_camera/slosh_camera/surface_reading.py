@@ -92,6 +92,8 @@ class SurfaceReading:
 
     def seen(self) -> HighestPoint:
         """Highest point of the wall near which the line is seen."""
+        if not np.any(self._seen):
+            return HighestPoint(np.nan, np.nan, np.nan)
         if self._cut_off and self.azimuth.size:
             # Beyond the border the surface is higher: the points alone are sure.
             best = int(np.argmax(self.height))
@@ -99,8 +101,6 @@ class SurfaceReading:
         else:
             around = _WALL @ self._heights + self._local
             height, azimuth = _highest(np.where(self._seen, around, -np.inf))
-        if not np.isfinite(height):
-            return HighestPoint(np.nan, np.nan, np.nan)
         return HighestPoint(height, azimuth, self._stddev(height, azimuth))
 
     def at(self, azimuth: float) -> float:
