@@ -16,6 +16,8 @@ from slosh_camera.settings import DetectionSettings, RegionOfInterest
 
 SHIFT = 6
 XI = 1.8411837813
+# Zeros of the derivatives of J1 (the second), J0 and J2.
+XI_SECOND, XI_MEAN, XI_DOUBLE = 5.3314427735, 3.8317059702, 3.0542369282
 WATER = 1.33
 
 
@@ -25,6 +27,45 @@ def fresnel(cosine: np.ndarray) -> np.ndarray:
     across = ((cosine - WATER * inside) / (cosine + WATER * inside)) ** 2
     along = ((inside - WATER * cosine) / (inside + WATER * cosine)) ** 2
     return 0.5 * (across + along)
+
+
+@dataclass(frozen=True)
+class Wave:
+    """A surface whose crest is at an azimuth; parts of heights at the wall [m].
+
+    Attributes:
+        amplitude: of the first mode.
+        azimuth: of its crest [rad].
+        level: of the liquid.
+        second: of the second mode, in the same direction.
+        mean: of the crest all around that the first mode drives.
+        double: of the crest with two periods that it drives.
+    """
+
+    amplitude: float = 0.0
+    azimuth: float = 0.0
+    level: float = 0.0
+    second: float = 0.0
+    mean: float = 0.0
+    double: float = 0.0
+
+    def height(self, rho: np.ndarray, angle: np.ndarray) -> np.ndarray:
+        turn = angle - self.azimuth
+        return (
+            self.level
+            + self.amplitude * jv(1, XI * rho) / jv(1, XI) * np.cos(turn)
+            + self.second * jv(1, XI_SECOND * rho) / jv(1, XI_SECOND) * np.cos(turn)
+            + self.mean * jv(0, XI_MEAN * rho) / jv(0, XI_MEAN)
+            + self.double * jv(2, XI_DOUBLE * rho) / jv(2, XI_DOUBLE) * np.cos(2.0 * turn)
+        )
+
+    @property
+    def highest(self) -> tuple[float, float]:
+        """Highest place on the wall [m] and its azimuth [rad]."""
+        angle = np.linspace(-np.pi, np.pi, 7201)
+        around = self.height(np.ones(angle.size), angle)
+        best = int(np.argmax(around))
+        return float(around[best]), float(angle[best])
 
 
 @dataclass(frozen=True)
@@ -98,35 +139,37 @@ class Scene:
 
     def draw(self, amplitude: float = 0.0, azimuth: float = 0.0, level: float = 0.0) -> np.ndarray:
         """Grey image of the first mode of a height at the wall in the given azimuth."""
+        return self.draw_wave(Wave(amplitude, azimuth, level))
+
+    def draw_wave(self, wave: Wave) -> np.ndarray:
+        """Grey image of a surface."""
         image = np.full(
             (self.oversampling * self.height, self.oversampling * self.width),
             self.background,
             np.uint8,
         )
-        if amplitude == 0.0 and self.camera_height > level:
+        if wave != Wave(0.0, wave.azimuth, wave.level):
+            self._draw_surface(image, wave)
+        elif self.camera_height > wave.level:
             self._fill(
                 image,
-                self._wall(np.linspace(-np.pi, np.pi, 721), np.full(721, level)),
+                self._wall(np.linspace(-np.pi, np.pi, 721), np.full(721, wave.level)),
                 self.surface,
             )
-        elif amplitude != 0.0:
-            self._draw_surface(image, amplitude, azimuth, level)
         half = np.arccos(self.radius / self.distance)
         front = self.camera_azimuth + np.linspace(-half, half, 361)
-        line = self._wall(front, level + amplitude * np.cos(front - azimuth))
+        line = self._wall(front, wave.height(np.ones(front.size), front))
         floor = self._wall(front, np.full(front.size, -self.fill_height))
         self._fill(image, np.vstack((line, floor[::-1])), self.liquid)
         small = cv2.resize(image, (self.width, self.height), interpolation=cv2.INTER_AREA)
         return self._exposed(small)
 
-    def _draw_surface(
-        self, image: np.ndarray, amplitude: float, azimuth: float, level: float
-    ) -> None:
+    def _draw_surface(self, image: np.ndarray, wave: Wave) -> None:
         """The free surface in small patches from far to near; each mirrors the background."""
         radial = np.linspace(0.0, 1.0, 91)
         around = np.linspace(-np.pi, np.pi, 241)
         rho, angle = np.meshgrid(radial, around, indexing="ij")
-        height = level + amplitude * jv(1, XI * rho) / jv(1, XI) * np.cos(angle - azimuth)
+        height = wave.height(rho, angle)
         points = np.stack(
             (self.radius * rho * np.cos(angle), self.radius * rho * np.sin(angle), height), axis=-1
         )
@@ -172,3 +215,8 @@ class Scene:
 @pytest.fixture(scope="session")
 def make_scene() -> type[Scene]:
     return Scene
+
+
+@pytest.fixture(scope="session")
+def make_wave() -> type[Wave]:
+    return Wave
