@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from slosh_camera.calibration import AnyCalibration, read_still_image
+from slosh_camera.detector import FreeSurfaceDetector
 from slosh_camera.detectors import SurfaceDetector, detector_for
 from slosh_camera.errors import SloshCameraError
 
@@ -29,6 +30,8 @@ def learnt_detector(
     if still_image is not None:
         calibration = replace(calibration, still_image=Path(still_image))
     detector = detector_for(calibration)
+    if isinstance(detector, FreeSurfaceDetector):
+        detector.warm_up()
     if calibration.still_image is None:
         return detector
     image = read_still_image(calibration)

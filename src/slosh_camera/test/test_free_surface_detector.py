@@ -274,6 +274,23 @@ def test_repeated_image_is_flagged_once_it_repeats(make_scene):
     assert flags == [Flag.NONE, Flag.FROZEN, Flag.NONE]
 
 
+@pytest.mark.parametrize("liquid", [Liquid.ANY, Liquid.LIGHTER])
+def test_warming_up_changes_nothing(make_scene, liquid):
+    scene = make_scene(liquid=220, surface=150, background=40, **PITCHED)
+    settings = DetectionSettings(liquid=liquid)
+    detector = FreeSurfaceDetector(scene.calibration(settings))
+    image = scene.draw(0.012, 0.7)
+    before = detector.measure(0, image)
+    detector.warm_up()
+    after = detector.measure(0, image)
+    assert (after.msh, after.fitted_msh, after.flags) == (
+        before.msh,
+        before.fitted_msh,
+        before.flags,
+    )
+    assert detector.still_offset == 0.0
+
+
 def test_same_images_same_numbers(make_scene):
     scene = make_scene(noise=2.0)
     image = scene.draw(0.012, 0.7)
