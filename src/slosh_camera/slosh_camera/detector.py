@@ -65,7 +65,7 @@ _LEAST_POINTS = 10
 _LEAST_READ = 0.5
 _HIDDEN = 0.13
 # The peak is hidden where the fitted surface is so much higher than what is seen [m].
-_HIGHER = 1e-3
+_HIGHER = 5e-4
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -325,7 +325,8 @@ class FreeSurfaceDetector:
         flags = found.flags
         if reading.edge_width > self._settings.max_blur:
             flags |= Flag.BLURRED
-        if fitted.height > seen.height + _HIGHER and not cut_off:
+        missing = max(fitted.height - seen.height, 0.0)
+        if missing > max(_HIGHER, 4.0 * fitted.stddev) and not cut_off:
             flags |= Flag.OCCLUDED
         side = self._side(fitted.azimuth)
         left, right = (reading.at(azimuth) for azimuth in self._tangents)
@@ -333,7 +334,7 @@ class FreeSurfaceDetector:
         return Measurement(
             stamp_ns=stamp_ns,
             msh=seen.height,
-            msh_stddev=seen.stddev,
+            msh_stddev=float(np.hypot(seen.stddev, missing)),
             azimuth=seen.azimuth,
             fitted_msh=fitted.height,
             fitted_msh_stddev=fitted.stddev,
