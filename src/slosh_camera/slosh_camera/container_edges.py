@@ -50,7 +50,8 @@ class ContainerEdges:
         self._able = all(len(side) >= _LEAST_HEIGHTS for side in sides)
         places = np.vstack(sides)
         self._first = len(sides[0])
-        self._height = np.ascontiguousarray(np.mean(places[:, 1]) - places[:, 1])
+        middle = float(np.mean(places[:, 1])) if len(places) else 0.0
+        self._height = np.ascontiguousarray(middle - places[:, 1])
         across = places[:, :1] + np.arange(-_REACH, _REACH + 1)
         down = np.repeat(places[:, 1:], across.shape[1], axis=1)
         self._map = across.astype(np.float32), down.astype(np.float32)
