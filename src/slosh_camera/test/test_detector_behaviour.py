@@ -104,6 +104,25 @@ def test_a_peak_at_the_side_that_is_hidden_is_not_guessed_at(make_scene, camera,
 
 
 @CAMERAS
+@pytest.mark.parametrize("azimuth", [0.0, 1.5, 2.5])
+@pytest.mark.parametrize("half", [20, 40, 60])
+@pytest.mark.parametrize("grey", [128, 240])
+def test_a_rear_peak_that_is_partly_hidden_is_flagged_or_less_sure(
+    make_scene, camera, azimuth, half, grey
+):
+    scene = make_scene(noise=2.0, **camera)
+    image = scene.draw(0.02, azimuth)
+    detector = FreeSurfaceDetector(scene.calibration())
+    u, v = (round(value) for value in detector.measure(0, image).peak_pixel)
+    image[v - 30 : v + 60, max(u - half, 0) : u + half] = grey
+    result = detector.measure(1, image)
+    assert result.flags in (Flag.NONE, Flag.OCCLUDED)
+    assert result.fitted_msh == pytest.approx(0.02, abs=0.8 * MM)
+    if result.flags == Flag.NONE:
+        assert abs(result.msh - 0.02) < 4.0 * result.msh_stddev
+
+
+@CAMERAS
 def test_half_of_the_line_is_too_little(make_scene, camera):
     scene = make_scene(noise=2.0, **camera)
     image = scene.draw(0.02, -1.6)
