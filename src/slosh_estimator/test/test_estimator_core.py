@@ -56,6 +56,51 @@ def test_online_equals_offline_bit_for_bit(
         assert modal == offline.modal.tolist()
 
 
+def bits(estimator: Estimator, parts: list[list[Sample]]) -> list[bytes]:
+    """All columns of the parts taken one after the other, as bytes."""
+    tables = [estimator.update_many(part) for part in parts]
+    return [
+        b"".join(column.tobytes() for column in columns) for columns in zip(*tables, strict=True)
+    ]
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    st.lists(
+        st.tuples(
+            st.integers(1, 40 * MS),
+            *[st.floats(-9.0, 9.0, allow_subnormal=False)] * 3,
+            st.sampled_from([0.0, 0.0, 0.3, -2.5]),
+            st.integers(0, 7),
+        ),
+        min_size=1,
+        max_size=40,
+    ),
+    st.integers(1, 40),
+)
+def test_many_samples_at_once_give_the_bits_of_one_by_one(
+    steps: list[tuple[int, float, float, float, float, int]], size: int
+) -> None:
+    samples, stamp = [], 0
+    for index, (interval, ax, ay, az, yaw, event) in enumerate(steps):
+        stamp += interval
+        runaway = 1e7 if event == 6 else 1.0  # leads the models out of the physical range
+        samples.append(Sample(stamp, runaway * ax, ay, az, yaw, index == 0 or event == 7))
+    one_by_one = [[sample] for sample in samples]
+    parts = [samples[i : i + size] for i in range(0, len(samples), size)]
+    single, many = Estimator(MODEL), Estimator(MODEL)
+    assert bits(single, one_by_one) == bits(many, parts)
+    assert single.divergences == many.divergences
+    online = Estimator(MODEL)
+    answers = [online.update(sample) for sample in samples]
+    table = Estimator(MODEL).update_many(samples)
+    assert [a.flags for a in answers] == table.flags.tolist()
+    assert [a.jerk for a in answers] == table.jerk.tolist()
+    assert [list(a.linear[:4]) for a in answers] == table.heights[:, 0].tolist()
+    assert [list(a.nonlinear[:4]) for a in answers] == table.heights[:, 1].tolist()
+    assert [a.nonlinear.modal for a in answers] == table.modal[:, 1].tolist()
+
+
 def test_a_gap_restarts_from_rest_and_settles_after_three_time_constants() -> None:
     estimator = Estimator(MODEL)
     run(estimator, 200, (3.0, 0.0, 0.0))

@@ -183,6 +183,14 @@ class Simulator:
         return heights
 
     @property
+    def arrays(self) -> tuple[Array, Array, Array, Array]:
+        """Modal state, modes, parameters and held input, as `kernel.advance` takes them.
+
+        The simulator's own arrays: whoever advances them elsewhere starts with a step of dt = 0.
+        """
+        return self._modal, self._modes, self._parameters, self._held
+
+    @property
     def modal(self) -> Array:
         """(modes, 4) x, y, vx, vy [m, m/s]; the simulator's own array, to read at once."""
         return self._modal
