@@ -17,6 +17,7 @@ from slosh_msgs_py.errors import SloshMessageError
 from slosh_msgs_py.node.diagnostics import WARN, DiagnosticsReporter
 from slosh_msgs_py.node.parameters import ParameterSpec, declare
 from slosh_msgs_py.node.run import make_executor
+from slosh_msgs_py.node.shared_memory import is_deaf
 
 SPECS = (
     ParameterSpec("size", 1.0, "size [m]", (0.0, 2.0), read_only=False),
@@ -221,3 +222,28 @@ def test_an_unknown_executor_is_named(monkeypatch):
     monkeypatch.setenv("SLOSH_EXECUTOR", "multi")
     with pytest.raises(SloshMessageError, match="'multi' must be one of events, single"):
         make_executor()
+
+
+@pytest.mark.parametrize(
+    ("targets", "deaf"),
+    [
+        ([], False),  # no shared memory at all
+        (["/dev/shm/fastrtps_71a8d4d185374fd8_el"], True),
+        # A port below RTPS's own serves the whole machine, not this process.
+        (["/dev/shm/fastrtps_71a8d4d185374fd8_el", "/dev/shm/fastrtps_port7002_el"], True),
+        (["/dev/shm/fastrtps_71a8d4d185374fd8_el", "/dev/shm/fastrtps_port7411_el"], False),
+    ],
+)
+def test_a_process_without_its_shared_memory_port_is_deaf(tmp_path, targets, deaf):
+    for number, target in enumerate(targets):
+        (tmp_path / str(number)).symlink_to(target)
+    assert is_deaf(tmp_path) == deaf
+    assert not is_deaf(tmp_path / "nowhere")
+
+
+def test_a_living_process_is_not_deaf():
+    rclpy.init(domain_id=33)
+    node = rclpy.create_node("hears")
+    assert not is_deaf()
+    node.destroy_node()
+    rclpy.shutdown()

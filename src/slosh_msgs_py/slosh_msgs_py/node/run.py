@@ -7,6 +7,7 @@ import gc
 import os
 import signal
 import sys
+import time
 from collections.abc import Callable, Sequence
 from types import FrameType
 from typing import Any
@@ -17,9 +18,11 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from slosh_msgs_py.errors import SloshMessageError
+from slosh_msgs_py.node.shared_memory import is_deaf
 
 EXIT_DONE, EXIT_WRONG_INPUT = 0, 2
 EXECUTORS = ("events", "single")
+ATTEMPTS, PAUSE = 20, 0.25  # s; what holds a dead port open is found out within a second or two
 _POLL = 0.1  # s; how long an idle executor waits before it looks whether to stop
 
 
@@ -42,7 +45,7 @@ def run_node(
     try:
         _initialise(arguments)
         executor = make_executor()
-        node = factory()
+        node = _make(factory)
     except (ValueError, OSError) as error:
         rclpy.try_shutdown()
         if not isinstance(error, OSError) and not type(error).__module__.startswith("slosh_"):
@@ -73,6 +76,23 @@ def _initialise(arguments: Sequence[str] | None) -> None:
         reason = " ".join(str(error).split()).split(", at /")[0]
         reason = reason.removeprefix("failed to initialize rcl: ")
         raise SloshMessageError(f"ROS cannot start: {reason}") from None
+
+
+def _make(factory: Callable[[], Node]) -> Node:
+    """The node, in a process that the others reach; see `shared_memory`."""
+    # What hears is the participant: it lives from the first node of the process to the last.
+    first = rclpy.create_node(f"_start_{os.getpid()}", start_parameter_services=False)
+    for _ in range(ATTEMPTS):
+        if not is_deaf():
+            break
+        print("shared memory port still taken by a killed process; again", file=sys.stderr)
+        first.destroy_node()
+        time.sleep(PAUSE)
+        first = rclpy.create_node(f"_start_{os.getpid()}", start_parameter_services=False)
+    try:
+        return factory()
+    finally:
+        first.destroy_node()
 
 
 class _StopFlag:
