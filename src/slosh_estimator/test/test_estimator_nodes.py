@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import yaml
 
 rclpy = pytest.importorskip("rclpy", reason="ROS 2 is not installed")
 
@@ -21,7 +22,14 @@ from std_srvs.srv import Trigger  # noqa: E402
 from slosh_estimator.errors import SloshEstimatorError  # noqa: E402
 from slosh_estimator.nodes.estimator_node import EstimatorNode  # noqa: E402
 from slosh_estimator.nodes.monitor_node import MonitorNode  # noqa: E402
-from slosh_msgs.msg import FreeSurface, LimitEvent, SloshComparison, SloshEstimate  # noqa: E402
+from slosh_model.model_text import parse_model  # noqa: E402
+from slosh_msgs.msg import (  # noqa: E402
+    FreeSurface,
+    LimitEvent,
+    NodeSettings,
+    SloshComparison,
+    SloshEstimate,
+)
 from slosh_msgs.srv import LoadModel  # noqa: E402
 from slosh_msgs_py import qos, topics  # noqa: E402
 from slosh_msgs_py.errors import SloshMessageError  # noqa: E402
@@ -247,3 +255,31 @@ def test_the_monitor_compares_reports_events_and_tells_which_side_is_silent(
 
     cell.until(only_the_camera_speaks)
     assert comparisons[-1].measured == 0.05
+
+
+def test_late_joiners_learn_what_the_models_work_with(start: Callable[..., Cell]) -> None:
+    cell = start(max_gap="0.02")
+    cell.add(EstimatorNode())
+    publisher = cell.publisher(AccelStamped, topics.ACCEL)
+    estimates = cell.collect(SloshEstimate, topics.ESTIMATE)
+    cell.until(lambda: cell.probe.count_publishers(topics.ESTIMATE) > 0)
+    stamp = cell.now()
+    publisher.publish(accel(stamp, 2.0))
+    cell.until(lambda: len(estimates) == 1)
+    announced = cell.collect(NodeSettings, topics.SETTINGS, qos.EVENT)
+    cell.until(lambda: len(announced) == 1)
+    document = yaml.safe_load(announced[0].document)
+    assert announced[0].node == "estimator"
+    assert to_nanoseconds(announced[0].header.stamp) == 0
+    assert document["parameters"]["max_gap"] == 0.02
+    assert parse_model(document["files"]["model"]) == parse_model(TEXT)
+
+    request = LoadModel.Request(text=TEXT.replace("0.07", "0.06"))
+    assert cell.call(LoadModel, topics.LOAD_MODEL, request).success
+    cell.until(lambda: len(announced) == 2)
+    assert parse_model(yaml.safe_load(announced[1].document)["files"]["model"]) == parse_model(
+        request.text
+    )
+    assert to_nanoseconds(announced[1].header.stamp) == stamp  # from the next sample on
+    assert cell.call(Trigger, topics.RESET, Trigger.Request()).success
+    cell.until(lambda: len(announced) == 3)

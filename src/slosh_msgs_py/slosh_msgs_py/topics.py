@@ -17,6 +17,7 @@ FREE_SURFACE: Final = "free_surface"
 ESTIMATE: Final = "estimate"
 COMPARISON: Final = "comparison"
 LIMIT_EVENT: Final = "limit_event"
+SETTINGS: Final = "settings"
 DIAGNOSTICS: Final = "/diagnostics"
 
 PREDICT: Final = "predict"

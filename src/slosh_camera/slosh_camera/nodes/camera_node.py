@@ -6,6 +6,7 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 from rclpy.node import Node
@@ -20,14 +21,18 @@ from slosh_camera.measurement import Flag, Measurement, bad_image
 from slosh_camera.nodes.complaints import Complaints
 from slosh_camera.nodes.frame_gaps import FrameGaps
 from slosh_camera.nodes.newest_image import NewestImage
+from slosh_model.arithmetic import arithmetic_fingerprint
+from slosh_model.compile_cache import sources_digest
 from slosh_msgs.msg import FreeSurface
 from slosh_msgs_py import conversions, qos, topics, values
 from slosh_msgs_py.images import image_bytes
 from slosh_msgs_py.node.diagnostics import ERROR, OK, STALE, WARN, DiagnosticsReporter, Health
 from slosh_msgs_py.node.parameters import ParameterSpec, declare
 from slosh_msgs_py.node.run import run_node
+from slosh_msgs_py.node.settings import SettingsPublisher
 from slosh_msgs_py.stamps import MAXIMUM, to_nanoseconds
 
+PACKAGE = Path(__file__).parents[1]
 PARAMETERS = (
     ParameterSpec("calibration", "", "camera.yaml: camera, container and pose"),
     ParameterSpec(
@@ -55,6 +60,10 @@ class CameraNode(Node):
         self._frame = given["container_frame"]
         calibration = read_any_calibration(given["calibration"])
         self._detector = learnt_detector(calibration, given["still_image"] or None)
+        settings = SettingsPublisher(
+            self, sources_digest(PACKAGE), arithmetic_fingerprint(), given
+        )
+        settings.publish({"calibration": Path(given["calibration"]).read_text(encoding="utf-8")})
         self._publisher = self.create_publisher(FreeSurface, topics.FREE_SURFACE, qos.STREAM_OUT)
         self._gaps = FrameGaps(given["frame_rate"])
         self._flags: Counter[Flag] = Counter()

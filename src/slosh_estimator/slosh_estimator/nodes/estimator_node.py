@@ -7,6 +7,7 @@ import time
 from array import array
 from collections.abc import Callable
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 from geometry_msgs.msg import AccelStamped, PoseStamped
@@ -21,15 +22,19 @@ from slosh_estimator.imu_input import ImuInput, SensorTransform
 from slosh_estimator.model_file import read_model
 from slosh_estimator.pose_input import PoseInput
 from slosh_estimator.sample import Sample
-from slosh_model.model_text import parse_model
+from slosh_model.arithmetic import arithmetic_fingerprint
+from slosh_model.compile_cache import sources_digest
+from slosh_model.model_text import format_model, parse_model
 from slosh_msgs.msg import ModelEstimate, SloshEstimate
 from slosh_msgs.srv import LoadModel
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.node.diagnostics import ERROR, OK, STALE, WARN, DiagnosticsReporter, Health
 from slosh_msgs_py.node.parameters import ParameterSpec, declare
 from slosh_msgs_py.node.run import run_node
+from slosh_msgs_py.node.settings import SettingsPublisher
 from slosh_msgs_py.stamps import to_nanoseconds
 
+PACKAGE = Path(__file__).parents[1]
 LATENCY_EVERY = 10
 """Messages per measured latency: enough for percentiles, and nothing to be felt."""
 PARAMETERS = (
@@ -64,6 +69,11 @@ class EstimatorNode(Node):
         self._message = SloshEstimate()
         self._message.header.frame_id = values["container_frame"]
         self._set_names()
+        self._last_stamp = 0
+        self._settings = SettingsPublisher(
+            self, sources_digest(PACKAGE), arithmetic_fingerprint(), values
+        )
+        self._announce_start()
         self._publisher = self.create_publisher(SloshEstimate, topics.ESTIMATE, qos.STREAM_OUT)
         self._input = self._subscribe(values)
         self.create_service(LoadModel, topics.LOAD_MODEL, self._on_load_model)
@@ -115,6 +125,7 @@ class EstimatorNode(Node):
         if sample is None:
             return
         estimate = self._estimator.update(sample)
+        self._last_stamp = sample.stamp_ns
         self._flags |= estimate.flags
         gate = self._input.gate
         fill(self._message, estimate)
@@ -133,6 +144,7 @@ class EstimatorNode(Node):
                 raise ValueError("give either a path or a text")
             model = parse_model(request.text, "text") if request.text else read_model(request.path)
             self._estimator.load_model(model)
+            self._announce_start()
         except ValueError as error:
             response.success, response.message = False, str(error)
         else:
@@ -143,8 +155,14 @@ class EstimatorNode(Node):
 
     def _on_reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self._estimator.reset()
+        self._announce_start()
         response.success, response.message = True, "the models start from rest"
         return response
+
+    def _announce_start(self) -> None:
+        """Tells what the models work with from the next sample on, starting from rest."""
+        files = {"model": format_model(self._estimator.model)}
+        self._settings.publish(files, self._last_stamp)
 
     def _set_names(self) -> None:
         self._message.linear.model, self._message.nonlinear.model = self._estimator.names

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from pathlib import Path
 from typing import Any
 
 from rclpy.clock import Clock, ClockType
@@ -18,13 +19,17 @@ from slosh_estimator.monitor import (
     Monitor,
     MonitorSettings,
 )
+from slosh_model.arithmetic import arithmetic_fingerprint
+from slosh_model.compile_cache import sources_digest
 from slosh_msgs.msg import FreeSurface, LimitEvent, SloshComparison, SloshEstimate
 from slosh_msgs_py import conversions, qos, topics, values
 from slosh_msgs_py.node.diagnostics import ERROR, OK, STALE, WARN, DiagnosticsReporter, Health
 from slosh_msgs_py.node.parameters import ParameterSpec, declare
 from slosh_msgs_py.node.run import run_node
+from slosh_msgs_py.node.settings import SettingsPublisher
 from slosh_msgs_py.stamps import to_nanoseconds
 
+PACKAGE = Path(__file__).parents[1]
 CHECK_PERIOD = 0.1
 PARAMETERS = (
     ParameterSpec("measured_limit", 0.03, "limit of the measured height [m]", (0.0, 10.0)),
@@ -46,6 +51,10 @@ class MonitorNode(Node):
         super().__init__("monitor")
         given = declare(self, PARAMETERS)
         self._frame = given["container_frame"]
+        settings = SettingsPublisher(
+            self, sources_digest(PACKAGE), arithmetic_fingerprint(), given
+        )
+        settings.publish({})
         self._core = Monitor(
             MonitorSettings(
                 given["measured_limit"],

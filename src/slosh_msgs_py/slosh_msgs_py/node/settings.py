@@ -1,0 +1,46 @@
+"""The latched `settings` topic: what a node works with, so that a recording replays itself."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import yaml
+from rclpy.node import Node
+
+from slosh_msgs.msg import NodeSettings
+from slosh_msgs_py import qos, topics
+from slosh_msgs_py.stamps import to_time
+
+
+class SettingsPublisher:
+    """Publishes a node's settings.
+
+    Args:
+        node: the node.
+        code: digest of its package's sources.
+        arithmetic: how this machine rounds.
+        parameters: values by name, as `declare` gives them.
+    """
+
+    def __init__(
+        self, node: Node, code: str, arithmetic: str, parameters: Mapping[str, Any]
+    ) -> None:
+        self._name = node.get_name()
+        self._code, self._arithmetic = code, arithmetic
+        self._parameters = dict(parameters)
+        self._publisher = node.create_publisher(NodeSettings, topics.SETTINGS, qos.EVENT)
+
+    def publish(self, files: Mapping[str, str], stamp_ns: int = 0) -> None:
+        """Announces a start, or a new start with other settings or from rest.
+
+        Args:
+            files: text of each file that the node has read, by the parameter that names it.
+            stamp_ns: the last input that was used before [ns]; 0: none.
+        """
+        message = NodeSettings()
+        message.header.stamp = to_time(stamp_ns)
+        message.node, message.code, message.arithmetic = self._name, self._code, self._arithmetic
+        document = {"parameters": self._parameters, "files": dict(files)}
+        message.document = yaml.safe_dump(document, sort_keys=True, allow_unicode=True)
+        self._publisher.publish(message)
