@@ -12,9 +12,11 @@ import csv
 import gzip
 import io
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, BinaryIO, TextIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +30,7 @@ ATTITUDE = ("qx", "qy", "qz", "qw")
 ANGULAR_VELOCITY = ("wx", "wy", "wz")
 MSH = "msh"
 ETA = "eta_"
+_BATCH = 10_000  # rows that are turned into text at a time
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,16 +96,44 @@ def write_motion_table(path: Path, table: MotionTable) -> None:
         SloshBagError: the file cannot be written, or a measured azimuth is no whole degree.
     """
     names, columns = _columns(path, table)
-    text = io.StringIO(newline="")
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(names)
-    writer.writerows([repr(float(value)) for value in row] for row in np.column_stack(columns))
-    content = text.getvalue().encode()
+    data = np.column_stack(columns)
     try:
-        # mtime 0: the same table gives the same file.
-        path.write_bytes(gzip.compress(content, mtime=0) if _compressed(path) else content)
+        with path.open("wb") as file, _text_stream(path, file) as text:
+            writer = csv.writer(text, lineterminator="\n")
+            writer.writerow(names)
+            for start in range(0, len(data), _BATCH):
+                # The csv module writes floats by repr: to the same bits when read.
+                writer.writerows(data[start : start + _BATCH].tolist())
     except OSError as error:
         raise SloshBagError(f"{path}: cannot be written: {error.strerror}") from None
+
+
+def column_names(path: Path, table: MotionTable) -> list[str]:
+    """The names of a table's columns, in the order in which they are written.
+
+    Raises:
+        SloshBagError: a measured azimuth is no whole degree.
+    """
+    return _columns(path, table)[0]
+
+
+def eta_azimuths(names: Iterable[str]) -> Array:
+    """The azimuths [rad] of those names that are columns of wall heights, in rising order."""
+    degrees = sorted(float(name.removeprefix(ETA)) for name in names if _is_eta(name))
+    return np.radians(degrees)
+
+
+@contextmanager
+def _text_stream(path: Path, file: BinaryIO) -> Iterator[TextIO]:
+    """A file's text, compressed where its name says so."""
+    # mtime 0 and no name inside: the same table gives the same file.
+    with ExitStack() as stack:
+        if _compressed(path):
+            packed = gzip.GzipFile(filename="", mode="wb", fileobj=file, mtime=0)
+            binary: Any = stack.enter_context(packed)
+        else:
+            binary = file
+        yield stack.enter_context(io.TextIOWrapper(binary, encoding="utf-8", newline=""))
 
 
 def _compressed(path: Path) -> bool:
@@ -201,14 +232,13 @@ def _table(names: list[str], data: Array) -> MotionTable:
         return np.ascontiguousarray(data[:, [names.index(name) for name in columns]])
 
     etas = tuple(sorted(name for name in names if _is_eta(name)))
-    degrees = [float(name.removeprefix(ETA)) for name in etas]
     return MotionTable(
         t=data[:, names.index("t")].copy(),
         acceleration=np.ascontiguousarray(data[:, [names.index(name) for name in MOTION[1:]]]),
         attitude=group(ATTITUDE),
         angular_velocity=group(ANGULAR_VELOCITY),
         msh=data[:, names.index(MSH)].copy() if MSH in names else None,
-        eta_azimuth=np.radians(degrees) if etas else None,
+        eta_azimuth=eta_azimuths(etas) if etas else None,
         eta=group(etas) if etas else None,
     )
 

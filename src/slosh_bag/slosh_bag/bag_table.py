@@ -1,0 +1,366 @@
+"""Bags to motion tables.
+
+The rows are the input samples that the estimator would take, and the moments of the measured
+heights: in between the inputs are interpolated linearly, as the models take them, so that every
+height stays at its own moment. Where the stamps coincide nothing is interpolated.
+
+| input | acceleration | qx … qw | wx … wz |
+|---|---|---|---|
+| accel | as published | the imu's orientation | the imu's angular velocity |
+| imu | Rz(ψ) f - g ẑ, with gravity's share along a tilted floor | the yaw ψ alone | the imu's |
+| pose | second derivative of the position | the pose's orientation | - |
+
+For accel the imu counts only where it is in the container's frame, beside an accel in the
+world's, and has a sample at every stamp of accel: as in the bag of a table.
+"""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_bag.bag_motion import (
+    INPUTS,
+    AttitudeCollector,
+    Kind,
+    Motion,
+    MotionCollector,
+    MotionSettings,
+    stamp_of,
+)
+from slosh_bag.errors import SloshBagError
+from slosh_bag.motion_table import MSH, MotionTable, eta_azimuths
+from slosh_bag.reader import BagReader, TopicInfo
+from slosh_bag.table_bag import (
+    COLUMNS_KEY,
+    HEIGHTS,
+    HEIGHTS_TYPE,
+    IMU,
+    IMU_TYPE,
+    ORIGIN_KEY,
+    SECOND,
+    SURFACE,
+    SURFACE_TYPE,
+    WALL_POINT,
+    table_times,
+)
+from slosh_bag.topic_choice import find_topic
+from slosh_estimator.monitor import SATURATED, UNUSABLE
+
+Array = NDArray[np.float64]
+Stamps = NDArray[np.int64]
+
+NO_HEIGHTS: Final = "none"
+
+
+@dataclass(frozen=True, slots=True)
+class TableSettings:
+    """How a table is made of a bag.
+
+    Attributes:
+        kind: which input; None: the first of accel, imu, pose that the bag holds.
+        measured: topic of the measured heights; 'none': without; None: free_surface, if any.
+        absolute: t is the stamp; otherwise it counts from the first row, or in the bag of a
+            table from that table's own origin.
+        motion: how the input is read.
+    """
+
+    kind: Kind | None = None
+    measured: str | None = None
+    absolute: bool = False
+    motion: MotionSettings = field(default_factory=MotionSettings)
+
+
+class BagTable(NamedTuple):
+    """A bag's motion table.
+
+    Attributes:
+        table: the table.
+        origin_ns: the stamp at t = 0 [ns].
+        source: the topic that gave the motion.
+        measured: the topic that gave the heights; empty: none.
+        notes: what the table cannot hold of the bag, one line each.
+    """
+
+    table: MotionTable
+    origin_ns: int
+    source: str
+    measured: str
+    notes: tuple[str, ...]
+
+
+def read_bag_table(
+    path: Path,
+    settings: TableSettings | None = None,
+    progress: Callable[[int], object] = lambda count: None,
+) -> BagTable:
+    """The motion table of a bag.
+
+    Args:
+        path: the bag's folder or MCAP file.
+        settings: which topics, and how they are read.
+        progress: is told how many messages were read since it was told last.
+
+    Raises:
+        SloshBagError: no readable bag, no such topic, no usable input, stamps that go back, or
+            heights on a clock of their own.
+    """
+    chosen = settings or TableSettings()
+    reader = BagReader(path)
+    facts, topics = reader.metadata(), reader.topics()
+    kind, source = _source(path, topics, chosen.kind)
+    columns = facts.get(COLUMNS_KEY, "").split(",") if chosen.measured is None else []
+    surface = _surface(path, topics, chosen.measured, MSH in columns)
+    if surface and facts.get("clocks") == "unrelated":
+        raise SloshBagError(
+            f"{path}: {source} and {surface} have unrelated clocks: the heights cannot be placed "
+            f"on the motion; leave them out (measured: {NO_HEIGHTS})"
+        )
+    collector = MotionCollector(kind, chosen.motion)
+    beside, heights = AttitudeCollector(), HeightCollector(columns)
+    takers: dict[str, Callable[[Any], None]] = {source: collector.add}
+    if kind == "accel" and (imu := _find(topics, IMU, IMU_TYPE)):
+        takers[imu] = beside.add
+    if surface:
+        takers[surface] = heights.add_surface
+    walls = _find(topics, HEIGHTS, HEIGHTS_TYPE)
+    if walls and chosen.measured is None:
+        takers[walls] = heights.add_walls
+    for message in reader.messages(list(takers)):
+        takers[message.topic](reader.decode(message))
+        progress(1)
+    motion = collector.motion(path, source)
+    if collector.in_world:
+        motion = beside.added_to(motion) if kind == "accel" else motion
+    motion, placed = heights.placed(motion, chosen.motion.gate.max_gap)
+    origin = _origin(path, chosen.absolute, facts, motion.stamps)
+    table = MotionTable(
+        _times(path, motion.stamps - origin),
+        motion.acceleration,
+        motion.attitude,
+        motion.angular_velocity,
+        placed.msh if surface and heights.has_msh else None,
+        placed.eta_azimuth,
+        placed.eta,
+    )
+    notes = (*reader.warnings, *collector.notes(), *placed.notes)
+    return BagTable(table, origin, source, surface, notes)
+
+
+class PlacedHeights(NamedTuple):
+    """Heights at the rows of a motion: msh (N,), eta (N, K) at azimuths (K,), and notes."""
+
+    msh: Array
+    eta_azimuth: Array | None
+    eta: Array | None
+    notes: tuple[str, ...]
+
+
+class HeightCollector:
+    """Takes measured heights.
+
+    Args:
+        columns: those of the table that the bag was made of; empty: of none.
+    """
+
+    def __init__(self, columns: list[str]) -> None:
+        self.has_msh = MSH in columns or not any(columns)
+        azimuth = eta_azimuths(columns)
+        self._azimuth: Array | None = azimuth if len(azimuth) else None
+        self._stamps, self._msh = array("q"), array("d")
+        self._wall_stamps, self._walls = array("q"), array("d")
+        self._unusable = self._saturated = 0
+
+    def add_surface(self, message: Any) -> None:
+        """Takes a FreeSurface message."""
+        unusable = bool(message.flags & UNUSABLE)
+        self._unusable += unusable
+        self._saturated += bool(message.flags & SATURATED)
+        if not unusable and message.msh == message.msh:
+            self._stamps.append(stamp_of(message))
+            self._msh.append(message.msh)
+
+    def add_walls(self, message: Any) -> None:
+        """Takes a PointCloud2 message of wall heights."""
+        stamp = stamp_of(message)
+        if [f.name for f in message.fields] != list(WALL_POINT.names or ()) or (
+            message.point_step != WALL_POINT.itemsize or message.is_bigendian
+        ):
+            raise SloshBagError(
+                f"{HEIGHTS} at {stamp / SECOND:.3f} s: points are not azimuth and height"
+            )
+        points = np.frombuffer(np.ascontiguousarray(message.data).data, dtype=WALL_POINT)
+        if self._azimuth is None:
+            self._azimuth = points["azimuth"].copy()
+        if not np.array_equal(self._azimuth, points["azimuth"]):
+            raise SloshBagError(f"{HEIGHTS} at {stamp / SECOND:.3f} s: the azimuths change")
+        self._wall_stamps.append(stamp)
+        self._walls.extend(points["height"].tolist())
+
+    def placed(self, motion: Motion, max_gap: float) -> tuple[Motion, PlacedHeights]:
+        """The motion with a row for each height, and the heights at the rows.
+
+        Args:
+            motion: the motion.
+            max_gap: longest time between two samples of the motion that is interpolated [s].
+        """
+        stamps, first = _ordered(self._stamps)
+        wall_stamps, first_wall = _ordered(self._wall_stamps)
+        wanted = np.union1d(stamps, wall_stamps)
+        inside = _reachable(motion.stamps, wanted, round(max_gap * SECOND))
+        between = np.setdiff1d(wanted[inside], motion.stamps)
+        full = with_rows_at(motion, between)
+        msh = np.full(len(full.stamps), np.nan)
+        row, known = _rows(full.stamps, stamps)
+        msh[row[known]] = np.array(self._msh, dtype=np.float64)[first][known]
+        eta = None
+        if self._azimuth is not None:
+            eta = np.full((len(full.stamps), len(self._azimuth)), np.nan)
+            row, known = _rows(full.stamps, wall_stamps)
+            walls = np.array(self._walls, dtype=np.float64).reshape(-1, len(self._azimuth))
+            eta[row[known]] = walls[first_wall][known]
+        notes = self._notes(len(between), int(np.count_nonzero(~inside)))
+        return full, PlacedHeights(msh, self._azimuth, eta, notes)
+
+    def _notes(self, between: int, outside: int) -> tuple[str, ...]:
+        told = (
+            (between, "rows between two input samples, at the moments of heights: interpolated"),
+            (outside, "heights left out: the input has no sample around them"),
+            (self._unusable, "images without a usable height"),
+            (self._saturated, "heights are lower bounds (SATURATED); a table cannot say so"),
+        )
+        return tuple(f"{count} {text}" for count, text in told if count)
+
+
+def with_rows_at(motion: Motion, between: Stamps) -> Motion:
+    """The motion with further rows, interpolated linearly.
+
+    Args:
+        motion: the motion.
+        between: (M,) rising stamps within the motion, none of them one of its own [ns].
+    """
+    if not len(between):
+        return motion
+    after = np.searchsorted(motion.stamps, between)
+    before = after - 1
+    start, end = motion.stamps[before], motion.stamps[after]
+    share = ((between - start) / (end - start))[:, np.newaxis]
+    order = np.argsort(np.concatenate([motion.stamps, between]), kind="stable")
+
+    def filled(values: Array | None, *, unit: bool = False) -> Array | None:
+        if values is None:
+            return None
+        left, right = values[before], values[after]
+        if unit:
+            left, right = _unit(left), _unit(right)
+            # A quaternion and its negative are one attitude: the shorter way is taken.
+            right = np.where((left * right).sum(axis=1, keepdims=True) < 0.0, -right, right)
+        middle = left + (right - left) * share
+        return np.concatenate([values, _unit(middle) if unit else middle])[order]
+
+    acceleration = filled(motion.acceleration)
+    return Motion(
+        np.concatenate([motion.stamps, between])[order],
+        motion.acceleration if acceleration is None else acceleration,
+        filled(motion.attitude, unit=True),
+        filled(motion.angular_velocity),
+    )
+
+
+def _unit(quaternions: Array) -> Array:
+    unit: Array = quaternions / np.linalg.norm(quaternions, axis=1, keepdims=True)
+    return unit
+
+
+def _ordered(stamps: array[int]) -> tuple[Stamps, NDArray[np.intp]]:
+    """Rising stamps, each once, and where each came first."""
+    return np.unique(np.array(stamps, dtype=np.int64), return_index=True)
+
+
+def _rows(rows: Stamps, stamps: Stamps) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
+    """The row of each stamp, and whether there is one."""
+    row = np.minimum(np.searchsorted(rows, stamps), len(rows) - 1)
+    return row, rows[row] == stamps
+
+
+def _reachable(rows: Stamps, stamps: Stamps, max_gap_ns: int) -> NDArray[np.bool_]:
+    """Whether each stamp is that of a row, or lies between two that are close enough."""
+    after = np.searchsorted(rows, stamps)
+    last = len(rows) - 1
+    exact = rows[np.minimum(after, last)] == stamps
+    gap = rows[np.minimum(after, last)] - rows[np.maximum(after - 1, 0)]
+    reachable: NDArray[np.bool_] = exact | ((after > 0) & (after <= last) & (gap <= max_gap_ns))
+    return reachable
+
+
+def _find(
+    topics: dict[str, TopicInfo], name: str, message_type: str, *, empty: bool = False
+) -> str | None:
+    """The topic of that last name and type; of several cells the first.
+
+    Args:
+        topics: those of the bag.
+        name: the last part of the topic's name.
+        message_type: its type.
+        empty: whether it may have no messages.
+    """
+    found = sorted(
+        topic
+        for topic, info in topics.items()
+        if topic.rsplit("/", 1)[-1] == name
+        and info.message_type == message_type
+        and (info.count or empty)
+    )
+    return found[0] if found else None
+
+
+def _source(path: Path, topics: dict[str, TopicInfo], kind: Kind | None) -> tuple[Kind, str]:
+    wanted: list[Kind] = list(INPUTS) if kind is None else [kind]
+    for name in wanted:
+        topic = _find(topics, name, INPUTS[name])
+        if topic is not None:
+            return name, topic
+    raise SloshBagError(f"{path}: holds no message of {', '.join(wanted)}; there is no motion")
+
+
+def _surface(
+    path: Path, topics: dict[str, TopicInfo], measured: str | None, expected: bool
+) -> str:
+    """The topic of the heights; empty: none."""
+    if measured == NO_HEIGHTS:
+        return ""
+    if measured is None:
+        # Without messages where the heights of the table that the bag was made of are all unknown.
+        return _find(topics, SURFACE, SURFACE_TYPE, empty=expected) or ""
+    topic = find_topic(path, topics, measured)
+    if topics[topic].message_type != SURFACE_TYPE:
+        raise SloshBagError(f"{path}: {topic} is {topics[topic].message_type}, not {SURFACE_TYPE}")
+    return topic
+
+
+def _origin(path: Path, absolute: bool, facts: dict[str, str], stamps: Stamps) -> int:
+    if absolute:
+        return 0
+    noted = facts.get(ORIGIN_KEY)
+    if noted is None:
+        return int(stamps[0])
+    try:
+        return int(noted)
+    except ValueError:
+        raise SloshBagError(f"{path}: {ORIGIN_KEY} = {noted!r} is no whole number") from None
+
+
+def _times(path: Path, nanoseconds: Stamps) -> Array:
+    times = table_times(nanoseconds)
+    if (np.diff(times) <= 0.0).any():
+        raise SloshBagError(
+            f"{path}: stamps differ by less than seconds since the epoch can tell as numbers; "
+            "count from the first row instead"
+        )
+    return times
