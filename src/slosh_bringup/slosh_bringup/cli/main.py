@@ -18,6 +18,7 @@ COMMANDS: dict[str, str] = {
     "simulate": "open-loop prediction of a motion table",
     "calibrate": "camera.yaml from an image of the liquid at rest",
     "detect": "heights from a video, a folder of images or a bag",
+    "play": "a bag over DDS with /clock, for live nodes",
     "replay": "the estimator's and the monitor's cores over bags",
     "import": "public measured data to bags",
     "identify": "parameters from measurements (not in this version)",

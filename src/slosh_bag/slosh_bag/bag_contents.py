@@ -1,0 +1,149 @@
+"""What a bag holds, found without reading its messages where the file is finished."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import yaml
+from mcap.reader import make_reader
+from mcap.records import Channel, Message, Schema
+from mcap.stream_reader import StreamReader
+
+from slosh_bag.bag_writer import Qos
+from slosh_bag.errors import SloshBagError
+from slosh_bag.reader import DAMAGE, bag_files
+
+# Numbers that rosbag2 wrote before it wrote words.
+_RELIABILITY = {1: "reliable", 2: "best_effort"}
+_DURABILITY = {1: "transient_local", 2: "volatile"}
+
+
+@dataclass(frozen=True, slots=True)
+class BagTopic:
+    """A topic of a bag.
+
+    Attributes:
+        message_type: e.g. 'slosh_msgs/msg/FreeSurface'.
+        definition: the type's full definition as the bag has it.
+        encoding: of its messages, 'cdr' in bags of ROS 2.
+        offered: what its publishers offered; empty: not noted.
+    """
+
+    message_type: str
+    definition: str
+    encoding: str
+    offered: tuple[Qos, ...] = ()
+
+
+@dataclass(slots=True)
+class BagContents:
+    """What a bag holds.
+
+    Attributes:
+        topics: by name.
+        first_ns, last_ns: least and greatest log time [ns]; None: there is no message.
+    """
+
+    topics: dict[str, BagTopic] = field(default_factory=dict)
+    first_ns: int | None = None
+    last_ns: int | None = None
+
+
+def bag_contents(path: Path) -> BagContents:
+    """What a bag holds; of an unfinished or cut file, what is there.
+
+    Args:
+        path: a folder with MCAP files, or one MCAP file.
+
+    Raises:
+        SloshBagError: there is no readable bag.
+    """
+    contents = BagContents()
+    for file in bag_files(path):
+        with file.open("rb") as stream:
+            if not _add_summary(contents, stream):
+                stream.seek(0)
+                _add_records(contents, stream)
+    return contents
+
+
+def _add_summary(contents: BagContents, stream: Any) -> bool:
+    """Adds what the end of a finished file says; False: there is no such end."""
+    try:
+        summary = make_reader(stream).get_summary()
+    except DAMAGE:
+        return False
+    if summary is None or summary.statistics is None:
+        return False
+    if summary.statistics.message_count:
+        _widen(contents, summary.statistics.message_start_time)
+        _widen(contents, summary.statistics.message_end_time)
+    for channel in summary.channels.values():
+        _add_channel(contents, channel, summary.schemas)
+    return True
+
+
+def _add_records(contents: BagContents, stream: Any) -> None:
+    """Adds what the records of an unfinished file say, up to where it breaks off."""
+    schemas: dict[int, Schema] = {}
+    try:
+        for record in StreamReader(stream).records:
+            if isinstance(record, Message):
+                _widen(contents, record.log_time)
+            elif isinstance(record, Schema):
+                schemas[record.id] = record
+            elif isinstance(record, Channel):
+                _add_channel(contents, record, schemas)
+    except DAMAGE:
+        return  # the reader tells it, when it comes there
+
+
+def _widen(contents: BagContents, time_ns: int) -> None:
+    first, last = contents.first_ns, contents.last_ns
+    contents.first_ns = time_ns if first is None else min(first, time_ns)
+    contents.last_ns = time_ns if last is None else max(last, time_ns)
+
+
+def _add_channel(contents: BagContents, channel: Channel, schemas: Mapping[int, Schema]) -> None:
+    schema = schemas.get(channel.schema_id)
+    if schema is None:
+        return  # a message without a type says nothing to anyone
+    before = contents.topics.get(channel.topic)
+    if before is not None and before.message_type != schema.name:
+        raise SloshBagError(
+            f"{channel.topic}: is {before.message_type} and {schema.name} in the same bag"
+        )
+    offered = parse_offered(channel.metadata.get("offered_qos_profiles", ""))
+    contents.topics[channel.topic] = BagTopic(
+        schema.name,
+        schema.data.decode(errors="replace"),
+        channel.message_encoding,
+        (*(before.offered if before else ()), *offered),
+    )
+
+
+def parse_offered(text: str) -> list[Qos]:
+    """The profiles that rosbag2 noted of a topic's publishers, as words or as numbers."""
+    try:
+        document = yaml.safe_load(text)
+    except yaml.YAMLError:
+        return []
+    entries = document if isinstance(document, list) else []
+    return [_parse_profile(entry) for entry in entries if isinstance(entry, dict)]
+
+
+def _parse_profile(entry: Mapping[str, Any]) -> Qos:
+    reliability, durability = entry.get("reliability"), entry.get("durability")
+    depth = entry.get("depth")
+    return Qos(
+        "best_effort" if _word(reliability, _RELIABILITY) == "best_effort" else "reliable",
+        "transient_local" if _word(durability, _DURABILITY) == "transient_local" else "volatile",
+        depth if isinstance(depth, int) and depth > 0 else Qos().depth,
+    )
+
+
+def _word(value: Any, words: Mapping[int, str]) -> str:
+    return words.get(value, "") if isinstance(value, int) else str(value)

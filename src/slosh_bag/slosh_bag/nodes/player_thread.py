@@ -1,0 +1,161 @@
+"""Publishes what a plan says when it is due, from a thread of its own."""
+
+from __future__ import annotations
+
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any
+
+from rclpy.duration import Duration
+from rosgraph_msgs.msg import Clock
+
+from slosh_bag.errors import SloshBagError
+from slosh_bag.play_plan import PlayPlan
+from slosh_bag.playback import SECOND, Step
+from slosh_bag.read_ahead import ReadAhead
+
+SETTLE = 0.5  # s; for so long nobody new has come, and who is there hears the publishers
+ANNOUNCE_PERIOD = 0.05
+LINGER = 0.5  # s; the last messages are read before the process ends
+ACKNOWLEDGED = 2.0
+# The thread that reads ahead must not keep the interpreter while a message is due.
+SWITCH_INTERVAL = 0.0005
+NAP = 0.05  # s; longer sleeps look in between whether to stop
+
+
+class PlayerThread:
+    """Waits for subscribers, publishes to the end of the plan, waits until all is delivered.
+
+    Args:
+        plan: what is played.
+        publishers: by the topics' names in the bag.
+        clock: publisher of /clock.
+        warn: takes what the user should know.
+
+    Attributes:
+        count: messages that are out.
+        bag_ns: bag time of the newest [ns].
+        playing: False while it waits for subscribers.
+        late_ns, latest_ns: how late the newest message was, and the latest of all [ns].
+        failure: why it could not go on; empty: it could.
+    """
+
+    def __init__(
+        self,
+        plan: PlayPlan,
+        publishers: Mapping[str, Any],
+        clock: Any,
+        warn: Callable[[str], Any],
+    ) -> None:
+        self.count, self.bag_ns = 0, plan.playback.first_ns
+        self.playing = False
+        self.late_ns = self.latest_ns = 0
+        self.failure = ""
+        self._plan, self._publishers, self._warn = plan, publishers, warn
+        self._clock_publisher, self._clock = clock, Clock()
+        self._stop, self._finished = threading.Event(), threading.Event()
+        self._thread: threading.Thread | None = None
+
+    def start(self, subscribers: int, patience: float) -> None:
+        """Starts.
+
+        Args:
+            subscribers: how many there must be before the first message.
+            patience: after so long it goes on without them [s].
+        """
+        sys.setswitchinterval(SWITCH_INTERVAL)
+        self._thread = threading.Thread(
+            target=self._run, args=(subscribers, patience), name="player", daemon=True
+        )
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Ends it, wherever it is."""
+        self._stop.set()
+        if self._thread is not None:
+            self._thread.join()
+
+    @property
+    def finished(self) -> bool:
+        """True once everything is played and delivered, or nothing more can be."""
+        return self._finished.is_set()
+
+    def _run(self, subscribers: int, patience: float) -> None:
+        self.failure = "the player ended unexpectedly"
+        try:
+            # Reads while it waits: the first messages are there when their time comes.
+            with ReadAhead(self._plan.steps(), step_size) as steps:
+                self._wait_for_subscribers(subscribers, patience)
+                self._publish(steps)
+            self._deliver()
+            self.failure = ""
+        except SloshBagError as error:
+            self.failure = str(error)
+        finally:
+            self._finished.set()
+
+    def _wait_for_subscribers(self, wanted: int, patience: float) -> None:
+        """Says what time it is until whoever comes has come; then nobody misses a beginning."""
+        began = settled = time.monotonic()
+        before = 0
+        while not self._stop.wait(ANNOUNCE_PERIOD):
+            self._tell_time(self._plan.playback.first_ns)
+            now, there = time.monotonic(), self._subscribers()
+            if there != before:
+                before, settled = there, now
+            if there >= max(wanted, 1) and now - settled >= SETTLE:
+                return
+            if now - began >= patience:
+                self._warn(f"{there} subscribers after {patience:.1f} s: playing all the same")
+                return
+
+    def _subscribers(self) -> int:
+        return sum(publisher.get_subscription_count() for publisher in self._publishers.values())
+
+    def _publish(self, steps: Iterable[Step]) -> None:
+        """Publishes each message and the time when it is due."""
+        publish = {topic: publisher.publish for topic, publisher in self._publishers.items()}
+        now = time.monotonic_ns
+        self.playing, begin = True, now()
+        for step in steps:
+            due = begin + step.wall_ns
+            if not self._until(due):
+                return
+            self.bag_ns = step.clock_ns
+            if step.message is None:
+                self._tell_time(step.clock_ns)
+                continue
+            publish[step.message.topic](step.message.data)
+            self.count += 1
+            self.late_ns = late = now() - due
+            if late > self.latest_ns:
+                self.latest_ns = late
+
+    def _until(self, due_ns: int) -> bool:
+        """Sleeps until a moment of the steady clock; False where the thread is to end."""
+        while (left := due_ns - time.monotonic_ns()) > 0 and not self._stop.is_set():
+            time.sleep(min(left * 1e-9, NAP))
+        return not self._stop.is_set()
+
+    def _tell_time(self, bag_ns: int) -> None:
+        clock = self._clock.clock
+        clock.sec, clock.nanosec = divmod(bag_ns, SECOND)
+        self._clock_publisher.publish(self._clock)
+
+    def _deliver(self) -> None:
+        """Waits until who reads reliably has everything; the others get a moment."""
+        for warning in dict.fromkeys(self._plan.reader.warnings):
+            self._warn(warning)
+        until = time.monotonic() + ACKNOWLEDGED
+        for publisher in self._publishers.values():
+            left = until - time.monotonic()
+            if left > 0.0 and not self._stop.is_set():
+                publisher.wait_for_all_acked(Duration(seconds=left))
+        self._stop.wait(LINGER)
+
+
+def step_size(step: Step) -> int:
+    """Bytes that a step holds."""
+    return len(step.message.data) if step.message else 0

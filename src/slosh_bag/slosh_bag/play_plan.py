@@ -1,0 +1,229 @@
+"""Which topics of a bag are played, under which name and with which quality of service."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from rosbags.typesys.base import TypesysError
+
+from slosh_bag.bag_contents import BagContents, BagTopic, bag_contents
+from slosh_bag.bag_writer import SERIALIZATION, Qos
+from slosh_bag.definitions import Definitions
+from slosh_bag.errors import SloshBagError
+from slosh_bag.playback import Playback, PlaybackSettings, Step
+from slosh_bag.reader import BagReader
+from slosh_msgs_py import topics as names
+
+CLOCK = "/clock"
+# Publishers' history depths: DDS does not tell a recorder what they were.
+STREAM_DEPTH, LATCHED_DEPTH, LARGE_DEPTH = 1000, 100, 10
+LARGE_TYPES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage",
+               "sensor_msgs/msg/PointCloud2")  # fmt: skip
+INPUTS = (names.ACCEL, names.IMU, names.POSE)
+_ANSWERS = (names.FREE_SURFACE, names.ESTIMATE, names.COMPARISON, names.LIMIT_EVENT)
+_CELL_NAMES = "|".join((*INPUTS, *_ANSWERS, "settings", "camera/.+", "cell/.+"))
+_CELL_TOPIC = re.compile(f"^(?P<namespace>.*?)/(?P<name>{_CELL_NAMES})$")
+
+
+@dataclass(frozen=True, slots=True)
+class PlayRequest:
+    """What is to be played, and how.
+
+    Attributes:
+        bag: a folder with MCAP files, or one MCAP file.
+        settings: rate, part and clock.
+        topics: regular expression of the topics to play.
+        exclude: regular expression of those to leave out; empty: none.
+        inputs: only what the robot and its camera publish, not what is computed from it.
+        namespace: where the cell's own topics go; empty: where they were.
+    """
+
+    bag: Path
+    settings: PlaybackSettings = field(default_factory=PlaybackSettings)
+    topics: str = ".*"
+    exclude: str = ""
+    inputs: bool = False
+    namespace: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class PlayedTopic:
+    """A topic that is played: its type, its name now, and what its publisher offers."""
+
+    message_type: str
+    name: str
+    qos: Qos
+
+
+@dataclass(frozen=True, slots=True)
+class PlayPlan:
+    """A bag that can be played.
+
+    Attributes:
+        reader: the bag.
+        playback: what is due when.
+        topics: what is played, by the topics' names in the bag.
+        warnings: what cannot be played and why.
+    """
+
+    reader: BagReader
+    playback: Playback
+    topics: dict[str, PlayedTopic]
+    warnings: list[str]
+
+    def steps(self) -> Iterator[Step]:
+        """All that is to be published, in order.
+
+        Raises:
+            SloshBagError: the bag is damaged.
+        """
+        return self.playback.steps(lambda: self.reader.messages(list(self.topics)))
+
+
+def make_plan(request: PlayRequest) -> PlayPlan:
+    """Finds out what can be played.
+
+    Raises:
+        SloshBagError: there is nothing to play, or the request does not fit; one line.
+    """
+    contents = bag_contents(request.bag)
+    if contents.first_ns is None or contents.last_ns is None:
+        raise SloshBagError(f"{request.bag}: holds no messages")
+    chosen = _choose(request, contents)
+    refused = {topic: reason for topic in chosen if (reason := refusal(contents.topics[topic]))}
+    played = {
+        topic: PlayedTopic(
+            contents.topics[topic].message_type,
+            renamed(topic, request.namespace),
+            offered_qos(contents.topics[topic]),
+        )
+        for topic in chosen
+        if topic not in refused
+    }
+    if not played:
+        raise SloshBagError(f"{request.bag}: nothing to play: {next(iter(refused.values()))}")
+    latched = {
+        topic: entry.qos.depth
+        for topic, entry in played.items()
+        if entry.qos.durability == "transient_local"
+    }
+    span = (contents.first_ns, contents.last_ns)
+    return PlayPlan(
+        BagReader(request.bag),
+        Playback(span, request.settings, latched),
+        played,
+        [f"{topic} is not played: {reason}" for topic, reason in refused.items()],
+    )
+
+
+def _choose(request: PlayRequest, contents: BagContents) -> list[str]:
+    """The topics that are asked for; /clock is the player's own."""
+    include = _pattern("topics", request.topics)
+    exclude = _pattern("exclude", request.exclude) if request.exclude else None
+    chosen = [
+        topic
+        for topic in sorted(contents.topics)
+        if topic != CLOCK
+        and include.search(topic)
+        and not (exclude and exclude.search(topic))
+        and (not request.inputs or is_input(topic))
+    ]
+    if not chosen:
+        raise SloshBagError(
+            f"{request.bag}: nothing to play: none of its topics is asked for "
+            f"({', '.join(sorted(contents.topics))})"
+        )
+    return chosen
+
+
+def _pattern(name: str, text: str) -> re.Pattern[str]:
+    try:
+        return re.compile(text)
+    except re.error as error:
+        raise SloshBagError(f"{name} = {text!r}: no regular expression: {error}") from None
+
+
+def is_input(topic: str) -> bool:
+    """Whether a robot or its camera publishes the topic, in whatever namespace."""
+    found = _CELL_TOPIC.match(topic)
+    name = found["name"] if found else ""
+    return name in INPUTS or name.startswith("camera/")
+
+
+def renamed(topic: str, namespace: str) -> str:
+    """The topic's name in another namespace; what is not the cell's own stays where it is."""
+    found = _CELL_TOPIC.match(topic)
+    if not (namespace and found):
+        return topic
+    return f"/{namespace.strip('/')}/{found['name']}".replace("//", "/")
+
+
+def offered_qos(topic: BagTopic) -> Qos:
+    """What the player's one publisher offers in place of all that the recorder heard.
+
+    It satisfies whoever was satisfied by any of them.
+    """
+    offered = topic.offered or (Qos(),)
+    latched = any(qos.durability == "transient_local" for qos in offered)
+    reliable = latched or any(qos.reliability == "reliable" for qos in offered)
+    depth = LATCHED_DEPTH if latched else STREAM_DEPTH
+    if topic.message_type in LARGE_TYPES:
+        depth = LARGE_DEPTH
+    return Qos(
+        "reliable" if reliable else "best_effort",
+        "transient_local" if latched else "volatile",
+        max(depth, *(qos.depth for qos in offered)),
+    )
+
+
+def refusal(topic: BagTopic) -> str:
+    """Why a topic cannot be played here; empty: it can.
+
+    The bytes go out as they are: whoever is built with another definition of the type would read
+    wrong numbers out of them.
+    """
+    kind = topic.message_type
+    if topic.encoding != SERIALIZATION:
+        return f"its messages are {topic.encoding or 'of no known encoding'}, not cdr"
+    try:
+        installed = Definitions().hash(kind)
+        recorded = definition_hash(kind, topic.definition)
+    except (SloshBagError, TypesysError) as error:
+        return " ".join(str(error).split())
+    if installed != recorded:
+        return f"the bag's definition of {kind} is not the installed one"
+    return ""
+
+
+def definition_hash(message_type: str, definition: str) -> str:
+    """The RIHS01 hash of a full definition.
+
+    Raises:
+        TypesysError: it is none.
+    """
+    store = get_typestore(Stores.EMPTY)
+    store.register(get_types_from_msg(definition, message_type))
+    return str(store.hash_rihs01(message_type))
+
+
+def without(plan: PlayPlan, missing: Sequence[str]) -> PlayPlan:
+    """The plan without some topics, whose types nobody here can send.
+
+    Raises:
+        SloshBagError: nothing is left.
+    """
+    topics = {topic: entry for topic, entry in plan.topics.items() if topic not in missing}
+    if not topics:
+        kinds = sorted({entry.message_type for entry in plan.topics.values()})
+        raise SloshBagError(
+            f"{plan.reader.path}: nothing to play: not installed here: {', '.join(kinds)}"
+        )
+    kinds = sorted({plan.topics[topic].message_type for topic in missing})
+    told = f"{', '.join(missing)}: not played, not installed here: {', '.join(kinds)}"
+    return replace(
+        plan, topics=topics, warnings=[*plan.warnings, told] if missing else plan.warnings
+    )

@@ -1,0 +1,83 @@
+"""`slosh play`: publishes a bag over DDS with /clock, for live nodes with use_sim_time."""
+
+from __future__ import annotations
+
+import argparse
+import os
+from pathlib import Path
+from typing import Any
+
+from slosh_bag.play_plan import PlayRequest, make_plan
+from slosh_bag.playback import PlaybackSettings
+from slosh_bringup.cli.progress import clock, progress_bar
+from slosh_bringup.errors import SloshBringupError
+from slosh_bringup.processes import node_environment
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declares the subcommand's options."""
+    parser.add_argument("bag", type=Path, metavar="BAG", help="bag, or MCAP file")
+    parser.add_argument("--rate", type=float, default=1.0, metavar="R", help="0.01 to 1000")
+    parser.add_argument(
+        "--start", type=float, default=0.0, metavar="S", help="from the bag's beginning [s]"
+    )
+    parser.add_argument(
+        "--duration", type=float, default=0.0, metavar="S", help="how much of it [s]"
+    )
+    parser.add_argument("--loop", action="store_true", help="begin anew at the end, until Ctrl-C")
+    parser.add_argument("--topics", default=".*", metavar="REGEX", help="only these")
+    parser.add_argument("--exclude", default="", metavar="REGEX", help="all but these")
+    parser.add_argument(
+        "--inputs", action="store_true",
+        help="only what the robot and its camera publish: accel, imu, pose, camera/...",
+    )  # fmt: skip
+    parser.add_argument(
+        "--clock", type=float, default=0.0, metavar="HZ",
+        help="/clock messages per second (default: with the messages, 100 in pauses)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--namespace", default="", metavar="NS", help="where the cell's topics go (default: as is)"
+    )
+    parser.add_argument(
+        "--subscribers", type=int, default=0, metavar="N",
+        help="start once so many have subscribed (default: any)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--wait", type=float, default=10.0, metavar="S", help="start anyway after so long (10 s)"
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Plays the bag to its end or Ctrl-C."""
+    if not 0.0 <= arguments.wait <= 3600.0:
+        raise SloshBringupError(f"--wait {arguments.wait:g}: must be from 0 to 3600 s")
+    if not 0 <= arguments.subscribers <= 1000:
+        raise SloshBringupError(f"--subscribers {arguments.subscribers}: must be from 0 to 1000")
+    settings = PlaybackSettings(
+        arguments.rate, arguments.start, arguments.duration, arguments.loop, arguments.clock
+    )
+    plan = make_plan(
+        PlayRequest(
+            arguments.bag, settings, arguments.topics, arguments.exclude, arguments.inputs,
+            arguments.namespace,
+        )
+    )  # fmt: skip
+    # As the nodes have it: this machine only, shared memory sized for images.
+    os.environ.update(node_environment())
+    from slosh_bag.nodes.player_node import (
+        play,
+    )  # with ROS, which a wrong option need not wait for
+
+    ros = ["--ros-args", "-p", f"patience:={arguments.wait:f}"]
+    ros += ["-p", f"subscribers:={arguments.subscribers}"]
+    bar = (
+        clock("playing, Ctrl-C to stop")
+        if settings.loop
+        else progress_bar(f"play {arguments.bag.name}", plan.playback.length)
+    )
+    with bar as progress:
+
+        def watch(node: Any) -> None:
+            progress(node.played, "")
+
+        return play(plan, ros, watch)
