@@ -280,7 +280,7 @@ def _specific_force(path: Path, table: MotionTable) -> Array:
     Raises:
         SloshBagError: a quaternion is zero.
     """
-    force = table.acceleration + np.array([0.0, 0.0, GRAVITY])
+    force: Array = table.acceleration + np.array([0.0, 0.0, GRAVITY])
     if table.attitude is None:
         return force
     largest = np.abs(table.attitude).max(axis=1, keepdims=True)
