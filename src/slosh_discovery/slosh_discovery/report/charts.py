@@ -1,158 +1,207 @@
-"""Charts as SVG text that takes its colours from the page, so that light and dark are one file."""
+"""Charts over time: heights, residuals, and one motion alone."""
 
 from __future__ import annotations
 
-import io
-import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
-import matplotlib
 import numpy as np
-from matplotlib.backends.backend_svg import FigureCanvasSVG
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from slosh_discovery.report.data import RunReport, Span
+from slosh_discovery.report.data import RunReport
+from slosh_discovery.report.rows import Motion
+from slosh_discovery.report.series import POINTS, envelope, gaps, highest, lone, united
+from slosh_discovery.report.svg import (
+    CARD,
+    GAP,
+    INK,
+    LIMIT,
+    LINEAR,
+    MEASURED,
+    NONLINEAR,
+    SPAN,
+    canvas,
+    style,
+    svg_text,
+)
 
 Array = NDArray[np.float64]
-
-# Stand-ins that matplotlib draws with; each becomes a CSS variable of the page.
-COLOURS = {
-    "#010101": "var(--measured)",
-    "#020202": "var(--linear)",
-    "#030303": "var(--nonlinear)",
-    "#040404": "var(--limit)",
-    "#050505": "var(--ink-soft)",
-    "#060606": "var(--grid)",
-    "#070707": "var(--span)",
-}
-MEASURED, LINEAR, NONLINEAR, LIMIT, INK, GRID, SPAN = COLOURS
+Spans = Iterable[tuple[float, float]]
 
 WIDE = (9.6, 3.3)
 NARROW = (4.1, 3.0)
-"""Sizes [in]: two drawings; one scaled to a phone's width has letters that nobody reads."""
-POINTS = 1200
-"""A chart's pixels: longer series are drawn by the extremes of each bin."""
-
-STYLE: dict[str, Any] = {
-    "svg.fonttype": "none",
-    "font.size": 10.0,
-    "axes.edgecolor": INK,
-    "axes.labelcolor": INK,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.linewidth": 0.8,
-    "xtick.color": INK,
-    "ytick.color": INK,
-    "text.color": INK,
-    "axes.grid": True,
-    "grid.color": GRID,
-    "grid.linewidth": 0.8,
-    "axes.axisbelow": True,
-    "lines.solid_capstyle": "round",
-}
+SMALL = (4.6, 2.4)
+"""Sizes [in]: two drawings of each chart, as one scaled to a phone's width has letters that nobody
+reads; and one of a motion alone."""
+DASHES: Any = (0, (4, 2))
+MARKS = 60
+"""Lower bounds that are marked; more of them would be a bar."""
 
 
 def heights_chart(report: RunReport, size: tuple[float, float], name: str) -> str:
-    """Measured, L and NL over time [mm], with the limit and the spans of excess, as SVG text."""
+    """Measured, L and NL over time [mm], with all that is marked in them, as SVG text."""
 
     def draw(axes: Any) -> None:
-        _spans(axes, report.events, report.t)
-        axes.axhline(0.0, color=INK, linewidth=0.8)
-        _line(axes, report.t, report.measured, MEASURED, 1.7, "-")
-        _line(axes, report.t, report.linear, LINEAR, 1.3, (0, (5, 2)))
-        _line(axes, report.t, report.nonlinear, NONLINEAR, 1.3, "-")
-        if report.limit is not None:
-            limit = 1e3 * report.limit
-            axes.axhline(limit, color=LIMIT, linewidth=1.1, linestyle=(0, (1, 2)))
-            axes.annotate(
-                f"limit {limit:.0f} mm",
-                (1.0, limit),
-                xycoords=("axes fraction", "data"),
-                xytext=(0, 3),
-                textcoords="offset points",
-                ha="right",
-                color=LIMIT,
-            )
+        _heights(axes, report, slice(None), _points(size))
+        _motions(axes, report.motions)
+        _frames(axes, report)
         axes.set_ylabel("height above rest [mm]")
 
-    return _chart(draw, report.t, size, name)
+    return _chart(draw, _ends(report.t), size, name)
 
 
 def residual_chart(report: RunReport, size: tuple[float, float], name: str) -> str:
     """Measured minus L and minus NL over time [mm], as SVG text."""
+    points = _points(size)
 
     def draw(axes: Any) -> None:
-        _spans(axes, report.events, report.t)
+        _backdrop(axes, report)
         axes.axhline(0.0, color=INK, linewidth=0.8)
-        _line(axes, report.t, report.measured - report.linear, LINEAR, 1.2, (0, (5, 2)))
-        _line(axes, report.t, report.measured - report.nonlinear, NONLINEAR, 1.3, "-")
+        _line(axes, report.t, residual(report, report.linear), LINEAR, 1.2, DASHES, points)
+        _line(axes, report.t, residual(report, report.nonlinear), NONLINEAR, 1.3, "-", points)
         axes.set_ylabel("measured − model [mm]")
 
-    return _chart(draw, report.t, size, name)
+    return _chart(draw, _ends(report.t), size, name)
 
 
-def envelope(t: Array, values: Array, points: int = POINTS) -> tuple[Array, Array]:
-    """At most about `points` points that keep every bin's minimum and maximum.
+def motion_chart(report: RunReport, motion: Motion, name: str) -> str:
+    """Measured, L and NL over one motion and a little more [mm], as SVG text."""
+    beside = 0.05 * (motion.end - motion.start)
+    ends = (motion.start - beside, motion.end + beside)
+    part = slice(*np.searchsorted(report.t, ends).tolist())
 
-    Args:
-        t: (N,) time.
-        values: (N,) values; NaN where there are none.
-        points: wanted number.
+    def draw(axes: Any) -> None:
+        _heights(axes, report, part, _points(SMALL))
+        axes.set_ylabel("height [mm]")
 
-    Returns:
-        the series itself where it is short enough, or the extremes in time order.
-    """
-    if len(t) <= points:
-        return t, values
-    chosen: list[int] = []
-    for part in np.array_split(np.arange(len(t)), points // 2):
-        finite = part[np.isfinite(values[part])]
-        if len(finite) == 0:
-            chosen.append(int(part[0]))
-            continue
-        extremes = {int(finite[np.argmin(values[finite])]), int(finite[np.argmax(values[finite])])}
-        chosen += sorted(extremes)
-    return t[chosen], values[chosen]
+    return _chart(draw, ends, SMALL, name)
 
 
-def _line(axes: Any, t: Array, metres: Array, colour: str, width: float, style: Any) -> None:
-    axes.plot(*envelope(t, 1e3 * metres), color=colour, linewidth=width, linestyle=style)
+def residual(report: RunReport, model: Array) -> Array:
+    """(N,) measured minus model [m]; NaN where a lower bound lies below the model."""
+    difference = report.measured - model
+    if report.saturated is None:
+        return difference
+    return np.where(report.saturated & (difference < 0.0), np.nan, difference)
 
 
-def _spans(axes: Any, events: tuple[Span, ...], t: Array) -> None:
-    for event in events:
-        end = event.end if np.isfinite(event.end) else (float(t[-1]) if len(t) else event.start)
-        axes.axvspan(event.start, end, color=SPAN, linewidth=0.0)
+def frame_letters(report: RunReport) -> tuple[str, ...]:
+    """The letter of each frame whose moment is known, '' for the others."""
+    known = iter("ABCDEFGHIJKLMNOPQRSTUVWXYZ")
+    return tuple(next(known, "") if np.isfinite(f.time) else "" for f in report.frames)
 
 
-def _chart(draw: Callable[[Any], None], t: Array, size: tuple[float, float], name: str) -> str:
-    # The salt makes the file the same each time; the name keeps the ids of two charts apart.
-    style: Any = {**STYLE, "svg.hashsalt": name}
-    with matplotlib.rc_context(style):
-        figure = Figure(figsize=size, layout="constrained")
-        FigureCanvasSVG(figure)
+def _heights(axes: Any, report: RunReport, part: slice, points: int) -> None:
+    _backdrop(axes, report)
+    axes.axhline(0.0, color=INK, linewidth=0.8)
+    t, measured = report.t[part], report.measured[part]
+    _line(axes, t, measured, MEASURED, 2.0, "-", points)
+    _line(axes, t, report.linear[part], LINEAR, 1.3, DASHES, points)
+    _line(axes, t, report.nonlinear[part], NONLINEAR, 1.3, "-", points)
+    if report.saturated is not None:
+        _lower_bounds(axes, t, measured, report.saturated[part])
+    if report.limit is not None:
+        _limit(axes, 1e3 * report.limit)
+
+
+def _limit(axes: Any, limit: float) -> None:
+    axes.axhline(limit, color=LIMIT, linewidth=1.2, linestyle=(0, (1, 2)))
+    axes.annotate(
+        f"limit {limit:.{0 if limit >= 10.0 else 1}f} mm",
+        (1.0, limit),
+        xycoords=("axes fraction", "data"),
+        xytext=(0, 3),
+        textcoords="offset points",
+        ha="right",
+        color=LIMIT,
+    )
+
+
+def _lower_bounds(axes: Any, t: Array, measured: Array, saturated: NDArray[np.bool_]) -> None:
+    t, heights = t[saturated], 1e3 * measured[saturated]
+    known = np.isfinite(heights)
+    t, heights = t[known], heights[known]
+    if len(t):
+        chosen = highest(t, heights, MARKS)
+        axes.plot(
+            t[chosen], heights[chosen],
+            color=MEASURED, linestyle="none", marker="^", markersize=5.0, markeredgecolor=CARD,
+        )  # fmt: skip
+
+
+def _motions(axes: Any, motions: Sequence[Motion]) -> None:
+    """A bracket with the motion's number above the chart, where there are several."""
+    if len(motions) < 2:
+        return
+    place: Any = axes.get_xaxis_transform()
+    for number, motion in enumerate(motions, start=1):
+        ends, middle = (motion.start, motion.end), 0.5 * (motion.start + motion.end)
+        axes.plot(ends, (1.02, 1.02), transform=place, color=INK, linewidth=2.5, clip_on=False,
+                  solid_capstyle="butt")  # fmt: skip
+        if len(motions) <= 30:  # more numbers would lie over each other
+            axes.annotate(
+                str(number), (middle, 1.02), xycoords=place, xytext=(0, 2.5),
+                textcoords="offset points", ha="center", fontsize=8.0, annotation_clip=False,
+            )  # fmt: skip
+
+
+def _frames(axes: Any, report: RunReport) -> None:
+    """The letter of each frame at its moment, below the zero line's end of the chart."""
+    place: Any = axes.get_xaxis_transform()
+    for letter, frame in zip(frame_letters(report), report.frames, strict=True):
+        if letter:
+            axes.axvline(frame.time, color=INK, linewidth=0.8, linestyle=(0, (1, 3)))
+            axes.annotate(
+                letter, (frame.time, 0.0), xycoords=place, xytext=(0, 4),
+                textcoords="offset points", ha="center", fontsize=8.0, fontweight="bold",
+                bbox={"boxstyle": "circle,pad=0.15", "facecolor": CARD, "edgecolor": INK},
+            )  # fmt: skip
+
+
+def _backdrop(axes: Any, report: RunReport) -> None:
+    """Shades where there is no measurement and where a limit is exceeded."""
+    last = float(report.t[-1]) if len(report.t) else 0.0
+    pixel = report.duration / POINTS
+    _shade(axes, gaps(report.t, report.measured), GAP, pixel)
+    ends = ((e.start, e.end if np.isfinite(e.end) else last) for e in report.events)
+    _shade(axes, ends, SPAN, pixel)
+
+
+def _shade(axes: Any, spans: Spans, colour: str, closer: float) -> None:
+    for start, end in united(spans, closer):
+        axes.axvspan(start, end, color=colour, linewidth=0.0)
+
+
+def _line(
+    axes: Any, t: Array, metres: Array, colour: str, width: float, dashes: Any, points: int
+) -> None:
+    t, values = envelope(t, 1e3 * metres, points)
+    axes.plot(t, values, color=colour, linewidth=width, linestyle=dashes)
+    alone = lone(values)
+    if alone.any():
+        axes.plot(t[alone], values[alone], color=colour, linestyle="none", marker="o",
+                  markersize=1.5 * width)  # fmt: skip
+
+
+def _points(size: tuple[float, float]) -> int:
+    return int(POINTS * size[0] / WIDE[0])
+
+
+def _ends(t: Array) -> tuple[float, float]:
+    """Of the time axis, the same for all charts, whatever series they show."""
+    if len(t) < 2:
+        return (0.0, 1.0) if not len(t) else (float(t[0]) - 0.5, float(t[0]) + 0.5)
+    margin = 0.01 * float(t[-1] - t[0])
+    return float(t[0]) - margin, float(t[-1]) + margin
+
+
+def _chart(
+    draw: Callable[[Any], None], ends: tuple[float, float], size: tuple[float, float], name: str
+) -> str:
+    with style(name):
+        figure = canvas(size)
         axes = figure.add_subplot()
         draw(axes)
-        if len(t) > 1:  # one time axis for all charts, whatever series they show
-            margin = 0.01 * float(t[-1] - t[0])
-            axes.set_xlim(t[0] - margin, t[-1] + margin)
+        axes.set_xlim(*ends)
         axes.set_xlabel("time [s]")
-        text = io.StringIO()
-        figure.savefig(text, format="svg", transparent=True, metadata={"Date": None})
-    return _inline(text.getvalue(), name)
-
-
-def _inline(svg: str, name: str) -> str:
-    """The <svg> element alone, in the page's colours, with ids that no other chart has."""
-    svg = svg[svg.index("<svg") :]
-    svg = re.sub(r"<metadata>.*?</metadata>", "", svg, flags=re.DOTALL)
-    for stand_in, variable in COLOURS.items():
-        svg = svg.replace(stand_in, variable)
-    svg = re.sub(r'\bid="', f'id="{name}-', svg)
-    svg = re.sub(r"url\(#", f"url(#{name}-", svg)
-    svg = re.sub(r'xlink:href="#', f'xlink:href="#{name}-', svg)
-    # The page says how wide it is; the view box keeps the proportions.
-    head, body = svg.split(">", 1)
-    return re.sub(r'\s(?:width|height)="[^"]*"', "", head) + ">" + body
+        return svg_text(figure, name)

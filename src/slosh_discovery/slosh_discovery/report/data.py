@@ -8,108 +8,46 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_discovery.errors import SloshDiscoveryError
+from slosh_discovery.report.rows import (
+    Check,
+    Fact,
+    Frame,
+    KeyFigure,
+    ModelRow,
+    Motion,
+    Span,
+    Status,
+    Topic,
+    Verification,
+)
 
 Array = NDArray[np.float64]
-NAN = float("nan")
-MEDIA_TYPES = ("image/png", "image/jpeg")
+OPEN = Status()
 
 
 @dataclass(frozen=True, slots=True)
-class KeyFigure:
-    """One number on top of the page.
+class AzimuthSeries:
+    """Where on the wall the liquid's highest point is, over time.
 
     Attributes:
-        label: what it is.
-        value: as text, rounded as it should be read.
-        unit: beside the value; may be empty.
-        note: a few words below; may be empty.
-    """
-
-    label: str
-    value: str
-    unit: str = ""
-    note: str = ""
-
-
-@dataclass(frozen=True, slots=True)
-class Span:
-    """An excess of a limit.
-
-    Attributes:
-        source: what exceeded it: "measured", "estimated", "disagreement".
-        start, end: on the report's time axis [s]; end NaN: not over when the run ended.
-        limit, peak: [m].
-        description: one line.
-    """
-
-    source: str
-    start: float
-    end: float
-    limit: float
-    peak: float
-    description: str = ""
-
-
-@dataclass(frozen=True, slots=True)
-class ModelRow:
-    """Agreement of one model.
-
-    Attributes:
-        name: 2D-L, 3D-L, 2D-NL, 3D-NL, …
-        sigma: mean absolute error (DL22, eq. (33)) [m].
-        epsilon: relative error of the maximum (DL22, eq. (32)) [1].
-        rms: [m].
-        offset: clock offset that was applied [s]; NaN: the clocks are one.
-        count: compared images.
-    """
-
-    name: str
-    sigma: float
-    epsilon: float
-    rms: float = NAN
-    offset: float = NAN
-    count: int = 0
-
-
-@dataclass(frozen=True, slots=True)
-class Frame:
-    """A camera frame, with whatever is to be seen in it drawn in.
-
-    Attributes:
-        image: the encoded image.
-        caption: one line.
-        media_type: one of MEDIA_TYPES.
+        name: "measured", or the model's.
+        t: (N,) on the report's time axis [s], not decreasing.
+        azimuth: (N,) from the container's +x, counter-clockwise from above [rad]; NaN: unknown.
+        height: (N,) of that point [m]; NaN: unknown.
 
     Raises:
-        SloshDiscoveryError: another media type.
-    """
-
-    image: bytes
-    caption: str
-    media_type: str = "image/jpeg"
-
-    def __post_init__(self) -> None:
-        if self.media_type not in MEDIA_TYPES:
-            raise SloshDiscoveryError(
-                f"frame {self.caption!r}: media type {self.media_type!r} is not one of "
-                f"{', '.join(MEDIA_TYPES)}"
-            )
-
-
-@dataclass(frozen=True, slots=True)
-class Topic:
-    """A recorded topic.
-
-    Attributes:
-        name, type: as in the bag.
-        count: messages.
-        rate: [1/s]; NaN: too few messages.
+        SloshDiscoveryError: series that do not match, or time that goes back.
     """
 
     name: str
-    type: str
-    count: int
-    rate: float = NAN
+    t: Array
+    azimuth: Array
+    height: Array
+
+    def __post_init__(self) -> None:
+        _check_time(self.t, f"azimuth of {self.name}: t")
+        for name in ("azimuth", "height"):
+            _check_shape(getattr(self, name), self.t, f"azimuth of {self.name}: {name}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,16 +56,22 @@ class RunReport:
 
     Attributes:
         title, subtitle: headings.
-        t: (N,) [s], strictly increasing, from the run's start.
+        t: (N,) [s], not decreasing, from the run's start.
         measured, linear, nonlinear: (N,) heights [m]; NaN: none.
         linear_name, nonlinear_name: of the two models.
+        saturated: (N,) whether the measured height is a lower bound only; None: never.
         limit: of the height [m]; None: none.
-        key_figures, events, models, frames, topics: tables, in the order shown.
+        measured_azimuth, estimated_azimuth: of the highest point; None: not known.
+        status: passed, failed or no expectation, with reasons.
+        checks: numbers against what was expected of them.
+        verifications: what was recorded and whether it came out again.
+        key_figures, facts, events, models, motions, frames, topics: tables, in the order shown.
         model_text: the model file.
+        warnings: what a reader must know before believing the page, one line each.
         notes: remarks, one line each.
 
     Raises:
-        SloshDiscoveryError: series that do not match.
+        SloshDiscoveryError: series that do not match, or time that goes back.
     """
 
     title: str
@@ -146,11 +90,39 @@ class RunReport:
     topics: tuple[Topic, ...] = ()
     model_text: str = ""
     notes: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
+    status: Status = OPEN
+    checks: tuple[Check, ...] = ()
+    verifications: tuple[Verification, ...] = ()
+    facts: tuple[Fact, ...] = ()
+    motions: tuple[Motion, ...] = ()
+    measured_azimuth: AzimuthSeries | None = None
+    estimated_azimuth: AzimuthSeries | None = None
+    saturated: NDArray[np.bool_] | None = None
 
     def __post_init__(self) -> None:
-        if self.t.ndim != 1:
-            raise SloshDiscoveryError(f"t has the shape {self.t.shape}, expected one dimension")
+        _check_time(self.t, "t")
         for name in ("measured", "linear", "nonlinear"):
-            shape = getattr(self, name).shape
-            if shape != self.t.shape:
-                raise SloshDiscoveryError(f"{name} has the shape {shape}, t has {self.t.shape}")
+            _check_shape(getattr(self, name), self.t, name)
+        if self.saturated is not None:
+            _check_shape(self.saturated, self.t, "saturated")
+
+    @property
+    def duration(self) -> float:
+        """Time from the first to the last moment [s]; 0 where there are none."""
+        return float(self.t[-1] - self.t[0]) if len(self.t) else 0.0
+
+
+def _check_time(t: Array, name: str) -> None:
+    if t.ndim != 1:
+        raise SloshDiscoveryError(f"{name} has the shape {t.shape}, expected one dimension")
+    if not np.isfinite(t).all():
+        raise SloshDiscoveryError(f"{name} holds a time that is not finite")
+    back = np.flatnonzero(np.diff(t) < 0.0)
+    if len(back):
+        raise SloshDiscoveryError(f"{name} goes back after {t[back[0]]:.3f} s; sort it by time")
+
+
+def _check_shape(series: NDArray[np.generic], t: Array, name: str) -> None:
+    if series.shape != t.shape:
+        raise SloshDiscoveryError(f"{name} has the shape {series.shape}, t has {t.shape}")

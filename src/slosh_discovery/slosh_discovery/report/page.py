@@ -3,16 +3,34 @@
 from __future__ import annotations
 
 import base64
+import json
 import math
+import re
 from functools import cache
+from typing import Any
 
+import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined, Template
 from markupsafe import Markup
 
-from slosh_discovery.report.charts import NARROW, WIDE, heights_chart, residual_chart
-from slosh_discovery.report.data import Frame, RunReport
+from slosh_discovery.report.charts import (
+    NARROW,
+    WIDE,
+    frame_letters,
+    heights_chart,
+    motion_chart,
+    residual_chart,
+)
+from slosh_discovery.report.data import RunReport
+from slosh_discovery.report.document import report_document
+from slosh_discovery.report.polar import polar_chart
+from slosh_discovery.report.rows import Frame
+from slosh_discovery.report.units import DASH, digits_that_differ, shown
 
-DASH = "–"  # what stands for a number that is not known
+ROWS = 200
+"""Most rows of a table on the page; the JSON document holds them all."""
+CLOSE_UPS = 6
+"""Most motions that are drawn on their own."""
 
 
 def render_report(report: RunReport) -> str:
@@ -21,13 +39,79 @@ def render_report(report: RunReport) -> str:
     Args:
         report: what to show; every text in it is escaped.
     """
-    charts = {
-        f"{kind}_{width}": Markup(draw(report, size, f"{kind}-{width}"))
-        for kind, draw in (("heights", heights_chart), ("residual", residual_chart))
-        for width, size in (("wide", WIDE), ("narrow", NARROW))
+    document = report_document(report)
+    return _template().render(
+        report=report,
+        doc=document,
+        rows=ROWS,
+        letters=frame_letters(report),
+        clocks_differ=_clocks_differ(document),
+        seen=_seen(report),
+        close_ups=_close_ups(report),
+        charts=_charts(report),
+    )
+
+
+def _charts(report: RunReport) -> dict[str, Markup]:
+    """SVG text by name; none where nothing is known."""
+    charts = {}
+    if _anything(report):
+        for kind, draw in (("heights", heights_chart), ("residual", residual_chart)):
+            for width, size in (("wide", WIDE), ("narrow", NARROW)):
+                name = f"{kind}-{width}"
+                charts[name] = Markup(draw(report, size, name))
+    if report.measured_azimuth is not None or report.estimated_azimuth is not None:
+        charts["azimuth"] = Markup(polar_chart(report, "azimuth"))
+    return charts
+
+
+def _close_ups(report: RunReport) -> list[tuple[int, Markup]]:
+    """Index and chart of the motions that the nonlinear model follows worst, in time's order."""
+    if len(report.motions) < 2 or not _anything(report):
+        return []
+    worst = sorted(range(len(report.motions)), key=lambda i: -_worst_sigma(report, i))
+    return [
+        (i, Markup(motion_chart(report, report.motions[i], f"motion-{i + 1}")))
+        for i in sorted(worst[:CLOSE_UPS])
+    ]
+
+
+def _worst_sigma(report: RunReport, index: int) -> float:
+    rows = {row.name: row.sigma for row in report.motions[index].models}
+    sigma = rows.get(report.nonlinear_name, math.nan)
+    return sigma if math.isfinite(sigma) else -1.0
+
+
+def _anything(report: RunReport) -> bool:
+    series = (report.measured, report.linear, report.nonlinear)
+    return any(bool(np.isfinite(values).any()) for values in series)
+
+
+def _seen(report: RunReport) -> dict[str, str]:
+    """What the charts show, in words, for those who do not see them."""
+    names = (("measured", report.measured), (report.linear_name, report.linear),
+             (report.nonlinear_name, report.nonlinear))  # fmt: skip
+    highest = []
+    for name, values in names:
+        if np.isfinite(values).any():
+            at = int(np.nanargmax(values))
+            highest.append(
+                f"{name} {shown(float(values[at]), 'mm')} mm"
+                f" at {shown(float(report.t[at]), 's')} s"
+            )
+    limit = "" if report.limit is None else f" Limit: {shown(report.limit, 'mm')} mm."
+    summary = "; ".join(highest) or "nothing known"
+    return {
+        "heights": f"Line chart of the heights over time. Highest: {summary}.{limit}",
+        "residual": "Line chart of measured minus estimated height over time;"
+        " the table under Agreement sums it up.",
+        "azimuth": "Polar chart of where on the wall the liquid is highest, seen from above.",
     }
-    clocks_differ = any(math.isfinite(row.offset) for row in report.models)
-    return _template().render(report=report, clocks_differ=clocks_differ, **charts)
+
+
+def _clocks_differ(document: dict[str, Any]) -> bool:
+    rows = [*document["models"], *(row for m in document["motions"] for row in m["models"])]
+    return any(row["offset"] is not None for row in rows)
 
 
 @cache
@@ -39,33 +123,62 @@ def _template() -> Template:
         trim_blocks=True,
         lstrip_blocks=True,
         keep_trailing_newline=True,
+        finalize=readable,
     )
-    environment.filters.update(
-        mm=millimetres, percent=percent, seconds=seconds, rate=rate, data_uri=data_uri
-    )
+    environment.filters.update(data_uri=data_uri)
+    environment.globals.update(number=number, bound=bound, exact=exact, close_digits=close_digits)
     return environment.get_template("report.html.j2")
 
 
-def millimetres(metres: float) -> str:
-    """0.01234 → '12.34'."""
-    return f"{1e3 * metres:.2f}" if math.isfinite(metres) else DASH
+def number(path: str, value: float | None, unit: str = "", digits: int | None = None) -> Markup:
+    """A number as people read it, with the exact one beside it for programs.
+
+    Args:
+        path: JSON pointer of the number in the report's document.
+        value: in SI units; None: unknown.
+        unit: in which it is shown.
+        digits: decimals; None: the unit's own.
+
+    Returns:
+        a <data> element: its value is the number as JSON has it, its text the rounded one.
+    """
+    return _data(path, value, shown(value, unit, digits))
 
 
-def percent(fraction: float) -> str:
-    """-0.119 → '−11.9', with its sign."""
-    return f"{100.0 * fraction:+.1f}".replace("-", "−") if math.isfinite(fraction) else DASH
+def exact(path: str, value: float | None, digits: int | None = None) -> Markup:
+    """A number of unknown unit: all its digits, or that many significant ones."""
+    text = DASH if value is None else repr(value) if digits is None else f"{value:.{digits}g}"
+    return _data(path, value, text.replace("-", "−"))
 
 
-def seconds(value: float, digits: int = 2) -> str:
-    """1.2345 → '1.23'."""
-    return f"{value:.{digits}f}" if math.isfinite(value) else DASH
+def bound(path: str, value: float | None, unit: str, digits: int) -> Markup:
+    """A bound of a check; words where there is none."""
+    return Markup("any") if value is None else number(path, value, unit, digits)
 
 
-def rate(hertz: float) -> str:
-    """999.6 → '1000'; 59.94 → '59.9'."""
-    if not math.isfinite(hertz):
-        return DASH
-    return f"{hertz:.0f}" if hertz >= 100.0 else f"{hertz:.1f}"
+def close_digits(check: dict[str, Any]) -> int:
+    """Decimals with which a check's value reads outside the bound that it missed."""
+    value, unit = check["value"], check["unit"]
+    if check["passed"] or value is None:
+        return digits_that_differ(None, None, unit)
+    missed = check["lower"] if _below(value, check["lower"]) else check["upper"]
+    return digits_that_differ(value, missed, unit)
+
+
+def _data(path: str, value: float | None, text: str) -> Markup:
+    value_text = json.dumps(value)
+    return Markup('<data value="{}" data-path="{}">{}</data>').format(value_text, path, text)
+
+
+def _below(value: float, lower: float | None) -> bool:
+    return lower is not None and value < lower
+
+
+def readable(value: Any) -> Any:
+    """Texts without what a page cannot hold: control characters and halves of surrogate pairs."""
+    if type(value) is not str:
+        return value
+    return re.sub(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\ud800-\udfff]", "\ufffd", value)
 
 
 def data_uri(frame: Frame) -> str:

@@ -1,0 +1,254 @@
+"""The rows of a report's tables. All numbers are in SI units; NaN: unknown."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+from slosh_discovery.errors import SloshDiscoveryError
+from slosh_discovery.report.units import unit_style
+
+NAN = float("nan")
+INFINITE = float("inf")
+MEDIA_TYPES = ("image/png", "image/jpeg")
+
+
+class Verdict(StrEnum):
+    """What a check of the run came to."""
+
+    PASSED = "passed"
+    FAILED = "failed"
+    NO_EXPECTATION = "no expectation"
+
+
+@dataclass(frozen=True, slots=True)
+class Status:
+    """The answer for whoever asks only whether all is well.
+
+    Attributes:
+        verdict: of all checks together.
+        reasons: why, one line each; the first one matters most.
+    """
+
+    verdict: Verdict = Verdict.NO_EXPECTATION
+    reasons: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Check:
+    """One number against what was expected of it.
+
+    Attributes:
+        name: what it is, for example "σ 3D-NL".
+        value: found.
+        lower, upper: bounds, both allowed; infinite: none.
+        unit: in which the page shows it, one of UNITS; the numbers are in SI units.
+
+    Raises:
+        SloshDiscoveryError: another unit.
+    """
+
+    name: str
+    value: float
+    lower: float = -INFINITE
+    upper: float = INFINITE
+    unit: str = ""
+
+    def __post_init__(self) -> None:
+        unit_style(self.unit)
+
+    @property
+    def passed(self) -> bool:
+        """Whether the value is known and within its bounds."""
+        return self.lower <= self.value <= self.upper
+
+
+@dataclass(frozen=True, slots=True)
+class Difference:
+    """One field that a replay did not reproduce.
+
+    Attributes:
+        topic: of the messages.
+        field: with dots, for example "nonlinear.msh".
+        count: messages that differ.
+        first: moment of the first of them on the report's time axis [s].
+        largest: greatest absolute difference, in the field's own unit.
+        recorded, replayed: the two values of the first message that differs.
+    """
+
+    topic: str
+    field: str
+    count: int
+    first: float = NAN
+    largest: float = NAN
+    recorded: float = NAN
+    replayed: float = NAN
+
+
+@dataclass(frozen=True, slots=True)
+class Verification:
+    """Whether something recorded came out again.
+
+    Attributes:
+        name: what was compared, for example "recorded estimates reproduced bit for bit".
+        same: how many came out the same.
+        total: how many were compared.
+        differences: fields that differ.
+    """
+
+    name: str
+    same: int
+    total: int
+    differences: tuple[Difference, ...] = ()
+
+    @property
+    def passed(self) -> bool:
+        """Whether all came out the same."""
+        return self.same == self.total
+
+
+@dataclass(frozen=True, slots=True)
+class KeyFigure:
+    """One number on top of the page.
+
+    Attributes:
+        label: what it is.
+        value: a number in SI units that the page rounds, or a text shown as it is.
+        unit: in which it is shown; for a number one of UNITS.
+        note: a few words below; may be empty.
+
+    Raises:
+        SloshDiscoveryError: a number with another unit.
+    """
+
+    label: str
+    value: str | float
+    unit: str = ""
+    note: str = ""
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.value, str):
+            unit_style(self.unit)
+
+
+@dataclass(frozen=True, slots=True)
+class Fact:
+    """Where the run comes from: the bag, its length, the program's version.
+
+    Attributes:
+        label: what it is.
+        text: as it is shown.
+    """
+
+    label: str
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Span:
+    """An excess of a limit.
+
+    Attributes:
+        source: what exceeded it: "measured", "estimated", "disagreement".
+        start, end: on the report's time axis [s]; end NaN: not over when the run ended.
+        limit, peak: [m].
+        description: one line.
+        peak_time: moment of the peak [s].
+    """
+
+    source: str
+    start: float
+    end: float
+    limit: float
+    peak: float
+    description: str = ""
+    peak_time: float = NAN
+
+    @property
+    def duration(self) -> float:
+        """Time from start to end [s]; NaN: not over."""
+        return self.end - self.start
+
+
+@dataclass(frozen=True, slots=True)
+class ModelRow:
+    """Agreement of one model.
+
+    Attributes:
+        name: 2D-L, 3D-L, 2D-NL, 3D-NL, …
+        sigma: mean absolute error (DL22, eq. (33)) [m].
+        epsilon: relative error of the maximum (DL22, eq. (32)) [1].
+        rms: [m].
+        offset: clock offset that was applied [s]; NaN: the clocks are one.
+        count: compared images.
+    """
+
+    name: str
+    sigma: float
+    epsilon: float
+    rms: float = NAN
+    offset: float = NAN
+    count: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """One motion of the run, and how well each model followed the liquid over it.
+
+    Attributes:
+        name: of the motion; may be empty.
+        start, end: on the report's time axis [s].
+        peak: highest measured [m].
+        models: one row per model.
+    """
+
+    name: str
+    start: float
+    end: float
+    peak: float = NAN
+    models: tuple[ModelRow, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """A camera frame, with whatever is to be seen in it drawn in.
+
+    Attributes:
+        image: the encoded image.
+        caption: one line.
+        media_type: one of MEDIA_TYPES.
+        time: its moment on the report's time axis [s]; the charts mark it where it is known.
+
+    Raises:
+        SloshDiscoveryError: another media type.
+    """
+
+    image: bytes
+    caption: str
+    media_type: str = "image/jpeg"
+    time: float = NAN
+
+    def __post_init__(self) -> None:
+        if self.media_type not in MEDIA_TYPES:
+            raise SloshDiscoveryError(
+                f"frame {self.caption!r}: media type {self.media_type!r} is not one of "
+                f"{', '.join(MEDIA_TYPES)}"
+            )
+
+
+@dataclass(frozen=True, slots=True)
+class Topic:
+    """A recorded topic.
+
+    Attributes:
+        name, type: as in the bag.
+        count: messages.
+        rate: [1/s]; NaN: too few messages.
+        lost: messages that were published and are not in the bag; None: nobody counted.
+    """
+
+    name: str
+    type: str
+    count: int
+    rate: float = NAN
+    lost: int | None = None

@@ -1,0 +1,126 @@
+"""Long series with holes, as lines that a page can hold and that show the holes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+SMALLEST_GAP = 0.1
+"""A camera that drops some images in a row has no gap yet [s]."""
+STEPS = 5.0
+"""Samples farther apart than this many usual steps are a gap."""
+POINTS = 1200
+"""A chart's pixels: longer series are drawn by the extremes of each bin."""
+
+
+def gap_length(t: Array) -> float:
+    """From what distance of two known samples on there is a gap between them [s].
+
+    Args:
+        t: (N,) times of the samples that are known [s], not decreasing.
+    """
+    if len(t) < 2:
+        return SMALLEST_GAP
+    return max(SMALLEST_GAP, STEPS * float(np.median(np.diff(t))))
+
+
+def gaps(t: Array, values: Array) -> tuple[tuple[float, float], ...]:
+    """Spans without a sample, also before the first and after the last one.
+
+    Args:
+        t: (N,) [s], not decreasing.
+        values: (N,); NaN: no sample.
+
+    Returns:
+        start and end of each [s].
+    """
+    if not len(t):
+        return ()
+    known = t[np.isfinite(values)]
+    if not len(known):
+        return ((float(t[0]), float(t[-1])),)
+    edges = np.concatenate((t[:1], known, t[-1:]))
+    wide = np.flatnonzero(np.diff(edges) > gap_length(known))
+    return tuple((float(edges[i]), float(edges[i + 1])) for i in wide)
+
+
+def envelope(t: Array, values: Array, points: int = POINTS) -> tuple[Array, Array]:
+    """The known samples as a line of at most about `points` points with the same extremes.
+
+    A long series is cut into bins of equal duration, and each is drawn by its minimum and its
+    maximum. Single samples that are missing are bridged; a gap stays open: there a NaN parts the
+    line.
+
+    Args:
+        t: (N,) [s], not decreasing.
+        values: (N,); NaN where there are none.
+        points: wanted number.
+
+    Returns:
+        times and values, in order.
+    """
+    finite = np.isfinite(values)
+    t, values = t[finite], values[finite]
+    gap = gap_length(t)
+    if len(t) > points:
+        gap = max(gap, float(t[-1] - t[0]) / (points // 2))  # finer ones are below a pixel
+        parting = np.concatenate(([0], np.cumsum(np.diff(t) > gap)))
+        chosen = _extremes(t, values, points // 2)
+        t, values = t[chosen], values[chosen]
+        wide = np.flatnonzero(np.diff(parting[chosen]))
+    else:
+        wide = np.flatnonzero(np.diff(t) > gap)
+    middle = 0.5 * (t[wide] + t[wide + 1]) if len(wide) else t[:0]
+    return np.insert(t, wide + 1, middle), np.insert(values, wide + 1, np.nan)
+
+
+def lone(values: Array) -> NDArray[np.bool_]:
+    """(N,) samples between two missing ones: a line does not show them."""
+    known = np.concatenate(([False], np.isfinite(values), [False]))
+    return np.asarray(known[1:-1] & ~known[:-2] & ~known[2:])
+
+
+def highest(t: Array, values: Array, points: int) -> NDArray[np.intp]:
+    """Indices of at most `points` samples: the highest of each of as many bins of equal duration.
+
+    Args:
+        t: (N,) [s], not decreasing.
+        values: (N,), all finite.
+        points: wanted number.
+    """
+    if len(t) <= points:
+        return np.arange(len(t))
+    parts = _bins(t, points)
+    return np.array([a + int(np.argmax(values[a:b])) for a, b in parts], dtype=np.intp)
+
+
+def united(spans: Iterable[tuple[float, float]], closer: float) -> list[tuple[float, float]]:
+    """Spans laid together where they overlap or are closer than that."""
+    found: list[tuple[float, float]] = []
+    for start, end in sorted(spans):
+        if found and start <= found[-1][1] + closer:
+            found[-1] = (found[-1][0], max(found[-1][1], end))
+        else:
+            found.append((start, end))
+    return found
+
+
+def _extremes(t: Array, values: Array, bins: int) -> NDArray[np.intp]:
+    """Indices of each bin's minimum and maximum, in order."""
+    chosen: set[int] = set()
+    for a, b in _bins(t, bins):
+        part = values[a:b]
+        chosen |= {a + int(np.argmin(part)), a + int(np.argmax(part))}
+    return np.array(sorted(chosen), dtype=np.intp)
+
+
+def _bins(t: Array, bins: int) -> list[tuple[int, int]]:
+    """First index and the one after the last of each bin that holds samples."""
+    edges = np.searchsorted(t, np.linspace(t[0], t[-1], bins + 1))
+    edges[0], edges[-1] = 0, len(t)
+    return [(a, b) for a, b in pairwise(edges.tolist()) if b > a]

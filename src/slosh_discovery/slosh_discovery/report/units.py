@@ -1,0 +1,88 @@
+"""How a number in SI units is shown: scale, digits and sign of each unit on the page."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from slosh_discovery.errors import SloshDiscoveryError
+
+DASH = "–"
+"""What stands for a number that is not known."""
+MOST_DIGITS = 17
+"""More decimals tell no two doubles apart that are of a size met here."""
+
+
+class Shown(NamedTuple):
+    """How a unit is shown.
+
+    Attributes:
+        scale: SI → shown unit.
+        digits: decimals.
+        signed: with a plus where positive.
+    """
+
+    scale: float
+    digits: int
+    signed: bool = False
+
+
+UNITS = {
+    "mm": Shown(1e3, 2),  # of metres
+    "%": Shown(1e2, 1, signed=True),  # of a fraction; a deviation, so with its sign
+    "s": Shown(1.0, 2),
+    "ms": Shown(1e3, 0),  # of seconds
+    "°": Shown(180.0 / math.pi, 0),  # of radians
+    "1/s": Shown(1.0, 1),
+    "×": Shown(1.0, 1),
+    "": Shown(1.0, 0),
+}
+"""Units of the page by name. The number itself is in SI units: m, 1, s, s, rad, 1/s, 1, 1."""
+
+
+def shown(value: float | None, unit: str, digits: int | None = None) -> str:
+    """The number as people read it, without its unit.
+
+    Args:
+        value: in SI units; None or not finite: unknown.
+        unit: one of UNITS.
+        digits: decimals; None: the unit's own.
+
+    Returns:
+        for example '12.35' for 0.012345 in 'mm', '−11.9' for -0.119 in '%'.
+
+    Raises:
+        SloshDiscoveryError: another unit.
+    """
+    style = unit_style(unit)
+    if value is None or not math.isfinite(value):
+        return DASH
+    text = f"{style.scale * value:.{style.digits if digits is None else digits}f}"
+    if float(text) == 0.0:
+        return text.removeprefix("-")
+    plus = "+" if style.signed and value > 0.0 else ""
+    return plus + text.replace("-", "−")
+
+
+def unit_style(unit: str) -> Shown:
+    """How the unit is shown.
+
+    Raises:
+        SloshDiscoveryError: it is not one of UNITS.
+    """
+    try:
+        return UNITS[unit]
+    except KeyError:
+        known = ", ".join(repr(name) for name in UNITS)
+        raise SloshDiscoveryError(f"unit {unit!r} is not one of {known}") from None
+
+
+def digits_that_differ(value: float | None, other: float | None, unit: str) -> int:
+    """Decimals with which the two numbers read differently, at least the unit's own."""
+    least = unit_style(unit).digits
+    if value is None or other is None or value == other:
+        return least
+    for digits in range(least, MOST_DIGITS):
+        if shown(value, unit, digits) != shown(other, unit, digits):
+            return digits
+    return MOST_DIGITS
