@@ -1,24 +1,60 @@
-"""`slosh import`: public measured data to bags."""
+"""`slosh import`: public measured data, motion tables and foreign bags to bags."""
 
 from __future__ import annotations
 
 import argparse
+import sys
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from tqdm import tqdm
 
 from slosh_bag.antisloshing import find_runs, import_antisloshing
+from slosh_bag.rosbag_import import RosbagImport, find_rosbags, import_rosbag
+from slosh_bag.table_bag import import_table
+from slosh_bringup.errors import SloshBringupError
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declares the subcommand's options."""
-    parser.add_argument("source", choices=["antisloshing"], help="which data set")
-    parser.add_argument("folder", type=Path, help="the data set: holds heights/ and poses/")
-    parser.add_argument("-o", "--output", type=Path, required=True, help="gets one bag per run")
+    """Declares the kinds of data and the options of each."""
+    kinds = parser.add_subparsers(dest="kind", metavar="KIND", required=True)
+
+    data_set = kinds.add_parser("antisloshing", help="the AntiSloshing measurements")
+    data_set.add_argument("folder", type=Path, help="the data set: holds heights/ and poses/")
+    data_set.set_defaults(read=import_runs)
+
+    table = kinds.add_parser("table", help="motion tables, .csv or .csv.gz")
+    table.add_argument("sources", type=Path, nargs="+", metavar="FILE", help="motion table")
+    table.set_defaults(read=import_tables)
+
+    rosbag = kinds.add_parser("rosbag", help="ROS 1 bags, rosbag2's SQLite and MCAP files")
+    rosbag.add_argument(
+        "sources", type=Path, nargs="+", metavar="BAG", help=".bag, .db3, .mcap or folder"
+    )
+    rosbag.add_argument(
+        "--topic", "--topics", dest="topics", nargs="+", action="extend", default=[],
+        metavar="TOPIC", help="only these topics",
+    )  # fmt: skip
+    rosbag.add_argument(
+        "--rename", nargs="+", action="extend", default=[], metavar="OLD=NEW",
+        help="new names of topics, e.g. /imu/data=/slosh/imu",
+    )  # fmt: skip
+    rosbag.set_defaults(read=import_rosbags)
+
+    for kind in (data_set, table, rosbag):
+        kind.add_argument(
+            "-o", "--output", type=Path, required=True, help="folder; gets one bag per source"
+        )
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Writes the bags."""
+    read: Callable[[argparse.Namespace], int] = arguments.read
+    return read(arguments)
+
+
+def import_runs(arguments: argparse.Namespace) -> int:
+    """`slosh import antisloshing`."""
     count = len(find_runs(arguments.folder))
     with tqdm(total=count, desc="import", unit="run") as bar:
         bags = import_antisloshing(
@@ -26,3 +62,85 @@ def run(arguments: argparse.Namespace) -> int:
         )
     print(f"{len(bags)} bags in {arguments.output}")
     return 0
+
+
+def import_tables(arguments: argparse.Namespace) -> int:
+    """`slosh import table`."""
+    targets = bag_folders(arguments.sources, arguments.output)
+    done = [
+        import_table(source, bag)
+        for source, bag in tqdm(
+            targets.items(), desc="import", unit="table", disable=len(targets) == 1
+        )
+    ]
+    for told in done:
+        rounded = f", {told.rounded} times rounded to whole nanoseconds" if told.rounded else ""
+        print(f"{told.bag}: {told.rows} rows{rounded}")
+    return 0
+
+
+def import_rosbags(arguments: argparse.Namespace) -> int:
+    """`slosh import rosbag`."""
+    rename = renamed(arguments.rename)
+    sources = [bag for path in arguments.sources for bag in find_rosbags(path)]
+    done = []
+    for source, bag in bag_folders(sources, arguments.output).items():
+        with tqdm(desc=source.name, unit=" messages", delay=1.0) as bar:
+            told = import_rosbag(source, bag, arguments.topics, rename, show_on(bar))
+        for note in told.notes:
+            print(f"slosh import: {source}: {note}", file=sys.stderr)
+        done.append(told)
+    for told in done:
+        print(summary(told))
+    return 0
+
+
+def show_on(bar: tqdm) -> Callable[[int, int], object]:
+    """Shows how many of how many messages are done."""
+
+    def show(done: int, total: int) -> None:
+        bar.total = total
+        bar.update(done - bar.n)
+
+    return show
+
+
+def summary(told: RosbagImport) -> str:
+    """A line for each topic of a new bag."""
+    total = sum(told.counts.values())
+    topics = "".join(f"\n  {topic}: {count}" for topic, count in told.counts.items())
+    return f"{told.bag}: {total} messages{topics}"
+
+
+def bag_folders(sources: Sequence[Path], output: Path) -> dict[Path, Path]:
+    """A folder for the bag of each source, by the source's name.
+
+    Raises:
+        SloshBringupError: two sources have one name.
+    """
+    folders: dict[Path, Path] = {}
+    for source in sources:
+        name = source.name
+        if not source.is_dir():
+            for suffix in (".gz", ".csv", ".bag", ".db3", ".mcap"):
+                name = name.removesuffix(suffix)
+        folder = output / name
+        if folder in folders.values():
+            raise SloshBringupError(f"{source}: another source would also become {folder}")
+        folders[source] = folder
+    return folders
+
+
+def renamed(pairs: Sequence[str]) -> Mapping[str, str]:
+    """New names by old ones, of OLD=NEW.
+
+    Raises:
+        SloshBringupError: a text without '='.
+    """
+    names = {}
+    for pair in pairs:
+        old, equals, new = pair.partition("=")
+        if not (old and equals and new):
+            raise SloshBringupError(f"--rename {pair}: is not OLD=NEW")
+        names[old] = new
+    return names

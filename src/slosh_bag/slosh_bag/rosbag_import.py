@@ -1,0 +1,247 @@
+"""Foreign bags to ours: ROS 1 bags, rosbag2's SQLite files, MCAP files of other writers.
+
+Messages keep their time of recording; MCAP's second time, that of sending, does not come along.
+What cannot be converted is left out and told.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from rosbags.interfaces import Connection, ConnectionExtRosbag1, QosDurability, QosReliability
+from rosbags.rosbag1 import Reader as Ros1Reader
+from rosbags.rosbag2 import Reader as Ros2Reader
+
+from slosh_bag.bag_writer import BagWriter, Qos
+from slosh_bag.definitions import Definitions
+from slosh_bag.errors import SloshBagError
+from slosh_bag.rosbag_types import Convert, message_converter
+from slosh_bag.topic_choice import find_topic
+from slosh_bag.whole_bag import removed_on_failure
+
+ROS1_SUFFIX = ".bag"
+SUFFIXES = (ROS1_SUFFIX, ".db3", ".mcap")
+_TOPIC_NAME = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
+
+
+class RosbagImport(NamedTuple):
+    """What became of a foreign bag.
+
+    Attributes:
+        bag: the new bag's folder.
+        counts: messages by topic, under its new name.
+        notes: what was left out or changed, one line each.
+    """
+
+    bag: Path
+    counts: dict[str, int]
+    notes: tuple[str, ...]
+
+
+class _Route(NamedTuple):
+    """Where the messages of a connection go: their topic and type here, and the conversion."""
+
+    topic: str
+    message_type: str
+    convert: Convert
+    qos: Qos
+
+
+def find_rosbags(path: Path) -> list[Path]:
+    """The bags that a path names: itself, or the `.bag` files of a folder that is no rosbag2.
+
+    Raises:
+        SloshBagError: there is none.
+    """
+    if not path.exists():
+        raise SloshBagError(f"{path}: no such file or folder")
+    if path.is_dir():
+        if (path / "metadata.yaml").exists():
+            return [path]
+        files = sorted(file for suffix in SUFFIXES for file in path.glob(f"*{suffix}"))
+        if not files:
+            raise SloshBagError(f"{path}: holds no metadata.yaml, .bag, .db3 or .mcap")
+        return files
+    if path.suffix not in SUFFIXES:
+        raise SloshBagError(f"{path}: is none of {', '.join(SUFFIXES)}; unpack it first")
+    return [path]
+
+
+def import_rosbag(
+    source: Path,
+    bag: Path,
+    topics: Sequence[str] = (),
+    rename: Mapping[str, str] | None = None,
+    progress: Callable[[int, int], object] = lambda done, total: None,
+) -> RosbagImport:
+    """Turns a foreign bag into one of ours.
+
+    Args:
+        source: a `.bag`, `.db3` or `.mcap` file, or a rosbag2 folder.
+        bag: the new bag's folder; it must not hold a bag already.
+        topics: only these; empty: all.
+        rename: new names by old ones.
+        progress: is told the number of messages so far and in all.
+
+    Raises:
+        SloshBagError: the source is damaged or no bag, a topic is not in it, nothing in it can be
+            converted, or the bag exists.
+    """
+    definitions = Definitions()
+    with _opened(source) as reader:
+        names = _new_names(source, reader.connections, topics, rename or {})
+        routes, notes = _routes(reader.connections, names, definitions)
+        if not routes:
+            raise SloshBagError(
+                "; ".join([f"{source}: holds no topic that can be converted", *notes])
+            )
+        facts = {**_facts(reader), "imported_from": source.name}
+        with removed_on_failure(bag), BagWriter(bag, definitions, facts) as writer:
+            for route in routes.values():
+                writer.add_topic(route.topic, route.message_type, route.qos)
+            failures = _copy(source, reader, routes, writer, progress)
+            counts = dict(writer.counts)
+            if not sum(counts.values()):
+                raise SloshBagError(
+                    "; ".join([f"{source}: holds no message that can be converted", *failures])
+                )
+    return RosbagImport(bag, counts, (*notes, *failures))
+
+
+def _copy(
+    source: Path,
+    reader: Any,
+    routes: dict[int, _Route],
+    writer: BagWriter,
+    progress: Callable[[int, int], object],
+) -> list[str]:
+    """Writes all messages; returns what was left out."""
+    # The library takes no connection for all of them, and fails on one without messages.
+    wanted = [entry for entry in reader.connections if entry.id in routes and entry.msgcount]
+    total = sum(connection.msgcount for connection in wanted)
+    failed: Counter[str] = Counter()
+    messages = _guarded(source, reader.messages(connections=wanted) if wanted else iter(()))
+    for done, (connection, stamp_ns, data) in enumerate(messages, start=1):
+        route = routes[connection.id]
+        try:
+            converted = route.convert(data)
+        except Exception:  # whatever damaged bytes cause in the library
+            failed[route.topic] += 1
+        else:
+            writer.write(route.topic, converted, stamp_ns)
+        progress(done, total)
+    return [f"{topic}: {count} damaged messages left out" for topic, count in failed.items()]
+
+
+@contextmanager
+def _opened(source: Path) -> Iterator[Any]:
+    """The reader of a foreign bag.
+
+    Raises:
+        SloshBagError: it cannot be opened.
+    """
+    try:
+        reader = (Ros1Reader if source.suffix == ROS1_SUFFIX else Ros2Reader)(source)
+        reader.open()
+    except Exception as error:  # whatever broken bytes cause in the library
+        raise _unreadable(source, error) from None
+    try:
+        yield reader
+    finally:
+        reader.close()
+
+
+def _guarded(source: Path, messages: Iterator[Any]) -> Iterator[Any]:
+    """The messages; what the library raises on damaged bytes becomes one line."""
+    while True:
+        try:
+            message = next(messages)
+        except StopIteration:
+            return
+        except Exception as error:
+            raise _unreadable(source, error) from None
+        yield message
+
+
+def _unreadable(source: Path, error: Exception) -> SloshBagError:
+    reason = (str(error).splitlines() or [""])[0].rstrip(".") or type(error).__name__
+    return SloshBagError(f"{source}: cannot be read: {reason}")
+
+
+def _new_names(
+    source: Path,
+    connections: Sequence[Connection],
+    topics: Sequence[str],
+    rename: Mapping[str, str],
+) -> dict[str, str]:
+    """New names of the wanted topics by old ones.
+
+    Raises:
+        SloshBagError: there is no such topic, a new name is not one, or two become one.
+    """
+    known = {connection.topic for connection in connections}
+    wanted = {find_topic(source, known, name) for name in topics} or known
+    # ROS 1 knows names without a slash; rosbag2 does not play them.
+    names = {topic: topic if topic.startswith("/") else f"/{topic}" for topic in sorted(wanted)}
+    for old, new in rename.items():
+        if not _TOPIC_NAME.fullmatch(new):
+            raise SloshBagError(f"{new!r} is no topic's name; names are like /slosh/imu")
+        names[find_topic(source, wanted, old)] = new
+    for new, count in Counter(names.values()).items():
+        if count > 1:
+            both = " and ".join(old for old, name in names.items() if name == new)
+            raise SloshBagError(f"{source}: {both} would both become {new}")
+    return names
+
+
+def _routes(
+    connections: Sequence[Connection], names: Mapping[str, str], definitions: Definitions
+) -> tuple[dict[int, _Route], list[str]]:
+    """Routes by connection, and a line for each topic that is left out or changed."""
+    routes: dict[int, _Route] = {}
+    types: dict[str, str] = {}
+    notes: dict[str, None] = {}
+    for connection in connections:
+        if connection.topic not in names:
+            continue
+        topic = names[connection.topic]
+        ros1 = isinstance(connection.ext, ConnectionExtRosbag1)
+        try:
+            kind, convert, changes = message_converter(connection, definitions, ros1=ros1)
+            if types.setdefault(topic, kind) != kind:
+                raise SloshBagError(f"{kind}: the topic has been {types[topic]} before")
+        except SloshBagError as error:
+            notes[f"{connection.topic}: left out: {error}"] = None
+            continue
+        if changes:
+            notes[f"{connection.topic}: {changes}"] = None
+        routes[connection.id] = _Route(topic, kind, convert, _qos(connection))
+    return routes, list(notes)
+
+
+def _qos(connection: Connection) -> Qos:
+    """What the publisher offered, as far as the foreign bag knows."""
+    if isinstance(connection.ext, ConnectionExtRosbag1):
+        return Qos(durability="transient_local", depth=1) if connection.ext.latching else Qos()
+    offered = connection.ext.offered_qos_profiles
+    if not offered:
+        return Qos()
+    best_effort = offered[0].reliability == QosReliability.BEST_EFFORT
+    latched = offered[0].durability == QosDurability.TRANSIENT_LOCAL
+    return Qos(
+        "best_effort" if best_effort else "reliable",
+        "transient_local" if latched else "volatile",
+        offered[0].depth or Qos().depth,
+    )
+
+
+def _facts(reader: Any) -> dict[str, str]:
+    """The facts about the whole bag that its writer noted in metadata.yaml."""
+    storage = getattr(reader, "storage", None)
+    custom = getattr(getattr(storage, "metadata", None), "custom", None)
+    return {str(key): str(value) for key, value in (custom or {}).items()}

@@ -1,0 +1,284 @@
+"""Foreign bags come in with every bit of their values; what cannot come is told in one line."""
+
+from __future__ import annotations
+
+import math
+import sqlite3
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from mcap.reader import make_reader
+from rosbags.interfaces import (
+    Qos,
+    QosDurability,
+    QosHistory,
+    QosLiveliness,
+    QosReliability,
+    QosTime,
+)
+from rosbags.rosbag1 import Writer as Ros1Writer
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
+from rosbags.rosbag2 import Writer as Ros2Writer
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+from slosh_bag.definitions import find_interfaces
+from slosh_bag.errors import SloshBagError
+from slosh_bag.reader import BagReader
+from slosh_bag.rosbag_import import find_rosbags, import_rosbag
+
+ROS1 = get_typestore(Stores.ROS1_NOETIC)
+ROS2 = get_typestore(Stores.ROS2_HUMBLE)
+MIXED = "Header header\nfloat64 value\nstring[] names\nuint64 big\ntime when\nbool[3] three\n"
+ROS1.register(get_types_from_msg(MIXED, "odd_msgs/msg/Mixed"))
+ACCEL, MIXED_TYPE = "geometry_msgs/msg/AccelStamped", "odd_msgs/msg/Mixed"
+VALUES = [0.1, -0.0, math.nan, math.inf, 5e-324, 1.7976931348623157e308]
+
+
+def header(store, k: int, **more):
+    time = store.types["builtin_interfaces/msg/Time"](sec=7, nanosec=k)
+    return store.types["std_msgs/msg/Header"](stamp=time, frame_id="world", **more)
+
+
+def accel(store, k: int, x: float, **more):
+    vector = store.types["geometry_msgs/msg/Vector3"]
+    both = store.types["geometry_msgs/msg/Accel"](vector(x, 0.0, 0.0), vector(0.0, 0.0, 0.0))
+    return store.types[ACCEL](header(store, k, **more), both)
+
+
+def mixed(k: int, value: float):
+    return ROS1.types[MIXED_TYPE](
+        header=header(ROS1, k, seq=k),
+        value=value,
+        names=["ä", ""],
+        big=2**64 - 1 - k,
+        when=ROS1.types["builtin_interfaces/msg/Time"](sec=3, nanosec=4),
+        three=np.array([True, False, True]),
+    )
+
+
+@pytest.fixture
+def ros1(tmp_path: Path) -> Path:
+    path = tmp_path / "old.bag"
+    writer = Ros1Writer(path)
+    writer.set_compression(Ros1Writer.CompressionFormat.BZ2)
+    with writer:
+        moved = writer.add_connection("/arm/accel", ACCEL, typestore=ROS1)
+        other = writer.add_connection("mixed", MIXED_TYPE, typestore=ROS1, latching=1)
+        writer.add_connection("/silent", "std_msgs/msg/String", typestore=ROS1)
+        broken = writer.add_connection(
+            "/broken", "bad_msgs/msg/Bad", msgdef="float99 x\n", md5sum="0" * 32
+        )
+        for k, x in enumerate(VALUES):
+            data = ROS1.serialize_ros1(accel(ROS1, k, x, seq=k), ACCEL)
+            writer.write(moved, 10**18 + k, data)
+            writer.write(other, 10**18 + k, ROS1.serialize_ros1(mixed(k, x), MIXED_TYPE))
+            writer.write(broken, 10**18 + k, b"1234")
+    return path
+
+
+def write_ros2(folder: Path, plugin=StoragePlugin.SQLITE3, compression=None, version=8) -> Path:
+    qos = Qos(
+        QosHistory.KEEP_LAST, 5, QosReliability.BEST_EFFORT, QosDurability.TRANSIENT_LOCAL,
+        QosTime(0, 0), QosTime(0, 0), QosLiveliness.AUTOMATIC, QosTime(0, 0), False,
+    )  # fmt: skip
+    writer = Ros2Writer(folder, version=version, storage_plugin=plugin)
+    if compression:
+        writer.set_compression(compression, CompressionFormat.ZSTD)
+    writer.set_custom_data("clocks", "unrelated")
+    with writer:
+        topic = writer.add_connection(
+            "/arm/accel", ACCEL, typestore=ROS2, offered_qos_profiles=[qos]
+        )
+        for k, x in enumerate(VALUES):
+            writer.write(topic, 10**18 + k, ROS2.serialize_cdr(accel(ROS2, k, x), ACCEL))
+    return folder
+
+
+def bits(value: float) -> bytes:
+    return np.float64(value).tobytes()
+
+
+def accelerations(bag: Path, topic: str) -> list[bytes]:
+    reader = BagReader(bag)
+    return [bits(reader.decode(m).accel.linear.x) for m in reader.messages([topic])]
+
+
+def test_ros1_values_come_bit_for_bit(ros1: Path, tmp_path: Path):
+    told = import_rosbag(ros1, tmp_path / "new", rename={"/arm/accel": "/slosh/accel"})
+    assert told.counts == {"/slosh/accel": 6, "/mixed": 6, "/silent": 0}
+    assert accelerations(told.bag, "/slosh/accel") == [bits(x) for x in VALUES]
+    reader = BagReader(told.bag)
+    messages = list(reader.messages(["/mixed"]))
+    assert [message.log_ns for message in messages] == [10**18 + k for k in range(6)]
+    for k, message in enumerate(reader.decode(m) for m in messages):
+        assert bits(message.value) == bits(VALUES[k])
+        assert (message.names, message.big) == (["ä", ""], 2**64 - 1 - k)
+        assert (message.when.sec, message.when.nanosec) == (3, 4)
+        assert message.three.tolist() == [True, False, True]
+        assert (message.header.stamp.nanosec, message.header.frame_id) == (k, "world")
+        assert not hasattr(message.header, "seq")
+
+
+def test_what_cannot_be_converted_costs_its_topic_alone(ros1: Path, tmp_path: Path):
+    (note,) = import_rosbag(ros1, tmp_path / "new").notes
+    assert note.startswith("/broken: left out: the definition of bad_msgs/msg/Bad")
+    with pytest.raises(SloshBagError, match="no topic that can be converted; /broken: left out"):
+        import_rosbag(ros1, tmp_path / "none", topics=["/broken"])
+    with pytest.raises(SloshBagError, match="holds no message that can be converted"):
+        import_rosbag(ros1, tmp_path / "none", topics=["silent"])
+    assert not (tmp_path / "none").exists()
+
+
+def test_the_layout_is_that_of_our_bags(ros1: Path, tmp_path: Path):
+    bag = import_rosbag(ros1, tmp_path / "new").bag
+    with next(bag.glob("*.mcap")).open("rb") as stream:
+        reader = make_reader(stream)
+        assert reader.get_header().profile == "ros2"
+        summary = reader.get_summary()
+    assert all(chunk.compression == "zstd" for chunk in summary.chunk_indexes)
+    assert all(chunk.message_index_offsets for chunk in summary.chunk_indexes)
+    information = yaml.safe_load((bag / "metadata.yaml").read_text())
+    assert information["rosbag2_bagfile_information"]["version"] == 9
+    (latched,) = [c for c in summary.channels.values() if c.topic == "/mixed"]
+    (qos,) = yaml.safe_load(latched.metadata["offered_qos_profiles"])
+    assert qos["durability"] == "transient_local"
+
+
+@pytest.mark.parametrize(
+    ("plugin", "compression"),
+    [
+        (StoragePlugin.SQLITE3, None),
+        (StoragePlugin.SQLITE3, CompressionMode.FILE),
+        (StoragePlugin.SQLITE3, CompressionMode.MESSAGE),
+        (StoragePlugin.MCAP, None),
+    ],
+)
+def test_rosbag2_values_come_bit_for_bit(tmp_path: Path, plugin, compression):
+    source = write_ros2(tmp_path / "rosbag2", plugin, compression)
+    told = import_rosbag(source, tmp_path / "new")
+    assert accelerations(told.bag, "/arm/accel") == [bits(x) for x in VALUES]
+    assert BagReader(told.bag).metadata()["clocks"] == "unrelated"
+    information = yaml.safe_load((told.bag / "metadata.yaml").read_text())
+    (topic,) = information["rosbag2_bagfile_information"]["topics_with_message_count"]
+    (qos,) = topic["topic_metadata"]["offered_qos_profiles"]
+    assert (qos["reliability"], qos["durability"], qos["depth"]) == (
+        "best_effort", "transient_local", 5,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("plugin", "suffix"), [(StoragePlugin.SQLITE3, ".db3"), (StoragePlugin.MCAP, ".mcap")]
+)
+def test_a_file_alone_is_enough(tmp_path: Path, plugin, suffix: str):
+    (file,) = write_ros2(tmp_path / "rosbag2", plugin).glob(f"*{suffix}")
+    told = import_rosbag(file, tmp_path / "new")
+    assert accelerations(told.bag, "/arm/accel") == [bits(x) for x in VALUES]
+
+
+def test_a_known_type_of_another_definition_is_converted(tmp_path: Path):
+    store = get_typestore(Stores.EMPTY)
+    store.register(
+        get_types_from_msg("float64 z\nfloat64 x\nint16 extra\n", "geometry_msgs/Point")
+    )
+    path = tmp_path / "changed.bag"
+    with Ros1Writer(path) as writer:
+        topic = writer.add_connection("/point", "geometry_msgs/msg/Point", typestore=store)
+        point = store.types["geometry_msgs/msg/Point"](z=3.0, x=1.0, extra=9)
+        writer.write(topic, 5, store.serialize_ros1(point, "geometry_msgs/msg/Point"))
+    told = import_rosbag(path, tmp_path / "new")
+    reader = BagReader(told.bag)
+    (message,) = [reader.decode(m) for m in reader.messages()]
+    assert (message.x, message.y, message.z) == (1.0, 0.0, 3.0)
+    assert told.notes == (
+        "/point: converted to the definition of geometry_msgs/msg/Point here, without extra; "
+        "with new y",
+    )
+
+
+def test_fields_in_another_order_are_not_taken_for_each_other(tmp_path: Path):
+    store = get_typestore(Stores.EMPTY)
+    store.register(get_types_from_msg("float64 z\nfloat64 y\nfloat64 x\n", "geometry_msgs/Point"))
+    path = tmp_path / "turned.bag"
+    with Ros1Writer(path) as writer:
+        topic = writer.add_connection("/point", "geometry_msgs/msg/Point", typestore=store)
+        point = store.types["geometry_msgs/msg/Point"](z=3.0, y=2.0, x=1.0)
+        writer.write(topic, 5, store.serialize_ros1(point, "geometry_msgs/msg/Point"))
+    reader = BagReader(import_rosbag(path, tmp_path / "new").bag)
+    (message,) = [reader.decode(m) for m in reader.messages()]
+    assert (message.x, message.y, message.z) == (1.0, 2.0, 3.0)
+
+
+@pytest.mark.skipif(find_interfaces("slosh_msgs") is None, reason="the interfaces are not built")
+def test_installed_types_come_without_a_definition_in_the_file(tmp_path: Path):
+    """As rosbag2 wrote SQLite files before ROS 2 Iron."""
+    folder = write_ros2(tmp_path / "rosbag2")
+    (file,) = folder.glob("*.db3")
+    with sqlite3.connect(file) as database:
+        database.execute("DELETE FROM message_definitions")
+    told = import_rosbag(folder, tmp_path / "new")
+    assert accelerations(told.bag, "/arm/accel") == [bits(x) for x in VALUES]
+
+
+def test_names_are_checked(ros1: Path, tmp_path: Path):
+    for wanted, expected in (
+        ({"topics": ["/arm/acel"]}, "no topic '/arm/acel'; there are /arm/accel,"),
+        ({"rename": {"/arm/acel": "/x"}}, "no topic '/arm/acel'; there are /arm/accel,"),
+        ({"rename": {"/arm/accel": "x y"}}, "'x y' is no topic's name"),
+        ({"rename": {"/arm/accel": "/silent"}}, "/arm/accel and /silent would both become"),
+    ):
+        with pytest.raises(SloshBagError, match=expected) as caught:
+            import_rosbag(ros1, tmp_path / "new", **wanted)
+        assert "\n" not in str(caught.value)
+    assert not (tmp_path / "new").exists()
+
+
+def test_what_is_no_bag_is_named(tmp_path: Path):
+    (tmp_path / "empty").mkdir()
+    (tmp_path / "text.bag").write_text("hello")
+    (tmp_path / "text.db3").write_text("hello")
+    (tmp_path / "text.txt").write_text("hello")
+    folder = write_ros2(tmp_path / "rosbag2")
+    (folder / "metadata.yaml").write_text("{")
+    for path, expected in (
+        (tmp_path / "nothing", "no such file"),
+        (tmp_path / "empty", "holds no metadata.yaml"),
+        (tmp_path / "text.txt", "is none of .bag"),
+        (tmp_path / "text.bag", "cannot be read"),
+        (tmp_path / "text.db3", "cannot be read"),
+        (folder, "cannot be read: Could not load YAML"),
+    ):
+        with pytest.raises(SloshBagError, match=expected) as caught:
+            import_rosbag(find_rosbags(path)[0], tmp_path / "new")
+        assert "\n" not in str(caught.value)
+        assert str(caught.value).startswith(str(path))
+
+
+def test_a_folder_of_ros1_bags_is_all_of_them(ros1: Path, tmp_path: Path):
+    (tmp_path / "second.bag").write_bytes(ros1.read_bytes())
+    assert find_rosbags(tmp_path) == [ros1, tmp_path / "second.bag"]
+
+
+@settings(max_examples=25, deadline=None)
+@given(share=st.floats(0.0, 0.999), flip=st.integers(1, 255), cut=st.booleans())
+def test_a_damaged_file_gives_a_bag_or_one_line(tmp_path_factory, share, flip, cut):
+    folder = tmp_path_factory.mktemp("damaged")
+    path = folder / "damaged.bag"
+    with Ros1Writer(path) as writer:
+        topic = writer.add_connection("/arm/accel", ACCEL, typestore=ROS1)
+        for k, x in enumerate(VALUES):
+            writer.write(topic, k + 1, ROS1.serialize_ros1(accel(ROS1, k, x, seq=k), ACCEL))
+    content = bytearray(path.read_bytes())
+    place = int(share * len(content))
+    content[place] ^= flip
+    path.write_bytes(content[:place] if cut else content)
+    try:
+        import_rosbag(path, folder / "new")
+    except SloshBagError as error:
+        assert "\n" not in str(error)
+        assert not (folder / "new").exists()
+    else:
+        list(BagReader(folder / "new").messages())
