@@ -21,6 +21,9 @@ from zstandard import ZstdError
 from slosh_bag.errors import SloshBagError
 
 MAGIC = b"\x89MCAP0\r\n"
+FOREIGN = (b"#ROSBAG", b"SQLite f")
+"""How ROS 1 bags and rosbag2's SQLite files begin."""
+IMPORT_HINT = "slosh import rosbag makes one of it"
 # What the libraries raise on bytes that are not what was written.
 DAMAGE = (
     McapError,
@@ -215,7 +218,9 @@ def bag_files(path: Path) -> list[Path]:
     if path.is_dir():
         files = sorted(path.glob("*.mcap"))
         if not files:
-            raise SloshBagError(f"{path}: no .mcap file in this folder")
+            foreign = any(path.glob("*.db3*")) or any(path.glob("*.bag"))
+            hint = f"; {IMPORT_HINT}" if foreign else ""
+            raise SloshBagError(f"{path}: no .mcap file in this folder{hint}")
     elif path.is_file():
         files = [path]
     else:
@@ -226,7 +231,8 @@ def bag_files(path: Path) -> list[Path]:
         if not start:
             raise SloshBagError(f"{file}: empty file")
         if start != MAGIC:
-            raise SloshBagError(f"{file}: not an MCAP file")
+            hint = f"; {IMPORT_HINT}" if start.startswith(FOREIGN) else ""
+            raise SloshBagError(f"{file}: not an MCAP file{hint}")
     return files
 
 
