@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+from typing import Any
 
+from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from rosbags.typesys.base import TypesysError
 from rosbags.typesys.store import Typestore
 
 from slosh_bag.errors import SloshBagError
@@ -21,7 +24,7 @@ class Definitions:
         """The full definition with those of all types in it, as an MCAP 'ros2msg' schema has it.
 
         Raises:
-            SloshBagError: no installed package defines the type.
+            SloshBagError: no installed package defines the type, or its file cannot be read.
         """
         self._require(message_type)
         return str(self.typestore.generate_msgdef(message_type, ros_version=2)[0])
@@ -32,20 +35,44 @@ class Definitions:
         return str(self.typestore.hash_rihs01(message_type))
 
     def _require(self, message_type: str) -> None:
-        if message_type in self.typestore.fielddefs:
-            return
-        package = message_type.split("/")[0]
-        folder = find_interfaces(package)
-        if folder is None:
-            raise SloshBagError(
-                f"no definition of {message_type}: package {package} is not installed here"
-            )
-        types = {}
-        for path in sorted(folder.glob("*.msg")):
-            types.update(get_types_from_msg(path.read_text(), f"{package}/msg/{path.stem}"))
-        self.typestore.register(types)
-        if message_type not in self.typestore.fielddefs:
-            raise SloshBagError(f"no definition of {message_type} in {folder}")
+        """Reads the type and those in it, and no other file: one that is broken harms no one."""
+        wanted, found = [message_type], dict[str, Any]()
+        while wanted:
+            name = wanted.pop()
+            if name not in self.typestore.fielddefs and name not in found:
+                found.update(_read(name))
+                wanted += _parts(found[name][1])
+        if found:
+            self.typestore.register(found)
+
+
+def _read(message_type: str) -> dict[str, Any]:
+    """A type's constants and fields, from the file that its package installed."""
+    package, name = message_type.split("/")[0], message_type.split("/")[-1]
+    folder = find_interfaces(package)
+    if folder is None:
+        raise SloshBagError(
+            f"no definition of {message_type}: package {package} is not installed here"
+        )
+    path = folder / f"{name}.msg"
+    try:
+        return get_types_from_msg(path.read_text(encoding="utf-8"), f"{package}/msg/{name}")
+    except FileNotFoundError:
+        raise SloshBagError(f"no definition of {message_type} in {folder}") from None
+    except (OSError, UnicodeError, TypesysError) as error:
+        reason = " ".join(str(error).split())
+        raise SloshBagError(f"{path}: cannot be read as a message: {reason}") from None
+
+
+def _parts(fields: list[tuple[str, Any]]) -> list[str]:
+    """The types of the fields that are messages themselves."""
+    names = []
+    for _, (kind, detail) in fields:
+        if kind in (Nodetype.ARRAY, Nodetype.SEQUENCE):
+            kind, detail = detail[0]
+        if kind == Nodetype.NAME:
+            names.append(detail)
+    return names
 
 
 def find_interfaces(package: str) -> Path | None:

@@ -5,7 +5,6 @@ import itertools
 import pytest
 
 from slosh_bag.bag_writer import BagWriter, Qos
-from slosh_bag.definitions import Definitions
 from slosh_bag.reader import BagReader
 from slosh_bag.recorder import FLUSH_PERIOD, QUEUE_LENGTH, Recorder
 
@@ -78,10 +77,3 @@ def test_any_failure_is_told_and_the_recorder_still_closes(tmp_path, monkeypatch
         recorder.add("/h", DATA, number)
     recorder.close()
     assert recorder.status().failure == f"{recorder.path}: MemoryError"
-
-
-def test_a_definition_is_found_for_every_message_of_the_cell():
-    definitions = Definitions()
-    for name in ("FreeSurface", "SloshEstimate", "SloshComparison", "LimitEvent"):
-        assert definitions.text(f"slosh_msgs/msg/{name}")
-        assert definitions.hash(f"slosh_msgs/msg/{name}").startswith("RIHS01_")
