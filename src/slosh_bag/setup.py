@@ -19,5 +19,10 @@ setup(
     maintainer_email="slosh-monitor@users.noreply.github.com",
     description="Records, reads, imports and replays MCAP bags of a slosh cell.",
     license="Apache-2.0",
-    entry_points={"console_scripts": ["recorder = slosh_bag.nodes.recorder_node:main"]},
+    entry_points={
+        "console_scripts": [
+            "player = slosh_bag.nodes.player_node:main",
+            "recorder = slosh_bag.nodes.recorder_node:main",
+        ]
+    },
 )

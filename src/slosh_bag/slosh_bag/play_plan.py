@@ -20,9 +20,12 @@ from slosh_msgs_py import topics as names
 
 CLOCK = "/clock"
 # Publishers' history depths: DDS does not tell a recorder what they were.
-STREAM_DEPTH, LATCHED_DEPTH, LARGE_DEPTH = 1000, 100, 10
-LARGE_TYPES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage",
-               "sensor_msgs/msg/PointCloud2")  # fmt: skip
+STREAM_DEPTH, LATCHED_DEPTH = 1000, 100
+LARGE_DEPTHS = {
+    "sensor_msgs/msg/Image": 30,
+    "sensor_msgs/msg/PointCloud2": 30,
+    "sensor_msgs/msg/CompressedImage": 100,
+}
 INPUTS = (names.ACCEL, names.IMU, names.POSE)
 _ANSWERS = (names.FREE_SURFACE, names.ESTIMATE, names.COMPARISON, names.LIMIT_EVENT)
 _CELL_NAMES = "|".join((*INPUTS, *_ANSWERS, "settings", "camera/.+", "cell/.+"))
@@ -171,8 +174,7 @@ def offered_qos(topic: BagTopic) -> Qos:
     latched = any(qos.durability == "transient_local" for qos in offered)
     reliable = latched or any(qos.reliability == "reliable" for qos in offered)
     depth = LATCHED_DEPTH if latched else STREAM_DEPTH
-    if topic.message_type in LARGE_TYPES:
-        depth = LARGE_DEPTH
+    depth = LARGE_DEPTHS.get(topic.message_type, depth)
     return Qos(
         "reliable" if reliable else "best_effort",
         "transient_local" if latched else "volatile",
@@ -192,8 +194,8 @@ def refusal(topic: BagTopic) -> str:
     try:
         installed = Definitions().hash(kind)
         recorded = definition_hash(kind, topic.definition)
-    except (SloshBagError, TypesysError) as error:
-        return " ".join(str(error).split())
+    except SloshBagError as error:
+        return str(error)
     if installed != recorded:
         return f"the bag's definition of {kind} is not the installed one"
     return ""
@@ -203,11 +205,14 @@ def definition_hash(message_type: str, definition: str) -> str:
     """The RIHS01 hash of a full definition.
 
     Raises:
-        TypesysError: it is none.
+        SloshBagError: it is none, or not full.
     """
     store = get_typestore(Stores.EMPTY)
-    store.register(get_types_from_msg(definition, message_type))
-    return str(store.hash_rihs01(message_type))
+    try:
+        store.register(get_types_from_msg(definition, message_type))
+        return str(store.hash_rihs01(message_type))
+    except (TypesysError, LookupError):
+        raise SloshBagError(f"the bag's definition of {message_type} cannot be read") from None
 
 
 def without(plan: PlayPlan, missing: Sequence[str]) -> PlayPlan:

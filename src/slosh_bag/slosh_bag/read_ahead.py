@@ -55,24 +55,20 @@ class ReadAhead(Generic[Item]):
             yield from batch
 
     def _run(self) -> None:
-        try:
-            for batch in self._batches():
-                if not self._put(batch):
-                    return
-            self._put(None)
-        except BaseException as error:  # whatever it is, the other side must not wait for ever
-            self._put(error)
-
-    def _batches(self) -> Iterator[list[Item]]:
         batch: list[Item] = []
-        size = 0
-        for item in self._items:
-            batch.append(item)
-            size += self._size(item)
-            if len(batch) >= BATCH_LENGTH or size >= BATCH_SIZE:
-                yield batch
-                batch, size = [], 0
-        yield batch
+        size, end = 0, None
+        try:
+            for item in self._items:
+                batch.append(item)
+                size += self._size(item)
+                if len(batch) >= BATCH_LENGTH or size >= BATCH_SIZE:
+                    if not self._put(batch):
+                        return
+                    batch, size = [], 0
+        except BaseException as error:  # whatever it is, the other side must not wait for ever
+            end = error
+        if self._put(batch):
+            self._put(end)
 
     def _put(self, batch: list[Item] | BaseException | None) -> bool:
         """False: nobody reads any more."""

@@ -24,6 +24,7 @@ NODES: Mapping[str, str] = {
     "camera": "slosh_camera.nodes.camera_node",
     "estimator": "slosh_estimator.nodes.estimator_node",
     "monitor": "slosh_estimator.nodes.monitor_node",
+    "player": "slosh_bag.nodes.player_node",
     "recorder": "slosh_bag.nodes.recorder_node",
 }
 # Long enough for the recorder to finish its last chunk on a busy machine.

@@ -16,15 +16,14 @@ from rclpy.qos import QoSReliabilityPolicy as Reliability
 from rosgraph_msgs.msg import Clock
 
 from slosh_bag.bag_writer import Qos
-from slosh_bag.nodes.player_thread import PlayerThread
+from slosh_bag.nodes.player_thread import BEHIND_NS, PlayerThread
 from slosh_bag.nodes.recorder_node import find_type
-from slosh_bag.play_plan import CLOCK, PlayPlan, PlayRequest, make_plan, without
+from slosh_bag.play_plan import CLOCK, STREAM_DEPTH, PlayPlan, PlayRequest, make_plan, without
 from slosh_bag.playback import CLOCK_RATES, RATES, PlaybackSettings
 from slosh_msgs_py.node.diagnostics import ERROR, OK, WARN, DiagnosticsReporter, Health
 from slosh_msgs_py.node.parameters import ParameterSpec, declare
 from slosh_msgs_py.node.run import EXIT_WRONG_INPUT, run_node
 
-LATE = 0.1  # s; what is later than that is behind
 PARAMETERS = (
     ParameterSpec("bag", "", "folder of the bag, or an MCAP file"),
     ParameterSpec("rate", 1.0, "seconds of the bag per second", RATES),
@@ -60,7 +59,7 @@ class PlayerNode(Node):
             topic: self.create_publisher(kinds[topic], entry.name, profile(entry.qos))
             for topic, entry in self._plan.topics.items()
         }
-        clock = self.create_publisher(Clock, CLOCK, profile(Qos()))
+        clock = self.create_publisher(Clock, CLOCK, profile(Qos(depth=STREAM_DEPTH)))
         for warning in self._plan.warnings:
             self.get_logger().warning(warning)
         self._thread = PlayerThread(self._plan, publishers, clock, self.get_logger().warning)
@@ -89,13 +88,13 @@ class PlayerNode(Node):
         return (self._thread.bag_ns - self._plan.playback.first_ns) * 1e-9
 
     def _health(self) -> Health:
-        late = 1e-9 * self._thread.late_ns
+        late = self._thread.late_ns
         if self.failure:
             return ERROR, self.failure
         if not self._thread.playing:
             return OK, "waiting for subscribers to play"
-        if late > LATE:
-            return WARN, f"{late:.1f} s behind: this machine is too slow for the rate"
+        if late > BEHIND_NS:
+            return WARN, f"{1e-9 * late:.1f} s behind: this machine is too slow for the rate"
         return OK, f"playing at {self.played:.1f} of {self._plan.playback.length:.1f} s"
 
     def _facts(self) -> dict[str, Any]:

@@ -20,6 +20,10 @@ SETTLE = 0.5  # s; for so long nobody new has come, and who is there hears the p
 ANNOUNCE_PERIOD = 0.05
 LINGER = 0.5  # s; the last messages are read before the process ends
 ACKNOWLEDGED = 2.0
+# A player that is behind would only overwrite what slow readers have not yet taken: so often and
+# for so long it lets those that read reliably catch up.
+BEHIND_NS = 100_000_000
+EASE_EVERY, EASE = 500, 0.1
 # The thread that reads ahead must not keep the interpreter while a message is due.
 SWITCH_INTERVAL = 0.0005
 NAP = 0.05  # s; longer sleeps look in between whether to stop
@@ -132,6 +136,8 @@ class PlayerThread:
             self.late_ns = late = now() - due
             if late > self.latest_ns:
                 self.latest_ns = late
+            if late > BEHIND_NS and not self.count % EASE_EVERY:
+                self._wait_until_acknowledged(EASE)
 
     def _until(self, due_ns: int) -> bool:
         """Sleeps until a moment of the steady clock; False where the thread is to end."""
@@ -148,12 +154,15 @@ class PlayerThread:
         """Waits until who reads reliably has everything; the others get a moment."""
         for warning in dict.fromkeys(self._plan.reader.warnings):
             self._warn(warning)
-        until = time.monotonic() + ACKNOWLEDGED
+        self._wait_until_acknowledged(ACKNOWLEDGED)
+        self._stop.wait(LINGER)
+
+    def _wait_until_acknowledged(self, patience: float) -> None:
+        until = time.monotonic() + patience
         for publisher in self._publishers.values():
             left = until - time.monotonic()
             if left > 0.0 and not self._stop.is_set():
                 publisher.wait_for_all_acked(Duration(seconds=left))
-        self._stop.wait(LINGER)
 
 
 def step_size(step: Step) -> int:
