@@ -82,6 +82,11 @@ class BagReader:
         self._typestore: Typestore = get_typestore(Stores.ROS2_JAZZY)
         self._known: set[str] = set()
 
+    @property
+    def typestore(self) -> Typestore:
+        """The definitions by which messages are decoded: those of messages that were read."""
+        return self._typestore
+
     def topics(self) -> dict[str, TopicInfo]:
         """The topics, with counts where every file is finished."""
         found: dict[str, TopicInfo] = {}
