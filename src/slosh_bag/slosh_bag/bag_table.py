@@ -149,7 +149,8 @@ def read_bag_table(
         placed.eta_azimuth,
         placed.eta,
     )
-    notes = (*reader.warnings, *collector.notes(), *placed.notes)
+    # An unfinished file says so each time it is read through.
+    notes = tuple(dict.fromkeys([*reader.warnings, *collector.notes(), *placed.notes]))
     return BagTable(table, origin, source, surface, notes)
 
 

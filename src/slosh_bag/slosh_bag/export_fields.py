@@ -1,0 +1,126 @@
+"""Message types as the columns of a flat table.
+
+Fields of messages within messages become columns with dotted names (`header.stamp.sec`), the
+elements of short arrays of fixed length columns with an index (`acceleration[0]`). What has no
+fixed number of values stays one column: sequences, long arrays, and all arrays of texts or of
+messages.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from operator import attrgetter
+from typing import Any, Final, Literal, NamedTuple
+
+from rosbags.interfaces import Nodetype
+from rosbags.typesys.base import normalize_fieldname
+from rosbags.typesys.store import Typestore
+
+STAMP: Final = ("header.stamp.sec", "header.stamp.nanosec")
+LONGEST_SPREAD: Final = 64
+"""Longest array whose elements get columns of their own."""
+BYTES: Final = frozenset({"uint8", "byte", "char", "octet"})
+Shape = Literal["value", "spread", "list"]
+
+
+class Node(NamedTuple):
+    """The type of a value: a base type, or the fields of a message.
+
+    Attributes:
+        base: e.g. 'float64', 'string'; empty: a message.
+        fields: names and types of a message's fields, and whether each is a list.
+    """
+
+    base: str
+    fields: tuple[tuple[str, Node, bool], ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Leaf:
+    """A field that becomes one column, or with shape 'spread' several.
+
+    Attributes:
+        name: dotted.
+        path: dotted, as attributes of the decoded message.
+        node: the type of the value, or of a list's elements.
+        shape: one value, an array that is spread over columns, or a list.
+        length: of an array that is spread.
+    """
+
+    name: str
+    path: str
+    node: Node
+    shape: Shape
+    length: int = 0
+
+    @property
+    def columns(self) -> list[str]:
+        """The names of its columns."""
+        if self.shape != "spread":
+            return [self.name]
+        return [f"{self.name}[{index}]" for index in range(self.length)]
+
+    @property
+    def is_bytes(self) -> bool:
+        """Whether it is a list of bytes: an image's data, say."""
+        return self.shape == "list" and self.node.base in BYTES
+
+
+def leaves(types: Typestore, message_type: str, prefix: str = "", path: str = "") -> list[Leaf]:
+    """The leaves of a message type, in the order of its fields."""
+    found: list[Leaf] = []
+    for field, description in types.fielddefs[message_type][1]:
+        name, attribute = prefix + field, path + normalize_fieldname(field)
+        kind, detail = description
+        if kind == Nodetype.NAME:
+            found += leaves(types, detail, f"{name}.", f"{attribute}.")
+        elif kind == Nodetype.BASE:
+            found.append(Leaf(name, attribute, Node(detail[0]), "value"))
+        else:
+            found.append(_array_leaf(types, name, attribute, description))
+    return found
+
+
+def _array_leaf(types: Typestore, name: str, attribute: str, description: Any) -> Leaf:
+    kind, (element, length) = description
+    node = _node(types, element)
+    short = kind == Nodetype.ARRAY and length <= LONGEST_SPREAD
+    if short and node.base not in ("", "string"):
+        return Leaf(name, attribute, node, "spread", length)
+    return Leaf(name, attribute, node, "list")
+
+
+def _node(types: Typestore, description: Any) -> Node:
+    kind, detail = description
+    if kind == Nodetype.BASE:
+        return Node(detail[0])
+    fields = []
+    for field, inner in types.fielddefs[detail][1]:
+        several = inner[0] in (Nodetype.ARRAY, Nodetype.SEQUENCE)
+        fields.append((field, _node(types, inner[1][0] if several else inner), several))
+    return Node("", tuple(fields))
+
+
+def row_getter(fields: Sequence[Leaf]) -> Callable[[Any], tuple[Any, ...]]:
+    """Gives the values of all leaves of a decoded message at once."""
+    get = attrgetter(*(leaf.path for leaf in fields))
+    return get if len(fields) > 1 else lambda message: (get(message),)
+
+
+def plain(node: Node, value: Any) -> Any:
+    """A decoded value as Python's own numbers, texts, lists and dictionaries."""
+    if not node.base:
+        return {
+            name: ([plain(inner, item) for item in content] if several else plain(inner, content))
+            for name, inner, several in node.fields
+            for content in (getattr(value, normalize_fieldname(name)),)
+        }
+    return value.item() if hasattr(value, "item") else value
+
+
+def plain_list(node: Node, values: Any) -> list[Any]:
+    """The elements of a decoded list as Python's own."""
+    if hasattr(values, "tolist"):
+        return list(values.tolist())
+    return [plain(node, value) for value in values]

@@ -1,0 +1,255 @@
+"""Where exported rows go: CSV and Parquet files, written batch by batch.
+
+A file appears under its name when it is whole; until then it has `.part` behind it.
+"""
+
+from __future__ import annotations
+
+import csv
+import gzip
+import importlib
+import io
+import json
+import os
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any, Final, Protocol
+
+from slosh_bag.errors import SloshBagError
+from slosh_bag.export_fields import Leaf, Node, plain_list
+
+LONGEST_BYTES: Final = 1024
+"""Longest array of bytes that is written into a cell of a CSV file."""
+ROW_GROUP_BYTES: Final = 32 << 20
+"""Of messages, in a row group of a Parquet file."""
+PARQUET_HINT: Final = "Parquet files need pyarrow: pip install pyarrow; or export to .csv"
+_ARROW: Final = {
+    "bool": "bool_", "string": "string", "byte": "uint8", "char": "uint8", "octet": "uint8",
+    **{name: name for name in (
+        "int8", "int16", "int32", "int64", "uint8", "uint16", "uint32", "uint64", "float32",
+        "float64",
+    )},
+}  # fmt: skip
+
+
+class Sink(Protocol):
+    """A table that is being written."""
+
+    notes: list[str]
+
+    def write(self, times: Sequence[Sequence[int]], values: Sequence[Sequence[Any]]) -> None:
+        """Appends rows.
+
+        Args:
+            times: the columns of whole nanoseconds, one value per row.
+            values: the leaves' values, one per row: decoded, as they are.
+        """
+
+    def close(self) -> None:
+        """Finishes the file and gives it its name."""
+
+    def discard(self) -> None:
+        """Removes what was written."""
+
+
+class _Target:
+    """A file that appears under its name when it is whole."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.part = path.with_name(f"{path.name}.part")
+
+    def finish(self) -> None:
+        os.replace(self.part, self.path)
+
+    def discard(self) -> None:
+        self.part.unlink(missing_ok=True)
+
+
+class CsvSink:
+    """A CSV file: numbers to the last bit, lists as JSON in a cell.
+
+    Args:
+        path: `.csv` or `.csv.gz`.
+        times: names of the columns of whole nanoseconds.
+        fields: the leaves.
+    """
+
+    def __init__(self, path: Path, times: Sequence[str], fields: Sequence[Leaf]) -> None:
+        self.notes: list[str] = []
+        self._target = _Target(path)
+        self._fields = fields
+        self._too_long: dict[str, int] = {}
+        self._open = ExitStack()
+        binary: Any = self._open.enter_context(self._target.part.open("wb"))
+        if path.suffix == ".gz":
+            binary = self._open.enter_context(
+                gzip.GzipFile(filename="", mode="wb", fileobj=binary, mtime=0)
+            )
+        text = self._open.enter_context(io.TextIOWrapper(binary, "utf-8", newline=""))
+        self._writer = csv.writer(text, lineterminator="\n")
+        self._writer.writerow([*times, *(name for leaf in fields for name in leaf.columns)])
+
+    def write(self, times: Sequence[Sequence[int]], values: Sequence[Sequence[Any]]) -> None:
+        """Appends rows; see `Sink`."""
+        columns: list[Sequence[Any]] = list(times)
+        for leaf, column in zip(self._fields, values, strict=True):
+            columns += self._cells(leaf, column)
+        # The csv module writes floats by repr, to the last bit, and NaN as nan.
+        self._writer.writerows(zip(*columns, strict=True))
+
+    def close(self) -> None:
+        """Finishes the file."""
+        self._open.close()
+        self._target.finish()
+        for name, count in self._too_long.items():
+            self.notes.append(
+                f"{self._target.path}: {count} cells of {name} are empty: more than "
+                f"{LONGEST_BYTES} bytes; Parquet files hold them"
+            )
+
+    def discard(self) -> None:
+        """Removes what was written."""
+        self._open.close()
+        self._target.discard()
+
+    def _cells(self, leaf: Leaf, values: Sequence[Any]) -> list[Sequence[Any]]:
+        """The cells of a leaf's columns."""
+        if leaf.shape == "list":
+            return [[self._list_cell(leaf, value) for value in values]]
+        if leaf.shape == "spread":
+            rows = [value.tolist() for value in values]
+            columns: list[Sequence[Any]] = list(zip(*rows, strict=True))
+        else:
+            columns = [values]
+        if leaf.node.base == "bool":
+            return [["true" if value else "false" for value in column] for column in columns]
+        return columns
+
+    def _list_cell(self, leaf: Leaf, value: Any) -> str:
+        if leaf.is_bytes and len(value) > LONGEST_BYTES:
+            self._too_long[leaf.name] = self._too_long.get(leaf.name, 0) + 1
+            return ""
+        return json.dumps(plain_list(leaf.node, value), ensure_ascii=False)
+
+
+class ParquetSink:
+    """A Parquet file: every type as it is, lists as lists, bytes as binary.
+
+    Args:
+        path: `.parquet`.
+        times: names of the columns of whole nanoseconds.
+        fields: the leaves.
+        facts: kept in the file's metadata.
+
+    Raises:
+        SloshBagError: pyarrow is not installed.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        times: Sequence[str],
+        fields: Sequence[Leaf],
+        facts: Mapping[str, str],
+    ) -> None:
+        self.notes: list[str] = []
+        self._arrow, parquet = load_pyarrow()
+        self._target = _Target(path)
+        self._fields = fields
+        entries = [(name, self._arrow.int64()) for name in times]
+        for leaf in fields:
+            entries += [(name, self._column_type(leaf)) for name in leaf.columns]
+        self._schema = self._arrow.schema(entries, metadata=dict(facts))
+        self._writer = parquet.ParquetWriter(self._target.part, self._schema, compression="zstd")
+        self._batches: list[Any] = []
+        self._size = 0
+
+    def write(self, times: Sequence[Sequence[int]], values: Sequence[Sequence[Any]]) -> None:
+        """Appends rows; see `Sink`."""
+        columns: list[Any] = list(times)
+        for leaf, column in zip(self._fields, values, strict=True):
+            columns += _arrow_cells(leaf, column)
+        arrays = [
+            self._arrow.array(column, type=field.type)
+            for column, field in zip(columns, self._schema, strict=True)
+        ]
+        batch = self._arrow.record_batch(arrays, schema=self._schema)
+        self._batches.append(batch)
+        self._size += batch.nbytes
+        if self._size >= ROW_GROUP_BYTES:
+            self._write_group()
+
+    def close(self) -> None:
+        """Finishes the file."""
+        self._write_group()
+        self._writer.close()
+        self._target.finish()
+
+    def discard(self) -> None:
+        """Removes what was written."""
+        self._writer.close()
+        self._target.discard()
+
+    def _write_group(self) -> None:
+        if self._batches:
+            table = self._arrow.Table.from_batches(self._batches)
+            self._writer.write_table(table, row_group_size=max(1, len(table)))
+        self._batches, self._size = [], 0
+
+    def _column_type(self, leaf: Leaf) -> Any:
+        if leaf.is_bytes:
+            return self._arrow.binary()
+        kind = self._node_type(leaf.node)
+        return self._arrow.list_(kind) if leaf.shape == "list" else kind
+
+    def _node_type(self, node: Node) -> Any:
+        if node.base:
+            return getattr(self._arrow, _ARROW[node.base])()
+        return self._arrow.struct(
+            [
+                (
+                    name,
+                    self._arrow.list_(self._node_type(inner))
+                    if several
+                    else self._node_type(inner),
+                )
+                for name, inner, several in node.fields
+            ]
+        )
+
+
+def _arrow_cells(leaf: Leaf, values: Sequence[Any]) -> list[Any]:
+    """What pyarrow takes for a leaf's columns."""
+    if leaf.shape == "spread":
+        return list(zip(*(value.tolist() for value in values), strict=True))
+    if leaf.is_bytes:
+        return [[bytes(value) for value in values]]
+    if leaf.shape == "list" and not hasattr(values[0], "tolist"):
+        return [[plain_list(leaf.node, value) for value in values]]
+    return [values]
+
+
+def load_pyarrow() -> tuple[Any, Any]:
+    """The modules pyarrow and pyarrow.parquet, imported only where they are needed.
+
+    Raises:
+        SloshBagError: they are not installed.
+    """
+    try:
+        return importlib.import_module("pyarrow"), importlib.import_module("pyarrow.parquet")
+    except ImportError:
+        raise SloshBagError(PARQUET_HINT) from None
+
+
+SinkMaker = Callable[[Path, Sequence[str], Sequence[Leaf], Mapping[str, str]], Sink]
+
+
+def make_sink(
+    path: Path, times: Sequence[str], fields: Sequence[Leaf], facts: Mapping[str, str]
+) -> Sink:
+    """The sink for a file, by its suffix."""
+    if path.suffix == ".parquet":
+        return ParquetSink(path, times, fields, facts)
+    return CsvSink(path, times, fields)

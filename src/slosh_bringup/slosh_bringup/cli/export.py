@@ -1,0 +1,120 @@
+"""`slosh export`: topics of a bag as CSV or Parquet, or its motion as a motion table."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Iterable
+from pathlib import Path
+
+from tqdm import tqdm
+
+from slosh_bag.bag_motion import INPUTS
+from slosh_bag.bag_table import NO_HEIGHTS, TableSettings, read_bag_table
+from slosh_bag.export import check_targets, export_targets, export_topics
+from slosh_bag.motion_table import write_motion_table
+from slosh_bag.reader import BagReader, TopicInfo
+from slosh_bringup.errors import SloshBringupError
+
+TABLE_SUFFIXES = (".csv", ".csv.gz")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declares the subcommand's options."""
+    parser.add_argument("bag", type=Path, metavar="BAG", help="bag's folder, or MCAP file")
+    parser.add_argument(
+        "-o", "--output", type=Path, help="FILE.csv, FILE.csv.gz, FILE.parquet, or a folder"
+    )
+    parser.add_argument("--overwrite", action="store_true", help="replace existing files")
+    what = parser.add_mutually_exclusive_group()
+    what.add_argument("--list", action="store_true", help="topics, types and numbers of messages")
+    what.add_argument("--motion", action="store_true", help="one motion table, t,ax,ay,az,…")
+    what.add_argument(
+        "--topic", "--topics", dest="topics", nargs="+", action="extend", default=[],
+        metavar="TOPIC", help="only these topics, one file each",
+    )  # fmt: skip
+    parser.add_argument(
+        "--format", choices=["csv", "parquet"], default="parquet", help="of the files in a folder"
+    )
+    parser.add_argument("--json", action="store_true", help="with --list: as JSON")
+    motion = parser.add_argument_group("motion table")
+    motion.add_argument(
+        "--input", choices=list(INPUTS), help="what tells the motion; without it the first found"
+    )
+    motion.add_argument(
+        "--measured", metavar="TOPIC", help=f"of the heights: free_surface, or {NO_HEIGHTS}"
+    )
+    motion.add_argument(
+        "--absolute", action="store_true", help="t is the stamp, not the time since the start"
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Lists or exports."""
+    if arguments.list:
+        print(listing(BagReader(arguments.bag).topics(), as_json=arguments.json))
+        return 0
+    if arguments.output is None:
+        raise SloshBringupError("say where to: -o FILE.csv, FILE.parquet or a folder; or --list")
+    return export_motion(arguments) if arguments.motion else export_tables(arguments)
+
+
+def listing(topics: dict[str, TopicInfo], *, as_json: bool) -> str:
+    """The topics of a bag, one line each, or as JSON."""
+    if as_json:
+        entries = [
+            {"topic": name, "type": info.message_type, "messages": info.count}
+            for name, info in sorted(topics.items())
+        ]
+        return json.dumps(entries, indent=2)
+    widths = [
+        max(map(len, words), default=0)
+        for words in (topics, (i.message_type for i in topics.values()))
+    ]
+    return "\n".join(
+        f"{name:<{widths[0]}}  {info.message_type:<{widths[1]}}  {info.count:>8}"
+        for name, info in sorted(topics.items())
+    )
+
+
+def export_motion(arguments: argparse.Namespace) -> int:
+    """Writes the motion table."""
+    output: Path = arguments.output
+    if not output.name.endswith(TABLE_SUFFIXES):
+        raise SloshBringupError(f"{output}: a motion table is {' or '.join(TABLE_SUFFIXES)}")
+    check_targets([output], overwrite=arguments.overwrite)
+    settings = TableSettings(
+        kind=arguments.input, measured=arguments.measured, absolute=arguments.absolute
+    )
+    with tqdm(desc="export", unit=" messages", delay=1.0) as bar:
+        given = read_bag_table(arguments.bag, settings, bar.update)
+    write_motion_table(output, given.table)
+    tell(given.notes)
+    heights = f", heights from {given.measured}" if given.measured else ", no heights"
+    print(
+        f"{output}: {len(given.table.t)} rows from {given.source}{heights}; "
+        f"t = 0 is the stamp {given.origin_ns} ns"
+    )
+    return 0
+
+
+def export_tables(arguments: argparse.Namespace) -> int:
+    """Writes one file per topic."""
+    reader = BagReader(arguments.bag)
+    targets = export_targets(
+        arguments.bag, reader, arguments.topics, arguments.output, arguments.format
+    )
+    total = sum(target.messages for target in targets.values())
+    with tqdm(total=total, desc="export", unit=" messages", delay=1.0) as bar:
+        result = export_topics(reader, targets, overwrite=arguments.overwrite, progress=bar.update)
+    tell(result.notes)
+    for path, rows in result.rows.items():
+        print(f"{path}: {rows} rows")
+    return 0
+
+
+def tell(notes: Iterable[str]) -> None:
+    """Says what is not in the files."""
+    for note in notes:
+        print(f"slosh export: {note}", file=sys.stderr)
