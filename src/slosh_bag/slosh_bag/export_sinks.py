@@ -89,6 +89,8 @@ class CsvSink:
             )
         text = self._open.enter_context(io.TextIOWrapper(binary, "utf-8", newline=""))
         self._writer = csv.writer(text, lineterminator="\n")
+        # Before Python 3.13 a carriage return alone is not quoted, and a reader ends the row there.
+        self._quoting = csv.writer(text, lineterminator="\n", quoting=csv.QUOTE_NONNUMERIC)
         self._writer.writerow([*times, *(name for leaf in fields for name in leaf.columns)])
 
     def write(self, times: Sequence[Sequence[int]], values: Sequence[Sequence[Any]]) -> None:
@@ -96,8 +98,15 @@ class CsvSink:
         columns: list[Sequence[Any]] = list(times)
         for leaf, column in zip(self._fields, values, strict=True):
             columns += self._cells(leaf, column)
+        returns = any(
+            "\r" in value
+            for leaf, column in zip(self._fields, values, strict=True)
+            if leaf.node.base == "string" and leaf.shape == "value"
+            for value in column
+        )
         # The csv module writes floats by repr, to the last bit, and NaN as nan.
-        self._writer.writerows(zip(*columns, strict=True))
+        writer = self._quoting if returns else self._writer
+        writer.writerows(zip(*columns, strict=True))
 
     def close(self) -> None:
         """Finishes the file."""

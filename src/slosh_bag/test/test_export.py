@@ -110,10 +110,8 @@ def write(folder: Path, messages, topic: str = "/odd", kind: str = KIND) -> BagR
 def same(one, other) -> bool:
     """The same value: floats to the bit, but for the many patterns of NaN."""
     if isinstance(one, float):
-        return (
-            (math.isnan(one)
-            and math.isnan(other))
-            or struct.pack("d", one) == struct.pack("d", other)
+        return (math.isnan(one) and math.isnan(other)) or struct.pack("d", one) == struct.pack(
+            "d", other
         )
     if isinstance(one, dict):
         return one.keys() == other.keys() and all(same(one[key], other[key]) for key in one)
@@ -237,6 +235,14 @@ def test_a_folder_gets_a_file_for_each_topic(tmp_path: Path):
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == sorted(
         path.name for path in told.rows
     )
+
+
+@pytest.mark.parametrize("text", ["\r", "a\rb", "\n", "\r\n", '"', ",", "", "ä", "nan"])
+def test_no_text_breaks_a_row(tmp_path: Path, text: str):
+    words = [TYPES["std_msgs/msg/String"](word) for word in ("before", text, "after")]
+    exported(write(tmp_path / "bag", words, kind="std_msgs/msg/String"), tmp_path / "a.csv")
+    with (tmp_path / "a.csv").open(newline="", encoding="utf-8") as file:
+        assert [row["data"] for row in csv.DictReader(file)] == ["before", text, "after"]
 
 
 @pytest.fixture
