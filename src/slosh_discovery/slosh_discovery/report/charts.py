@@ -6,6 +6,8 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import numpy as np
+from matplotlib.patches import PathPatch
+from matplotlib.path import Path
 from numpy.typing import NDArray
 
 from slosh_discovery.report.data import RunReport
@@ -34,6 +36,8 @@ SMALL = (4.6, 2.4)
 """Sizes [in]: two drawings of each chart, as one scaled to a phone's width has letters that nobody
 reads; and one of a motion alone."""
 DASHES: Any = (0, (4, 2))
+NUMBERS = 25
+"""Motions that are numbered in a chart; more numbers would lie over each other."""
 MARKS = 60
 """Lower bounds that are marked; more of them would be a bar."""
 
@@ -107,13 +111,14 @@ def _heights(axes: Any, report: RunReport, part: slice, points: int) -> None:
 def _limit(axes: Any, limit: float) -> None:
     axes.axhline(limit, color=LIMIT, linewidth=1.2, linestyle=(0, (1, 2)))
     axes.annotate(
-        f"limit {limit:.{0 if limit >= 10.0 else 1}f} mm",
+        f"limit {f'{limit:.1f}'.removesuffix('.0')} mm",
         (1.0, limit),
         xycoords=("axes fraction", "data"),
         xytext=(0, 3),
         textcoords="offset points",
         ha="right",
         color=LIMIT,
+        bbox={"facecolor": CARD, "edgecolor": "none", "pad": 0.8, "alpha": 0.85},
     )
 
 
@@ -122,7 +127,7 @@ def _lower_bounds(axes: Any, t: Array, measured: Array, saturated: NDArray[np.bo
     known = np.isfinite(heights)
     t, heights = t[known], heights[known]
     if len(t):
-        chosen = highest(t, heights, MARKS)
+        chosen = highest(heights, MARKS)
         axes.plot(
             t[chosen], heights[chosen],
             color=MEASURED, linestyle="none", marker="^", markersize=5.0, markeredgecolor=CARD,
@@ -134,26 +139,31 @@ def _motions(axes: Any, motions: Sequence[Motion]) -> None:
     if len(motions) < 2:
         return
     place: Any = axes.get_xaxis_transform()
+    brackets = np.array([(m.start, m.end, np.nan) for m in motions]).ravel()
+    axes.plot(
+        brackets, np.full(len(brackets), 1.02), transform=place, color=INK, linewidth=2.5,
+        clip_on=False, solid_capstyle="butt",
+    )  # fmt: skip
+    if len(motions) > NUMBERS:
+        return
     for number, motion in enumerate(motions, start=1):
-        ends, middle = (motion.start, motion.end), 0.5 * (motion.start + motion.end)
-        axes.plot(ends, (1.02, 1.02), transform=place, color=INK, linewidth=2.5, clip_on=False,
-                  solid_capstyle="butt")  # fmt: skip
-        if len(motions) <= 30:  # more numbers would lie over each other
-            axes.annotate(
-                str(number), (middle, 1.02), xycoords=place, xytext=(0, 2.5),
-                textcoords="offset points", ha="center", fontsize=8.0, annotation_clip=False,
-            )  # fmt: skip
+        axes.annotate(
+            str(number), (0.5 * (motion.start + motion.end), 1.02), xycoords=place,
+            xytext=(0, 2.5), textcoords="offset points", ha="center", fontsize=8.0,
+            annotation_clip=False,
+        )  # fmt: skip
 
 
 def _frames(axes: Any, report: RunReport) -> None:
-    """The letter of each frame at its moment, below the zero line's end of the chart."""
+    """The letter of each frame at its moment."""
     place: Any = axes.get_xaxis_transform()
     for letter, frame in zip(frame_letters(report), report.frames, strict=True):
         if letter:
             axes.axvline(frame.time, color=INK, linewidth=0.8, linestyle=(0, (1, 3)))
             axes.annotate(
-                letter, (frame.time, 0.0), xycoords=place, xytext=(0, 4),
-                textcoords="offset points", ha="center", fontsize=8.0, fontweight="bold",
+                letter, (frame.time, 1.0), xycoords=place, xytext=(0, -8),
+                textcoords="offset points", ha="center", va="center",
+                fontsize=8.0, fontweight="bold",
                 bbox={"boxstyle": "circle,pad=0.15", "facecolor": CARD, "edgecolor": INK},
             )  # fmt: skip
 
@@ -161,20 +171,32 @@ def _frames(axes: Any, report: RunReport) -> None:
 def _backdrop(axes: Any, report: RunReport) -> None:
     """Shades where there is no measurement and where a limit is exceeded."""
     last = float(report.t[-1]) if len(report.t) else 0.0
-    pixel = report.duration / POINTS
-    _shade(axes, gaps(report.t, report.measured), GAP, pixel)
     ends = ((e.start, e.end if np.isfinite(e.end) else last) for e in report.events)
-    _shade(axes, ends, SPAN, pixel)
+    _shade(axes, ends, SPAN)
+    _shade(axes, gaps(report.t, report.measured), GAP)
 
 
-def _shade(axes: Any, spans: Spans, colour: str, closer: float) -> None:
-    for start, end in united(spans, closer):
-        axes.axvspan(start, end, color=colour, linewidth=0.0)
+def _shade(axes: Any, spans: Spans, colour: str) -> None:
+    """One area of all spans in sight: a thousand of their own would be a megabyte."""
+    first, last = axes.get_xlim()
+    pixel = (last - first) / POINTS
+    inside = ((start, end) for start, end in spans if end > first and start < last)
+    edges = np.array(united(inside, pixel)).reshape(-1, 2)
+    if len(edges):
+        corners = np.stack(
+            [edges[:, [0, 0, 1, 1]], np.tile([0.0, 1.0, 1.0, 0.0], (len(edges), 1))]
+        )
+        area = Path.make_compound_path_from_polys(np.moveaxis(corners, 0, -1))
+        axes.add_patch(
+            PathPatch(area, transform=axes.get_xaxis_transform(), facecolor=colour, linewidth=0.0)
+        )
 
 
 def _line(
     axes: Any, t: Array, metres: Array, colour: str, width: float, dashes: Any, points: int
 ) -> None:
+    if np.isfinite(metres).sum() > points:
+        dashes = "-"  # between extremes there is no room for dashes
     t, values = envelope(t, 1e3 * metres, points)
     axes.plot(t, values, color=colour, linewidth=width, linestyle=dashes)
     alone = lone(values)
@@ -201,7 +223,7 @@ def _chart(
     with style(name):
         figure = canvas(size)
         axes = figure.add_subplot()
-        draw(axes)
         axes.set_xlim(*ends)
+        draw(axes)
         axes.set_xlabel("time [s]")
         return svg_text(figure, name)

@@ -27,7 +27,7 @@ from slosh_discovery.report.polar import polar_chart
 from slosh_discovery.report.rows import Frame
 from slosh_discovery.report.units import DASH, digits_that_differ, shown
 
-ROWS = 200
+ROWS = 100
 """Most rows of a table on the page; the JSON document holds them all."""
 CLOSE_UPS = 6
 """Most motions that are drawn on their own."""
@@ -126,7 +126,10 @@ def _template() -> Template:
         finalize=readable,
     )
     environment.filters.update(data_uri=data_uri)
-    environment.globals.update(number=number, bound=bound, exact=exact, close_digits=close_digits)
+    environment.globals.update(
+        number=number, bound=bound, exact=exact, close_digits=close_digits,
+        model_names=model_names, model_index=model_index, best_index=best_index,
+    )  # fmt: skip
     return environment.get_template("report.html.j2")
 
 
@@ -143,6 +146,25 @@ def number(path: str, value: float | None, unit: str = "", digits: int | None = 
         a <data> element: its value is the number as JSON has it, its text the rounded one.
     """
     return _data(path, value, shown(value, unit, digits))
+
+
+def model_names(motions: list[dict[str, Any]]) -> list[str]:
+    """The models of all motions, each once, in the order met."""
+    return list(dict.fromkeys(row["name"] for motion in motions for row in motion["models"]))
+
+
+def model_index(motion: dict[str, Any], name: str) -> int | None:
+    """Which row of the motion is that model's; None: none."""
+    names = [row["name"] for row in motion["models"]]
+    return names.index(name) if name in names else None
+
+
+def best_index(motion: dict[str, Any]) -> int | None:
+    """Which row of the motion has the least σ; None: none is known."""
+    known = [
+        (row["sigma"], i) for i, row in enumerate(motion["models"]) if row["sigma"] is not None
+    ]
+    return min(known)[1] if known else None
 
 
 def exact(path: str, value: float | None, digits: int | None = None) -> Markup:

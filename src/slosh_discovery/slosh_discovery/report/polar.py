@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from slosh_discovery.report.data import AzimuthSeries, RunReport
 from slosh_discovery.report.series import gap_length, highest
-from slosh_discovery.report.svg import INK, MEASURED, NONLINEAR, canvas, style, svg_text
+from slosh_discovery.report.svg import CARD, INK, MEASURED, NONLINEAR, canvas, style, svg_text
 
 Array = NDArray[np.float64]
 
-SIZE = (4.1, 4.1)
+SIZE = (4.1, 3.8)
 """[in]; one drawing for all screens: it is no wider than a phone."""
 THRESHOLD = 0.25
 """Below this part of the greatest height the surface is flat: its highest place is chance."""
@@ -77,33 +77,47 @@ def polar_chart(report: RunReport, name: str) -> str:
     threshold = azimuth_threshold(report)
     with style(name):
         figure = canvas(SIZE)
-        figure.subplots_adjust(0.12, 0.1, 0.88, 0.9)
+        figure.subplots_adjust(0.12, 0.11, 0.88, 0.89)
         axes: Any = figure.add_subplot(projection="polar")
         if report.estimated_azimuth is not None:
             _path(axes, *_above(report.estimated_azimuth, threshold))
         if report.measured_azimuth is not None:
             _dots(axes, *_above(report.measured_azimuth, threshold))
-        _frame(axes)
+        _frame(axes, _emptiest(report, threshold))
         return svg_text(figure, name)
 
 
-def _frame(axes: Any) -> None:
+def _frame(axes: Any, free: float) -> None:
+    """Circles with heights along the free azimuth [°], and azimuths around."""
     degrees = range(0, 360, 45)
     signs = {0: "+x", 90: "+y", 180: "−x", 270: "−y"}
     labels = [f"{d}°\n{signs[d]}" if d in signs else f"{d}°" for d in degrees]
     axes.set_thetagrids(degrees, labels)
-    highest_drawn = axes.dataLim.y1
-    axes.set_ylim(0.0, 1.05 * highest_drawn if np.isfinite(highest_drawn) else 1.0)
-    axes.set_rlabel_position(22.5)
-    axes.yaxis.set_major_locator(MaxNLocator(4, prune="lower"))
-    axes.yaxis.set_major_formatter("{x:g} mm")
+    drawn = axes.dataLim.y1
+    top = 1.05 * drawn if np.isfinite(drawn) and drawn > 0.0 else 1.0
+    axes.set_ylim(0.0, top)
+    circles = [r for r in MaxNLocator(4).tick_values(0.0, top).tolist() if 0.0 < r < 0.95 * top]
+    axes.set_yticks(circles, [])
+    for circle in circles:  # texts of their own: those of an axis lie below the lines
+        axes.text(
+            np.radians(free), circle, f"{circle:g} mm", fontsize=8.0, ha="center", va="center",
+            bbox={"facecolor": CARD, "edgecolor": "none", "pad": 0.8, "alpha": 0.85}, zorder=5.0,
+        )  # fmt: skip
     axes.tick_params(labelsize=8.0, pad=1.0)
     axes.spines["polar"].set_visible(True)
     axes.spines["polar"].set_color(INK)
 
 
+def _emptiest(report: RunReport, threshold: float) -> float:
+    """Azimuth between the grid's lines at which the least is drawn [°]: room for letters."""
+    azimuths = np.concatenate([np.empty(0), *(_above(s, threshold)[1] for s in _series(report))])
+    free = np.arange(22.5, 360.0, 45.0)
+    near = np.cos(azimuths[:, None] - np.radians(free)) > np.cos(np.radians(22.5))
+    return float(free[np.argmin(near.sum(axis=0))])
+
+
 def _dots(axes: Any, t: Array, phi: Array, height: Array) -> None:
-    chosen = highest(t, height, DOTS)
+    chosen = highest(height, DOTS)
     for shade, part in _shades(t[chosen]):
         pick = chosen[part]
         axes.plot(phi[pick], 1e3 * height[pick], color=MEASURED, alpha=shade, linestyle="none",
@@ -111,7 +125,7 @@ def _dots(axes: Any, t: Array, phi: Array, height: Array) -> None:
 
 
 def _path(axes: Any, t: Array, phi: Array, height: Array) -> None:
-    chosen = highest(t, height, PATH)
+    chosen = highest(height, PATH)
     t, phi, height = t[chosen], phi[chosen], height[chosen]
     apart = np.diff(t) > gap_length(t)
     # A step to the opposite wall is not a way along it.

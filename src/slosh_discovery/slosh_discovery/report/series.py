@@ -85,18 +85,18 @@ def lone(values: Array) -> NDArray[np.bool_]:
     return np.asarray(known[1:-1] & ~known[:-2] & ~known[2:])
 
 
-def highest(t: Array, values: Array, points: int) -> NDArray[np.intp]:
-    """Indices of at most `points` samples: the highest of each of as many bins of equal duration.
+def highest(values: Array, points: int) -> NDArray[np.intp]:
+    """Indices of at most `points` samples: the highest of each of as many equal shares.
 
     Args:
-        t: (N,) [s], not decreasing.
         values: (N,), all finite.
         points: wanted number.
     """
-    if len(t) <= points:
-        return np.arange(len(t))
-    parts = _bins(t, points)
-    return np.array([a + int(np.argmax(values[a:b])) for a, b in parts], dtype=np.intp)
+    if len(values) <= points:
+        return np.arange(len(values))
+    edges = np.linspace(0, len(values), points + 1).astype(int).tolist()
+    parts = [a + int(np.argmax(values[a:b])) for a, b in pairwise(edges)]
+    return np.array(parts, dtype=np.intp)
 
 
 def united(spans: Iterable[tuple[float, float]], closer: float) -> list[tuple[float, float]]:

@@ -81,6 +81,8 @@ def svg_text(figure: Figure, name: str) -> str:
     svg = re.sub(r"<metadata>.*?</metadata>", "", svg, flags=re.DOTALL)
     svg = re.sub(r"<!--.*?-->\s*", "", svg, flags=re.DOTALL)
     svg = re.sub(r' d="[^"]*"', _shorter, svg)
+    svg = re.sub(r" font-family: [^;\"]*;", "", svg)  # the page's own font
+    svg = re.sub(r">\s+<", "><", svg)
     for stand_in, variable in COLOURS.items():
         svg = svg.replace(stand_in, variable)
     svg = re.sub(r'\bid="', f'id="{name}-', svg)
