@@ -1,71 +1,55 @@
-"""Writes a bag: one MCAP file, with the metadata.yaml that rosbag2 wants beside it."""
+"""Writes a bag: MCAP files, with the metadata.yaml that rosbag2 wants beside them."""
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import Any
 
-import yaml
-from mcap.writer import CompressionType, Writer
-
+from slosh_bag.bag_metadata import SERIALIZATION, FileFacts, Qos, TopicFacts, save
 from slosh_bag.definitions import Definitions
 from slosh_bag.errors import SloshBagError
+from slosh_bag.mcap_file import SMALL, McapFile
+
+__all__ = ["SERIALIZATION", "BagWriter", "Qos", "Split"]
 
 PROFILE = "ros2"
-METADATA_VERSION = 9
-SERIALIZATION = "cdr"
-_INFINITE = {"sec": 9223372036, "nsec": 854775807}
 
 
 @dataclass(frozen=True, slots=True)
-class Qos:
-    """What a publisher offers, as rosbag2 notes it.
+class Split:
+    """When a bag's next file begins; zeros: never.
 
     Attributes:
-        reliability: 'reliable' or 'best_effort'.
-        durability: 'volatile' or 'transient_local'.
-        depth: history depth.
+        size: a file that has become as large as this is followed by the next one [bytes].
+        duration: log time that a file covers at most [ns].
     """
 
-    reliability: str = "reliable"
-    durability: str = "volatile"
-    depth: int = 10
-
-    def document(self) -> dict[str, Any]:
-        """The keys and values of rosbag2's offered_qos_profiles."""
-        return {
-            "history": "keep_last",
-            "depth": self.depth,
-            "reliability": self.reliability,
-            "durability": self.durability,
-            "deadline": _INFINITE,
-            "lifespan": _INFINITE,
-            "liveliness": "automatic",
-            "liveliness_lease_duration": _INFINITE,
-            "avoid_ros_namespace_conventions": False,
-        }
+    size: int = 0
+    duration: int = 0
 
 
 @dataclass(slots=True)
 class _Topic:
     message_type: str
-    channel: int
     qos: Qos
-    count: int = 0
+    channel: int = 0  # in the present file
 
 
 class BagWriter:
     """A bag that is being written; a context manager.
 
-    The folder DIR gets DIR/<name of DIR>_0.mcap and, at the end, DIR/metadata.yaml.
+    The folder DIR gets DIR/<name of DIR>_0.mcap, ..._1.mcap and so on, each complete in itself,
+    and DIR/metadata.yaml, which is up to date whenever a file begins or ends.
 
     Args:
         folder: the bag's folder; it must not hold a bag already.
         definitions: where message definitions come from.
-        custom: facts about the whole bag, kept in metadata.yaml and in the MCAP file.
+        custom: facts about the whole bag, kept in metadata.yaml and in each MCAP file.
+        split: when the next file begins.
+        level: level of zstd.
 
     Raises:
         SloshBagError: the folder holds files, or cannot be made.
@@ -76,24 +60,29 @@ class BagWriter:
         folder: Path,
         definitions: Definitions | None = None,
         custom: Mapping[str, str] | None = None,
+        split: Split = Split(),
+        level: int = SMALL,
     ) -> None:
         self.folder = folder
         self._definitions = definitions or Definitions()
         self._custom = dict(custom or {})
+        self._split = split
+        self._level = level
         self._topics: dict[str, _Topic] = {}
+        self._counts: dict[str, int] = {}
         self._schemas: dict[str, int] = {}
-        self._first_ns: int | None = None
-        self._last_ns = 0
+        self._ended: list[FileFacts] = []
+        self._unfinished: list[McapFile] = []
+        self._file: McapFile | None = None
+        self._began_ns: int | None = None
+        self._noted = 0  # topics in metadata.yaml
         if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
             raise SloshBagError(f"{folder}: exists already; choose another folder or remove it")
         try:
             folder.mkdir(parents=True, exist_ok=True)
-            self.path = folder / f"{folder.resolve().name}_0.mcap"
-            self._file = self.path.open("wb")
+            self.resume()
         except OSError as error:
             raise SloshBagError(f"{folder}: {error.strerror}") from None
-        self._writer = Writer(self._file, compression=CompressionType.ZSTD)
-        self._writer.start(profile=PROFILE, library="slosh_bag")
 
     def __enter__(self) -> BagWriter:
         return self
@@ -107,9 +96,31 @@ class BagWriter:
         self.close()
 
     @property
+    def path(self) -> Path:
+        """The newest file."""
+        if self._file is not None:
+            return self._file.path
+        return self.folder / self._ended[-1].name if self._ended else self.folder
+
+    @property
+    def files(self) -> int:
+        """Number of files."""
+        return len(self._ended) + (self._file is not None)
+
+    @property
     def counts(self) -> dict[str, int]:
-        """Messages by topic."""
-        return {name: topic.count for name, topic in self._topics.items()}
+        """Messages by topic, with those that are not in a file yet."""
+        return self._counts.copy()  # in one step: another thread may ask
+
+    @property
+    def pending(self) -> int:
+        """Messages that are not in a file yet."""
+        return self._file.pending if self._file else 0
+
+    @property
+    def size(self) -> int:
+        """Bytes in all files."""
+        return sum(file.size for file in self._ended) + (self._file.size if self._file else 0)
 
     def add_topic(self, name: str, message_type: str, qos: Qos | None = None) -> None:
         """Announces a topic before its first message.
@@ -122,22 +133,11 @@ class BagWriter:
             if known.message_type != message_type:
                 raise SloshBagError(f"{name}: is {known.message_type}, not {message_type}")
             return
-        if message_type not in self._schemas:
-            text = self._definitions.text(message_type)
-            self._schemas[message_type] = self._writer.register_schema(
-                message_type, "ros2msg", text.encode()
-            )
-        qos = qos or Qos()
-        channel = self._writer.register_channel(
-            name,
-            SERIALIZATION,
-            self._schemas[message_type],
-            {
-                "offered_qos_profiles": yaml.safe_dump([qos.document()], sort_keys=False),
-                "topic_type_hash": self._definitions.hash(message_type),
-            },
-        )
-        self._topics[name] = _Topic(message_type, channel, qos)
+        self._definitions.text(message_type)  # refused before anything is noted
+        topic = self._topics[name] = _Topic(message_type, qos or Qos())
+        self._counts[name] = 0
+        if self._file is not None:
+            self._register(self._file, name, topic)
 
     def write(self, topic: str, data: bytes, log_ns: int, publish_ns: int | None = None) -> None:
         """Appends a serialised message.
@@ -147,71 +147,135 @@ class BagWriter:
             data: CDR bytes, written as they are.
             log_ns: when it was received [ns].
             publish_ns: when it was sent [ns]; None: as log_ns.
+
+        Raises:
+            OSError: the system refuses to write: `abandon` the file.
         """
-        entry = self._topics[topic]
-        self._writer.add_message(
-            entry.channel,
-            log_ns,
-            data,
-            log_ns if publish_ns is None else publish_ns,
-            entry.count,
-        )
-        entry.count += 1
-        self._first_ns = log_ns if self._first_ns is None else min(self._first_ns, log_ns)
-        self._last_ns = max(self._last_ns, log_ns)
+        file = self._file
+        if file is None or self._is_full(file, log_ns):
+            self._end()
+            file = self.resume()
+        if self._began_ns is None:
+            self._began_ns = log_ns
+        number = self._counts[topic]
+        self._counts[topic] = number + 1
+        sent_ns = log_ns if publish_ns is None else publish_ns
+        file.write(self._topics[topic].channel, number, log_ns, sent_ns, data)
 
     def flush(self) -> None:
         """Ends the current chunk and hands all bytes to the operating system.
 
         A process that is killed afterwards loses nothing of them.
+
+        Raises:
+            OSError: the system refuses to write: `abandon` the file.
         """
-        self._writer.flush()
-        self._file.flush()
+        if self._file is not None:
+            self._file.flush()
+            if self._noted != len(self._topics):
+                self._save()
+
+    def abandon(self) -> int:
+        """Ends a file that could not be written, as well as that is possible now.
+
+        What was written before is there; messages of the last chunk are not and do not count.
+
+        Returns:
+            their number.
+        """
+        file, self._file = self._file, None
+        if file is None:
+            return 0
+        lost = file.discard()
+        for name, topic in self._topics.items():
+            self._counts[name] -= lost.get(topic.channel, 0)
+        if file.count:
+            self._ended.append(_facts(file))
+            self._unfinished.append(file)
+        else:
+            with contextlib.suppress(OSError):
+                file.remove()
+        with contextlib.suppress(OSError):
+            self._finish_all()
+            self._save()
+        return sum(lost.values())
+
+    def resume(self) -> McapFile:
+        """Goes on in a new file.
+
+        Raises:
+            OSError: that is not possible yet.
+        """
+        with contextlib.suppress(OSError):
+            self._finish_all()
+        name = f"{self.folder.resolve().name}_{len(self._ended)}.mcap"
+        file = McapFile(self.folder / name, PROFILE, self._level)
+        self._schemas.clear()
+        for topic, entry in self._topics.items():
+            self._register(file, topic, entry)
+        self._file, self._began_ns = file, None
+        self._save()
+        return file
 
     def close(self) -> None:
-        """Finishes the file and writes metadata.yaml."""
-        if self._file.closed:
-            return
-        for key, value in self._custom.items():
-            self._writer.add_metadata("slosh", {key: value})
-        self._writer.finish()
-        self._file.close()
-        document = {"rosbag2_bagfile_information": self._information()}
-        (self.folder / "metadata.yaml").write_text(yaml.safe_dump(document, sort_keys=False))
+        """Finishes the bag.
 
-    def _information(self) -> dict[str, Any]:
-        start = {"nanoseconds_since_epoch": self._first_ns or 0}
-        duration = {"nanoseconds": self._last_ns - (self._first_ns or 0)}
-        total = sum(self.counts.values())
-        file = {
-            "path": self.path.name,
-            "starting_time": start,
-            "duration": duration,
-            "message_count": total,
+        Raises:
+            OSError: the system refuses to write: `abandon` the file.
+        """
+        if self._file is not None or self._unfinished:
+            self._end()
+            self._finish_all()
+            self._save()
+
+    def _end(self) -> None:
+        if self._file is not None:
+            self._file.finish(self._custom)
+            self._ended.append(_facts(self._file))
+            self._file = None
+
+    def _is_full(self, file: McapFile, log_ns: int) -> bool:
+        split = self._split
+        if self._began_ns is None:
+            return False
+        return bool(
+            (split.size and file.size >= split.size)
+            or (split.duration and log_ns - self._began_ns >= split.duration)
+        )
+
+    def _finish_all(self) -> None:
+        """Finishes the abandoned files; one is tried again until there is room for its end."""
+        while self._unfinished:
+            file = self._unfinished[0]
+            file.finish(self._custom)
+            del self._unfinished[0]
+
+    def _register(self, file: McapFile, name: str, topic: _Topic) -> None:
+        """Each file describes all topics: it can be read without the others."""
+        kind = topic.message_type
+        if kind not in self._schemas:
+            self._schemas[kind] = file.add_schema(kind, self._definitions.text(kind))
+        metadata = {
+            "offered_qos_profiles": topic.qos.text(),
+            "topic_type_hash": self._definitions.hash(kind),
         }
-        return {
-            "version": METADATA_VERSION,
-            "storage_identifier": "mcap",
-            "duration": duration,
-            "starting_time": start,
-            "message_count": total,
-            "topics_with_message_count": [
-                {
-                    "topic_metadata": {
-                        "name": name,
-                        "type": topic.message_type,
-                        "serialization_format": SERIALIZATION,
-                        "offered_qos_profiles": [topic.qos.document()],
-                        "type_description_hash": self._definitions.hash(topic.message_type),
-                    },
-                    "message_count": topic.count,
-                }
-                for name, topic in self._topics.items()
-            ],
-            "compression_format": "",
-            "compression_mode": "",
-            "relative_file_paths": [self.path.name],
-            "files": [file],
-            "custom_data": self._custom or None,
-            "ros_distro": "jazzy",
-        }
+        topic.channel = file.add_channel(name, self._schemas[kind], metadata)
+
+    def _save(self) -> None:
+        topics = [
+            TopicFacts(
+                name,
+                topic.message_type,
+                self._definitions.hash(topic.message_type),
+                topic.qos,
+                self._counts[name],
+            )
+            for name, topic in self._topics.items()
+        ]
+        present = [_facts(self._file)] if self._file else []
+        save(self.folder, topics, [*self._ended, *present], self._custom)
+        self._noted = len(topics)
+
+
+def _facts(file: McapFile) -> FileFacts:
+    return FileFacts(file.path.name, *file.span, file.count, file.size)

@@ -56,12 +56,14 @@ def _read(message_type: str) -> dict[str, Any]:
         )
     path = folder / f"{name}.msg"
     try:
-        return get_types_from_msg(path.read_text(encoding="utf-8"), f"{package}/msg/{name}")
+        text = path.read_text(encoding="utf-8")
+        types: dict[str, Any] = get_types_from_msg(text, f"{package}/msg/{name}")
     except FileNotFoundError:
         raise SloshBagError(f"no definition of {message_type} in {folder}") from None
     except (OSError, UnicodeError, TypesysError) as error:
         reason = " ".join(str(error).split())
         raise SloshBagError(f"{path}: cannot be read as a message: {reason}") from None
+    return types
 
 
 def _parts(fields: list[tuple[str, Any]]) -> list[str]:

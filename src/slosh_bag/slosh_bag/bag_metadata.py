@@ -1,0 +1,156 @@
+"""The metadata.yaml of a bag, version 9, as rosbag2 of Jazzy reads and writes it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+NAME = "metadata.yaml"
+VERSION = 9
+SERIALIZATION = "cdr"
+_INFINITE = {"sec": 9223372036, "nsec": 854775807}
+# Ten times faster where it is there: the file is written anew while messages wait.
+_DUMPER = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
+
+
+@dataclass(frozen=True, slots=True)
+class Qos:
+    """What a publisher offers, as rosbag2 notes it.
+
+    Attributes:
+        reliability: 'reliable' or 'best_effort'.
+        durability: 'volatile' or 'transient_local'.
+        depth: history depth.
+    """
+
+    reliability: str = "reliable"
+    durability: str = "volatile"
+    depth: int = 10
+
+    def document(self) -> dict[str, Any]:
+        """The keys and values of rosbag2's offered_qos_profiles."""
+        return {
+            "history": "keep_last",
+            "depth": self.depth,
+            "reliability": self.reliability,
+            "durability": self.durability,
+            "deadline": _INFINITE,
+            "lifespan": _INFINITE,
+            "liveliness": "automatic",
+            "liveliness_lease_duration": _INFINITE,
+            "avoid_ros_namespace_conventions": False,
+        }
+
+    def text(self) -> str:
+        """The same as the text that an MCAP channel carries."""
+        return _text([self.document()])
+
+
+@dataclass(frozen=True, slots=True)
+class TopicFacts:
+    """A topic of a bag.
+
+    Attributes:
+        name: its name.
+        message_type: e.g. 'slosh_msgs/msg/FreeSurface'.
+        type_hash: RIHS01 hash of the type.
+        qos: what its publishers offered.
+        count: its messages.
+    """
+
+    name: str
+    message_type: str
+    type_hash: str
+    qos: Qos
+    count: int
+
+
+@dataclass(frozen=True, slots=True)
+class FileFacts:
+    """A file of a bag.
+
+    Attributes:
+        name: its name in the bag's folder.
+        start_ns, end_ns: log times of its first and last message [ns].
+        count: its messages.
+        size: its length [bytes].
+    """
+
+    name: str
+    start_ns: int
+    end_ns: int
+    count: int
+    size: int
+
+
+def save(
+    folder: Path,
+    topics: Iterable[TopicFacts],
+    files: Iterable[FileFacts],
+    custom: Mapping[str, str],
+) -> None:
+    """Writes a bag's metadata.yaml; at no moment is there half a file.
+
+    Raises:
+        OSError: it cannot be written.
+    """
+    information = _information(list(topics), list(files), custom)
+    part = folder / f"{NAME}.part"
+    part.write_text(_text({"rosbag2_bagfile_information": information}), encoding="utf-8")
+    part.replace(folder / NAME)
+
+
+def _information(
+    topics: list[TopicFacts], files: list[FileFacts], custom: Mapping[str, str]
+) -> dict[str, Any]:
+    # A file without a message has no times.
+    filled = [file for file in files if file.count]
+    start = min((file.start_ns for file in filled), default=0)
+    end = max((file.end_ns for file in filled), default=0)
+    return {
+        "version": VERSION,
+        "storage_identifier": "mcap",
+        **_span(start, end),
+        "message_count": sum(file.count for file in files),
+        "topics_with_message_count": [
+            {
+                "topic_metadata": {
+                    "name": topic.name,
+                    "type": topic.message_type,
+                    "serialization_format": SERIALIZATION,
+                    "offered_qos_profiles": [topic.qos.document()],
+                    "type_description_hash": topic.type_hash,
+                },
+                "message_count": topic.count,
+            }
+            for topic in topics
+        ],
+        "compression_format": "",
+        "compression_mode": "",
+        "relative_file_paths": [file.name for file in files],
+        "files": [
+            {
+                "path": file.name,
+                **_span(file.start_ns, file.end_ns),
+                "message_count": file.count,
+            }
+            for file in files
+        ],
+        "custom_data": dict(custom) or None,
+        "ros_distro": "jazzy",
+    }
+
+
+def _span(start_ns: int, end_ns: int) -> dict[str, Any]:
+    return {
+        "starting_time": {"nanoseconds_since_epoch": start_ns},
+        "duration": {"nanoseconds": end_ns - start_ns},
+    }
+
+
+def _text(document: Any) -> str:
+    return str(yaml.dump(document, Dumper=_DUMPER, sort_keys=False))

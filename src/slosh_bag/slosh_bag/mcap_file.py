@@ -1,0 +1,303 @@
+"""Writes one MCAP file that can stop at any byte and be finished all the same.
+
+`mcap`'s own writer forgets what it has counted, and where, when a write fails: its file cannot be
+finished any more. Here a write that fails leaves file and bookkeeping as they were before it.
+Messages are put together without an object each, and compression has its level as a parameter:
+both cost a recorder most of its time (benchmarks/bench_recorder.py). Records are those of `mcap`.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import struct
+import zlib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import zstandard
+from mcap.data_stream import RecordBuilder
+from mcap.opcode import Opcode
+from mcap.records import (
+    Channel,
+    ChunkIndex,
+    DataEnd,
+    Footer,
+    Header,
+    Metadata,
+    MetadataIndex,
+    Schema,
+    Statistics,
+    SummaryOffset,
+)
+from mcap.writer import MCAP0_MAGIC
+
+from slosh_bag.bag_metadata import SERIALIZATION
+
+CHUNK_BYTES = 2**20
+"""A chunk ends with the message that makes it as long as this, before compression [bytes]."""
+FAST, SMALL = -1, 3
+"""Levels of zstd: on numbers -1 is six times faster than 3 and its files are 5 % larger; on
+images with noise or JPEG, which do not get smaller, it gives up forty times sooner."""
+_WORTH = 0.97  # a chunk that does not get smaller than this is stored as it is
+_MESSAGE = struct.Struct("<BQHIQQ")
+_MESSAGE_HEADER = 22
+_INDEX = struct.Struct("<BQHI")
+_CHUNK = struct.Struct("<BQQQQII")
+_U64 = struct.Struct("<Q")
+
+
+@dataclass(slots=True)
+class _Chunk:
+    """The chunk that is being filled: its records, and where the messages are in it."""
+
+    parts: list[bytes] = field(default_factory=list)
+    size: int = 0
+    entries: dict[int, list[int]] = field(default_factory=dict)
+    count: int = 0
+    start_ns: int = 0
+    end_ns: int = 0
+
+    def append(self, *parts: bytes) -> None:
+        self.parts += parts
+        self.size += sum(map(len, parts))
+
+
+class McapFile:
+    """An MCAP file that is being written.
+
+    Every method that writes raises OSError where the system refuses. The file then ends where it
+    ended before, messages that are not in it are still pending, and `flush` or `finish` may be
+    called again.
+
+    Args:
+        path: a file that does not exist yet.
+        profile: the profile in its header.
+        level: level of zstd.
+
+    Raises:
+        OSError: it cannot be made.
+    """
+
+    def __init__(self, path: Path, profile: str, level: int = SMALL) -> None:
+        self.path = path
+        self.size = 0
+        self._compressor = zstandard.ZstdCompressor(level=level)
+        self._schemas: list[Schema] = []
+        self._channels: list[Channel] = []
+        self._chunk = _Chunk()
+        self._indexes: list[bytes] = []
+        self._counts: dict[int, int] = {}
+        self._start_ns: int | None = None
+        self._end_ns = 0
+        self._crc = 0
+        self._stream = path.open("xb", buffering=0)
+        try:
+            self._append(MCAP0_MAGIC + _record(Header(profile, "slosh_bag")))
+        except OSError:
+            self.remove()
+            raise
+
+    @property
+    def count(self) -> int:
+        """Messages in the file."""
+        return sum(self._counts.values())
+
+    @property
+    def pending(self) -> int:
+        """Messages that are not in the file yet."""
+        return self._chunk.count
+
+    @property
+    def span(self) -> tuple[int, int]:
+        """First and last log time of the messages in the file [ns]; zeros without any."""
+        return (0, 0) if self._start_ns is None else (self._start_ns, self._end_ns)
+
+    def add_schema(self, name: str, text: str) -> int:
+        """Adds a message type; returns its number."""
+        schema = Schema(
+            id=len(self._schemas) + 1, name=name, encoding="ros2msg", data=text.encode()
+        )
+        self._schemas.append(schema)
+        self._chunk.append(_record(schema))
+        return len(self._schemas)
+
+    def add_channel(self, topic: str, schema: int, metadata: dict[str, str]) -> int:
+        """Adds a topic of CDR messages; returns its number."""
+        channel = Channel(
+            id=len(self._channels) + 1,
+            topic=topic,
+            message_encoding=SERIALIZATION,
+            schema_id=schema,
+            metadata=metadata,
+        )
+        self._channels.append(channel)
+        self._chunk.append(_record(channel))
+        return len(self._channels)
+
+    def write(
+        self, channel: int, sequence: int, log_ns: int, publish_ns: int, data: bytes
+    ) -> None:
+        """Adds a message; the chunk that becomes full goes into the file."""
+        chunk = self._chunk
+        if not chunk.count:
+            chunk.start_ns = chunk.end_ns = log_ns
+        elif log_ns > chunk.end_ns:
+            chunk.end_ns = log_ns
+        elif log_ns < chunk.start_ns:
+            chunk.start_ns = log_ns
+        length = _MESSAGE_HEADER + len(data)
+        head = _MESSAGE.pack(Opcode.MESSAGE, length, channel, sequence, log_ns, publish_ns)
+        entries = chunk.entries.get(channel)
+        if entries is None:
+            entries = chunk.entries[channel] = []
+        entries += (log_ns, chunk.size)
+        chunk.parts += (head, data)
+        chunk.size += len(head) + len(data)
+        chunk.count += 1
+        if chunk.size >= CHUNK_BYTES:
+            self.flush()
+
+    def flush(self) -> None:
+        """Hands all messages to the operating system; a process killed later loses none of them.
+
+        A chunk without messages is kept back: Jazzy's reader rejects a file that begins with one.
+        """
+        chunk = self._chunk
+        if not chunk.count:
+            return
+        content = b"".join(chunk.parts)
+        packed, compression = self._compressor.compress(content), "zstd"
+        if len(packed) > _WORTH * len(content):
+            packed, compression = content, ""
+        name = compression.encode()
+        length = _CHUNK.size - 9 + len(name) + 8 + len(packed)
+        head = _CHUNK.pack(
+            Opcode.CHUNK,
+            length,
+            chunk.start_ns,
+            chunk.end_ns,
+            len(content),
+            zlib.crc32(content),
+            len(name),
+        )
+        record = b"".join((head, name, _U64.pack(len(packed)), packed))
+        start, position = self.size, self.size + len(record)
+        offsets, indexes = dict[int, int](), list[bytes]()
+        for channel, entries in chunk.entries.items():
+            offsets[channel] = position
+            indexes.append(_message_index(channel, entries))
+            position += len(indexes[-1])
+        self._append(b"".join((record, *indexes)))
+        self._chunk = _Chunk()
+        self._note(chunk)
+        index = ChunkIndex(
+            message_start_time=chunk.start_ns,
+            message_end_time=chunk.end_ns,
+            chunk_start_offset=start,
+            chunk_length=len(record),
+            message_index_offsets=offsets,
+            message_index_length=position - start - len(record),
+            compression=compression,
+            compressed_size=len(packed),
+            uncompressed_size=len(content),
+        )
+        # As bytes: a day's recording has millions, and they stay in memory until the file's end.
+        self._indexes.append(_record(index))
+
+    def discard(self) -> dict[int, int]:
+        """Forgets the messages that are not in the file; returns their number by channel."""
+        counts = {channel: len(entries) // 2 for channel, entries in self._chunk.entries.items()}
+        self._chunk = _Chunk()
+        return counts
+
+    def finish(self, metadata: Mapping[str, str]) -> None:
+        """Writes what is left, facts about the whole bag and the summary, and closes the file."""
+        self.flush()
+        facts, where = RecordBuilder(), list[MetadataIndex]()
+        for key, value in metadata.items():
+            start = facts.count
+            Metadata("slosh", {key: value}).write(facts)
+            where.append(MetadataIndex(self.size + start, facts.count - start, "slosh"))
+        body = facts.end()
+        end = _record(DataEnd(zlib.crc32(body, self._crc)))
+        self._append(body + end + self._summary(self.size + len(body) + len(end), where))
+        self._stream.close()
+
+    def close(self) -> None:
+        """Leaves the file as it is, without an end."""
+        self._stream.close()
+
+    def remove(self) -> None:
+        """Deletes the file."""
+        self._stream.close()
+        self.path.unlink(missing_ok=True)
+
+    def _note(self, chunk: _Chunk) -> None:
+        for channel, entries in chunk.entries.items():
+            self._counts[channel] = self._counts.get(channel, 0) + len(entries) // 2
+        if self._start_ns is None:
+            self._start_ns, self._end_ns = chunk.start_ns, chunk.end_ns
+        self._start_ns = min(self._start_ns, chunk.start_ns)
+        self._end_ns = max(self._end_ns, chunk.end_ns)
+
+    def _append(self, content: bytes) -> None:
+        """Writes everything or, where that fails, nothing."""
+        left = memoryview(content)
+        try:
+            while left:
+                left = left[self._stream.write(left) :]
+        except OSError:
+            with contextlib.suppress(OSError):
+                self._stream.truncate(self.size)
+                self._stream.seek(self.size)
+            raise
+        self._crc = zlib.crc32(content, self._crc)
+        self.size += len(content)
+
+    def _summary(self, start: int, metadata: list[MetadataIndex]) -> bytes:
+        """Summary, footer and magic, for a summary that begins at this byte."""
+        first, last = self.span
+        statistics = Statistics(
+            message_count=self.count,
+            schema_count=len(self._schemas),
+            channel_count=len(self._channels),
+            attachment_count=0,
+            metadata_count=len(metadata),
+            chunk_count=len(self._indexes),
+            message_start_time=first,
+            message_end_time=last,
+            channel_message_counts=self._counts,
+        )
+        groups = {
+            Opcode.SCHEMA: [_record(schema) for schema in self._schemas],
+            Opcode.CHANNEL: [_record(channel) for channel in self._channels],
+            Opcode.STATISTICS: [_record(statistics)],
+            Opcode.CHUNK_INDEX: self._indexes,
+            Opcode.METADATA_INDEX: [_record(index) for index in metadata],
+        }
+        content, offsets = b"", b""
+        for opcode, records in groups.items():
+            group = b"".join(records)
+            if group:
+                offsets += _record(SummaryOffset(opcode, start + len(content), len(group)))
+            content += group
+        tail = start + len(content)
+        crc = zlib.crc32(content + offsets + struct.pack("<BQQQ", Opcode.FOOTER, 20, start, tail))
+        footer = Footer(summary_start=start, summary_offset_start=tail, summary_crc=crc)
+        return b"".join((content, offsets, _record(footer), MCAP0_MAGIC))
+
+
+def _record(record: Any) -> bytes:
+    """The bytes of one of mcap's records."""
+    builder = RecordBuilder()
+    record.write(builder)
+    return bytes(builder.end())
+
+
+def _message_index(channel: int, entries: list[int]) -> bytes:
+    """Where the messages of a channel are in a chunk: log times and offsets in turn."""
+    length = 8 * len(entries)
+    head = _INDEX.pack(Opcode.MESSAGE_INDEX, length + 6, channel, length)
+    return head + struct.pack(f"<{len(entries)}Q", *entries)
