@@ -11,14 +11,14 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.base import TypesysError
 
 from slosh_bag.bag_contents import BagContents, BagTopic, bag_contents
-from slosh_bag.bag_writer import SERIALIZATION, Qos
+from slosh_bag.bag_writer import Qos
 from slosh_bag.definitions import Definitions
 from slosh_bag.errors import SloshBagError
 from slosh_bag.playback import Playback, PlaybackSettings, Step
 from slosh_bag.reader import BagReader
 from slosh_msgs_py import topics as names
 
-CLOCK = "/clock"
+CLOCK, ENCODING = "/clock", "cdr"
 # Publishers' history depths: DDS does not tell a recorder what they were.
 STREAM_DEPTH, LATCHED_DEPTH = 1000, 100
 LARGE_DEPTHS = {
@@ -189,7 +189,7 @@ def refusal(topic: BagTopic) -> str:
     wrong numbers out of them.
     """
     kind = topic.message_type
-    if topic.encoding != SERIALIZATION:
+    if topic.encoding != ENCODING:
         return f"its messages are {topic.encoding or 'of no known encoding'}, not cdr"
     try:
         installed = Definitions().hash(kind)
