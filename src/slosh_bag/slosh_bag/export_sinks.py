@@ -89,7 +89,7 @@ class CsvSink:
             )
         text = self._open.enter_context(io.TextIOWrapper(binary, "utf-8", newline=""))
         self._writer = csv.writer(text, lineterminator="\n")
-        # Before Python 3.13 a carriage return alone is not quoted, and a reader ends the row there.
+        # Before Python 3.13 a carriage return alone is not quoted, and ends the row for readers.
         self._quoting = csv.writer(text, lineterminator="\n", quoting=csv.QUOTE_NONNUMERIC)
         self._writer.writerow([*times, *(name for leaf in fields for name in leaf.columns)])
 
