@@ -74,16 +74,16 @@ def test_replay_and_simulate_agree_on_a_bag_and_its_table(bag: Path, tmp_path: P
     run("replay", bag, "--model", MODEL, "--json")
     text = capsys.readouterr().out
     # The measured heights are simulate's: replay's own differ from them by rounding alone.
-    errors = {row["model"]: row["rms"] for row in rows_of(json.loads(text))}
+    errors = {row["name"]: row["rms"] for row in rows_of(json.loads(text))}
     assert errors["3D-NL"] < 1e-9
     assert errors["3D-L"] > 1e-4
 
 
 def rows_of(document):
-    """All objects with a model and an rms in a JSON document, wherever they are."""
+    """All objects with a name and an rms in a JSON document, wherever they are."""
     found = []
     if isinstance(document, dict):
-        if "model" in document and "rms" in document:
+        if "name" in document and "rms" in document:
             found.append(document)
         document = list(document.values())
     if isinstance(document, list):
@@ -203,5 +203,5 @@ def test_a_ros1_bag_is_imported_and_replayed(table: Path, tmp_path: Path, capsys
     assert "/slosh/imu: 1500" in capsys.readouterr().out
     assert BagReader(tmp_path / "bags" / "robot").topics()["/slosh/free_surface"].count == 188
     run("replay", tmp_path / "bags" / "robot", "--model", MODEL, "--json")
-    errors = {row["model"]: row["rms"] for row in rows_of(json.loads(capsys.readouterr().out))}
+    errors = {row["name"]: row["rms"] for row in rows_of(json.loads(capsys.readouterr().out))}
     assert errors["3D-NL"] < 5e-5  # the gravity of the sensor is rounded
