@@ -8,22 +8,25 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
 from mcap.exceptions import McapError
-from mcap.reader import make_reader
-from mcap.records import Channel, Message, Schema
-from mcap.stream_reader import StreamReader
 from rosbags.serde import SerdeError
-from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.base import TypesysError
 from rosbags.typesys.store import Typestore
 from zstandard import ZstdError
 
+from slosh_bag.bag_facts import read_facts
+from slosh_bag.bag_folder import bag_files, ordered_files
+from slosh_bag.bag_types import BagTypes
+from slosh_bag.chunks import MessageBlock, Piece
 from slosh_bag.errors import SloshBagError
+from slosh_bag.found import Found
+from slosh_bag.mcap_merge import Span, in_log_order
+from slosh_bag.mcap_summary import read_summary
+from slosh_bag.mcap_walk import McapWalk, is_in_order
 
-MAGIC = b"\x89MCAP0\r\n"
-FOREIGN = (b"#ROSBAG", b"SQLite f")
-"""How ROS 1 bags and rosbag2's SQLite files begin."""
-IMPORT_HINT = "slosh import rosbag makes one of it"
+__all__ = ["DAMAGE", "BagMessage", "BagReader", "TopicInfo", "bag_files"]
+
 # What the libraries raise on bytes that are not what was written.
 DAMAGE = (
     McapError,
@@ -59,7 +62,7 @@ class BagMessage(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class TopicInfo:
-    """A topic of a bag: its type and, where the file is finished, its number of messages."""
+    """A topic of a bag: its type and its number of messages."""
 
     message_type: str
     count: int | None
@@ -68,8 +71,17 @@ class TopicInfo:
 class BagReader:
     """A bag: a folder with MCAP files, or one MCAP file.
 
+    Every reading checks the files' checksums. A file without its end, as a killed recorder or a
+    cut copy leaves it, gives what is whole; what was lost is told in `warnings` when it has been
+    read to its end. A file that is damaged elsewhere is an error that tells where.
+
     Args:
         path: folder or file.
+
+    Attributes:
+        path: as given.
+        files: its MCAP files, in the order in which they were written.
+        warnings: one line each.
 
     Raises:
         SloshBagError: there is no readable bag.
@@ -77,55 +89,76 @@ class BagReader:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self.files = bag_files(path)
         self.warnings: list[str] = []
-        self._typestore: Typestore = get_typestore(Stores.ROS2_JAZZY)
-        self._known: set[str] = set()
+        self.files, odd = ordered_files(path)
+        self._warn(odd)
+        self._types = BagTypes()
 
     @property
     def typestore(self) -> Typestore:
-        """The definitions by which messages are decoded: those of messages that were read."""
-        return self._typestore
+        """The definitions by which messages are decoded: those of types that were decoded."""
+        return self._types.learnt
+
+    def typestore_of(self, message_type: str) -> Typestore:
+        """A store that knows a type, as the bag defines it.
+
+        Raises:
+            SloshBagError: the bag, so far as it was read, has no such definition.
+        """
+        try:
+            return self._types.typestore(message_type)
+        except SloshBagError as error:
+            raise SloshBagError(f"{self.path}: {error}") from None
 
     def topics(self) -> dict[str, TopicInfo]:
-        """The topics, with counts where every file is finished."""
+        """The topics and their numbers of messages; reads an unfinished file to its end.
+
+        Raises:
+            SloshBagError: as `messages`.
+        """
         found: dict[str, TopicInfo] = {}
         for file in self.files:
-            with file.open("rb") as stream:
-                summary = _summary(stream)
-            if summary is None:
-                counted: dict[str, TopicInfo] = {}
-                for message in self._stream(file, None):
-                    before = counted.get(message.topic)
-                    count = 1 + (before.count or 0 if before else 0)
-                    counted[message.topic] = TopicInfo(message.message_type, count)
-            else:
-                counted = _counted(file, summary)
-            for topic, info in counted.items():
-                before = found.get(topic)
-                total = (info.count or 0) + ((before.count or 0) if before else 0)
-                found[topic] = TopicInfo(info.message_type, total)
+            known = self._survey(file)
+            for number, channel in known.channels.items():
+                kind = _type_of(known, number)
+                before = found.get(channel.topic, TopicInfo(kind, 0))
+                count = (before.count or 0) + known.counts.get(number, 0)
+                found[channel.topic] = TopicInfo(before.message_type or kind, count)
         return found
 
     def metadata(self) -> dict[str, str]:
-        """The facts about the whole bag that its writer noted."""
+        """The facts about the whole bag that its writer noted.
+
+        Raises:
+            SloshBagError: they are damaged.
+        """
         facts: dict[str, str] = {}
         for file in self.files:
-            with file.open("rb") as stream:
-                if _summary(stream) is None:
-                    continue
-                stream.seek(0)
-                try:
-                    records = list(make_reader(stream).iter_metadata())
-                except DAMAGE as error:
-                    raise SloshBagError(f"{file}: damaged metadata: {_reason(error)}") from None
-            for record in records:
-                if record.name == "slosh":
-                    facts.update(record.metadata)
+            noted, warnings = read_facts(file)
+            facts.update(noted)
+            self._warn(warnings)
         return facts
 
+    def blocks(self, topics: Collection[str] | None = None) -> Iterator[MessageBlock]:
+        """The messages, chunk by chunk in the order of the files, within a chunk topic by topic.
+
+        Much faster than `messages`. In memory is one chunk at a time.
+
+        Args:
+            topics: only these; None: all.
+
+        Raises:
+            SloshBagError: as `messages`.
+        """
+        for file in self.files:
+            walk = McapWalk(file)
+            for piece in walk.pieces():
+                self._learn(piece)
+                yield from _blocks(walk.found, piece, topics)
+            self._warn(walk.warnings)
+
     def messages(self, topics: Collection[str] | None = None) -> Iterator[BagMessage]:
-        """The messages in the order of their log times.
+        """The messages, file by file, in the order of their log times within each.
 
         An unfinished or cut file gives its whole chunks, and a line in `warnings`.
 
@@ -135,14 +168,21 @@ class BagReader:
         Raises:
             SloshBagError: a file is no MCAP file, or damaged in its middle.
         """
+        newest = 0
         for file in self.files:
-            with file.open("rb") as stream:
-                finished = _summary(stream) is not None
-                if not finished:
-                    yield from self._stream(file, topics)
-                    continue
-                stream.seek(0)
-                yield from self._indexed(file, stream, topics)
+            walk = McapWalk(file)
+            if is_in_order(file):
+                for piece in walk.pieces():
+                    self._learn(piece)
+                    yield from _messages(walk.found, piece, topics)
+            else:
+                yield from self._merged(walk, topics)
+            self._warn(walk.warnings)
+            first, last = walk.found.first_ns, walk.found.last_ns
+            if first is not None and last is not None:
+                if first < newest:
+                    self._warn([f"{file}: begins before the end of the file before it"])
+                newest = max(newest, last)
 
     def decode(self, message: BagMessage) -> Any:
         """The message as an object with the fields of its type.
@@ -150,124 +190,95 @@ class BagReader:
         Raises:
             SloshBagError: its bytes are not those of such a message.
         """
+        store = self.typestore_of(message.message_type)
         try:
-            return self._typestore.deserialize_cdr(message.data, message.message_type)
+            return store.deserialize_cdr(message.data, message.message_type)
         except (*DAMAGE, AssertionError) as error:
             raise SloshBagError(
                 f"{self.path}: {message.topic} at {message.log_ns} ns is no "
                 f"{message.message_type}: {_reason(error)}"
             ) from None
 
-    def _indexed(
-        self, file: Path, stream: Any, topics: Collection[str] | None
-    ) -> Iterator[BagMessage]:
-        wanted = None if topics is None else list(topics)
-        try:
-            reader = make_reader(stream, validate_crcs=True)
-            for schema, channel, record in reader.iter_messages(topics=wanted):
-                if schema is not None:
-                    self._learn(schema)
-                    yield _message(schema, channel, record)
-        except DAMAGE as error:
-            raise SloshBagError(f"{file}: damaged: {_reason(error)}") from None
-
-    def _stream(self, file: Path, topics: Collection[str] | None) -> Iterator[BagMessage]:
-        """The whole chunks of an unfinished file."""
-        schemas: dict[int, Schema] = {}
-        channels: dict[int, Channel] = {}
-        newest = 0
+    def _survey(self, file: Path) -> Found:
+        """Topics and counts: from the file's end where that can be believed."""
         with file.open("rb") as stream:
-            try:
-                for record in StreamReader(stream, validate_crcs=True).records:
-                    if isinstance(record, Schema):
-                        schemas[record.id] = record
-                        self._learn(record)
-                    elif isinstance(record, Channel):
-                        channels[record.id] = record
-                    elif isinstance(record, Message):
-                        channel = channels[record.channel_id]
-                        newest = max(newest, record.log_time)
-                        if topics is None or channel.topic in topics:
-                            yield _message(schemas[channel.schema_id], channel, record)
-            except DAMAGE as error:
-                reason = _reason(error)
-            else:
-                reason = "no footer"
-        self.warnings.append(
-            f"{file}: unfinished ({reason}); read up to {newest * 1e-9:.3f} s, the rest is lost"
+            summary = read_summary(stream, file.stat().st_size)
+        if summary is not None and summary.counts is not None:
+            found = Found(summary.schemas, summary.channels, summary.counts)
+            for schema in summary.schemas.values():
+                self._types.add(schema)
+            return found
+        walk = McapWalk(file)
+        for piece in walk.pieces():
+            self._learn(piece)
+        self._warn(walk.warnings)
+        return walk.found
+
+    def _merged(self, walk: McapWalk, topics: Collection[str] | None) -> Iterator[BagMessage]:
+        """The messages of a file whose chunks overlap in time; reads it twice."""
+        spans = []
+        for piece in walk.pieces():
+            self._learn(piece)
+            if len(piece):
+                spans.append(Span(int(piece.log_ns[0]), piece.position, piece.stored))
+        names = _names(walk.found, topics)
+
+        def select(piece: Piece) -> Piece:
+            return piece.take(np.isin(piece.channel, list(names)))
+
+        for piece, row in in_log_order(walk.path, spans, select):
+            topic, kind = names[int(piece.channel[row])]
+            start = int(piece.start[row])
+            data = piece.raw[start : start + int(piece.length[row])]
+            yield BagMessage(topic, kind, int(piece.log_ns[row]), int(piece.publish_ns[row]), data)
+
+    def _learn(self, piece: Piece) -> None:
+        for schema in piece.schemas:
+            self._types.add(schema)
+
+    def _warn(self, warnings: Collection[str]) -> None:
+        self.warnings += [text for text in warnings if text not in self.warnings]
+
+
+def _type_of(found: Found, number: int) -> str:
+    """A channel's message type; empty where it has no schema."""
+    schema = found.schemas.get(found.channels[number].schema_id)
+    return schema.name if schema else ""
+
+
+def _names(found: Found, topics: Collection[str] | None) -> dict[int, tuple[str, str]]:
+    """Topic and type of each wanted channel."""
+    return {
+        number: (channel.topic, _type_of(found, number))
+        for number, channel in found.channels.items()
+        if topics is None or channel.topic in topics
+    }
+
+
+def _blocks(found: Found, piece: Piece, topics: Collection[str] | None) -> Iterator[MessageBlock]:
+    wanted: dict[tuple[str, str], list[int]] = {}
+    for number, name in _names(found, topics).items():
+        wanted.setdefault(name, []).append(number)
+    for (topic, kind), numbers in wanted.items():
+        rows = np.flatnonzero(
+            piece.channel == numbers[0] if len(numbers) == 1 else np.isin(piece.channel, numbers)
         )
-
-    def _learn(self, schema: Schema) -> None:
-        """Takes the definition of a type from the bag itself."""
-        if schema.name in self._known:
-            return
-        self._known.add(schema.name)
-        if schema.name in self._typestore.fielddefs:
-            return
-        try:
-            types = get_types_from_msg(schema.data.decode(), schema.name)
-        except TypesysError:
-            raise SloshBagError(f"the definition of {schema.name!r} cannot be read") from None
-        missing = {
-            name: spec for name, spec in types.items() if name not in self._typestore.fielddefs
-        }
-        self._typestore.register(missing)
-
-
-def bag_files(path: Path) -> list[Path]:
-    """The MCAP files of a bag, in the order of their names.
-
-    Raises:
-        SloshBagError: there are none, or one is not an MCAP file.
-    """
-    if path.is_dir():
-        files = sorted(path.glob("*.mcap"))
-        if not files:
-            foreign = any(path.glob("*.db3*")) or any(path.glob("*.bag"))
-            hint = f"; {IMPORT_HINT}" if foreign else ""
-            raise SloshBagError(f"{path}: no .mcap file in this folder{hint}")
-    elif path.is_file():
-        files = [path]
-    else:
-        raise SloshBagError(f"{path}: no such file or folder")
-    for file in files:
-        with file.open("rb") as stream:
-            start = stream.read(len(MAGIC))
-        if not start:
-            raise SloshBagError(f"{file}: empty file")
-        if start != MAGIC:
-            hint = f"; {IMPORT_HINT}" if start.startswith(FOREIGN) else ""
-            raise SloshBagError(f"{file}: not an MCAP file{hint}")
-    return files
-
-
-def _summary(stream: Any) -> Any:
-    """The file's summary; None where the file has no end."""
-    try:
-        return make_reader(stream).get_summary()
-    except DAMAGE:
-        return None
-
-
-def _counted(file: Path, summary: Any) -> dict[str, TopicInfo]:
-    """The topics of a finished file, from its summary."""
-    counts = summary.statistics.channel_message_counts if summary.statistics else {}
-    try:
-        return {
-            channel.topic: TopicInfo(
-                summary.schemas[channel.schema_id].name, counts.get(channel.id, 0)
+        if len(rows):
+            part = piece.take(rows)
+            yield MessageBlock(
+                topic, kind, part.log_ns, part.publish_ns, part.start, part.length, part.buffer
             )
-            for channel in summary.channels.values()
-        }
-    except KeyError:
-        raise SloshBagError(f"{file}: damaged: a channel without its schema") from None
 
 
-def _message(schema: Schema, channel: Channel, record: Message) -> BagMessage:
-    return BagMessage(
-        channel.topic, schema.name, record.log_time, record.publish_time, record.data
-    )
+def _messages(found: Found, piece: Piece, topics: Collection[str] | None) -> Iterator[BagMessage]:
+    names, raw = _names(found, topics), piece.raw
+    columns = piece.channel, piece.log_ns, piece.publish_ns, piece.start, piece.length
+    rows = zip(*(column.tolist() for column in columns), strict=True)
+    for number, log_ns, publish_ns, start, length in rows:
+        if number in names:
+            topic, kind = names[number]
+            yield BagMessage(topic, kind, log_ns, publish_ns, raw[start : start + length])
 
 
-def _reason(error: Exception) -> str:
+def _reason(error: BaseException) -> str:
     return (str(error).splitlines() or [type(error).__name__])[0]

@@ -1,0 +1,111 @@
+"""The facts about a whole bag that its writer notes in each file.
+
+No checksum of MCAP covers a metadata record but that of the whole data section, for which the file
+has to be read from its start to its end. A record that carries its own is read at once.
+"""
+
+from __future__ import annotations
+
+import json
+import struct
+import zlib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import BinaryIO
+
+from mcap.opcode import Opcode
+from mcap.records import Metadata, MetadataIndex
+
+from slosh_bag.chunks import RECORD_HEADER, DamageError, parse
+from slosh_bag.errors import SloshBagError
+from slosh_bag.mcap_summary import read_summary
+from slosh_bag.mcap_walk import McapWalk
+from slosh_bag.record_stream import RecordStream
+
+NAME = "slosh"
+SEAL = "crc32"
+_HEADER = struct.Struct("<BQ")
+_DATA_END = 13
+
+
+def sealed(facts: Mapping[str, str]) -> dict[str, str]:
+    """The content of a metadata record: facts, and their checksum."""
+    return {**facts, SEAL: _seal(facts)}
+
+
+def read_facts(path: Path) -> tuple[dict[str, str], list[str]]:
+    """The facts in a file, and what a reader should know.
+
+    Raises:
+        SloshBagError: they are damaged.
+    """
+    with path.open("rb") as stream:
+        summary = read_summary(stream, path.stat().st_size)
+        if summary is not None and summary.trusted:
+            places = [index for index in summary.metadata if index.name == NAME]
+            records = [_at(path, stream, place) for place in places]
+            whole = all(SEAL in record for record in records) or _is_whole(path, summary.start)
+            return _opened(path, records), [] if whole else [_unsealed(path)]
+    walk = McapWalk(path)
+    for _ in walk.pieces():
+        pass
+    records = [record.metadata for record in walk.found.metadata if record.name == NAME]
+    whole = all(SEAL in record for record in records)
+    return _opened(path, records), walk.warnings + ([] if whole else [_unsealed(path)])
+
+
+def _at(path: Path, stream: BinaryIO, place: MetadataIndex) -> dict[str, str]:
+    """The metadata record at a place that the summary names."""
+    stream.seek(place.offset)
+    content = stream.read(place.length)
+    try:
+        if content[:RECORD_HEADER] != _HEADER.pack(
+            Opcode.METADATA, max(0, place.length - RECORD_HEADER)
+        ):
+            raise DamageError("no metadata record")
+        record = parse(Metadata, content[RECORD_HEADER:])
+        if record.name != NAME:
+            raise DamageError("a metadata record of another name")
+    except DamageError as error:
+        raise SloshBagError(f"{path}: damaged at byte {place.offset}: {error}") from None
+    return dict(record.metadata)
+
+
+def _opened(path: Path, records: list[dict[str, str]]) -> dict[str, str]:
+    facts: dict[str, str] = {}
+    for record in records:
+        noted = record.pop(SEAL, None)
+        if noted is not None and noted != _seal(record):
+            raise SloshBagError(
+                f"{path}: damaged metadata: the checksum of {list(record)} is wrong"
+            )
+        facts.update(record)
+    return facts
+
+
+def _is_whole(path: Path, summary_start: int) -> bool:
+    """True where the data's checksum is right, False where there is none.
+
+    Raises:
+        SloshBagError: it is wrong.
+    """
+    with path.open("rb") as file:
+        stream = RecordStream(file, summary_start)
+        try:
+            stream.skip(summary_start - _DATA_END)
+            opcode, length = stream.begin()
+            noted = int.from_bytes(stream.take(4), "little")
+        except DamageError:
+            opcode, length, noted = 0, 0, 0
+    if opcode != Opcode.DATA_END or length != 4 or noted not in (0, stream.crc):
+        raise SloshBagError(f"{path}: damaged metadata: the checksum (CRC) of all data is wrong")
+    return noted != 0
+
+
+def _unsealed(path: Path) -> str:
+    return f"{path}: facts about the bag without checksums: damage would not be noticed"
+
+
+def _seal(facts: Mapping[str, str]) -> str:
+    text = json.dumps(dict(facts), sort_keys=True, ensure_ascii=True)
+    return f"{zlib.crc32(text.encode()):08x}"

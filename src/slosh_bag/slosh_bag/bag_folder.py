@@ -1,0 +1,93 @@
+"""The files of a bag and their order."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from slosh_bag.errors import SloshBagError
+from slosh_bag.mcap_summary import MAGIC
+
+METADATA = "metadata.yaml"
+FOREIGN = (b"#ROSBAG", b"SQLite f")
+"""How ROS 1 bags and rosbag2's SQLite files begin."""
+IMPORT_HINT = "slosh import rosbag makes one of it"
+_Loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+
+
+def bag_files(path: Path) -> list[Path]:
+    """The MCAP files of a bag, in the order in which they were written.
+
+    That is the order of metadata.yaml where it names just the files that are there, else that of
+    their names, with numbers taken as numbers: bag_2 before bag_10.
+
+    Raises:
+        SloshBagError: there are none, one is not an MCAP file, or nothing is in any of them.
+    """
+    return ordered_files(path)[0]
+
+
+def ordered_files(path: Path) -> tuple[list[Path], list[str]]:
+    """The files as `bag_files` gives them, and what is odd about the folder.
+
+    Raises:
+        SloshBagError: as `bag_files`.
+    """
+    warnings: list[str] = []
+    if path.is_dir():
+        files = sorted(path.glob("*.mcap"), key=_natural)
+        if not files:
+            foreign = any(path.glob("*.db3*")) or any(path.glob("*.bag"))
+            hint = f"; {IMPORT_HINT}" if foreign else ""
+            raise SloshBagError(f"{path}: no .mcap file in this folder{hint}")
+        files = _as_noted(path, files, warnings)
+    elif path.is_file():
+        files = [path]
+    else:
+        raise SloshBagError(f"{path}: no such file or folder")
+    starts = [_start(file) for file in files]
+    for file, start in zip(files, starts, strict=True):
+        if not MAGIC.startswith(start):
+            hint = f"; {IMPORT_HINT}" if start.startswith(FOREIGN) else ""
+            raise SloshBagError(f"{file}: not an MCAP file{hint}")
+    if all(len(start) < len(MAGIC) for start in starts):
+        what = "empty file" if not starts[0] else f"cut off after {len(starts[0])} bytes"
+        raise SloshBagError(f"{files[0]}: {what}")
+    return files, warnings
+
+
+def _start(file: Path) -> bytes:
+    try:
+        with file.open("rb") as stream:
+            return stream.read(len(MAGIC))
+    except OSError as error:
+        raise SloshBagError(f"{file}: {error.strerror}") from None
+
+
+def _natural(path: Path) -> list[tuple[int, str]]:
+    parts = re.split(r"(\d+)", path.name)
+    return [(int(part), "") if part.isdecimal() else (-1, part) for part in parts]
+
+
+def _as_noted(folder: Path, files: list[Path], warnings: list[str]) -> list[Path]:
+    """The files in metadata.yaml's order, where it names just these."""
+    noted = folder / METADATA
+    if not noted.is_file():
+        return files
+    try:
+        document = yaml.load(noted.read_bytes(), Loader=_Loader)
+        entries = document["rosbag2_bagfile_information"]["relative_file_paths"]
+        names = [Path(str(entry)).name for entry in entries]
+    except (OSError, ValueError, TypeError, LookupError, RecursionError, yaml.YAMLError):
+        warnings.append(f"{noted}: cannot be read; the files are read in the order of their names")
+        return files
+    by_name = {file.name: file for file in files}
+    lost = [name for name in names if name not in by_name]
+    if lost:
+        warnings.append(f"{noted}: names {lost[0]!r}, which is not there")
+    if len(names) == len(files) and set(names) == set(by_name):
+        return [by_name[name] for name in names]
+    return files

@@ -1,0 +1,78 @@
+"""Message types as a bag itself defines them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from mcap.records import Schema
+from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
+from rosbags.typesys.base import TypesysError
+from rosbags.typesys.store import Typestore
+
+from slosh_bag.errors import SloshBagError
+
+_PARSERS: dict[str, Callable[[str, str], dict[str, Any]]] = {
+    "ros2msg": get_types_from_msg,
+    "ros2idl": lambda text, _: get_types_from_idl(text),
+}
+
+
+class BagTypes:
+    """The types of a bag; a definition is read when the type is first needed.
+
+    Only the bag's own definitions count: an installed package may be of another version.
+    """
+
+    def __init__(self) -> None:
+        self._typestore: Typestore = get_typestore(Stores.EMPTY)
+        self._schemas: dict[str, Schema] = {}
+        self._ambiguous: set[str] = set()
+        self._known: set[str] = set()
+
+    def add(self, schema: Schema) -> None:
+        """Notes a definition."""
+        known = self._schemas.setdefault(schema.name, schema)
+        if (known.data, known.encoding) != (schema.data, schema.encoding):
+            self._ambiguous.add(schema.name)
+
+    def schema(self, message_type: str) -> Schema:
+        """The definition of a type as the bag has it.
+
+        Raises:
+            SloshBagError: the bag has none, or several that differ.
+        """
+        if message_type not in self._schemas:
+            raise SloshBagError(f"the bag has no definition of {message_type!r}")
+        if message_type in self._ambiguous:
+            raise SloshBagError(f"the bag has two definitions of {message_type} that differ")
+        return self._schemas[message_type]
+
+    @property
+    def learnt(self) -> Typestore:
+        """The types that were needed so far."""
+        return self._typestore
+
+    def typestore(self, message_type: str) -> Typestore:
+        """A store that knows the type, and all types in it.
+
+        Raises:
+            SloshBagError: as `schema`, or the definition cannot be read.
+        """
+        if message_type not in self._known:
+            schema = self.schema(message_type)
+            if schema.encoding not in _PARSERS:
+                raise SloshBagError(
+                    f"{message_type} is defined in {schema.encoding!r}; only "
+                    f"{' and '.join(_PARSERS)} can be read"
+                )
+            try:
+                types = _PARSERS[schema.encoding](schema.data.decode(), message_type)
+                self._typestore.register(types)
+            except (TypesysError, ValueError, LookupError, SyntaxError, RecursionError) as error:
+                reason = (str(error).splitlines() or ["it cannot be read"])[0]
+                raise SloshBagError(f"the definition of {message_type}: {reason}") from None
+            if message_type not in self._typestore.fielddefs:
+                raise SloshBagError(f"the definition of {message_type} does not define it")
+            self._known.add(message_type)
+        return self._typestore

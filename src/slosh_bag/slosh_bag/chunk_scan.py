@@ -1,0 +1,123 @@
+"""Finds records in a buffer of MCAP, compiled; no length is trusted before it is checked."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numba import njit
+
+from slosh_model.compile_cache import use_compile_cache
+
+use_compile_cache(Path(__file__).resolve().parent)
+
+# What a scan says of the bytes.
+WHOLE, CUT, BAD_LENGTH, BAD_TIME, BAD_RECORD, OTHER = 0, 1, 2, 3, 4, 5
+
+
+@njit(cache=True, inline="always")
+def _u32(buffer, at):  # type: ignore[no-untyped-def]
+    return (
+        np.int64(buffer[at])
+        | np.int64(buffer[at + 1]) << 8
+        | np.int64(buffer[at + 2]) << 16
+        | np.int64(buffer[at + 3]) << 24
+    )
+
+
+@njit(cache=True, inline="always")
+def _u64(buffer, at):  # type: ignore[no-untyped-def]
+    """As int64: negative from 2⁶³ on."""
+    return _u32(buffer, at) | _u32(buffer, at + 4) << 32
+
+
+@njit(cache=True, inline="always")
+def _state(buffer, at, opcode, length):  # type: ignore[no-untyped-def]
+    """What is to say of a record that fits into the buffer."""
+    if opcode == 5:
+        if length < 22:
+            return BAD_LENGTH
+        if _u64(buffer, at + 15) < 0 or _u64(buffer, at + 23) < 0:
+            return BAD_TIME
+    elif opcode < 0x10 and opcode != 3 and opcode != 4:
+        return BAD_RECORD
+    return WHOLE
+
+
+@njit(cache=True, nogil=True)
+def _survey(buffer, loose):  # type: ignore[no-untyped-def]
+    """Walks over the records; every length is held against the buffer's end.
+
+    Returns the numbers of messages and of definitions, where the walk ended, and how.
+    """
+    size, at, messages, others = len(buffer), 0, 0, 0
+    while at < size:
+        whole = size - at >= 9
+        opcode, length = buffer[at], _u64(buffer, at + 1) if whole else 0
+        if loose and (not 3 <= opcode <= 5 or (at and opcode != 5)):
+            # A definition begins a run: where it is damaged, it must not cost messages before it.
+            return messages, others, at, OTHER
+        if not whole or length < 0 or length > size - at - 9:
+            return messages, others, at, (WHOLE if loose else CUT)
+        state = _state(buffer, at, opcode, length)
+        if state != WHOLE:
+            return messages, others, at, (OTHER if loose and at else state)
+        messages += opcode == 5
+        others += opcode == 3 or opcode == 4
+        at += 9 + length
+    return messages, others, at, WHOLE
+
+
+@njit(cache=True, nogil=True)
+def scan(buffer, loose):  # type: ignore[no-untyped-def]
+    """Finds the messages, schemas and channels in a buffer of records.
+
+    Args:
+        buffer: uint8 array of records, one after the other.
+        loose: the buffer is a window of a file: end at a record of another kind, or at the last
+            whole one.
+
+    Returns:
+        Channel, log time, publish time, start and length of each message's data, (5, N) int64;
+        opcode, start and length of each definition's content, (3, M) int64; where the scan
+        ended, and how: one of the states above.
+    """
+    count, others, end, state = _survey(buffer, loose)
+    messages, definitions = np.empty((5, count), np.int64), np.empty((3, others), np.int64)
+    at, row, other = 0, 0, 0
+    while at < end:
+        opcode, length = buffer[at], _u64(buffer, at + 1)
+        if opcode == 5:
+            messages[0, row] = np.int64(buffer[at + 9]) | np.int64(buffer[at + 10]) << 8
+            messages[1, row] = _u64(buffer, at + 15)
+            messages[2, row] = _u64(buffer, at + 23)
+            messages[3, row] = at + 31
+            messages[4, row] = length - 22
+            row += 1
+        elif opcode == 3 or opcode == 4:
+            definitions[0, other] = opcode
+            definitions[1, other] = at + 9
+            definitions[2, other] = length
+            other += 1
+        at += 9 + length
+    return messages, definitions, end, state
+
+
+@njit(cache=True, nogil=True)
+def find_chunk(buffer, start):  # type: ignore[no-untyped-def]
+    """Where the next bytes that look like a chunk's header are; -1: nowhere.
+
+    Args:
+        buffer: uint8 array.
+        start: where to begin.
+    """
+    for at in range(start, len(buffer) - 49 + 1):
+        if buffer[at] != 6:
+            continue
+        name = _u32(buffer, at + 37)
+        if name > 4 or at + 49 + name > len(buffer):
+            continue
+        stored = _u64(buffer, at + 41 + name)
+        if 0 <= stored <= 2**31 and _u64(buffer, at + 1) == 40 + name + stored:
+            return at
+    return -1

@@ -1,0 +1,326 @@
+"""The messages of an MCAP chunk as arrays: unpacked, checked, and found by a compiled scan."""
+
+from __future__ import annotations
+
+import io
+import struct
+import zlib
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+import lz4.frame
+import numpy as np
+import zstandard
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import EndOfFile, McapError
+from mcap.opcode import Opcode
+from mcap.records import Channel, Schema
+from numpy.typing import NDArray
+
+from slosh_bag.chunk_scan import BAD_LENGTH, BAD_RECORD, BAD_TIME, CUT, WHOLE, scan
+from slosh_bag.errors import SloshBagError
+
+Integers = NDArray[np.int64]
+Bytes = NDArray[np.uint8]
+
+RECORD_HEADER = 9
+"""Opcode and length before the content of each record [bytes]."""
+MAX_CHUNK = 2**31
+"""Chunks that say to be larger are taken as damaged: memory is finite [bytes]."""
+_CHUNK = struct.Struct("<QQQII")
+_SLICE = 1 << 20
+
+_PROBLEMS = {
+    CUT: "a record reaches beyond the chunk's end",
+    BAD_LENGTH: "a message is shorter than its header",
+    BAD_TIME: "a message's time lies beyond the year 2262",
+    BAD_RECORD: "a record that does not belong into a chunk",
+}
+
+
+class DamageError(SloshBagError):
+    """Bytes that are not what was written; the text says what is wrong, not yet where."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MessageBlock:
+    """The messages of one topic within one chunk, in the order of their log times.
+
+    Attributes:
+        topic: their topic.
+        message_type: e.g. 'slosh_msgs/msg/FreeSurface'.
+        log_ns, publish_ns: when each was received and sent, (N,) [ns].
+        start, length: where each one's CDR bytes lie in the buffer, (N,) [bytes].
+        buffer: the chunk's uncompressed bytes.
+    """
+
+    topic: str
+    message_type: str
+    log_ns: Integers
+    publish_ns: Integers
+    start: Integers
+    length: Integers
+    buffer: Bytes
+
+    def __len__(self) -> int:
+        return len(self.start)
+
+    def data(self, index: int) -> bytes:
+        """The CDR bytes of one message."""
+        start = int(self.start[index])
+        return self.buffer[start : start + int(self.length[index])].tobytes()
+
+    def take(self, rows: Any) -> MessageBlock:
+        """Some of the messages.
+
+        Args:
+            rows: indexes, a slice or a mask.
+        """
+        return replace(
+            self,
+            log_ns=self.log_ns[rows],
+            publish_ns=self.publish_ns[rows],
+            start=self.start[rows],
+            length=self.length[rows],
+        )
+
+
+class ChunkHeader(NamedTuple):
+    """What a chunk says of itself.
+
+    Attributes:
+        start_ns, end_ns: least and greatest log time in it [ns]; 0 and 0 where it is empty.
+        size: of its bytes before compression.
+        crc: their CRC-32; 0: not noted.
+        compression: 'zstd', 'lz4' or ''.
+        content: where the compressed bytes begin, after the record's own header [bytes].
+        stored: number of compressed bytes.
+    """
+
+    start_ns: int
+    end_ns: int
+    size: int
+    crc: int
+    compression: str
+    content: int
+    stored: int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Piece:
+    """The records of one chunk, or of a run of records that are in none.
+
+    Attributes:
+        position: where it begins in the file [bytes].
+        stored: how many bytes it takes there.
+        raw: its uncompressed bytes.
+        channel, log_ns, publish_ns, start, length: of each message, in the order of log times;
+            where these are equal, in the order of the file.
+        schemas, channels: the definitions among the records.
+        checked: its bytes agree with a CRC.
+    """
+
+    position: int
+    stored: int
+    raw: bytes
+    channel: Integers
+    log_ns: Integers
+    publish_ns: Integers
+    start: Integers
+    length: Integers
+    schemas: tuple[Schema, ...]
+    channels: tuple[Channel, ...]
+    checked: bool
+
+    def __len__(self) -> int:
+        return len(self.start)
+
+    @property
+    def buffer(self) -> Bytes:
+        """The uncompressed bytes as an array."""
+        return np.frombuffer(self.raw, np.uint8)
+
+    def take(self, rows: Any) -> Piece:
+        """The piece with some of its messages.
+
+        Args:
+            rows: indexes, a slice or a mask.
+        """
+        return replace(
+            self,
+            channel=self.channel[rows],
+            log_ns=self.log_ns[rows],
+            publish_ns=self.publish_ns[rows],
+            start=self.start[rows],
+            length=self.length[rows],
+        )
+
+
+class StrictStream(ReadDataStream):
+    """A record's content, which gives no fewer bytes than it is asked for."""
+
+    def __init__(self, content: bytes) -> None:
+        super().__init__(io.BytesIO(content))
+
+    def read(self, length: int) -> bytes:
+        """Reads `length` bytes.
+
+        Raises:
+            EndOfFile: there are fewer.
+        """
+        content = self._stream.read(length)
+        self._count += len(content)
+        if len(content) < length:
+            raise EndOfFile
+        return bytes(content)
+
+
+def parse(kind: Any, content: bytes) -> Any:
+    """A record of one of mcap's types.
+
+    Raises:
+        DamageError: the content is not that of such a record.
+    """
+    stream = StrictStream(content)
+    try:
+        record = kind.read(stream)
+    except (McapError, ValueError, EOFError, struct.error, OverflowError, MemoryError):
+        raise DamageError(f"no valid {kind.__name__} record") from None
+    if stream.count != len(content):
+        raise DamageError(f"a {kind.__name__} record with bytes left over")
+    return record
+
+
+def chunk_header(start: bytes, record_length: int) -> ChunkHeader:
+    """Reads what a chunk says of itself.
+
+    Args:
+        start: the first 48 bytes of the record's content, or all where it is shorter.
+        record_length: of the record's content [bytes].
+
+    Raises:
+        DamageError: these are not the bytes of a chunk.
+    """
+    if len(start) < _CHUNK.size:
+        raise DamageError("a chunk without its header")
+    start_ns, end_ns, size, crc, name_length = _CHUNK.unpack_from(start)
+    content = _CHUNK.size + name_length + 8
+    if name_length > 4 or len(start) < content:
+        raise DamageError("a chunk with a damaged header")
+    name = start[_CHUNK.size : content - 8]
+    (stored,) = struct.unpack_from("<Q", start, content - 8)
+    if content + stored != record_length or size > MAX_CHUNK or end_ns < start_ns:
+        raise DamageError("a chunk with a damaged header")
+    if name not in (b"zstd", b"lz4", b""):
+        raise DamageError(f"a chunk compressed with {name.decode('latin-1')!r}, which is unknown")
+    return ChunkHeader(start_ns, end_ns, size, crc, name.decode(), content, stored)
+
+
+def read_chunk(position: int, header: ChunkHeader, content: bytes) -> Piece:
+    """Unpacks a chunk.
+
+    Args:
+        position: of its record in the file.
+        header: what it says of itself.
+        content: of the record.
+
+    Raises:
+        DamageError: its bytes are not what was written.
+    """
+    raw = _unpacked(header, memoryview(content)[header.content :])
+    if len(raw) != header.size:
+        raise DamageError(f"a chunk of {len(raw)} instead of {header.size} bytes")
+    if header.crc and zlib.crc32(raw) != header.crc:
+        raise DamageError("a chunk whose checksum (CRC) is wrong")
+    messages, others, end, state = scan(np.frombuffer(raw, np.uint8), False)
+    if state != WHOLE:
+        raise DamageError(f"in a chunk, {end} bytes from its start: {_PROBLEMS[state]}")
+    place = position, RECORD_HEADER + len(content)
+    return _piece(place, raw, messages, others, bool(header.crc))
+
+
+def agrees(header: ChunkHeader, piece: Piece) -> bool:
+    """True where the messages have the times that the chunk says."""
+    if not len(piece):
+        return True
+    return bool(header.start_ns == piece.log_ns[0] and header.end_ns == piece.log_ns[-1])
+
+
+def read_loose(position: int, window: bytes) -> Piece:
+    """Reads records that are in no chunk.
+
+    Args:
+        position: of the first in the file.
+        window: the file's bytes from there.
+
+    Returns:
+        The schemas, channels and messages that follow each other; a piece of no bytes where the
+        first is another record or reaches beyond the window.
+
+    Raises:
+        DamageError: a record is not what was written.
+    """
+    messages, others, end, state = scan(np.frombuffer(window, np.uint8), True)
+    if state in (BAD_LENGTH, BAD_TIME):
+        raise DamageError(_PROBLEMS[state])
+    return _piece((position, int(end)), window[:end], messages, others, False)
+
+
+def _piece(
+    place: tuple[int, int], raw: bytes, messages: Integers, others: Integers, checked: bool
+) -> Piece:
+    log_ns = messages[1]
+    if (log_ns[1:] < log_ns[:-1]).any():
+        messages = messages[:, np.argsort(log_ns, kind="stable")]
+    schemas, channels = [], []
+    for opcode, start, length in others.T.tolist():
+        content = raw[start : start + length]
+        if opcode == Opcode.SCHEMA:
+            schemas.append(parse(Schema, content))
+        else:
+            channels.append(parse(Channel, content))
+    position, stored = place
+    return Piece(
+        position,
+        stored,
+        raw,
+        channel=messages[0],
+        log_ns=messages[1],
+        publish_ns=messages[2],
+        start=messages[3],
+        length=messages[4],
+        schemas=tuple(schemas),
+        channels=tuple(channels),
+        checked=checked,
+    )
+
+
+def _unpacked(header: ChunkHeader, stored: memoryview) -> bytes:
+    try:
+        if header.compression == "zstd":
+            return _zstd(stored, header.size)
+        if header.compression == "lz4":
+            # A damaged size must not become an allocation.
+            if lz4.frame.get_frame_info(stored)["content_size"] not in (0, header.size):
+                raise DamageError("a chunk with a damaged size")
+            return bytes(lz4.frame.decompress(stored))
+        return bytes(stored)
+    except (zstandard.ZstdError, RuntimeError, ValueError, EOFError, MemoryError) as error:
+        if isinstance(error, DamageError):
+            raise
+        raise DamageError(f"a chunk that {header.compression} cannot unpack") from None
+
+
+def _zstd(stored: memoryview, size: int) -> bytes:
+    unpacker = zstandard.ZstdDecompressor()
+    noted = zstandard.frame_content_size(stored)
+    if noted == size:
+        return bytes(unpacker.decompress(stored))
+    if noted > 0:
+        raise DamageError("a chunk with a damaged size")
+    parts, total = [], 0
+    with unpacker.stream_reader(stored, read_across_frames=True) as reader:
+        while total <= size and (part := reader.read(_SLICE)):
+            parts.append(part)
+            total += len(part)
+    return b"".join(parts)

@@ -1,0 +1,73 @@
+"""What reading an MCAP file has found: definitions, counts, times, and what could not be read."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from mcap.records import Channel, Metadata, Schema
+
+from slosh_bag.chunks import Piece
+
+
+@dataclass(frozen=True, slots=True)
+class Gap:
+    """Bytes of a file that could not be read.
+
+    Attributes:
+        start, end: where they are in the file.
+        reason: what is wrong with them.
+        span_ns: log times of the messages in them, where a chunk's header says so [ns].
+    """
+
+    start: int
+    end: int
+    reason: str
+    span_ns: tuple[int, int] | None = None
+
+
+@dataclass(slots=True)
+class Found:
+    """What a walk has found so far.
+
+    Attributes:
+        schemas, channels: by their ids.
+        counts: messages by channel id.
+        first_ns, last_ns: least and greatest log time; None: there is no message.
+        metadata: the metadata records.
+        chunks, loose: numbers of chunks, and of messages in none.
+        unchecked: some messages had no checksum of their own.
+        unknown: records of an unknown kind, which were passed over.
+        gaps: what could not be read.
+        orphans: messages left out since the definition of their channel is lost.
+    """
+
+    schemas: dict[int, Schema] = field(default_factory=dict)
+    channels: dict[int, Channel] = field(default_factory=dict)
+    counts: dict[int, int] = field(default_factory=dict)
+    first_ns: int | None = None
+    last_ns: int | None = None
+    metadata: list[Metadata] = field(default_factory=list)
+    chunks: int = 0
+    loose: int = 0
+    unchecked: bool = False
+    unknown: int = 0
+    gaps: list[Gap] = field(default_factory=list)
+    orphans: int = 0
+
+    def add(self, piece: Piece) -> None:
+        """Counts the messages of a piece."""
+        if not len(piece):
+            return
+        counts = np.bincount(piece.channel)
+        for channel in np.flatnonzero(counts).tolist():
+            self.counts[channel] = self.counts.get(channel, 0) + int(counts[channel])
+        first, last = int(piece.log_ns[0]), int(piece.log_ns[-1])
+        self.first_ns = first if self.first_ns is None else min(first, self.first_ns)
+        self.last_ns = last if self.last_ns is None else max(last, self.last_ns)
+        self.unchecked |= not piece.checked
+
+    def is_defined(self, channel: int) -> bool:
+        """True where the channel is known, and its schema, if it has one."""
+        known = self.channels.get(channel)
+        return known is not None and (not known.schema_id or known.schema_id in self.schemas)

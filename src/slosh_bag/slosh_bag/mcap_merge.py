@@ -1,0 +1,81 @@
+"""Messages in the order of their log times from a file whose chunks overlap in time."""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+from slosh_bag.chunks import (
+    RECORD_HEADER,
+    DamageError,
+    Piece,
+    chunk_header,
+    read_chunk,
+    read_loose,
+)
+from slosh_bag.errors import SloshBagError
+from slosh_bag.mcap_walk import CHUNK_START
+
+
+class Span(NamedTuple):
+    """Where a piece is, by the time at which it begins.
+
+    Attributes:
+        start_ns: least log time in it [ns].
+        position, stored: where it begins in the file, and how many bytes it takes.
+    """
+
+    start_ns: int
+    position: int
+    stored: int
+
+
+def in_log_order(
+    path: Path, spans: list[Span], select: Callable[[Piece], Piece]
+) -> Iterator[tuple[Piece, int]]:
+    """The messages of a file in the order of their log times, then of the file.
+
+    A piece is unpacked when its time has come, and forgotten after its last message: memory is
+    that of the pieces that overlap.
+
+    Args:
+        path: the file.
+        spans: its pieces.
+        select: what is wanted of a piece.
+
+    Yields:
+        A piece, and the index of the next message in it.
+
+    Raises:
+        SloshBagError: the file is no longer what it was.
+    """
+    waiting = sorted(spans, reverse=True)
+    heap: list[tuple[int, int, int, Piece]] = []
+    with path.open("rb") as stream:
+        while waiting or heap:
+            while waiting and (not heap or waiting[-1].start_ns <= heap[0][0]):
+                span = waiting.pop()
+                stream.seek(span.position)
+                piece = select(_again(path, span, stream.read(span.stored)))
+                if len(piece):
+                    heapq.heappush(heap, (int(piece.log_ns[0]), piece.position, 0, piece))
+            if not heap:
+                continue
+            _, position, row, piece = heapq.heappop(heap)
+            yield piece, row
+            if row + 1 < len(piece):
+                heapq.heappush(heap, (int(piece.log_ns[row + 1]), position, row + 1, piece))
+
+
+def _again(path: Path, span: Span, content: bytes) -> Piece:
+    """The piece that was there when the file was read first."""
+    try:
+        if content[:1] != b"\x06":
+            return read_loose(span.position, content)
+        content = content[RECORD_HEADER:]
+        header = chunk_header(content[:CHUNK_START], len(content))
+        return read_chunk(span.position, header, content)
+    except DamageError:
+        raise SloshBagError(f"{path}: changed while it was read") from None

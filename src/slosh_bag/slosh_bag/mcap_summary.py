@@ -1,0 +1,118 @@
+"""The end of a finished MCAP file: what it says of the rest, and whether that can be believed."""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from dataclasses import dataclass, field
+from typing import BinaryIO
+
+from mcap.opcode import Opcode
+from mcap.records import Channel, MetadataIndex, Schema, Statistics
+
+from slosh_bag.chunks import RECORD_HEADER, DamageError, parse
+
+MAGIC = b"\x89MCAP0\r\n"
+_FOOTER = struct.Struct("<BQQQI")
+_HEADER = struct.Struct("<BQ")
+END = _FOOTER.size + len(MAGIC)
+_SLICE = 1 << 20
+
+
+@dataclass(slots=True)
+class Summary:
+    """What a file's end says of the file.
+
+    Attributes:
+        start: where the summary begins; 0: the file has none.
+        trusted: its checksum is right, so that the rest here can be relied on.
+        damaged: its checksum is wrong.
+        schemas, channels: by their ids.
+        counts: messages by channel id; None: not noted.
+        metadata: where the file's metadata records are.
+    """
+
+    start: int
+    trusted: bool = False
+    damaged: bool = False
+    schemas: dict[int, Schema] = field(default_factory=dict)
+    channels: dict[int, Channel] = field(default_factory=dict)
+    counts: dict[int, int] | None = None
+    metadata: list[MetadataIndex] = field(default_factory=list)
+
+
+def read_summary(stream: BinaryIO, size: int) -> Summary | None:
+    """Reads the end of a file.
+
+    Args:
+        stream: the file.
+        size: its length [bytes].
+
+    Returns:
+        The summary, empty where it is damaged or has no checksum; None: the file has no end, it
+        is cut off or was never finished.
+    """
+    if size < len(MAGIC) + END:
+        return None
+    stream.seek(size - END)
+    end = stream.read(END)
+    opcode, length, start, _, crc = _FOOTER.unpack_from(end)
+    if end[_FOOTER.size :] != MAGIC or opcode != Opcode.FOOTER or length != _FOOTER.size - 9:
+        return None
+    summary = Summary(start)
+    if not start or not crc:
+        return summary
+    summary.damaged = True
+    if not len(MAGIC) <= start <= size - END:
+        return summary
+    # The index of the chunks grows with the file: it is read through, and not kept.
+    actual = 0
+    stream.seek(start)
+    left = size - END - start
+    while left:
+        part = stream.read(min(left, _SLICE))
+        if not part:
+            return summary
+        actual, left = zlib.crc32(part, actual), left - len(part)
+    if zlib.crc32(end[: _FOOTER.size - 4], actual) != crc:
+        return summary
+    return _records(stream, start, size - END) or summary
+
+
+def _records(stream: BinaryIO, start: int, end: int) -> Summary | None:
+    """What is needed of the summary's records; None: they do not follow each other."""
+    summary, position = Summary(start, trusted=True), start
+    stream.seek(start)
+    try:
+        while position < end:
+            opcode, length = _HEADER.unpack(stream.read(RECORD_HEADER))
+            position += RECORD_HEADER + length
+            if position > end:
+                return None
+            if opcode in _TAKEN:
+                _take(summary, parse(_TAKEN[opcode], stream.read(length)))
+            else:
+                stream.seek(position)
+    except (DamageError, struct.error):
+        return None
+    return summary
+
+
+_TAKEN = {
+    Opcode.SCHEMA: Schema,
+    Opcode.CHANNEL: Channel,
+    Opcode.STATISTICS: Statistics,
+    Opcode.METADATA_INDEX: MetadataIndex,
+}
+
+
+def _take(summary: Summary, record: Schema | Channel | Statistics | MetadataIndex) -> None:
+    if isinstance(record, Schema):
+        summary.schemas[record.id] = record
+    elif isinstance(record, Channel):
+        summary.channels[record.id] = record
+    elif isinstance(record, Statistics):
+        counts = record.channel_message_counts
+        summary.counts = {channel: count for channel, count in counts.items() if count}
+    else:
+        summary.metadata.append(record)

@@ -1,0 +1,357 @@
+"""Walks over one MCAP file from its start to its end, and tells what is damaged or lost.
+
+Chunks carry a checksum each. Around them lie bytes that none of these covers: the lengths and
+kinds of the records, the definitions outside chunks. They are held against what else there is:
+lengths against each other and the file's end, definitions and numbers of messages against the
+summary, all of it against the checksum of the data section where the writer made one.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from mcap.opcode import Opcode
+from mcap.records import Channel, Header, Metadata, Schema
+
+from slosh_bag.chunk_scan import find_chunk
+from slosh_bag.chunks import (
+    RECORD_HEADER,
+    ChunkHeader,
+    DamageError,
+    Piece,
+    agrees,
+    chunk_header,
+    parse,
+    read_chunk,
+    read_loose,
+)
+from slosh_bag.errors import SloshBagError
+from slosh_bag.found import Found, Gap
+from slosh_bag.mcap_summary import MAGIC, Summary, read_summary
+from slosh_bag.record_stream import CutOffError, RecordStream
+
+CHUNK_START = 56
+"""Enough of a chunk's content to read its header [bytes]."""
+_LOOSE = (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE)
+_WINDOW = 1 << 20
+
+
+class McapWalk:
+    """One walk over a file.
+
+    Args:
+        path: the file.
+        lenient: pass over what is damaged, and note it in `found.gaps`, instead of raising.
+
+    Attributes:
+        found: what was found so far; complete when `pieces` has ended.
+        warnings: what a reader should know; complete when `pieces` has ended.
+        summary: what the file's end says; None: it has no end, or `pieces` has not begun.
+    """
+
+    def __init__(self, path: Path, *, lenient: bool = False) -> None:
+        self.path = path
+        self.found = Found()
+        self.warnings: list[str] = []
+        self.summary: Summary | None = None
+        self._lenient = lenient
+        self._size = path.stat().st_size
+        self._cut: ChunkHeader | None = None
+        self._stream: RecordStream
+
+    def pieces(self) -> Iterator[Piece]:
+        """The messages chunk by chunk, in the order of the file.
+
+        Raises:
+            SloshBagError: the file is damaged, other than by missing its end.
+        """
+        with self.path.open("rb") as stream:
+            self.summary = read_summary(stream, self._size)
+            if self.summary:
+                self.found.schemas.update(self.summary.schemas)
+                self.found.channels.update(self.summary.channels)
+            self._stream = RecordStream(stream, self._size, checked=not self._lenient)
+            ended = False
+            while not ended:
+                position = self._stream.position
+                try:
+                    piece, ended = self._step()
+                    if piece is not None:
+                        piece = self._admit(piece)
+                except DamageError as error:
+                    piece, ended = None, self._damaged(position, error)
+                if piece is not None:
+                    yield piece
+
+    def _step(self) -> tuple[Piece | None, bool]:
+        """Reads one record, or a run of records in no chunk; True: it was the last."""
+        if not self._stream.position and self._stream.take(len(MAGIC)) != MAGIC:
+            raise DamageError("not an MCAP file")
+        first = self._stream.position == len(MAGIC)
+        opcode, length = self._stream.begin()
+        if first != (opcode == Opcode.HEADER):
+            raise DamageError("a record that does not belong there")
+        if length > self._stream.left:
+            self._beyond(opcode, length)
+        if opcode == Opcode.CHUNK:
+            return self._chunk(length), False
+        if opcode in _LOOSE:
+            return self._loose(length), False
+        if opcode == Opcode.DATA_END:
+            self._end(self._stream.take(length))
+            return None, True
+        self._other(opcode, length)
+        return None, False
+
+    def _beyond(self, opcode: int, length: int) -> None:
+        """A record that the file's end cuts, or whose length is damaged."""
+        start = self._stream.peek(CHUNK_START)
+        if opcode == Opcode.CHUNK and len(start) == CHUNK_START:
+            # Where the header is there it has to fit: else the length is wrong, not the end.
+            self._cut = chunk_header(start, length)
+        raise CutOffError("a record is cut off")
+
+    def _chunk(self, length: int) -> Piece:
+        position = self._stream.position - RECORD_HEADER
+        content = self._stream.take(length)
+        header = chunk_header(content[:CHUNK_START], length)
+        piece = read_chunk(position, header, content)
+        if not self._lenient and not agrees(header, piece):
+            raise DamageError("a chunk with other times than its messages")
+        self.found.chunks += 1
+        return piece
+
+    def _loose(self, length: int) -> Piece:
+        self._stream.back()
+        window = self._stream.peek(max(_WINDOW, RECORD_HEADER + length))
+        piece = read_loose(self._stream.position, window)
+        self._stream.take(piece.stored)
+        self.found.loose += len(piece)
+        return piece
+
+    def _other(self, opcode: int, length: int) -> None:
+        """Passes over a record without messages, so far as it is what it says to be."""
+        if opcode == Opcode.HEADER:
+            parse(Header, self._stream.take(length))
+        elif opcode == Opcode.METADATA:
+            self.found.metadata.append(parse(Metadata, self._stream.take(length)))
+        elif opcode == Opcode.MESSAGE_INDEX:
+            content = self._stream.take(length)
+            if length < 6 or struct.unpack_from("<I", content, 2)[0] != length - 6:
+                raise DamageError("a damaged message index")
+        elif opcode == Opcode.ATTACHMENT:
+            self._pass_attachment(length)
+        elif opcode <= Opcode.DATA_END:
+            raise DamageError("a record that does not belong there")
+        else:
+            self.found.unknown += 1
+            self._stream.skip(length)
+
+    def _pass_attachment(self, length: int) -> None:
+        """Its checksum tells an attachment from a chunk whose opcode is damaged."""
+        actual = self._stream.skip(max(0, length - 4))
+        noted = int.from_bytes(self._stream.take(min(4, length)), "little")
+        if noted not in (0, actual) and not self._lenient:
+            raise DamageError("a damaged attachment")
+
+    def _admit(self, piece: Piece) -> Piece:
+        """Takes a piece's definitions; its messages have to have one."""
+        if self.found.chunks and self.found.loose and not self._is_counted():
+            raise DamageError("messages both inside and outside chunks")
+        for schema in piece.schemas:
+            self._define(self.found.schemas, schema)
+        for channel in piece.channels:
+            self._define(self.found.channels, channel)
+        lost = [c for c in np.unique(piece.channel).tolist() if not self.found.is_defined(c)]
+        if lost and not self._lenient:
+            raise DamageError(f"messages of channel {lost[0]}, which is not defined")
+        if lost:
+            known = ~np.isin(piece.channel, lost)
+            self.found.orphans += int(np.count_nonzero(~known))
+            piece = piece.take(known)
+        self.found.add(piece)
+        return piece
+
+    def _define(self, known: dict[int, Any], record: Schema | Channel) -> None:
+        if known.setdefault(record.id, record) != record and not self._lenient:
+            kind = type(record).__name__.lower()
+            raise DamageError(f"{kind} {record.id} is defined twice, not in the same way")
+
+    def _is_counted(self) -> bool:
+        """True where the summary can tell that a message is missing or one too many."""
+        return self.summary is not None and self.summary.counts is not None
+
+    def _end(self, content: bytes) -> None:
+        """The end of the data: holds what was read against what the file says of it."""
+        if self._lenient:
+            return
+        if len(content) != 4:
+            raise DamageError("a damaged end of the data")
+        crc = int.from_bytes(content, "little")
+        wrong = bool(crc) and crc != self._stream.crc
+        self._check_counts()
+        if wrong and (self.found.unchecked or (self.summary and not self._is_counted())):
+            raise DamageError("the checksum (CRC) of all data is wrong")
+        if wrong:
+            self._warn("bytes between its chunks are damaged; the chunks are whole")
+        if self.found.unknown and not self._is_counted() and (wrong or not crc):
+            self._warn(f"{self.found.unknown} records of an unknown kind were passed over")
+        if self.found.unchecked and not crc:
+            self._warn("written without checksums: damage would not be noticed")
+        if self.summary is None:
+            self._warn("its end is cut off or damaged; all messages before it were read")
+        elif self.summary.damaged:
+            self._warn("its summary is damaged and was not used")
+
+    def _check_counts(self) -> None:
+        if self.summary is None or not self.summary.trusted:
+            return
+        position = self._stream.position
+        if position != self.summary.start:
+            raise DamageError(f"the data end at byte {position}, not {self.summary.start}")
+        noted = self.summary.counts
+        if noted is None or noted == self.found.counts:
+            return
+        for channel in sorted(noted | self.found.counts):
+            there, said = self.found.counts.get(channel, 0), noted.get(channel, 0)
+            if there != said:
+                known = self.found.channels.get(channel)
+                topic = known.topic if known else f"channel {channel}"
+                raise DamageError(f"{there} messages of {topic}, but the summary says {said}")
+
+    def _damaged(self, position: int, error: DamageError) -> bool:
+        """Deals with what cannot be read; True: nothing after it can be, either."""
+        if self._lenient:
+            return self._leave_out(position, error)
+        if self.summary is not None or self._next_chunk(position + 1) is not None:
+            raise SloshBagError(
+                f"{self.path}: damaged at byte {position}: {error}; "
+                "`slosh recover` writes a new bag of all that is whole"
+            )
+        self._warn(self._lost_end(position, error))
+        if self.found.unchecked:
+            self._warn("written without checksums: damage would not be noticed")
+        return True
+
+    def _lost_end(self, position: int, error: DamageError) -> str:
+        """One line on what an unfinished file has lost."""
+        cut = isinstance(error, CutOffError)
+        text = f"unfinished ({'cut off' if cut else error}); "
+        first, last = self.found.first_ns, self.found.last_ns
+        if first is None or last is None:
+            text += "no message could be read"
+        else:
+            text += f"read up to {last * 1e-9:.3f} s, {(last - first) * 1e-9:.3f} s of data"
+        unused = self._size - position
+        text += f"; the last {unused} bytes could not be used" if unused else ""
+        if self._cut is not None:
+            span = self._cut.start_ns * 1e-9, self._cut.end_ns * 1e-9
+            text += f": messages from {span[0]:.3f} s to {span[1]:.3f} s"
+        if self.found.unknown:
+            text += f"; {self.found.unknown} records of an unknown kind were passed over"
+        return text
+
+    def _leave_out(self, position: int, error: DamageError) -> bool:
+        """Goes on after damage: by the record's length where that leads to a record."""
+        after = self._after_record(position)
+        if after is None:
+            after = self._next_chunk(position + 1)
+        gap = Gap(
+            position, self._size if after is None else after, str(error), self._span(position)
+        )
+        self.found.gaps.append(gap)
+        if after is not None:
+            self._stream.jump(after)
+        return after is None
+
+    def _span(self, position: int) -> tuple[int, int] | None:
+        self._stream.jump(position)
+        try:
+            opcode, length = self._stream.begin()
+            header = chunk_header(self._stream.peek(CHUNK_START), length)
+        except DamageError:
+            return None
+        return (header.start_ns, header.end_ns) if opcode == Opcode.CHUNK else None
+
+    def _after_record(self, position: int) -> int | None:
+        """The end of the record at a position, where another record begins there."""
+        self._stream.jump(position)
+        try:
+            _, length = self._stream.begin()
+            self._stream.skip(length)
+            after = self._stream.position
+            opcode, length = self._stream.begin()
+        except CutOffError:
+            return None
+        fits = 0 < opcode <= Opcode.DATA_END and length <= self._stream.left
+        return after if fits else None
+
+    def _next_chunk(self, start: int) -> int | None:
+        """Where the next whole chunk begins; None: there is none."""
+        while start < self._size:
+            self._stream.jump(start)
+            window = self._stream.peek(_WINDOW)
+            at = find_chunk(np.frombuffer(window, np.uint8), 0)
+            if at < 0:
+                # A header that the window's end cuts is found in the next window.
+                start += max(1, len(window) - CHUNK_START)
+                continue
+            if self._is_chunk(start + at):
+                return int(start + at)
+            start += at + 1
+        return None
+
+    def _is_chunk(self, position: int) -> bool:
+        self._stream.jump(position)
+        try:
+            _, length = self._stream.begin()
+            content = self._stream.take(length)
+            read_chunk(position, chunk_header(content[:CHUNK_START], length), content)
+        except DamageError:
+            return False
+        return True
+
+    def _warn(self, text: str) -> None:
+        self.warnings.append(f"{self.path}: {text}")
+
+
+def is_in_order(path: Path) -> bool:
+    """True where no chunk begins before an earlier one ends, by what the chunks say of themselves.
+
+    Whether they say the truth shows when they are read.
+    """
+    newest = 0
+    with path.open("rb") as file:
+        stream = RecordStream(file, path.stat().st_size, checked=False)
+        try:
+            stream.skip(len(MAGIC))
+            while True:
+                first, last = _times(stream)
+                if first < newest and last:
+                    return False
+                newest = max(newest, last)
+        except DamageError:
+            return True  # the end, or damage that the walk will tell
+
+
+def _times(stream: RecordStream) -> tuple[int, int]:
+    """Passes over a record; the least and the greatest log time in it, 0 and 0 for none."""
+    opcode, length = stream.begin()
+    if opcode == Opcode.CHUNK:
+        header = chunk_header(stream.peek(CHUNK_START), length)
+        stream.skip(length)
+        return header.start_ns, header.end_ns
+    if opcode == Opcode.MESSAGE:
+        stream.back()
+        window = stream.peek(max(_WINDOW, RECORD_HEADER + length))
+        piece = read_loose(stream.position, window)
+        stream.skip(piece.stored)
+        return (int(piece.log_ns[0]), int(piece.log_ns[-1])) if len(piece) else (0, 0)
+    if opcode == Opcode.DATA_END:
+        raise CutOffError("the end of the data")
+    stream.skip(length)
+    return 0, 0
