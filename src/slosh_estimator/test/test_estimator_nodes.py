@@ -16,7 +16,9 @@ rclpy = pytest.importorskip("rclpy", reason="ROS 2 is not installed")
 from geometry_msgs.msg import AccelStamped, PoseStamped  # noqa: E402
 from rclpy.executors import SingleThreadedExecutor  # noqa: E402
 from rclpy.node import Node  # noqa: E402
+from rosgraph_msgs.msg import Clock  # noqa: E402
 from sensor_msgs.msg import Imu  # noqa: E402
+from std_msgs.msg import Header  # noqa: E402
 from std_srvs.srv import Trigger  # noqa: E402
 
 from slosh_estimator.errors import SloshEstimatorError  # noqa: E402
@@ -255,6 +257,46 @@ def test_the_monitor_compares_reports_events_and_tells_which_side_is_silent(
 
     cell.until(only_the_camera_speaks)
     assert comparisons[-1].measured == 0.05
+
+
+def test_with_simulated_time_a_side_is_silent_by_that_time(start: Callable[..., Cell]) -> None:
+    cell = start(use_sim_time="true", timeout="0.3")
+    cell.add(MonitorNode())
+    comparisons = cell.collect(SloshComparison, topics.COMPARISON)
+    clock = cell.publisher(Clock, "/clock")
+    measured = cell.publisher(FreeSurface, topics.FREE_SURFACE)
+    estimated = cell.publisher(SloshEstimate, topics.ESTIMATE)
+    cell.until(lambda: cell.probe.count_publishers(topics.COMPARISON) > 0)
+    begin = 1_700_000_000_000 * MS
+
+    def tell(offset_ms: int) -> None:
+        clock.publish(Clock(clock=to_time(begin + offset_ms * MS)))
+        cell.until(lambda: cell.now() == begin + offset_ms * MS)
+
+    def speak(offset_ms: int) -> None:
+        estimate = SloshEstimate()
+        estimate.header.stamp = to_time(begin + offset_ms * MS)
+        estimated.publish(estimate)
+        surface = FreeSurface(msh=0.001)
+        surface.header.stamp = estimate.header.stamp
+        measured.publish(surface)
+
+    tell(0)
+    speak(0)
+    cell.until(lambda: any(c.measured == 0.001 and not c.estimate_stale for c in comparisons))
+    comparisons.clear()
+    # A slow simulation: much time passes here, little there.
+    patience = time.monotonic() + 0.6
+    cell.until(lambda: time.monotonic() > patience)
+    assert not comparisons
+    tell(250)
+    speak(250)
+    cell.until(lambda: len(comparisons) == 1)
+    assert not comparisons[0].measured_stale
+    # A fast one: a moment here is a long silence there.
+    tell(5000)
+    estimated.publish(SloshEstimate(header=Header(stamp=to_time(begin + 5000 * MS))))
+    cell.until(lambda: any(c.measured_stale for c in comparisons))
 
 
 def test_late_joiners_learn_what_the_models_work_with(start: Callable[..., Cell]) -> None:

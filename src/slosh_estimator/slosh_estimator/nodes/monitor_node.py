@@ -66,7 +66,6 @@ class MonitorNode(Node):
                 given["buffer"],
             )
         )
-        # Whether a side still speaks is a question of elapsed time, even with simulated stamps.
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._comparisons = self.create_publisher(
             SloshComparison, topics.COMPARISON, qos.STREAM_OUT
@@ -101,7 +100,12 @@ class MonitorNode(Node):
         self._publish(self._core.check(self._arrival()))
 
     def _arrival(self) -> int:
-        return int(self._steady.now().nanoseconds)
+        """When something comes: elapsed time, with use_sim_time the simulated one.
+
+        By that a slow simulation is no more silent than a fast one.
+        """
+        clock = self.get_clock()
+        return int((clock if clock.ros_time_is_active else self._steady).now().nanoseconds)
 
     def _publish(self, comparisons: list[Comparison]) -> None:
         for comparison in comparisons:
