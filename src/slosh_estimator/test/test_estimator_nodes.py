@@ -13,6 +13,7 @@ import yaml
 
 rclpy = pytest.importorskip("rclpy", reason="ROS 2 is not installed")
 
+from diagnostic_msgs.msg import DiagnosticArray  # noqa: E402
 from geometry_msgs.msg import AccelStamped, PoseStamped  # noqa: E402
 from rclpy.executors import SingleThreadedExecutor  # noqa: E402
 from rclpy.node import Node  # noqa: E402
@@ -297,6 +298,8 @@ def test_with_simulated_time_a_side_is_silent_by_that_time(start: Callable[..., 
     tell(5000)
     estimated.publish(SloshEstimate(header=Header(stamp=to_time(begin + 5000 * MS))))
     cell.until(lambda: any(c.measured_stale for c in comparisons))
+    said = cell.collect(DiagnosticArray, topics.DIAGNOSTICS, qos.DIAGNOSTICS)
+    cell.until(lambda: any("no /clock" in status.message for m in said for status in m.status))
 
 
 def test_late_joiners_learn_what_the_models_work_with(start: Callable[..., Cell]) -> None:

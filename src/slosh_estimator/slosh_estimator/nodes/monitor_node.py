@@ -76,6 +76,7 @@ class MonitorNode(Node):
             FreeSurface, topics.FREE_SURFACE, self._on_free_surface, qos.STREAM_IN
         )
         self.create_service(Trigger, f"monitor/{topics.RESET}", self._on_reset)
+        self._reported = -1
         self._report = DiagnosticsReporter(self, self._health, self._facts)
         self.create_timer(CHECK_PERIOD, self._on_check, clock=self._steady)
 
@@ -127,7 +128,11 @@ class MonitorNode(Node):
         return response
 
     def _health(self) -> Health:
-        measured_stale, estimate_stale = self._core.silent_sides(self._arrival())
+        now = self._arrival()
+        stands_still, self._reported = now == self._reported, now
+        if stands_still:
+            return STALE, "simulated time stands still: no /clock"
+        measured_stale, estimate_stale = self._core.silent_sides(now)
         silent = [
             topic
             for topic, stale in (
