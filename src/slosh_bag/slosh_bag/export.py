@@ -20,7 +20,7 @@ from slosh_bag.topic_choice import find_topic
 Form = Literal["csv", "parquet"]
 SUFFIXES: Final = (".csv", ".csv.gz", ".parquet")
 BATCH_ROWS: Final = 4096
-BATCH_BYTES: Final = 8 << 20
+BATCH_BYTES: Final = 4 << 20
 """A batch of a topic is written when it has so many rows or bytes of messages."""
 SECOND: Final = 1_000_000_000
 

@@ -21,7 +21,7 @@ from slosh_bag.export_fields import Leaf, Node, plain_list
 
 LONGEST_BYTES: Final = 1024
 """Longest array of bytes that is written into a cell of a CSV file."""
-ROW_GROUP_BYTES: Final = 32 << 20
+ROW_GROUP_BYTES: Final = 8 << 20
 """Of messages, in a row group of a Parquet file."""
 PARQUET_HINT: Final = "Parquet files need pyarrow: pip install pyarrow; or export to .csv"
 _ARROW: Final = {
