@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import math
 import re
 from dataclasses import replace
 from html.parser import HTMLParser
@@ -11,15 +13,22 @@ import pytest
 
 from slosh_discovery.errors import SloshDiscoveryError
 from slosh_discovery.report import (
+    AzimuthSeries,
+    Check,
     Frame,
     KeyFigure,
     ModelRow,
+    Motion,
     RunReport,
     Span,
+    Status,
     Topic,
+    Verdict,
     render_report,
+    report_document,
 )
-from slosh_discovery.report.charts import envelope, heights_chart, residual_chart
+from slosh_discovery.report.charts import heights_chart, residual_chart
+from slosh_discovery.report.units import shown
 
 T = np.linspace(0.0, 8.0, 480)
 REPORT = RunReport(
@@ -140,18 +149,138 @@ def test_both_charts_have_one_time_axis():
     assert ticks[0][:3] == ticks[1][:3] == ["0", "1", "2"]
 
 
-def test_long_series_keep_their_extremes():
-    t = np.arange(100_000.0)
-    values = np.sin(t)
-    values[77_777] = 9.0
-    short_t, short = envelope(t, values)
-    assert len(short_t) <= 1300
-    assert 9.0 in short
-    assert np.all(np.diff(short_t) > 0)
-
-
 def test_series_that_do_not_match_are_refused():
     with pytest.raises(SloshDiscoveryError, match="linear has the shape"):
         replace(REPORT, linear=np.zeros(3))
     with pytest.raises(SloshDiscoveryError, match="media type"):
         Frame(b"", "x", "text/html")
+
+
+def test_time_that_goes_back_is_refused():
+    back = T.copy()
+    back[100] = 0.0
+    with pytest.raises(SloshDiscoveryError, match=r"t goes back after 1\.65"):
+        replace(REPORT, t=back)
+    with pytest.raises(SloshDiscoveryError, match="azimuth of measured: height has the shape"):
+        AzimuthSeries("measured", T, T, T[1:])
+
+
+def test_a_number_needs_a_unit_that_the_page_knows():
+    with pytest.raises(SloshDiscoveryError, match="unit 'cm' is not one of 'mm'"):
+        KeyFigure("height", 0.01, "cm")
+    with pytest.raises(SloshDiscoveryError, match="unit 'cm'"):
+        Check("height", 0.01, unit="cm")
+    assert "beans" in render_report(replace(REPORT, key_figures=(KeyFigure("x", "7", "beans"),)))
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "text"),
+    [
+        (0.012345, "mm", "12.35"),
+        (-0.1194, "%", "−11.9"),
+        (0.02, "%", "+2.0"),
+        (-0.00001, "%", "0.0"),
+        (0.0614, "ms", "61"),
+        (0.5, "°", "29"),
+        (float("nan"), "mm", "–"),
+        (None, "s", "–"),
+    ],
+)
+def test_numbers_are_rounded_as_their_unit_is(value, unit, text):
+    assert shown(value, unit) == text
+
+
+def test_a_check_that_misses_by_little_shows_by_how_much():
+    bound = 0.0006
+    check = Check("σ", math.nextafter(bound, 1.0), upper=bound, unit="mm")
+    text = " ".join(Page(render_report(replace(REPORT, checks=(check,)))).text)
+    assert not check.passed
+    assert "0.60000000000000" in text  # and more digits, that differ
+    assert len(set(re.findall(r"0\.6000000000\d*", text))) == 2
+
+
+def test_a_value_that_is_not_known_passes_no_check():
+    assert not Check("σ", float("nan"), upper=1.0).passed
+    assert Check("drops", 0, upper=0).passed
+
+
+def test_the_status_and_the_warnings_come_first(full_report):
+    html = render_report(full_report)
+    places = [html.index(text) for text in ("✗ Failed", "σ 3D-NL is too large", "0.4 s are lost",
+              'class="figures"', 'id="heights"')]  # fmt: skip
+    assert places == sorted(places)
+    assert "✓ Passed" in render_report(replace(full_report, status=Status(Verdict.PASSED)))
+    assert 'class="status' not in render_report(REPORT)
+
+
+def test_the_document_holds_what_json_can():
+    spans = (replace(REPORT.events[0], end=float("nan")),)
+    rows = (ModelRow("3D-L", np.float64(0.5), float("inf"), count=np.int64(3)),)
+    report = replace(REPORT, events=spans, models=rows, checks=(Check("n", 1.0, upper=2.0),))
+    text = json.dumps(report_document(report, series=True), allow_nan=False)
+    document = json.loads(text)
+    assert document["events"][0]["end"] is None
+    assert document["events"][0]["duration"] is None
+    assert document["models"][0] == {
+        "name": "3D-L", "sigma": 0.5, "epsilon": None, "rms": None, "offset": None, "count": 3,
+    }  # fmt: skip
+    assert document["checks"][0]["lower"] is None
+    assert document["checks"][0]["passed"] is True
+    assert document["status"]["verdict"] == "no expectation"
+    assert document["azimuth"] is None
+    assert document["series"]["measured"] == REPORT.measured.tolist()
+    assert "series" not in report_document(report)
+
+
+def test_the_document_tells_gaps_and_azimuths(full_report):
+    document = report_document(full_report, series=True)
+    ((start, end),) = [(gap["start"], gap["end"]) for gap in document["gaps"]]
+    assert (start, end) == pytest.approx((8.0, 9.0), abs=0.05)
+    assert document["azimuth"]["median"] == pytest.approx(0.05, abs=1e-3)
+    assert document["series"]["measured_azimuth"]["name"] == "measured"
+    assert document["frames"][0] == {"caption": "highest: 2.24 s", "time": 2.24}
+    json.dumps(document, allow_nan=False)
+
+
+def test_tables_and_headings_tell_what_they_are(full_report):
+    page = Page(render_report(full_report))
+    assert page.tags.count("h1") == 1
+    heads = [tag for tag in page.tags if tag == "th"]
+    scopes = [value for tag, name, value in page.attributes if (tag, name) == ("th", "scope")]
+    assert len(scopes) == len(heads) > 20
+    assert page.tags.count("caption") == page.tags.count("table") == 6
+    links = {value for tag, name, value in page.attributes if (tag, name) == ("a", "href")}
+    ids = {f"#{value}" for _, name, value in page.attributes if name == "id"}
+    assert links <= ids
+    assert len(links) == 9
+
+
+def test_the_page_forbids_itself_scripts_and_requests(full_report):
+    page = Page(render_report(full_report))
+    policies = [value for tag, name, value in page.attributes
+                if tag == "meta" and name == "content" and "default-src" in value]  # fmt: skip
+    assert policies == [
+        "default-src 'none'; style-src 'unsafe-inline'; img-src data:;"
+        " base-uri 'none'; form-action 'none'"
+    ]
+
+
+def test_models_that_differ_between_motions_have_a_column_each():
+    motions = (
+        Motion("a", 0.0, 3.0, 0.01, (ModelRow("3D-L", 0.00111, 0.1),)),
+        Motion("b", 4.0, 7.0, 0.01, (ModelRow("3D-NL", 0.00222, 0.1),)),
+    )
+    html = render_report(replace(REPORT, motions=motions))
+    assert html.count('data-path="/motions/0/models/0/sigma">1.11<') == 1
+    assert html.count('data-path="/motions/1/models/0/sigma">2.22<') == 1
+    assert html.count(">–</td>") == 4
+
+
+def test_the_motions_that_the_model_follows_worst_are_drawn():
+    motions = tuple(
+        Motion(str(i), 0.8 * i, 0.8 * i + 0.7, 0.01, (ModelRow("3D-NL", 1e-3 * (i % 5), 0.1),))
+        for i in range(10)
+    )
+    html = render_report(replace(REPORT, motions=motions))
+    drawn = re.findall(r'aria-label="Line chart of the heights over motion (\d+)"', html)
+    assert drawn == ["3", "4", "5", "8", "9", "10"]

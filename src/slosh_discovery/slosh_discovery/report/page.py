@@ -29,6 +29,10 @@ from slosh_discovery.report.units import DASH, digits_that_differ, shown
 
 ROWS = 100
 """Most rows of a table on the page; the JSON document holds them all."""
+UNREADABLE = re.compile(
+    "[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\ud800-\udfff\u202a-\u202e\u2066-\u2069]"
+)
+"""Control characters, halves of surrogate pairs, and overrides of the direction of writing."""
 CLOSE_UPS = 6
 """Most motions that are drawn on their own."""
 
@@ -197,10 +201,8 @@ def _below(value: float, lower: float | None) -> bool:
 
 
 def readable(value: Any) -> Any:
-    """Texts without what a page cannot hold: control characters and halves of surrogate pairs."""
-    if type(value) is not str:
-        return value
-    return re.sub(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\ud800-\udfff]", "\ufffd", value)
+    """A text without what a page cannot hold or what reorders the letters around it."""
+    return UNREADABLE.sub("\ufffd", value) if type(value) is str else value
 
 
 def data_uri(frame: Frame) -> str:

@@ -96,7 +96,8 @@ def _frame(axes: Any, free: float) -> None:
     drawn = axes.dataLim.y1
     top = 1.05 * drawn if np.isfinite(drawn) and drawn > 0.0 else 1.0
     axes.set_ylim(0.0, top)
-    circles = [r for r in MaxNLocator(4).tick_values(0.0, top).tolist() if 0.0 < r < 0.95 * top]
+    ticks = np.asarray(MaxNLocator(4).tick_values(0.0, top), dtype=np.float64)
+    circles = [radius for radius in ticks.tolist() if 0.0 < radius < 0.95 * top]
     axes.set_yticks(circles, [])
     for circle in circles:  # texts of their own: those of an axis lie below the lines
         axes.text(

@@ -1,0 +1,208 @@
+"""The page in a real browser: what people see, and that nothing else happens."""
+
+from __future__ import annotations
+
+import json
+import re
+import threading
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+
+import headless_browser
+import pytest
+from headless_browser import View
+
+from slosh_discovery.report import render_report, report_document
+
+pytestmark = pytest.mark.skipif(
+    headless_browser.find_browser() is None, reason="no Chromium or Chrome on this machine"
+)
+
+A4 = 688
+"""What is left of an A4 sheet between the margins [CSS px]."""
+LOOK = """
+const all = (selector) => [...document.querySelectorAll(selector)];
+const shown = (element) => element.getClientRects().length > 0;
+return {
+  hacked: window.hacked ?? null,
+  scripts: document.scripts.length,
+  heading: document.querySelector("h1").textContent,
+  width: document.documentElement.clientWidth,
+  wanted: document.documentElement.scrollWidth,
+  background: window.getComputedStyle(document.body).backgroundColor,
+  line: window.getComputedStyle(document.querySelector(".chart path[style*=nonlinear]")).stroke,
+  charts: all(".chart svg").filter(shown).map((svg) => svg.getBoundingClientRect().width),
+  images: all("img").map((image) => image.naturalWidth),
+  cut: all(".scroll").filter((part) => part.scrollWidth > part.clientWidth + 1).length,
+  named: all("[role=img], img").every(
+    (e) => (e.getAttribute("aria-label") ?? e.getAttribute("alt")).length > 3),
+  numbers: all("data").map((e) => [e.dataset.path, e.value, e.textContent]),
+  bare: all("td.n").filter((e) => e.querySelector("data") === null).map((e) => e.textContent),
+};
+"""
+
+
+class Listener:
+    """A local server that remembers what was asked of it."""
+
+    def __init__(self):
+        asked = self.asked = []
+
+        class Handler(BaseHTTPRequestHandler):
+            def do_GET(self):
+                asked.append(self.path)
+                self.send_error(404)
+
+            def log_message(self, *_):
+                pass
+
+        self.server = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
+        self.address = f"http://127.0.0.1:{self.server.server_port}"
+        threading.Thread(target=self.server.serve_forever, daemon=True).start()
+
+
+@pytest.fixture(scope="module")
+def listener():
+    listener = Listener()
+    yield listener
+    listener.server.shutdown()
+    listener.server.server_close()
+
+
+@pytest.fixture(scope="module")
+def page(full_report):
+    return render_report(full_report)
+
+
+@pytest.fixture(scope="module")
+def seen(page, hostile_report, listener):
+    """All views in one start of the browser; the page on paper is its print style at A4."""
+    hostile = render_report(hostile_report).replace("http://127.0.0.1:9", listener.address)
+    paper = page.replace("@media print", "@media all").replace("(max-width: 44rem)", "print")
+    views = {
+        "desktop": View(page),
+        "dark": View(page, dark=True),
+        "phone": View(page, width=390),
+        "small phone": View(page, width=320),
+        "paper": View(paper, width=A4, dark=True),
+        "hostile": View(hostile, width=390),
+    }
+    look = headless_browser.look(list(views.values()), LOOK)
+    return {**dict(zip(views, look.values, strict=True)), "console": look.console}
+
+
+def test_it_renders_with_charts_and_images(seen):
+    assert seen["desktop"]["heading"] == "cup_two_motions"
+    assert len(seen["desktop"]["charts"]) == 5  # heights, residual, two motions, azimuth
+    assert min(seen["desktop"]["charts"]) > 300.0
+    assert seen["desktop"]["images"] == [8, 8]
+    assert seen["desktop"]["named"]
+
+
+def test_no_error_is_in_the_console(seen):
+    assert seen["console"] == []
+
+
+@pytest.mark.parametrize("view", ["desktop", "phone", "small phone", "paper", "hostile"])
+def test_nothing_is_wider_than_the_screen(seen, view):
+    assert seen[view]["wanted"] <= seen[view]["width"]
+
+
+def test_charts_have_a_drawing_of_their_own_on_a_phone(seen):
+    assert len(seen["phone"]["charts"]) == len(seen["desktop"]["charts"])
+    assert min(seen["phone"]["charts"]) > 320.0
+
+
+def test_no_table_is_cut_on_paper(seen):
+    assert seen["paper"]["cut"] == 0
+
+
+def test_colours_follow_the_reader_and_paper_is_white(seen):
+    assert seen["desktop"]["background"] == "rgb(251, 250, 247)"
+    assert seen["dark"]["background"] == "rgb(20, 23, 27)"
+    assert seen["dark"]["line"] != seen["desktop"]["line"]
+    assert seen["paper"]["background"] == "rgb(255, 255, 255)"
+
+
+def test_every_number_is_that_of_the_document(seen, full_report):
+    document = json.loads(json.dumps(report_document(full_report), allow_nan=False))
+    numbers = seen["desktop"]["numbers"]
+    assert len(numbers) > 70
+    for path, value, _ in numbers:
+        there = at(document, path)
+        assert type(there) is type(json.loads(value)), path
+        assert there == json.loads(value), path
+
+
+def test_every_shown_number_is_the_rounded_one(seen, full_report):
+    document = report_document(full_report)
+    for path, value, text in seen["desktop"]["numbers"]:
+        number = json.loads(value)
+        if number is None:
+            assert text == "–", path
+            continue
+        digits = len(text.split(".")[1]) if "." in text and "e" not in text else 0
+        shown = float(text.replace("−", "-"))
+        if "e" in text:
+            assert shown == pytest.approx(number, rel=0.01), path
+            continue
+        expected = SCALES[unit(document, path)] * number
+        assert abs(shown - expected) <= 0.5000001 * 10.0**-digits, path
+
+
+def test_every_cell_of_numbers_carries_them(seen):
+    assert set(seen["desktop"]["bare"]) <= {"any", "–"}
+
+
+def test_texts_of_a_hostile_bag_are_texts(seen):
+    assert seen["hostile"]["hacked"] is None
+    assert seen["hostile"]["scripts"] == 0
+    assert seen["hostile"]["heading"].startswith("title</pre></title></style><script>")
+    assert seen["hostile"]["images"] == [8]
+    assert not set(seen["hostile"]["heading"]) & set("\x00\x1b\u202e")
+
+
+def test_no_request_leaves_and_an_error_would_be_seen(page, seen, listener):
+    """The same look at pages that do what a report must not: both are noticed."""
+    open_page = page[: page.index("<meta http-equiv")] + page[page.index("<meta name=") :]
+    wish = "<main><img alt='any image' src='{}/{}'><script>throw new Error('seen')</script>"
+    pages = [
+        text.replace("<main>", wish.format(listener.address, name))
+        for text, name in ((open_page, "open"), (page, "strict"))
+    ]
+    assert listener.asked == []  # of the hostile page, looked at before
+    look = headless_browser.look([View(text) for text in pages], LOOK)
+    assert listener.asked == ["/open"]
+    assert any("seen" in line for line in look.console)
+    assert sum("Content Security Policy" in line for line in look.console) == 2
+
+
+def test_it_prints_on_several_sheets(page, tmp_path):
+    target = tmp_path / "page.pdf"
+    headless_browser.print_pdf(page, target)
+    content = target.read_bytes()
+    assert content.startswith(b"%PDF-")
+    assert 2 <= len(re.findall(rb"/Type\s*/Page\b", content)) <= 8
+
+
+SCALES = {"mm": 1e3, "%": 1e2, "s": 1.0, "°": 57.29577951308232, "": 1.0}
+UNITS = {
+    "sigma": "mm", "rms": "mm", "peak": "mm", "limit": "mm", "threshold": "mm", "epsilon": "%",
+    "offset": "s", "start": "s", "end": "s", "duration": "s", "peak_time": "s", "first": "s",
+    "median": "°", "count": "", "same": "", "total": "", "rate": "", "lost": "",
+    "recorded": "", "replayed": "", "largest": "",
+}  # fmt: skip
+
+
+def unit(document, path):
+    """The unit in which a number is shown."""
+    steps = path.split("/")[1:]
+    if steps[0] in ("checks", "key_figures"):
+        return at(document, f"/{steps[0]}/{steps[1]}/unit")
+    return UNITS[steps[-1]]
+
+
+def at(document, path):
+    """What a JSON pointer points at."""
+    for step in path.split("/")[1:]:
+        document = document[int(step) if isinstance(document, list) else step]
+    return document

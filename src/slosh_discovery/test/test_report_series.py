@@ -1,0 +1,177 @@
+"""Long series with holes become short lines with the same extremes and the same holes."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from slosh_discovery.report import AzimuthSeries, render_report
+from slosh_discovery.report.charts import NARROW, heights_chart, residual
+from slosh_discovery.report.polar import azimuth_agreement
+from slosh_discovery.report.series import envelope, gaps, highest, lone, united
+
+
+def test_long_series_keep_their_extremes():
+    t = np.arange(100_000.0)
+    values = np.sin(t)
+    values[77_777] = 9.0
+    short_t, short = envelope(t, values)
+    assert len(short_t) <= 1300
+    assert 9.0 in short
+    assert np.all(np.diff(short_t) > 0)
+
+
+def test_short_series_stay_as_they_are():
+    t = np.arange(0.0, 5.0, 0.01)
+    short_t, short = envelope(t, np.sin(t))
+    assert np.array_equal(short_t, t)
+    assert np.array_equal(short, np.sin(t))
+
+
+@pytest.mark.parametrize("count", [600, 60_000])
+def test_a_gap_parts_the_line_and_a_lost_sample_does_not(count):
+    t = np.linspace(0.0, 10.0, count)
+    values = np.cos(t)
+    values[(t > 4.0) & (t < 5.0)] = np.nan
+    values[count // 10] = np.nan
+    short_t, short = envelope(t, values)
+    assert short_t[np.isnan(short)] == pytest.approx([4.5], abs=0.05)
+
+
+def test_a_gap_in_time_itself_parts_the_line_too():
+    t = np.concatenate([np.arange(0.0, 2.0, 0.016), np.arange(3.0, 5.0, 0.016)])
+    short = envelope(t, np.ones(len(t)))[1]
+    assert np.isnan(short).sum() == 1
+    ((start, end),) = gaps(t, np.ones(len(t)))
+    assert (start, end) == pytest.approx((2.0, 3.0), abs=0.02)
+
+
+def test_gaps_count_at_both_ends_and_over_all():
+    t = np.arange(0.0, 10.0, 0.01)
+    values = np.where((t < 1.0) | (t > 9.0), np.nan, 1.0)
+    assert np.array(gaps(t, values)) == pytest.approx(
+        np.array([[0.0, 1.0], [9.0, 9.99]]), abs=0.02
+    )
+    assert gaps(t, np.full(len(t), np.nan)) == ((0.0, pytest.approx(9.99)),)
+    assert gaps(np.empty(0), np.empty(0)) == ()
+
+
+def test_a_slow_camera_has_no_gaps():
+    t = np.arange(0.0, 10.0, 0.5)
+    assert gaps(t, np.ones(len(t))) == ()
+
+
+def test_single_samples_between_gaps_are_found():
+    nan = np.nan
+    values = np.array([1.0, nan, 2.0, nan, 3.0, 4.0])
+    assert lone(values).tolist() == [True, False, True, False, False, False]
+
+
+def test_the_highest_of_equal_shares():
+    values = np.arange(1000.0)
+    values[500] = 5000.0
+    chosen = highest(values, 10)
+    assert len(chosen) == 10
+    assert 500 in chosen
+
+
+def test_spans_are_united_where_they_touch():
+    assert united([(3.0, 4.0), (0.0, 1.0), (1.05, 2.0)], 0.1) == [(0.0, 2.0), (3.0, 4.0)]
+
+
+def test_a_lower_bound_below_the_model_is_no_residual(full_report):
+    saturated = np.zeros(len(full_report.t), dtype=bool)
+    saturated[[300, 400]] = True
+    model = full_report.measured.copy()
+    model[300] += 1e-3
+    model[400] -= 1e-3
+    difference = residual(replace(full_report, saturated=saturated), model)
+    assert np.isnan(difference[300])
+    assert difference[400] == pytest.approx(1e-3)
+
+
+def test_lower_bounds_gaps_motions_and_frames_are_marked(full_report):
+    drawn = heights_chart(full_report, NARROW, "x")
+    assert "var(--gap)" in drawn
+    assert all(f">{mark}</text>" in drawn for mark in ("1", "2", "A"))
+    plain = replace(full_report, saturated=None)
+    assert len(heights_chart(plain, NARROW, "x")) < len(drawn)
+
+
+def test_a_page_of_hours_stays_below_a_megabyte(full_report):
+    t = np.arange(0.0, 3.0 * 3600.0, 1.0 / 60.0)
+    measured = np.abs(np.sin(3.0 * t)) * 0.02 + np.random.default_rng(1).normal(0.0, 5e-4, len(t))
+    measured[(t % 50.0) < 2.0] = np.nan
+    motion, event = full_report.motions[0], full_report.events[0]
+    report = replace(
+        full_report,
+        t=t, measured=measured, linear=1.1 * measured, nonlinear=0.9 * measured,
+        saturated=measured > 0.019,
+        motions=tuple(replace(motion, start=10.0 * i, end=10.0 * i + 8.0) for i in range(1000)),
+        events=tuple(replace(event, start=5.0 * i, end=5.0 * i + 1.0) for i in range(2000)),
+        measured_azimuth=AzimuthSeries("measured", t, 0.9 * t % 6.0, measured),
+        estimated_azimuth=AzimuthSeries("3D-NL", t, 0.9 * t % 6.0, measured),
+        frames=(),
+    )  # fmt: skip
+    page = render_report(report)
+    assert len(page.encode()) < 1_000_000
+    assert "The first 100 of 2000" in page
+
+
+def azimuths(report, measured, estimated):
+    """The agreement of two azimuths [rad] at the same heights."""
+    heights = np.full(len(report.t), 0.02)
+    return azimuth_agreement(
+        replace(
+            report,
+            measured_azimuth=AzimuthSeries("measured", report.t, measured, heights),
+            estimated_azimuth=AzimuthSeries("3D-NL", report.t, estimated, heights),
+        )
+    )
+
+
+def test_azimuths_on_both_sides_of_pi_are_close(full_report):
+    same = np.full(len(full_report.t), np.pi - 0.01)
+    agreement = azimuths(full_report, same, -same)
+    assert agreement.median == pytest.approx(0.02)
+    assert agreement.count == len(full_report.t)
+
+
+def test_flat_moments_and_gaps_do_not_count_in_the_azimuth(full_report):
+    agreement = azimuth_agreement(full_report)
+    estimated = full_report.estimated_azimuth
+    kept = slice(0, None, 60)  # one estimate in a second: no gap by its own rhythm
+    sparse = AzimuthSeries("x", estimated.t[kept], estimated.azimuth[kept], estimated.height[kept])
+    hole = np.where((estimated.t > 1.0) & (estimated.t < 4.0), np.nan, estimated.height)
+    holed = replace(full_report, estimated_azimuth=replace(estimated, height=hole))
+    assert agreement.median == pytest.approx(0.05, abs=1e-3)
+    assert agreement.threshold == pytest.approx(0.25 * 0.0213, rel=1e-3)
+    assert azimuth_agreement(holed).count < agreement.count < len(full_report.t)
+    assert azimuth_agreement(replace(full_report, estimated_azimuth=sparse)).count > 0
+
+
+def test_without_estimates_there_is_no_agreement(full_report):
+    alone = azimuth_agreement(replace(full_report, estimated_azimuth=None))
+    assert alone.count == 0
+    assert np.isnan(alone.median)
+    assert "Half of the azimuths" not in render_report(
+        replace(full_report, estimated_azimuth=None)
+    )
+
+
+def test_the_estimated_path_does_not_cross_the_container(full_report):
+    """A crest that changes sides leaves a hole in the path: the page draws no way between."""
+    t = full_report.t
+    flipping = np.where(np.sin(3.0 * t) > 0.0, 0.0, np.pi)
+    series = AzimuthSeries("3D-NL", t, flipping, np.full(len(t), 0.02))
+    page = render_report(replace(full_report, estimated_azimuth=series, measured_azimuth=None))
+    (chart,) = re.findall(r"<svg[^>]*>(?:(?!</svg>).)*azimuth-(?:(?!</svg>).)*</svg>", page, re.S)
+    paths = re.findall(r'd="([^"]*)"[^>]*stroke: var\(--nonlinear\)', chart)
+    assert paths
+    for path in paths:
+        for part in path.split("M")[1:]:
+            points = np.array([float(x) for x in re.findall(r"-?[\d.]+", part)]).reshape(-1, 2)
+            assert np.ptp(points, axis=0).max() < 20.0
