@@ -31,6 +31,7 @@ return {
   background: window.getComputedStyle(document.body).backgroundColor,
   line: window.getComputedStyle(document.querySelector(".chart path[style*=nonlinear]")).stroke,
   charts: all(".chart svg").filter(shown).map((svg) => svg.getBoundingClientRect().width),
+  letters: all(".chart svg text").filter(shown).map((e) => e.getBoundingClientRect().height),
   images: all("img").map((image) => image.naturalWidth),
   cut: all(".scroll").filter((part) => part.scrollWidth > part.clientWidth + 1).length,
   named: all("[role=img], img").every(
@@ -107,9 +108,10 @@ def test_nothing_is_wider_than_the_screen(seen, view):
     assert seen[view]["wanted"] <= seen[view]["width"]
 
 
-def test_charts_have_a_drawing_of_their_own_on_a_phone(seen):
-    assert len(seen["phone"]["charts"]) == len(seen["desktop"]["charts"])
-    assert min(seen["phone"]["charts"]) > 320.0
+@pytest.mark.parametrize("view", ["desktop", "phone", "paper"])
+def test_letters_in_charts_are_large_enough_to_read(seen, view):
+    assert len(seen[view]["charts"]) == 5
+    assert min(seen[view]["letters"]) > 7.5
 
 
 def test_no_table_is_cut_on_paper(seen):
