@@ -284,3 +284,10 @@ def test_the_motions_that_the_model_follows_worst_are_drawn():
     html = render_report(replace(REPORT, motions=motions))
     drawn = re.findall(r'aria-label="Line chart of the heights over motion (\d+)"', html)
     assert drawn == ["3", "4", "5", "8", "9", "10"]
+
+
+def test_a_motion_that_is_called_by_its_number_is_not_numbered_twice():
+    motions = (Motion("1", 0.0, 3.0), Motion("", 3.0, 5.0), Motion("three", 5.0, 8.0))
+    html = render_report(replace(REPORT, motions=motions))
+    names = re.findall(r'<span class="badge">\d</span>(.*)\n<span class="when">', html)
+    assert names == ["", "", "three"]

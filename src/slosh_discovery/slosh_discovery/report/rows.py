@@ -196,7 +196,7 @@ class Motion:
     """One motion of the run, and how well each model followed the liquid over it.
 
     Attributes:
-        name: of the motion; may be empty.
+        name: of the motion; may be empty: the page numbers the motions itself.
         start, end: on the report's time axis [s].
         peak: highest measured [m].
         models: one row per model.
