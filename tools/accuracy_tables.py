@@ -20,7 +20,7 @@ from typing import Any
 from slosh_bag.antisloshing import import_antisloshing
 from slosh_bag.motion_table import read_motion_table
 from slosh_bag.replay import replay_bag, replay_table
-from slosh_bag.replay_result import update_table
+from slosh_bag.replay.result import update_table
 from slosh_bringup.cell.motions import MOTIONS
 from slosh_model.containers import Cylinder
 from slosh_model.model import Model

@@ -7,10 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from slosh_bag.replay_report import Surroundings, event_spans, replay_report
-from slosh_bag.replay_result import ModelAccuracy, ReplayResult
+from slosh_bag.replay.report import Surroundings, event_spans, replay_report
+from slosh_bag.replay.result import ModelAccuracy, ReplayResult
 from slosh_discovery.report import render_report
 from slosh_estimator.limits import Event, Kind, Source
+from slosh_estimator.monitor import MonitorSettings
 
 NAMES = ("2D-L", "3D-L", "2D-NL", "3D-NL")
 T = np.linspace(100.0, 104.0, 50)
@@ -21,7 +22,7 @@ END = Event(
 RESULT = ReplayResult(
     "run",
     "/slosh/accel",
-    T,
+    np.rint(T * 1e9).astype(np.int64),
     np.linspace(0.0, 0.03, 50),
     {name: np.full(50, 1e-3 * k) for k, name in enumerate(NAMES)},
     tuple(ModelAccuracy(name, 1e-3 * k, 0.1 * k, 0.1, 2e-3, 50) for k, name in enumerate(NAMES)),
@@ -48,18 +49,19 @@ def test_a_long_record_is_cut_to_where_there_are_estimates():
 
 
 def test_start_and_end_of_an_excess_are_one_span():
-    (span,) = event_spans((START, END), 100.0)
+    (span,) = event_spans((START, END), 100_000_000_000)
     assert (span.start, span.end) == pytest.approx((1.0, 2.5))
     assert (span.peak, span.description, span.source) == (0.03, "down again", "measured")
 
 
 def test_an_excess_without_end_stays_open():
-    (span,) = event_spans((START,), 100.0)
+    (span,) = event_spans((START,), 100_000_000_000)
     assert span.start == pytest.approx(1.0)
     assert np.isnan(span.end)
 
 
 def test_the_page_renders_with_its_surroundings():
-    html = render_report(replay_report(RESULT, Surroundings(title="Cell 7", limit=0.02)))
+    watched = replace(RESULT, limits=MonitorSettings(measured_limit=0.02))
+    html = render_report(replay_report(watched, Surroundings(title="Cell 7")))
     assert "Cell 7" in html
     assert "limit 20 mm" in html

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import shutil
 import time
@@ -10,14 +11,16 @@ from collections.abc import Callable
 from pathlib import Path
 
 from slosh_bag.errors import SloshBagError
+from slosh_bag.replay import ReplayResult, replay_bag
+from slosh_bag.replay.report import Surroundings
 from slosh_bringup.cell_setup import CellSetup
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.processes import NodeGroup, NodeProcess, node_environment
+from slosh_bringup.replaying import page_text
 from slosh_bringup.run_data import read_run
-from slosh_bringup.run_report import make_report
 from slosh_bringup.run_result import RunResult, evaluate
 from slosh_camera.calibration import read_any_calibration
-from slosh_discovery.report import render_report
+from slosh_discovery.report import KeyFigure
 from slosh_estimator.model_file import read_model
 
 POLL = 0.1
@@ -84,22 +87,32 @@ def run_nodes(
             progress(time.monotonic() - started, "stopping")
 
 
-def write_results(setup: CellSetup, folder: Path, title: str) -> RunResult:
-    """Reads the bag and writes the report and the figures.
+def write_results(folder: Path, title: str) -> tuple[RunResult, ReplayResult]:
+    """Reads and replays the bag, and writes the report and the figures.
 
     Raises:
         SloshBringupError: nothing was recorded.
     """
+    bag = folder / BAG
     try:
-        data = read_run(folder / BAG)
+        run = evaluate(read_run(bag))
+        replayed = replay_bag(bag)
     except SloshBagError as error:
         raise SloshBringupError(
             f"nothing was recorded: {error} (logs in {folder / LOGS})"
         ) from None
-    result = evaluate(data)
-    model_text = setup.model.read_text()
-    calibration = read_any_calibration(setup.calibration)
-    report = make_report(data, result, title, model_text, calibration)
-    (folder / REPORT).write_text(render_report(report), encoding="utf-8")
-    (folder / RESULT).write_text(json.dumps(result.document(), indent=2) + "\n")
-    return result
+    around = Surroundings(title=title, key_figures=key_figures(run))
+    (folder / REPORT).write_text(page_text(bag, replayed, around), encoding="utf-8")
+    document = {**run.document(), "replay": json.loads(replayed.to_json())}
+    (folder / RESULT).write_text(json.dumps(document, indent=2) + "\n")
+    return run, replayed
+
+
+def key_figures(run: RunResult) -> tuple[KeyFigure, ...]:
+    """What only a live run has to tell."""
+    median, greatest = run.latency.get("monitor", (math.nan, math.nan))
+    lost = sum(run.lost.values())
+    note = "image to comparison, median"
+    if math.isfinite(greatest):
+        note += f"; at most {1e3 * greatest:.0f} ms"
+    return (KeyFigure("latency", median, "ms", note), KeyFigure("lost messages", float(lost), ""))

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from slosh_bag.replay import ReplayResult
 from slosh_bringup.run_data import RunData
 from slosh_discovery.metrics import mean_absolute_error, peak_error, rms_error
 
@@ -129,6 +130,20 @@ def table(result: RunResult) -> str:
     lines.append(f"dropped samples     {sum(result.dropped.values())}{_which(result.dropped)}")
     lines.append(f"limit events        {result.events}")
     return "\n".join(lines)
+
+
+def print_replay(replayed: ReplayResult) -> None:
+    """Whether the recording gives its own estimates again."""
+    for name, found in (
+        ("estimates", replayed.verification),
+        ("comparisons", replayed.comparisons),
+    ):
+        if found is None:
+            continue
+        total = found.recorded + found.missing
+        print(f"{'replayed ' + name:<20}{found.identical} of {total} bit for bit")
+        if name == "estimates" and not found.exact:
+            print("\n".join(found.lines()[1:]))
 
 
 def _which(counts: Mapping[str, int]) -> str:

@@ -13,6 +13,7 @@ common offset, found with one of the models, would favour that one.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -128,14 +129,23 @@ def despike(height: Array, share: float = OUTLIER_SHARE) -> Array:
         share: of the peak.
     """
     height = np.asarray(height, dtype=np.float64)
+    return np.where(find_spikes(height, spike_limit(height, share)), np.nan, height)
+
+
+def spike_limit(height: Array, share: float = OUTLIER_SHARE) -> float:
+    """By how much a spike exceeds both its neighbours, for a series like this one [m]."""
     finite = height[np.isfinite(height)]
     if finite.size < 3:
-        return height.copy()
-    limit = share * float(np.quantile(finite, 0.99) - np.quantile(finite, 0.01))
-    neighbours = np.fmax(height[:-2], height[2:])
+        return math.inf
+    low, high = (float(np.quantile(finite, part)) for part in (0.01, 0.99))
+    return max(share * (high - low), 1e-9)
+
+
+def find_spikes(height: Array, limit: float) -> NDArray[np.bool_]:
+    """Where a sample exceeds both its neighbours by more than a limit; never the first or last."""
     spikes = np.zeros(height.shape, dtype=bool)
-    spikes[1:-1] = height[1:-1] - neighbours > max(limit, 1e-9)
-    return np.where(spikes, np.nan, height)
+    spikes[1:-1] = height[1:-1] - np.fmax(height[:-2], height[2:]) > limit
+    return spikes
 
 
 def find_onset(t: Array, height: Array, threshold: float) -> float:

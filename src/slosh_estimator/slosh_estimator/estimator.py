@@ -71,6 +71,8 @@ class Estimates(NamedTuple):
         modal: (N, 2, modes, 4) x, y, vx, vy of each mode [m, m/s].
         jerk: (N,) [m/s³].
         flags: (N,) bits of EstimateFlag.
+        accelerations: (N, 3) the input [m/s²].
+        yaws: (N,) the input [rad].
     """
 
     stamps: Integers
@@ -78,6 +80,8 @@ class Estimates(NamedTuple):
     modal: Array
     jerk: Array
     flags: Integers
+    accelerations: Array
+    yaws: Array
 
 
 class Estimator:
@@ -151,7 +155,10 @@ class Estimator:
                 end = breaks[following] if following < len(breaks) else count
                 at = self._take_unbroken(batch, samples, at, end)
         heights = batch.rows[:, :8].reshape(-1, 2, 4)
-        return Estimates(batch.stamps, heights, batch.modal, batch.rows[:, JERK], batch.flags)
+        return Estimates(
+            batch.stamps, heights, batch.modal, batch.rows[:, JERK], batch.flags,
+            batch.accelerations, batch.yaws,
+        )  # fmt: skip
 
     def _take(self, sample: Sample) -> int:
         """Takes a sample; the answers are in the row afterwards. Returns the flags."""
@@ -175,12 +182,13 @@ class Estimator:
         """Takes samples that continue the one before; returns the index of the next one."""
         part = slice(start, end)
         stamps = batch.stamps[part]
-        count = estimate_kernel.steps(
+        last = stamps[0] if self._last_ns is None else self._last_ns
+        count: int = estimate_kernel.steps(
             self._linear.arrays,
             self._nonlinear.arrays,
             self._slow,
             self._limits,
-            np.diff(stamps, prepend=self._last_ns) / 1e9,
+            (stamps - np.concatenate(([last], stamps[:-1]))) / 1e9,
             batch.accelerations[part],
             batch.yaws[part],
             batch.rows[part],

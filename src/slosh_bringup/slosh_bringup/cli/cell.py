@@ -15,7 +15,7 @@ from slosh_bringup.live_run import (
     run_nodes,
     write_results,
 )
-from slosh_bringup.run_result import table
+from slosh_bringup.run_result import print_replay, table
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -34,8 +34,9 @@ def run(arguments: argparse.Namespace) -> int:
     prepare_folder(folder)
     with clock("recording, Ctrl-C to stop") as progress:
         run_nodes(setup, folder, progress)
-    result = write_results(setup, folder, f"Cell {arguments.config.stem}")
-    print(table(result))
+    run, replayed = write_results(folder, f"Cell {arguments.config.stem}")
+    print(table(run))
+    print_replay(replayed)
     print(f"bag                 {folder / BAG}")
     print(f"report              {folder / REPORT}")
     return 0

@@ -18,7 +18,7 @@ from slosh_bringup.live_run import (
     write_results,
 )
 from slosh_bringup.processes import NodeProcess, config_folder
-from slosh_bringup.run_result import table
+from slosh_bringup.run_result import print_replay, table
 
 STARTING = 4.0  # s; what the nodes take to find each other, for the progress bar
 
@@ -53,11 +53,12 @@ def run(arguments: argparse.Namespace) -> int:
     length = STARTING + arguments.repeat * motion.duration
     with progress_bar(f"motion {motion.name}", length, quiet=arguments.json) as progress:
         run_nodes(setup, folder, progress, simulated)
-    result = write_results(setup, folder, f"Simulated cell, motion {motion.name}")
+    run, replayed = write_results(folder, f"Simulated cell, motion {motion.name}")
     if arguments.json:
-        print(json.dumps(result.document()))
+        print(json.dumps({**run.document(), "replay": json.loads(replayed.to_json())}))
         return 0
-    print(table(result))
+    print(table(run))
+    print_replay(replayed)
     print(f"bag                 {folder / BAG}")
     print(f"report              {folder / REPORT}")
     return 0

@@ -34,3 +34,10 @@ def clock(title: str) -> Iterator[Progress]:
             bar.refresh()
 
         yield tell
+
+
+@contextmanager
+def item_progress(title: str, count: int, unit: str) -> Iterator[tqdm]:
+    """A bar over a number of items; none for a single one."""
+    with tqdm(desc=title, total=count, unit=unit, disable=count <= 1) as bar:
+        yield bar

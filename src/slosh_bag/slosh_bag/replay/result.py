@@ -7,16 +7,29 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from slosh_bag.errors import SloshBagError
+from slosh_bag.replay.verification import Verification
 from slosh_discovery.alignment import ClockOffset, StillLevel
 from slosh_estimator.limits import Event
+from slosh_estimator.monitor import MonitorSettings
+from slosh_model.model import Model
 
 Array = NDArray[np.float64]
+
+
+def _none() -> Array:
+    return np.empty(0)
+
+
+def _no_flags() -> NDArray[np.int64]:
+    return np.empty(0, dtype=np.int64)
+
+
 MODELS = ("2D-L", "3D-L", "2D-NL", "3D-NL")
 
 
@@ -45,32 +58,76 @@ class ModelAccuracy:
 
 
 @dataclass(frozen=True, slots=True)
+class MotionAccuracy:
+    """Agreement over one motion.
+
+    Attributes:
+        start, end: on the measured clock [s].
+        peak: greatest measured height, spikes left out [m].
+        models: of each model.
+    """
+
+    start: float
+    end: float
+    peak: float
+    models: tuple[ModelAccuracy, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class ReplayResult:
     """A replayed run.
+
+    The series are whole for runs up to some minutes; of a longer one they hold the extremes.
 
     Attributes:
         name: of the bag or table.
         source: topic or file that drove the models.
-        t: (N,) stamps of the images, on the measured clock [s].
+        stamps: (N,) of the images, on the measured clock [ns].
         measured: (N,) heights above the still level [m]; NaN: none.
         heights: (N,) of each model at the images [m]; NaN: no estimate.
-        accuracy: of each model, in the order of `heights`.
+        accuracy: of each model, in the order of `heights`; empty where nothing was measured.
+        motions: the same over each motion.
         events: limit events of the monitor.
         counters: samples used and dropped, gaps, images, spikes, …
         still: still level and noise where they were estimated.
+        azimuth: (N,) measured azimuth of the highest point [rad]; NaN: unknown.
+        model_azimuth: (N,) that of the loaded model's NL twin [rad]; NaN: none.
+        flags: (N,) of FreeSurface.msg.
+        verification, comparisons: recorded estimates and comparisons against replayed ones; None:
+            none were recorded.
+        model: that was replayed with.
+        limits: that the monitor watched.
         warnings: one line each.
     """
 
     name: str
     source: str
-    t: Array
+    stamps: NDArray[np.int64]
     measured: Array
     heights: Mapping[str, Array]
     accuracy: tuple[ModelAccuracy, ...]
+    motions: tuple[MotionAccuracy, ...] = ()
     events: tuple[Event, ...] = ()
     counters: Mapping[str, int] = field(default_factory=dict)
     still: StillLevel | None = None
+    azimuth: Array = field(default_factory=_none)
+    model_azimuth: Array = field(default_factory=_none)
+    flags: NDArray[np.int64] = field(default_factory=_no_flags)
+    verification: Verification | None = None
+    comparisons: Verification | None = None
+    model: Model | None = None
+    limits: MonitorSettings | None = None
     warnings: tuple[str, ...] = ()
+
+    @property
+    def t(self) -> Array:
+        """(N,) stamps of the images [s]."""
+        return np.asarray(self.stamps * 1e-9, dtype=np.float64)
+
+    @property
+    def seconds(self) -> float:
+        """Time from the first to the last image [s]; 0 where there are none."""
+        return float(self.stamps[-1] - self.stamps[0]) * 1e-9 if len(self.stamps) else 0.0
 
     def to_json(self, *, series: bool = False) -> str:
         """The result as JSON; a number that is not known is null.
@@ -82,6 +139,9 @@ class ReplayResult:
             "name": self.name,
             "source": self.source,
             "accuracy": [_plain(row) for row in self.accuracy],
+            "motions": [_plain(motion) for motion in self.motions],
+            "verification": _verified(self.verification),
+            "comparisons": _verified(self.comparisons),
             "events": [_plain(event) for event in self.events],
             "counters": dict(self.counters),
             "still": None if self.still is None else _plain(self.still),
@@ -96,7 +156,19 @@ class ReplayResult:
         return json.dumps(document, indent=2, allow_nan=False)
 
 
-def accuracy_table(results: Sequence[ReplayResult]) -> str:
+class Judged(Protocol):
+    """A run with a name, and with the accuracy of each model."""
+
+    @property
+    def name(self) -> str:
+        """Of the run."""
+
+    @property
+    def accuracy(self) -> tuple[ModelAccuracy, ...]:
+        """Of each model."""
+
+
+def accuracy_table(results: Sequence[Judged]) -> str:
     """σ, ε and clock offset by run and model, and their means, as a Markdown table.
 
     Args:
@@ -121,7 +193,7 @@ def accuracy_table(results: Sequence[ReplayResult]) -> str:
     return "\n".join([*lines, "", "σ in mm, ε in %, clock offset in s.", ""])
 
 
-def update_table(page: Path, name: str, results: Sequence[ReplayResult]) -> None:
+def update_table(page: Path, name: str, results: Sequence[Judged]) -> None:
     """Replaces a table in a Markdown page.
 
     The table stands between the lines `<!-- table NAME -->` and `<!-- end NAME -->`.
@@ -168,17 +240,32 @@ def _percent(fraction: float) -> str:
     return f"{100.0 * fraction:+.1f}"
 
 
+def _verified(found: Verification | None) -> dict[str, Any] | None:
+    if found is None:
+        return None
+    document = {name: _value(value) for name, value in _items(found)}
+    return {**document, "exact": found.exact}
+
+
 def _plain(value: Any) -> dict[str, Any]:
     """Fields of a dataclass, with what JSON cannot say as null."""
-    document: dict[str, Any] = {}
-    for item in fields(value):
-        entry = getattr(value, item.name)
-        if hasattr(entry, "__dataclass_fields__"):
-            entry = _plain(entry)
-        elif isinstance(entry, float) and not math.isfinite(entry):
-            entry = None
-        document[item.name] = entry
-    return document
+    return {name: _value(entry) for name, entry in _items(value)}
+
+
+def _items(value: Any) -> list[tuple[str, Any]]:
+    return [(item.name, getattr(value, item.name)) for item in fields(value)]
+
+
+def _value(entry: Any) -> Any:
+    if hasattr(entry, "__dataclass_fields__"):
+        return _plain(entry)
+    if isinstance(entry, tuple):
+        return [_value(part) for part in entry]
+    if isinstance(entry, dict):
+        return {name: _value(part) for name, part in entry.items()}
+    if isinstance(entry, float) and not math.isfinite(entry):
+        return None
+    return entry
 
 
 def _numbers(values: Array) -> list[float | None]:

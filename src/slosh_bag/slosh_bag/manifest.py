@@ -1,0 +1,276 @@
+"""`manifest.yaml`: what each bag of a folder shows, and what its replay must give.
+
+    bags:
+      c3:
+        shows: DL22's 3D motion c, in the simulated cell
+        estimates: exact
+        images: 552
+        drops: 0
+        sigma: {3D-NL: {value: 0.000134, tolerance: 1.0e-6}}
+        epsilon: {3D-NL: {value: -0.0139, tolerance: 0.001}}
+        events:
+          - {source: measured, peak: {value: 0.0245, tolerance: 1.0e-6}}
+        warnings: []
+
+Numbers are in SI units; ε is a fraction. `estimates` is `exact`: the recorded estimates must come
+out again bit for bit; a number: within so much; or absent: not looked at. Everything else that is
+absent is not looked at either, but for `warnings`: those that are not announced fail.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from slosh_bag.errors import SloshBagError
+
+NAME = "manifest.yaml"
+EXACT = "exact"
+SOURCES = ("measured", "estimated", "disagreement")
+_KEYS = (
+    "shows", "model", "estimates", "images", "drops", "sigma", "epsilon", "events", "warnings",
+)  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Expected:
+    """A number and by how much it may be missed."""
+
+    value: float
+    tolerance: float
+
+    @property
+    def bounds(self) -> tuple[float, float]:
+        """Lowest and highest value that passes."""
+        return self.value - self.tolerance, self.value + self.tolerance
+
+
+@dataclass(frozen=True, slots=True)
+class ExpectedEvent:
+    """An excess of a limit.
+
+    Attributes:
+        source: one of SOURCES.
+        peak: [m]; None: any.
+        duration: [s]; None: any.
+    """
+
+    source: str
+    peak: Expected | None = None
+    duration: Expected | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Expectation:
+    """What the replay of one bag must give; None: not looked at.
+
+    Attributes:
+        shows: what the bag is there for.
+        model: file to replay with; None: the recorded model.
+        tolerance: by how much replayed estimates may differ from recorded ones [SI units]; 0: not
+            in a single bit; None: not looked at.
+        images, drops: measurements, and input samples that were not used.
+        sigma: mean absolute error by model [m].
+        epsilon: relative error of the maximum by model [1].
+        events: excesses of limits, in order.
+        warnings: a part of each warning that must and may come.
+    """
+
+    shows: str = ""
+    model: Path | None = None
+    tolerance: float | None = None
+    images: int | None = None
+    drops: int | None = None
+    sigma: Mapping[str, Expected] = field(default_factory=dict)
+    epsilon: Mapping[str, Expected] = field(default_factory=dict)
+    events: tuple[ExpectedEvent, ...] | None = None
+    warnings: tuple[str, ...] = ()
+
+
+def read_manifest(path: Path) -> dict[str, Expectation]:
+    """The expectations by the name of the bag.
+
+    Raises:
+        SloshBagError: the file cannot be read, or a key or value is not known; one line that
+            names the file, the bag and the key.
+    """
+    try:
+        document = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise SloshBagError(f"{path}: {error.strerror}") from None
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise SloshBagError(f"{path}: not YAML: {' '.join(str(error).split())}") from None
+    bags = document.get("bags") if isinstance(document, dict) else None
+    if not isinstance(bags, dict) or set(document) != {"bags"}:
+        raise SloshBagError(f"{path}: must hold one key, bags, with the bags by name")
+    return {
+        str(name): _expectation(_Place(path, f"bags.{name}"), entry)
+        for name, entry in bags.items()
+    }
+
+
+def write_manifest(path: Path, bags: Mapping[str, Expectation]) -> None:
+    """Writes a manifest; what a bag shows, its model and its own warnings' texts are kept.
+
+    Args:
+        path: the file; bags that it names and that are not given are kept as they are.
+        bags: what their replays must give, by name.
+
+    Raises:
+        SloshBagError: the file that is there is no manifest, or it cannot be written.
+    """
+    old = read_manifest(path) if path.is_file() else {}
+    merged = {**old, **{name: _kept(old.get(name), new) for name, new in bags.items()}}
+    document = {"bags": {name: _document(path, merged[name]) for name in sorted(merged)}}
+    text = yaml.safe_dump(document, sort_keys=False, allow_unicode=True, width=99)
+    try:
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise SloshBagError(f"{path}: {error.strerror}") from None
+
+
+def _kept(old: Expectation | None, new: Expectation) -> Expectation:
+    """The new figures with the old texts; a stated part of a warning serves as long as it fits."""
+    if old is None:
+        return new
+    texts = tuple(
+        next((text for text in old.warnings if text in warning), warning)
+        for warning in new.warnings
+    )
+    return replace(new, shows=old.shows, model=old.model, warnings=texts)
+
+
+def _document(path: Path, bag: Expectation) -> dict[str, Any]:
+    model = None if bag.model is None else bag.model.relative_to(path.parent).as_posix()
+    estimates = None if bag.tolerance is None else (bag.tolerance or EXACT)
+    document: dict[str, Any] = {
+        "shows": bag.shows, "model": model, "estimates": estimates, "images": bag.images,
+        "drops": bag.drops,
+        "sigma": {name: _pair(value) for name, value in bag.sigma.items()},
+        "epsilon": {name: _pair(value) for name, value in bag.epsilon.items()},
+        "events": None if bag.events is None else [_event_document(e) for e in bag.events],
+        "warnings": list(bag.warnings),
+    }  # fmt: skip
+    return {key: value for key, value in document.items() if value not in (None, {}, "")}
+
+
+def _event_document(event: ExpectedEvent) -> dict[str, Any]:
+    found = {"peak": event.peak, "duration": event.duration}
+    return {"source": event.source, **{k: _pair(v) for k, v in found.items() if v is not None}}
+
+
+def _pair(value: Expected) -> dict[str, float]:
+    """Rounded to a hundredth of the tolerance, which no check sees."""
+    digits = 2 - math.floor(math.log10(value.tolerance)) if value.tolerance > 0.0 else 17
+    return {"value": round(value.value, digits), "tolerance": value.tolerance}
+
+
+@dataclass(frozen=True, slots=True)
+class _Place:
+    """Where in the file something stands, for errors."""
+
+    path: Path
+    key: str
+
+    def under(self, key: object) -> _Place:
+        return _Place(self.path, f"{self.key}.{key}")
+
+    def error(self, problem: str) -> SloshBagError:
+        return SloshBagError(f"{self.path}: {self.key}: {problem}")
+
+
+def _expectation(place: _Place, entry: Any) -> Expectation:
+    _check_keys(place, entry, _KEYS)
+    model = entry.get("model")
+    if model is not None and not isinstance(model, str):
+        raise place.under("model").error(f"{model!r} is no file name")
+    return Expectation(
+        shows=str(entry.get("shows", "")),
+        model=None if model is None else place.path.parent / model,
+        tolerance=_tolerance(place.under("estimates"), entry.get("estimates")),
+        images=_count(place.under("images"), entry.get("images")),
+        drops=_count(place.under("drops"), entry.get("drops")),
+        sigma=_by_model(place.under("sigma"), entry.get("sigma", {})),
+        epsilon=_by_model(place.under("epsilon"), entry.get("epsilon", {})),
+        events=_events(place.under("events"), entry.get("events")),
+        warnings=_texts(place.under("warnings"), entry.get("warnings", [])),
+    )
+
+
+def _check_keys(place: _Place, entry: Any, known: tuple[str, ...]) -> None:
+    if not isinstance(entry, dict):
+        raise place.error(f"must be a mapping with keys of {', '.join(known)}")
+    for key in entry:
+        if key not in known:
+            raise place.error(f"unknown key {key!r} (known: {', '.join(known)})")
+
+
+def _tolerance(place: _Place, value: Any) -> float | None:
+    if value is None or value == EXACT:
+        return None if value is None else 0.0
+    return _number(place, value, least=0.0)
+
+
+def _number(place: _Place, value: Any, least: float = -math.inf) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise place.error(f"{value!r} is no number; write 1.0e-6 for 1e-6")
+    if not (math.isfinite(value) and value >= least):
+        raise place.error(f"{value!r} must be finite and at least {least:g}")
+    return float(value)
+
+
+def _count(place: _Place, value: Any) -> int | None:
+    if value is None:
+        return None
+    if isinstance(value, bool) or not isinstance(value, int) or value < 0:
+        raise place.error(f"{value!r} is no number of messages")
+    return value
+
+
+def _expected(place: _Place, entry: Any) -> Expected:
+    _check_keys(place, entry, ("value", "tolerance"))
+    for key in ("value", "tolerance"):
+        if key not in entry:
+            raise place.error(f"{key} is missing")
+    return Expected(
+        _number(place.under("value"), entry["value"]),
+        _number(place.under("tolerance"), entry["tolerance"], least=0.0),
+    )
+
+
+def _by_model(place: _Place, entry: Any) -> dict[str, Expected]:
+    if not isinstance(entry, dict):
+        raise place.error("must be a mapping from the model's name, such as 3D-NL")
+    return {str(name): _expected(place.under(name), value) for name, value in entry.items()}
+
+
+def _events(place: _Place, entries: Any) -> tuple[ExpectedEvent, ...] | None:
+    if entries is None:
+        return None
+    if not isinstance(entries, list):
+        raise place.error("must be a list")
+    return tuple(_event(place.under(index), entry) for index, entry in enumerate(entries))
+
+
+def _event(place: _Place, entry: Any) -> ExpectedEvent:
+    _check_keys(place, entry, ("source", "peak", "duration"))
+    if entry.get("source") not in SOURCES:
+        raise place.under("source").error(f"must be one of {', '.join(SOURCES)}")
+    return ExpectedEvent(
+        entry["source"],
+        *(
+            _expected(place.under(key), entry[key]) if key in entry else None
+            for key in ("peak", "duration")
+        ),
+    )
+
+
+def _texts(place: _Place, value: Any) -> tuple[str, ...]:
+    if not isinstance(value, list) or not all(isinstance(text, str) for text in value):
+        raise place.error("must be a list of texts")
+    return tuple(value)

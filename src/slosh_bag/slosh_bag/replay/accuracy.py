@@ -1,0 +1,168 @@
+"""Judges replayed estimates against measurements.
+
+ε compares two maxima, and a single wrong sample can be the measured one. So samples that stand
+out of both neighbours by more than 15 % of the range of the heights are left out of ε, as no
+crest of sloshing that is sampled at 60 Hz does that; ε with them is given beside it. σ and RMS
+leave them out too; a handful of samples among hundreds does not move them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_bag.errors import SloshBagError
+from slosh_bag.replay.result import ModelAccuracy, MotionAccuracy
+from slosh_bag.replay.series import Series
+from slosh_discovery.alignment import ClockOffset, find_spikes, spike_limit
+from slosh_discovery.metrics import relative_peak_error
+from slosh_estimator.monitor import SATURATED
+
+Array = NDArray[np.float64]
+
+SAMPLED = 200_000
+"""Heights that the limit of a spike is taken from."""
+
+
+class Judgement(NamedTuple):
+    """What the images of a run say about the models.
+
+    Attributes:
+        models: over the whole run.
+        motions: over each motion.
+        spikes: samples of the measurement that were left out.
+    """
+
+    models: tuple[ModelAccuracy, ...] = ()
+    motions: tuple[MotionAccuracy, ...] = ()
+    spikes: int = 0
+
+
+@dataclass(slots=True)
+class _Sums:
+    """What accumulates over pairs of a measured and an estimated height."""
+
+    count: int = 0
+    absolute: float = 0.0
+    squared: float = 0.0
+    measured_peak: float = -math.inf
+    model_peak: float = -math.inf
+    raw_peak: float = -math.inf
+    raw_model_peak: float = -math.inf
+
+    def add(self, raw: Array, clean: Array, model: Array) -> None:
+        """Takes (N,) heights [m]; NaN where a side has none."""
+        known = np.isfinite(model)
+        both = known & np.isfinite(raw)
+        if not both.any():
+            return
+        self.raw_peak = max(self.raw_peak, float(raw[both].max()))
+        self.raw_model_peak = max(self.raw_model_peak, float(model[both].max()))
+        both = known & np.isfinite(clean)
+        if not both.any():
+            return
+        difference = clean[both] - model[both]
+        self.count += len(difference)
+        self.absolute += float(np.abs(difference).sum())
+        self.squared += float((difference**2).sum())
+        self.measured_peak = max(self.measured_peak, float(clean[both].max()))
+        self.model_peak = max(self.model_peak, float(model[both].max()))
+
+    def accuracy(self, name: str, clock: ClockOffset | None) -> ModelAccuracy:
+        """The figures; NaN where there was no pair."""
+        count = self.count
+        return ModelAccuracy(
+            name=name,
+            sigma=self.absolute / count if count else math.nan,
+            epsilon=relative_peak_error(self.measured_peak, self.model_peak),
+            epsilon_raw=relative_peak_error(self.raw_peak, self.raw_model_peak),
+            rms=math.sqrt(self.squared / count) if count else math.nan,
+            count=count,
+            clock=clock,
+        )
+
+
+def judge(
+    run: str,
+    series: Series,
+    names: Sequence[str],
+    motions: Sequence[tuple[int, int]] = (),
+    clocks: Sequence[ClockOffset] | None = None,
+) -> Judgement:
+    """Judges the models over a run's images.
+
+    As in the monitor, a saturated height is a lower bound and counts only above the estimate, and
+    estimates from an unknown state do not count.
+
+    Args:
+        run: its name, for errors.
+        series: the images; their column `motion` numbers `motions`.
+        names: of the models, in the order of the series' heights.
+        motions: start and end of each motion [ns].
+        clocks: offset of the measured clock by model; None: the clocks are one.
+
+    Raises:
+        SloshBagError: no image has an estimate.
+    """
+    limit = _spike_limit(series)
+    whole = [_Sums() for _ in names]
+    by_motion = [[_Sums() for _ in names] for _ in motions]
+    peaks = [math.nan] * len(motions)
+    spikes = 0
+    start = 0
+    for block in series.blocks():
+        raw, clean = _cleaned(series, start, block, limit)
+        spikes += int(np.count_nonzero(np.isfinite(raw) & np.isnan(clean)))
+        saturated = (block["flags"] & SATURATED) != 0
+        numbers = [n for n in np.unique(block["motion"]).tolist() if n >= 0]
+        for number in numbers:
+            within = clean[block["motion"] == number]
+            peaks[number] = float(np.fmax(peaks[number], np.fmax.reduce(within)))
+        for model in range(len(names)):
+            height = block["heights"][:, model]
+            counts = block["usable"] & ~(saturated & ~(raw > height))
+            counted = np.where(counts, height, np.nan)
+            whole[model].add(raw, clean, counted)
+            for number in numbers:
+                part = block["motion"] == number
+                by_motion[number][model].add(raw[part], clean[part], counted[part])
+        start += len(block)
+    if not any(sums.count for sums in whole):
+        raise SloshBagError(
+            f"{run}: no image has an estimate at its stamp; do both sides use one clock?"
+        )
+    offsets: Sequence[ClockOffset | None] = clocks or [None] * len(names)
+    return Judgement(
+        tuple(s.accuracy(n, c) for s, n, c in zip(whole, names, offsets, strict=True)),
+        tuple(
+            MotionAccuracy(
+                span[0] * 1e-9, span[1] * 1e-9, peak,
+                tuple(s.accuracy(n, None) for s, n in zip(sums, names, strict=True)),
+            )
+            for span, peak, sums in zip(motions, peaks, by_motion, strict=True)
+        ),
+        spikes,
+    )  # fmt: skip
+
+
+def _spike_limit(series: Series) -> float:
+    step = max(1, -(-len(series) // SAMPLED))
+    parts = [block["measured"][::step] for block in series.blocks()]
+    return spike_limit(np.concatenate(parts)) if parts else math.inf
+
+
+def _cleaned(
+    series: Series, start: int, block: NDArray[np.void], limit: float
+) -> tuple[Array, Array]:
+    """The block's measured heights, as they are and without spikes."""
+    # At its ends the neighbours beyond decide.
+    first, last = max(start - 1, 0), min(start + len(block) + 1, len(series))
+    around = series.read(first, last)["measured"]
+    inside = slice(start - first, start - first + len(block))
+    raw = block["measured"]
+    return raw, np.where(find_spikes(around, limit)[inside], np.nan, raw)

@@ -1,0 +1,70 @@
+"""Estimates at the stamps of images."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_estimator.monitor import UNSETTLED
+
+Array = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+MAX_GAP_NS = 50_000_000
+"""Widest pair of estimates between which is interpolated."""
+
+
+class ModelHeights(NamedTuple):
+    """Heights of every model at the input's stamps.
+
+    Attributes:
+        stamps: (M,) increasing [ns].
+        heights: (M, K) [m].
+        azimuth: (M,) of the last model [rad].
+        flags: (M,) bits of EstimateFlag.
+    """
+
+    stamps: Integers
+    heights: Array
+    azimuth: Array
+    flags: Integers
+
+
+class AtImages(NamedTuple):
+    """The same at N images; NaN where there is no estimate.
+
+    Attributes:
+        heights: (N, K), linear between the two estimates around the image [m].
+        azimuth: (N,) of the estimate before it [rad].
+        usable: (N,) whether the estimates come from a known state.
+    """
+
+    heights: Array
+    azimuth: Array
+    usable: NDArray[np.bool_]
+
+
+def at_images(estimates: ModelHeights, stamps: Integers) -> AtImages:
+    """Estimates at the stamps of images; none outside the series and in gaps of it.
+
+    Args:
+        estimates: at least one.
+        stamps: (N,) [ns].
+    """
+    last = len(estimates.stamps) - 1
+    after = np.searchsorted(estimates.stamps, stamps)
+    exact = (after <= last) & (estimates.stamps[np.minimum(after, last)] == stamps)
+    before = np.clip(np.where(exact, after, after - 1), 0, last)
+    after = np.clip(after, 0, last)
+    width = estimates.stamps[after] - estimates.stamps[before]
+    share = (stamps - estimates.stamps[before]) / np.maximum(width, 1)
+    low, high = estimates.heights[before], estimates.heights[after]
+    heights = low + np.where(width > 0, share, 0.0)[:, None] * (high - low)
+    outside = (stamps < estimates.stamps[0]) | (stamps > estimates.stamps[-1])
+    none = outside | (width > MAX_GAP_NS)
+    heights[none] = np.nan
+    flags = estimates.flags[before] | estimates.flags[after]
+    azimuth = np.where(none, np.nan, estimates.azimuth[before])
+    return AtImages(heights, azimuth, (flags & UNSETTLED) == 0)

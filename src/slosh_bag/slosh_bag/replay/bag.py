@@ -1,0 +1,297 @@
+"""Replays a bag."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
+from itertools import chain
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+import slosh_estimator
+from slosh_bag.cdr_columns import ColumnReader
+from slosh_bag.chunks import MessageBlock
+from slosh_bag.errors import SloshBagError
+from slosh_bag.reader import BagReader, TopicInfo
+from slosh_bag.replay import inputs, settings
+from slosh_bag.replay.bank import EstimatorBank
+from slosh_bag.replay.conclusion import Origin, conclude
+from slosh_bag.replay.inputs import STAMP, InputReader, InputSettings, stamps_of
+from slosh_bag.replay.live_use import LiveUse
+from slosh_bag.replay.monitor_feed import Measurements, MonitorFeed
+from slosh_bag.replay.result import ReplayResult
+from slosh_bag.replay.rows import chosen, joined
+from slosh_bag.replay.run import Outputs, Parts, ReplayRun
+from slosh_bag.replay.series import Series
+from slosh_bag.replay.settings import NodeStart
+from slosh_bag.replay.unrelated import WholeRun, judge_unrelated
+from slosh_bag.replay.verification import COMPARED, Verifier
+from slosh_estimator.monitor import MonitorSettings
+from slosh_model.arithmetic import arithmetic_fingerprint
+from slosh_model.compile_cache import sources_digest
+from slosh_model.containers import Cylinder
+from slosh_model.model import Model
+from slosh_model.model_text import format_model
+
+SURFACE = "slosh_msgs/msg/FreeSurface"
+ESTIMATE = "slosh_msgs/msg/SloshEstimate"
+COMPARISON = "slosh_msgs/msg/SloshComparison"
+_COMPARISON_FIELDS = (*STAMP, "measured_stale", *COMPARED)
+_SURFACE_FIELDS = (*STAMP, "msh", "flags", "msh_stddev", "azimuth")
+
+
+class Sources(NamedTuple):
+    """Topics of a bag that a replay reads, and what they say about it.
+
+    Attributes:
+        kind: of the input: 'accel', 'imu' or 'pose'.
+        input, surface: topics.
+        estimate, comparison: topics of what was recorded live; None: there is none.
+        starts: of the recorded nodes.
+        facts: about the whole bag.
+    """
+
+    kind: str
+    input: str
+    surface: str | None
+    estimate: str | None
+    comparison: str | None
+    starts: tuple[NodeStart, ...]
+    facts: Mapping[str, str]
+
+
+def replay_bag(
+    path: Path,
+    model: Model | None = None,
+    monitor: MonitorSettings | None = None,
+    given: InputSettings | None = None,
+    outputs: Outputs | None = None,
+) -> ReplayResult:
+    """Replays a bag.
+
+    Args:
+        path: the bag's folder or MCAP file.
+        model: to replay with; None: the one that the estimator had when it was recorded, or water
+            in the container that the bag's metadata gives.
+        monitor: limits that are watched; None: those of the recorded monitor.
+        given: how the input is read; None: as the recorded estimator did.
+        outputs: receives estimates, comparisons and events as they come.
+
+    Raises:
+        SloshBagError: no readable bag, no input in it, no model, or clocks that cannot be related.
+    """
+    reader = BagReader(path)
+    sources = find_sources(path, reader, given.kind if given else None)
+    started = next((start for start in sources.starts if start.node == "estimator"), None)
+    recorded = settings.model_of(started) if started else None
+    used = model or recorded or _noted_model(path, sources.facts)
+    how = given or (inputs.input_settings(started.parameters) if started else InputSettings())
+    watched = monitor or _monitor_settings(sources)
+    input_reader = InputReader(sources.kind, how)
+    if sources.facts.get("clocks") == "unrelated":
+        parts = chain.from_iterable(feed(reader, sources))
+        whole = whole_run(path, parts, sources, input_reader, used)
+        result = judge_unrelated(path.name, sources.input, whole, watched)
+        counters = {**input_reader.counters, **result.counters}
+        return replace(result, counters=counters, warnings=tuple(reader.warnings), model=used)
+    with Series(4) as series:
+        made_of = Parts(
+            EstimatorBank(used),
+            input_reader,
+            MonitorFeed(watched),
+            series,
+            verifier=Verifier(sources.estimate) if sources.estimate else None,
+            comparisons=Verifier(sources.comparison) if sources.comparison else None,
+            follow=LiveUse() if sources.estimate and sources.kind != "pose" else None,
+            changes=_changes(sources, used, follow=model is None),
+            outputs=outputs or Outputs(),
+        )
+        run = ReplayRun(str(path), made_of)
+        for chunk in feed(reader, sources):
+            for part in chunk:
+                _hand_over(part, sources, run)
+            run.advance()
+        run.advance(final=True)
+        origin = _origin(started, recorded, used)
+        result = conclude(path.name, sources.input, run, made_of, origin)
+    return replace(result, warnings=(*reader.warnings, *result.warnings))
+
+
+def find_sources(path: Path, reader: BagReader, kind: str | None = None) -> Sources:
+    """What a replay reads in a bag.
+
+    Args:
+        path: of the bag, for errors.
+        reader: of the bag.
+        kind: of the input; None: what the recorded estimator read, or the first that there is.
+
+    Raises:
+        SloshBagError: there is no input.
+    """
+    topics = reader.topics()
+    settings_topic = _topic(topics, settings.TOPIC, settings.MESSAGE_TYPE)
+    starts = settings.read_starts(reader, settings_topic) if settings_topic else []
+    started = next((start for start in starts if start.node == "estimator"), None)
+    if kind is None and started is not None:
+        kind = started.parameters.get("input")
+    wanted = list(inputs.KINDS) if kind is None else [kind]
+    for name in wanted:
+        topic = _topic(topics, name, inputs.KINDS.get(name, ""))
+        if topic is not None:
+            return Sources(
+                name,
+                topic,
+                _topic(topics, "free_surface", SURFACE),
+                _topic(topics, "estimate", ESTIMATE),
+                _topic(topics, "comparison", COMPARISON),
+                tuple(starts),
+                reader.metadata(),
+            )
+    raise SloshBagError(
+        f"{path}: holds no message of {', '.join(wanted)}; nothing drives the model"
+    )
+
+
+class Part(NamedTuple):
+    """Messages of one topic that follow each other, as columns."""
+
+    topic: str
+    columns: Mapping[str, NDArray[Any]]
+
+
+def feed(reader: BagReader, sources: Sources) -> Iterator[list[Part]]:
+    """The messages that a replay reads, chunk by chunk in the order of the recording."""
+    wanted = {sources.input: inputs.fields(sources.kind)}
+    if sources.surface is not None:
+        wanted[sources.surface] = _SURFACE_FIELDS
+    if sources.estimate is not None:
+        wanted[sources.estimate] = ()
+    if sources.comparison is not None:
+        wanted[sources.comparison] = _COMPARISON_FIELDS
+    read = ColumnReader(reader.typestore_of)
+    for blocks in by_chunk(reader.blocks(list(wanted))):
+        yield [
+            Part(block.topic, read.columns(block, wanted[block.topic] or None)) for block in blocks
+        ]
+
+
+def by_chunk(blocks: Iterable[MessageBlock]) -> Iterator[list[MessageBlock]]:
+    """The blocks of each chunk together: within one, whole topics follow each other."""
+    chunk: list[MessageBlock] = []
+    for block in blocks:
+        if chunk and block.buffer.base is not chunk[0].buffer.base:
+            yield chunk
+            chunk = []
+        chunk.append(block)
+    if chunk:
+        yield chunk
+
+
+def whole_run(
+    path: Path, parts: Iterable[Part], sources: Sources, reader: InputReader, model: Model
+) -> WholeRun:
+    """All that a bag holds at once, for clocks that are unrelated.
+
+    Raises:
+        SloshBagError: no usable input or no measurement.
+    """
+    bank = EstimatorBank(model)
+    answers, sizes, measured = [], [], []
+    for part in parts:
+        if part.topic == sources.input:
+            stamps = stamps_of(part.columns)
+            samples = reader.samples(stamps, part.columns, np.arange(len(stamps)))
+            if samples:
+                answer = bank.update_many(samples)
+                answers.append(answer.heights)
+                sizes.append(np.linalg.norm(answer.own.accelerations, axis=1))
+        elif part.topic == sources.surface:
+            measured.append(measurements(part.columns))
+    if not answers or not measured:
+        raise SloshBagError(
+            f"{path}: holds no usable message of {sources.input} or of free_surface"
+        )
+    heights = joined(answers)
+    if (np.diff(heights.stamps) <= 0).any():
+        raise SloshBagError(f"{path}: the stamps of {sources.input} go back; cut the bag in two")
+    found = joined(measured)
+    order = np.argsort(found.stamps, kind="stable")
+    return WholeRun(bank.names, heights, np.concatenate(sizes), chosen(found, order))
+
+
+def measurements(columns: Mapping[str, NDArray[Any]]) -> Measurements:
+    """Measured heights from columns of FreeSurface.msg."""
+    return Measurements(
+        stamps_of(columns),
+        columns["msh"],
+        columns["flags"].astype(np.int64),
+        columns["msh_stddev"],
+        columns["azimuth"],
+    )
+
+
+def _hand_over(part: Part, sources: Sources, run: ReplayRun) -> None:
+    if part.topic == sources.input:
+        run.add_input(part.columns)
+    elif part.topic == sources.estimate:
+        run.add_recorded(part.columns)
+    elif part.topic == sources.comparison:
+        run.add_comparisons(part.columns)
+    else:
+        run.add_measurements(measurements(part.columns))
+
+
+def _changes(sources: Sources, model: Model, *, follow: bool) -> tuple[NodeStart, ...]:
+    """Later starts of the estimator; a model that was given stays, and only starts anew."""
+    later = [start for start in sources.starts if start.node == "estimator"][1:]
+    if follow:
+        return tuple(later)
+    files = {"model": format_model(model)}
+    return tuple(start._replace(files=files) for start in later)
+
+
+def _origin(started: NodeStart | None, recorded: Model | None, used: Model) -> Origin:
+    """What is known to differ between the recording and the replay."""
+    if started is None or recorded is None:
+        return Origin()
+    causes = settings.model_differences(recorded, used)
+    code = sources_digest(Path(slosh_estimator.__file__).parent)
+    if started.code != code:
+        causes.append(f"the estimator's code: recorded {started.code}, replayed with {code}")
+    arithmetic = arithmetic_fingerprint()
+    otherwise = started.arithmetic != arithmetic
+    if otherwise:
+        causes.append(
+            f"this machine rounds otherwise: recorded on {started.arithmetic}, replayed on "
+            f"{arithmetic}; last bits may differ"
+        )
+    return Origin(tuple(causes), otherwise)
+
+
+def _monitor_settings(sources: Sources) -> MonitorSettings:
+    started = settings.latest(list(sources.starts), "monitor")
+    return settings.monitor_settings(started.parameters) if started else MonitorSettings()
+
+
+def _topic(topics: Mapping[str, TopicInfo], name: str, message_type: str) -> str | None:
+    """The topic of that last name and type; in a bag of several cells the first."""
+    found = sorted(
+        topic
+        for topic, info in topics.items()
+        if topic.rsplit("/", 1)[-1] == name and info.message_type == message_type and info.count
+    )
+    return found[0] if found else None
+
+
+def _noted_model(path: Path, facts: Mapping[str, str]) -> Model:
+    try:
+        radius = float(facts["container_radius"])
+        fill_height = float(facts["container_fill_height"])
+    except (KeyError, ValueError):
+        raise SloshBagError(
+            f"{path}: does not say which model or container; give a model file (--model)"
+        ) from None
+    return Model(Cylinder(radius, fill_height)).spatial()

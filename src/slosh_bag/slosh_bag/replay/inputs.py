@@ -1,0 +1,168 @@
+"""What drives the models in a recording, as the estimator node reads it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_bag.errors import SloshBagError
+from slosh_estimator.accel_input import AccelInput
+from slosh_estimator.gate import GateSettings
+from slosh_estimator.imu_input import ImuInput, SensorTransform
+from slosh_estimator.pose_input import PoseInput
+from slosh_estimator.sample import Sample
+
+KINDS = {
+    "accel": "geometry_msgs/msg/AccelStamped",
+    "imu": "sensor_msgs/msg/Imu",
+    "pose": "geometry_msgs/msg/PoseStamped",
+}
+_FIELDS = {
+    "accel": ("accel.linear.x", "accel.linear.y", "accel.linear.z"),
+    "imu": (
+        "linear_acceleration.x", "linear_acceleration.y", "linear_acceleration.z",
+        "angular_velocity.x", "angular_velocity.y", "angular_velocity.z",
+        "linear_acceleration_covariance[0]", "angular_velocity_covariance[0]",
+    ),
+    "pose": (
+        "pose.position.x", "pose.position.y", "pose.position.z", "pose.orientation.x",
+        "pose.orientation.y", "pose.orientation.z", "pose.orientation.w",
+    ),
+}  # fmt: skip
+_FRAME = "header.frame_id"
+STAMP = ("header.stamp.sec", "header.stamp.nanosec")
+"""Fields of every message with a header that `stamps_of` reads."""
+
+
+class InputSettings(NamedTuple):
+    """How the input is read; the estimator node's parameters.
+
+    Attributes:
+        kind: 'accel', 'imu', 'pose'; None: the first of these that the bag holds.
+        gate: limits of the gate.
+        transform: container ← IMU.
+        pose_window: samples of the differentiating window.
+        frames: frames of accelerations that are taken.
+    """
+
+    kind: str | None = None
+    gate: GateSettings = GateSettings()
+    transform: SensorTransform = SensorTransform()
+    pose_window: int = 21
+    frames: tuple[str, ...] = ("world", "container")
+
+
+def input_settings(parameters: Mapping[str, Any]) -> InputSettings:
+    """The settings of a recorded estimator node.
+
+    Args:
+        parameters: of the node, by name.
+
+    Raises:
+        SloshBagError: one is missing or cannot be.
+    """
+    try:
+        roll, pitch, yaw = parameters["sensor_rotation"]
+        return InputSettings(
+            parameters["input"],
+            GateSettings(max_gap=parameters["max_gap"], max_age=parameters["max_age"]),
+            SensorTransform(roll, pitch, yaw, tuple(parameters["sensor_to_origin"])),
+            parameters["pose_window"],
+            (parameters["world_frame"], parameters["container_frame"]),
+        )
+    except (KeyError, TypeError, ValueError) as error:
+        raise SloshBagError(f"the recorded estimator's settings cannot be read: {error}") from None
+
+
+def fields(kind: str) -> tuple[str, ...]:
+    """The fields of a kind's message that `InputReader.samples` needs."""
+    return (*STAMP, _FRAME, *_FIELDS[kind])
+
+
+class InputReader:
+    """Turns columns of messages into samples, by the node's own adapters.
+
+    Args:
+        kind: 'accel', 'imu' or 'pose'.
+        settings: of the node.
+    """
+
+    def __init__(self, kind: str, settings: InputSettings) -> None:
+        self.kind = kind
+        self._settings = settings
+        self._adapter = self._new_adapter()
+        self._used_before = self._dropped_before = self._gaps_before = 0
+
+    @property
+    def counters(self) -> dict[str, int]:
+        """Samples used and dropped, and gaps, since the start."""
+        gate = self._adapter.gate
+        return {
+            "samples_used": self._used_before + gate.used,
+            "samples_dropped": self._dropped_before + gate.dropped,
+            "gaps": self._gaps_before + gate.gaps,
+        }
+
+    def restart(self) -> None:
+        """Starts anew, as a restarted node does."""
+        counters = self.counters
+        self._used_before = counters["samples_used"]
+        self._dropped_before = counters["samples_dropped"]
+        self._gaps_before = counters["gaps"]
+        self._adapter = self._new_adapter()
+
+    def samples(
+        self, stamps: NDArray[np.int64], columns: Mapping[str, NDArray[Any]], rows: NDArray[Any]
+    ) -> list[Sample]:
+        """The samples of some messages; fewer where the gate drops some.
+
+        Args:
+            stamps: (N,) of the messages [ns].
+            columns: their fields by name, (N,) each.
+            rows: indices of those to take, in order.
+        """
+        adapter = self._adapter
+        values = [columns[name][rows].tolist() for name in _FIELDS[self.kind]]
+        chosen = stamps[rows].tolist()
+        found: list[Sample | None]
+        if isinstance(adapter, AccelInput):
+            frames = columns[_FRAME][rows].tolist()
+            found = list(map(adapter.update, chosen, frames, *values))
+        elif isinstance(adapter, ImuInput):
+            found = [
+                adapter.update(stamp, *_imu(row))
+                for stamp, row in zip(chosen, zip(*values, strict=True), strict=True)
+            ]
+        else:
+            found = [
+                adapter.update(stamp, row[:3], row[3:])
+                for stamp, row in zip(chosen, zip(*values, strict=True), strict=True)
+            ]
+        return [sample for sample in found if sample is not None]
+
+    def _new_adapter(self) -> AccelInput | ImuInput | PoseInput:
+        settings = self._settings
+        if self.kind == "accel":
+            return AccelInput(settings.gate, settings.frames)
+        if self.kind == "imu":
+            return ImuInput(settings.gate, settings.transform)
+        return PoseInput(settings.gate, settings.pose_window)
+
+
+def _imu(row: Sequence[float]) -> tuple[Any, Any]:
+    """Specific force and angular velocity; 'not reported' is NaN or covariance[0] = -1."""
+    force, rate = tuple(row[:3]), tuple(row[3:6])
+    if row[6] < 0.0:
+        force = (math.nan,) * 3
+    reported = row[7] >= 0.0 and not math.isnan(rate[0])
+    return force, rate if reported else None
+
+
+def stamps_of(columns: Mapping[str, NDArray[Any]]) -> NDArray[np.int64]:
+    """The header's stamps [ns]."""
+    seconds = columns["header.stamp.sec"].astype(np.int64)
+    return np.asarray(seconds * 1_000_000_000 + columns["header.stamp.nanosec"], dtype=np.int64)

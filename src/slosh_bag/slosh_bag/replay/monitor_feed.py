@@ -1,0 +1,126 @@
+"""Feeds the monitor's core in stamp order, with the stamps as its clock."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_estimator.limits import Event
+from slosh_estimator.monitor import (
+    Comparison,
+    EstimatePoint,
+    MeasuredPoint,
+    Monitor,
+    MonitorSettings,
+)
+
+Array = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+CHECK_NS = 100_000_000
+"""How often the monitor looks whether a side has fallen silent, as the node does."""
+LONG_SILENCE_NS = 100 * CHECK_NS
+
+
+class Heights(NamedTuple):
+    """The estimates that are monitored: stamps (M,) [ns], L and NL (M,) [m], flags (M,)."""
+
+    stamps: Integers
+    linear: Array
+    nonlinear: Array
+    flags: Integers
+
+
+class Measurements(NamedTuple):
+    """Measured heights.
+
+    Attributes:
+        stamps: (N,) [ns].
+        heights: (N,) [m]; NaN: none.
+        flags: (N,) of FreeSurface.msg.
+        stddev: (N,) standard deviation [m]; NaN: unknown.
+        azimuth: (N,) of the highest point [rad]; NaN: unknown.
+    """
+
+    stamps: Integers
+    heights: Array
+    flags: Integers
+    stddev: Array
+    azimuth: Array
+
+
+class MonitorFeed:
+    """The monitor's core over a recording.
+
+    Whether a side still speaks is judged by the stamps: a recording has no other clock that two
+    replays agree on.
+
+    Args:
+        settings: what the monitor watches.
+    """
+
+    def __init__(self, settings: MonitorSettings) -> None:
+        self.monitor = Monitor(settings)
+        self._next_check: int | None = None
+
+    def add(self, estimates: Heights, measured: Measurements) -> list[Comparison]:
+        """Takes what comes next on both sides; an estimate comes before an image of its moment.
+
+        Args:
+            estimates: increasing stamps, none before those of earlier calls.
+            measured: as above.
+
+        Returns:
+            the comparisons in the order in which they were made.
+        """
+        points = list(map(EstimatePoint, *(column.tolist() for column in estimates)))
+        images = [MeasuredPoint(*row) for row in _rows(measured)]
+        found: list[Comparison] = []
+        at = 0
+        for image in images:
+            end = int(np.searchsorted(estimates.stamps, image.stamp_ns, side="right"))
+            found += self._estimates(points[at:end])
+            at = max(at, end)
+            found += self._check_until(image.stamp_ns)
+            found += self.monitor.add_measurement(image, image.stamp_ns)
+        return found + self._estimates(points[at:])
+
+    def take_events(self) -> list[Event]:
+        """The events since the last call."""
+        return self.monitor.take_events()
+
+    def _estimates(self, points: list[EstimatePoint]) -> list[Comparison]:
+        found: list[Comparison] = []
+        monitor = self.monitor
+        for point in points:
+            if self._next_check is None or point.stamp_ns >= self._next_check:
+                found += self._check_until(point.stamp_ns)
+            comparisons = monitor.add_estimate(point, point.stamp_ns)
+            if comparisons:
+                found += comparisons
+        return found
+
+    def _check_until(self, stamp_ns: int) -> list[Comparison]:
+        """Looks at the clock at every tick up to a moment."""
+        if self._next_check is None:
+            self._next_check = stamp_ns
+        if stamp_ns - self._next_check > LONG_SILENCE_NS:
+            # Both sides were silent; after the first tick the others would say nothing new.
+            self._next_check = stamp_ns
+        found: list[Comparison] = []
+        while self._next_check <= stamp_ns:
+            found += self.monitor.check(self._next_check)
+            self._next_check += CHECK_NS
+        return found
+
+
+def _rows(measured: Measurements) -> zip[tuple[int, float, float, int]]:
+    return zip(
+        measured.stamps.tolist(),
+        measured.heights.tolist(),
+        measured.stddev.tolist(),
+        measured.flags.tolist(),
+        strict=True,
+    )

@@ -1,0 +1,287 @@
+"""Runs the estimator's and the monitor's cores over a bag: no DDS, no clock, the same numbers.
+
+Images are not touched. Each stream is taken in the order in which it was recorded, the streams are
+merged in the order of their stamps, two seconds behind the newest: as much as an image may need to
+become a height. So a replay holds seconds of a recording in memory, however long that is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_bag.errors import SloshBagError
+from slosh_bag.replay.at_images import ModelHeights, at_images
+from slosh_bag.replay.bank import BankEstimates, EstimatorBank
+from slosh_bag.replay.inputs import InputReader, stamps_of
+from slosh_bag.replay.live_use import Decision, LiveUse
+from slosh_bag.replay.monitor_feed import Heights, Measurements, MonitorFeed
+from slosh_bag.replay.motions import MotionFinder
+from slosh_bag.replay.rows import chosen, joined
+from slosh_bag.replay.series import Series
+from slosh_bag.replay.settings import NodeStart, model_of
+from slosh_bag.replay.verification import Verifier, comparison_columns, estimate_columns
+from slosh_estimator.limits import Event
+from slosh_estimator.monitor import UNUSABLE, Comparison
+
+Array = NDArray[np.float64]
+Integers = NDArray[np.int64]
+Columns = Mapping[str, NDArray[Any]]
+
+BEHIND_NS = 2_000_000_000
+"""How long a measurement may come after its stamp and still take its place in the order."""
+KEPT_NS = 200_000_000
+"""Estimates that are kept before the oldest that was released, to interpolate between."""
+AFTER_MOTION_NS = 1_000_000_000
+"""How long after its end a motion's liquid still counts [ns]."""
+
+
+class Outputs:
+    """Receives what a replay gives, as it gives it; this one keeps nothing."""
+
+    def begin(self, names: tuple[str, str]) -> None:
+        """Is told the names of the loaded model's L and NL twin before anything comes."""
+
+    def estimates(self, estimates: BankEstimates) -> None:
+        """Takes estimates in the order of their samples."""
+
+    def comparisons(self, comparisons: list[Comparison]) -> None:
+        """Takes comparisons in the order in which they were made."""
+
+    def events(self, events: list[Event]) -> None:
+        """Takes limit events."""
+
+
+class Parts(NamedTuple):
+    """What a replay is made of.
+
+    Attributes:
+        bank: the models.
+        reader: of the input.
+        monitor: the monitor's core.
+        series: receives the images.
+        verifier, comparisons: of recorded estimates and comparisons; None: there are none.
+        follow: decides which inputs the live estimator used; None: all.
+        changes: starts of the estimator after its first, where the model follows the recording.
+        outputs: receives all results.
+    """
+
+    bank: EstimatorBank
+    reader: InputReader
+    monitor: MonitorFeed
+    series: Series
+    verifier: Verifier | None = None
+    comparisons: Verifier | None = None
+    follow: LiveUse | None = None
+    changes: tuple[NodeStart, ...] = ()
+    outputs: Outputs = Outputs()
+
+
+class ReplayRun:
+    """A replay in progress.
+
+    Attributes:
+        motions: those of the container so far.
+        events: limit events so far.
+        images: measurements so far.
+        unused: inputs that the live estimator did not use.
+    """
+
+    def __init__(self, name: str, parts: Parts) -> None:
+        self.motions = MotionFinder()
+        self.events: list[Event] = []
+        self.images = self.unused = 0
+        self._name = name
+        self._parts = parts
+        self._changes = list(parts.changes)
+        self._inputs: list[tuple[Integers, Columns]] = []
+        self._measured: list[Measurements] = []
+        self._heights: ModelHeights | None = None
+        self._released = self._newest = -(2**62)
+        parts.outputs.begin(parts.bank.own_names)
+
+    def add_input(self, columns: Columns) -> None:
+        """Takes messages of the input: their fields as columns."""
+        stamps = stamps_of(columns)
+        if len(stamps):
+            self._inputs.append((stamps, columns))
+            self._newest = max(self._newest, int(stamps.max()))
+
+    def add_recorded(self, columns: Columns) -> None:
+        """Takes recorded estimates."""
+        stamps = stamps_of(columns)
+        if self._parts.verifier is not None:
+            self._parts.verifier.add_recorded(stamps, columns)
+        if self._parts.follow is not None:
+            self._parts.follow.add_recorded(stamps, columns["samples_used"].astype(np.int64))
+
+    def add_comparisons(self, columns: Columns) -> None:
+        """Takes recorded comparisons."""
+        if self._parts.comparisons is not None:
+            spoken = ~columns["measured_stale"].astype(bool)
+            rows = {name: column[spoken] for name, column in columns.items()}
+            self._parts.comparisons.add_recorded(stamps_of(rows), rows)
+
+    def add_measurements(self, measured: Measurements) -> None:
+        """Takes measured heights."""
+        if len(measured.stamps):
+            heights = np.where(measured.flags & UNUSABLE, np.nan, measured.heights)
+            self._measured.append(measured._replace(heights=heights))
+            self._newest = max(self._newest, int(measured.stamps.max()))
+            self.images += len(measured.stamps)
+
+    def advance(self, *, final: bool = False) -> None:
+        """Goes on as far as what has come allows.
+
+        Args:
+            final: nothing follows.
+
+        Raises:
+            SloshBagError: the stamps of the input go back.
+        """
+        self._estimate(final)
+        if self._parts.verifier is not None:
+            self._parts.verifier.compare(final=final)
+        if final:
+            self.motions.finish()
+        self._release(2**62 if final else self._newest - BEHIND_NS)
+        if self._parts.comparisons is not None:
+            self._parts.comparisons.compare(final=final)
+
+    def _estimate(self, final: bool) -> None:
+        """Decided inputs become estimates."""
+        if not self._inputs:
+            return
+        stamps = np.concatenate([part[0] for part in self._inputs])
+        columns = {
+            name: np.concatenate([part[1][name] for part in self._inputs])
+            for name in self._inputs[0][1]
+        }
+        follow = self._parts.follow
+        everything = Decision(len(stamps), np.ones(len(stamps), dtype=bool), [])
+        count, used, restarts = follow.decide(stamps, final=final) if follow else everything
+        self.unused += count - int(np.count_nonzero(used))
+        actions = [(index, self._restart) for index in restarts] + self._due(stamps[:count])
+        start = 0
+        for index, act in sorted(actions, key=lambda action: action[0]):
+            self._take(stamps, columns, used, start, index)
+            act()
+            start = index
+        self._take(stamps, columns, used, start, count)
+        rest = slice(count, None)
+        self._inputs = [(stamps[rest], {name: c[rest] for name, c in columns.items()})]
+        if count == len(stamps):
+            self._inputs = []
+
+    def _due(self, stamps: Integers) -> list[tuple[int, Callable[[], None]]]:
+        """Model changes that fall among the inputs with these stamps."""
+        actions: list[tuple[int, Callable[[], None]]] = []
+        while self._changes and self._changes[0].stamp_ns:
+            later = np.flatnonzero(stamps > self._changes[0].stamp_ns)
+            if not len(later):
+                break
+            change = self._changes.pop(0)
+            actions.append(
+                (int(later[0]), lambda change=change: self._load(change))  # type: ignore[misc]
+            )
+        return actions
+
+    def _load(self, change: NodeStart) -> None:
+        self._parts.bank.load_model(model_of(change))
+
+    def _restart(self) -> None:
+        """The node's process was a new one from here on."""
+        self._parts.reader.restart()
+        if self._changes and not self._changes[0].stamp_ns:
+            self._load(self._changes.pop(0))
+        self._parts.bank.restart()
+
+    def _take(
+        self, stamps: Integers, columns: Columns, used: NDArray[np.bool_], start: int, end: int
+    ) -> None:
+        rows = start + np.flatnonzero(used[start:end])
+        if not len(rows):
+            return
+        samples = self._parts.reader.samples(stamps, columns, rows)
+        if not samples:
+            return
+        answers = self._parts.bank.update_many(samples)
+        own = answers.own
+        if self._parts.verifier is not None:
+            self._parts.verifier.add_replayed(own.stamps, estimate_columns(own))
+        self._parts.outputs.estimates(answers)
+        self._keep(answers.heights)
+        self.motions.add(own.stamps, own.accelerations)
+
+    def _keep(self, new: ModelHeights) -> None:
+        old = self._heights
+        whole = new if old is None else joined([old, new])
+        late = np.flatnonzero(np.diff(whole.stamps) <= 0)
+        if len(late):
+            raise SloshBagError(
+                f"{self._name}: the stamps of the input go back at "
+                f"{whole.stamps[late[0]] * 1e-9:.3f} s; cut the bag in two there"
+            )
+        self._heights = whole
+
+    def _release(self, until: int) -> None:
+        """Feeds the monitor and the series with everything up to a moment."""
+        measured = self._take_measured(until)
+        estimates = self._heights
+        self._append(measured, estimates)
+        if estimates is None:
+            self._monitor(_NOTHING, measured)
+            return
+        due = (estimates.stamps > self._released) & (estimates.stamps <= until)
+        linear, nonlinear = (estimates.heights[due, column] for column in self._parts.bank.own)
+        self._monitor(
+            Heights(estimates.stamps[due], linear, nonlinear, estimates.flags[due]), measured
+        )
+        self._released = max(self._released, until)
+        kept = estimates.stamps > min(until, int(estimates.stamps[-1])) - KEPT_NS
+        self._heights = chosen(estimates, kept)
+
+    def _take_measured(self, until: int) -> Measurements:
+        """The measurements up to a moment, in the order of their stamps."""
+        if not self._measured:
+            return _NONE
+        waiting = joined(self._measured)
+        due = waiting.stamps <= until
+        self._measured = [chosen(waiting, np.flatnonzero(~due))]
+        rows = np.flatnonzero(due)
+        return chosen(waiting, rows[np.argsort(waiting.stamps[rows], kind="stable")])
+
+    def _monitor(self, estimates: Heights, measured: Measurements) -> None:
+        feed = self._parts.monitor
+        comparisons = feed.add(estimates, measured)
+        if comparisons:
+            self._parts.outputs.comparisons(comparisons)
+            if self._parts.comparisons is not None:
+                self._parts.comparisons.add_replayed(*comparison_columns(comparisons))
+        events = feed.take_events()
+        if events:
+            self.events += events
+            self._parts.outputs.events(events)
+
+    def _append(self, measured: Measurements, estimates: ModelHeights | None) -> None:
+        if not len(measured.stamps):
+            return
+        series = self._parts.series
+        rows = np.zeros(len(measured.stamps), dtype=series.dtype)
+        rows["stamp"], rows["measured"] = measured.stamps, measured.heights
+        rows["azimuth"], rows["flags"] = measured.azimuth, measured.flags
+        rows["heights"], rows["model_azimuth"] = np.nan, np.nan
+        if estimates is not None:
+            found = at_images(estimates, measured.stamps)
+            rows["heights"], rows["model_azimuth"] = found.heights, found.azimuth
+            rows["usable"] = found.usable
+        rows["motion"] = self.motions.number_at(measured.stamps, AFTER_MOTION_NS)
+        series.append(rows)
+
+
+_FLOATS, _WHOLE = np.empty(0), np.empty(0, dtype=np.int64)
+_NONE = Measurements(_WHOLE, _FLOATS, _WHOLE, _FLOATS, _FLOATS)
+_NOTHING = Heights(_WHOLE, _FLOATS, _FLOATS, _WHOLE)

@@ -1,0 +1,128 @@
+"""What the nodes of a recording worked with, from its `settings` topic."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import yaml
+
+from slosh_bag.errors import SloshBagError
+from slosh_bag.reader import BagReader
+from slosh_estimator.limits import Hysteresis
+from slosh_estimator.monitor import MonitorSettings
+from slosh_model.model import Model
+from slosh_model.model_text import format_model, parse_model
+
+TOPIC = "settings"
+MESSAGE_TYPE = "slosh_msgs/msg/NodeSettings"
+
+
+class NodeStart(NamedTuple):
+    """A node started, or started anew from rest or with other settings; see NodeSettings.msg.
+
+    Attributes:
+        node: its name.
+        stamp_ns: the last input that it had used before [ns]; 0: none, its process was new.
+        log_ns: when the recorder heard of it [ns].
+        code, arithmetic: digests of its sources and of how its machine rounds.
+        parameters: its parameters by name.
+        files: texts of its files by parameter.
+    """
+
+    node: str
+    stamp_ns: int
+    log_ns: int
+    code: str
+    arithmetic: str
+    parameters: Mapping[str, Any]
+    files: Mapping[str, str]
+
+
+def read_starts(reader: BagReader, topic: str) -> list[NodeStart]:
+    """The starts of a cell's nodes, in the order of the recording.
+
+    Raises:
+        SloshBagError: one cannot be read.
+    """
+    return [_start(reader, entry) for entry in reader.messages([topic])]
+
+
+def latest(starts: list[NodeStart], node: str) -> NodeStart | None:
+    """A node's last start; None: the recording does not tell."""
+    return next((start for start in reversed(starts) if start.node == node), None)
+
+
+def monitor_settings(parameters: Mapping[str, Any]) -> MonitorSettings:
+    """The settings of a recorded monitor node.
+
+    Raises:
+        SloshBagError: one is missing or cannot be.
+    """
+    try:
+        return MonitorSettings(
+            parameters["measured_limit"],
+            parameters["estimated_limit"],
+            parameters["disagreement_limit"],
+            parameters["warn_share"],
+            Hysteresis(parameters["release"], round(parameters["hold"] * 1e9)),
+            parameters["timeout"],
+            parameters["buffer"],
+        )
+    except (KeyError, TypeError, ValueError) as error:
+        raise SloshBagError(f"the recorded monitor's settings cannot be read: {error}") from None
+
+
+def model_of(start: NodeStart) -> Model:
+    """The model that an estimator started with.
+
+    Raises:
+        SloshBagError: the recording does not hold it.
+        SloshModelError: it is no model.
+    """
+    text = start.files.get("model")
+    if text is None:
+        raise SloshBagError("the recorded estimator's settings hold no model")
+    return parse_model(text, "the recorded model")
+
+
+def model_differences(recorded: Model, replayed: Model) -> list[str]:
+    """How two models differ, one line each: where, and both values."""
+    old = _flat(yaml.safe_load(format_model(recorded)))
+    new = _flat(yaml.safe_load(format_model(replayed)))
+    return [
+        f"model: {key}: recorded {old.get(key, 'nothing')!r}, replayed with "
+        f"{new.get(key, 'nothing')!r}"
+        for key in {**old, **new}
+        if old.get(key) != new.get(key)
+    ]
+
+
+def _flat(document: Any, prefix: str = "") -> dict[str, Any]:
+    """Values by dotted key; effects by their names."""
+    if isinstance(document, list) and all(isinstance(item, dict) for item in document):
+        document = {item.pop("name", index): item for index, item in enumerate(document)}
+        document = {name: item or True for name, item in document.items()}
+    if not isinstance(document, dict):
+        return {prefix: document}
+    flat: dict[str, Any] = {}
+    for key, value in document.items():
+        flat.update(_flat(value, f"{prefix}.{key}" if prefix else str(key)))
+    return flat
+
+
+def _start(reader: BagReader, entry: Any) -> NodeStart:
+    message = reader.decode(entry)
+    stamp = message.header.stamp
+    try:
+        document = yaml.safe_load(message.document)
+        parameters, files = dict(document["parameters"]), dict(document["files"])
+    except (yaml.YAMLError, KeyError, TypeError, ValueError):
+        raise SloshBagError(
+            f"{reader.path}: {entry.topic} of node {message.node!r}: its document is not "
+            "YAML with parameters and files"
+        ) from None
+    return NodeStart(
+        message.node, stamp.sec * 1_000_000_000 + stamp.nanosec, entry.log_ns, message.code,
+        message.arithmetic, parameters, files,
+    )  # fmt: skip

@@ -1,0 +1,263 @@
+"""Compares replayed messages with recorded ones, bit for bit."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_bag.errors import SloshBagError
+from slosh_estimator.estimator import Estimates
+from slosh_estimator.monitor import Comparison
+
+Array = NDArray[np.float64]
+Integers = NDArray[np.int64]
+Columns = Mapping[str, NDArray[Any]]
+
+_HEIGHTS = ("msh", "azimuth", "sh_x", "sh_y")
+_MODAL = ("modal_position", "modal_position", "modal_velocity", "modal_velocity")
+COMPARED = ("measured", "estimated_linear", "estimated_nonlinear")
+"""Heights of a comparison; σ and ε depend on when the live monitor had started."""
+
+
+@dataclass(frozen=True, slots=True)
+class Difference:
+    """A recorded and a replayed number that are not the same.
+
+    Attributes:
+        stamp_ns: of the message [ns].
+        field: of the message, e.g. 'nonlinear.msh'.
+        recorded, replayed: the numbers, in the field's unit.
+    """
+
+    stamp_ns: int
+    field: str
+    recorded: float
+    replayed: float
+
+    @property
+    def units_in_the_last_place(self) -> int:
+        """How many doubles lie between the two."""
+        return abs(_ordinal(self.recorded) - _ordinal(self.replayed))
+
+    def __str__(self) -> str:
+        return (
+            f"{self.field} at {self.stamp_ns * 1e-9:.6f} s: recorded {self.recorded!r}, replayed "
+            f"{self.replayed!r}, {self.replayed - self.recorded:+.3g} "
+            f"({self.units_in_the_last_place} units in the last place)"
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Verification:
+    """How replayed messages compare with recorded ones.
+
+    Attributes:
+        topic: of the recorded messages.
+        recorded: recorded messages that were compared.
+        identical: those whose every number is the same bits.
+        missing: recorded messages for which the replay has none.
+        extra: replayed messages that were not recorded.
+        first: the first difference; None: there is none.
+        largest: largest absolute difference by field, of the fields that differ.
+        counts: messages by field, of the fields that differ.
+        causes: what is known to differ: model, code, arithmetic.
+        rounds_otherwise: this machine's elementary functions round otherwise than those of the
+            recording one.
+    """
+
+    topic: str
+    recorded: int
+    identical: int
+    missing: int
+    extra: int
+    first: Difference | None
+    largest: Mapping[str, float]
+    counts: Mapping[str, int]
+    causes: tuple[str, ...] = ()
+    rounds_otherwise: bool = False
+
+    @property
+    def exact(self) -> bool:
+        """Whether every recorded message came out again, bit for bit."""
+        return self.recorded > 0 and self.identical == self.recorded and not self.missing
+
+    def within(self, tolerance: float) -> bool:
+        """Whether every message came out again within a tolerance [SI units of each field]."""
+        return not self.missing and all(value <= tolerance for value in self.largest.values())
+
+    def lines(self) -> tuple[str, ...]:
+        """What to tell, one line each."""
+        total = self.recorded + self.missing
+        if self.exact:
+            return (f"{self.topic}: {self.identical} of {total} messages bit for bit",)
+        lines = [
+            f"{self.topic}: {self.identical} of {total} messages bit for bit, "
+            f"{self.recorded - self.identical} differ, {self.missing} missing"
+        ]
+        if self.first is not None:
+            lines.append(f"{self.topic}: first difference: {self.first}")
+        if self.largest:
+            field, value = max(self.largest.items(), key=lambda item: item[1])
+            lines.append(f"{self.topic}: largest difference: {field} by {value:.3g}")
+        return (*lines, *(f"{self.topic}: {cause}" for cause in self.causes))
+
+
+class Verifier:
+    """Takes recorded and replayed messages as they come and compares those of one stamp.
+
+    Args:
+        topic: of the recorded messages.
+    """
+
+    def __init__(self, topic: str) -> None:
+        self._topic = topic
+        self._recorded: list[_Part] = []
+        self._replayed: list[_Part] = []
+        self._counts = {"recorded": 0, "identical": 0, "missing": 0, "extra": 0}
+        self._first: Difference | None = None
+        self._largest: dict[str, float] = {}
+        self._differing: dict[str, int] = {}
+
+    def add_recorded(self, stamps: Integers, columns: Columns) -> None:
+        """Takes recorded messages: stamps (N,) [ns] and their fields by dotted name, (N,) each."""
+        if len(stamps):
+            self._recorded.append(_Part(stamps, columns))
+
+    def add_replayed(self, stamps: Integers, columns: Columns) -> None:
+        """Takes replayed ones; what they have no field for is not compared."""
+        if len(stamps):
+            self._replayed.append(_Part(stamps, columns))
+
+    def compare(self, *, final: bool = False) -> None:
+        """Compares what both sides have come to.
+
+        Args:
+            final: nothing follows; what has no counterpart never will have one.
+        """
+        ends = [int(parts[-1].stamps[-1]) for parts in (self._recorded, self._replayed) if parts]
+        if not ends or (len(ends) < 2 and not final):
+            return
+        until = max(ends) if final else min(ends)
+        recorded, self._recorded = _split(self._recorded, until)
+        replayed, self._replayed = _split(self._replayed, until)
+        _, left, right = np.intersect1d(recorded.stamps, replayed.stamps, return_indices=True)
+        self._counts["recorded"] += len(left)
+        self._counts["missing"] += len(recorded.stamps) - len(left)
+        self._counts["extra"] += len(replayed.stamps) - len(right)
+        if len(left):
+            self._fields(recorded.rows(left), replayed.rows(right))
+
+    def result(self, causes: Sequence[str] = (), rounds_otherwise: bool = False) -> Verification:
+        """The comparison so far.
+
+        Args:
+            causes, rounds_otherwise: see Verification.
+        """
+        return Verification(
+            self._topic, first=self._first, largest=dict(self._largest),
+            counts=dict(self._differing), causes=tuple(causes),
+            rounds_otherwise=rounds_otherwise, **self._counts,
+        )  # fmt: skip
+
+    def _fields(self, recorded: _Part, replayed: _Part) -> None:
+        same = np.ones(len(recorded.stamps), dtype=bool)
+        first: tuple[int, str, float, float] | None = None
+        for field, column in replayed.columns.items():
+            known = _column(self._topic, recorded.columns, field)
+            differs = np.flatnonzero(~_same_bits(known, column))
+            if not len(differs):
+                continue
+            same[differs] = False
+            gap = np.abs(column[differs].astype(np.float64) - known[differs].astype(np.float64))
+            largest = float(np.max(np.where(np.isnan(gap), math.inf, gap)))
+            self._largest[field] = max(self._largest.get(field, 0.0), largest)
+            self._differing[field] = self._differing.get(field, 0) + len(differs)
+            row = int(differs[0])
+            if first is None or row < first[0]:
+                first = (row, field, float(known[row]), float(column[row]))
+        self._counts["identical"] += int(np.count_nonzero(same))
+        if self._first is None and first is not None:
+            self._first = Difference(int(recorded.stamps[first[0]]), *first[1:])
+
+
+class _Part(NamedTuple):
+    """Messages that follow each other: stamps (N,) [ns], fields by name, (N,) each."""
+
+    stamps: Integers
+    columns: Columns
+
+    def rows(self, chosen: NDArray[Any]) -> _Part:
+        return _Part(self.stamps[chosen], {n: c[chosen] for n, c in self.columns.items()})
+
+
+def _split(parts: list[_Part], until: int) -> tuple[_Part, list[_Part]]:
+    """What lies up to a moment, as one part, and what lies behind it."""
+    due = [part.rows(part.stamps <= until) for part in parts if part.stamps[0] <= until]
+    rest = [part.rows(part.stamps > until) for part in parts if part.stamps[-1] > until]
+    if not due:
+        return _Part(np.empty(0, dtype=np.int64), {}), rest
+    shared = set.intersection(*(set(part.columns) for part in due))
+    columns = {
+        name: np.concatenate([part.columns[name] for part in due])
+        for name in due[0].columns
+        if name in shared
+    }
+    return _Part(np.concatenate([part.stamps for part in due]), columns), [
+        part for part in rest if len(part.stamps)
+    ]
+
+
+def estimate_columns(estimates: Estimates) -> Columns:
+    """The numbers of SloshEstimate.msg by dotted field name, (N,) each."""
+    columns: dict[str, NDArray[Any]] = {}
+    for model, name in enumerate(("linear", "nonlinear")):
+        for index, height in enumerate(_HEIGHTS):
+            columns[f"{name}.{height}"] = estimates.heights[:, model, index]
+        for mode in range(estimates.modal.shape[2]):
+            for index, field in enumerate(_MODAL):
+                key = f"{name}.{field}[{2 * mode + index % 2}]"
+                columns[key] = estimates.modal[:, model, mode, index]
+    for axis in range(3):
+        columns[f"acceleration[{axis}]"] = estimates.accelerations[:, axis]
+    return {**columns, "jerk": estimates.jerk, "yaw": estimates.yaws, "flags": estimates.flags}
+
+
+def comparison_columns(comparisons: Sequence[Comparison]) -> tuple[Integers, Columns]:
+    """Stamps and the heights of SloshComparison.msg; those of a silent camera are left out."""
+    rows = [row for row in comparisons if not row.measured_stale]
+    stamps = np.fromiter((row.stamp_ns for row in rows), np.int64, len(rows))
+    columns = {
+        name: np.fromiter((getattr(row, name) for row in rows), np.float64, len(rows))
+        for name in COMPARED
+    }
+    return stamps, columns
+
+
+def _column(topic: str, columns: Columns, field: str) -> NDArray[Any]:
+    try:
+        return columns[field]
+    except KeyError:
+        raise SloshBagError(
+            f"{topic}: its messages have no field {field}; they were recorded with another number "
+            "of modes or another version of slosh_msgs"
+        ) from None
+
+
+def _same_bits(a: NDArray[Any], b: NDArray[Any]) -> NDArray[np.bool_]:
+    if a.dtype == np.float64:
+        same: NDArray[np.bool_] = np.ascontiguousarray(a).view(np.int64) == np.ascontiguousarray(
+            b
+        ).view(np.int64)
+        return same
+    return np.asarray(a == b)
+
+
+def _ordinal(value: float) -> int:
+    """The place of a double in the order of all doubles."""
+    bits = int(np.float64(value).view(np.int64))
+    return bits if bits >= 0 else -(bits & 0x7FFFFFFFFFFFFFFF)

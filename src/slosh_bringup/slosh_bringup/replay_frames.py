@@ -1,0 +1,124 @@
+"""Camera frames and topics of a bag, for the page of its replay."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from slosh_bag.errors import SloshBagError
+from slosh_bag.reader import BagReader
+from slosh_bag.replay.report import report_start, shown_models
+from slosh_bag.replay.result import ReplayResult
+from slosh_bag.replay.settings import latest, read_starts
+from slosh_bringup.detect.frame import SourceFrame
+from slosh_bringup.detect.source import bag_frames
+from slosh_camera.calibration import AnyCalibration, parse_any_calibration
+from slosh_camera.drawing import draw_measurement
+from slosh_camera.errors import SloshCameraError
+from slosh_camera.learnt import learnt_detector
+from slosh_discovery.report import Frame, Topic
+
+JPEG_QUALITY = 85
+
+
+def bag_topics(bag: Path, seconds: float) -> tuple[Topic, ...]:
+    """The topics of a bag with their mean rates.
+
+    Args:
+        bag: the bag.
+        seconds: length of the run [s].
+    """
+    return tuple(
+        Topic(
+            name,
+            info.message_type,
+            info.count or 0,
+            (info.count or 0) / seconds if seconds > 0.0 else math.nan,
+        )
+        for name, info in sorted(BagReader(bag).topics().items())
+    )
+
+
+def bag_calibration(bag: Path) -> AnyCalibration | None:
+    """The calibration that the recorded camera node worked with; None: the bag does not tell."""
+    reader = BagReader(bag)
+    topics = [topic for topic in reader.topics() if topic.rsplit("/", 1)[-1] == "settings"]
+    if not topics:
+        return None
+    started = latest(read_starts(reader, topics[0]), "camera")
+    text = started.files.get("calibration") if started else None
+    if text is None:
+        return None
+    try:
+        return parse_any_calibration(text, f"{bag}: the recorded calibration", None)
+    except SloshCameraError:
+        return None
+
+
+def bag_pictures(bag: Path, result: ReplayResult) -> tuple[Frame, ...]:
+    """Images with the detected line: the first, the highest, those farthest from the model.
+
+    None where the bag holds no images or does not say how its camera looks at the container.
+    """
+    calibration = bag_calibration(bag)
+    wanted = moments(result)
+    if calibration is None or not wanted:
+        return ()
+    images = _images(bag, set(wanted.values()))
+    if not images:
+        return ()
+    try:
+        detector = learnt_detector(calibration)
+    except SloshCameraError:
+        return ()
+    found = []
+    for label, stamp in wanted.items():
+        frame = images.get(stamp)
+        picture = None if frame is None else _picture(detector, calibration, stamp, frame)
+        if picture is None:
+            continue
+        jpeg, height = picture
+        second = (stamp - report_start(result)) * 1e-9
+        caption = f"{label}: {second:.2f} s, {1e3 * height:.1f} mm"
+        found.append(Frame(jpeg, caption, time=second))
+    return tuple(found)
+
+
+def moments(result: ReplayResult) -> dict[str, int]:
+    """Stamps of the images worth showing, by what they show."""
+    known = np.isfinite(result.measured)
+    if not known.any():
+        return {}
+    wanted = {
+        "first image": int(result.stamps[np.flatnonzero(known)[0]]),
+        "highest": int(result.stamps[np.nanargmax(result.measured)]),
+    }
+    for name in shown_models(result)[1:]:
+        residual = np.abs(result.measured - result.heights[name])
+        if np.isfinite(residual).any():
+            wanted["largest residual"] = int(result.stamps[np.nanargmax(residual)])
+    return wanted
+
+
+def _images(bag: Path, stamps: set[int]) -> dict[int, SourceFrame]:
+    try:
+        return {frame.stamp_ns: frame for frame in bag_frames(bag, stamps)}
+    except SloshBagError:
+        return {}
+
+
+def _picture(
+    detector: object, calibration: AnyCalibration, stamp: int, frame: SourceFrame
+) -> tuple[bytes, float] | None:
+    """The image with its line drawn in, as JPEG, and its height [m]."""
+    try:
+        image = frame.image()
+        measurement = detector.measure(stamp, image)  # type: ignore[attr-defined]
+    except SloshCameraError:
+        return None
+    drawn = draw_measurement(image, calibration, measurement)
+    jpeg = cv2.imencode(".jpg", drawn, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])[1].tobytes()
+    return jpeg, measurement.msh
