@@ -387,11 +387,14 @@ def test_stamps_that_go_back_are_refused(cell: Cell):
 
 
 def test_interpolated_attitudes_take_the_shorter_way():
-    turn = np.array([[0.0, 0.0, 0.0, 2.0], [0.0, 0.0, -1.0, 0.0]])
+    quarter = math.sqrt(0.5)
+    turn = np.array([[0.0, 0.0, 0.0, 2.0], [0.0, 0.0, -quarter, -quarter]])  # 90° about z
     motion = Motion(np.array([0, 10]), np.zeros((2, 3)), turn)
-    between = with_rows_at(motion, np.array([5])).attitude
-    np.testing.assert_allclose(np.abs(between[1]), [0.0, 0.0, math.sqrt(0.5), math.sqrt(0.5)])
-    np.testing.assert_array_equal(between[[0, 2]], turn)
+    attitude = with_rows_at(motion, np.array([5])).attitude
+    assert attitude is not None
+    eighth = math.radians(22.5)
+    np.testing.assert_allclose(attitude[1], [0.0, 0.0, math.sin(eighth), math.cos(eighth)])
+    np.testing.assert_array_equal(attitude[[0, 2]], turn)
 
 
 def test_a_table_made_of_a_bag_can_be_read_again(cell: Cell, tmp_path: Path):
