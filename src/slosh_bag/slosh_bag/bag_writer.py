@@ -13,7 +13,7 @@ from slosh_bag.definitions import Definitions
 from slosh_bag.errors import SloshBagError
 from slosh_bag.mcap_file import SMALL, McapFile
 
-__all__ = ["SERIALIZATION", "BagWriter", "Qos", "Split"]
+__all__ = ["NEVER", "SERIALIZATION", "BagWriter", "Qos", "Split"]
 
 PROFILE = "ros2"
 
@@ -29,6 +29,9 @@ class Split:
 
     size: int = 0
     duration: int = 0
+
+
+NEVER = Split()
 
 
 @dataclass(slots=True)
@@ -60,7 +63,7 @@ class BagWriter:
         folder: Path,
         definitions: Definitions | None = None,
         custom: Mapping[str, str] | None = None,
-        split: Split = Split(),
+        split: Split = NEVER,
         level: int = SMALL,
     ) -> None:
         self.folder = folder
@@ -158,9 +161,11 @@ class BagWriter:
         if self._began_ns is None:
             self._began_ns = log_ns
         number = self._counts[topic]
-        self._counts[topic] = number + 1
         sent_ns = log_ns if publish_ns is None else publish_ns
-        file.write(self._topics[topic].channel, number, log_ns, sent_ns, data)
+        file.add(self._topics[topic].channel, number, log_ns, sent_ns, data)
+        self._counts[topic] = number + 1
+        if file.full:
+            file.flush()
 
     def flush(self) -> None:
         """Ends the current chunk and hands all bytes to the operating system.

@@ -67,9 +67,9 @@ class _Chunk:
 class McapFile:
     """An MCAP file that is being written.
 
-    Every method that writes raises OSError where the system refuses. The file then ends where it
-    ended before, messages that are not in it are still pending, and `flush` or `finish` may be
-    called again.
+    `flush` and `finish` raise OSError where the system refuses to write. The file then ends where
+    it ended before, the messages that are not in it are still pending, and they may be called
+    again.
 
     Args:
         path: a file that does not exist yet.
@@ -110,6 +110,11 @@ class McapFile:
         return self._chunk.count
 
     @property
+    def full(self) -> bool:
+        """Whether the chunk is long enough."""
+        return self._chunk.size >= CHUNK_BYTES
+
+    @property
     def span(self) -> tuple[int, int]:
         """First and last log time of the messages in the file [ns]; zeros without any."""
         return (0, 0) if self._start_ns is None else (self._start_ns, self._end_ns)
@@ -136,19 +141,17 @@ class McapFile:
         self._chunk.append(_record(channel))
         return len(self._channels)
 
-    def write(
-        self, channel: int, sequence: int, log_ns: int, publish_ns: int, data: bytes
-    ) -> None:
-        """Adds a message; the chunk that becomes full goes into the file."""
+    def add(self, channel: int, sequence: int, log_ns: int, publish_ns: int, data: bytes) -> None:
+        """Adds a message to the chunk; a chunk that is `full` is to be flushed."""
         chunk = self._chunk
+        length = _MESSAGE_HEADER + len(data)
+        head = _MESSAGE.pack(Opcode.MESSAGE, length, channel, sequence, log_ns, publish_ns)
         if not chunk.count:
             chunk.start_ns = chunk.end_ns = log_ns
         elif log_ns > chunk.end_ns:
             chunk.end_ns = log_ns
         elif log_ns < chunk.start_ns:
             chunk.start_ns = log_ns
-        length = _MESSAGE_HEADER + len(data)
-        head = _MESSAGE.pack(Opcode.MESSAGE, length, channel, sequence, log_ns, publish_ns)
         entries = chunk.entries.get(channel)
         if entries is None:
             entries = chunk.entries[channel] = []
@@ -156,8 +159,6 @@ class McapFile:
         chunk.parts += (head, data)
         chunk.size += len(head) + len(data)
         chunk.count += 1
-        if chunk.size >= CHUNK_BYTES:
-            self.flush()
 
     def flush(self) -> None:
         """Hands all messages to the operating system; a process killed later loses none of them.

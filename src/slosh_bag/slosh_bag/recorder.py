@@ -1,15 +1,18 @@
 """The recorder's core: takes messages at any rate, writes them from a thread of its own.
 
-A chunk's compression stalls for tens of milliseconds; a queue keeps that away from whoever
-receives the messages. Flushes follow a steady clock, not the messages' own times: those stand
-still, or jump back, where a simulated clock does.
+A chunk's compression and a busy disk stall for tens of milliseconds; a queue keeps that away from
+whoever receives the messages. Flushes follow a steady clock, not the messages' own times: those
+stand still, or jump back, where a simulated clock does. While the disk is full the messages wait
+in the queue; when there is room again they go into a new file.
 """
 
 from __future__ import annotations
 
-import queue
+import contextlib
+import shutil
 import threading
 import time
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,25 +20,37 @@ from typing import NamedTuple
 
 from rosbags.typesys.base import TypesysError
 
-from slosh_bag.bag_writer import BagWriter, Qos
+from slosh_bag.bag_writer import NEVER, BagWriter, Qos, Split
 from slosh_bag.errors import SloshBagError
+from slosh_bag.mcap_file import FAST
 
 FLUSH_PERIOD = 0.5  # s
-"""A killed process loses at most what came since the last flush."""
-QUEUE_LENGTH = 20_000
+"""A killed process loses at most what came since the last flush, and what waited then."""
+PERIOD = 0.1  # s
+"""How long messages wait for the writer; it takes them all at once, which spares it wake-ups."""
+RETRY = 1.0  # s
+QUEUE_LENGTH = 100_000
 QUEUE_BYTES = 512 * 2**20
+WAKE_BYTES = 8 * 2**20
+"""The writer does not sleep on as much as this."""
+ROOM = 16 * 2**20
+"""Free space, besides that for what waits, before a new file is begun on a disk that was full."""
+RATE_PERIOD = 30  # samples, one a second
 
 
 class _Message(NamedTuple):
     topic: str
     data: bytes
     log_ns: int
+    publish_ns: int | None
+    arrived: float
 
 
 class _Topic(NamedTuple):
     name: str
     message_type: str
     qos: Qos
+    arrived: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,130 +58,270 @@ class RecorderStatus:
     """How the recording goes.
 
     Attributes:
+        path: the newest file.
+        files: their number.
         written: messages by topic.
         size: bytes of these messages.
         refused: why a topic cannot be recorded, by topic; the others go on.
-        lost: messages that found the queue full.
+        lost: messages that found the queue full, or were there when the recording ended and
+            could not be written.
         waiting: messages in the queue.
         highest: most messages that the queue has held.
-        failure: why writing has stopped, or an empty text.
+        age: since when the oldest message waits that a killed process would lose [s].
+        free: free space on the disk [bytes].
+        rate: growth of the files [bytes/s]; NaN before it is known.
+        failure: why nothing is written now, or an empty text.
+        since: for how long that has been so [s].
+        interruptions: how often that was so before.
+        lost_meanwhile: messages among `lost` that came while nothing could be written.
     """
 
+    path: Path
+    files: int
     written: dict[str, int]
     size: int
     refused: dict[str, str]
     lost: int
     waiting: int
     highest: int
+    age: float
+    free: int
+    rate: float
     failure: str
+    since: float
+    interruptions: int
+    lost_meanwhile: int
+
+    @property
+    def time_left(self) -> float:
+        """When the disk will be full at the present rate [s]; infinite where it is unknown."""
+        return self.free / self.rate if self.rate > 0.0 else float("inf")
+
+
+def free_space(folder: Path) -> int:
+    """Free space on a folder's disk [bytes]."""
+    return shutil.disk_usage(folder).free
 
 
 class Recorder:
     """Records serialised messages into a bag.
 
+    Messages come from one thread; `status` may be asked by any.
+
     Args:
         folder: the bag's folder.
-        clock: steady clock of the flushes [s].
+        split: when its next file begins.
+        clock: steady clock [s].
+        free: free space on a folder's disk [bytes].
+
+    Raises:
+        SloshBagError: the folder holds files, or cannot be made.
     """
 
-    def __init__(self, folder: Path, clock: Callable[[], float] = time.monotonic) -> None:
-        self._writer = BagWriter(folder)
-        self.path = self._writer.path
+    def __init__(
+        self,
+        folder: Path,
+        split: Split = NEVER,
+        clock: Callable[[], float] = time.monotonic,
+        free: Callable[[Path], int] = free_space,
+    ) -> None:
+        self._writer = BagWriter(folder, split=split, level=FAST)
         self._clock = clock
-        self._queue: queue.Queue[_Message | _Topic | None] = queue.Queue(QUEUE_LENGTH)
-        self._written: dict[str, int] = {}
+        self._free_space = free
+        self._queue: deque[_Message | _Topic] = deque()
+        self._open: list[_Message] = []  # given to the writer, not in a file yet
         self._refused: dict[str, str] = {}
-        self._lost = self._highest = 0
-        self._bytes = self._size = 0
-        self._lock = threading.Lock()
+        self._lost = self._lost_meanwhile = self._highest = self._size = 0
+        # Each counted by one thread alone: the difference needs no lock.
+        self._bytes_in = self._bytes_out = 0
         self._failure = ""
+        self._failed_at = self._retry_at = 0.0
+        self._interruptions = 0
+        self._free = 0
+        self._sizes: deque[tuple[float, int]] = deque(maxlen=RATE_PERIOD)
+        self._measure()
+        self._wake = threading.Event()
+        self._ending = False
         self._thread = threading.Thread(target=self._run, name="bag writer", daemon=True)
         self._thread.start()
 
+    @property
+    def path(self) -> Path:
+        """The newest file."""
+        return self._writer.path
+
     def add_topic(self, name: str, message_type: str, qos: Qos) -> None:
         """Announces a topic; its messages follow."""
-        self._queue.put(_Topic(name, message_type, qos))
+        self._queue.append(_Topic(name, message_type, qos, self._clock()))
 
-    def add(self, topic: str, data: bytes, log_ns: int) -> None:
-        """Takes a message; a full queue loses it, which `status` tells."""
-        with self._lock:
-            full = self._bytes + len(data) > QUEUE_BYTES
-            self._bytes += 0 if full else len(data)
-        if full:
+    def add(self, topic: str, data: bytes, log_ns: int, publish_ns: int | None = None) -> None:
+        """Takes a message; a full queue loses it, which `status` tells.
+
+        Args:
+            topic: a topic that was announced.
+            data: CDR bytes.
+            log_ns: when it was received [ns].
+            publish_ns: when it was sent [ns]; None: unknown.
+        """
+        waiting = self._bytes_in - self._bytes_out + len(data)
+        if waiting > QUEUE_BYTES or len(self._queue) >= QUEUE_LENGTH:
             self._lost += 1
+            self._lost_meanwhile += bool(self._failure)
             return
-        try:
-            self._queue.put_nowait(_Message(topic, data, log_ns))
-        except queue.Full:
-            self._lost += 1
-            with self._lock:
-                self._bytes -= len(data)
-            return
-        self._highest = max(self._highest, self._queue.qsize())
+        self._bytes_in += len(data)
+        self._queue.append(_Message(topic, data, log_ns, publish_ns, self._clock()))
+        self._highest = max(self._highest, len(self._queue))
+        if waiting > WAKE_BYTES:
+            self._wake.set()
 
     def status(self) -> RecorderStatus:
         """How the recording goes."""
+        now = self._clock()
+        first, last = self._sizes[0], self._sizes[-1]
+        elapsed = last[0] - first[0]
         return RecorderStatus(
-            # Copies in one step each: the writer's thread adds topics meanwhile.
-            written=self._written.copy(),
+            path=self._writer.path,
+            files=self._writer.files,
+            written=self._writer.counts,
             size=self._size,
             refused=self._refused.copy(),
             lost=self._lost,
-            waiting=self._queue.qsize(),
+            waiting=len(self._queue),
             highest=self._highest,
+            age=max(now - self._oldest(now), 0.0),
+            free=self._free,
+            rate=(last[1] - first[1]) / elapsed if elapsed > 0.0 else float("nan"),
             failure=self._failure,
+            since=now - self._failed_at if self._failure else 0.0,
+            interruptions=self._interruptions,
+            lost_meanwhile=self._lost_meanwhile,
         )
 
     def close(self) -> None:
         """Writes what waits and finishes the bag."""
-        self._queue.put(None)
+        self._ending = True
+        self._wake.set()
         self._thread.join()
 
+    def _oldest(self, now: float) -> float:
+        """When the oldest message arrived that is in no file; now: there is none."""
+        for waiting in (self._open, self._queue):
+            with contextlib.suppress(IndexError):  # the writer's thread takes them meanwhile
+                return waiting[0].arrived
+        return now
+
     def _run(self) -> None:
-        flushed = self._clock()
-        while (item := self._next(flushed + FLUSH_PERIOD - self._clock())) is not None:
-            if self._failure:
-                continue  # keep emptying the queue: the node lives on and says what is wrong
-            try:
-                self._take(item)
-                if self._clock() - flushed >= FLUSH_PERIOD:
-                    self._writer.flush()
-                    flushed = self._clock()
-            except Exception as error:  # a thread that ended here would say nothing to anyone
-                self._fail(error)
+        while not self._ending:
+            self._wake.wait(PERIOD)
+            self._wake.clear()
+            self._work()
+        left = len(self._queue) + 1
+        while len(self._queue) < left:  # as long as it helps, whatever the time
+            left = len(self._queue)
+            self._retry_at = 0.0
+            self._work()
+        self._end()
+
+    def _work(self) -> None:
+        """Writes what waits, and flushes where it is time to."""
+        if self._failure:
+            self._try_again()
+        while self._queue and not self._failure:
+            item = self._queue.popleft()
+            if isinstance(item, _Topic):
+                self._announce(item)
+            else:
+                self._write(item)
+        if self._open and self._clock() - self._open[0].arrived >= FLUSH_PERIOD:
+            self._flush()
+        if self._clock() - self._sizes[-1][0] >= 1.0:
+            self._measure()
+
+    def _write(self, item: _Message) -> None:
+        self._bytes_out += len(item.data)
+        if item.topic in self._refused:
+            return
         try:
-            self._writer.close()
+            self._writer.write(item.topic, item.data, item.log_ns, item.publish_ns)
+        except (OSError, MemoryError) as error:
+            self._fail(error, [item])
+            return
+        except Exception as error:  # a thread that ended here would say nothing to anyone
+            self._lost += 1
+            self._fail(error, [])
+            return
+        self._size += len(item.data)
+        pending = self._writer.pending
+        if pending > 1:
+            self._open.append(item)
+            if item.arrived - self._open[0].arrived >= FLUSH_PERIOD:
+                self._flush()
+        else:
+            self._open = [item] if pending else []
+
+    def _flush(self) -> None:
+        try:
+            self._writer.flush()
         except Exception as error:
-            self._fail(error)
-
-    def _fail(self, error: Exception) -> None:
-        reason = " ".join(str(error).split()) or type(error).__name__
-        self._failure = self._failure or f"{self.path}: {reason}"
-
-    def _take(self, item: _Message | _Topic | bool) -> None:
-        if isinstance(item, _Topic):
-            self._announce(item)
-        elif isinstance(item, _Message) and item.topic not in self._refused:
-            self._writer.write(*item)
-            self._written[item.topic] += 1
-            self._size += len(item.data)
+            self._fail(error, [])
+        else:
+            self._open = []
 
     def _announce(self, topic: _Topic) -> None:
         """A topic whose type nobody can describe is left out; all others are recorded."""
         try:
-            self._writer.add_topic(*topic)
+            self._writer.add_topic(topic.name, topic.message_type, topic.qos)
         except (SloshBagError, TypesysError) as error:
             self._refused[topic.name] = " ".join(str(error).split())
-        else:
-            self._written.setdefault(topic.name, 0)
 
-    def _next(self, patience: float) -> _Message | _Topic | bool | None:
-        """The next item; True where nothing came for some seconds; None at the end."""
+    def _fail(self, error: Exception, also: list[_Message]) -> None:
+        """Ends the file; its last messages wait for the next one in front of all others."""
+        reason = " ".join((getattr(error, "strerror", None) or str(error)).split())
+        path = self._writer.path
+        # Where it failed after a split's end everything before is in a file already.
+        again = self._open if self._writer.abandon() else []
+        self._size -= sum(len(item.data) for item in again)
+        for item in reversed([*again, *also]):
+            self._bytes_out -= len(item.data)
+            self._queue.appendleft(item)
+        self._open = []
+        now = self._clock()
+        # At once for a limit on the file alone; where that fails too, once a period.
+        self._retry_at = now + RETRY if now - self._failed_at < RETRY else now
+        self._failed_at = now
+        self._failure = f"{path}: {reason or type(error).__name__}"
+        self._measure()
+
+    def _try_again(self) -> None:
+        """Goes on in a new file where there is room for what waits."""
+        now = self._clock()
+        if now < self._retry_at:
+            return
+        self._retry_at = now + RETRY
+        self._measure()
+        if self._free < ROOM + self._bytes_in - self._bytes_out:
+            return
         try:
-            item = self._queue.get(timeout=max(patience, 0.0))
-        except queue.Empty:
-            return True
-        if isinstance(item, _Message):
-            with self._lock:
-                self._bytes -= len(item.data)
-        return item
+            self._writer.resume()
+        except Exception as error:
+            self._writer.abandon()
+            self._failure = f"{self._writer.path}: {error}"
+        else:
+            self._failure = ""
+            self._interruptions += 1
+
+    def _end(self) -> None:
+        """Finishes the bag; what cannot be written even now is lost."""
+        try:
+            self._writer.close()
+        except Exception as error:
+            self._fail(error, [])
+        missed = sum(isinstance(item, _Message) for item in self._queue)
+        self._lost += missed
+        self._lost_meanwhile += missed
+        self._open = []
+
+    def _measure(self) -> None:
+        with contextlib.suppress(OSError):
+            self._free = self._free_space(self._writer.folder)
+        self._sizes.append((self._clock(), self._writer.size))

@@ -1,10 +1,19 @@
-"""The recorder's core: what stops it, what does not, and how often it flushes."""
+"""The recorder's core: what stops it, what does not, full disks, and how often it flushes."""
 
+import contextlib
+import errno
 import itertools
+import os
+import resource
+import time
 
 import pytest
+import yaml
+from mcap.reader import make_reader
 
-from slosh_bag.bag_writer import BagWriter, Qos
+from slosh_bag import recorder as recorder_module
+from slosh_bag.bag_writer import BagWriter, Qos, Split
+from slosh_bag.mcap_file import McapFile
 from slosh_bag.reader import BagReader
 from slosh_bag.recorder import FLUSH_PERIOD, QUEUE_LENGTH, Recorder
 
@@ -12,6 +21,30 @@ HEADER = "std_msgs/msg/Header"
 # A Header of stamp 0 with the frame "a".
 DATA = bytes.fromhex("000100000000000000000000020000006100")
 SECOND = 1_000_000_000
+PATIENCE = 20.0
+
+
+def noise(number):
+    """Bytes that do not get smaller, unlike those of any other number."""
+    return DATA + number.to_bytes(4, "little") + os.urandom(2000)
+
+
+def until(condition):
+    deadline = time.monotonic() + PATIENCE
+    while not condition():
+        assert time.monotonic() < deadline, "what was awaited did not come"
+        time.sleep(0.005)
+
+
+def contents(folder):
+    """The numbers of the messages, in the order in which the whole bag gives them."""
+    messages = BagReader(folder).messages()
+    return [int.from_bytes(message.data[len(DATA) :][:4], "little") for message in messages]
+
+
+def is_finished(path):
+    with path.open("rb") as stream:
+        return make_reader(stream, validate_crcs=True).get_summary() is not None
 
 
 @pytest.fixture
@@ -28,6 +61,29 @@ def flushes(monkeypatch):
     return seen
 
 
+@contextlib.contextmanager
+def no_more_than(size):
+    """Files of this process end here, as on a disk that is full: Python ignores SIGXFSZ."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+
+
+@pytest.fixture
+def started(tmp_path):
+    """A recorder that has written a hundred messages."""
+    recorder = Recorder(tmp_path / "run")
+    recorder.add_topic("/h", HEADER, Qos())
+    for number in range(100):
+        recorder.add("/h", noise(number), number)
+    until(lambda: recorder.status().age == 0.0 and recorder.status().written == {"/h": 100})
+    yield recorder
+    recorder.close()
+
+
 @pytest.mark.parametrize(
     "stamp",
     [lambda n: SECOND, lambda n: 100 * SECOND - n * SECOND, lambda n: SECOND + n],
@@ -35,16 +91,31 @@ def flushes(monkeypatch):
 )
 def test_flushes_do_not_depend_on_the_messages_clock(tmp_path, flushes, stamp):
     steps = itertools.count()
-    recorder = Recorder(tmp_path / "run", clock=lambda: 0.1 * FLUSH_PERIOD * next(steps))
+    now = 0.0
+    recorder = Recorder(tmp_path / "run", clock=lambda: now)
     recorder.add_topic("/h", HEADER, Qos())
     for number in range(100):
+        now = 0.1 * FLUSH_PERIOD * next(steps)
         recorder.add("/h", DATA, stamp(number))
     recorder.close()
     inside = [count for count in flushes if 0 < count < 100]
-    assert max(b - a for a, b in itertools.pairwise([0, *inside, 100])) <= 10
+    assert max(b - a for a, b in itertools.pairwise([0, *inside, 100])) <= 12
 
 
-@pytest.mark.parametrize("text", [None, "no such type here"], ids=["absent", "unreadable"])
+def test_the_age_of_the_oldest_unwritten_message_is_told(tmp_path):
+    now = 100.0
+    recorder = Recorder(tmp_path / "run", clock=lambda: now)
+    recorder.add_topic("/h", HEADER, Qos())
+    assert recorder.status().age == 0.0
+    recorder.add("/h", DATA, 1)
+    now += 0.9 * FLUSH_PERIOD
+    assert recorder.status().age == pytest.approx(0.9 * FLUSH_PERIOD)
+    now += 0.2 * FLUSH_PERIOD
+    until(lambda: recorder.status().age == 0.0)
+    recorder.close()
+
+
+@pytest.mark.parametrize("text", [None, "float64 = {"], ids=["absent", "unreadable"])
 def test_a_topic_without_a_definition_does_not_stop_the_others(tmp_path, monkeypatch, text):
     if text:
         folder = tmp_path / "install" / "share" / "odd_msgs" / "msg"
@@ -76,4 +147,146 @@ def test_any_failure_is_told_and_the_recorder_still_closes(tmp_path, monkeypatch
     for number in range(QUEUE_LENGTH + 10):
         recorder.add("/h", DATA, number)
     recorder.close()
-    assert recorder.status().failure == f"{recorder.path}: MemoryError"
+    status = recorder.status()
+    assert status.failure.endswith(": MemoryError")
+    assert status.lost == QUEUE_LENGTH + 10
+
+
+def test_a_message_that_cannot_be_written_is_lost_alone(tmp_path):
+    recorder = Recorder(tmp_path / "run")
+    recorder.add_topic("/h", HEADER, Qos())
+    for number in range(10):
+        recorder.add("/h", noise(number), -1 if number == 4 else number)
+    until(lambda: recorder.status().written.get("/h") == 9)
+    recorder.close()
+    assert (recorder.status().lost, recorder.status().failure) == (1, "")
+    assert contents(tmp_path / "run") == [0, 1, 2, 3, 5, 6, 7, 8, 9]
+
+
+def test_a_full_disk_loses_nothing_and_recording_goes_on_by_itself(started):
+    with no_more_than(0):
+        for number in range(100, 200):
+            started.add("/h", noise(number), number)
+        until(lambda: started.status().failure)
+        status = started.status()
+        assert os.strerror(errno.EFBIG) in status.failure
+        assert str(started.path.parent / "run_0.mcap") in status.failure
+        # What was written before the disk was full can be read while it is.
+        assert contents(started.path.parent) == list(range(100))
+    until(lambda: not started.status().failure)
+    for number in range(200, 300):
+        started.add("/h", noise(number), number)
+    started.close()
+    status = started.status()
+    assert (status.lost, status.interruptions, status.failure) == (0, 1, "")
+    assert status.written == {"/h": 300}
+    assert contents(started.path.parent) == list(range(300))
+    assert all(map(is_finished, started.path.parent.glob("*.mcap")))
+    document = yaml.safe_load((started.path.parent / "metadata.yaml").read_text())
+    files = document["rosbag2_bagfile_information"]["files"]
+    assert [file["message_count"] for file in files] == [100, 200]
+
+
+def test_what_finds_no_room_while_the_disk_is_full_is_counted(started, monkeypatch):
+    monkeypatch.setattr(recorder_module, "QUEUE_LENGTH", 50)
+    with no_more_than(0):
+        for number in range(100, 110):
+            started.add("/h", noise(number), number)
+        until(lambda: started.status().failure)
+        for number in range(110, 200):
+            started.add("/h", noise(number), number)
+        assert started.status().lost_meanwhile == 50
+    until(lambda: not started.status().failure)
+    started.close()
+    assert started.status().lost == 50
+    assert contents(started.path.parent) == list(range(150))
+
+
+def test_a_recording_that_ends_on_a_full_disk_keeps_what_was_written(started):
+    with no_more_than(0):
+        for number in range(100, 150):
+            started.add("/h", noise(number), number)
+        until(lambda: started.status().failure)
+        started.close()
+    assert (started.status().lost, started.status().lost_meanwhile) == (50, 50)
+    assert contents(started.path.parent) == list(range(100))
+
+
+def test_a_new_file_waits_until_there_is_room_for_what_waits(tmp_path):
+    free = 10**9
+    now = 0.0
+    recorder = Recorder(tmp_path / "run", clock=lambda: now, free=lambda _: free)
+    recorder.add_topic("/h", HEADER, Qos())
+    with no_more_than(0):
+        recorder.add("/h", DATA, 1)
+        now = 1.0
+        free = recorder_module.ROOM
+        until(lambda: recorder.status().failure)
+    until(lambda: recorder.status().free == free)
+    now = 100.0
+    until(lambda: recorder._retry_at > now)
+    assert recorder.status().failure
+    assert recorder.status().since == pytest.approx(99.0)
+    free += 2 * len(DATA)
+    now = 200.0
+    until(lambda: not recorder.status().failure)
+    recorder.close()
+    assert recorder.status().written == {"/h": 1}
+
+
+def test_a_limit_on_the_file_alone_begins_the_next_one_at_once(tmp_path):
+    now = 0.0
+    with no_more_than(600_000):
+        recorder = Recorder(tmp_path / "run", clock=lambda: now)
+        recorder.add_topic("/h", HEADER, Qos())
+        for number in range(1000):
+            now = 0.01 * number  # a chunk of about 100 kB per flush
+            recorder.add("/h", noise(number), number)
+        recorder.close()
+    assert recorder.status().lost == 0
+    assert len(list((tmp_path / "run").glob("*.mcap"))) > 2
+    assert sorted(contents(tmp_path / "run")) == list(range(1000))
+
+
+def test_when_the_disk_will_be_full_is_known_from_the_rate(tmp_path):
+    now, free = 0.0, 10_000_000
+    recorder = Recorder(tmp_path / "run", clock=lambda: now, free=lambda _: free)
+    recorder.add_topic("/h", HEADER, Qos())
+    for second in range(1, 11):
+        for number in range(10):
+            recorder.add("/h", noise(number), number)
+        now = float(second)
+        until(lambda: recorder._sizes[-1][0] == now and recorder.status().age < 1.0)  # noqa: B023
+    status = recorder.status()
+    assert status.rate == pytest.approx(20_000.0, rel=0.2)
+    assert status.time_left == pytest.approx(free / status.rate)
+    recorder.close()
+
+
+def test_splits_are_those_that_were_asked_for(tmp_path):
+    recorder = Recorder(tmp_path / "run", Split(duration=10 * SECOND))
+    recorder.add_topic("/h", HEADER, Qos())
+    for number in range(35):
+        recorder.add("/h", noise(number), number * SECOND)
+    recorder.close()
+    assert recorder.status().files == 4
+    assert contents(tmp_path / "run") == list(range(35))
+
+
+def test_a_failed_write_leaves_the_file_as_it_was(tmp_path):
+    file = McapFile(tmp_path / "a.mcap", "ros2")
+    channel = file.add_channel("/h", file.add_schema(HEADER, "uint8 x"), {})
+    for number in range(10):
+        file.add(channel, number, number, number, noise(number))
+    file.flush()
+    good = file.path.read_bytes()
+    file.add(channel, 10, 10, 10, noise(10))
+    for limit in (len(good), len(good) + 7, len(good) + 1500):
+        with no_more_than(limit), pytest.raises(OSError, match="File too large"):
+            file.flush()
+        assert file.path.read_bytes() == good
+    file.finish({})
+    with file.path.open("rb") as stream:
+        reader = make_reader(stream, validate_crcs=True)
+        assert len(list(reader.iter_messages())) == 11
+        assert reader.get_summary().statistics.message_count == 11

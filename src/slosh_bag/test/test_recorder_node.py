@@ -13,7 +13,8 @@ from rclpy.qos import QoSReliabilityPolicy as Reliability
 from std_msgs.msg import Header
 
 from slosh_bag.errors import SloshBagError
-from slosh_bag.nodes.recorder_node import RecorderNode, matching
+from slosh_bag.nodes.recorder_node import RecorderNode
+from slosh_bag.nodes.topic_input import matching
 from slosh_bag.reader import BagReader
 from slosh_msgs.msg import FreeSurface, LimitEvent
 from slosh_msgs_py import qos

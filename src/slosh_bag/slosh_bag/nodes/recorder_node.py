@@ -5,28 +5,28 @@ from __future__ import annotations
 import importlib
 import re
 import sys
+import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 from rclpy.clock import Clock, ClockType
-from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
-from rclpy.qos import QoSDurabilityPolicy as Durability
-from rclpy.qos import QoSHistoryPolicy as History
-from rclpy.qos import QoSProfile
-from rclpy.qos import QoSReliabilityPolicy as Reliability
 from rclpy.subscription import Subscription
 
-from slosh_bag.bag_writer import Qos
+from slosh_bag.bag_writer import Split
 from slosh_bag.errors import SloshBagError
+from slosh_bag.nodes.recorder_health import findings
+from slosh_bag.nodes.topic_input import Received, TopicInput, noted
 from slosh_bag.recorder import Recorder
-from slosh_msgs_py.node.diagnostics import ERROR, OK, STALE, WARN, DiagnosticsReporter, Health
+from slosh_msgs_py.node.diagnostics import DiagnosticsReporter, Health
 from slosh_msgs_py.node.parameters import ParameterSpec, declare
 from slosh_msgs_py.node.run import run_node
 
 DISCOVERY_PERIOD = 0.2
-# Several seconds at 1 kHz: a stalled disk must not lose messages before the queue sees them.
-DEPTH = 5000
+TAKE_PERIOD = 0.05
+_SECOND = 1_000_000_000  # ns
+_SETTLED = 2_000_000  # ns; a message received this long ago can be taken by now
 PARAMETERS = (
     ParameterSpec("output", "bag", "folder of the bag; it must be new or empty"),
     ParameterSpec("topics", ".*", "regular expression of the topics to record"),
@@ -36,103 +36,142 @@ PARAMETERS = (
         "^/(rosout|parameter_events)$|/_",
         "regular expression of those to leave out",
     ),
+    ParameterSpec(
+        "max_bag_size",
+        4_000_000_000,
+        "a file of this size is followed by the next one [bytes]; 0: never",
+        bounds=(0, 2**62),
+    ),
+    ParameterSpec(
+        "max_bag_duration",
+        0,
+        "time after which the next file begins [s]; 0: never",
+        bounds=(0, 2**31),
+    ),
 )
 
 
 class RecorderNode(Node):
-    """Discovers topics, subscribes to them raw, hands the bytes to the core."""
+    """Discovers topics, takes their messages raw, hands the bytes to the core."""
 
     def __init__(self) -> None:
+        self._inputs: dict[str, TopicInput] = {}
         super().__init__("recorder")
         values = declare(self, PARAMETERS)
         self._include = _pattern("topics", values["topics"])
         self._exclude = _pattern("exclude", values["exclude"])
-        self._subscribed: dict[str, Subscription] = {}
         self._unknown: dict[str, str] = {}
-        self._unheard: set[str] = set()
-        self._core = Recorder(Path(values["output"]))
-        self._reported = 0
+        self._held: list[Received] = []
+        self._core = Recorder(
+            Path(values["output"]),
+            Split(values["max_bag_size"], values["max_bag_duration"] * _SECOND),
+        )
+        self._reported = self._reported_lost = 0
         self._report = DiagnosticsReporter(self, self._health, self._facts)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._timer = self.create_timer(DISCOVERY_PERIOD, self._discover, clock=steady)
+        self._timers = [
+            self.create_timer(DISCOVERY_PERIOD, self._discover, clock=steady),
+            self.create_timer(TAKE_PERIOD, self._take, clock=steady),
+        ]
         self._discover()
+
+    @property
+    def subscriptions(self) -> Iterator[Subscription]:
+        """What an executor serves: not the recorded topics, those are taken in batches."""
+        taken = {topic.subscription for topic in self._inputs.values()}
+        return (entry for entry in super().subscriptions if entry not in taken)
 
     def close(self) -> None:
         """Finishes the bag."""
+        self._take(final=True)
         self._core.close()
         status = self._core.status()
         total = sum(status.written.values())
-        self.get_logger().info(f"{total} messages in {self._core.path}, {status.lost} lost")
+        self.get_logger().info(f"{total} messages in {status.path.parent}, {status.lost} lost")
 
     def _discover(self) -> None:
-        for topic in sorted(self._unheard):
-            self._adapt(topic)
-        self._unheard.clear()
+        now = time.monotonic()
+        self._take()  # a subscription that is replaced takes its messages with it
+        for entry in self._inputs.values():
+            change = entry.watch(now)
+            if change:
+                self.get_logger().warning(f"{entry.topic}: {change}")
         for topic, types in self.get_topic_names_and_types():
             wanted = self._include.search(topic) and not self._exclude.search(topic)
-            known = topic in self._subscribed or topic in self._unknown
+            known = topic in self._inputs or topic in self._unknown
             if wanted and not known and self.count_publishers(topic):
-                self._add(topic, types[0])
+                self._add(topic, types[0], now)
 
-    def _add(self, topic: str, type_name: str) -> None:
+    def _add(self, topic: str, type_name: str, now: float) -> None:
         try:
             message_type = find_type(type_name)
         except (AttributeError, ImportError, ValueError):
             self._unknown[topic] = f"{type_name} is not installed here"
             self.get_logger().error(f"{topic} is not recorded: {self._unknown[topic]}")
             return
-        profile = self._offered(topic)
-        self._core.add_topic(topic, type_name, noted(profile))
-        self._subscribed[topic] = self._subscribe(message_type, topic, profile)
+        entry = TopicInput(self, topic, type_name, message_type, now)
+        self._core.add_topic(topic, type_name, noted(entry.profile))
+        self._inputs[topic] = entry
 
-    def _adapt(self, topic: str) -> None:
-        """Asks for less where a publisher that came later offers less than the first ones."""
-        old = self._subscribed[topic]
-        self.get_logger().warning(f"{topic}: a publisher offers less; subscribing anew")
-        self.destroy_subscription(old)
-        self._subscribed[topic] = self._subscribe(old.msg_type, topic, self._offered(topic))
-
-    def _offered(self, topic: str) -> QoSProfile:
-        return matching([info.qos_profile for info in self.get_publishers_info_by_topic(topic)])
-
-    def _subscribe(self, message_type: Any, topic: str, profile: QoSProfile) -> Subscription:
+    def _take(self, final: bool = False) -> None:
+        """Hands over what has come, in the order in which it came on all topics together."""
+        settled = time.time_ns() - _SETTLED
+        for entry in self._inputs.values():
+            entry.take(self._held.append)
+        if not self._held:
+            return
         clock = self.get_clock()
-
-        # Without the message's info: the events executor fails on messages that come with it.
-        def receive(data: bytes) -> None:
-            self._core.add(topic, data, clock.now().nanoseconds)
-
-        # A subscription cannot be replaced inside its own event: the next discovery does it.
-        events = SubscriptionEventCallbacks(incompatible_qos=lambda _: self._unheard.add(topic))
-        return self.create_subscription(
-            message_type, topic, receive, profile, event_callbacks=events, raw=True
-        )
+        simulated = clock.now().nanoseconds if clock.ros_time_is_active else None
+        held, self._held = sorted(self._held, key=lambda received: received.arrived_ns), []
+        for received in held:
+            # One of another topic may have come before it. After a step of the clock none waits.
+            if not final and 0 < received.arrived_ns - settled < _SECOND:
+                self._held.append(received)
+            elif simulated is None:
+                sent_ns = received.sent_ns or None
+                self._core.add(received.topic, received.data, received.arrived_ns, sent_ns)
+            else:
+                self._core.add(received.topic, received.data, simulated)
 
     def _health(self) -> Health:
         status = self._core.status()
-        total = sum(status.written.values())
-        silent, self._reported = total == self._reported, total
-        if status.failure:
-            return ERROR, f"nothing is recorded any more: {status.failure}"
-        if status.lost:
-            return ERROR, f"{status.lost} messages lost: the disk is too slow"
+        total, lost = sum(status.written.values()), self._lost_on_the_way()
+        silent = total == self._reported
+        newly_lost = lost - self._reported_lost
+        self._reported, self._reported_lost = total, lost
         left_out = self._unknown | status.refused
-        if left_out:
-            topic, reason = next(iter(left_out.items()))
-            return WARN, f"{len(left_out)} topics are not recorded, such as {topic}: {reason}"
-        return (STALE, "nothing to record") if silent else (OK, f"{total} messages recorded")
+        return findings(status, self._absent(), newly_lost, left_out, silent)
 
     def _facts(self) -> dict[str, Any]:
         status = self._core.status()
         return {
-            "file": self._core.path,
+            "file": status.path,
+            "files": status.files,
             "topics": len(status.written),
             "messages": sum(status.written.values()),
             "bytes": status.size,
             "lost": status.lost,
+            "lost while nothing could be written": status.lost_meanwhile,
+            "lost on the way": self._lost_on_the_way(),
             "queue": status.waiting,
             "queue maximum": status.highest,
+            "oldest unwritten message [s]": f"{status.age:.2f}",
+            "free space [MB]": round(1e-6 * status.free),
+            "written [MB/s]": f"{1e-6 * status.rate:.2f}",
+            "topics without a publisher": ", ".join(self._absent()),
         }
+
+    def _absent(self) -> dict[str, float]:
+        """Since when each topic that has no publisher has had none [s]."""
+        now = time.monotonic()
+        return {
+            topic: now - entry.silent_since
+            for topic, entry in self._inputs.items()
+            if entry.silent_since is not None
+        }
+
+    def _lost_on_the_way(self) -> int:
+        return sum(entry.lost for entry in self._inputs.values())
 
 
 def find_type(name: str) -> Any:
@@ -148,26 +187,6 @@ def _pattern(name: str, text: str) -> re.Pattern[str]:
         raise SloshBagError(
             f"parameter {name} = {text!r}: no regular expression: {error}"
         ) from None
-
-
-def matching(offered: list[QoSProfile]) -> QoSProfile:
-    """The most demanding profile that every publisher of a topic still satisfies."""
-    reliable = bool(offered) and all(p.reliability == Reliability.RELIABLE for p in offered)
-    latched = bool(offered) and all(p.durability == Durability.TRANSIENT_LOCAL for p in offered)
-    return QoSProfile(
-        history=History.KEEP_LAST,
-        depth=DEPTH,
-        reliability=Reliability.RELIABLE if reliable else Reliability.BEST_EFFORT,
-        durability=Durability.TRANSIENT_LOCAL if latched else Durability.VOLATILE,
-    )
-
-
-def noted(profile: QoSProfile) -> Qos:
-    """A profile as the bag notes it."""
-    return Qos(
-        "reliable" if profile.reliability == Reliability.RELIABLE else "best_effort",
-        "transient_local" if profile.durability == Durability.TRANSIENT_LOCAL else "volatile",
-    )
 
 
 def main() -> int:

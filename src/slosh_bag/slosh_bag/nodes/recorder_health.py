@@ -1,0 +1,72 @@
+"""What the recorder says of itself in the diagnostics."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from slosh_bag.recorder import RecorderStatus
+from slosh_msgs_py.node.diagnostics import ERROR, OK, STALE, WARN, Health
+
+SOON_FULL = 600.0
+"""How long before the disk is full the recorder warns [s]."""
+
+
+def findings(
+    status: RecorderStatus,
+    absent: Mapping[str, float],
+    lost_on_the_way: int,
+    left_out: Mapping[str, str],
+    silent: bool,
+) -> Health:
+    """The worst level of all that is to be said, and all of it in one line, the worst first.
+
+    Args:
+        status: how the recording goes.
+        absent: topics without a publisher, and since when that is so [s].
+        lost_on_the_way: messages that the middleware lost since the last report.
+        left_out: topics that cannot be recorded, and why.
+        silent: whether no message has been written since the last report.
+    """
+    errors, warnings = _errors(status), _warnings(status)
+    if absent:
+        names = ", ".join(f"{topic} (for {since:.0f} s)" for topic, since in absent.items())
+        warnings.append(f"no publisher any more: {names}")
+    if lost_on_the_way:
+        warnings.append(f"{lost_on_the_way} messages lost on the way, before they got here")
+    if left_out:
+        topic, reason = next(iter(left_out.items()))
+        warnings.append(f"{len(left_out)} topics are not recorded, such as {topic}: {reason}")
+    if errors or warnings:
+        return (ERROR if errors else WARN), "; ".join(errors + warnings)
+    if silent:
+        return STALE, "nothing to record"
+    return OK, f"{sum(status.written.values())} messages recorded"
+
+
+def _errors(status: RecorderStatus) -> list[str]:
+    found = []
+    if status.failure:
+        found.append(
+            f"nothing has been written for {status.since:.0f} s: {status.failure}; "
+            f"{1e-6 * status.free:.0f} MB free: make room, and it goes on by itself; "
+            f"{status.waiting} messages wait, {status.lost_meanwhile} are lost"
+        )
+    slow = status.lost - status.lost_meanwhile
+    if slow:
+        found.append(f"{slow} messages lost: the disk is too slow")
+    return found
+
+
+def _warnings(status: RecorderStatus) -> list[str]:
+    found = []
+    if status.time_left < SOON_FULL and not status.failure:
+        found.append(
+            f"the disk of {status.path.parent} will be full in {status.time_left / 60.0:.1f} min "
+            f"at {1e-6 * status.rate:.1f} MB/s, {1e-6 * status.free:.0f} MB are left"
+        )
+    if status.interruptions and not status.failure:
+        found.append(
+            f"recording goes on in {status.path.name}: nothing could be written "
+            f"{status.interruptions} times, {status.lost_meanwhile} messages were lost meanwhile"
+        )
+    return found

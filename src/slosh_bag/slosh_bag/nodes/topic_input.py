@@ -1,0 +1,183 @@
+"""One topic that is recorded: its subscription, which follows what the publishers offer."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.node import Node
+from rclpy.qos import QoSDurabilityPolicy as Durability
+from rclpy.qos import QoSHistoryPolicy as History
+from rclpy.qos import QoSProfile
+from rclpy.qos import QoSReliabilityPolicy as Reliability
+from rclpy.subscription import Subscription
+
+from slosh_bag.bag_writer import Qos
+
+# Several seconds at 1 kHz: a stalled process must not lose messages before it sees them.
+DEPTH = 5000
+
+
+class Received(NamedTuple):
+    """A message as it came.
+
+    Attributes:
+        arrived_ns: when it was received, by the system's clock [ns].
+        sent_ns: when it was sent, by the sender's system clock [ns]; 0: unknown.
+        topic: its topic.
+        data: CDR bytes.
+    """
+
+    arrived_ns: int
+    sent_ns: int
+    topic: str
+    data: bytes
+
+
+class Publisher(NamedTuple):
+    """A publisher of a topic: its identity, unlike that of any other, and what it offers."""
+
+    identity: bytes
+    profile: QoSProfile
+
+
+class TopicInput:
+    """Subscribes to a topic and takes its messages in batches, raw.
+
+    An executor would wake up for each message: at 1 kHz that costs twice what DDS itself takes.
+    The middleware notes when each message came, so nothing is lost by asking a little later.
+
+    Args:
+        node: the node; its executor must leave this subscription alone.
+        topic: the topic.
+        type_name, message_type: its type's name and class.
+        now: the steady time [s].
+    """
+
+    def __init__(
+        self, node: Node, topic: str, type_name: str, message_type: Any, now: float
+    ) -> None:
+        self.topic = topic
+        self.type_name = type_name
+        self.lost = 0
+        self.silent_since: float | None = None
+        self._node = node
+        self._message_type = message_type
+        self._known: frozenset[bytes] = frozenset()
+        self._lost_before = 0
+        publishers = self._publishers()
+        self.profile = matching([publisher.profile for publisher in publishers])
+        self.subscription = self._subscribe()
+        self.watch(now)
+
+    def watch(self, now: float) -> str:
+        """Looks at the topic's publishers; subscribes anew where they offer other things.
+
+        Args:
+            now: the steady time [s].
+
+        Returns:
+            what has changed, or an empty text.
+        """
+        publishers = self._publishers()
+        if not publishers:
+            if self.silent_since is None:
+                self.silent_since = now
+                return "no publisher any more"
+            return ""
+        back, self.silent_since = self.silent_since is not None, None
+        wish = wanted(self.profile, publishers, self._known)
+        self._known = frozenset(publisher.identity for publisher in publishers)
+        if wish is not None:
+            self._lost_before = self.lost
+            self._node.destroy_subscription(self.subscription)
+            self.profile = wish
+            self.subscription = self._subscribe()
+            return "the publishers offer something else; subscribed anew"
+        return "has a publisher again" if back else ""
+
+    def take(self, give: Callable[[Received], None]) -> None:
+        """Hands over what has come."""
+        with self.subscription.handle:
+            take = self.subscription.handle.take_message
+            for _ in range(DEPTH):  # not for ever where they come faster than they are taken
+                taken = take(self._message_type, True)
+                if taken is None:
+                    return
+                data, info = taken
+                arrived_ns = info["received_timestamp"] or time.time_ns()
+                give(Received(arrived_ns, info["source_timestamp"], self.topic, data))
+
+    def _publishers(self) -> list[Publisher]:
+        return [
+            Publisher(bytes(info.endpoint_gid), info.qos_profile)
+            for info in self._node.get_publishers_info_by_topic(self.topic)
+            if info.topic_type == self.type_name
+        ]
+
+    def _subscribe(self) -> Subscription:
+        events = SubscriptionEventCallbacks(
+            message_lost=self._on_lost, use_default_callbacks=False
+        )
+        return self._node.create_subscription(
+            self._message_type, self.topic, _ignore, self.profile, event_callbacks=events, raw=True
+        )
+
+    def _on_lost(self, event: Any) -> None:
+        """The middleware tells what was overwritten before it arrived."""
+        self.lost = self._lost_before + event.total_count
+
+
+def _ignore(_: bytes) -> None:
+    """No executor calls this: the messages are taken."""
+
+
+def matching(offered: Sequence[QoSProfile]) -> QoSProfile:
+    """The most demanding profile that every publisher of a topic still satisfies."""
+    reliable = bool(offered) and all(p.reliability == Reliability.RELIABLE for p in offered)
+    latched = bool(offered) and all(p.durability == Durability.TRANSIENT_LOCAL for p in offered)
+    return _profile(reliable, latched)
+
+
+def wanted(
+    present: QoSProfile, publishers: Sequence[Publisher], known: frozenset[bytes]
+) -> QoSProfile | None:
+    """The profile to subscribe with anew; None: the present one will do.
+
+    Publishers that offer less would not be heard; of those that offer more, large messages would
+    get lost on the way, or the latched ones of before. A new subscription to latched messages
+    hears again what is recorded already: it is made only where all publishers are new.
+
+    Args:
+        present: the subscription's profile.
+        publishers: the topic's publishers, at least one.
+        known: identities of those that the subscription has heard.
+    """
+    best = matching([publisher.profile for publisher in publishers])
+    strangers = all(publisher.identity not in known for publisher in publishers)
+    more_latched = best.durability == Durability.TRANSIENT_LOCAL and strangers
+    latched_now = present.durability == Durability.TRANSIENT_LOCAL
+    less_latched = latched_now and best.durability != Durability.TRANSIENT_LOCAL
+    same = present.reliability == best.reliability
+    if same and not less_latched and (latched_now or not more_latched):
+        return None
+    return _profile(best.reliability == Reliability.RELIABLE, more_latched)
+
+
+def _profile(reliable: bool, latched: bool) -> QoSProfile:
+    return QoSProfile(
+        history=History.KEEP_LAST,
+        depth=DEPTH,
+        reliability=Reliability.RELIABLE if reliable else Reliability.BEST_EFFORT,
+        durability=Durability.TRANSIENT_LOCAL if latched else Durability.VOLATILE,
+    )
+
+
+def noted(profile: QoSProfile) -> Qos:
+    """A profile as the bag notes it."""
+    return Qos(
+        "reliable" if profile.reliability == Reliability.RELIABLE else "best_effort",
+        "transient_local" if profile.durability == Durability.TRANSIENT_LOCAL else "volatile",
+    )
