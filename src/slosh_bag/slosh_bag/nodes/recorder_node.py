@@ -40,13 +40,13 @@ PARAMETERS = (
         "max_bag_size",
         4_000_000_000,
         "a file of this size is followed by the next one [bytes]; 0: never",
-        bounds=(0, 2**62),
+        bounds=(0, 10**15),
     ),
     ParameterSpec(
         "max_bag_duration",
         0,
         "time after which the next file begins [s]; 0: never",
-        bounds=(0, 2**31),
+        bounds=(0, 10**9),
     ),
 )
 
