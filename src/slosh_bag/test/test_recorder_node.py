@@ -1,10 +1,13 @@
 """The recorder node over DDS: every byte, late joiners, publishers that offer different things."""
 
+import random
 import re
 import time
 
 import pytest
 import rclpy
+from mcap.records import Message
+from mcap.stream_reader import StreamReader
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSDurabilityPolicy as Durability
@@ -14,10 +17,12 @@ from std_msgs.msg import Header
 
 from slosh_bag.errors import SloshBagError
 from slosh_bag.nodes.recorder_node import RecorderNode
-from slosh_bag.nodes.topic_input import matching
+from slosh_bag.nodes.topic_input import Publisher, matching, wanted
 from slosh_bag.reader import BagReader
 from slosh_msgs.msg import FreeSurface, LimitEvent
 from slosh_msgs_py import qos
+from slosh_msgs_py.errors import SloshMessageError
+from slosh_msgs_py.node.diagnostics import WARN
 from slosh_msgs_py.node.run import make_executor
 
 DOMAIN = "31"
@@ -138,6 +143,90 @@ def test_a_later_publisher_that_offers_less_is_recorded_too(graph):
     assert frames == ["reliable", "best effort", "reliable again"]
 
 
+def test_a_lost_publisher_is_named_and_recorded_again_when_it_is_back(graph):
+    graph.record()
+    first = graph.publisher(Header, "header")
+    other = graph.publisher(Header, "other")
+    first.publish(Header(frame_id="first"))
+    graph.until(lambda: graph.recorded("header") == 1)
+    topic = first.topic_name
+    graph.node.destroy_publisher(first)
+    graph.until(lambda: graph.recorder._absent())
+    level, sentence = graph.recorder._health()
+    assert (level, list(graph.recorder._absent())) == (WARN, [topic])
+    assert re.search(rf"no publisher any more: {topic} \(for \d+ s\)", sentence)
+    assert other.topic_name not in sentence
+    assert graph.recorder._facts()["topics without a publisher"] == topic
+    second = graph.publisher(Header, "header", BEST_EFFORT)
+    graph.until(lambda: not graph.recorder._absent())
+    second.publish(Header(frame_id="second"))
+    graph.until(lambda: graph.recorded("header") == 2)
+    graph.node.destroy_publisher(second)
+    graph.until(lambda: graph.recorder._absent())
+    # What it latched before the recorder found it comes too.
+    third = graph.silent_publisher(Header, "header", qos.EVENT)
+    third.publish(Header(frame_id="third"))
+    graph.until(lambda: graph.recorded("header") == 3)
+    _, contents = graph.finish()
+    assert [content.frame_id for content in contents] == ["first", "second", "third"]
+
+
+def test_latched_messages_of_a_late_joiner_are_recorded_once(graph):
+    graph.record()
+    early = graph.silent_publisher(LimitEvent, "event", qos.EVENT)
+    early.publish(LimitEvent(id=1))
+    graph.until(lambda: graph.recorded("event") == 1)
+    late = graph.silent_publisher(LimitEvent, "event", qos.EVENT)
+    late.publish(LimitEvent(id=2))
+    graph.until(lambda: graph.recorded("event") == 2)
+    early.publish(LimitEvent(id=3))
+    graph.until(lambda: graph.recorded("event") == 3)
+    _, events = graph.finish()
+    assert [event.id for event in events] == [1, 2, 3]
+    # Latched messages of which only the last were kept are not lost ones.
+    assert graph.recorder._lost_on_the_way() == 0
+
+
+def test_log_times_are_those_of_the_reception_in_order(graph):
+    graph.record()
+    publishers = [graph.publisher(Header, name) for name in ("a", "b")]
+    sent = []
+    for number in range(200):
+        sent.append(time.time_ns())
+        publishers[number % 2].publish(Header(frame_id=str(number)))
+    graph.until(lambda: graph.recorded("a") == graph.recorded("b") == 100)
+    graph.recorder.close()
+    with (graph.folder / "bag_0.mcap").open("rb") as stream:
+        found = [r for r in StreamReader(stream).records if isinstance(r, Message)]
+    # In the file itself, so that an unfinished one is in order too.
+    stamps = [record.log_time for record in found]
+    assert stamps == sorted(stamps)
+    assert all(record.publish_time <= record.log_time for record in found)
+    reader = BagReader(graph.folder)
+    headers = [reader.decode(message) for message in reader.messages()]
+    assert [int(header.frame_id) for header in headers] == list(range(200))
+    assert all(0 <= stamp - begun < 1e9 for stamp, begun in zip(stamps, sent, strict=True))
+
+
+def test_a_bag_is_split_as_the_parameters_say(graph):
+    graph.record(max_bag_size=20_000)
+    publisher = graph.publisher(FreeSurface, "surface")
+    rng = random.Random(1)
+    for number in range(4):
+        heights = [rng.random() for _ in range(5000)]
+        publisher.publish(FreeSurface(msh=float(number), profile_height=heights))
+        graph.until(lambda n=number: graph.recorded("surface") == n + 1)
+        graph.until(lambda: graph.recorder._core.status().age == 0.0)
+    _, contents = graph.finish()
+    assert [content.msh for content in contents] == [0.0, 1.0, 2.0, 3.0]
+    assert len(list(graph.folder.glob("bag_?.mcap"))) == 4
+
+
+def test_a_split_that_is_none_is_refused(graph):
+    with pytest.raises(SloshMessageError, match=r"max_bag_size must lie in \[0, "):
+        graph.record(max_bag_size=-1)
+
+
 def test_only_what_was_asked_for_is_recorded(graph):
     graph.record(topics=f"^{graph.prefix}/asked", exclude="secret")
     secret = graph.silent_publisher(Header, "asked/secret")
@@ -170,3 +259,27 @@ def test_the_most_that_all_publishers_offer_is_asked_for(offered, reliability, d
     profile = matching(offered)
     assert (profile.reliability, profile.durability) == (reliability, durability)
     assert profile.depth >= 1000
+
+
+@pytest.mark.parametrize(
+    ("present", "offered", "heard", "expected"),
+    [
+        pytest.param(qos.STREAM_OUT, [qos.STREAM_OUT], True, None, id="as before"),
+        pytest.param(qos.STREAM_OUT, [BEST_EFFORT], True, BEST_EFFORT, id="less"),
+        pytest.param(BEST_EFFORT, [qos.STREAM_OUT], True, qos.STREAM_OUT, id="more"),
+        pytest.param(qos.EVENT, [qos.STREAM_OUT], True, qos.STREAM_OUT, id="latched no more"),
+        pytest.param(qos.EVENT, [qos.EVENT], True, None, id="still latched"),
+        pytest.param(qos.STREAM_OUT, [qos.EVENT], False, qos.EVENT, id="a stranger latches"),
+        pytest.param(qos.STREAM_OUT, [qos.EVENT], True, None, id="already heard"),
+        # It would be heard again from the beginning.
+        pytest.param(BEST_EFFORT, [qos.EVENT], True, qos.STREAM_OUT, id="heard, now reliable"),
+    ],
+)
+def test_a_subscription_follows_its_publishers(present, offered, heard, expected):
+    publishers = [Publisher(bytes([n]), profile) for n, profile in enumerate(offered)]
+    wish = wanted(present, publishers, frozenset([b"\0"]) if heard else frozenset())
+    if expected is None:
+        assert wish is None
+    else:
+        assert wish is not None
+        assert (wish.reliability, wish.durability) == (expected.reliability, expected.durability)
