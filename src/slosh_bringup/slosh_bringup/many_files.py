@@ -1,0 +1,289 @@
+"""Runs the same work on many files: on all cores of this machine, or on a Dask cluster.
+
+Outcomes come as they finish, with the item's number: a caller that wants them in order sorts what
+it keeps. In order, one long file would hold back all that are done behind it, and with a bounded
+number in flight the cores would wait for it too.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import os
+import signal
+import traceback
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import closing, contextmanager, suppress
+from dataclasses import dataclass
+from itertools import chain, count, islice
+from multiprocessing import resource_tracker
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
+
+from slosh_bringup.errors import SloshBringupError
+
+if TYPE_CHECKING:
+    from distributed import Client, Future, LocalCluster
+
+Item = TypeVar("Item")
+Value = TypeVar("Value")
+
+IN_FLIGHT = 2  # tasks per worker: the next one is there when one is done
+CONNECT_TIMEOUT = 5.0
+# What ends a process of a local cluster is told as its item's outcome, not as its traceback.
+_PRELOAD = "import os; os.dup2(os.open(os.devnull, os.O_WRONLY), 2)"
+_SETTINGS: dict[str, Any] = {
+    # A task whose worker died is not tried again here and there: see _Farm.
+    "distributed.scheduler.allowed-failures": 0,
+    # A worker with more than this share of its memory is ended, and with it the item it works on;
+    # one that only pauses, as Dask would have it, waits for ever for memory that its item holds.
+    "distributed.worker.memory.target": False,
+    "distributed.worker.memory.spill": False,
+    "distributed.worker.memory.pause": False,
+    "distributed.worker.memory.terminate": 0.95,
+    "distributed.worker.preload": [_PRELOAD],
+    "distributed.admin.log-length": 100,
+    "distributed.admin.low-level-log-length": 100,
+}
+KILLED = "the process that worked on it was killed, by a signal or for lack of memory"
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome(Generic[Item, Value]):
+    """What became of an item.
+
+    Attributes:
+        index: its number among the items, from 0.
+        item: the item.
+        value: what the function returned; None where it failed.
+        error: why it failed, in one line; empty: it did not.
+    """
+
+    index: int
+    item: Item
+    value: Value | None
+    error: str = ""
+
+
+def map_files(
+    function: Callable[[Item], Value],
+    items: Iterable[Item],
+    *,
+    jobs: int | None = None,
+    scheduler: str | None = None,
+) -> Iterator[Outcome[Item, Value]]:
+    """Calls a function with each item; one that fails does not stop the others.
+
+    A single item, or one job, is worked on in this process. Otherwise function and items must be
+    picklable and the values small: they come over a socket. Only a few items per process are
+    under way at a time, so memory does not grow with their number.
+
+    Args:
+        function: of one item, from a module that the workers can import.
+        items: e.g. paths.
+        jobs: processes on this machine; None: one for each core.
+        scheduler: address of a Dask scheduler, in place of processes on this machine.
+
+    Yields:
+        an outcome for each item, as they finish.
+
+    Raises:
+        SloshBringupError: `jobs` does not fit, or the scheduler cannot be reached.
+    """
+    if jobs is not None and jobs < 1:
+        raise SloshBringupError(f"jobs = {jobs}: must be at least 1")
+    if jobs is not None and scheduler is not None:
+        raise SloshBringupError(f"jobs = {jobs}: the scheduler {scheduler} has its own workers")
+    return _map(function, iter(items), jobs, scheduler)
+
+
+def _map(
+    function: Callable[[Item], Value],
+    items: Iterator[Item],
+    jobs: int | None,
+    scheduler: str | None,
+) -> Iterator[Outcome[Item, Value]]:
+    first = list(islice(items, 2))
+    everything = chain(first, items)
+    workers = jobs or len(os.sched_getaffinity(0))
+    if scheduler is None and (len(first) < 2 or workers == 1):
+        for index, item in enumerate(everything):
+            yield Outcome(index, item, *attempt(function, item))
+        return
+    with _client(workers, scheduler) as client:
+        yield from _Farm(client, function).run(everything)
+
+
+def attempt(function: Callable[[Item], Value], item: Item) -> tuple[Value | None, str]:
+    """Calls the function; returns its value, or None and the reason in one line."""
+    try:
+        return function(item), ""
+    except (Exception, SystemExit) as error:
+        return None, reason(error)
+
+
+def reason(error: BaseException) -> str:
+    """One line: our packages' own text, of anything else its kind and its place too."""
+    text = " ".join(str(error).split())
+    if type(error).__module__.startswith("slosh_"):
+        return text
+    frames = traceback.extract_tb(error.__traceback__)
+    where = f" ({os.path.basename(frames[-1].filename)}:{frames[-1].lineno})" if frames else ""
+    return f"{type(error).__name__}: {text}{where}"
+
+
+class _Farm(Generic[Item, Value]):
+    """Keeps the workers of a client busy.
+
+    A worker that dies takes with it what else it had been given: those items are worked on once
+    more, each with no other under way. The one that ends its worker again is the one to blame.
+    """
+
+    def __init__(self, client: Client, function: Callable[[Item], Value]) -> None:
+        from distributed import as_completed
+
+        self._client = client
+        self._function = function
+        self._done = as_completed(loop=client.loop, with_results=True, raise_errors=False)
+        self._under_way: dict[Future[Any], tuple[int, Item]] = {}
+        self._number = count()
+
+    def run(self, items: Iterable[Item]) -> Iterator[Outcome[Item, Value]]:
+        """Works on all items."""
+        numbered = enumerate(items)
+        suspects: deque[tuple[int, Item]] = deque()
+        room = IN_FLIGHT * max(1, len(self._client.nthreads()))
+        while True:
+            # While there are suspects nothing new begins: each of them is to run alone.
+            free = 0 if suspects else room - len(self._under_way)
+            for index, item in islice(numbered, free):
+                self._submit(index, item)
+            is_alone = not self._under_way
+            if is_alone:
+                if not suspects:
+                    return
+                self._submit(*suspects.popleft())
+            index, item, outcome = self._next()
+            if outcome is not None:
+                yield outcome
+            elif is_alone:
+                yield Outcome(index, item, None, KILLED)
+            else:
+                suspects.append((index, item))
+
+    def _submit(self, index: int, item: Item) -> None:
+        # Names of their own: equal items are worked on each for itself.
+        key = f"item-{next(self._number)}-{os.getpid()}"
+        future = self._client.submit(attempt, self._function, item, key=key, pure=False)
+        self._under_way[future] = index, item
+        self._done.add(future)
+
+    def _next(self) -> tuple[int, Item, Outcome[Item, Value] | None]:
+        """The next item that is done, and its outcome; None: its worker died.
+
+        Raises:
+            SloshBringupError: the scheduler has gone.
+        """
+        from distributed import KilledWorker
+
+        future, result = next(self._done)
+        index, item = self._under_way.pop(future)
+        if future.status == "finished":
+            return index, item, Outcome(index, item, *result)
+        if future.status != "error":
+            raise SloshBringupError("the scheduler has gone; what was not done is not done")
+        error = result[1]
+        if isinstance(error, KilledWorker):
+            return index, item, None
+        # A worker that cannot import the function, a value that cannot be pickled.
+        return index, item, Outcome(index, item, None, reason(error))
+
+
+@contextmanager
+def _client(workers: int, scheduler: str | None) -> Iterator[Client]:
+    """A client of a cluster, or of processes on this machine that end with it."""
+    # Dask's settings are complete once this is imported, and not before.
+    import dask
+    import distributed  # noqa: F401
+
+    for name in list(logging.root.manager.loggerDict):
+        if name.startswith("distributed"):
+            logging.getLogger(name).setLevel(logging.CRITICAL)
+    with dask.config.set(_SETTINGS):
+        if scheduler is not None:
+            with closing(_connect(scheduler)) as client:
+                yield client
+            return
+        from distributed import Client
+
+        with (
+            _local_cluster(workers) as cluster,
+            closing(Client(cluster, set_as_default=False)) as client,
+        ):
+            try:
+                yield client
+            except BaseException:
+                _kill(cluster)
+                raise
+
+
+def _kill(cluster: LocalCluster) -> None:
+    """Ends the processes at once: Dask gives an item that is under way some seconds to finish."""
+    for nanny in cluster.workers.values():
+        nanny.close_gracefully()  # not started anew
+        if nanny.pid:
+            with suppress(ProcessLookupError):
+                os.kill(nanny.pid, signal.SIGKILL)
+
+
+def _local_cluster(workers: int) -> LocalCluster:
+    """Processes on this machine, which others cannot reach and Ctrl-C ends through this one only.
+
+    Threads and processes inherit from who starts them that SIGINT is held back. Here it comes once
+    they have started: a half started cluster does not end in peace.
+    """
+    from distributed import LocalCluster
+
+    # Started later, the tracker would let SIGINT through again.
+    resource_tracker.ensure_running()
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        cluster = LocalCluster(
+            n_workers=workers,
+            threads_per_worker=1,
+            host="127.0.0.1",
+            dashboard_address=None,
+            worker_dashboard_address=None,
+            silence_logs=logging.CRITICAL,
+        )
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+    return cluster
+
+
+def _connect(scheduler: str) -> Client:
+    """A client of a running cluster.
+
+    Raises:
+        SloshBringupError: there is none at this address, or it has no workers.
+    """
+    from distributed import Client
+
+    try:
+        # Asked first: where nobody answers, a client takes long and many words to say so.
+        workers = asyncio.run(asyncio.wait_for(_count_workers(scheduler), CONNECT_TIMEOUT))
+    except (OSError, ValueError) as error:
+        why = " ".join(str(error).split()) or f"no answer within {CONNECT_TIMEOUT:.0f} s"
+        raise SloshBringupError(f"scheduler {scheduler}: cannot be reached: {why}") from None
+    except Exception:
+        raise SloshBringupError(f"scheduler {scheduler}: what answers is no scheduler") from None
+    if not workers:
+        raise SloshBringupError(f"scheduler {scheduler}: has no workers")
+    return Client(scheduler, timeout=CONNECT_TIMEOUT, set_as_default=False)
+
+
+async def _count_workers(scheduler: str) -> int:
+    from distributed import rpc
+
+    async with rpc(scheduler) as remote:
+        return len((await remote.identity())["workers"])
