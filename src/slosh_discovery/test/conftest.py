@@ -106,6 +106,7 @@ def full_report():
                 9216,
                 9218,
                 (
+                    *(Difference("/slosh/estimate", f"jerk[{i}]", i, NAN, 1e-9) for i in range(6)),
                     Difference(
                         "/slosh/estimate", "nonlinear.msh", 2, 3.2141, 1.7e-18,
                         0.012345678901234567, 0.012345678901234569,

@@ -248,7 +248,7 @@ def test_tables_and_headings_tell_what_they_are(full_report):
     heads = [tag for tag in page.tags if tag == "th"]
     scopes = [value for tag, name, value in page.attributes if (tag, name) == ("th", "scope")]
     assert len(scopes) == len(heads) > 20
-    assert page.tags.count("caption") == page.tags.count("table") == 6
+    assert page.tags.count("caption") == page.tags.count("table") == 7
     links = {value for tag, name, value in page.attributes if (tag, name) == ("a", "href")}
     ids = {f"#{value}" for _, name, value in page.attributes if name == "id"}
     assert links <= ids
@@ -291,3 +291,11 @@ def test_a_motion_that_is_called_by_its_number_is_not_numbered_twice():
     html = render_report(replace(REPORT, motions=motions))
     names = re.findall(r'<span class="badge">\d</span>(.*)\n<span class="when">', html)
     assert names == ["", "", "three"]
+
+
+def test_the_first_difference_leads(full_report):
+    html = render_report(full_report)
+    fields = re.findall(r"<code>(nonlinear.msh|jerk.*)</code></th>", html)
+    assert fields == ["nonlinear.msh", *(f"jerk[{i}]" for i in range(6))]
+    assert html.count("<details>") == 1
+    assert "3 more fields" in html

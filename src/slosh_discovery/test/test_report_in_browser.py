@@ -37,6 +37,7 @@ return {
   named: all("[role=img], img").every(
     (e) => (e.getAttribute("aria-label") ?? e.getAttribute("alt")).length > 3),
   numbers: all("data").map((e) => [e.dataset.path, e.value, e.textContent]),
+  folded: all("details td").filter((e) => e.checkVisibility({contentVisibilityAuto: true})).length,
   bare: all("td.n").filter((e) => e.querySelector("data") === null).map((e) => e.textContent),
 };
 """
@@ -116,6 +117,11 @@ def test_letters_in_charts_are_large_enough_to_read(seen, view):
 
 def test_no_table_is_cut_on_paper(seen):
     assert seen["paper"]["cut"] == 0
+
+
+def test_differences_are_folded_on_screens_and_open_on_paper(seen):
+    assert seen["desktop"]["folded"] == 0
+    assert seen["paper"]["folded"] == 3 * 5
 
 
 def test_colours_follow_the_reader_and_paper_is_white(seen):

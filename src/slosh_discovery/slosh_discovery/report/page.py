@@ -33,6 +33,8 @@ UNREADABLE = re.compile(
     "[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\ud800-\udfff\u202a-\u202e\u2066-\u2069]"
 )
 """Control characters, halves of surrogate pairs, and overrides of the direction of writing."""
+UNFOLDED = 4
+"""Fields that differ and are shown at once."""
 CLOSE_UPS = 6
 """Most motions that are drawn on their own."""
 
@@ -133,6 +135,7 @@ def _template() -> Template:
     environment.globals.update(
         number=number, bound=bound, exact=exact, close_digits=close_digits,
         model_names=model_names, model_index=model_index, best_index=best_index,
+        differences_apart=differences_apart,
     )  # fmt: skip
     return environment.get_template("report.html.j2")
 
@@ -169,6 +172,15 @@ def best_index(motion: dict[str, Any]) -> int | None:
         (row["sigma"], i) for i, row in enumerate(motion["models"]) if row["sigma"] is not None
     ]
     return min(known)[1] if known else None
+
+
+Differences = list[tuple[int, dict[str, Any]]]
+
+
+def differences_apart(rows: list[dict[str, Any]]) -> tuple[Differences, Differences]:
+    """Numbered rows: those to show, the first that occurred leading, and those to fold away."""
+    ordered = sorted(enumerate(rows), key=lambda entry: entry[1]["first"] is None)
+    return ordered[:UNFOLDED], ordered[UNFOLDED:]
 
 
 def exact(path: str, value: float | None, digits: int | None = None) -> Markup:
