@@ -4,8 +4,13 @@ from __future__ import annotations
 
 from math import isfinite
 
+import numpy as np
+from numpy.typing import NDArray
+
 from slosh_estimator.gate import GateSettings, SampleGate, Verdict
-from slosh_estimator.sample import Sample
+from slosh_estimator.sample import Sample, Samples
+
+Array = NDArray[np.float64]
 
 
 class AccelInput:
@@ -38,6 +43,27 @@ class AccelInput:
         if verdict is Verdict.RESTART:
             return Sample(stamp_ns, ax, ay, az, 0.0, True)
         return None
+
+    def update_many(
+        self, stamps: NDArray[np.int64], frames: NDArray[np.object_], accelerations: Array
+    ) -> Samples:
+        """The samples of N messages, without those that are dropped.
+
+        Args:
+            stamps: (N,) [ns].
+            frames: (N,) names of their frames.
+            accelerations: (N, 3) [m/s²].
+        """
+        known = np.logical_or.reduce([frames == frame for frame in self._frames])
+        for frame in frames[~known].tolist():
+            self.gate.refuse(Verdict.WRONG_FRAME)
+            self.strange_frame = frame
+        stamps, accelerations = stamps[known], np.ascontiguousarray(accelerations[known])
+        finite = np.isfinite(accelerations.sum(axis=1))
+        used, restarted = self.gate.judge_many(stamps, finite)
+        return Samples(
+            stamps[used], accelerations[used], np.zeros(np.count_nonzero(used)), restarted[used]
+        )
 
     def warning(self) -> str | None:
         """What the user should mend; None: nothing."""

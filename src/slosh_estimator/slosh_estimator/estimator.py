@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -11,7 +10,7 @@ from numpy.typing import NDArray
 
 from slosh_estimator import estimate_kernel
 from slosh_estimator.estimate_kernel import FLAGS, JERK, LEFT_RANGE, ROW
-from slosh_estimator.sample import Sample
+from slosh_estimator.sample import Sample, Samples
 from slosh_estimator.validity import EstimateFlag, validity_limits
 from slosh_model.model import Model
 from slosh_model.simulate import Simulator
@@ -132,23 +131,19 @@ class Estimator:
         nonlinear = ModelState(row[4], row[5], row[6], row[7], self._nonlinear.modal.tolist())
         return Estimate(sample, linear, nonlinear, row[JERK], flags)
 
-    def update_many(self, samples: Sequence[Sample]) -> Estimates:
+    def update_many(self, samples: Samples) -> Estimates:
         """Takes N samples; the bits that `update` gives, in a small part of the time."""
-        count, modes = len(samples), len(self._linear.modal)
-        inputs = np.array([sample[:5] for sample in samples], dtype=np.float64).reshape(count, 5)
+        count, modes = len(samples.stamps), len(self._linear.modal)
         batch = _Batch(
-            np.fromiter((sample.stamp_ns for sample in samples), np.int64, count),
-            np.ascontiguousarray(inputs[:, 1:4]),
-            inputs[:, 4].copy(),
             np.empty((count, ROW)),
             np.empty((count, 2, modes, 4)),
             np.zeros(count, dtype=np.int64),
         )
-        breaks = [index for index, sample in enumerate(samples) if sample.restarted]
+        breaks = np.flatnonzero(samples.restarted).tolist()
         at = 0
         while at < count:
-            if self._last_ns is None or samples[at].restarted:
-                self._note(batch, at, self._take(samples[at]))
+            if self._last_ns is None or samples.restarted[at]:
+                self._note(batch, at, self._take(samples.one(at)))
                 at += 1
             else:
                 following = bisect_right(breaks, at)
@@ -156,8 +151,8 @@ class Estimator:
                 at = self._take_unbroken(batch, samples, at, end)
         heights = batch.rows[:, :8].reshape(-1, 2, 4)
         return Estimates(
-            batch.stamps, heights, batch.modal, batch.rows[:, JERK], batch.flags,
-            batch.accelerations, batch.yaws,
+            samples.stamps, heights, batch.modal, batch.rows[:, JERK], batch.flags,
+            samples.accelerations, samples.yaws,
         )  # fmt: skip
 
     def _take(self, sample: Sample) -> int:
@@ -176,12 +171,10 @@ class Estimator:
             flags |= self._diverged(sample)
         return flags | self._settling(sample.stamp_ns) | int(self._row[FLAGS])
 
-    def _take_unbroken(
-        self, batch: _Batch, samples: Sequence[Sample], start: int, end: int
-    ) -> int:
+    def _take_unbroken(self, batch: _Batch, samples: Samples, start: int, end: int) -> int:
         """Takes samples that continue the one before; returns the index of the next one."""
         part = slice(start, end)
-        stamps = batch.stamps[part]
+        stamps = samples.stamps[part]
         last = stamps[0] if self._last_ns is None else self._last_ns
         count: int = estimate_kernel.steps(
             self._linear.arrays,
@@ -189,18 +182,18 @@ class Estimator:
             self._slow,
             self._limits,
             (stamps - np.concatenate(([last], stamps[:-1]))) / 1e9,
-            batch.accelerations[part],
-            batch.yaws[part],
+            samples.accelerations[part],
+            samples.yaws[part],
             batch.rows[part],
             batch.modal[part],
         )
         done = slice(start, start + count)
         batch.flags[done] = batch.rows[done, FLAGS].astype(np.int64)
-        batch.flags[done][batch.stamps[done] < self._settled_ns] |= _SETTLING
+        batch.flags[done][samples.stamps[done] < self._settled_ns] |= _SETTLING
         at = start + count
-        self._last_ns = samples[min(at, end - 1)].stamp_ns
+        self._last_ns = int(samples.stamps[min(at, end - 1)])
         if at < end:  # a model left the physical range with this sample
-            flags = self._diverged(samples[at])
+            flags = self._diverged(samples.one(at))
             flags |= self._settling(self._last_ns) | int(self._row[FLAGS])
             self._note(batch, at, flags)
             at += 1
@@ -242,11 +235,8 @@ class Estimator:
 
 
 class _Batch(NamedTuple):
-    """Columns of `update_many`: inputs, and the places of the answers."""
+    """The places of the answers of `update_many`."""
 
-    stamps: Integers
-    accelerations: Array
-    yaws: Array
     rows: Array
     modal: Array
     flags: Integers

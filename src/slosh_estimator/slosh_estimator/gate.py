@@ -5,6 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 
+import numpy as np
+from numpy.typing import NDArray
+
 from slosh_estimator.errors import SloshEstimatorError
 
 
@@ -92,6 +95,31 @@ class SampleGate:
         else:
             self.dropped += 1
         return verdict
+
+    def judge_many(
+        self, stamps: NDArray[np.int64], finite: NDArray[np.bool_]
+    ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        """Judges samples in the order in which they came, without regard to their age.
+
+        Args:
+            stamps: (N,) [ns].
+            finite: (N,) whether all numbers of a sample are finite.
+
+        Returns:
+            (N,) which of them are used, and (N,) which of these come after a gap.
+        """
+        last = self._last_ns
+        if last is not None and len(stamps) and finite.all() and not self._early_count:
+            steps = np.diff(stamps, prepend=np.int64(last))
+            if steps.min() > 0 and steps.max() <= self._max_gap_ns:  # as nearly always
+                self._last_ns = int(stamps[-1])
+                self.counts[Verdict.USE] += len(stamps)
+                self.used += len(stamps)
+                return finite, np.zeros(len(stamps), dtype=bool)
+        verdicts = [self.judge(*row) for row in zip(stamps.tolist(), finite.tolist(), strict=True)]
+        restarted = np.array([verdict is Verdict.RESTART for verdict in verdicts], dtype=bool)
+        used = np.array([verdict is Verdict.USE for verdict in verdicts], dtype=bool)
+        return used | restarted, restarted
 
     def refuse(self, verdict: Verdict) -> None:
         """Counts a sample that was dropped for a reason outside its stamp."""

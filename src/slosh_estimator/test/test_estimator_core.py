@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from slosh_estimator.estimator import Estimator
-from slosh_estimator.sample import Sample
+from slosh_estimator.sample import Sample, Samples
 from slosh_estimator.validity import EstimateFlag
 from slosh_model.containers import Cylinder
 from slosh_model.model import Model, ValidityLimits
@@ -58,7 +58,7 @@ def test_online_equals_offline_bit_for_bit(
 
 def bits(estimator: Estimator, parts: list[list[Sample]]) -> list[bytes]:
     """All columns of the parts taken one after the other, as bytes."""
-    tables = [estimator.update_many(part) for part in parts]
+    tables = [estimator.update_many(Samples.of(part)) for part in parts]
     return [
         b"".join(column.tobytes() for column in columns) for columns in zip(*tables, strict=True)
     ]
@@ -93,7 +93,7 @@ def test_many_samples_at_once_give_the_bits_of_one_by_one(
     assert single.divergences == many.divergences
     online = Estimator(MODEL)
     answers = [online.update(sample) for sample in samples]
-    table = Estimator(MODEL).update_many(samples)
+    table = Estimator(MODEL).update_many(Samples.of(samples))
     assert [a.flags for a in answers] == table.flags.tolist()
     assert [a.jerk for a in answers] == table.jerk.tolist()
     assert [list(a.linear[:4]) for a in answers] == table.heights[:, 0].tolist()

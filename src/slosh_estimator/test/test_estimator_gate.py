@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -77,3 +78,31 @@ def test_every_sample_is_counted_once_and_used_ones_increase_but_for_restarts(
         if verdict in (Verdict.USE, Verdict.RESTART):
             last = stamp
     assert watched.used + watched.dropped == len(samples)
+
+
+@given(
+    st.lists(st.tuples(st.integers(-30, 90), st.booleans(), st.booleans()), max_size=60),
+    st.integers(1, 60),
+)
+def test_many_samples_at_once_are_judged_as_one_by_one(
+    steps: list[tuple[int, bool, bool]], size: int
+) -> None:
+    """Most steps are of 1 ms; some go back, stand still or leave a gap."""
+    stamp, rows = 10**9, []
+    for step, strange, finite in steps:
+        stamp += step * MS if strange else MS
+        rows.append((stamp, finite or not strange))
+    single, many = gate(restart_after=3), gate(restart_after=3)
+    expected = [single.judge(*row) for row in rows]
+    used: list[bool] = []
+    restarted: list[bool] = []
+    for start in range(0, len(rows), size):
+        part = rows[start : start + size]
+        use, again = many.judge_many(
+            np.array([row[0] for row in part]), np.array([row[1] for row in part])
+        )
+        used += use.tolist()
+        restarted += again.tolist()
+    assert used == [verdict in (Verdict.USE, Verdict.RESTART) for verdict in expected]
+    assert restarted == [verdict is Verdict.RESTART for verdict in expected]
+    assert (many.counts, many.used, many.dropped) == (single.counts, single.used, single.dropped)

@@ -28,7 +28,7 @@ from slosh_bag.replay.run import Outputs, Parts, ReplayRun
 from slosh_bag.replay.series import Series
 from slosh_bag.replay.settings import NodeStart
 from slosh_bag.replay.unrelated import WholeRun, judge_unrelated
-from slosh_bag.replay.verification import COMPARED, Verifier
+from slosh_bag.replay.verification import COMPARED, Verifier, estimate_fields
 from slosh_estimator.monitor import MonitorSettings
 from slosh_model.arithmetic import arithmetic_fingerprint
 from slosh_model.compile_cache import sources_digest
@@ -110,7 +110,7 @@ def replay_bag(
             outputs=outputs or Outputs(),
         )
         run = ReplayRun(str(path), made_of)
-        for chunk in feed(reader, sources):
+        for chunk in feed(reader, sources, modes=len(used.mode_constants())):
             for part in chunk:
                 _hand_over(part, sources, run)
             run.advance()
@@ -162,20 +162,24 @@ class Part(NamedTuple):
     columns: Mapping[str, NDArray[Any]]
 
 
-def feed(reader: BagReader, sources: Sources) -> Iterator[list[Part]]:
-    """The messages that a replay reads, chunk by chunk in the order of the recording."""
+def feed(reader: BagReader, sources: Sources, modes: int = 1) -> Iterator[list[Part]]:
+    """The messages that a replay reads, chunk by chunk in the order of the recording.
+
+    Args:
+        reader: of the bag.
+        sources: what to read.
+        modes: of the recorded estimates.
+    """
     wanted = {sources.input: inputs.fields(sources.kind)}
     if sources.surface is not None:
         wanted[sources.surface] = _SURFACE_FIELDS
     if sources.estimate is not None:
-        wanted[sources.estimate] = ()
+        wanted[sources.estimate] = (*STAMP, "samples_used", *estimate_fields(modes))
     if sources.comparison is not None:
         wanted[sources.comparison] = _COMPARISON_FIELDS
     read = ColumnReader(reader.typestore_of)
     for blocks in by_chunk(reader.blocks(list(wanted))):
-        yield [
-            Part(block.topic, read.columns(block, wanted[block.topic] or None)) for block in blocks
-        ]
+        yield [Part(block.topic, read.columns(block, wanted[block.topic])) for block in blocks]
 
 
 def by_chunk(blocks: Iterable[MessageBlock]) -> Iterator[list[MessageBlock]]:
@@ -204,7 +208,7 @@ def whole_run(
         if part.topic == sources.input:
             stamps = stamps_of(part.columns)
             samples = reader.samples(stamps, part.columns, np.arange(len(stamps)))
-            if samples:
+            if len(samples.stamps):
                 answer = bank.update_many(samples)
                 answers.append(answer.heights)
                 sizes.append(np.linalg.norm(answer.own.accelerations, axis=1))

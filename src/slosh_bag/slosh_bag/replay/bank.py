@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from slosh_bag.replay.at_images import ModelHeights
 from slosh_estimator.estimator import Estimates, Estimator
-from slosh_estimator.sample import Sample
+from slosh_estimator.sample import Samples
 from slosh_model.model import Model
 
 _MSH, _AZIMUTH = 0, 1
@@ -71,7 +70,7 @@ class EstimatorBank:
             return
         self._load(model)
 
-    def update_many(self, samples: Sequence[Sample]) -> BankEstimates:
+    def update_many(self, samples: Samples) -> BankEstimates:
         """Takes samples."""
         own, twin = self._own.update_many(samples), self._twin.update_many(samples)
         planar, spatial = (twin, own) if self._own is self._spatial else (own, twin)

@@ -14,7 +14,7 @@ from slosh_estimator.accel_input import AccelInput
 from slosh_estimator.gate import GateSettings
 from slosh_estimator.imu_input import ImuInput, SensorTransform
 from slosh_estimator.pose_input import PoseInput
-from slosh_estimator.sample import Sample
+from slosh_estimator.sample import Samples
 
 KINDS = {
     "accel": "geometry_msgs/msg/AccelStamped",
@@ -117,7 +117,7 @@ class InputReader:
 
     def samples(
         self, stamps: NDArray[np.int64], columns: Mapping[str, NDArray[Any]], rows: NDArray[Any]
-    ) -> list[Sample]:
+    ) -> Samples:
         """The samples of some messages; fewer where the gate drops some.
 
         Args:
@@ -126,23 +126,18 @@ class InputReader:
             rows: indices of those to take, in order.
         """
         adapter = self._adapter
-        values = [columns[name][rows].tolist() for name in _FIELDS[self.kind]]
-        chosen = stamps[rows].tolist()
-        found: list[Sample | None]
+        values = np.column_stack([columns[name][rows] for name in _FIELDS[self.kind]])
         if isinstance(adapter, AccelInput):
-            frames = columns[_FRAME][rows].tolist()
-            found = list(map(adapter.update, chosen, frames, *values))
-        elif isinstance(adapter, ImuInput):
-            found = [
-                adapter.update(stamp, *_imu(row))
-                for stamp, row in zip(chosen, zip(*values, strict=True), strict=True)
-            ]
-        else:
-            found = [
-                adapter.update(stamp, row[:3], row[3:])
-                for stamp, row in zip(chosen, zip(*values, strict=True), strict=True)
-            ]
-        return [sample for sample in found if sample is not None]
+            return adapter.update_many(stamps[rows], columns[_FRAME][rows], values)
+        found = []
+        for stamp, row in zip(stamps[rows].tolist(), values.tolist(), strict=True):
+            if isinstance(adapter, ImuInput):
+                sample = adapter.update(stamp, *_imu(row))
+            else:
+                sample = adapter.update(stamp, tuple(row[:3]), tuple(row[3:]))
+            if sample is not None:
+                found.append(sample)
+        return Samples.of(found)
 
     def _new_adapter(self) -> AccelInput | ImuInput | PoseInput:
         settings = self._settings

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from typing import NamedTuple
 
 import numpy as np
@@ -63,7 +64,7 @@ class MonitorFeed:
 
     def __init__(self, settings: MonitorSettings) -> None:
         self.monitor = Monitor(settings)
-        self._next_check: int | None = None
+        self._next_check = -(2**62)
 
     def add(self, estimates: Heights, measured: Measurements) -> list[Comparison]:
         """Takes what comes next on both sides; an estimate comes before an image of its moment.
@@ -93,19 +94,16 @@ class MonitorFeed:
 
     def _estimates(self, points: list[EstimatePoint]) -> list[Comparison]:
         found: list[Comparison] = []
-        monitor = self.monitor
-        for point in points:
-            if self._next_check is None or point.stamp_ns >= self._next_check:
-                found += self._check_until(point.stamp_ns)
-            comparisons = monitor.add_estimate(point, point.stamp_ns)
-            if comparisons:
-                found += comparisons
+        at = 0
+        while at < len(points):
+            found += self._check_until(points[at].stamp_ns)
+            end = bisect_left(points, self._next_check, at, key=lambda point: point.stamp_ns)
+            found += self.monitor.add_estimates(points[at:end])
+            at = end
         return found
 
     def _check_until(self, stamp_ns: int) -> list[Comparison]:
         """Looks at the clock at every tick up to a moment."""
-        if self._next_check is None:
-            self._next_check = stamp_ns
         if stamp_ns - self._next_check > LONG_SILENCE_NS:
             # Both sides were silent; after the first tick the others would say nothing new.
             self._next_check = stamp_ns

@@ -206,7 +206,7 @@ class ReplayRun:
         if not len(rows):
             return
         samples = self._parts.reader.samples(stamps, columns, rows)
-        if not samples:
+        if not len(samples.stamps):
             return
         answers = self._parts.bank.update_many(samples)
         own = answers.own

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import yaml
 
 from slosh_bag.errors import SloshBagError
-from slosh_bag.reader import BagReader
+from slosh_bag.reader import BagMessage, BagReader
 from slosh_estimator.limits import Hysteresis
 from slosh_estimator.monitor import MonitorSettings
 from slosh_model.model import Model
@@ -45,7 +45,14 @@ def read_starts(reader: BagReader, topic: str) -> list[NodeStart]:
     Raises:
         SloshBagError: one cannot be read.
     """
-    return [_start(reader, entry) for entry in reader.messages([topic])]
+    return [
+        _start(
+            reader,
+            BagMessage(topic, MESSAGE_TYPE, log_ns, log_ns, block.data(index)),
+        )
+        for block in reader.blocks([topic])
+        for index, log_ns in enumerate(block.log_ns.tolist())
+    ]
 
 
 def latest(starts: list[NodeStart], node: str) -> NodeStart | None:

@@ -227,6 +227,16 @@ def estimate_columns(estimates: Estimates) -> Columns:
     return {**columns, "jerk": estimates.jerk, "yaw": estimates.yaws, "flags": estimates.flags}
 
 
+def estimate_fields(modes: int) -> tuple[str, ...]:
+    """The names of these columns for a model with some modes."""
+    none, whole = np.empty(0), np.empty(0, dtype=np.int64)
+    empty = Estimates(
+        whole, none.reshape(0, 2, 4), none.reshape(0, 2, modes, 4), none, whole,
+        none.reshape(0, 3), none,
+    )  # fmt: skip
+    return tuple(estimate_columns(empty))
+
+
 def comparison_columns(comparisons: Sequence[Comparison]) -> tuple[Integers, Columns]:
     """Stamps and the heights of SloshComparison.msg; those of a silent camera are left out."""
     rows = [row for row in comparisons if not row.measured_stale]
