@@ -295,6 +295,7 @@ def test_a_motion_that_is_called_by_its_number_is_not_numbered_twice():
 
 def test_the_first_difference_leads(full_report):
     html = render_report(full_report)
+    html = html.replace("<wbr>", "")
     fields = re.findall(r"<code>(nonlinear.msh|jerk.*)</code></th>", html)
     assert fields == ["nonlinear.msh", *(f"jerk[{i}]" for i in range(6))]
     assert html.count("<details>") == 1

@@ -131,7 +131,7 @@ def _template() -> Template:
         keep_trailing_newline=True,
         finalize=readable,
     )
-    environment.filters.update(data_uri=data_uri)
+    environment.filters.update(data_uri=data_uri, breakable=breakable)
     environment.globals.update(
         number=number, bound=bound, exact=exact, close_digits=close_digits,
         model_names=model_names, model_index=model_index, best_index=best_index,
@@ -215,6 +215,12 @@ def _below(value: float, lower: float | None) -> bool:
 def readable(value: Any) -> Any:
     """A text without what a page cannot hold or what reorders the letters around it."""
     return UNREADABLE.sub("\ufffd", value) if type(value) is str else value
+
+
+def breakable(text: str) -> Markup:
+    """A name that may go on in the next line after each of its parts."""
+    parts = re.split(r"(?<=[/._])", text)
+    return Markup("<wbr>").join(readable(part) for part in parts if part)
 
 
 def data_uri(frame: Frame) -> str:
