@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from mcap.exceptions import McapError
+from numpy.typing import NDArray
 from rosbags.serde import SerdeError
 from rosbags.typesys.base import TypesysError
 from rosbags.typesys.store import Typestore
@@ -18,6 +19,7 @@ from zstandard import ZstdError
 from slosh_bag.bag_facts import read_facts
 from slosh_bag.bag_folder import bag_files, ordered_files
 from slosh_bag.bag_types import BagTypes
+from slosh_bag.cdr_columns import ColumnReader
 from slosh_bag.chunks import MessageBlock, Piece
 from slosh_bag.errors import SloshBagError
 from slosh_bag.found import Found
@@ -82,6 +84,7 @@ class BagReader:
         path: as given.
         files: its MCAP files, in the order in which they were written.
         warnings: one line each.
+        column_reader: reads blocks by the bag's own definitions.
 
     Raises:
         SloshBagError: there is no readable bag.
@@ -93,6 +96,7 @@ class BagReader:
         self.files, odd = ordered_files(path)
         self._warn(odd)
         self._types = BagTypes()
+        self.column_reader = ColumnReader(self._types.typestore)
 
     @property
     def typestore(self) -> Typestore:
@@ -107,6 +111,19 @@ class BagReader:
         """
         try:
             return self._types.typestore(message_type)
+        except SloshBagError as error:
+            raise SloshBagError(f"{self.path}: {error}") from None
+
+    def columns(
+        self, block: MessageBlock, names: Collection[str] | None = None
+    ) -> dict[str, NDArray[Any]]:
+        """The values of a block as columns, as `ColumnReader.columns` gives them.
+
+        Raises:
+            SloshBagError: a message is not of its type, or the type has no such field.
+        """
+        try:
+            return self.column_reader.columns(block, names)
         except SloshBagError as error:
             raise SloshBagError(f"{self.path}: {error}") from None
 
