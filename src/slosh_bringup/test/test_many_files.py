@@ -1,10 +1,12 @@
 """Work on many files: each item has its outcome, whatever becomes of the others."""
 
+import logging
 import os
 import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import psutil
 import pytest
@@ -31,6 +33,14 @@ def square(number):
     if number == 37:
         raise SystemExit("enough")
     return number * number
+
+
+def die_among_others(number):
+    time.sleep(0.3)
+    if number == 2:
+        os._exit(3)
+    time.sleep(0.3)
+    return number
 
 
 def dawdle(path):
@@ -75,6 +85,19 @@ def listening():
     }
 
 
+def workers_of(process):
+    """The processes that work for it."""
+    children = process.children(recursive=True)
+    return [child for child in children if "spawn_main" in " ".join(child.cmdline())]
+
+
+def holds_back(process, number):
+    """Whether a signal does not reach a process."""
+    status = Path(f"/proc/{process.pid}/status").read_text()
+    mask = next(line.split()[1] for line in status.splitlines() if line.startswith("SigBlk"))
+    return bool(int(mask, 16) >> (number - 1) & 1)
+
+
 def test_sixty_items_have_sixty_outcomes_though_some_fail_and_one_kills_its_worker(work, capfd):
     taken, before, addresses = [], listening(), set()
 
@@ -94,7 +117,7 @@ def test_sixty_items_have_sixty_outcomes_though_some_fail_and_one_kills_its_work
     assert addresses
     assert {address.ip for address in addresses} == {"127.0.0.1"}
     assert capfd.readouterr() == ("", "")
-    assert not [p for p in psutil.Process().children() if "spawn_main" in "".join(p.cmdline())]
+    assert not workers_of(psutil.Process())
 
 
 @pytest.mark.parametrize(("items", "jobs"), [([5], None), (list(range(17, 31)), 1)])
@@ -132,6 +155,23 @@ def test_a_running_cluster_does_the_same(work):
     assert len(outcomes) == len(numbers)
 
 
+def test_who_worked_beside_one_that_kills_the_worker_is_not_blamed(work):
+    import dask
+    from distributed import LocalCluster
+
+    with (
+        dask.config.set({"distributed.scheduler.allowed-failures": 0}),
+        LocalCluster(
+            n_workers=1, threads_per_worker=2, host="127.0.0.1", dashboard_address=None,
+            silence_logs=logging.CRITICAL,
+        ) as cluster,
+    ):  # fmt: skip
+        address = cluster.scheduler_address
+        outcomes = list(map_files(work.die_among_others, range(5), scheduler=address))
+    assert {o.item: o.error for o in outcomes} == {0: "", 1: "", 2: KILLED, 3: "", 4: ""}
+    assert {o.item: o.value for o in outcomes} == {0: 0, 1: 1, 2: None, 3: 3, 4: 4}
+
+
 def test_a_cluster_without_workers_is_told(work):
     from distributed import LocalCluster
 
@@ -167,7 +207,8 @@ def test_options_that_do_not_fit_are_told_before_any_work():
         map_files(len, ["a"], jobs=2, scheduler="tcp://127.0.0.1:1")
 
 
-def test_an_interrupt_ends_all_of_it_without_a_word(work, tmp_path):
+@pytest.mark.parametrize("moment", [pytest.param("starting", marks=pytest.mark.long), "working"])
+def test_an_interrupt_ends_all_of_it_without_a_word(work, tmp_path, moment):
     program = (
         "import many_files_work\n"
         "from slosh_bringup.many_files import map_files\n"
@@ -187,12 +228,17 @@ def test_an_interrupt_ends_all_of_it_without_a_word(work, tmp_path):
         start_new_session=True,
         cwd=tmp_path,
     )
+    ours = psutil.Process(process.pid)
     deadline = time.monotonic() + PATIENCE
-    while len(list(tmp_path.glob("[abcd]"))) < 2:
+    while not (
+        workers_of(ours) if moment == "starting" else len(list(tmp_path.glob("[abcd]"))) == 2
+    ):
         assert time.monotonic() < deadline, "the workers did not start to work"
         time.sleep(0.02)
-    children = psutil.Process(process.pid).children(recursive=True)
-    os.killpg(process.pid, signal.SIGINT)  # as a terminal does
+    children = ours.children(recursive=True)
+    # It reaches the whole group, as a terminal's does, but the first process alone acts on it.
+    assert all(holds_back(worker, signal.SIGINT) for worker in workers_of(ours))
+    os.killpg(process.pid, signal.SIGINT)
     said, _ = process.communicate(timeout=PATIENCE)
     assert said == "stopped\n"
     _, alive = psutil.wait_procs(children, timeout=PATIENCE)
