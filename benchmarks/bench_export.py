@@ -5,7 +5,7 @@ columns of the same topics, AccelStamped and SloshEstimate at 1 kHz each. Both t
 process. A second part exports a bag of --seconds and one 20 times as long, each in a process of
 its own, and compares the greatest memory of the two.
 
-    tools/run python benchmarks/bench_export.py [--seconds 30] [--turns 3]
+    tools/run python benchmarks/bench_export.py [--seconds 60] [--turns 3]
 """
 
 from __future__ import annotations
@@ -170,7 +170,7 @@ def greatest_memory(bag: Path) -> float:
 def main() -> int:
     """Prints the result as JSON; exit code 1 where a goal is missed."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--seconds", type=float, default=30.0)
+    parser.add_argument("--seconds", type=float, default=60.0)
     parser.add_argument("--turns", type=int, default=3)
     parser.add_argument("--measure", type=Path, help=argparse.SUPPRESS)
     given = parser.parse_args()

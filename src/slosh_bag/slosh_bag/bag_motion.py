@@ -2,48 +2,31 @@
 
 from __future__ import annotations
 
-import math
-from array import array
-from collections.abc import Callable
-from dataclasses import dataclass, field, replace
-from functools import partial
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Final, Literal
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from slosh_bag.errors import SloshBagError
-from slosh_bag.table_bag import ACCEL_TYPE, IMU_TYPE, NOT_REPORTED, SECOND
-from slosh_estimator.accel_input import AccelInput
-from slosh_estimator.gate import GateSettings, SampleGate
-from slosh_estimator.imu_input import ImuInput, SensorTransform
-from slosh_estimator.pose_input import PoseInput
-from slosh_estimator.rotation import matrix_from_rpy, rotate
-from slosh_estimator.sample import Sample
+from slosh_bag.replay.inputs import STAMP, InputReader, InputSettings, fields, stamps_of
+from slosh_bag.table_bag import NOT_REPORTED, SECOND
+from slosh_estimator.rotation import matrix_from_rpy
+from slosh_estimator.sample import Samples
 
 Array = NDArray[np.float64]
 Stamps = NDArray[np.int64]
-Kind = Literal["accel", "imu", "pose"]
+Columns = Mapping[str, NDArray[Any]]
 
-POSE, POSE_TYPE = "pose", "geometry_msgs/msg/PoseStamped"
-INPUTS: Final[dict[Kind, str]] = {"accel": ACCEL_TYPE, "imu": IMU_TYPE, "pose": POSE_TYPE}
-WORLD, CONTAINER = "world", "container"
-
-
-@dataclass(frozen=True, slots=True)
-class MotionSettings:
-    """How the input is read; as the estimator node's parameters.
-
-    Attributes:
-        gate: limits of the gate.
-        transform: container ← IMU.
-        pose_window: samples of the differentiating window.
-    """
-
-    gate: GateSettings = field(default_factory=GateSettings)
-    transform: SensorTransform = field(default_factory=SensorTransform)
-    pose_window: int = 21
+FRAME: Final = "header.frame_id"
+ORIENTATION: Final = tuple(f"orientation.{axis}" for axis in "xyzw")
+TURNING: Final = tuple(f"angular_velocity.{axis}" for axis in "xyz")
+_POSE_TURN = tuple(f"pose.orientation.{axis}" for axis in "xyzw")
+_ORIENTATION_KNOWN, _TURNING_KNOWN = (
+    f"{name}_covariance[0]" for name in ("orientation", "angular_velocity")
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,41 +47,39 @@ class Motion:
 
 
 class MotionCollector:
-    """Takes the messages of one input.
+    """Takes the messages of one input, as columns.
 
     Args:
         kind: accel, imu or pose.
         settings: how they are read.
+
+    Attributes:
+        fields: the columns that it takes.
+        in_world: whether all accelerations so far were in the world's frame.
     """
 
-    def __init__(self, kind: Kind, settings: MotionSettings) -> None:
-        self._kind = kind
-        # One adapter of the three: that of poses compiles its filter when it is made.
-        self._take: Callable[[Any], Sample | None]
-        self.gate: SampleGate
-        if kind == "accel":
-            accel = AccelInput(settings.gate, (WORLD, CONTAINER))
-            self._take, self.gate = partial(self._take_accel, accel), accel.gate
-        elif kind == "imu":
-            imu = ImuInput(settings.gate, settings.transform)
-            self._take, self.gate = partial(self._take_imu, imu), imu.gate
-        else:
-            pose = PoseInput(settings.gate, settings.pose_window)
-            self._take, self.gate = partial(self._take_pose, pose), pose.gate
-        transform = settings.transform
-        self._matrix = matrix_from_rpy(transform.roll, transform.pitch, transform.yaw)
-        # Flat arrays: a list of tuples would take ten times their memory.
-        self._stamps, self._acceleration = array("q"), array("d")
-        self._attitude, self._turning = array("d"), array("d")
-        self._waiting: dict[int, tuple[float, ...]] = {}
+    def __init__(self, kind: str, settings: InputSettings) -> None:
+        self.fields = fields(kind)
         self.in_world = True
+        self._kind = kind
+        self._settings = settings
+        self._reader = InputReader(kind, settings)
+        self._samples: list[Samples] = []
+        self._stamps: list[Stamps] = []
+        self._turns: list[Array] = []
 
-    def add(self, message: Any) -> None:
-        """Takes a message."""
-        sample = self._take(message)
-        if sample is not None:
-            self._stamps.append(sample.stamp_ns)
-            self._acceleration.extend((sample.ax, sample.ay, sample.az))
+    def add(self, columns: Columns) -> None:
+        """Takes messages that follow each other."""
+        stamps = stamps_of(columns)
+        self._samples.append(self._reader.samples(stamps, columns, np.arange(len(stamps))))
+        if self._kind == "accel":
+            self.in_world &= bool((columns[FRAME] == self._settings.frames[0]).all())
+            return
+        self._stamps.append(stamps)
+        if self._kind == "imu":
+            self._turns.append(_reported(columns, TURNING, _TURNING_KNOWN))
+        else:
+            self._turns.append(_stacked(columns, _POSE_TURN))
 
     def motion(self, path: Path, topic: str) -> Motion:
         """All that came.
@@ -106,7 +87,7 @@ class MotionCollector:
         Raises:
             SloshBagError: nothing usable, or the stamps go back.
         """
-        stamps = np.array(self._stamps, dtype=np.int64)
+        stamps = np.concatenate([_NO_STAMPS, *(part.stamps for part in self._samples)])
         if not len(stamps):
             raise SloshBagError(f"{path}: holds no usable message of {topic}")
         late = np.flatnonzero(np.diff(stamps) <= 0)
@@ -115,109 +96,111 @@ class MotionCollector:
                 f"{path}: the stamps of {topic} go back at {stamps[late[0]] / SECOND:.3f} s; "
                 "cut the bag in two there"
             )
-        return Motion(
-            stamps,
-            np.array(self._acceleration).reshape(-1, 3),
-            _complete(self._attitude, len(stamps), 4),
-            _complete(self._turning, len(stamps), 3),
-        )
+        motion = Motion(stamps, np.concatenate([part.accelerations for part in self._samples]))
+        if self._kind == "accel":
+            return motion
+        # A sample may come later than its message: a pose's is that of a window's centre.
+        turns = at_stamps(stamps, np.concatenate(self._stamps), np.concatenate(self._turns))
+        if turns is None or self._kind == "pose":
+            return replace(motion, attitude=turns)
+        return replace(motion, attitude=self._yawed(), angular_velocity=self._in_container(turns))
 
     def notes(self) -> list[str]:
         """What a table cannot hold of it, one line each."""
+        counters = self._reader.counters
         notes = []
-        if self.gate.dropped:
-            reasons = ", ".join(
-                f"{count} {verdict.value}"
-                for verdict, count in self.gate.counts.items()
-                if count and not verdict.value.startswith("used")
-            )
-            notes.append(f"{self.gate.dropped} samples of {self._kind} left out: {reasons}")
-        if self.gate.gaps:
+        if counters["samples_dropped"]:
             notes.append(
-                f"{self.gate.gaps} gaps in {self._kind}: a simulation of the table runs straight "
-                "through them, the estimator starts anew after them"
+                f"{counters['samples_dropped']} samples of {self._kind} left out, as the "
+                "estimator does: repeated, out of order, not finite or in another frame"
+            )
+        if counters["gaps"]:
+            notes.append(
+                f"{counters['gaps']} gaps in {self._kind}: a simulation of the table runs "
+                "straight through them, the estimator starts anew after them"
             )
         return notes
 
-    def _take_accel(self, adapter: AccelInput, message: Any) -> Sample | None:
-        a = message.accel.linear
-        frame = message.header.frame_id
-        sample = adapter.update(stamp_of(message), frame, a.x, a.y, a.z)
-        self.in_world &= sample is None or frame == WORLD
-        return sample
+    def _yawed(self) -> Array:
+        """Attitudes of the yaw alone: all else of the sensor's turning is in its forces."""
+        half = 0.5 * np.concatenate([part.yaws for part in self._samples])
+        zero = np.zeros_like(half)
+        return np.column_stack([zero, zero, np.sin(half), np.cos(half)])
 
-    def _take_imu(self, adapter: ImuInput, message: Any) -> Sample | None:
-        f, w = message.linear_acceleration, message.angular_velocity
-        known = message.angular_velocity_covariance[0] != NOT_REPORTED
-        rate = (w.x, w.y, w.z) if known else None
-        sample = adapter.update(stamp_of(message), (f.x, f.y, f.z), rate)
-        if sample is not None and rate is not None:
-            half = 0.5 * sample.yaw
-            self._attitude.extend((0.0, 0.0, math.sin(half), math.cos(half)))
-            self._turning.extend(rotate(self._matrix, rate))
-        return sample
-
-    def _take_pose(self, adapter: PoseInput, message: Any) -> Sample | None:
-        p, q = message.pose.position, message.pose.orientation
-        stamp, turn = stamp_of(message), (q.x, q.y, q.z, q.w)
-        self._waiting.setdefault(stamp, turn)
-        sample = adapter.update(stamp, (p.x, p.y, p.z), turn)
-        if sample is not None:
-            # The sample is that of the window's centre: its attitude came some poses ago.
-            self._attitude.extend(self._waiting[sample.stamp_ns])
-            for early in [stamp for stamp in self._waiting if stamp < sample.stamp_ns]:
-                del self._waiting[early]
-        return sample
+    def _in_container(self, turns: Array) -> Array:
+        mount = self._settings.transform
+        turned: Array = turns @ np.array(matrix_from_rpy(mount.roll, mount.pitch, mount.yaw)).T
+        return turned
 
 
 class AttitudeCollector:
-    """Takes what an imu in the container's frame tells beside accel."""
+    """Takes what an imu in the container's frame tells beside accel.
 
-    def __init__(self) -> None:
-        self._stamps, self._attitude, self._turning = array("q"), array("d"), array("d")
+    Args:
+        frame: the container's.
 
-    def add(self, message: Any) -> None:
-        """Takes an Imu message."""
-        if message.header.frame_id != CONTAINER:
-            return
-        self._stamps.append(stamp_of(message))
-        if message.orientation_covariance[0] != NOT_REPORTED:
-            q = message.orientation
-            self._attitude.extend((q.x, q.y, q.z, q.w))
-        if message.angular_velocity_covariance[0] != NOT_REPORTED:
-            w = message.angular_velocity
-            self._turning.extend((w.x, w.y, w.z))
+    Attributes:
+        fields: the columns that it takes.
+    """
+
+    fields = (*STAMP, FRAME, *ORIENTATION, *TURNING, _ORIENTATION_KNOWN, _TURNING_KNOWN)
+
+    def __init__(self, frame: str) -> None:
+        self._frame = frame
+        self._stamps: list[Stamps] = []
+        self._attitudes: list[Array] = []
+        self._turnings: list[Array] = []
+
+    def add(self, columns: Columns) -> None:
+        """Takes Imu messages that follow each other."""
+        here = columns[FRAME] == self._frame
+        self._stamps.append(stamps_of(columns)[here])
+        self._attitudes.append(_reported(columns, ORIENTATION, _ORIENTATION_KNOWN)[here])
+        self._turnings.append(_reported(columns, TURNING, _TURNING_KNOWN)[here])
 
     def added_to(self, motion: Motion) -> Motion:
         """The motion with attitude and angular velocity, where every sample has them."""
-        count = len(self._stamps)
-        attitude = _complete(self._attitude, count, 4)
-        turning = _complete(self._turning, count, 3)
-        stamps, first = np.unique(np.array(self._stamps, dtype=np.int64), return_index=True)
-        place = np.searchsorted(stamps, motion.stamps)
-        if not count or place[-1] == len(stamps) or (stamps[place] != motion.stamps).any():
+        if not self._stamps:
             return motion
-        order = first[place]
-        return replace(
-            motion,
-            attitude=_finite(None if attitude is None else attitude[order]),
-            angular_velocity=_finite(None if turning is None else turning[order]),
+        stamps = np.concatenate(self._stamps)
+        attitude, turning = (
+            at_stamps(motion.stamps, stamps, np.concatenate(parts))
+            for parts in (self._attitudes, self._turnings)
         )
+        return replace(motion, attitude=attitude, angular_velocity=turning)
 
 
-def stamp_of(message: Any) -> int:
-    """A message's stamp [ns]."""
-    stamp = message.header.stamp
-    return int(stamp.sec) * SECOND + int(stamp.nanosec)
+_NO_STAMPS = np.empty(0, dtype=np.int64)
 
 
-def _complete(values: array[float], rows: int, width: int) -> Array | None:
-    """The values as (rows, width); None where a row has none."""
-    if not rows or len(values) != rows * width:
+def at_stamps(wanted: Stamps, stamps: Stamps, values: Array) -> Array | None:
+    """The values (N, K) that came first with each of the wanted stamps (N,).
+
+    Args:
+        wanted: stamps to look for.
+        stamps: (M,) of the values, in any order.
+        values: (M, K), NaN where not known.
+
+    Returns:
+        None where a wanted one is not there, or its value is not known.
+    """
+    if not len(stamps):
         return None
-    return np.array(values, dtype=np.float64).reshape(rows, width)
+    order = np.argsort(stamps, kind="stable")
+    place = np.searchsorted(stamps, wanted, sorter=order)
+    rows = order[np.minimum(place, len(order) - 1)]
+    if (stamps[rows] != wanted).any():
+        return None
+    found: Array = values[rows]
+    return found if np.isfinite(found).all() else None
 
 
-def _finite(values: Array | None) -> Array | None:
-    """The values; None where one is not finite: 'not reported' by REP-145 is NaN."""
-    return values if values is not None and np.isfinite(values).all() else None
+def _stacked(columns: Columns, names: tuple[str, ...]) -> Array:
+    return np.column_stack([columns[name] for name in names])
+
+
+def _reported(columns: Columns, names: tuple[str, ...], known: str) -> Array:
+    """Values (N, K), NaN where 'not reported' is said as Imu.msg has it."""
+    return np.where(
+        (columns[known] == NOT_REPORTED)[:, np.newaxis], np.nan, _stacked(columns, names)
+    )

@@ -17,26 +17,22 @@ world's, and has a sample at every stamp of accel: as in the bag of a table.
 from __future__ import annotations
 
 from array import array
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from slosh_bag.bag_motion import (
-    INPUTS,
-    AttitudeCollector,
-    Kind,
-    Motion,
-    MotionCollector,
-    MotionSettings,
-    stamp_of,
-)
+from slosh_bag.bag_motion import AttitudeCollector, Motion, MotionCollector
+from slosh_bag.chunks import MessageBlock
 from slosh_bag.errors import SloshBagError
 from slosh_bag.motion_table import MSH, MotionTable, eta_azimuths
-from slosh_bag.reader import BagReader, TopicInfo
+from slosh_bag.reader import BagMessage, BagReader, TopicInfo
+from slosh_bag.replay.bag import Sources, find_sources
+from slosh_bag.replay.inputs import STAMP, InputSettings, input_settings, stamps_of
+from slosh_bag.replay.settings import latest
 from slosh_bag.table_bag import (
     COLUMNS_KEY,
     HEIGHTS,
@@ -64,17 +60,18 @@ class TableSettings:
     """How a table is made of a bag.
 
     Attributes:
-        kind: which input; None: the first of accel, imu, pose that the bag holds.
+        kind: accel, imu or pose; None: what the recorded estimator read, or the first of them
+            that the bag holds.
         measured: topic of the measured heights; 'none': without; None: free_surface, if any.
         absolute: t is the stamp; otherwise it counts from the first row, or in the bag of a
             table from that table's own origin.
-        motion: how the input is read.
+        inputs: how the input is read; None: as the recorded estimator did.
     """
 
-    kind: Kind | None = None
+    kind: str | None = None
     measured: str | None = None
     absolute: bool = False
-    motion: MotionSettings = field(default_factory=MotionSettings)
+    inputs: InputSettings | None = None
 
 
 class BagTable(NamedTuple):
@@ -113,32 +110,33 @@ def read_bag_table(
     """
     chosen = settings or TableSettings()
     reader = BagReader(path)
-    facts, topics = reader.metadata(), reader.topics()
-    kind, source = _source(path, topics, chosen.kind)
+    sources = find_sources(path, reader, chosen.kind)
+    how = chosen.inputs or _recorded_settings(sources)
+    topics, facts = reader.topics(), sources.facts
     columns = facts.get(COLUMNS_KEY, "").split(",") if chosen.measured is None else []
-    surface = _surface(path, topics, chosen.measured, MSH in columns)
+    surface = _surface(path, topics, chosen.measured, sources, MSH in columns)
     if surface and facts.get("clocks") == "unrelated":
         raise SloshBagError(
-            f"{path}: {source} and {surface} have unrelated clocks: the heights cannot be placed "
-            f"on the motion; leave them out (measured: {NO_HEIGHTS})"
+            f"{path}: {sources.input} and {surface} have unrelated clocks: the heights cannot be "
+            f"placed on the motion; leave them out (measured: {NO_HEIGHTS})"
         )
-    collector = MotionCollector(kind, chosen.motion)
-    beside, heights = AttitudeCollector(), HeightCollector(columns)
-    takers: dict[str, Callable[[Any], None]] = {source: collector.add}
-    if kind == "accel" and (imu := _find(topics, IMU, IMU_TYPE)):
-        takers[imu] = beside.add
+    collector = MotionCollector(sources.kind, how)
+    beside, heights = AttitudeCollector(how.frames[1]), HeightCollector(columns)
+    takers: dict[str, _Taker] = {sources.input: (collector.fields, collector.add)}
+    if sources.kind == "accel":
+        takers |= _beside(topics, sources.input, IMU, IMU_TYPE, (beside.fields, beside.add))
     if surface:
-        takers[surface] = heights.add_surface
-    walls = _find(topics, HEIGHTS, HEIGHTS_TYPE)
-    if walls and chosen.measured is None:
-        takers[walls] = heights.add_walls
-    for message in reader.messages(list(takers)):
-        takers[message.topic](reader.decode(message))
-        progress(1)
-    motion = collector.motion(path, source)
-    if collector.in_world:
-        motion = beside.added_to(motion) if kind == "accel" else motion
-    motion, placed = heights.placed(motion, chosen.motion.gate.max_gap)
+        takers[surface] = (heights.fields, heights.add_surfaces)
+    if surface and chosen.measured is None:
+        takers |= _beside(topics, surface, HEIGHTS, HEIGHTS_TYPE, (None, heights.add_walls))
+    for block in reader.blocks(list(takers)):
+        names, take = takers[block.topic]
+        take(reader.columns(block, names) if names else _decoded(reader, block))
+        progress(len(block))
+    motion = collector.motion(path, sources.input)
+    if sources.kind == "accel" and collector.in_world:
+        motion = beside.added_to(motion)
+    motion, placed = heights.placed(motion, how.gate.max_gap)
     origin = _origin(path, chosen.absolute, facts, motion.stamps)
     table = MotionTable(
         _times(path, motion.stamps - origin),
@@ -149,9 +147,8 @@ def read_bag_table(
         placed.eta_azimuth,
         placed.eta,
     )
-    # An unfinished file says so each time it is read through.
-    notes = tuple(dict.fromkeys([*reader.warnings, *collector.notes(), *placed.notes]))
-    return BagTable(table, origin, source, surface, notes)
+    notes = (*reader.warnings, *collector.notes(), *placed.notes)
+    return BagTable(table, origin, sources.input, surface, notes)
 
 
 class PlacedHeights(NamedTuple):
@@ -168,7 +165,13 @@ class HeightCollector:
 
     Args:
         columns: those of the table that the bag was made of; empty: of none.
+
+    Attributes:
+        fields: the columns of FreeSurface messages that it takes.
+        has_msh: whether the table is to have the column.
     """
+
+    fields = (*STAMP, "msh", "flags")
 
     def __init__(self, columns: list[str]) -> None:
         self.has_msh = MSH in columns or not any(columns)
@@ -178,18 +181,23 @@ class HeightCollector:
         self._wall_stamps, self._walls = array("q"), array("d")
         self._unusable = self._saturated = 0
 
-    def add_surface(self, message: Any) -> None:
-        """Takes a FreeSurface message."""
-        unusable = bool(message.flags & UNUSABLE)
-        self._unusable += unusable
-        self._saturated += bool(message.flags & SATURATED)
-        if not unusable and message.msh == message.msh:
-            self._stamps.append(stamp_of(message))
-            self._msh.append(message.msh)
+    def add_surfaces(self, columns: Mapping[str, NDArray[Any]]) -> None:
+        """Takes FreeSurface messages that follow each other, as columns."""
+        flags, msh = columns["flags"], columns["msh"]
+        unusable = (flags & UNUSABLE) != 0
+        self._unusable += int(np.count_nonzero(unusable))
+        self._saturated += int(np.count_nonzero(flags & SATURATED))
+        usable = ~unusable & ~np.isnan(msh)
+        self._stamps.extend(stamps_of(columns)[usable].tolist())
+        self._msh.extend(msh[usable].tolist())
 
-    def add_walls(self, message: Any) -> None:
-        """Takes a PointCloud2 message of wall heights."""
-        stamp = stamp_of(message)
+    def add_walls(self, messages: list[Any]) -> None:
+        """Takes PointCloud2 messages of wall heights."""
+        for message in messages:
+            stamp = int(message.header.stamp.sec) * SECOND + int(message.header.stamp.nanosec)
+            self._add_wall(stamp, message)
+
+    def _add_wall(self, stamp: int, message: Any) -> None:
         if [f.name for f in message.fields] != list(WALL_POINT.names or ()) or (
             message.point_step != WALL_POINT.itemsize or message.is_bigendian
         ):
@@ -300,52 +308,53 @@ def _reachable(rows: Stamps, stamps: Stamps, max_gap_ns: int) -> NDArray[np.bool
     return reachable
 
 
-def _find(
-    topics: dict[str, TopicInfo], name: str, message_type: str, *, empty: bool = False
-) -> str | None:
-    """The topic of that last name and type; of several cells the first.
-
-    Args:
-        topics: those of the bag.
-        name: the last part of the topic's name.
-        message_type: its type.
-        empty: whether it may have no messages.
-    """
-    found = sorted(
-        topic
-        for topic, info in topics.items()
-        if topic.rsplit("/", 1)[-1] == name
-        and info.message_type == message_type
-        and (info.count or empty)
-    )
-    return found[0] if found else None
+_Taker = tuple[Sequence[str] | None, Callable[[Any], None]]
 
 
-def _source(path: Path, topics: dict[str, TopicInfo], kind: Kind | None) -> tuple[Kind, str]:
-    wanted: list[Kind] = list(INPUTS) if kind is None else [kind]
-    for name in wanted:
-        topic = _find(topics, name, INPUTS[name])
-        if topic is not None:
-            return name, topic
-    raise SloshBagError(f"{path}: holds no message of {', '.join(wanted)}; there is no motion")
+def _beside(
+    topics: Mapping[str, TopicInfo], topic: str, name: str, message_type: str, taker: _Taker
+) -> dict[str, _Taker]:
+    """The taker of a topic in another's namespace; empty where there is no such topic."""
+    other = f"{topic.rpartition('/')[0]}/{name}"
+    found = topics.get(other)
+    return {other: taker} if found and found.message_type == message_type else {}
+
+
+def _decoded(reader: BagReader, block: MessageBlock) -> list[Any]:
+    """The messages of a block as objects."""
+    return [
+        reader.decode(BagMessage(block.topic, block.message_type, log_ns, log_ns, block.data(row)))
+        for row, log_ns in enumerate(block.log_ns.tolist())
+    ]
+
+
+def _recorded_settings(sources: Sources) -> InputSettings:
+    """How the recorded estimator read its input."""
+    started = latest(list(sources.starts), "estimator")
+    return input_settings(started.parameters) if started else InputSettings()
 
 
 def _surface(
-    path: Path, topics: dict[str, TopicInfo], measured: str | None, expected: bool
+    path: Path,
+    topics: Mapping[str, TopicInfo],
+    measured: str | None,
+    sources: Sources,
+    expected: bool,
 ) -> str:
     """The topic of the heights; empty: none."""
     if measured == NO_HEIGHTS:
         return ""
     if measured is None:
         # Without messages where the heights of the table that the bag was made of are all unknown.
-        return _find(topics, SURFACE, SURFACE_TYPE, empty=expected) or ""
+        empty = f"{sources.input.rpartition('/')[0]}/{SURFACE}" if expected else ""
+        return sources.surface or (empty if empty in topics else "")
     topic = find_topic(path, topics, measured)
     if topics[topic].message_type != SURFACE_TYPE:
         raise SloshBagError(f"{path}: {topic} is {topics[topic].message_type}, not {SURFACE_TYPE}")
     return topic
 
 
-def _origin(path: Path, absolute: bool, facts: dict[str, str], stamps: Stamps) -> int:
+def _origin(path: Path, absolute: bool, facts: Mapping[str, str], stamps: Stamps) -> int:
     if absolute:
         return 0
     noted = facts.get(ORIGIN_KEY)

@@ -10,10 +10,11 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, Final, Literal, NamedTuple
 
-from slosh_bag.definitions import Definitions
+from slosh_bag.chunks import MessageBlock
 from slosh_bag.errors import SloshBagError
-from slosh_bag.export_fields import STAMP, Leaf, leaves, row_getter
+from slosh_bag.export_rows import RowReader
 from slosh_bag.export_sinks import Sink, load_pyarrow, make_sink
+from slosh_bag.mcap_walk import is_in_order
 from slosh_bag.reader import BagMessage, BagReader
 from slosh_bag.topic_choice import find_topic
 
@@ -21,8 +22,7 @@ Form = Literal["csv", "parquet"]
 SUFFIXES: Final = (".csv", ".csv.gz", ".parquet")
 BATCH_ROWS: Final = 4096
 BATCH_BYTES: Final = 4 << 20
-"""A batch of a topic is written when it has so many rows or bytes of messages."""
-SECOND: Final = 1_000_000_000
+"""Messages of a topic are written when there are so many, or so many bytes of them."""
 
 
 class ExportTarget(NamedTuple):
@@ -110,14 +110,19 @@ def export_topics(
     """
     check_targets([target.path for target in targets.values()], overwrite=overwrite)
     facts = reader.metadata()
-    tables = {
-        topic: _Table(reader, target.path, {**facts, "topic": topic, "type": target.message_type})
-        for topic, target in targets.items()
-    }
+    tables: dict[str, _Table] = {}
     try:
-        for message in reader.messages(list(targets)):
-            tables[message.topic].add(message)
-            progress(1)
+        for topic, target in targets.items():
+            about = {**facts, "topic": topic, "type": target.message_type}
+            tables[topic] = _Table(reader, target.path, about)
+        if all(is_in_order(file) for file in reader.files):
+            for block in reader.blocks(list(targets)):
+                tables[block.topic].add_block(block)
+                progress(len(block))
+        else:
+            for message in reader.messages(list(targets)):
+                tables[message.topic].add(message)
+                progress(1)
         for table in tables.values():
             table.close()
     except OSError as error:
@@ -130,8 +135,7 @@ def export_topics(
         raise
     notes = [note for table in tables.values() for note in table.notes]
     rows = {targets[topic].path: table.rows for topic, table in tables.items()}
-    # An unfinished file says so each time it is read through.
-    return ExportResult(rows, tuple(dict.fromkeys([*reader.warnings, *notes])))
+    return ExportResult(rows, (*reader.warnings, *notes))
 
 
 def check_targets(paths: Any, *, overwrite: bool) -> None:
@@ -159,76 +163,57 @@ def _discard(tables: dict[str, _Table]) -> None:
 
 
 class _Table:
-    """The table of a topic, and the batch that waits to be written to it."""
+    """The table of a topic, and the messages that wait to be written to it."""
 
     def __init__(self, reader: BagReader, path: Path, facts: dict[str, str]) -> None:
         self.rows = 0
-        self.notes: list[str] = []
-        self._reader = reader
         self._path = path
-        self._facts = facts
         self._type = facts["type"]
-        self._sink: Sink | None = None
-        self._stamped = False
-        self._get: Callable[[Any], tuple[Any, ...]] = lambda message: ()
-        self._times: list[tuple[int, ...]] = []
-        self._values: list[tuple[Any, ...]] = []
+        self._reader = RowReader(reader, self._type)
+        self._sink: Sink = make_sink(path, self._reader.time_names, self._reader.fields, facts)
+        self._waiting: list[BagMessage] = []
         self._size = 0
+
+    @property
+    def notes(self) -> list[str]:
+        """What is not in the file."""
+        return self._sink.notes
+
+    def add_block(self, block: MessageBlock) -> None:
+        """Takes messages that come together."""
+        self._check(block.topic, block.message_type)
+        # Slices: the rows of a chunk of small messages would take many times their bytes.
+        for start in range(0, len(block), BATCH_ROWS):
+            part = block.take(slice(start, start + BATCH_ROWS))
+            self._sink.write(*self._reader.block(part))
+        self.rows += len(block)
 
     def add(self, message: BagMessage) -> None:
         """Takes a message."""
-        if message.message_type != self._type:
-            raise SloshBagError(
-                f"{self._reader.path}: {message.topic} has messages of two types: {self._type} "
-                f"and {message.message_type}; cut the bag in two"
-            )
-        decoded = self._reader.decode(message)
-        if self._sink is None:
-            self._open(leaves(self._reader.typestore, self._type))
-        log, publish = message.log_ns, message.publish_ns
-        if self._stamped:
-            stamp = decoded.header.stamp
-            self._times.append((log, publish, stamp.sec * SECOND + stamp.nanosec))
-        else:
-            self._times.append((log, publish))
-        self._values.append(self._get(decoded))
+        self._check(message.topic, message.message_type)
+        self._waiting.append(message)
         self._size += len(message.data)
-        if len(self._values) >= BATCH_ROWS or self._size >= BATCH_BYTES:
+        if len(self._waiting) >= BATCH_ROWS or self._size >= BATCH_BYTES:
             self._flush()
 
     def close(self) -> None:
         """Finishes the file; a topic without messages gets its heading alone."""
-        if self._sink is None:
-            definitions = Definitions()
-            try:
-                definitions.hash(self._type)
-            except SloshBagError as error:
-                self.notes.append(f"{self._path}: not written: no messages, and {error}")
-                return
-            self._open(leaves(definitions.typestore, self._type))
         self._flush()
-        if self._sink is not None:
-            self._sink.close()
-            self.notes += self._sink.notes
+        self._sink.close()
 
     def discard(self) -> None:
         """Removes what was written."""
-        if self._sink is not None:
-            self._sink.discard()
+        self._sink.discard()
 
-    def _open(self, fields: Sequence[Leaf]) -> None:
-        names = {leaf.name for leaf in fields}
-        self._stamped = names.issuperset(STAMP)
-        self._get = row_getter(fields)
-        times = ["log_ns", "publish_ns", *(["stamp_ns"] if self._stamped else [])]
-        # A message's own field of that name keeps it.
-        times = [name if name not in names else f"{name}_" for name in times]
-        self._sink = make_sink(self._path, times, fields, self._facts)
+    def _check(self, topic: str, message_type: str) -> None:
+        if message_type != self._type:
+            raise SloshBagError(
+                f"{self._path}: {topic} has messages of two types, {self._type} and "
+                f"{message_type}; cut the bag in two"
+            )
 
     def _flush(self) -> None:
-        if self._sink is not None and self._values:
-            self._sink.write(
-                list(zip(*self._times, strict=True)), list(zip(*self._values, strict=True))
-            )
-            self.rows += len(self._values)
-        self._times, self._values, self._size = [], [], 0
+        if self._waiting:
+            self._sink.write(*self._reader.messages(self._waiting))
+            self.rows += len(self._waiting)
+        self._waiting, self._size = [], 0

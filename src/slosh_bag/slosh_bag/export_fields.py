@@ -62,6 +62,11 @@ class Leaf:
         return [f"{self.name}[{index}]" for index in range(self.length)]
 
     @property
+    def is_flat(self) -> bool:
+        """Whether it holds numbers, or one text: no lists of texts or of messages."""
+        return self.node.base not in ("", "string") or self.shape == "value"
+
+    @property
     def is_bytes(self) -> bool:
         """Whether it is a list of bytes: an image's data, say."""
         return self.shape == "list" and self.node.base in BYTES

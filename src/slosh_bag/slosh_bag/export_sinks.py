@@ -11,19 +11,23 @@ import importlib
 import io
 import json
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any, Final, Protocol
 
+import numpy as np
+
 from slosh_bag.errors import SloshBagError
 from slosh_bag.export_fields import Leaf, Node, plain_list
+from slosh_bag.export_rows import Times, Values
 
 LONGEST_BYTES: Final = 1024
 """Longest array of bytes that is written into a cell of a CSV file."""
 ROW_GROUP_BYTES: Final = 8 << 20
 """Of messages, in a row group of a Parquet file."""
 PARQUET_HINT: Final = "Parquet files need pyarrow: pip install pyarrow; or export to .csv"
+_JSON: Final = json.JSONEncoder(ensure_ascii=False)
 _ARROW: Final = {
     "bool": "bool_", "string": "string", "byte": "uint8", "char": "uint8", "octet": "uint8",
     **{name: name for name in (
@@ -38,12 +42,13 @@ class Sink(Protocol):
 
     notes: list[str]
 
-    def write(self, times: Sequence[Sequence[int]], values: Sequence[Sequence[Any]]) -> None:
+    def write(self, times: Times, values: Values) -> None:
         """Appends rows.
 
         Args:
-            times: the columns of whole nanoseconds, one value per row.
-            values: the leaves' values, one per row: decoded, as they are.
+            times: the columns of whole nanoseconds, (N,) each.
+            values: by leaf the values of N messages: an array (N,), or (N, n) of arrays and lists
+                that are equally long, or N values as they were decoded.
         """
 
     def close(self) -> None:
@@ -93,9 +98,9 @@ class CsvSink:
         self._quoting = csv.writer(text, lineterminator="\n", quoting=csv.QUOTE_NONNUMERIC)
         self._writer.writerow([*times, *(name for leaf in fields for name in leaf.columns)])
 
-    def write(self, times: Sequence[Sequence[int]], values: Sequence[Sequence[Any]]) -> None:
+    def write(self, times: Times, values: Values) -> None:
         """Appends rows; see `Sink`."""
-        columns: list[Sequence[Any]] = list(times)
+        columns: list[Any] = [column.tolist() for column in times]
         for leaf, column in zip(self._fields, values, strict=True):
             columns += self._cells(leaf, column)
         returns = any(
@@ -123,24 +128,27 @@ class CsvSink:
         self._open.close()
         self._target.discard()
 
-    def _cells(self, leaf: Leaf, values: Sequence[Any]) -> list[Sequence[Any]]:
+    def _cells(self, leaf: Leaf, values: Any) -> list[Sequence[Any]]:
         """The cells of a leaf's columns."""
         if leaf.shape == "list":
             return [[self._list_cell(leaf, value) for value in values]]
-        if leaf.shape == "spread":
-            rows = [value.tolist() for value in values]
-            columns: list[Sequence[Any]] = list(zip(*rows, strict=True))
-        else:
-            columns = [values]
+        columns = [plain_list(leaf.node, column) for column in _columns(leaf, values)]
         if leaf.node.base == "bool":
             return [["true" if value else "false" for value in column] for column in columns]
-        return columns
+        return list(columns)
 
     def _list_cell(self, leaf: Leaf, value: Any) -> str:
         if leaf.is_bytes and len(value) > LONGEST_BYTES:
             self._too_long[leaf.name] = self._too_long.get(leaf.name, 0) + 1
             return ""
-        return json.dumps(plain_list(leaf.node, value), ensure_ascii=False)
+        return _JSON.encode(plain_list(leaf.node, value))
+
+
+def _columns(leaf: Leaf, values: Any) -> list[Any]:
+    """A leaf's values by column: one, or one for each element of an array."""
+    if leaf.shape != "spread":
+        return [values]
+    return list(np.ascontiguousarray(np.asarray(values).T))
 
 
 class ParquetSink:
@@ -175,11 +183,11 @@ class ParquetSink:
         self._batches: list[Any] = []
         self._size = 0
 
-    def write(self, times: Sequence[Sequence[int]], values: Sequence[Sequence[Any]]) -> None:
+    def write(self, times: Times, values: Values) -> None:
         """Appends rows; see `Sink`."""
         columns: list[Any] = list(times)
         for leaf, column in zip(self._fields, values, strict=True):
-            columns += _arrow_cells(leaf, column)
+            columns += self._cells(leaf, column)
         arrays = [
             self._arrow.array(column, type=field.type)
             for column, field in zip(columns, self._schema, strict=True)
@@ -200,6 +208,16 @@ class ParquetSink:
         """Removes what was written."""
         self._writer.close()
         self._target.discard()
+
+    def _cells(self, leaf: Leaf, values: Any) -> list[Any]:
+        """What pyarrow takes for a leaf's columns."""
+        if leaf.is_bytes:
+            return [[bytes(value) for value in values]]
+        if leaf.shape != "list":
+            return _columns(leaf, values)
+        if leaf.is_flat:
+            return [list(values)]
+        return [[plain_list(leaf.node, value) for value in values]]
 
     def _write_group(self) -> None:
         if self._batches:
@@ -229,17 +247,6 @@ class ParquetSink:
         )
 
 
-def _arrow_cells(leaf: Leaf, values: Sequence[Any]) -> list[Any]:
-    """What pyarrow takes for a leaf's columns."""
-    if leaf.shape == "spread":
-        return list(zip(*(value.tolist() for value in values), strict=True))
-    if leaf.is_bytes:
-        return [[bytes(value) for value in values]]
-    if leaf.shape == "list" and not hasattr(values[0], "tolist"):
-        return [[plain_list(leaf.node, value) for value in values]]
-    return [values]
-
-
 def load_pyarrow() -> tuple[Any, Any]:
     """The modules pyarrow and pyarrow.parquet, imported only where they are needed.
 
@@ -250,9 +257,6 @@ def load_pyarrow() -> tuple[Any, Any]:
         return importlib.import_module("pyarrow"), importlib.import_module("pyarrow.parquet")
     except ImportError:
         raise SloshBagError(PARQUET_HINT) from None
-
-
-SinkMaker = Callable[[Path, Sequence[str], Sequence[Leaf], Mapping[str, str]], Sink]
 
 
 def make_sink(

@@ -121,11 +121,10 @@ def _copy(
     progress: Callable[[int, int], object],
 ) -> list[str]:
     """Writes all messages; returns what was left out."""
-    # The library takes no connection for all of them, and fails on one without messages.
-    wanted = [entry for entry in reader.connections if entry.id in routes and entry.msgcount]
+    wanted = [connection for connection in reader.connections if connection.id in routes]
     total = sum(connection.msgcount for connection in wanted)
     failed: Counter[str] = Counter()
-    messages = _guarded(source, reader.messages(connections=wanted) if wanted else iter(()))
+    messages = _guarded(source, reader.messages(connections=wanted))
     for done, (connection, stamp_ns, data) in enumerate(messages, start=1):
         route = routes[connection.id]
         try:

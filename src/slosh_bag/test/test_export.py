@@ -19,7 +19,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from rosbags.typesys import get_types_from_msg
 
-from slosh_bag import export
+from slosh_bag import export, export_rows
 from slosh_bag.bag_writer import BagWriter
 from slosh_bag.definitions import Definitions, find_interfaces
 from slosh_bag.errors import SloshBagError
@@ -51,9 +51,15 @@ string[] texts
 Part[] parts
 float64 log_ns
 """
+FLAT = "odd_msgs/msg/Flat"
+"""The same without lists of texts and of messages: read many at a time."""
 STORE = Definitions()
 STORE.typestore.register(
-    {**get_types_from_msg(DEFINITION, KIND), **get_types_from_msg("float64 x\nint16[] n\n", PART)}
+    {
+        **get_types_from_msg(DEFINITION, KIND),
+        **get_types_from_msg(DEFINITION.replace("string[] texts\nPart[] parts\n", ""), FLAT),
+        **get_types_from_msg("float64 x\nint16[] n\n", PART),
+    }
 )
 TYPES = STORE.typestore.types
 DOUBLES = st.floats(width=64)
@@ -72,14 +78,18 @@ def parts(draw):
 
 
 @st.composite
-def everything(draw):
+def everything(draw, kind: str):
     time = TYPES["builtin_interfaces/msg/Time"](draw(whole(32, signed=True)), 999_999_999)
     integers = {
         f"{'i' if signed else 'u'}{bits}": draw(whole(bits, signed=signed))
         for bits in (8, 16, 32, 64)
         for signed in (True, False)
     }
-    return TYPES[KIND](
+    lists = {}
+    if kind == KIND:
+        lists["texts"] = draw(st.lists(TEXTS, max_size=2))
+        lists["parts"] = draw(st.lists(parts(), max_size=2))
+    return TYPES[kind](
         header=TYPES["std_msgs/msg/Header"](time, draw(TEXTS)),
         yes=draw(st.booleans()),
         f32=draw(st.floats(width=32)),
@@ -91,9 +101,8 @@ def everything(draw):
         singles=draw(arrays(np.float32, st.integers(0, 4))),
         numbers=draw(arrays(np.int64, st.integers(0, 4))),
         data=draw(arrays(np.uint8, st.integers(0, 4))),
-        texts=draw(st.lists(TEXTS, max_size=2)),
-        parts=draw(st.lists(parts(), max_size=2)),
         log_ns=draw(DOUBLES),
+        **lists,
         **integers,
     )
 
@@ -124,10 +133,11 @@ def part(value) -> dict:
     return {"x": value.x, "n": value.n.tolist()}
 
 
-def expected(k: int, m) -> dict:
+def expected(k: int, m, kind: str) -> dict:
     """A message as a flat row."""
     stamp = m.header.stamp.sec * 10**9 + m.header.stamp.nanosec
     base = ("yes", "i8", "u8", "i16", "u16", "i32", "u32", "i64", "u64", "f32", "f64", "text")
+    lists = {"texts": m.texts, "parts": [part(p) for p in m.parts]} if kind == KIND else {}
     return {
         "log_ns_": 2**60 + k,
         "publish_ns": 2**61 + k,
@@ -143,8 +153,7 @@ def expected(k: int, m) -> dict:
         "singles": m.singles.tolist(),
         "numbers": m.numbers.tolist(),
         "data": m.data.tolist(),
-        "texts": m.texts,
-        "parts": [part(p) for p in m.parts],
+        **lists,
         "log_ns": m.log_ns,
     }
 
@@ -163,13 +172,19 @@ def exported(reader: BagReader, path: Path):
     return export_topics(reader, targets)
 
 
+@pytest.mark.parametrize("kind", [KIND, FLAT])
 @settings(deadline=None, max_examples=25)
-@given(messages=st.lists(everything(), min_size=1, max_size=5))
-def test_csv_and_parquet_hold_every_value_to_the_bit(messages):
-    with TemporaryDirectory() as name:
+@given(data=st.data())
+def test_csv_and_parquet_hold_every_value_to_the_bit(kind, data):
+    # The same message twice: some are read together, some one by one.
+    messages = data.draw(st.lists(everything(kind), min_size=1, max_size=4))
+    messages += messages[:2]
+    alike = data.draw(st.sampled_from([0, export_rows.FEWEST_ALIKE]))
+    with TemporaryDirectory() as name, pytest.MonkeyPatch.context() as patch:
+        patch.setattr(export_rows, "FEWEST_ALIKE", alike)
         folder = Path(name)
-        reader = write(folder / "bag", messages)
-        rows = [expected(k, message) for k, message in enumerate(messages)]
+        reader = write(folder / "bag", messages, kind=kind)
+        rows = [expected(k, message, kind) for k, message in enumerate(messages)]
         exported(reader, folder / "a.parquet")
         for want, got in zip(rows, pq.read_table(folder / "a.parquet").to_pylist(), strict=True):
             assert same(want, {**got, "data": list(got["data"])})
@@ -194,6 +209,25 @@ def test_rows_of_many_batches_keep_their_order(tmp_path: Path, monkeypatch):
     assert table.column("data").to_pylist() == [str(k) for k in range(50)]
     assert table.schema.metadata[b"topic"] == b"/odd"
     assert table.schema.metadata[b"type"] == b"std_msgs/msg/String"
+
+
+@pytest.mark.parametrize("suffix", ["csv", "parquet"])
+def test_rows_come_in_the_order_of_their_times(tmp_path: Path, suffix: str, monkeypatch):
+    monkeypatch.setattr(export, "BATCH_ROWS", 2)
+    kind = "std_msgs/msg/String"
+    with BagWriter(tmp_path / "bag", STORE) as writer:
+        writer.add_topic("/words", kind)
+        for time in (5, 6, 7, 1, 2, 8):
+            message = TYPES[kind](str(time))
+            writer.write("/words", bytes(STORE.typestore.serialize_cdr(message, kind)), time)
+            writer.flush()
+    exported(BagReader(tmp_path / "bag"), tmp_path / f"a.{suffix}")
+    if suffix == "csv":
+        with (tmp_path / "a.csv").open(newline="") as file:
+            words = [row["data"] for row in csv.DictReader(file)]
+    else:
+        words = pq.read_table(tmp_path / "a.parquet").column("data").to_pylist()
+    assert words == ["1", "2", "5", "6", "7", "8"]
 
 
 def image(size: int):

@@ -13,13 +13,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from slosh_bag.bag_motion import Motion, MotionSettings
+from slosh_bag.bag_motion import Motion
 from slosh_bag.bag_table import TableSettings, read_bag_table, with_rows_at
 from slosh_bag.bag_writer import BagWriter
 from slosh_bag.definitions import Definitions, find_interfaces
 from slosh_bag.errors import SloshBagError
 from slosh_bag.motion_table import MotionTable, read_motion_table, write_motion_table
 from slosh_bag.reader import BagReader
+from slosh_bag.replay.inputs import InputSettings
 from slosh_bag.table_bag import import_table, table_stamps, table_times, write_table_bag
 from slosh_estimator.gate import GateSettings
 from slosh_model.constants import GRAVITY
@@ -353,7 +354,7 @@ def test_a_pose_gives_its_own_attitude_at_each_row(cell: Cell):
     for k in range(9):
         t = 0.01 * k
         cell.pose(START + 10 * k * MS, (0.5 * t * t, 0.0, 0.0), (0.0, 0.0, 0.1 * k, 1.0))
-    table = cell.table(motion=MotionSettings(pose_window=5)).table
+    table = cell.table(inputs=InputSettings(pose_window=5)).table
     np.testing.assert_allclose(table.acceleration[:, 0], 1.0, rtol=1e-9)
     np.testing.assert_array_equal(table.attitude[:, 2], 0.1 * np.arange(2, 7))
     assert table.t[0] == 0.0
@@ -381,9 +382,9 @@ def test_stamps_that_go_back_are_refused(cell: Cell):
     for k in (50, 51, *range(25)):
         cell.accel(START + k * MS, 1.0)
     cell.writer.close()
-    settings = MotionSettings(gate=GateSettings(restart_after=3))
+    inputs = InputSettings(gate=GateSettings(restart_after=3))
     with pytest.raises(SloshBagError, match="go back at"):
-        read_bag_table(cell.folder, TableSettings(motion=settings))
+        read_bag_table(cell.folder, TableSettings(inputs=inputs))
 
 
 def test_interpolated_attitudes_take_the_shorter_way():

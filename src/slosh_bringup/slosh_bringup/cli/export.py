@@ -10,11 +10,11 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-from slosh_bag.bag_motion import INPUTS
 from slosh_bag.bag_table import NO_HEIGHTS, TableSettings, read_bag_table
 from slosh_bag.export import check_targets, export_targets, export_topics
 from slosh_bag.motion_table import write_motion_table
 from slosh_bag.reader import BagReader, TopicInfo
+from slosh_bag.replay.inputs import KINDS
 from slosh_bringup.errors import SloshBringupError
 
 TABLE_SUFFIXES = (".csv", ".csv.gz")
@@ -40,7 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--json", action="store_true", help="with --list: as JSON")
     motion = parser.add_argument_group("motion table")
     motion.add_argument(
-        "--input", choices=list(INPUTS), help="what tells the motion; without it the first found"
+        "--input", choices=list(KINDS), help="what tells the motion; without it as recorded"
     )
     motion.add_argument(
         "--measured", metavar="TOPIC", help=f"of the heights: free_surface, or {NO_HEIGHTS}"
