@@ -32,7 +32,6 @@ from slosh_bag.motion_table import MSH, MotionTable, eta_azimuths
 from slosh_bag.reader import BagMessage, BagReader, TopicInfo
 from slosh_bag.replay.bag import Sources, find_sources
 from slosh_bag.replay.inputs import STAMP, InputSettings, input_settings, stamps_of
-from slosh_bag.replay.settings import latest
 from slosh_bag.table_bag import (
     COLUMNS_KEY,
     HEIGHTS,
@@ -330,7 +329,7 @@ def _decoded(reader: BagReader, block: MessageBlock) -> list[Any]:
 
 def _recorded_settings(sources: Sources) -> InputSettings:
     """How the recorded estimator read its input."""
-    started = latest(list(sources.starts), "estimator")
+    started = next((start for start in sources.starts if start.node == "estimator"), None)
     return input_settings(started.parameters) if started else InputSettings()
 
 

@@ -9,6 +9,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
+import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -235,6 +236,21 @@ class Cell:
             linear_acceleration_covariance=np.zeros(9),
         )  # fmt: skip
 
+    def settings(self, **parameters) -> None:
+        """What an estimator node publishes of itself."""
+        kind = "slosh_msgs/msg/NodeSettings"
+        given = {
+            "input": "accel", "max_gap": 0.05, "max_age": 0.5, "sensor_rotation": [0.0, 0.0, 0.0],
+            "sensor_to_origin": [0.0, 0.0, 0.0], "pose_window": 21, "world_frame": "world",
+            "container_frame": "container", **parameters,
+        }  # fmt: skip
+        document = yaml.safe_dump({"parameters": given, "files": {}})
+        self.definitions.hash(kind)
+        texts = {name: "" for name, _ in self.definitions.typestore.fielddefs[kind][1]}
+        texts |= {"node": "estimator", "document": document}
+        del texts["header"]
+        self.add("/slosh/settings", kind, 1, "", **texts)
+
     def pose(self, stamp: int, position, turn) -> None:
         pose = self.types["geometry_msgs/msg/Pose"](
             self.types["geometry_msgs/msg/Point"](*position),
@@ -331,6 +347,17 @@ def test_the_sensors_table_holds_what_drives_the_liquid(cell: Cell):
     np.testing.assert_allclose(table.acceleration[:, 2], 0.25, atol=1e-12)
     np.testing.assert_allclose(table.attitude[:, 2], np.sin(0.5 * yaw), atol=1e-15)
     np.testing.assert_array_equal(table.angular_velocity, [[0.0, 0.0, 2.0]] * 3)
+
+
+def test_the_input_is_read_as_the_recorded_estimator_did(cell: Cell):
+    cell.settings(input="imu", sensor_rotation=[0.0, 0.0, math.pi / 2], container_frame="cup")
+    for k in range(3):
+        cell.accel(START + 10 * k * MS, 7.0)
+        cell.imu(START + 10 * k * MS, (0.5, 0.0, GRAVITY), (0.0, 3.0, 0.0))
+    table = cell.table().table
+    np.testing.assert_allclose(table.acceleration, [[0.0, 0.5, 0.0]] * 3, atol=1e-15)
+    np.testing.assert_allclose(table.angular_velocity, [[-3.0, 0.0, 0.0]] * 3, atol=1e-15)
+    assert cell.table(kind="accel").table.acceleration[0, 0] == 7.0
 
 
 def test_a_sensor_elsewhere_gives_no_attitude_beside_accel(cell: Cell):
