@@ -1,6 +1,7 @@
 """`slosh demo`: five processes over DDS, a bag, a report, and figures that hold."""
 
 import json
+import math
 import subprocess
 import sys
 
@@ -9,6 +10,9 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
+
+from slosh_bringup.cli.main import main
+from slosh_bringup.processes import config_folder
 
 
 @pytest.fixture(scope="module")
@@ -43,6 +47,29 @@ def test_camera_and_estimate_follow_the_truth(demo):
 def test_the_limit_event_is_announced(demo):
     _, figures = demo
     assert figures["events"] >= 1
+
+
+def test_the_recording_gives_its_own_estimates_again_bit_for_bit(demo):
+    _, figures = demo
+    estimates, comparisons = (figures["replay"][key] for key in ("verification", "comparisons"))
+    assert estimates["exact"]
+    assert estimates["recorded"] > 4000
+    assert comparisons["recorded"] > 200
+    assert comparisons["identical"] == comparisons["recorded"]
+
+
+def test_the_last_bit_of_alpha_makes_the_check_fail_and_is_named(demo, tmp_path, capsys):
+    folder, _ = demo
+    assert main(["replay", str(folder / "bag"), "--check"]) == 0
+    text = (config_folder() / "model.yaml").read_text()
+    assert "alpha: 0.58" in text
+    changed = tmp_path / "model.yaml"
+    changed.write_text(text.replace("alpha: 0.58", f"alpha: {math.nextafter(0.58, 1.0)!r}"))
+    capsys.readouterr()
+    assert main(["replay", str(folder / "bag"), "--check", "--model", str(changed)]) == 1
+    complaint = capsys.readouterr().err
+    assert "effects.surface_nonlinearity.alpha: recorded 0.58" in complaint
+    assert "first difference: nonlinear." in complaint
 
 
 def test_the_bag_decodes_elsewhere_and_holds_what_was_published(demo):

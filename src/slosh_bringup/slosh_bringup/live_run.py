@@ -16,11 +16,11 @@ from slosh_bag.replay.report import Surroundings
 from slosh_bringup.cell_setup import CellSetup
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.processes import NodeGroup, NodeProcess, node_environment
-from slosh_bringup.replaying import page_text
+from slosh_bringup.replaying import make_report
 from slosh_bringup.run_data import read_run
 from slosh_bringup.run_result import RunResult, evaluate
 from slosh_camera.calibration import read_any_calibration
-from slosh_discovery.report import KeyFigure
+from slosh_discovery.report import KeyFigure, render_report, report_document
 from slosh_estimator.model_file import read_model
 
 POLL = 0.1
@@ -102,8 +102,9 @@ def write_results(folder: Path, title: str) -> tuple[RunResult, ReplayResult]:
             f"nothing was recorded: {error} (logs in {folder / LOGS})"
         ) from None
     around = Surroundings(title=title, key_figures=key_figures(run))
-    (folder / REPORT).write_text(page_text(bag, replayed, around), encoding="utf-8")
-    document = {**run.document(), "replay": json.loads(replayed.to_json())}
+    report = make_report(bag, replayed, around)
+    (folder / REPORT).write_text(render_report(report), encoding="utf-8")
+    document = {**run.document(), **report_document(report)}
     (folder / RESULT).write_text(json.dumps(document, indent=2) + "\n")
     return run, replayed
 

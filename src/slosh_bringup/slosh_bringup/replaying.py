@@ -22,7 +22,7 @@ from slosh_bag.replay.report import Surroundings, replay_report
 from slosh_bag.replay.result import ModelAccuracy
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.replay_frames import bag_pictures, bag_topics
-from slosh_discovery.report import render_report
+from slosh_discovery.report import RunReport, render_report, report_document
 from slosh_estimator.model_file import read_model
 
 UNCHECKED = Expectation()
@@ -123,17 +123,23 @@ def write_page(folder: Path, bag: Path, result: ReplayResult, checked: Checked |
     Raises:
         SloshBringupError: a file cannot be written.
     """
-    page = page_text(bag, result, Surroundings(checked=checked))
+    report = make_report(bag, result, Surroundings(checked=checked))
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        (folder / f"{result.name}.html").write_text(page, encoding="utf-8")
-        (folder / f"{result.name}.json").write_text(result.to_json(series=True) + "\n")
+        (folder / f"{result.name}.html").write_text(render_report(report), encoding="utf-8")
+        (folder / f"{result.name}.json").write_text(figures(report, result))
     except OSError as error:
         raise SloshBringupError(f"{folder}: {error.strerror}") from None
 
 
-def page_text(bag: Path, result: ReplayResult, around: Surroundings) -> str:
-    """The page of a replay, with the bag's own images and topics.
+def figures(report: RunReport, result: ReplayResult) -> str:
+    """The numbers of a page as JSON, in full precision, with the whole replay under `replay`."""
+    document = {**report_document(report), "replay": json.loads(result.to_json(series=True))}
+    return json.dumps(document, indent=2, allow_nan=False) + "\n"
+
+
+def make_report(bag: Path, result: ReplayResult, around: Surroundings) -> RunReport:
+    """What the page of a replay shows, with the bag's own images and topics.
 
     Args:
         bag: where these are.
@@ -141,7 +147,7 @@ def page_text(bag: Path, result: ReplayResult, around: Surroundings) -> str:
         around: what else the page shows.
     """
     pictures, topics = bag_pictures(bag, result), bag_topics(bag, result.seconds)
-    return render_report(replay_report(result, replace(around, frames=pictures, topics=topics)))
+    return replay_report(result, replace(around, frames=pictures, topics=topics))
 
 
 def unique_names(bags: Sequence[Path]) -> list[str]:

@@ -1,0 +1,165 @@
+"""Bags as a live cell would have recorded them, written by the cores one sample at a time."""
+
+from collections.abc import Collection
+from pathlib import Path
+
+import numpy as np
+import yaml
+
+from slosh_bag.bag_writer import BagWriter
+from slosh_bag.definitions import Definitions
+from slosh_estimator.accel_input import AccelInput
+from slosh_estimator.estimator import Estimator
+from slosh_estimator.gate import GateSettings
+from slosh_model.arithmetic import arithmetic_fingerprint
+from slosh_model.model_text import format_model, parse_model
+
+TEXT = """
+container: {shape: cylinder, radius: 0.05, fill_height: 0.07, rim_height: 0.135}
+effects: [{name: vertical_acceleration}, {name: surface_nonlinearity, alpha: 0.58}]
+"""
+MODEL = parse_model(TEXT)
+START = 1_700_000_000_000_000_000
+MS = 1_000_000
+PARAMETERS = {
+    "estimator": {
+        "input": "accel", "world_frame": "world", "container_frame": "container",
+        "max_gap": 0.05, "max_age": 0.5, "sensor_rotation": [0.0, 0.0, 0.0],
+        "sensor_to_origin": [0.0, 0.0, 0.0], "pose_window": 21,
+    },
+    "monitor": {
+        "measured_limit": 0.006, "estimated_limit": 0.02, "disagreement_limit": 0.01,
+        "warn_share": 0.8, "release": 0.9, "hold": 0.1, "timeout": 0.3, "buffer": 2.0,
+        "container_frame": "container",
+    },
+}  # fmt: skip
+TYPES = {
+    "accel": "geometry_msgs/msg/AccelStamped",
+    "estimate": "slosh_msgs/msg/SloshEstimate",
+    "free_surface": "slosh_msgs/msg/FreeSurface",
+    "settings": "slosh_msgs/msg/NodeSettings",
+}
+
+
+def motion(seconds: float = 3.0) -> tuple[np.ndarray, np.ndarray]:
+    """Stamps [ns] at 500 Hz and accelerations (N, 3): a second of rest, motion, rest."""
+    t = np.arange(0.0, seconds + 2.0, 0.002)
+    swell = np.where((t > 1.0) & (t < 1.0 + seconds), np.sin(np.pi * (t - 1.0) / seconds) ** 2, 0)
+    waves = np.column_stack(
+        (4.0 * np.sin(13.0 * t), 3.0 * np.cos(11.0 * t), 2.0 * np.sin(9.0 * t))
+    )
+    return START + np.rint(t * 1e9).astype(np.int64), swell[:, None] * waves
+
+
+class LiveBag:
+    """Writes one; what happens live is said before `write`.
+
+    Attributes:
+        unused: indices of inputs that the recorder heard and the estimator did not.
+        unrecorded: indices of inputs whose estimates the recorder missed.
+        restarts: indices of inputs with which a new estimator process begins.
+        loads: model texts by the index of the first input that they apply to.
+        camera_gap: from and to which moment there are no images [s].
+        height: measured height over the model's.
+    """
+
+    def __init__(self) -> None:
+        self.unused: Collection[int] = ()
+        self.unrecorded: Collection[int] = ()
+        self.restarts: Collection[int] = ()
+        self.loads: dict[int, str] = {}
+        self.camera_gap = (0.0, 0.0)
+        self.height = 1.0
+        self.model = MODEL
+        self._definitions = Definitions()
+        self._types = self._definitions.typestore.types
+
+    def write(self, folder: Path, seconds: float = 3.0) -> Path:
+        """Writes the bag and returns its folder."""
+        with BagWriter(folder, self._definitions) as self._writer:
+            for topic, kind in TYPES.items():
+                self._writer.add_topic(f"/slosh/{topic}", kind)
+            self._settings("monitor", 0, {}, START - MS)
+            self._run(*motion(seconds))
+        return folder
+
+    def _run(self, stamps: np.ndarray, accelerations: np.ndarray) -> None:
+        estimator, source = self._start(self.model, 0, int(stamps[0]) - MS)
+        for index, (stamp, a) in enumerate(
+            zip(stamps.tolist(), accelerations.tolist(), strict=True)
+        ):
+            if index in self.restarts:
+                estimator, source = self._start(estimator.model, 0, stamp - 1)
+            if index in self.loads:
+                estimator.load_model(parse_model(self.loads[index]))
+                files = {"model": format_model(estimator.model)}
+                self._settings("estimator", int(stamps[index - 1]), files, stamp - 1)
+            self._put("accel", stamp, accel=self._accel(a))
+            if index in self.unused:
+                continue
+            sample = source.update(stamp, "world", *a)
+            if sample is None:
+                continue
+            estimate = estimator.update(sample)
+            if index not in self.unrecorded:
+                self._estimate(estimator, estimate, source.gate)
+            second = (stamp - START) * 1e-9
+            if index % 8 == 0 and not self.camera_gap[0] <= second < self.camera_gap[1]:
+                self._surface(stamp, self.height * estimate.nonlinear.msh, estimate)
+
+    def _start(self, model, stamp: int, log_ns: int):
+        self._settings("estimator", stamp, {"model": format_model(model)}, log_ns)
+        return Estimator(model), AccelInput(GateSettings(), ("world", "container"))
+
+    def _settings(self, node: str, stamp: int, files: dict[str, str], log_ns: int) -> None:
+        document = yaml.safe_dump({"parameters": PARAMETERS[node], "files": files})
+        self._put(
+            "settings", stamp, log_ns, node=node, code="0123", document=document,
+            arithmetic=arithmetic_fingerprint(),
+        )  # fmt: skip
+
+    def _accel(self, a: list[float]):
+        vector = self._types["geometry_msgs/msg/Vector3"]
+        return self._types["geometry_msgs/msg/Accel"](
+            linear=vector(*a), angular=vector(0.0, 0.0, 0.0)
+        )
+
+    def _estimate(self, estimator: Estimator, estimate, gate) -> None:
+        models = []
+        for name, state in zip(
+            estimator.names, (estimate.linear, estimate.nonlinear), strict=True
+        ):
+            modal = np.array(state.modal)
+            models.append(
+                self._types["slosh_msgs/msg/ModelEstimate"](
+                    name, *state[:4], modal[:, :2].ravel(), modal[:, 2:].ravel()
+                )
+            )
+        sample = estimate.sample
+        self._put(
+            "estimate", sample.stamp_ns, linear=models[0], nonlinear=models[1],
+            acceleration=np.array(sample[1:4]), jerk=estimate.jerk, yaw=sample.yaw,
+            flags=estimate.flags, samples_used=gate.used, samples_dropped=gate.dropped,
+        )  # fmt: skip
+
+    def _surface(self, stamp: int, height: float, estimate) -> None:
+        kind = self._types[TYPES["free_surface"]]
+        unknown = {
+            name: float("nan")
+            for name, kind in kind.__annotations__.items()
+            if kind in (float, "float") and not name.isupper()
+        }
+        none = np.empty(0, dtype=np.float32)
+        given = {"msh": height, "azimuth": estimate.nonlinear.azimuth}
+        self._put(
+            "free_surface", stamp, stamp + 20 * MS, **{**unknown, **given},
+            profile_azimuth=none, profile_height=none, peak_side=0, flags=0,
+        )  # fmt: skip
+
+    def _put(self, topic: str, stamp: int, log_ns: int | None = None, **fields) -> None:
+        time = self._types["builtin_interfaces/msg/Time"](*divmod(stamp, 10**9))
+        header = self._types["std_msgs/msg/Header"](stamp=time, frame_id="world")
+        kind = TYPES[topic]
+        message = self._types[kind](header=header, **fields)
+        data = bytes(self._definitions.typestore.serialize_cdr(message, kind))
+        self._writer.write(f"/slosh/{topic}", data, stamp if log_ns is None else log_ns)
