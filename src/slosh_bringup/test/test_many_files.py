@@ -3,9 +3,11 @@
 import logging
 import os
 import signal
+import socket
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import psutil
@@ -98,7 +100,9 @@ def holds_back(process, number):
     return bool(int(mask, 16) >> (number - 1) & 1)
 
 
-def test_sixty_items_have_sixty_outcomes_though_some_fail_and_one_kills_its_worker(work, capfd):
+def test_sixty_items_have_sixty_outcomes_though_some_fail_and_one_kills_its_worker(
+    work, capfd, recwarn
+):
     taken, before, addresses = [], listening(), set()
 
     def items():
@@ -106,6 +110,11 @@ def test_sixty_items_have_sixty_outcomes_though_some_fail_and_one_kills_its_work
             taken.append(number)
             yield number
 
+    # Another cluster's dashboard is no reason to complain.
+    taken_port = socket.socket()
+    with suppress(OSError):
+        taken_port.bind(("127.0.0.1", 8787))
+        taken_port.listen()
     outcomes = []
     for outcome in map_files(work.square, items(), jobs=2):
         outcomes.append(outcome)
@@ -116,8 +125,24 @@ def test_sixty_items_have_sixty_outcomes_though_some_fail_and_one_kills_its_work
     assert sorted(outcomes, key=lambda o: o.index) == [expected(n) for n in range(60)]
     assert addresses
     assert {address.ip for address in addresses} == {"127.0.0.1"}
+    taken_port.close()
     assert capfd.readouterr() == ("", "")
+    assert not recwarn.list
     assert not workers_of(psutil.Process())
+
+
+def running_cluster(**options):
+    """A cluster that somebody else has started."""
+    from distributed import LocalCluster
+
+    return LocalCluster(
+        host="127.0.0.1",
+        protocol="tcp",
+        dashboard_address=None,
+        scheduler_kwargs={"dashboard_address": "127.0.0.1:0"},
+        silence_logs=logging.CRITICAL,
+        **options,
+    )
 
 
 @pytest.mark.parametrize(("items", "jobs"), [([5], None), (list(range(17, 31)), 1)])
@@ -141,12 +166,7 @@ def test_dask_is_not_imported_for_it():
 
 
 def test_a_running_cluster_does_the_same(work):
-    from distributed import LocalCluster
-
-    with LocalCluster(
-        n_workers=1, threads_per_worker=1, processes=False, host="127.0.0.1", protocol="tcp",
-        dashboard_address=None,
-    ) as cluster:  # fmt: skip
+    with running_cluster(n_workers=1, threads_per_worker=1, processes=False) as cluster:
         numbers = [n for n in range(40) if n != 31]
         outcomes = list(map_files(work.square, numbers, scheduler=cluster.scheduler_address))
     assert {o.item: (o.value, o.error) for o in outcomes} == {
@@ -157,15 +177,12 @@ def test_a_running_cluster_does_the_same(work):
 
 def test_who_worked_beside_one_that_kills_the_worker_is_not_blamed(work):
     import dask
-    from distributed import LocalCluster
+    import distributed  # noqa: F401  # its settings are there once it is imported
 
     with (
         dask.config.set({"distributed.scheduler.allowed-failures": 0}),
-        LocalCluster(
-            n_workers=1, threads_per_worker=2, host="127.0.0.1", dashboard_address=None,
-            silence_logs=logging.CRITICAL,
-        ) as cluster,
-    ):  # fmt: skip
+        running_cluster(n_workers=1, threads_per_worker=2) as cluster,
+    ):
         address = cluster.scheduler_address
         outcomes = list(map_files(work.die_among_others, range(5), scheduler=address))
     assert {o.item: o.error for o in outcomes} == {0: "", 1: "", 2: KILLED, 3: "", 4: ""}
@@ -173,12 +190,8 @@ def test_who_worked_beside_one_that_kills_the_worker_is_not_blamed(work):
 
 
 def test_a_cluster_without_workers_is_told(work):
-    from distributed import LocalCluster
-
     with (
-        LocalCluster(
-            n_workers=0, processes=False, host="127.0.0.1", protocol="tcp", dashboard_address=None
-        ) as cluster,
+        running_cluster(n_workers=0, processes=False) as cluster,
         pytest.raises(SloshBringupError, match=r"scheduler tcp://127.0.0.1:\d+: has no workers"),
     ):
         list(map_files(work.square, range(3), scheduler=cluster.scheduler_address))
