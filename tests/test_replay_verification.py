@@ -1,4 +1,4 @@
-"""A recording gives its own estimates again, whatever happened live; where not, replay says why."""
+"""A recording gives its own estimates again, whatever happened live; or replay says why not."""
 
 import math
 
