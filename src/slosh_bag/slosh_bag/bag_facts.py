@@ -6,10 +6,7 @@ has to be read from its start to its end. A record that carries its own is read 
 
 from __future__ import annotations
 
-import json
 import struct
-import zlib
-from collections.abc import Mapping
 from pathlib import Path
 from typing import BinaryIO
 
@@ -21,16 +18,11 @@ from slosh_bag.errors import SloshBagError
 from slosh_bag.mcap_summary import read_summary
 from slosh_bag.mcap_walk import McapWalk
 from slosh_bag.record_stream import RecordStream
+from slosh_bag.seal import SEAL, seal_of
 
 NAME = "slosh"
-SEAL = "crc32"
 _HEADER = struct.Struct("<BQ")
 _DATA_END = 13
-
-
-def sealed(facts: Mapping[str, str]) -> dict[str, str]:
-    """The content of a metadata record: facts, and their checksum."""
-    return {**facts, SEAL: _seal(facts)}
 
 
 def read_facts(path: Path) -> tuple[dict[str, str], list[str]]:
@@ -75,7 +67,7 @@ def _opened(path: Path, records: list[dict[str, str]]) -> dict[str, str]:
     facts: dict[str, str] = {}
     for record in records:
         noted = record.pop(SEAL, None)
-        if noted is not None and noted != _seal(record):
+        if noted is not None and noted != seal_of(record):
             raise SloshBagError(
                 f"{path}: damaged metadata: the checksum of {list(record)} is wrong"
             )
@@ -104,8 +96,3 @@ def _is_whole(path: Path, summary_start: int) -> bool:
 
 def _unsealed(path: Path) -> str:
     return f"{path}: facts about the bag without checksums: damage would not be noticed"
-
-
-def _seal(facts: Mapping[str, str]) -> str:
-    text = json.dumps(dict(facts), sort_keys=True, ensure_ascii=True)
-    return f"{zlib.crc32(text.encode()):08x}"

@@ -15,6 +15,9 @@ METADATA = "metadata.yaml"
 FOREIGN = (b"#ROSBAG", b"SQLite f")
 """How ROS 1 bags and rosbag2's SQLite files begin."""
 IMPORT_HINT = "slosh import rosbag makes one of it"
+_UNREADABLE = (
+    OSError, ValueError, TypeError, AttributeError, LookupError, RecursionError, yaml.YAMLError,
+)  # fmt: skip
 _Loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
@@ -30,8 +33,12 @@ def bag_files(path: Path) -> list[Path]:
     return ordered_files(path)[0]
 
 
-def ordered_files(path: Path) -> tuple[list[Path], list[str]]:
+def ordered_files(path: Path, *, damaged: bool = False) -> tuple[list[Path], list[str]]:
     """The files as `bag_files` gives them, and what is odd about the folder.
+
+    Args:
+        path: folder or file.
+        damaged: take files whose beginning is not that of an MCAP file, too.
 
     Raises:
         SloshBagError: as `bag_files`.
@@ -48,6 +55,12 @@ def ordered_files(path: Path) -> tuple[list[Path], list[str]]:
         files = [path]
     else:
         raise SloshBagError(f"{path}: no such file or folder")
+    if not damaged:
+        _check_starts(files)
+    return files, warnings
+
+
+def _check_starts(files: list[Path]) -> None:
     starts = [_start(file) for file in files]
     for file, start in zip(files, starts, strict=True):
         if not MAGIC.startswith(start):
@@ -56,7 +69,6 @@ def ordered_files(path: Path) -> tuple[list[Path], list[str]]:
     if all(len(start) < len(MAGIC) for start in starts):
         what = "empty file" if not starts[0] else f"cut off after {len(starts[0])} bytes"
         raise SloshBagError(f"{files[0]}: {what}")
-    return files, warnings
 
 
 def _start(file: Path) -> bytes:
@@ -72,16 +84,29 @@ def _natural(path: Path) -> list[tuple[int, str]]:
     return [(int(part), "") if part.isdecimal() else (-1, part) for part in parts]
 
 
+def folder_facts(path: Path) -> dict[str, str]:
+    """The facts about the bag in a folder's metadata.yaml; no checksum covers them."""
+    try:
+        custom = _information(path / METADATA)["custom_data"]
+        return {str(key): str(value) for key, value in (custom or {}).items()}
+    except _UNREADABLE:
+        return {}
+
+
+def _information(noted: Path) -> Any:
+    document = yaml.load(noted.read_bytes(), Loader=_Loader)
+    return document["rosbag2_bagfile_information"]
+
+
 def _as_noted(folder: Path, files: list[Path], warnings: list[str]) -> list[Path]:
     """The files in metadata.yaml's order, where it names just these."""
     noted = folder / METADATA
     if not noted.is_file():
         return files
     try:
-        document = yaml.load(noted.read_bytes(), Loader=_Loader)
-        entries = document["rosbag2_bagfile_information"]["relative_file_paths"]
+        entries = _information(noted)["relative_file_paths"]
         names = [Path(str(entry)).name for entry in entries]
-    except (OSError, ValueError, TypeError, LookupError, RecursionError, yaml.YAMLError):
+    except _UNREADABLE:
         warnings.append(f"{noted}: cannot be read; the files are read in the order of their names")
         return files
     by_name = {file.name: file for file in files}

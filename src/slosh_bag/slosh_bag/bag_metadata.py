@@ -45,9 +45,13 @@ class Qos:
             "avoid_ros_namespace_conventions": False,
         }
 
+    def documents(self) -> list[dict[str, Any]]:
+        """The same of all publishers."""
+        return [self.document()]
+
     def text(self) -> str:
         """The same as the text that an MCAP channel carries."""
-        return _text([self.document()])
+        return _text(self.documents())
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,7 +126,7 @@ def _information(
                     "name": topic.name,
                     "type": topic.message_type,
                     "serialization_format": SERIALIZATION,
-                    "offered_qos_profiles": [topic.qos.document()],
+                    "offered_qos_profiles": topic.qos.documents(),
                     "type_description_hash": topic.type_hash,
                 },
                 "message_count": topic.count,

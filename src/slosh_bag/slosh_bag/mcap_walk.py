@@ -51,6 +51,7 @@ class McapWalk:
         found: what was found so far; complete when `pieces` has ended.
         warnings: what a reader should know; complete when `pieces` has ended.
         summary: what the file's end says; None: it has no end, or `pieces` has not begun.
+        size: of the file [bytes].
     """
 
     def __init__(self, path: Path, *, lenient: bool = False) -> None:
@@ -59,7 +60,7 @@ class McapWalk:
         self.warnings: list[str] = []
         self.summary: Summary | None = None
         self._lenient = lenient
-        self._size = path.stat().st_size
+        self.size = path.stat().st_size
         self._cut: ChunkHeader | None = None
         self._stream: RecordStream
 
@@ -70,11 +71,11 @@ class McapWalk:
             SloshBagError: the file is damaged, other than by missing its end.
         """
         with self.path.open("rb") as stream:
-            self.summary = read_summary(stream, self._size)
+            self.summary = read_summary(stream, self.size)
             if self.summary:
                 self.found.schemas.update(self.summary.schemas)
                 self.found.channels.update(self.summary.channels)
-            self._stream = RecordStream(stream, self._size, checked=not self._lenient)
+            self._stream = RecordStream(stream, self.size, checked=not self._lenient)
             ended = False
             while not ended:
                 position = self._stream.position
@@ -103,7 +104,7 @@ class McapWalk:
             return self._loose(length), False
         if opcode == Opcode.DATA_END:
             self._end(self._stream.take(length))
-            return None, True
+            return None, not self._lenient or not self._goes_on()
         self._other(opcode, length)
         return None, False
 
@@ -187,10 +188,10 @@ class McapWalk:
 
     def _end(self, content: bytes) -> None:
         """The end of the data: holds what was read against what the file says of it."""
-        if self._lenient:
-            return
         if len(content) != 4:
             raise DamageError("a damaged end of the data")
+        if self._lenient:
+            return
         crc = int.from_bytes(content, "little")
         wrong = bool(crc) and crc != self._stream.crc
         self._check_counts()
@@ -206,6 +207,13 @@ class McapWalk:
             self._warn("its end is cut off or damaged; all messages before it were read")
         elif self.summary.damaged:
             self._warn("its summary is damaged and was not used")
+
+    def _goes_on(self) -> bool:
+        """Goes to the next chunk: what said to be the end of the data may not have been it."""
+        after = self._next_chunk(self._stream.position)
+        if after is not None:
+            self._stream.jump(after)
+        return after is not None
 
     def _check_counts(self) -> None:
         if self.summary is None or not self.summary.trusted:
@@ -246,7 +254,7 @@ class McapWalk:
             text += "no message could be read"
         else:
             text += f"read up to {last * 1e-9:.3f} s, {(last - first) * 1e-9:.3f} s of data"
-        unused = self._size - position
+        unused = self.size - position
         text += f"; the last {unused} bytes could not be used" if unused else ""
         if self._cut is not None:
             span = self._cut.start_ns * 1e-9, self._cut.end_ns * 1e-9
@@ -261,7 +269,7 @@ class McapWalk:
         if after is None:
             after = self._next_chunk(position + 1)
         gap = Gap(
-            position, self._size if after is None else after, str(error), self._span(position)
+            position, self.size if after is None else after, str(error), self._span(position)
         )
         self.found.gaps.append(gap)
         if after is not None:
@@ -292,7 +300,7 @@ class McapWalk:
 
     def _next_chunk(self, start: int) -> int | None:
         """Where the next whole chunk begins; None: there is none."""
-        while start < self._size:
+        while start < self.size:
             self._stream.jump(start)
             window = self._stream.peek(_WINDOW)
             at = find_chunk(np.frombuffer(window, np.uint8), 0)

@@ -17,7 +17,7 @@ from rosbags.typesys.store import Typestore
 from zstandard import ZstdError
 
 from slosh_bag.bag_facts import read_facts
-from slosh_bag.bag_folder import bag_files, ordered_files
+from slosh_bag.bag_folder import bag_files, folder_facts, ordered_files
 from slosh_bag.bag_types import BagTypes
 from slosh_bag.cdr_columns import ColumnReader
 from slosh_bag.chunks import MessageBlock, Piece
@@ -154,6 +154,12 @@ class BagReader:
             noted, warnings = read_facts(file)
             facts.update(noted)
             self._warn(warnings)
+        if not facts:
+            facts = folder_facts(self.path)
+            if facts:
+                self._warn(
+                    [f"{self.path}: facts about the bag taken from metadata.yaml, unchecked"]
+                )
         return facts
 
     def blocks(self, topics: Collection[str] | None = None) -> Iterator[MessageBlock]:

@@ -196,8 +196,8 @@ def test_a_killed_process_loses_less_than_a_second(tmp_path):
     with subprocess.Popen(
         [sys.executable, "-c", code], stdout=subprocess.PIPE, text=True
     ) as process:
-        started = time.monotonic()
         sent = [int(process.stdout.readline())]
+        started = time.monotonic()
         while time.monotonic() - started < 2.5:
             sent.append(int(process.stdout.readline()))
         process.kill()

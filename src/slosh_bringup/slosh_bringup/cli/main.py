@@ -21,6 +21,7 @@ COMMANDS: dict[str, str] = {
     "play": "a bag over DDS with /clock, for live nodes",
     "replay": "the estimator's and the monitor's cores over bags",
     "import": "motion tables, foreign bags and public measured data to bags",
+    "recover": "a finished bag of what is whole in an unfinished or damaged one",
     "export": "a bag's topics as CSV or Parquet, or its motion as a table",
     "identify": "parameters from measurements (not in this version)",
     "discover": "the missing effect (not in this version)",

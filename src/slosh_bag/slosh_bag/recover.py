@@ -1,0 +1,226 @@
+"""Writes a finished bag of all that is whole in an unfinished or damaged one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+from mcap.records import Channel, Schema
+
+from slosh_bag.bag_facts import NAME as FACTS
+from slosh_bag.bag_folder import folder_facts, ordered_files
+from slosh_bag.bag_metadata import Qos
+from slosh_bag.bag_types import BagTypes
+from slosh_bag.bag_writer import BagWriter
+from slosh_bag.chunks import Piece
+from slosh_bag.definitions import Definitions
+from slosh_bag.errors import SloshBagError
+from slosh_bag.mcap_walk import McapWalk
+from slosh_bag.reader import DAMAGE
+from slosh_bag.seal import SEAL, seal_of
+from slosh_bag.whole_bag import removed_on_failure
+
+Progress = Callable[[int], object]
+
+
+@dataclass(frozen=True, slots=True)
+class Recovery:
+    """What was recovered.
+
+    Attributes:
+        bag: the new bag.
+        counts: messages by topic.
+        notes: what could not be recovered, one line each; empty: the bag was whole.
+    """
+
+    bag: Path
+    counts: dict[str, int]
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class NotedQos(Qos):
+    """What publishers offered, as the damaged bag notes it.
+
+    Attributes:
+        noted: the text in the channel.
+    """
+
+    noted: str = ""
+
+    def documents(self) -> list[dict[str, Any]]:
+        """The keys and values; none where the text does not tell."""
+        try:
+            documents = yaml.safe_load(self.noted)
+        except (yaml.YAMLError, RecursionError):
+            documents = None
+        whole = isinstance(documents, list) and all(isinstance(item, dict) for item in documents)
+        return documents if whole else []
+
+    def text(self) -> str:
+        """The text as it was."""
+        return self.noted
+
+
+class NotedDefinitions(Definitions):
+    """Definitions and hashes as the damaged bag has them; no installed package is asked."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.types = BagTypes()
+        self._hashes: dict[str, str] = {}
+
+    def note_hash(self, message_type: str, channel: Channel) -> None:
+        """Notes the hash that a channel of a type carries."""
+        self._hashes.setdefault(message_type, channel.metadata.get("topic_type_hash", ""))
+
+    def text(self, message_type: str) -> str:
+        """The definition in the bag.
+
+        Raises:
+            SloshBagError: it is not a ROS 2 definition.
+        """
+        schema = self.types.schema(message_type)
+        if schema.encoding != "ros2msg":
+            raise SloshBagError(f"{message_type} is defined in {schema.encoding!r}, not 'ros2msg'")
+        try:
+            return str(schema.data, "utf-8")
+        except UnicodeDecodeError:
+            raise SloshBagError(f"the definition of {message_type} is no text") from None
+
+    def hash(self, message_type: str) -> str:
+        """The hash in the bag; where it has none, the one of its definition."""
+        if not self._hashes.get(message_type):
+            try:
+                store = self.types.typestore(message_type)
+                self._hashes[message_type] = str(store.hash_rihs01(message_type))
+            except DAMAGE:
+                return ""
+        return self._hashes[message_type]
+
+
+def recover_bag(path: Path, folder: Path, progress: Progress = lambda size: None) -> Recovery:
+    """Writes a new bag of all whole chunks of a bag that is unfinished or damaged.
+
+    Definitions, QoS profiles and facts are those of the bag itself.
+
+    Args:
+        path: the bag's folder, or one MCAP file.
+        folder: the new bag's folder; it must not hold a bag already.
+        progress: is told how many bytes were read since it was told last.
+
+    Raises:
+        SloshBagError: nothing in the bag can be read, or the new one cannot be written.
+    """
+    files, notes = ordered_files(path, damaged=True)
+    with removed_on_failure(folder):
+        copy = _Copy(folder, _facts(path, files, notes), notes)
+        with copy.writer as writer:
+            for file in files:
+                copy.add(file, progress)
+            counts = dict(writer.counts)
+            if not sum(counts.values()):
+                raise SloshBagError(f"{path}: no message in it can be read")
+    return Recovery(folder, counts, tuple(dict.fromkeys(copy.notes)))
+
+
+def _facts(path: Path, files: list[Path], notes: list[str]) -> dict[str, str]:
+    """The facts about the bag, from those records that are whole, else from metadata.yaml."""
+    facts: dict[str, str] = {}
+    for file in files:
+        walk = McapWalk(file, lenient=True)
+        for _ in walk.pieces():
+            pass
+        for record in walk.found.metadata:
+            noted = dict(record.metadata)
+            if record.name == FACTS and noted.pop(SEAL, None) == seal_of(noted):
+                facts.update(noted)
+    if not facts:
+        facts = folder_facts(path)
+        if facts:
+            notes.append(f"{path}: facts about the bag taken from metadata.yaml, unchecked")
+    return facts
+
+
+@dataclass(slots=True)
+class _Copy:
+    """The new bag, and what it has not got."""
+
+    folder: Path
+    facts: dict[str, str]
+    notes: list[str]
+    definitions: NotedDefinitions = field(default_factory=NotedDefinitions)
+    writer: BagWriter = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.writer = BagWriter(self.folder, self.definitions, self.facts)
+
+    def add(self, file: Path, progress: Progress) -> None:
+        """Copies what is whole in a file."""
+        walk = McapWalk(file, lenient=True)
+        topics: dict[int, str | None] = {}
+        done = 0
+        for piece in walk.pieces():
+            for schema in walk.found.schemas.values():
+                self.definitions.types.add(schema)
+            for number in np.unique(piece.channel).tolist():
+                if number not in topics:
+                    topics[number] = self.topic(file, walk, number)
+            self.write(piece, topics)
+            progress(piece.position + piece.stored - done)
+            done = piece.position + piece.stored
+        progress(walk.size - done)
+        self.tell(file, walk)
+
+    def topic(self, file: Path, walk: McapWalk, number: int) -> str | None:
+        """Announces the topic of a channel; None: it cannot be written."""
+        channel = walk.found.channels[number]
+        topic: str = channel.topic
+        schema: Schema | None = walk.found.schemas.get(channel.schema_id)
+        kind = schema.name if schema else ""
+        try:
+            if channel.message_encoding != "cdr":
+                raise SloshBagError(f"messages in {channel.message_encoding!r}, not 'cdr'")
+            self.definitions.note_hash(kind, channel)
+            qos = NotedQos(noted=channel.metadata.get("offered_qos_profiles", ""))
+            self.writer.add_topic(topic, kind, qos)
+        except SloshBagError as error:
+            self.notes.append(f"{file}: {topic} left out: {error}")
+            return None
+        return topic
+
+    def write(self, piece: Piece, topics: dict[int, str | None]) -> None:
+        """Copies the messages of a chunk."""
+        columns = piece.channel, piece.start, piece.length, piece.log_ns, piece.publish_ns
+        rows = zip(*(column.tolist() for column in columns), strict=True)
+        for number, start, length, log_ns, publish_ns in rows:
+            topic = topics[number]
+            if topic is not None:
+                data = piece.raw[start : start + length]
+                self.writer.write(topic, data, log_ns, publish_ns)
+
+    def tell(self, file: Path, walk: McapWalk) -> None:
+        """Notes what a file has lost."""
+        found = walk.found
+        for gap in found.gaps:
+            span = ""
+            if gap.span_ns:
+                span = f", {gap.span_ns[0] * 1e-9:.3f} s to {gap.span_ns[1] * 1e-9:.3f} s"
+            self.notes.append(
+                f"{file}: bytes {gap.start} to {gap.end} left out{span}: {gap.reason}"
+            )
+        if found.unknown:
+            self.notes.append(f"{file}: {found.unknown} records of an unknown kind left out")
+        if found.orphans:
+            self.notes.append(f"{file}: {found.orphans} messages left out: topics unknown")
+        if walk.summary is None or walk.summary.counts is None:
+            return
+        for number, count in walk.summary.counts.items():
+            there = found.counts.get(number, 0)
+            if there != count and number in found.channels:
+                topic = found.channels[number].topic
+                self.notes.append(f"{file}: {there} of {count} messages of {topic} recovered")
