@@ -133,17 +133,16 @@ def table(result: RunResult) -> str:
 
 
 def print_replay(replayed: ReplayResult) -> None:
-    """Whether the recording gives its own estimates again."""
-    for name, found in (
-        ("estimates", replayed.verification),
-        ("comparisons", replayed.comparisons),
-    ):
-        if found is None:
-            continue
-        total = found.recorded + found.missing
-        print(f"{'replayed ' + name:<20}{found.identical} of {total} bit for bit")
-        if name == "estimates" and not found.exact:
-            print("\n".join(found.lines()[1:]))
+    """Prints whether the recording gives its own estimates and comparisons again."""
+    named = (("estimates", replayed.verification), ("comparisons", replayed.comparisons))
+    parts = [
+        f"{found.identical} of {found.recorded + found.missing} {name}"
+        for name, found in named
+        if found is not None
+    ]
+    print(f"{'replayed':<20}{', '.join(parts) or 'nothing'} bit for bit")
+    if replayed.verification is not None and not replayed.verification.exact:
+        print("\n".join(replayed.verification.lines()[1:]))
 
 
 def _which(counts: Mapping[str, int]) -> str:
