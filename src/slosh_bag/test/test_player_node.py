@@ -183,7 +183,7 @@ def test_it_waits_for_as_many_subscribers_as_it_is_told_to(graph, prefix, tmp_pa
     graph.until(lambda: player._thread._subscribers() == 1)
     ready = time.monotonic() + 0.8  # longer than one subscriber would have to be there
     graph.until(lambda: time.monotonic() > ready)
-    assert not player._thread.playing
+    assert not player._thread.began_ns
     second = graph.listen(AccelStamped, f"{prefix}/accel")
     graph.until(lambda: player.finished)
     graph.until(lambda: len(first) == len(second) == 50)

@@ -91,7 +91,7 @@ class PlayerNode(Node):
         late = self._thread.late_ns
         if self.failure:
             return ERROR, self.failure
-        if not self._thread.playing:
+        if not self._thread.began_ns:
             return OK, "waiting for subscribers to play"
         if late > BEHIND_NS:
             return WARN, f"{1e-9 * late:.1f} s behind: this machine is too slow for the rate"

@@ -41,7 +41,7 @@ class PlayerThread:
     Attributes:
         count: messages that are out.
         bag_ns: bag time of the newest [ns].
-        playing: False while it waits for subscribers.
+        began_ns: when the playing began, of the steady clock [ns]; 0: it waits for subscribers.
         late_ns, latest_ns: how late the newest message was, and the latest of all [ns].
         failure: why it could not go on; empty: it could.
     """
@@ -54,7 +54,7 @@ class PlayerThread:
         warn: Callable[[str], Any],
     ) -> None:
         self.count, self.bag_ns = 0, plan.playback.first_ns
-        self.playing = False
+        self.began_ns = 0
         self.late_ns = self.latest_ns = 0
         self.failure = ""
         self._plan, self._publishers, self._warn = plan, publishers, warn
@@ -122,7 +122,7 @@ class PlayerThread:
         """Publishes each message and the time when it is due."""
         publish = {topic: publisher.publish for topic, publisher in self._publishers.items()}
         now = time.monotonic_ns
-        self.playing, begin = True, now()
+        self.began_ns = begin = now()
         for step in steps:
             due = begin + step.wall_ns
             if not self._until(due):
