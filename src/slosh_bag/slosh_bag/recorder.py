@@ -135,6 +135,7 @@ class Recorder:
         # Each counted by one thread alone: the difference needs no lock.
         self._bytes_in = self._bytes_out = 0
         self._failure = ""
+        self._failed_path = self._writer.path
         self._failed_at = self._retry_at = 0.0
         self._interruptions = 0
         self._free = 0
@@ -190,7 +191,7 @@ class Recorder:
             highest=self._highest,
             age=max(now - self._oldest(now), 0.0),
             free=self._free,
-            rate=(last[1] - first[1]) / elapsed if elapsed > 0.0 else float("nan"),
+            rate=max(last[1] - first[1], 0) / elapsed if elapsed > 0.0 else float("nan"),
             failure=self._failure,
             since=now - self._failed_at if self._failure else 0.0,
             interruptions=self._interruptions,
@@ -276,8 +277,7 @@ class Recorder:
 
     def _fail(self, error: Exception, also: list[_Message]) -> None:
         """Ends the file; its last messages wait for the next one in front of all others."""
-        reason = " ".join((getattr(error, "strerror", None) or str(error)).split())
-        path = self._writer.path
+        self._failed_path = self._writer.path
         # Where it failed after a split's end everything before is in a file already.
         again = self._open if self._writer.abandon() else []
         self._size -= sum(len(item.data) for item in again)
@@ -289,7 +289,7 @@ class Recorder:
         # At once for a limit on the file alone; where that fails too, once a period.
         self._retry_at = now + RETRY if now - self._failed_at < RETRY else now
         self._failed_at = now
-        self._failure = f"{path}: {reason or type(error).__name__}"
+        self._failure = f"{self._failed_path}: {_reason(error)}"
         self._measure()
 
     def _try_again(self) -> None:
@@ -305,7 +305,7 @@ class Recorder:
             self._writer.resume()
         except Exception as error:
             self._writer.abandon()
-            self._failure = f"{self._writer.path}: {error}"
+            self._failure = f"{self._failed_path}: {_reason(error)}"
         else:
             self._failure = ""
             self._interruptions += 1
@@ -325,3 +325,8 @@ class Recorder:
         with contextlib.suppress(OSError):
             self._free = self._free_space(self._writer.folder)
         self._sizes.append((self._clock(), self._writer.size))
+
+
+def _reason(error: Exception) -> str:
+    text = getattr(error, "strerror", None) or str(error)
+    return " ".join(text.split()) or type(error).__name__

@@ -69,7 +69,7 @@ class RecorderNode(Node):
         self._reported = self._reported_lost = 0
         self._report = DiagnosticsReporter(self, self._health, self._facts)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._timers = [
+        self._clocked = [
             self.create_timer(DISCOVERY_PERIOD, self._discover, clock=steady),
             self.create_timer(TAKE_PERIOD, self._take, clock=steady),
         ]

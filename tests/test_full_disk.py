@@ -1,0 +1,152 @@
+"""A disk that is full while the recorder writes: what it says, what stays, and that it goes on."""
+
+import os
+import resource
+import subprocess
+import sys
+import time
+
+import pytest
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from std_msgs.msg import Header
+
+from slosh_bag.bag_writer import Qos
+from slosh_bag.reader import BagReader
+from slosh_bag.recorder import Recorder
+from slosh_bringup.processes import node_environment
+from slosh_msgs_py import qos, topics
+from slosh_msgs_py.node.run import make_executor
+
+PATIENCE = 30.0
+MEGABYTE = 2**20
+# A Header of stamp 0 with the frame "a".
+DATA = bytes.fromhex("000100000000000000000000020000006100")
+
+
+def until(condition, what, act=lambda: time.sleep(0.01)):
+    deadline = time.monotonic() + PATIENCE
+    while not condition():
+        assert time.monotonic() < deadline, f"waited in vain for {what}"
+        act()
+
+
+@pytest.fixture
+def small_disk(tmp_path):
+    """A file system of 48 MB."""
+    folder = tmp_path / "disk"
+    folder.mkdir()
+    command = ["mount", "-t", "tmpfs", "-o", "size=48m", "tmpfs", str(folder)]
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+    except FileNotFoundError:
+        pytest.skip("no mount command here")
+    if done.returncode:
+        pytest.skip(f"a file system of a given size is needed: {done.stderr.strip()}")
+    yield folder
+    subprocess.run(["umount", "-l", str(folder)], check=True)
+
+
+def test_a_small_disk_fills_up_and_recording_goes_on_when_there_is_room(small_disk):
+    ballast = small_disk / "ballast"
+    ballast.write_bytes(bytes(40 * MEGABYTE))
+    recorder = Recorder(small_disk / "bag")
+    recorder.add_topic("/h", "std_msgs/msg/Header", Qos())
+    count = 0
+
+    def add():
+        nonlocal count
+        recorder.add("/h", DATA + count.to_bytes(4, "little") + os.urandom(100_000), count)
+        count += 1
+
+    until(lambda: recorder.status().failure, "the disk to be full", add)
+    status = recorder.status()
+    assert "No space left on device" in status.failure
+    assert status.free < MEGABYTE
+    kept = [numbered(message.data) for message in BagReader(small_disk / "bag").messages()]
+    assert kept == list(range(len(kept)))
+    assert len(kept) * 100_000 > 5 * MEGABYTE
+    for _ in range(20):
+        add()
+    ballast.unlink()
+    until(lambda: not recorder.status().failure, "the recording to go on")
+    add()
+    recorder.close()
+    status = recorder.status()
+    assert (status.lost, status.interruptions) == (0, 1)
+    reader = BagReader(small_disk / "bag")
+    assert [numbered(message.data) for message in reader.messages()] == list(range(count))
+    assert reader.warnings == []
+
+
+def numbered(data):
+    return int.from_bytes(data[len(DATA) :][:4], "little")
+
+
+@pytest.fixture
+def node(domain):
+    rclpy.init()
+    node = rclpy.create_node("watcher")
+    yield node
+    node.destroy_node()
+    rclpy.shutdown()
+
+
+def test_the_node_lives_on_and_says_so_in_the_diagnostics(node, domain, tmp_path):
+    heard = []
+
+    def hear(message):
+        heard.extend(status for status in message.status if status.name == "/recorder")
+
+    publisher = node.create_publisher(Header, "full/header", qos.STREAM_OUT)
+    node.create_subscription(DiagnosticArray, topics.DIAGNOSTICS, hear, qos.DIAGNOSTICS)
+    executor = make_executor()
+    executor.add_node(node)
+    bag = tmp_path / "bag"
+    command = [sys.executable, "-m", "slosh_bag.nodes.recorder_node", "--ros-args"]
+    parameters = ["-p", f"output:={bag}", "-p", "topics:=^/full/"]
+    recorder = subprocess.Popen([*command, *parameters], env=node_environment(domain))
+
+    def spin():
+        executor.spin_once(timeout_sec=0.05)
+
+    def publish(number):
+        publisher.publish(Header(frame_id=str(number)))
+
+    def last(level, part):
+        return bool(heard) and heard[-1].level == level and part in heard[-1].message
+
+    def facts():
+        return {pair.key: pair.value for status in heard[-1:] for pair in status.values}
+
+    def limit(size):
+        _, hard = resource.prlimit(recorder.pid, resource.RLIMIT_FSIZE)
+        resource.prlimit(recorder.pid, resource.RLIMIT_FSIZE, (size, hard))
+
+    try:
+        until(lambda: publisher.get_subscription_count() > 0, "the recorder", spin)
+        publish(0)
+        until(lambda: facts().get("messages") == "1", "the first message", spin)
+        until(lambda: facts()["oldest unwritten message [s]"] == "0.00", "its flush", spin)
+        limit(0)
+        publish(1)
+        until(lambda: last(DiagnosticStatus.ERROR, "nothing has been written"), "ERROR", spin)
+        for part in (str(bag / "bag_0.mcap"), "MB free", "make room"):
+            assert part in heard[-1].message
+        publish(2)
+        until(lambda: facts()["queue"] == "2", "both messages to wait", spin)
+        limit(resource.RLIM_INFINITY)
+        until(lambda: last(DiagnosticStatus.WARN, "goes on in bag_"), "the new file", spin)
+        assert "0 messages were lost" in heard[-1].message
+        publish(3)
+        until(lambda: facts()["messages"] == "4", "the last message", spin)
+        assert recorder.poll() is None
+        recorder.terminate()
+        assert recorder.wait(PATIENCE) == 0
+    finally:
+        recorder.kill()
+        recorder.wait()
+    reader = BagReader(bag)
+    frames = [reader.decode(message).frame_id for message in reader.messages()]
+    assert frames == ["0", "1", "2", "3"]
+    assert len(list(bag.glob("*.mcap"))) == 2
