@@ -29,6 +29,7 @@ LARGE_DEPTHS = {
 INPUTS = (names.ACCEL, names.IMU, names.POSE)
 _ANSWERS = (names.FREE_SURFACE, names.ESTIMATE, names.COMPARISON, names.LIMIT_EVENT)
 _CELL_NAMES = "|".join((*INPUTS, *_ANSWERS, "settings", "camera/.+", "cell/.+"))
+_NAME = re.compile("(/[A-Za-z_][A-Za-z0-9_]*)+")
 _CELL_TOPIC = re.compile(f"^(?P<namespace>.*?)/(?P<name>{_CELL_NAMES})$")
 
 
@@ -93,11 +94,15 @@ def make_plan(request: PlayRequest) -> PlayPlan:
     Raises:
         SloshBagError: there is nothing to play, or the request does not fit; one line.
     """
+    if not _NAME.fullmatch(f"/{request.namespace.strip('/') or '_'}"):
+        raise SloshBagError(f"namespace = {request.namespace!r}: no name that ROS allows")
     contents = bag_contents(request.bag)
     if contents.first_ns is None or contents.last_ns is None:
         raise SloshBagError(f"{request.bag}: holds no messages")
     chosen = _choose(request, contents)
-    refused = {topic: reason for topic in chosen if (reason := refusal(contents.topics[topic]))}
+    refused = {
+        topic: reason for topic in chosen if (reason := refusal(topic, contents.topics[topic]))
+    }
     played = {
         topic: PlayedTopic(
             contents.topics[topic].message_type,
@@ -182,13 +187,15 @@ def offered_qos(topic: BagTopic) -> Qos:
     )
 
 
-def refusal(topic: BagTopic) -> str:
+def refusal(name: str, topic: BagTopic) -> str:
     """Why a topic cannot be played here; empty: it can.
 
     The bytes go out as they are: whoever is built with another definition of the type would read
     wrong numbers out of them.
     """
     kind = topic.message_type
+    if not _NAME.fullmatch(name):
+        return "no name that ROS allows"
     if topic.encoding != ENCODING:
         return f"its messages are {topic.encoding or 'of no known encoding'}, not cdr"
     try:

@@ -258,6 +258,8 @@ def test_topics_are_chosen(bag):
         chosen(bag, topics="/nothing")
     with pytest.raises(SloshBagError, match=r"topics = '\(': no regular expression"):
         chosen(bag, topics="(")
+    with pytest.raises(SloshBagError, match="namespace = 'a b': no name that ROS allows"):
+        chosen(bag, namespace="a b")
 
 
 def test_inputs_and_names_do_not_depend_on_the_namespace(bag):
@@ -307,16 +309,17 @@ def test_one_publisher_satisfies_whoever_any_of_them_did():
 
 def test_a_type_that_is_another_here_is_not_played_as_if_it_were_the_same(bag, tmp_path):
     text = Definitions().text(ACCEL)
-    assert refusal(BagTopic(ACCEL, text, "cdr")) == ""
+    assert refusal("/a", BagTopic(ACCEL, text, "cdr")) == ""
     # Whoever is built with another definition would read wrong numbers out of the same bytes.
-    older = refusal(BagTopic(ACCEL, f"float64 gain\n{text}", "cdr"))
+    older = refusal("/a", BagTopic(ACCEL, f"float64 gain\n{text}", "cdr"))
     assert older == f"the bag's definition of {ACCEL} is not the installed one"
     assert "package other_msgs is not installed" in refusal(
-        BagTopic("other_msgs/msg/Thing", "float64 x", "cdr")
+        "/a", BagTopic("other_msgs/msg/Thing", "float64 x", "cdr")
     )
-    assert "are json, not cdr" in refusal(BagTopic(ACCEL, text, "json"))
+    assert "are json, not cdr" in refusal("/a", BagTopic(ACCEL, text, "json"))
+    assert "no name" in refusal("/a-b", BagTopic(ACCEL, text, "cdr"))
     for damaged in ("", "no definition at all $", text.replace("MSG: std_msgs", "MSG: gone")):
-        assert refusal(BagTopic(ACCEL, damaged, "cdr"))
+        assert refusal("/a", BagTopic(ACCEL, damaged, "cdr"))
 
 
 def test_topics_that_cannot_be_sent_are_left_out_with_one_warning(bag):
