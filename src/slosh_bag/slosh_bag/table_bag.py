@@ -65,18 +65,23 @@ class TableImport(NamedTuple):
     rounded: int
 
 
-def import_table(path: Path, bag: Path, namespace: str = "/slosh") -> TableImport:
+Progress = Callable[[int, int], object]
+
+
+def import_table(
+    path: Path, bag: Path, progress: Progress = lambda done, total: None
+) -> TableImport:
     """Turns a motion table into a bag.
 
     Args:
         path: the `.csv` or `.csv.gz` file.
         bag: the bag's folder; it must not hold a bag already.
-        namespace: of the topics.
+        progress: is told the number of rows so far and in all.
 
     Raises:
         SloshBagError: the table is broken, does not fit into messages, or the bag exists.
     """
-    return write_table_bag(path, read_motion_table(path), bag, namespace)
+    return write_table_bag(path, read_motion_table(path), bag, progress=progress)
 
 
 def write_table_bag(
@@ -85,6 +90,7 @@ def write_table_bag(
     bag: Path,
     namespace: str = "/slosh",
     definitions: Definitions | None = None,
+    progress: Progress = lambda done, total: None,
 ) -> TableImport:
     """Writes a table as a bag.
 
@@ -94,12 +100,13 @@ def write_table_bag(
         bag: the bag's folder.
         namespace: of the topics.
         definitions: where message definitions come from.
+        progress: is told the number of rows so far and in all.
 
     Raises:
         SloshBagError: a time or an attitude does not fit into a message, or the bag exists.
     """
     origin_ns, stamps = table_stamps(path, table.t)
-    messages = _TableMessages(path, table, stamps, definitions or Definitions())
+    messages = _TableMessages(path, table, definitions or Definitions())
     columns = ",".join(column_names(path, table))
     facts = {
         "source": f"motion table {path.name}",
@@ -109,8 +116,10 @@ def write_table_bag(
     with removed_on_failure(bag), BagWriter(bag, messages.definitions, facts) as writer:
         for topic, message_type in messages.topics().items():
             writer.add_topic(f"{namespace}/{topic}", message_type)
-        for stamp, topic, data in messages.serialised():
-            writer.write(f"{namespace}/{topic}", data, stamp)
+        for row, stamp in enumerate(stamps.tolist()):
+            for topic, data in messages.serialised(row, stamp):
+                writer.write(f"{namespace}/{topic}", data, stamp)
+            progress(row + 1, len(stamps))
     rounded = np.count_nonzero(table.t != table_times(stamps - origin_ns))
     return TableImport(bag, len(stamps), int(rounded))
 
@@ -148,16 +157,20 @@ def table_times(nanoseconds: Stamps) -> Array:
 class _TableMessages:
     """The messages of a table."""
 
-    def __init__(
-        self, path: Path, table: MotionTable, stamps: Stamps, definitions: Definitions
-    ) -> None:
+    def __init__(self, path: Path, table: MotionTable, definitions: Definitions) -> None:
         self.definitions = definitions
         self._table = table
-        self._stamps = stamps
         self._force = _specific_force(path, table)
         for message_type in self.topics().values():
             self.definitions.hash(message_type)  # loads the definition
         self._types: Any = self.definitions.typestore.types
+        makers: dict[str, Callable[[int, int], Any]] = {
+            ACCEL: self._accel,
+            IMU: self._imu,
+            SURFACE: self._surface,
+            HEIGHTS: self._heights,
+        }
+        self._makers = {topic: (kind, makers[topic]) for topic, kind in self.topics().items()}
 
     def topics(self) -> dict[str, str]:
         """Types by relative topic."""
@@ -171,21 +184,13 @@ class _TableMessages:
             topics[HEIGHTS] = HEIGHTS_TYPE
         return topics
 
-    def serialised(self) -> Iterator[tuple[int, str, bytes]]:
-        """Stamp [ns], topic and CDR bytes of every message, row by row."""
-        store = self.definitions.typestore
-        makers: dict[str, Callable[[int, Any], Any]] = {
-            ACCEL: self._accel,
-            IMU: self._imu,
-            SURFACE: self._surface,
-            HEIGHTS: self._heights,
-        }
-        topics = {topic: (kind, makers[topic]) for topic, kind in self.topics().items()}
-        for row, stamp in enumerate(self._stamps.tolist()):
-            for topic, (message_type, make) in topics.items():
-                message = make(row, stamp)
-                if message is not None:
-                    yield stamp, topic, bytes(store.serialize_cdr(message, message_type))
+    def serialised(self, row: int, stamp: int) -> Iterator[tuple[str, bytes]]:
+        """Topic and CDR bytes of every message of a row; its stamp in ns."""
+        for topic, (message_type, make) in self._makers.items():
+            message = make(row, stamp)
+            if message is not None:
+                data = self.definitions.typestore.serialize_cdr(message, message_type)
+                yield topic, bytes(data)
 
     def _header(self, stamp: int, frame: str) -> Any:
         sec, nanosec = divmod(stamp, SECOND)

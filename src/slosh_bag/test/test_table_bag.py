@@ -377,6 +377,21 @@ def test_a_sensor_in_the_container_gives_its_angular_velocity_beside_accel(cell:
     np.testing.assert_array_equal(table.angular_velocity[:, 2], [2.0, 3.0])
 
 
+def test_a_sensor_that_is_slower_than_accel_gives_nothing(cell: Cell):
+    for k in range(5):
+        cell.accel(START + k * MS, 1.0)
+        if k % 2 == 0:
+            cell.imu(START + k * MS, (0.0, 0.0, GRAVITY), (0.0, 0.0, 2.0), "container")
+    assert cell.table().table.angular_velocity is None
+
+
+def test_accelerations_in_the_containers_axes_get_no_attitude(cell: Cell):
+    for k in range(3):
+        cell.accel(START + k * MS, 1.0, frame="container" if k == 0 else "world")
+        cell.imu(START + k * MS, (0.0, 0.0, GRAVITY), (0.0, 0.0, 2.0), "container")
+    assert cell.table().table.angular_velocity is None
+
+
 def test_a_pose_gives_its_own_attitude_at_each_row(cell: Cell):
     for k in range(9):
         t = 0.01 * k

@@ -66,14 +66,9 @@ def import_runs(arguments: argparse.Namespace) -> int:
 
 def import_tables(arguments: argparse.Namespace) -> int:
     """`slosh import table`."""
-    targets = bag_folders(arguments.sources, arguments.output)
-    done = [
-        import_table(source, bag)
-        for source, bag in tqdm(
-            targets.items(), desc="import", unit="table", disable=len(targets) == 1
-        )
-    ]
-    for told in done:
+    for source, bag in bag_folders(arguments.sources, arguments.output).items():
+        with tqdm(desc=source.name, unit=" rows", delay=1.0) as bar:
+            told = import_table(source, bag, show_on(bar))
         rounded = f", {told.rounded} times rounded to whole nanoseconds" if told.rounded else ""
         print(f"{told.bag}: {told.rows} rows{rounded}")
     return 0
@@ -83,14 +78,11 @@ def import_rosbags(arguments: argparse.Namespace) -> int:
     """`slosh import rosbag`."""
     rename = renamed(arguments.rename)
     sources = [bag for path in arguments.sources for bag in find_rosbags(path)]
-    done = []
     for source, bag in bag_folders(sources, arguments.output).items():
         with tqdm(desc=source.name, unit=" messages", delay=1.0) as bar:
             told = import_rosbag(source, bag, arguments.topics, rename, show_on(bar))
         for note in told.notes:
             print(f"slosh import: {source}: {note}", file=sys.stderr)
-        done.append(told)
-    for told in done:
         print(summary(told))
     return 0
 
