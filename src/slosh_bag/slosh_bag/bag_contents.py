@@ -8,13 +8,15 @@ from pathlib import Path
 from typing import Any
 
 import yaml
+from mcap.exceptions import McapError
 from mcap.reader import make_reader
-from mcap.records import Channel, Message, Schema
-from mcap.stream_reader import StreamReader
+from mcap.records import Channel, Schema
 
 from slosh_bag.bag_writer import Qos
 from slosh_bag.errors import SloshBagError
-from slosh_bag.reader import DAMAGE, bag_files
+from slosh_bag.mcap_summary import read_summary
+from slosh_bag.mcap_walk import McapWalk
+from slosh_bag.reader import bag_files
 
 # Numbers that rosbag2 wrote before it wrote words.
 _RELIABILITY = {1: "reliable", 2: "best_effort"}
@@ -45,11 +47,13 @@ class BagContents:
     Attributes:
         topics: by name.
         first_ns, last_ns: least and greatest log time [ns]; None: there is no message.
+        warnings: what is missing of files without an end, one line each.
     """
 
     topics: dict[str, BagTopic] = field(default_factory=dict)
     first_ns: int | None = None
     last_ns: int | None = None
+    warnings: list[str] = field(default_factory=list)
 
 
 def bag_contents(path: Path) -> BagContents:
@@ -63,42 +67,44 @@ def bag_contents(path: Path) -> BagContents:
     """
     contents = BagContents()
     for file in bag_files(path):
-        with file.open("rb") as stream:
-            if not _add_summary(contents, stream):
-                stream.seek(0)
-                _add_records(contents, stream)
+        if not _add_summary(contents, file):
+            _add_whole(contents, file)
     return contents
 
 
-def _add_summary(contents: BagContents, stream: Any) -> bool:
-    """Adds what the end of a finished file says; False: there is no such end."""
-    try:
-        summary = make_reader(stream).get_summary()
-    except DAMAGE:
+def _add_summary(contents: BagContents, file: Path) -> bool:
+    """Adds what the end of a finished file says; False: there is none that can be believed."""
+    with file.open("rb") as stream:
+        found = read_summary(stream, file.stat().st_size)
+        if found is None or not found.trusted:
+            return False
+        stream.seek(0)
+        try:
+            statistics = make_reader(stream).get_summary().statistics
+        except (McapError, AttributeError):
+            return False
+    if statistics is None:
         return False
-    if summary is None or summary.statistics is None:
-        return False
-    if summary.statistics.message_count:
-        _widen(contents, summary.statistics.message_start_time)
-        _widen(contents, summary.statistics.message_end_time)
-    for channel in summary.channels.values():
-        _add_channel(contents, channel, summary.schemas)
+    if statistics.message_count:
+        _widen(contents, statistics.message_start_time)
+        _widen(contents, statistics.message_end_time)
+    for channel in found.channels.values():
+        _add_channel(contents, channel, found.schemas)
     return True
 
 
-def _add_records(contents: BagContents, stream: Any) -> None:
-    """Adds what the records of an unfinished file say, up to where it breaks off."""
-    schemas: dict[int, Schema] = {}
-    try:
-        for record in StreamReader(stream).records:
-            if isinstance(record, Message):
-                _widen(contents, record.log_time)
-            elif isinstance(record, Schema):
-                schemas[record.id] = record
-            elif isinstance(record, Channel):
-                _add_channel(contents, record, schemas)
-    except DAMAGE:
-        return  # the reader tells it, when it comes there
+def _add_whole(contents: BagContents, file: Path) -> None:
+    """Adds what a file says that has to be read from its start to where it breaks off."""
+    walk = McapWalk(file)
+    for _ in walk.pieces():
+        pass
+    found = walk.found
+    if found.first_ns is not None and found.last_ns is not None:
+        _widen(contents, found.first_ns)
+        _widen(contents, found.last_ns)
+    for channel in found.channels.values():
+        _add_channel(contents, channel, found.schemas)
+    contents.warnings += walk.warnings
 
 
 def _widen(contents: BagContents, time_ns: int) -> None:

@@ -71,7 +71,7 @@ class PlayPlan:
         reader: the bag.
         playback: what is due when.
         topics: what is played, by the topics' names in the bag.
-        warnings: what cannot be played and why.
+        warnings: what is missing of the bag, what cannot be played and why.
     """
 
     reader: BagReader
@@ -124,7 +124,7 @@ def make_plan(request: PlayRequest) -> PlayPlan:
         BagReader(request.bag),
         Playback(span, request.settings, latched),
         played,
-        [f"{topic} is not played: {reason}" for topic, reason in refused.items()],
+        contents.warnings + [f"{topic} is not played: {why}" for topic, why in refused.items()],
     )
 
 

@@ -153,7 +153,8 @@ class PlayerThread:
     def _deliver(self) -> None:
         """Waits until who reads reliably has everything; the others get a moment."""
         for warning in dict.fromkeys(self._plan.reader.warnings):
-            self._warn(warning)
+            if warning not in self._plan.warnings:
+                self._warn(warning)
         self._wait_until_acknowledged(ACKNOWLEDGED)
         self._stop.wait(LINGER)
 
