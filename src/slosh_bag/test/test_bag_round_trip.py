@@ -1,4 +1,4 @@
-"""Bags: written, read by others, cut, killed."""
+"""Bags: written, read by others, killed."""
 
 import subprocess
 import sys
@@ -6,8 +6,6 @@ import time
 
 import pytest
 import yaml
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
@@ -121,43 +119,6 @@ def test_what_is_no_bag_is_named(tmp_path):
     ):
         with pytest.raises(SloshBagError, match=match):
             BagReader(path)
-
-
-@settings(max_examples=60, deadline=None)
-@given(st.floats(0.0, 1.0))
-def test_a_cut_file_gives_its_beginning_or_one_clear_error(tmp_path_factory, share):
-    folder = write(tmp_path_factory.mktemp("cut") / "run")
-    file = folder / "run_0.mcap"
-    whole = file.read_bytes()
-    file.write_bytes(whole[: int(share * (len(whole) - 1))])
-    try:
-        reader = BagReader(folder)
-        data = [message.data for message in reader.messages()]
-    except SloshBagError as error:
-        assert "\n" not in str(error)
-    else:
-        assert data == [serialised(number) for number in range(len(data))]
-        assert reader.warnings or len(data) == 50
-
-
-@settings(max_examples=60, deadline=None)
-@given(st.floats(0.0, 1.0, exclude_max=True), st.integers(1, 255))
-def test_a_flipped_byte_never_gives_other_data_in_silence(tmp_path_factory, share, flip):
-    folder = write(tmp_path_factory.mktemp("flip") / "run")
-    file = folder / "run_0.mcap"
-    content = bytearray(file.read_bytes())
-    content[int(share * len(content))] ^= flip
-    file.write_bytes(content)
-    expected = {serialised(number) for number in range(50)}
-    try:
-        reader = BagReader(folder)
-        messages = list(reader.messages())
-        for message in messages:
-            reader.decode(message)
-    except SloshBagError as error:
-        assert "\n" not in str(error)
-    else:
-        assert {message.data for message in messages} <= expected
 
 
 def test_the_recorder_keeps_order_and_counts(tmp_path):

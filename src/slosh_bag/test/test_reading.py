@@ -1,0 +1,522 @@
+"""Reading: order, splits, blocks, foreign files; what is told of unfinished or damaged ones."""
+
+import struct
+import tracemalloc
+
+import numpy as np
+import pytest
+from mcap.writer import CompressionType, IndexType, Writer
+
+from slosh_bag.bag_folder import bag_files
+from slosh_bag.bag_metadata import Qos
+from slosh_bag.bag_writer import BagWriter, Split
+from slosh_bag.chunks import chunk_header, read_chunk
+from slosh_bag.definitions import Definitions
+from slosh_bag.errors import SloshBagError
+from slosh_bag.reader import BagReader
+
+HEADER = "std_msgs/msg/Header"
+DEFINITIONS = Definitions()
+STORE = DEFINITIONS.typestore
+SECOND = 1_000_000_000
+
+
+def serialised(number):
+    stamp = STORE.types["builtin_interfaces/msg/Time"](sec=number, nanosec=7)
+    message = STORE.types[HEADER](stamp=stamp, frame_id=f"frame {number}")
+    return bytes(STORE.serialize_cdr(message, HEADER))
+
+
+def write(folder, count=50, flush=10, **options):
+    """One message each 10 ms from 1 s on, two topics in turn."""
+    with BagWriter(folder, **options) as bag:
+        bag.add_topic("/even", HEADER)
+        bag.add_topic("/odd", HEADER)
+        for number in range(count):
+            topic = "/odd" if number % 2 else "/even"
+            bag.write(topic, serialised(number), SECOND + number * 10_000_000, number)
+            if number % flush == flush - 1:
+                bag.flush()
+    return folder
+
+
+def file_of(folder):
+    (file,) = folder.glob("*.mcap")
+    return file
+
+
+def numbers(reader, topics=None):
+    return [reader.decode(message).stamp.sec for message in reader.messages(topics)]
+
+
+def foreign(path, entries, **options):
+    """A file of mcap's writer: a list of log times; None ends a chunk."""
+    with path.open("wb") as stream:
+        writer = Writer(stream, **{"chunk_size": 1 << 30, **options})
+        writer.start("ros2")
+        schema = writer.register_schema(HEADER, "ros2msg", DEFINITIONS.text(HEADER).encode())
+        channel = writer.register_channel("/t", "cdr", schema)
+        for number, log_ns in enumerate(entries):
+            if log_ns is None:
+                writer.flush()
+            else:
+                writer.add_message(channel, log_ns, serialised(number), log_ns, number)
+        writer.finish()
+    return path
+
+
+DEFINITIONS.hash(HEADER)
+
+
+# Blocks
+
+
+def test_blocks_are_the_messages_topic_by_topic_within_each_chunk(tmp_path):
+    reader = BagReader(write(tmp_path / "bag"))
+    blocks = list(reader.blocks())
+    assert [(block.topic, len(block)) for block in blocks] == [("/even", 5), ("/odd", 5)] * 5
+    found = {
+        int(log): (block.topic, block.message_type, int(publish), block.data(row))
+        for block in blocks
+        for row, (log, publish) in enumerate(zip(block.log_ns, block.publish_ns, strict=True))
+    }
+    assert found == {
+        message.log_ns: (message.topic, message.message_type, message.publish_ns, message.data)
+        for message in reader.messages()
+    }
+    assert found[SECOND] == ("/even", HEADER, 0, serialised(0))
+
+
+def test_blocks_of_wanted_topics_alone(tmp_path):
+    reader = BagReader(write(tmp_path / "bag"))
+    assert {block.topic for block in reader.blocks(["/odd"])} == {"/odd"}
+    assert numbers(reader, ["/odd"]) == list(range(1, 50, 2))
+    assert list(reader.blocks([])) == []
+
+
+def test_columns_of_a_block(tmp_path):
+    reader = BagReader(write(tmp_path / "bag"))
+    columns = [reader.columns(block, ["stamp.sec", "frame_id"]) for block in reader.blocks()]
+    seconds = np.concatenate([found["stamp.sec"] for found in columns])
+    assert sorted(seconds.tolist()) == list(range(50))
+    with pytest.raises(SloshBagError, match=r"bag: std_msgs/msg/Header has no field 'x'"):
+        reader.columns(next(reader.blocks()), ["x"])
+
+
+def test_messages_within_a_chunk_are_sorted_and_equal_times_keep_their_order(tmp_path):
+    foreign(tmp_path / "a.mcap", [30, 10, 20, 10, 40])
+    reader = BagReader(tmp_path / "a.mcap")
+    assert numbers(reader) == [1, 3, 2, 0, 4]
+    (block,) = reader.blocks()
+    assert block.log_ns.tolist() == [10, 10, 20, 30, 40]
+
+
+@pytest.mark.parametrize("compression", CompressionType)
+@pytest.mark.parametrize("chunked", [True, False], ids=["chunks", "no chunks"])
+def test_files_of_other_writers(tmp_path, compression, chunked):
+    path = foreign(tmp_path / "a.mcap", range(3000), compression=compression, use_chunking=chunked)
+    reader = BagReader(path)
+    assert numbers(reader) == list(range(3000))
+    assert reader.topics()["/t"].count == 3000
+    told = [text for text in reader.warnings if "without checksums" in text]
+    assert bool(told) == (not chunked)
+
+
+def test_files_without_a_summary_or_statistics(tmp_path):
+    bare = {
+        "index_types": IndexType.NONE, "repeat_channels": False, "repeat_schemas": False,
+        "use_summary_offsets": False, "use_statistics": False,
+    }  # fmt: skip
+    reader = BagReader(foreign(tmp_path / "a.mcap", [1, 2, None, 3], **bare))
+    assert numbers(reader) == [0, 1, 3]
+    assert reader.topics()["/t"].count == 3
+    assert reader.warnings == []
+
+
+def test_overlapping_chunks_give_one_order(tmp_path):
+    times = [5, 30, 10, None, 7, 31, 8, None, 1, 6, None, 40, 30, None, 50]
+    path = foreign(tmp_path / "a.mcap", times)
+    ordered = sorted((log, number) for number, log in enumerate(times) if log is not None)
+    reader = BagReader(path)
+    assert [(m.log_ns, n) for m, n in zip(reader.messages(), numbers(reader), strict=True)] == (
+        ordered
+    )
+    assert numbers(reader, ["/none"]) == []
+    assert reader.warnings == []
+
+
+def test_messages_in_no_chunk_are_ordered_too(tmp_path):
+    rng = np.random.default_rng(1)
+    times = rng.permutation(40_000).tolist()
+    reader = BagReader(foreign(tmp_path / "a.mcap", times, use_chunking=False))
+    assert [message.log_ns for message in reader.messages()] == sorted(times)
+
+
+def test_only_overlapping_chunks_are_in_memory(tmp_path):
+    times = []
+    for chunk in range(60):
+        times += [1000 * chunk + k for k in range(-600, 600, 3)] + [None]
+    path = foreign(tmp_path / "a.mcap", [t if t is None else t + 10**6 for t in times])
+    reader = BagReader(path)
+    next(reader.messages())
+    tracemalloc.start()
+    count = sum(1 for _ in reader.messages())
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert count == 24_000
+    assert peak < 600_000  # the file's messages are 1.3 MB
+
+
+def test_memory_does_not_grow_with_the_bag(tmp_path):
+    peaks = []
+    for count in (2_000, 40_000):
+        folder = write(tmp_path / f"bag_{count}", count, flush=200)
+        reader = BagReader(folder)
+        next(reader.messages())
+        tracemalloc.start()
+        assert sum(1 for _ in reader.messages()) == count
+        assert sum(len(block) for block in reader.blocks()) == count
+        assert reader.topics()["/odd"].count == count // 2
+        reader.metadata()
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+    assert peaks[1] < 1.3 * peaks[0]  # its messages are a little longer
+
+
+# Splits
+
+
+def test_splits_are_read_in_the_order_of_their_numbers(tmp_path):
+    folder = write(tmp_path / "bag", 120, 10, split=Split(duration=100_000_000))
+    names = [file.name for file in bag_files(folder)]
+    assert names == [f"bag_{number}.mcap" for number in range(12)]
+    (folder / "metadata.yaml").unlink()
+    assert [file.name for file in bag_files(folder)] == names
+    reader = BagReader(folder)
+    assert numbers(reader) == list(range(120))
+    assert reader.topics()["/odd"].count == 60
+    assert reader.warnings == []
+
+
+def test_metadata_orders_files_whose_names_do_not(tmp_path):
+    folder = write(tmp_path / "bag", 30, 10, split=Split(duration=100_000_000))
+    (folder / "bag_0.mcap").rename(folder / "z.mcap")
+    noted = folder / "metadata.yaml"
+    noted.write_text(noted.read_text().replace("bag_0.mcap", "bag/z.mcap"))
+    assert [file.name for file in bag_files(folder)] == ["z.mcap", "bag_1.mcap", "bag_2.mcap"]
+    reader = BagReader(folder)
+    assert numbers(reader) == list(range(30))
+    assert reader.warnings == []
+
+
+def test_a_split_that_is_gone_is_told(tmp_path):
+    folder = write(tmp_path / "bag", 30, 10, split=Split(duration=100_000_000))
+    (folder / "bag_1.mcap").unlink()
+    reader = BagReader(folder)
+    assert numbers(reader) == [*range(10), *range(20, 30)]
+    assert reader.warnings == [f"{folder}/metadata.yaml: names 'bag_1.mcap', which is not there"]
+
+
+@pytest.mark.parametrize(
+    "text", ["{", "[]", "rosbag2_bagfile_information: 3", "\x00", "a: &a [*a]"]
+)
+def test_an_unreadable_metadata_file_is_told_and_not_needed(tmp_path, text):
+    folder = write(tmp_path / "bag", 30, 10, split=Split(duration=100_000_000))
+    (folder / "metadata.yaml").write_text(text)
+    reader = BagReader(folder)
+    assert numbers(reader) == list(range(30))
+    assert "cannot be read" in reader.warnings[0]
+
+
+def test_files_that_do_not_follow_each_other_are_told(tmp_path):
+    folder = tmp_path / "bag"
+    folder.mkdir()
+    foreign(folder / "a.mcap", [100, 200])
+    foreign(folder / "b.mcap", [50, 60])
+    reader = BagReader(folder)
+    assert len(numbers(reader)) == 4
+    assert reader.warnings == [f"{folder}/b.mcap: begins before the end of the file before it"]
+
+
+def test_an_empty_last_split_is_told(tmp_path):
+    folder = write(tmp_path / "bag", 20, 10, split=Split(duration=100_000_000))
+    (folder / "bag_1.mcap").write_bytes(b"")
+    reader = BagReader(folder)
+    assert numbers(reader) == list(range(10))
+    assert "bag_1.mcap: unfinished (cut off); no message could be read" in reader.warnings[0]
+
+
+# Definitions
+
+
+def test_a_bag_is_decoded_by_its_own_definitions(tmp_path):
+    path = tmp_path / "a.mcap"
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start("ros2")
+        schema = writer.register_schema(HEADER, "ros2msg", b"uint8 old\n")
+        channel = writer.register_channel("/t", "cdr", schema)
+        writer.add_message(channel, 1, b"\x00\x01\x00\x00\x2a", 1)
+        writer.finish()
+    reader = BagReader(path)
+    (message,) = reader.messages()
+    assert reader.decode(message).old == 42
+    (block,) = reader.blocks()
+    assert reader.columns(block)["old"].tolist() == [42]
+
+
+def test_two_definitions_of_a_type_are_refused_when_it_is_decoded(tmp_path):
+    path = tmp_path / "a.mcap"
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start("ros2")
+        for text in (b"uint8 old\n", b"uint8 new\n"):
+            schema = writer.register_schema(HEADER, "ros2msg", text)
+            channel = writer.register_channel(f"/{text[6:9].decode()}", "cdr", schema)
+            writer.add_message(channel, 1, b"\x00\x01\x00\x00\x2a", 1)
+        writer.finish()
+    reader = BagReader(path)
+    messages = list(reader.messages())
+    with pytest.raises(SloshBagError, match="two definitions of std_msgs/msg/Header that differ"):
+        reader.decode(messages[0])
+
+
+@pytest.mark.parametrize(
+    ("encoding", "text", "match"),
+    [
+        ("ros2msg", b"uint8", "the definition of std_msgs/msg/Header"),
+        ("ros2msg", b"\xff", "the definition of std_msgs/msg/Header"),
+        ("protobuf", b"", "defined in 'protobuf'; only ros2msg and ros2idl"),
+    ],
+)
+def test_a_definition_that_cannot_be_read_is_told_when_it_is_needed(
+    tmp_path, encoding, text, match
+):
+    path = tmp_path / "a.mcap"
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start("ros2")
+        schema = writer.register_schema(HEADER, encoding, text)
+        channel = writer.register_channel("/t", "cdr", schema)
+        writer.add_message(channel, 1, b"\x00\x01\x00\x00\x2a", 1)
+        writer.finish()
+    reader = BagReader(path)
+    (message,) = reader.messages()
+    with pytest.raises(SloshBagError, match=match):
+        reader.decode(message)
+
+
+# Unfinished and damaged files
+
+
+def chunk_places(content):
+    """Where the chunks are: start and end."""
+    places, at = [], 8
+    while at + 9 <= len(content):
+        (length,) = struct.unpack_from("<Q", content, at + 1)
+        if content[at] == 6:
+            places.append((at, at + 9 + length))
+        at += 9 + length
+    return places
+
+
+def test_a_cut_chunk_is_told_with_its_time_and_its_bytes(tmp_path):
+    file = file_of(write(tmp_path / "bag"))
+    content = file.read_bytes()
+    (_, _), (_, _), (start, end), *_ = chunk_places(content)
+    file.write_bytes(content[: end - 5])
+    reader = BagReader(file)
+    assert numbers(reader) == list(range(20))
+    assert reader.warnings == [
+        f"{file}: unfinished (cut off); read up to 1.190 s, 0.190 s of data; the last "
+        f"{end - 5 - start} bytes could not be used: messages from 1.200 s to 1.290 s"
+    ]
+    assert reader.topics()["/odd"].count == 10
+    assert len(reader.warnings) == 1
+
+
+def test_a_cut_at_any_byte_gives_what_is_before_it(tmp_path):
+    file = file_of(write(tmp_path / "bag", 30))
+    content = file.read_bytes()
+    ends = [end for _, end in chunk_places(content)]
+    for size in range(8, len(content), 13):
+        file.write_bytes(content[:size])
+        reader = BagReader(file)
+        whole = sum(end <= size for end in ends)
+        assert numbers(reader) == list(range(10 * whole)), size
+        assert len(reader.warnings) == 1, size
+
+
+@pytest.mark.parametrize("size", [1, 5, 7])
+def test_a_file_cut_in_its_first_bytes_is_one_clear_error(tmp_path, size):
+    file = file_of(write(tmp_path / "bag"))
+    file.write_bytes(file.read_bytes()[:size])
+    with pytest.raises(SloshBagError, match=f"cut off after {size} bytes"):
+        BagReader(file)
+
+
+def test_a_lost_end_loses_no_message_and_is_told(tmp_path):
+    file = file_of(write(tmp_path / "bag"))
+    file.write_bytes(file.read_bytes()[:-20])
+    reader = BagReader(file)
+    assert numbers(reader) == list(range(50))
+    assert reader.warnings == [
+        f"{file}: its end is cut off or damaged; all messages before it were read"
+    ]
+
+
+@pytest.mark.parametrize("finished", [True, False], ids=["finished", "unfinished"])
+def test_damage_in_the_middle_is_an_error_that_says_where(tmp_path, finished):
+    file = file_of(write(tmp_path / "bag"))
+    content = bytearray(file.read_bytes())
+    start, end = chunk_places(content)[1]
+    content[end - 3] ^= 1
+    file.write_bytes(content if finished else content[:-300])
+    reader = BagReader(file)
+    with pytest.raises(SloshBagError) as caught:
+        list(reader.messages())
+    assert str(caught.value).startswith(f"{file}: damaged at byte {start}: a chunk ")
+    assert str(caught.value).endswith("; `slosh recover` writes a new bag of all that is whole")
+
+
+def test_zeros_at_the_end_after_a_power_cut_are_a_lost_end(tmp_path):
+    file = file_of(write(tmp_path / "bag"))
+    content = file.read_bytes()
+    start, _ = chunk_places(content)[3]
+    file.write_bytes(content[:start] + bytes(5000))
+    reader = BagReader(file)
+    assert numbers(reader) == list(range(30))
+    assert "the last 5000 bytes could not be used" in reader.warnings[0]
+
+
+def change_chunk(file, index, field, value):
+    """Overwrites 8 bytes of a chunk's header."""
+    content = bytearray(file.read_bytes())
+    start, _ = chunk_places(content)[index]
+    struct.pack_into("<Q", content, start + field, value)
+    file.write_bytes(content)
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "match"),
+    [
+        (9, 0, "other times than its messages"),
+        (17, 2**62, "other times than its messages"),
+        (25, 7, "damaged size"),
+        (25, 2**40, "damaged header"),
+        (1, 2**60, "damaged"),
+        (1, 60, "damaged"),
+    ],
+)
+def test_chunk_headers_have_no_checksum_and_are_held_against_the_rest(
+    tmp_path, field, value, match
+):
+    # Without a checksum of all data, as most writers leave it.
+    path = foreign(tmp_path / "a.mcap", [1, 2, None, 3, 4, None, 5])
+    change_chunk(path, 1, field, value)
+    with pytest.raises(SloshBagError, match=match):
+        list(BagReader(path).messages())
+
+
+@pytest.mark.parametrize("opcode", [op for op in range(256) if op != 6])
+def test_a_chunk_that_has_become_another_record_is_not_passed_over(tmp_path, opcode):
+    path = foreign(tmp_path / "a.mcap", [1, 2, None, 3, 4, None, 5])
+    content = bytearray(path.read_bytes())
+    content[chunk_places(content)[1][0]] = opcode
+    path.write_bytes(content)
+    reader = BagReader(path)
+    with pytest.raises(SloshBagError, match="damaged at byte"):
+        list(reader.messages())
+
+
+@pytest.mark.parametrize("opcode", [0x05, 0x86, 0x07, 0x0C])
+def test_nor_in_an_unfinished_file(tmp_path, opcode):
+    path = foreign(tmp_path / "a.mcap", [1, 2, None, 3, 4, None, 5])
+    content = bytearray(path.read_bytes())
+    content[chunk_places(content)[1][0]] = opcode
+    path.write_bytes(content[:-60])
+    reader = BagReader(path)
+    try:
+        found = [message.log_ns for message in reader.messages()]
+    except SloshBagError as error:
+        assert "damaged at byte" in str(error)
+    else:
+        assert found == [1, 2, 5]
+        assert "unknown kind" in " ".join(reader.warnings)
+
+
+def test_damage_between_the_chunks_is_told_and_costs_nothing(tmp_path):
+    file = file_of(write(tmp_path / "bag"))
+    content = bytearray(file.read_bytes())
+    _, end = chunk_places(content)[2]
+    content[end + 20] ^= 0xFF  # a time in a message index
+    file.write_bytes(content)
+    reader = BagReader(file)
+    assert numbers(reader) == list(range(50))
+    assert reader.warnings == [
+        f"{file}: bytes between its chunks are damaged; the chunks are whole"
+    ]
+
+
+def test_a_damaged_summary_is_not_used(tmp_path):
+    file = file_of(write(tmp_path / "bag"))
+    content = bytearray(file.read_bytes())
+    (start,) = struct.unpack_from("<Q", content, len(content) - 28)
+    for place in range(start, len(content) - 8, 11):
+        changed = content.copy()
+        changed[place] ^= 4
+        file.write_bytes(changed)
+        reader = BagReader(file)
+        assert {name: info.count for name, info in reader.topics().items()} == {
+            "/even": 25, "/odd": 25,
+        }  # fmt: skip
+        assert numbers(reader) == list(range(50))
+        assert len(reader.warnings) == 1
+
+
+def test_facts_are_checked(tmp_path):
+    file = file_of(write(tmp_path / "bag", custom={"clocks": "unrelated", "radius": "0.05"}))
+    content = file.read_bytes()
+    assert BagReader(file).metadata() == {"clocks": "unrelated", "radius": "0.05"}
+    for text in (b"0.05", b"radius", b"slosh", b"crc32"):
+        at = content.rindex(b"\x0c", 0, content.index(b"radius"))
+        at = content.index(text, at)
+        changed = bytearray(content)
+        changed[at] ^= 1
+        file.write_bytes(changed)
+        with pytest.raises(SloshBagError, match="damaged"):
+            BagReader(file).metadata()
+
+
+def test_facts_of_an_unfinished_bag_come_from_its_metadata_file(tmp_path):
+    folder = tmp_path / "bag"
+    writer = BagWriter(folder, custom={"clocks": "unrelated"})
+    writer.add_topic("/t", HEADER)
+    writer.write("/t", serialised(1), 1)
+    writer.flush()
+    reader = BagReader(folder)
+    assert reader.metadata() == {"clocks": "unrelated"}
+    assert "taken from metadata.yaml" in reader.warnings[-1]
+    writer.close()
+
+
+def test_a_size_that_was_damaged_is_not_allocated(tmp_path):
+    path = foreign(tmp_path / "a.mcap", [1, 2, None, 3])
+    content = path.read_bytes()
+    start, end = chunk_places(content)[0]
+    body = bytearray(content[start + 9 : end])
+    struct.pack_into("<Q", body, 16, 2**31)
+    header = chunk_header(bytes(body[:56]), len(body))
+    tracemalloc.start()
+    with pytest.raises(SloshBagError):
+        read_chunk(0, header, bytes(body))
+    assert tracemalloc.get_traced_memory()[1] < 10_000_000
+    tracemalloc.stop()
+
+
+def test_a_topic_without_messages_and_its_qos_do_no_harm(tmp_path):
+    with BagWriter(tmp_path / "bag") as bag:
+        bag.add_topic("/silent", HEADER, Qos("best_effort"))
+    reader = BagReader(tmp_path / "bag")
+    assert list(reader.messages()) == []
+    assert list(reader.blocks()) == []

@@ -1,0 +1,221 @@
+"""`slosh recover`: everything whole, nothing else, and a word on the rest."""
+
+import struct
+
+import pytest
+import yaml
+from mcap.reader import make_reader
+from mcap.writer import Writer
+
+from slosh_bag.bag_metadata import Qos
+from slosh_bag.bag_writer import BagWriter
+from slosh_bag.definitions import Definitions
+from slosh_bag.errors import SloshBagError
+from slosh_bag.reader import BagReader
+from slosh_bag.recover import recover_bag
+
+HEADER = "std_msgs/msg/Header"
+DEFINITIONS = Definitions()
+DEFINITIONS.hash(HEADER)
+STORE = DEFINITIONS.typestore
+SECOND = 1_000_000_000
+
+
+def serialised(number):
+    stamp = STORE.types["builtin_interfaces/msg/Time"](sec=number, nanosec=7)
+    message = STORE.types[HEADER](stamp=stamp, frame_id=f"frame {number}")
+    return bytes(STORE.serialize_cdr(message, HEADER))
+
+
+@pytest.fixture
+def bag(tmp_path):
+    """50 messages in five chunks."""
+    with BagWriter(tmp_path / "bag", custom={"clocks": "unrelated"}) as writer:
+        writer.add_topic("/header", HEADER, Qos("best_effort", "transient_local", 3))
+        for number in range(50):
+            writer.write("/header", serialised(number), SECOND + number * 10_000_000, number)
+            if number % 10 == 9:
+                writer.flush()
+    return tmp_path / "bag"
+
+
+def chunk_places(content):
+    places, at = [], 8
+    while at + 9 <= len(content):
+        (length,) = struct.unpack_from("<Q", content, at + 1)
+        if content[at] == 6:
+            places.append((at, at + 9 + length))
+        at += 9 + length
+    return places
+
+
+def entries(path):
+    return [tuple(message) for message in BagReader(path).messages()]
+
+
+def test_a_whole_bag_is_copied_as_it_is(bag, tmp_path):
+    recovery = recover_bag(bag, tmp_path / "new")
+    assert recovery.notes == ()
+    assert recovery.counts == {"/header": 50}
+    assert entries(tmp_path / "new") == entries(bag)
+    assert BagReader(tmp_path / "new").metadata() == {"clocks": "unrelated"}
+    old, new = (
+        yaml.safe_load((path / "metadata.yaml").read_text()) for path in (bag, tmp_path / "new")
+    )
+    topics = [
+        document["rosbag2_bagfile_information"]["topics_with_message_count"]
+        for document in (old, new)
+    ]
+    assert topics[0] == topics[1]
+
+
+def test_a_cut_bag_becomes_a_finished_one(bag, tmp_path):
+    original = entries(bag)
+    file = bag / "bag_0.mcap"
+    content = file.read_bytes()
+    _, end = chunk_places(content)[3]
+    file.write_bytes(content[: end - 1])
+    recovery = recover_bag(bag, tmp_path / "new")
+    reader = BagReader(tmp_path / "new")
+    assert [tuple(message) for message in reader.messages()] == original[:30]
+    assert reader.warnings == []
+    assert recovery.counts == {"/header": 30}
+    assert any("1.300 s to 1.390 s: a record is cut off" in note for note in recovery.notes)
+    assert any("taken from metadata.yaml, unchecked" in note for note in recovery.notes)
+    with (tmp_path / "new" / "new_0.mcap").open("rb") as stream:
+        assert make_reader(stream).get_summary().statistics.message_count == 30
+
+
+@pytest.mark.parametrize(
+    ("place", "value"), [(60, 0xFF), (0, 0x86), (1, 0xFF), (7, 0xFF), (41, 0)]
+)
+def test_a_damaged_chunk_costs_itself_alone(bag, tmp_path, place, value):
+    """In its content, its opcode, its length, its compression."""
+    original = entries(bag)
+    file = bag / "bag_0.mcap"
+    content = bytearray(file.read_bytes())
+    start, _ = chunk_places(content)[2]
+    content[start + place] ^= value or 0x20
+    file.write_bytes(content)
+    recovery = recover_bag(bag, tmp_path / "new")
+    assert entries(tmp_path / "new") == original[:20] + original[30:]
+    assert any("40 of 50 messages of /header recovered" in note for note in recovery.notes)
+
+
+def test_wrong_times_in_a_chunks_header_cost_nothing(bag, tmp_path):
+    original = entries(bag)
+    file = bag / "bag_0.mcap"
+    content = bytearray(file.read_bytes())
+    struct.pack_into("<Q", content, chunk_places(content)[2][0] + 9, 5)
+    file.write_bytes(content)
+    with pytest.raises(SloshBagError):
+        entries(bag)
+    recover_bag(bag, tmp_path / "new")
+    assert entries(tmp_path / "new") == original
+
+
+def test_the_first_chunk_is_lost_and_the_definitions_are_in_the_summary(bag, tmp_path):
+    original = entries(bag)
+    file = bag / "bag_0.mcap"
+    content = bytearray(file.read_bytes())
+    content[chunk_places(content)[0][1] - 2] ^= 1
+    file.write_bytes(content)
+    recover_bag(bag, tmp_path / "new")
+    assert entries(tmp_path / "new") == original[10:]
+
+
+def test_without_any_definition_messages_are_counted_as_lost(bag, tmp_path):
+    file = bag / "bag_0.mcap"
+    content = bytearray(file.read_bytes())
+    content[chunk_places(content)[0][1] - 2] ^= 1
+    file.write_bytes(content[:-30])
+    with pytest.raises(SloshBagError, match="no message in it can be read"):
+        recover_bag(bag, tmp_path / "new")
+    assert not (tmp_path / "new").exists()
+
+
+@pytest.mark.parametrize("damage", [b"", b"\x00" * 8, b"\x89MCAP0\r\n\xff"])
+def test_a_damaged_beginning_costs_no_message(bag, tmp_path, damage):
+    original = entries(bag)
+    file = bag / "bag_0.mcap"
+    content = file.read_bytes()
+    file.write_bytes(damage + content[len(damage) or 8 :])
+    recovery = recover_bag(bag, tmp_path / "new")
+    assert entries(tmp_path / "new") == original
+    assert recovery.notes
+
+
+def test_definitions_hashes_and_qos_are_those_of_the_file(tmp_path):
+    path = tmp_path / "old.mcap"
+    kind = "gone_msgs/msg/Old"
+    qos = "- history: 1\n  depth: 7\n  reliability: 1\n  durability: 2\n"
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start("ros2")
+        schema = writer.register_schema(kind, "ros2msg", b"uint8 old\n")
+        noted = {"offered_qos_profiles": qos, "topic_type_hash": "RIHS01_00"}
+        channel = writer.register_channel("/t", "cdr", schema, noted)
+        bare = writer.register_channel("/bare", "cdr", schema)
+        text = writer.register_channel("/json", "json", schema)
+        for number in (channel, bare, text):
+            writer.add_message(number, 5, b"\x00\x01\x00\x00\x2a", 4)
+        writer.finish()
+    path.write_bytes(path.read_bytes()[:-40])
+    recovery = recover_bag(path, tmp_path / "new")
+    assert recovery.counts == {"/t": 1, "/bare": 1}
+    assert any("/json left out: messages in 'json', not 'cdr'" in note for note in recovery.notes)
+    reader = BagReader(tmp_path / "new")
+    assert [reader.decode(message).old for message in reader.messages()] == [42, 42]
+    with (tmp_path / "new" / "new_0.mcap").open("rb") as stream:
+        summary = make_reader(stream).get_summary()
+    channels = {channel.topic: channel for channel in summary.channels.values()}
+    assert channels["/t"].metadata == noted
+    assert channels["/bare"].metadata["offered_qos_profiles"] == ""
+    (schema,) = summary.schemas.values()
+    assert (schema.name, schema.data) == (kind, b"uint8 old\n")
+    document = yaml.safe_load((tmp_path / "new" / "metadata.yaml").read_text())
+    topics = document["rosbag2_bagfile_information"]["topics_with_message_count"]
+    assert topics[0]["topic_metadata"]["offered_qos_profiles"] == yaml.safe_load(qos)
+    assert topics[0]["topic_metadata"]["type_description_hash"] == "RIHS01_00"
+    assert topics[1]["topic_metadata"]["offered_qos_profiles"] == []
+
+
+def test_messages_in_no_chunk_are_recovered_up_to_the_damage_and_after_it(tmp_path):
+    path = tmp_path / "loose.mcap"
+    with path.open("wb") as stream:
+        writer = Writer(stream, use_chunking=False)
+        writer.start("ros2")
+        schema = writer.register_schema(HEADER, "ros2msg", DEFINITIONS.text(HEADER).encode())
+        channel = writer.register_channel("/t", "cdr", schema)
+        for number in range(30):
+            writer.add_message(channel, number, serialised(number), number)
+        writer.finish()
+    content = bytearray(path.read_bytes())
+    struct.pack_into("<H", content, content.index(b"frame 12") - 16 - 22, 99)  # its channel
+    path.write_bytes(content)
+    recovery = recover_bag(path, tmp_path / "new")
+    found = [message.log_ns for message in BagReader(tmp_path / "new").messages()]
+    assert found == [number for number in range(30) if number != 12]
+    assert recovery.notes[0] == f"{path}: 1 messages left out: topics unknown"
+
+
+def test_what_is_no_bag_gives_one_line_and_no_folder(tmp_path):
+    text = tmp_path / "a.mcap"
+    text.write_text("hello " * 100)
+    with pytest.raises(SloshBagError, match="no message in it can be read"):
+        recover_bag(text, tmp_path / "new")
+    assert not (tmp_path / "new").exists()
+    with pytest.raises(SloshBagError, match="no such file"):
+        recover_bag(tmp_path / "nothing", tmp_path / "new")
+
+
+def test_an_existing_folder_is_not_touched(bag, tmp_path):
+    with pytest.raises(SloshBagError, match="exists already"):
+        recover_bag(bag, bag)
+    assert len(entries(bag)) == 50
+
+
+def test_progress_is_the_files_size(bag, tmp_path):
+    told = []
+    recover_bag(bag, tmp_path / "new", told.append)
+    assert sum(told) == (bag / "bag_0.mcap").stat().st_size
