@@ -20,8 +20,9 @@ PATIENCE = 30.0
 class Listener:
     """Collects what the nodes say."""
 
-    def __init__(self):
+    def __init__(self, logs):
         rclpy.init()
+        self.logs = logs
         self.node = rclpy.create_node("listener", namespace="/slosh")
         self.executor = SingleThreadedExecutor()
         self.executor.add_node(self.node)
@@ -46,7 +47,9 @@ class Listener:
         """Spins until the condition holds; returns how long it took [s]."""
         started = time.monotonic()
         while not condition():
-            assert time.monotonic() - started < patience, f"waited in vain for {what}"
+            if time.monotonic() - started > patience:
+                said = {log.stem: log.read_text()[-500:] for log in self.logs.glob("*.log")}
+                pytest.fail(f"waited in vain for {what}; the nodes said {said}")
             self.executor.spin_once(timeout_sec=0.05)
         return time.monotonic() - started
 
@@ -61,8 +64,8 @@ class Listener:
 
 
 @pytest.fixture
-def listener(domain):
-    listener = Listener()
+def listener(domain, tmp_path):
+    listener = Listener(tmp_path / "logs")
     yield listener
     listener.close()
 
