@@ -94,8 +94,10 @@ class RecorderNode(Node):
         self._take()  # a subscription that is replaced takes its messages with it
         for entry in self._inputs.values():
             change = entry.watch(now)
-            if change:
+            if change and entry.silent_since is not None:
                 self.get_logger().warning(f"{entry.topic}: {change}")
+            elif change:
+                self.get_logger().info(f"{entry.topic}: {change}")
         for topic, types in self.get_topic_names_and_types():
             wanted = self._include.search(topic) and not self._exclude.search(topic)
             known = topic in self._inputs or topic in self._unknown
