@@ -272,6 +272,8 @@ def test_the_time_is_out_before_each_message(environment, tmp_path):
     folder = write_bag(tmp_path / "bag", "/x", 0.3)
     stored = list(BagReader(folder).messages())
     thread, out, warnings = run_thread(make_plan(PlayRequest(folder, PlaybackSettings(rate=10.0))))
+    # Said while it waits too: a node with use_sim_time knows the time before the first message.
+    assert out[:2] == [stored[0].log_ns] * 2
     clock, messages = -1, iter(stored)
     for item in out:
         if isinstance(item, int):
