@@ -1,0 +1,94 @@
+"""`slosh replay` of damaged bags: the same figures, others with a warning, or one clear line."""
+
+import json
+import random
+import shutil
+
+import numpy as np
+import pytest
+
+from slosh_bag.bag_writer import BagWriter
+from slosh_bag.motion_table import MotionTable
+from slosh_bag.reader import BagReader
+from slosh_bag.table_bag import write_table_bag
+from slosh_bringup.cli.main import main
+from slosh_model.containers import Cylinder
+from slosh_model.model import Model
+from slosh_model.model_text import format_model
+from slosh_model.simulate import Inputs, simulate
+
+MODEL = Model(Cylinder(0.05, 0.07)).spatial()
+
+
+@pytest.fixture(scope="module")
+def bag(tmp_path_factory):
+    """A motion with heights, in several chunks, and a model."""
+    t = np.arange(0.0, 1.2, 0.002)
+    swell = np.sin(np.pi * t / 1.2) ** 2
+    acceleration = swell[:, None] * np.column_stack(
+        [4.0 * np.sin(13.0 * t), 3.0 * np.cos(11.0 * t), 0.0 * t]
+    )
+    response, _ = simulate(MODEL, Inputs(t, acceleration))
+    base = tmp_path_factory.mktemp("whole")
+    one = base / "one_chunk"
+    write_table_bag(one / "t.csv", MotionTable(t, acceleration, msh=response.msh), one)
+    reader = BagReader(one)
+    with BagWriter(base / "bag", custom=reader.metadata()) as writer:
+        for topic, info in reader.topics().items():
+            writer.add_topic(topic, info.message_type)
+        for number, message in enumerate(reader.messages()):
+            writer.write(message.topic, message.data, message.log_ns, message.publish_ns)
+            if number % 150 == 149:
+                writer.flush()
+    (base / "model.yaml").write_text(format_model(MODEL))
+    return base / "bag"
+
+
+def replayed(folder, model, capsys):
+    words = ["replay", str(folder), "--model", str(model), "--json", "--jobs", "1"]
+    code = main(words)
+    told = capsys.readouterr()
+    lines = told.err.splitlines()
+    assert all(line.startswith("slosh replay: ") for line in lines), lines
+    if code == 2:
+        assert len(lines) == 1, lines
+        assert str(folder) in lines[0]
+        return None, lines
+    assert code == 0
+    return json.loads(told.out), lines
+
+
+def damaged(content, rng):
+    """Cut, or with one byte changed; half of the time near the beginning or the end."""
+    places = (
+        rng.randrange(len(content)),
+        rng.randrange(400),
+        len(content) - rng.randrange(1, 900),
+    )
+    place = rng.choice(places) % len(content)
+    if rng.random() < 0.4:
+        return content[:place], f"cut at {place}"
+    changed = bytearray(content)
+    changed[place] ^= rng.randrange(1, 256)
+    return bytes(changed), f"{place} changed"
+
+
+def test_damaged_bags_are_replayed_or_refused(bag, tmp_path, capsys):
+    whole, lines = replayed(bag, bag.parent / "model.yaml", capsys)
+    assert whole is not None
+    folder = tmp_path / "bag"
+    shutil.copytree(bag, folder)
+    (file,) = folder.glob("*.mcap")
+    content = file.read_bytes()
+    outcomes = []
+    for case in range(60):
+        damage, what = damaged(content, random.Random(case))
+        file.write_bytes(damage)
+        found, told = replayed(folder, bag.parent / "model.yaml", capsys)
+        if found is None:
+            outcomes.append("refused")
+            continue
+        new = [line for line in told if line not in lines]
+        outcomes.append("warned" if new else "same")
+        assert new or found == whole, f"{case}: {what}"
+    assert set(outcomes) >= {"refused", "warned"}
