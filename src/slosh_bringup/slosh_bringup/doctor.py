@@ -56,6 +56,7 @@ def examine() -> Iterator[Finding]:
     yield library("cv2", "OpenCV", "4.6")
     yield library("mcap", "mcap", "1.5")
     yield library("rosbags", "rosbags", "0.10")
+    yield library("distributed", "Dask distributed", "2025.1")
     yield guarded(message_exchange)
     yield shared_memory()
     yield disk()

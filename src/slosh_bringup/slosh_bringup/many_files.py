@@ -144,7 +144,7 @@ class _Farm(Generic[Item, Value]):
 
         self._client = client
         self._function = function
-        self._done = as_completed(loop=client.loop, with_results=True, raise_errors=False)
+        self._done = as_completed(loop=client.loop)
         self._under_way: dict[Future[Any], tuple[int, Item]] = {}
         self._number = count()
 
@@ -184,28 +184,34 @@ class _Farm(Generic[Item, Value]):
         Raises:
             SloshBringupError: the scheduler has gone.
         """
-        from distributed import KilledWorker
+        from distributed import CancelledError, KilledWorker
 
-        future, result = next(self._done)
+        future = next(self._done)
         index, item = self._under_way.pop(future)
-        if future.status == "finished":
-            return index, item, Outcome(index, item, *result)
-        if future.status != "error":
-            raise SloshBringupError("the scheduler has gone; what was not done is not done")
-        error = result[1]
-        if isinstance(error, KilledWorker):
+        try:
+            # Fetched here: where the worker dies with the result in its hands, this says so.
+            return index, item, Outcome(index, item, *future.result())
+        except KilledWorker:
             return index, item, None
-        # A worker that cannot import the function, a value that cannot be pickled.
-        return index, item, Outcome(index, item, None, reason(error))
+        except CancelledError:
+            raise SloshBringupError(
+                "the scheduler has gone; what was not done is not done"
+            ) from None
+        except Exception as error:
+            # A worker that cannot import the function, a value that cannot be pickled.
+            return index, item, Outcome(index, item, None, reason(error))
 
 
 @contextmanager
 def _client(workers: int, scheduler: str | None) -> Iterator[Client]:
     """A client of a cluster, or of processes on this machine that end with it."""
-    # Dask's settings are complete once this is imported, and not before.
-    import dask
-    import distributed  # noqa: F401
-
+    try:
+        import dask
+        import distributed  # noqa: F401  # only then Dask's settings are complete
+    except ImportError as error:
+        raise SloshBringupError(
+            f"several processes need Dask distributed ({error}): install it, or use one job"
+        ) from None
     for name in list(logging.root.manager.loggerDict):
         if name.startswith("distributed"):
             logging.getLogger(name).setLevel(logging.CRITICAL)

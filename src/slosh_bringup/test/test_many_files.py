@@ -213,6 +213,12 @@ def test_an_address_where_no_scheduler_is_gives_one_line(address, said, monkeypa
     assert "\n" not in str(caught.value)
 
 
+def test_where_dask_is_missing_it_is_told(monkeypatch):
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(SloshBringupError, match="install it, or use one job"):
+        list(map_files(len, ["a", "b"], jobs=2))
+
+
 def test_options_that_do_not_fit_are_told_before_any_work():
     with pytest.raises(SloshBringupError, match="jobs = 0: must be at least 1"):
         map_files(len, ["a"], jobs=0)
