@@ -36,7 +36,7 @@ class Found:
         first_ns, last_ns: least and greatest log time; None: there is no message.
         metadata: the metadata records.
         chunks, loose: numbers of chunks, and of messages in none.
-        unchecked: some messages had no checksum of their own.
+        unchecked: some messages, or their definitions, had no checksum of their own.
         unknown: records of an unknown kind, which were passed over.
         gaps: what could not be read.
         orphans: messages left out since the definition of their channel is lost.

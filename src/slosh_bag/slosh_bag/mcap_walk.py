@@ -167,6 +167,7 @@ class McapWalk:
             self._define(self.found.schemas, schema)
         for channel in piece.channels:
             self._define(self.found.channels, channel)
+        self.found.unchecked |= not piece.checked and not self._is_in_summary(piece)
         lost = [c for c in np.unique(piece.channel).tolist() if not self.found.is_defined(c)]
         if lost and not self._lenient:
             raise DamageError(f"messages of channel {lost[0]}, which is not defined")
@@ -176,6 +177,14 @@ class McapWalk:
             piece = piece.take(known)
         self.found.add(piece)
         return piece
+
+    def _is_in_summary(self, piece: Piece) -> bool:
+        """True where the summary, which has a checksum, has the piece's definitions as well."""
+        schemas = self.summary.schemas if self.summary else {}
+        channels = self.summary.channels if self.summary else {}
+        return all(schema.id in schemas for schema in piece.schemas) and all(
+            channel.id in channels for channel in piece.channels
+        )
 
     def _define(self, known: dict[int, Any], record: Schema | Channel) -> None:
         if known.setdefault(record.id, record) != record and not self._lenient:

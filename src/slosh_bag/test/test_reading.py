@@ -2,9 +2,12 @@
 
 import struct
 import tracemalloc
+import zlib
 
 import numpy as np
 import pytest
+from mcap.data_stream import RecordBuilder
+from mcap.records import Channel, Chunk, Header, Message, Schema
 from mcap.writer import CompressionType, IndexType, Writer
 
 from slosh_bag.bag_folder import bag_files
@@ -120,6 +123,34 @@ def test_files_of_other_writers(tmp_path, compression, chunked):
     assert reader.topics()["/t"].count == 3000
     told = [text for text in reader.warnings if "without checksums" in text]
     assert bool(told) == (not chunked)
+
+
+@pytest.mark.parametrize("cut", [0, 30])
+def test_a_file_without_checksums_says_so(tmp_path, cut):
+    path = foreign(tmp_path / "a.mcap", [1, 2, None, 3], enable_crcs=False)
+    path.write_bytes(path.read_bytes()[: path.stat().st_size - cut])
+    reader = BagReader(path)
+    assert numbers(reader) == [0, 1, 3]
+    assert any("damage would not be noticed" in text for text in reader.warnings)
+
+
+def test_definitions_outside_chunks_have_no_checksum_where_the_end_is_lost(tmp_path):
+    builder = RecordBuilder()
+    Header("ros2", "").write(builder)
+    text = DEFINITIONS.text(HEADER).encode()
+    Schema(id=1, name=HEADER, encoding="ros2msg", data=text).write(builder)
+    Channel(id=1, topic="/t", message_encoding="cdr", metadata={}, schema_id=1).write(builder)
+    inner = RecordBuilder()
+    Message(channel_id=1, log_time=5, data=serialised(0), publish_time=5, sequence=0).write(inner)
+    raw = inner.end()
+    Chunk("", raw, 5, 5, zlib.crc32(raw), len(raw)).write(builder)
+    path = tmp_path / "a.mcap"
+    path.write_bytes(b"\x89MCAP0\r\n" + builder.end())
+    reader = BagReader(path)
+    assert numbers(reader) == [0]
+    assert [text.split(": ")[1].split(" (")[0] for text in reader.warnings] == [
+        "unfinished", "written without checksums",
+    ]  # fmt: skip
 
 
 def test_files_without_a_summary_or_statistics(tmp_path):
