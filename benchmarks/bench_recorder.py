@@ -9,7 +9,9 @@ process of their own. Compared are, as processor time per time (user and system)
 - `receive`: a process that takes the same messages the way the recorder does and drops them;
 - `callbacks`: one whose executor calls a raw subscription for each message, and drops them;
 - `core`: the recorder's queue and its writer's thread, fed from memory;
-- `mcap`: mcap.writer.Writer with zstd and its default chunks, fed from memory.
+- `mcap`: mcap.writer.Writer with zstd and its default chunks, fed from memory;
+- `mcap, same level`: the same with the recorder's level of zstd, which that writer does not offer:
+  what is left is the price of the queue and the thread.
 
 The goal is recorder <= 1.5 mcap, and core <= 1.5 mcap where receiving alone costs more than that.
 """
@@ -25,6 +27,7 @@ import subprocess
 import sys
 import tempfile
 import time
+import unittest.mock
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -33,6 +36,7 @@ from typing import Any
 import cv2
 import numpy as np
 import rclpy
+import zstandard
 from geometry_msgs.msg import AccelStamped
 from mcap.writer import CompressionType, Writer
 from rclpy.node import Node
@@ -40,6 +44,7 @@ from sensor_msgs.msg import CompressedImage, Image
 
 from slosh_bag.bag_writer import Qos
 from slosh_bag.definitions import Definitions
+from slosh_bag.mcap_file import FAST
 from slosh_bag.nodes.recorder_node import TAKE_PERIOD
 from slosh_bag.nodes.topic_input import TopicInput
 from slosh_bag.reader import BagMessage, BagReader
@@ -98,8 +103,23 @@ def send(kind: str) -> None:
         number += 1
 
 
-def receive(kind: str, batches: bool) -> None:
-    """Takes accelerations and images and drops them, until it is killed."""
+def receive(kind: str, batches: bool, mark: Path) -> None:
+    """Takes accelerations and images and drops them, until it is killed.
+
+    Args:
+        kind: what kind of images.
+        batches: as the recorder does; otherwise by callbacks.
+        mark: a file that is made when an image has come.
+    """
+    waiting = [kind]
+
+    def drop(message: Any) -> None:
+        # An image, as bytes or with its times: the accelerations are short.
+        data = message if isinstance(message, bytes) else message.data
+        if waiting and len(data) > 10_000:
+            waiting.clear()
+            mark.touch()
+
     rclpy.init()
     node = _Sink() if batches else Node("sink", namespace=NAMESPACE)
     for name in ("accel", kind):
@@ -108,14 +128,14 @@ def receive(kind: str, batches: bool) -> None:
         if isinstance(node, _Sink):
             node.inputs.append(TopicInput(node, topic, type_name, message_type, 0.0))
         else:
-            node.create_subscription(message_type, topic, _drop, qos.STREAM_OUT, raw=True)
+            node.create_subscription(message_type, topic, drop, qos.STREAM_OUT, raw=True)
     executor = make_executor()
     executor.add_node(node)
     while True:
         executor.spin_once(timeout_sec=TAKE_PERIOD if batches else 0.1)
         if isinstance(node, _Sink):
             for entry in node.inputs:
-                entry.take(_drop)
+                entry.take(drop)
 
 
 class _Sink(Node):
@@ -129,10 +149,6 @@ class _Sink(Node):
     def subscriptions(self) -> Iterator[Any]:
         """None for the executor."""
         return iter(())
-
-
-def _drop(_: Any) -> None:
-    pass
 
 
 def processor_time(pid: int) -> float:
@@ -152,12 +168,22 @@ def process(*command: str, end: int = signal.SIGKILL) -> Iterator[int]:
         child.wait(PATIENCE)
 
 
-def share(pid: int, seconds: float) -> float:
-    """A process's processor time per time."""
+def share(pid: int, seconds: float, ready: Callable[[], bool]) -> float:
+    """A process's processor time per time, from a while after it is ready."""
+    deadline = time.monotonic() + PATIENCE
+    while not ready():
+        if time.monotonic() > deadline:
+            raise SystemExit("nothing is received")
+        time.sleep(0.05)
     time.sleep(WARM_UP)
     before, begin = processor_time(pid), time.monotonic()
     time.sleep(seconds)
     return (processor_time(pid) - before) / (time.monotonic() - begin)
+
+
+def recorded(bag: Path) -> int:
+    """Bytes in a bag's files."""
+    return sum(file.stat().st_size for file in bag.glob("*.mcap"))
 
 
 def fed(act: Callable[[], None]) -> float:
@@ -185,6 +211,14 @@ def with_mcap(messages: list[BagMessage], path: Path) -> None:
         writer.finish()
 
 
+@contextmanager
+def same_level() -> Iterator[None]:
+    """Has mcap's writer compress as the recorder does."""
+    compressor = zstandard.ZstdCompressor(level=FAST)
+    with unittest.mock.patch("mcap.writer.zstandard.compress", compressor.compress):
+        yield
+
+
 def with_core(messages: list[BagMessage], folder: Path) -> None:
     """Writes the messages with the recorder's queue and thread."""
     recorder = Recorder(folder)
@@ -205,12 +239,13 @@ def measure(kind: str, seconds: float, folder: Path) -> dict[str, float]:
     shares = {}
     with process(__file__, "--send", kind):
         for name in ("receive", "callbacks"):
-            with process(__file__, f"--{name}", kind) as pid:
-                shares[name] = share(pid, seconds)
+            mark = folder / name
+            with process(__file__, f"--{name}", kind, "--mark", str(mark)) as pid:
+                shares[name] = share(pid, seconds, mark.exists)
         command = ["-m", "slosh_bag.nodes.recorder_node", "--ros-args", "-r", f"__ns:={NAMESPACE}"]
         parameters = ["-p", f"output:={folder / 'bag'}", "-p", f"topics:=^{NAMESPACE}"]
         with process(*command, *parameters, end=signal.SIGTERM) as pid:
-            shares["recorder"] = share(pid, seconds)
+            shares["recorder"] = share(pid, seconds, lambda: recorded(folder / "bag") > 2**20)
     messages = list(BagReader(folder / "bag").messages())
     rates = {}
     for topic, rate in (("accel", ACCELERATIONS), (kind, IMAGES)):
@@ -220,6 +255,9 @@ def measure(kind: str, seconds: float, folder: Path) -> dict[str, float]:
             print(f"{kind}: only {rates[topic]:.0f}/s of {topic} came", file=sys.stderr)
     covered = 1e-9 * (messages[-1].log_ns - messages[0].log_ns)
     shares["mcap"] = fed(lambda: with_mcap(messages, folder / "mcap.mcap")) / covered
+    with same_level():
+        alone = fed(lambda: with_mcap(messages, folder / "fast.mcap"))
+    shares["mcap, same level"] = alone / covered
     shares["core"] = fed(lambda: with_core(messages, folder / "core")) / covered
     return shares
 
@@ -230,13 +268,13 @@ def main() -> int:
     parser.add_argument("--seconds", type=float, default=8.0)
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--kinds", nargs="+", choices=("raw", "jpeg"), default=["raw", "jpeg"])
-    for hidden in ("send", "receive", "callbacks"):
+    for hidden in ("send", "receive", "callbacks", "mark"):
         parser.add_argument(f"--{hidden}", help=argparse.SUPPRESS)
     given = parser.parse_args()
     if given.send:
         send(given.send)
     if given.receive or given.callbacks:
-        receive(given.receive or given.callbacks, batches=bool(given.receive))
+        receive(given.receive or given.callbacks, bool(given.receive), Path(given.mark))
     os.environ.update(node_environment(1 + os.getpid() % 100))
     reached = True
     for kind in given.kinds:
@@ -249,6 +287,9 @@ def main() -> int:
             f"{name}/mcap": statistics.median(r[name] / r["mcap"] for r in rounds)
             for name in ("recorder", "receive", "callbacks", "core")
         }
+        ratios["core/mcap, same level"] = statistics.median(
+            r["core"] / r["mcap, same level"] for r in rounds
+        )
         print(json.dumps({"images": kind, **{k: round(v, 4) for k, v in shares.items()},
                           **{k: round(v, 2) for k, v in ratios.items()}}))  # fmt: skip
         reached &= ratios["core/mcap"] <= GOAL
