@@ -20,6 +20,7 @@ absent is not looked at either, but for `warnings`: those that are not announced
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -100,7 +101,7 @@ def read_manifest(path: Path) -> dict[str, Expectation]:
             names the file, the bag and the key.
     """
     try:
-        document = yaml.safe_load(path.read_text(encoding="utf-8"))
+        document = yaml.load(path.read_text(encoding="utf-8"), Loader=_Loader)
     except OSError as error:
         raise SloshBagError(f"{path}: {error.strerror}") from None
     except (yaml.YAMLError, UnicodeDecodeError) as error:
@@ -115,7 +116,9 @@ def read_manifest(path: Path) -> dict[str, Expectation]:
 
 
 def write_manifest(path: Path, bags: Mapping[str, Expectation]) -> None:
-    """Writes a manifest; what a bag shows, its model and its own warnings' texts are kept.
+    """Writes a manifest.
+
+    What a bag shows, tolerances and the texts of warnings that still fit are kept.
 
     Args:
         path: the file; bags that it names and that are not given are kept as they are.
@@ -135,18 +138,34 @@ def write_manifest(path: Path, bags: Mapping[str, Expectation]) -> None:
 
 
 def _kept(old: Expectation | None, new: Expectation) -> Expectation:
-    """The new figures with the old texts; a stated part of a warning serves as long as it fits."""
+    """The new figures with the old texts and tolerances."""
     if old is None:
         return new
     texts = tuple(
         next((text for text in old.warnings if text in warning), warning)
         for warning in new.warnings
     )
-    return replace(new, shows=old.shows, model=old.model, warnings=texts)
+    return replace(
+        new,
+        shows=new.shows or old.shows,
+        tolerance=new.tolerance if new.tolerance is None else (old.tolerance or new.tolerance),
+        sigma=_tolerant(old.sigma, new.sigma),
+        epsilon=_tolerant(old.epsilon, new.epsilon),
+        warnings=texts,
+    )
+
+
+def _tolerant(old: Mapping[str, Expected], new: Mapping[str, Expected]) -> dict[str, Expected]:
+    return {
+        name: replace(found, tolerance=old[name].tolerance) if name in old else found
+        for name, found in new.items()
+    }
 
 
 def _document(path: Path, bag: Expectation) -> dict[str, Any]:
-    model = None if bag.model is None else bag.model.relative_to(path.parent).as_posix()
+    model = None
+    if bag.model is not None:
+        model = Path(os.path.relpath(bag.model, path.parent)).as_posix()
     estimates = None if bag.tolerance is None else (bag.tolerance or EXACT)
     document: dict[str, Any] = {
         "shows": bag.shows, "model": model, "estimates": estimates, "images": bag.images,
@@ -170,6 +189,20 @@ def _pair(value: Expected) -> dict[str, float]:
     return {"value": round(value.value, digits), "tolerance": value.tolerance}
 
 
+class _Loader(yaml.SafeLoader):
+    """Refuses what is stated twice: the last one would silently count."""
+
+    def construct_mapping(self, node: Any, deep: bool = False) -> dict[Any, Any]:
+        """The mapping, if each key stands in it once."""
+        keys = [self.construct_object(key, deep=True) for key, _ in node.value]
+        for number, key in enumerate(keys):
+            if key in keys[:number]:
+                raise yaml.constructor.ConstructorError(
+                    None, None, f"{key!r} stands here twice", node.value[number][0].start_mark
+                )
+        return super().construct_mapping(node, deep)
+
+
 @dataclass(frozen=True, slots=True)
 class _Place:
     """Where in the file something stands, for errors."""
@@ -186,11 +219,13 @@ class _Place:
 
 def _expectation(place: _Place, entry: Any) -> Expectation:
     _check_keys(place, entry, _KEYS)
-    model = entry.get("model")
-    if model is not None and not isinstance(model, str):
+    shows, model = entry.get("shows", ""), entry.get("model")
+    if not isinstance(shows, str):
+        raise place.under("shows").error(f"{shows!r} is no text")
+    if model is not None and not (isinstance(model, str) and model):
         raise place.under("model").error(f"{model!r} is no file name")
     return Expectation(
-        shows=str(entry.get("shows", "")),
+        shows=shows,
         model=None if model is None else place.path.parent / model,
         tolerance=_tolerance(place.under("estimates"), entry.get("estimates")),
         images=_count(place.under("images"), entry.get("images")),

@@ -36,7 +36,7 @@ def series(measured, height=HEIGHT, flags=0, usable=True, motion=-1, block=64):
 
 
 def accuracy(rows: Series):
-    return judge("run", rows, ["3D-NL"]).models[0]
+    return judge(rows, ["3D-NL"]).models[0]
 
 
 def test_a_saturated_height_counts_only_above_the_estimate():
@@ -53,14 +53,29 @@ def test_unknown_heights_do_not_count():
 
 
 def test_estimates_from_an_unknown_state_do_not_count():
-    with pytest.raises(SloshBagError, match="do both sides use one clock"):
-        accuracy(series(0.01, usable=False))
+    judged = judge(series(0.01, usable=False), ["3D-NL"])
+    assert judged.models == ()
+    assert "state was not known" in judged.warning
+
+
+@pytest.mark.parametrize(
+    ("measured", "height", "text"),
+    [(np.nan, HEIGHT, "no image shows a height"), (0.01, np.nan, "do both sides use one clock")],
+)
+def test_why_nothing_counts_is_told(measured, height, text):
+    judged = judge(series(measured, height), ["3D-NL"])
+    assert judged.models == ()
+    assert text in judged.warning
+
+
+def test_what_counts_needs_no_warning():
+    assert judge(series(0.01), ["3D-NL"]).warning == ""
 
 
 def test_each_motion_is_judged_by_its_own_images():
     motion = np.repeat([0, -1, 1], [40, 20, 40])
     rows = series(0.01 + 0.01 * (motion == 1), motion=motion)
-    first, second = judge("run", rows, ["3D-NL"], [(0, 4 * 10**8), (6 * 10**8, 10**9)]).motions
+    first, second = judge(rows, ["3D-NL"], [(0, 4 * 10**8), (6 * 10**8, 10**9)]).motions
     assert (first.start, first.end) == pytest.approx((0.0, 0.4))
     assert first.models[0].sigma == pytest.approx(0.01)
     assert second.models[0].sigma == pytest.approx(0.0)
@@ -85,7 +100,7 @@ def test_a_spike_at_the_edge_of_a_block_is_found():
     for place in (63, 64, 127):
         spiked = measured.copy()
         spiked[place] = 0.2
-        judged = judge("run", series(spiked, measured), ["3D-NL"])
+        judged = judge(series(spiked, measured), ["3D-NL"])
         assert judged.spikes == 1
         assert judged.models[0].epsilon == pytest.approx(0.0)
         assert judged.models[0].epsilon_raw < -0.9

@@ -16,7 +16,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from slosh_bag.errors import SloshBagError
 from slosh_bag.replay.result import ModelAccuracy, MotionAccuracy
 from slosh_bag.replay.series import Series
 from slosh_discovery.alignment import ClockOffset, find_spikes, spike_limit
@@ -36,11 +35,13 @@ class Judgement(NamedTuple):
         models: over the whole run.
         motions: over each motion.
         spikes: samples of the measurement that were left out.
+        warning: why there is nothing to judge by; empty: there is.
     """
 
     models: tuple[ModelAccuracy, ...] = ()
     motions: tuple[MotionAccuracy, ...] = ()
     spikes: int = 0
+    warning: str = ""
 
 
 @dataclass(slots=True)
@@ -88,7 +89,6 @@ class _Sums:
 
 
 def judge(
-    run: str,
     series: Series,
     names: Sequence[str],
     motions: Sequence[tuple[int, int]] = (),
@@ -100,14 +100,10 @@ def judge(
     estimates from an unknown state do not count.
 
     Args:
-        run: its name, for errors.
         series: the images; their column `motion` numbers `motions`.
         names: of the models, in the order of the series' heights.
         motions: start and end of each motion [ns].
         clocks: offset of the measured clock by model; None: the clocks are one.
-
-    Raises:
-        SloshBagError: no image has an estimate.
     """
     limit = _spike_limit(series)
     whole = [_Sums() for _ in names]
@@ -133,9 +129,7 @@ def judge(
                 by_motion[number][model].add(raw[part], clean[part], counted[part])
         start += len(block)
     if not any(sums.count for sums in whole):
-        raise SloshBagError(
-            f"{run}: no image has an estimate at its stamp; do both sides use one clock?"
-        )
+        return Judgement(spikes=spikes, warning=_nothing(series))
     offsets: Sequence[ClockOffset | None] = clocks or [None] * len(names)
     return Judgement(
         tuple(s.accuracy(n, c) for s, n, c in zip(whole, names, offsets, strict=True)),
@@ -148,6 +142,23 @@ def judge(
         ),
         spikes,
     )  # fmt: skip
+
+
+def _nothing(series: Series) -> str:
+    """Why no image counts."""
+    seen = estimated = False
+    for block in series.blocks():
+        known = np.isfinite(block["measured"])
+        seen |= bool(known.any())
+        estimated |= bool((known & np.isfinite(block["heights"]).any(axis=1)).any())
+    if not seen:
+        return "no image shows a height; there is nothing to judge the models by"
+    if not estimated:
+        return "no image has an estimate at its stamp; do both sides use one clock?"
+    return (
+        "no σ and ε: where heights were measured, the liquid's state was not known or its line "
+        "out of the picture"
+    )
 
 
 def _spike_limit(series: Series) -> float:

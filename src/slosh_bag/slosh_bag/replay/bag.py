@@ -15,9 +15,10 @@ import slosh_estimator
 from slosh_bag.cdr_columns import ColumnReader
 from slosh_bag.chunks import MessageBlock
 from slosh_bag.errors import SloshBagError
-from slosh_bag.reader import BagReader, TopicInfo
+from slosh_bag.reader import BagReader
 from slosh_bag.replay import inputs, settings
 from slosh_bag.replay.bank import EstimatorBank
+from slosh_bag.replay.cells import COMPARISON, ESTIMATE, SURFACE, CellTopics
 from slosh_bag.replay.conclusion import Origin, conclude
 from slosh_bag.replay.inputs import STAMP, InputReader, InputSettings, stamps_of
 from slosh_bag.replay.live_use import LiveUse
@@ -36,9 +37,6 @@ from slosh_model.containers import Cylinder
 from slosh_model.model import Model
 from slosh_model.model_text import format_model
 
-SURFACE = "slosh_msgs/msg/FreeSurface"
-ESTIMATE = "slosh_msgs/msg/SloshEstimate"
-COMPARISON = "slosh_msgs/msg/SloshComparison"
 _COMPARISON_FIELDS = (*STAMP, "measured_stale", *COMPARED)
 _SURFACE_FIELDS = (*STAMP, "msh", "flags", "msh_stddev", "azimuth")
 
@@ -52,6 +50,7 @@ class Sources(NamedTuple):
         estimate, comparison: topics of what was recorded live; None: there is none.
         starts: of the recorded nodes.
         facts: about the whole bag.
+        cells: namespaces of all cells that were recorded, the one that is read first.
     """
 
     kind: str
@@ -61,6 +60,7 @@ class Sources(NamedTuple):
     comparison: str | None
     starts: tuple[NodeStart, ...]
     facts: Mapping[str, str]
+    cells: tuple[str, ...] = ()
 
 
 def replay_bag(
@@ -69,6 +69,7 @@ def replay_bag(
     monitor: MonitorSettings | None = None,
     given: InputSettings | None = None,
     outputs: Outputs | None = None,
+    cell: str | None = None,
 ) -> ReplayResult:
     """Replays a bag.
 
@@ -79,12 +80,13 @@ def replay_bag(
         monitor: limits that are watched; None: those of the recorded monitor.
         given: how the input is read; None: as the recorded estimator did.
         outputs: receives estimates, comparisons and events as they come.
+        cell: namespace of the topics; None: the bag's only or first cell.
 
     Raises:
         SloshBagError: no readable bag, no input in it, no model, or clocks that cannot be related.
     """
     reader = BagReader(path)
-    sources = find_sources(path, reader, given.kind if given else None)
+    sources = find_sources(path, reader, given.kind if given else None, cell)
     started = next((start for start in sources.starts if start.node == "estimator"), None)
     recorded = settings.model_of(started) if started else None
     used = model or recorded or _noted_model(path, sources.facts)
@@ -96,7 +98,8 @@ def replay_bag(
         whole = whole_run(path, parts, sources, input_reader, used)
         result = judge_unrelated(path.name, sources.input, whole, watched)
         counters = {**input_reader.counters, **result.counters}
-        return replace(result, counters=counters, warnings=tuple(reader.warnings), model=used)
+        warnings = (*_warnings(path, reader, sources), *result.warnings)
+        return replace(result, counters=counters, warnings=warnings, model=used)
     with Series(4) as series:
         made_of = Parts(
             EstimatorBank(used),
@@ -117,49 +120,72 @@ def replay_bag(
         run.advance(final=True)
         origin = _origin(started, recorded, used)
         result = conclude(path.name, sources.input, run, made_of, origin)
-    return replace(result, warnings=(*reader.warnings, *result.warnings))
+    return replace(result, warnings=(*_warnings(path, reader, sources), *result.warnings))
 
 
-def find_sources(path: Path, reader: BagReader, kind: str | None = None) -> Sources:
+def _warnings(path: Path, reader: BagReader, sources: Sources) -> list[str]:
+    if len(sources.cells) < 2:
+        return reader.warnings
+    own, *others = (cell or "/" for cell in sources.cells)
+    text = f"{path}: the cell {own} is replayed; the bag also holds {', '.join(others)}"
+    return [*reader.warnings, text]
+
+
+def find_sources(
+    path: Path, reader: BagReader, kind: str | None = None, cell: str | None = None
+) -> Sources:
     """What a replay reads in a bag.
 
     Args:
         path: of the bag, for errors.
         reader: of the bag.
         kind: of the input; None: what the recorded estimator read, or the first that there is.
+        cell: namespace of the topics; None: the bag's only or first cell.
 
     Raises:
-        SloshBagError: there is no input.
+        SloshBagError: there is no input, or no such cell.
     """
-    topics = reader.topics()
-    settings_topic = _topic(topics, settings.TOPIC, settings.MESSAGE_TYPE)
+    found = CellTopics(reader.topics(), cell)
+    if cell is not None and not found.is_there:
+        raise SloshBagError(f"{path}: holds no topic of a cell {cell}")
+    settings_topic = found.topic(settings.TOPIC, settings.MESSAGE_TYPE)
     starts = settings.read_starts(reader, settings_topic) if settings_topic else []
     started = next((start for start in starts if start.node == "estimator"), None)
     if kind is None and started is not None:
         kind = started.parameters.get("input")
     wanted = list(inputs.KINDS) if kind is None else [kind]
     for name in wanted:
-        topic = _topic(topics, name, inputs.KINDS.get(name, ""))
+        topic = found.topic(name, inputs.KINDS.get(name, ""))
         if topic is not None:
+            found.settle(topic)
             return Sources(
                 name,
                 topic,
-                _topic(topics, "free_surface", SURFACE),
-                _topic(topics, "estimate", ESTIMATE),
-                _topic(topics, "comparison", COMPARISON),
+                found.topic("free_surface", SURFACE),
+                found.topic("estimate", ESTIMATE),
+                found.topic("comparison", COMPARISON),
                 tuple(starts),
                 reader.metadata(),
+                found.cells,
             )
+    where = f" for the cell {found.cells[0] or '/'}" if len(found.cells) > 1 else ""
     raise SloshBagError(
-        f"{path}: holds no message of {', '.join(wanted)}; nothing drives the model"
+        f"{path}: holds no message of {', '.join(wanted)}{where}; nothing drives the model"
     )
 
 
 class Part(NamedTuple):
-    """Messages of one topic that follow each other, as columns."""
+    """Messages of one topic that follow each other.
+
+    Attributes:
+        topic: theirs.
+        columns: their fields, (N,) each.
+        log_ns: when the last of them was recorded [ns].
+    """
 
     topic: str
     columns: Mapping[str, NDArray[Any]]
+    log_ns: int
 
 
 def feed(reader: BagReader, sources: Sources, modes: int = 1) -> Iterator[list[Part]]:
@@ -179,7 +205,10 @@ def feed(reader: BagReader, sources: Sources, modes: int = 1) -> Iterator[list[P
         wanted[sources.comparison] = _COMPARISON_FIELDS
     read = ColumnReader(reader.typestore_of)
     for blocks in by_chunk(reader.blocks(list(wanted))):
-        yield [Part(block.topic, read.columns(block, wanted[block.topic])) for block in blocks]
+        yield [
+            Part(block.topic, read.columns(block, wanted[block.topic]), int(block.log_ns[-1]))
+            for block in blocks
+        ]
 
 
 def by_chunk(blocks: Iterable[MessageBlock]) -> Iterator[list[MessageBlock]]:
@@ -239,13 +268,13 @@ def measurements(columns: Mapping[str, NDArray[Any]]) -> Measurements:
 
 def _hand_over(part: Part, sources: Sources, run: ReplayRun) -> None:
     if part.topic == sources.input:
-        run.add_input(part.columns)
+        run.add_input(part.columns, part.log_ns)
     elif part.topic == sources.estimate:
         run.add_recorded(part.columns)
     elif part.topic == sources.comparison:
         run.add_comparisons(part.columns)
     else:
-        run.add_measurements(measurements(part.columns))
+        run.add_measurements(measurements(part.columns), part.log_ns)
 
 
 def _changes(sources: Sources, model: Model, *, follow: bool) -> tuple[NodeStart, ...]:
@@ -278,16 +307,6 @@ def _origin(started: NodeStart | None, recorded: Model | None, used: Model) -> O
 def _monitor_settings(sources: Sources) -> MonitorSettings:
     started = settings.latest(list(sources.starts), "monitor")
     return settings.monitor_settings(started.parameters) if started else MonitorSettings()
-
-
-def _topic(topics: Mapping[str, TopicInfo], name: str, message_type: str) -> str | None:
-    """The topic of that last name and type; in a bag of several cells the first."""
-    found = sorted(
-        topic
-        for topic, info in topics.items()
-        if topic.rsplit("/", 1)[-1] == name and info.message_type == message_type and info.count
-    )
-    return found[0] if found else None
 
 
 def _noted_model(path: Path, facts: Mapping[str, str]) -> Model:

@@ -92,7 +92,11 @@ def expectation_of(result: ReplayResult) -> Expectation:
         tolerance=0.0 if compared else None,
         images=result.counters.get("images", 0),
         drops=dropped(result),
-        sigma={row.name: Expected(row.sigma, HEIGHT) for row in result.accuracy},
+        sigma={
+            row.name: Expected(row.sigma, HEIGHT)
+            for row in result.accuracy
+            if math.isfinite(row.sigma)
+        },
         epsilon={
             row.name: Expected(row.epsilon, SHARE)
             for row in result.accuracy

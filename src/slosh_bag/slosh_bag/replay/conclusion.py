@@ -38,18 +38,20 @@ def conclude(
         origin: what is known to differ between the recording and the replay.
 
     Raises:
-        SloshBagError: there is no usable input, or no image has an estimate.
+        SloshBagError: there is no usable input.
     """
     if not parts.reader.counters["samples_used"]:
         raise SloshBagError(f"{name}: holds no usable message of {source}")
     origin = origin or Origin()
+    if parts.follow is not None:
+        origin = origin._replace(causes=(*origin.causes, *parts.follow.remarks()))
     counters = {**parts.reader.counters, "images": run.images}
     if run.unused:
         counters["not_used_live"] = run.unused
     counters["unmatched_images"] = parts.monitor.monitor.unmatched
     spans = run.motions.spans
     names = parts.bank.names
-    judged = judge(name, parts.series, names, spans) if len(parts.series) else Judgement()
+    judged = judge(parts.series, names, spans) if len(parts.series) else Judgement()
     counters["spikes"] = judged.spikes
     rows = thinned(parts.series)
     return ReplayResult(
@@ -69,6 +71,7 @@ def conclude(
         comparisons=None if parts.comparisons is None else parts.comparisons.result(),
         model=parts.bank.model,
         limits=parts.monitor.monitor.settings,
+        warnings=(f"{name}: {judged.warning}",) if judged.warning else (),
     )
 
 

@@ -32,12 +32,24 @@ class Decision(NamedTuple):
 
 
 class LiveUse:
-    """Takes recorded estimates, decides on inputs; both in the order of the recording."""
+    """Takes recorded estimates, decides on inputs; both in the order of the recording.
+
+    Inputs before the first estimate are those of an estimator that was not there yet; inputs
+    behind the last one count as used, as nothing speaks against them.
+
+    Attributes:
+        used_before: inputs that the estimator had used before the recording began.
+        unclear: inputs of which the counter tells only that some were used; they are all taken.
+    """
 
     def __init__(self) -> None:
+        self.used_before = self.unclear = 0
         self._stamps = np.empty(0, dtype=np.int64)
         self._used = np.empty(0, dtype=np.int64)
-        self._before: tuple[int, int] | None = None
+        self._count = 0  # of the newest estimate that was forgotten
+        self._heard = False  # whether inputs have come to the first estimate
+        self._early = 0  # inputs before it
+        self._anew = False  # whether the next input is the first of a new estimator
 
     def add_recorded(self, stamps: Integers, used: Integers) -> None:
         """Takes recorded estimates: stamps (N,) [ns] and `samples_used` (N,)."""
@@ -56,10 +68,35 @@ class LiveUse:
         index = np.searchsorted(self._stamps, chosen)
         known = np.append(self._stamps, np.iinfo(np.int64).max)
         used = known[index] == chosen
-        used |= self._unrecorded(index, ~used)
-        restarts = self._restarts(chosen)
-        self._forget(int(chosen.max()) if count else None)
+        used |= self._unrecorded(index, ~used, final)
+        restarts = self._starts(chosen, used)
+        if count:
+            self.forget(int(chosen.max()))
+            self._anew = False
         return Decision(count, used, restarts)
+
+    def forget(self, until: int) -> None:
+        """No input up to this stamp [ns] will come any more."""
+        done = int(np.searchsorted(self._stamps, until, side="right"))
+        if done:
+            self._anew |= bool((np.diff(self._counts()[: done + 1]) <= 0).any())
+            self._count = int(self._used[done - 1])
+            self._stamps, self._used = self._stamps[done:], self._used[done:]
+
+    def remarks(self) -> tuple[str, ...]:
+        """Why estimates may differ although model and code are the same, one line each."""
+        found = []
+        if self.used_before:
+            found.append(
+                f"the recording begins when the estimator had used {self.used_before} inputs: "
+                "the liquid's state at that moment is not known"
+            )
+        if self.unclear:
+            found.append(
+                f"which of {self.unclear} inputs the live estimator used cannot be told: it "
+                "missed some, and the recorder missed estimates"
+            )
+        return tuple(found)
 
     def _reached(self, stamps: Integers, final: bool) -> int:
         if final:
@@ -70,28 +107,42 @@ class LiveUse:
         beyond = np.flatnonzero(stamps > last)
         return int(beyond[0]) if len(beyond) else len(stamps)
 
-    def _unrecorded(self, index: Integers, candidates: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    def _unrecorded(
+        self, index: Integers, candidates: NDArray[np.bool_], final: bool
+    ) -> NDArray[np.bool_]:
         """Inputs without an estimate that were used all the same: the counter went on."""
-        steps = np.diff(np.concatenate(([self._count_before()], self._used))) - 1
-        # Behind the last recorded estimate nothing speaks against an input.
-        steps = np.append(steps, 1)
+        steps = np.append(np.diff(self._counts()) - 1, len(index))
+        if not self._heard and not (final and len(steps) == 1):
+            steps[0] = 0
         used: NDArray[np.bool_] = candidates & (steps[index] > 0)
+        waiting = np.bincount(index[candidates], minlength=len(steps))
+        self.unclear += int(waiting[(steps > 0) & (waiting > steps)].sum())
         return used
 
-    def _count_before(self) -> int:
-        return 0 if self._before is None else self._before[1]
+    def _starts(self, stamps: Integers, used: NDArray[np.bool_]) -> list[int]:
+        """Inputs with which the counter began anew; `used` learns what the new estimator used."""
+        restarts = [0] if self._anew and len(stamps) else []
+        anew = np.diff(self._counts()) <= 0
+        if not self._heard and len(anew):
+            anew[0] = True
+        for place in np.flatnonzero(anew).tolist():
+            end = int(np.searchsorted(stamps, self._stamps[place]))
+            if end == len(stamps):
+                break
+            # The recorder hears a new estimator late: its first estimates may not be there.
+            unheard = int(self._used[place]) - 1
+            before = self._stamps[place - 1] if place else -(2**62)
+            start = max(int(np.searchsorted(stamps, before, side="right")), end - unheard)
+            used[start:end] = True
+            if self._heard:
+                restarts.append(start)
+            else:
+                self._heard = True
+                self.used_before = max(0, unheard - self._early - end)
+        if not self._heard:
+            self._early += len(stamps)
+        return restarts
 
-    def _restarts(self, stamps: Integers) -> list[int]:
-        """Inputs with which the counter began anew."""
-        counts = np.concatenate(([self._count_before()], self._used))
-        places = np.flatnonzero(np.diff(counts) <= 0)
-        found = np.searchsorted(stamps, self._stamps[places])
-        return [int(place) for place in found if place < len(stamps)]
-
-    def _forget(self, until: int | None) -> None:
-        if until is None:
-            return
-        done = int(np.searchsorted(self._stamps, until, side="right"))
-        if done:
-            self._before = (int(self._stamps[done - 1]), int(self._used[done - 1]))
-            self._stamps, self._used = self._stamps[done:], self._used[done:]
+    def _counts(self) -> Integers:
+        """The counter before and at each estimate that is kept."""
+        return np.concatenate(([self._count], self._used))

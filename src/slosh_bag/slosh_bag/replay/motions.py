@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from typing import NamedTuple
 
 import numpy as np
@@ -70,16 +71,32 @@ class MotionFinder:
             stamps: (N,) [ns].
             after_ns: how long after its end a motion's liquid still counts [ns].
         """
-        spans = np.array(self._spans, dtype=np.int64).reshape(-1, 2)
+        if len(stamps) == 0:
+            return np.empty(0, dtype=np.int32)
+        place, grown = self._grown()
+        first = max(bisect_right(self._spans, int(stamps.min()), key=_start) - 1, 0)
+        # A run of hours has thousands: only those around the moments are looked at.
+        near = [*self._spans[first:place], *grown]
+        spans = np.array(near, dtype=np.int64).reshape(-1, 2)
         index = np.searchsorted(spans[:, 0], stamps, side="right") - 1
         ends = np.append(spans[:, 1] + after_ns, 0)
-        return np.where((index >= 0) & (stamps <= ends[index]), index, -1).astype(np.int32)
+        within = (index >= 0) & (stamps <= ends[index])
+        return np.where(within, first + index, -1).astype(np.int32)
 
     def _close_bin(self) -> None:
+        place, grown = self._grown()
+        self._spans[place:] = grown
+
+    def _grown(self) -> tuple[int, list[MotionSpan]]:
+        """From which place on the bin that is being filled changes the motions, and to what."""
+        count = len(self._spans)
         if not self._count or np.linalg.norm(self._sum) <= MOVING * self._count:
-            return
+            return count, []
         start, end = self._bin * BIN_NS, (self._bin + 1) * BIN_NS
         if self._spans and start - self._spans[-1].end_ns < PAUSE_NS:
-            self._spans[-1] = MotionSpan(self._spans[-1].start_ns, end)
-        else:
-            self._spans.append(MotionSpan(start, end))
+            return count - 1, [MotionSpan(self._spans[-1].start_ns, end)]
+        return count, [MotionSpan(start, end)]
+
+
+def _start(span: MotionSpan) -> int:
+    return span.start_ns

@@ -24,6 +24,8 @@ COMPARISON = "slosh_msgs/msg/SloshComparison"
 LIMIT_EVENT = "slosh_msgs/msg/LimitEvent"
 ESTIMATE_TOPIC = "/slosh/estimate"
 FRAME = "container"
+FACTS = {"content": "replay"}
+"""How a bag of outputs is told from a recording."""
 
 
 class OutputBag(Outputs):
@@ -37,7 +39,7 @@ class OutputBag(Outputs):
 
     def __init__(self, folder: Path) -> None:
         definitions = Definitions()
-        self._writer = BagWriter(folder, definitions)
+        self._writer = BagWriter(folder, definitions, FACTS)
         for topic, message_type in (
             ("estimate", ESTIMATE), ("comparison", COMPARISON), ("limit_event", LIMIT_EVENT)
         ):  # fmt: skip

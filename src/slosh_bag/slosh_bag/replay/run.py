@@ -1,8 +1,8 @@
 """Runs the estimator's and the monitor's cores over a bag: no DDS, no clock, the same numbers.
 
 Images are not touched. Each stream is taken in the order in which it was recorded, the streams are
-merged in the order of their stamps, two seconds behind the newest: as much as an image may need to
-become a height. So a replay holds seconds of a recording in memory, however long that is.
+merged in the order of their stamps, two seconds behind the newest input: as much as an image may
+need to become a height. So a replay holds seconds of a recording in memory, however long that is.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from slosh_bag.replay.bank import BankEstimates, EstimatorBank
 from slosh_bag.replay.inputs import InputReader, stamps_of
 from slosh_bag.replay.live_use import Decision, LiveUse
 from slosh_bag.replay.monitor_feed import Heights, Measurements, MonitorFeed
-from slosh_bag.replay.motions import MotionFinder
+from slosh_bag.replay.motions import BIN_NS, MotionFinder
 from slosh_bag.replay.rows import chosen, joined
 from slosh_bag.replay.series import Series
 from slosh_bag.replay.settings import NodeStart, model_of
@@ -32,7 +32,8 @@ Integers = NDArray[np.int64]
 Columns = Mapping[str, NDArray[Any]]
 
 BEHIND_NS = 2_000_000_000
-"""How long a measurement may come after its stamp and still take its place in the order."""
+"""How long a measurement may come after its stamp and still take its place in the order. An input
+that has been silent for so long, by the recorder's clock, holds nothing up."""
 KEPT_NS = 200_000_000
 """Estimates that are kept before the oldest that was released, to interpolate between."""
 AFTER_MOTION_NS = 1_000_000_000
@@ -100,15 +101,21 @@ class ReplayRun:
         self._inputs: list[tuple[Integers, Columns]] = []
         self._measured: list[Measurements] = []
         self._heights: ModelHeights | None = None
-        self._released = self._newest = -(2**62)
+        self._released = -(2**62)
+        self._newest = {"input": _Newest(), "measurement": _Newest()}
         parts.outputs.begin(parts.bank.own_names)
 
-    def add_input(self, columns: Columns) -> None:
-        """Takes messages of the input: their fields as columns."""
+    def add_input(self, columns: Columns, log_ns: int) -> None:
+        """Takes messages of the input.
+
+        Args:
+            columns: their fields, (N,) each.
+            log_ns: when the last of them was recorded [ns].
+        """
         stamps = stamps_of(columns)
         if len(stamps):
             self._inputs.append((stamps, columns))
-            self._newest = max(self._newest, int(stamps.max()))
+            self._note("input", stamps, log_ns)
 
     def add_recorded(self, columns: Columns) -> None:
         """Takes recorded estimates."""
@@ -125,12 +132,12 @@ class ReplayRun:
             rows = {name: column[spoken] for name, column in columns.items()}
             self._parts.comparisons.add_recorded(stamps_of(rows), rows)
 
-    def add_measurements(self, measured: Measurements) -> None:
-        """Takes measured heights."""
+    def add_measurements(self, measured: Measurements, log_ns: int) -> None:
+        """Takes measured heights, the last of which was recorded at `log_ns`."""
         if len(measured.stamps):
             heights = np.where(measured.flags & UNUSABLE, np.nan, measured.heights)
             self._measured.append(measured._replace(heights=heights))
-            self._newest = max(self._newest, int(measured.stamps.max()))
+            self._note("measurement", measured.stamps, log_ns)
             self.images += len(measured.stamps)
 
     def advance(self, *, final: bool = False) -> None:
@@ -143,13 +150,35 @@ class ReplayRun:
             SloshBagError: the stamps of the input go back.
         """
         self._estimate(final)
-        if self._parts.verifier is not None:
-            self._parts.verifier.compare(final=final)
         if final:
             self.motions.finish()
-        self._release(2**62 if final else self._newest - BEHIND_NS)
+        until = 2**62 if final else self._settled()
+        self._release(until)
+        if self._parts.verifier is not None:
+            self._parts.verifier.compare(until, final=final)
         if self._parts.comparisons is not None:
-            self._parts.comparisons.compare(final=final)
+            # An image waits for the estimate behind it.
+            self._parts.comparisons.compare(until - BEHIND_NS, final=final)
+        if self._parts.follow is not None and not self._inputs:
+            self._parts.follow.forget(until)
+
+    def _note(self, side: str, stamps: Integers, log_ns: int) -> None:
+        known = self._newest[side]
+        self._newest[side] = _Newest(
+            max(known.stamp, int(stamps.max())), max(known.log_ns, log_ns)
+        )
+
+    def _settled(self) -> int:
+        """Up to this stamp everything has come, and every input has become an estimate [ns]."""
+        newest, other = self._newest["input"], self._newest["measurement"]
+        # A strange stamp of an image moves nothing on, as long as inputs come.
+        if other.log_ns - newest.log_ns > BEHIND_NS:
+            newest = other
+        until = newest.stamp - BEHIND_NS
+        if self._inputs:
+            # The motions are known up to the bin before.
+            until = min(until, int(self._inputs[0][0][0]) - 1 - BIN_NS)
+        return until
 
     def _estimate(self, final: bool) -> None:
         """Decided inputs become estimates."""
@@ -191,6 +220,7 @@ class ReplayRun:
 
     def _load(self, change: NodeStart) -> None:
         self._parts.bank.load_model(model_of(change))
+        self._parts.outputs.begin(self._parts.bank.own_names)
 
     def _restart(self) -> None:
         """The node's process was a new one from here on."""
@@ -240,7 +270,8 @@ class ReplayRun:
         self._monitor(
             Heights(estimates.stamps[due], linear, nonlinear, estimates.flags[due]), measured
         )
-        self._released = max(self._released, until)
+        if due.any():
+            self._released = int(estimates.stamps[due][-1])
         kept = estimates.stamps > min(until, int(estimates.stamps[-1])) - KEPT_NS
         self._heights = chosen(estimates, kept)
 
@@ -280,6 +311,13 @@ class ReplayRun:
             rows["usable"] = found.usable
         rows["motion"] = self.motions.number_at(measured.stamps, AFTER_MOTION_NS)
         series.append(rows)
+
+
+class _Newest(NamedTuple):
+    """The greatest stamp and log time of a side so far [ns]."""
+
+    stamp: int = -(2**62)
+    log_ns: int = -(2**62)
 
 
 _FLOATS, _WHOLE = np.empty(0), np.empty(0, dtype=np.int64)

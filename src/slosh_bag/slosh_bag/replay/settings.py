@@ -98,11 +98,16 @@ def model_differences(recorded: Model, replayed: Model) -> list[str]:
     old = _flat(yaml.safe_load(format_model(recorded)))
     new = _flat(yaml.safe_load(format_model(replayed)))
     return [
-        f"model: {key}: recorded {old.get(key, 'nothing')!r}, replayed with "
-        f"{new.get(key, 'nothing')!r}"
+        f"model: {key}: recorded {_shown(old, key)}, replayed {_shown(new, key, 'with ')}"
         for key in {**old, **new}
         if old.get(key) != new.get(key)
     ]
+
+
+def _shown(values: Mapping[str, Any], key: str, preposition: str = "") -> str:
+    if key not in values:
+        return "without it"
+    return "with it" if values[key] is True else f"{preposition}{values[key]!r}"
 
 
 def _flat(document: Any, prefix: str = "") -> dict[str, Any]:

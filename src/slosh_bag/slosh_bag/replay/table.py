@@ -57,8 +57,9 @@ def replay_table(
         run = ReplayRun(name, parts)
         for start in range(0, len(stamps), _BLOCK):
             rows = slice(start, start + _BLOCK)
-            run.add_input(_columns(stamps[rows], table.acceleration[rows]))
-            run.add_measurements(_measurements(stamps[rows], heights[rows]))
+            newest = int(stamps[rows][-1])
+            run.add_input(_columns(stamps[rows], table.acceleration[rows]), newest)
+            run.add_measurements(_measurements(stamps[rows], heights[rows]), newest)
             run.advance()
         run.advance(final=True)
         return conclude(name, name, run, parts)

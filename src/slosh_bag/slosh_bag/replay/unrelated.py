@@ -97,7 +97,7 @@ def judge_unrelated(
             rows["heights"][:, column] = np.where(inside, heights[model], np.nan)
         rows["usable"], rows["motion"], rows["model_azimuth"] = True, -1, np.nan
         series.append(rows)
-        judged = judge(name, series, run.names, clocks=found.clocks)
+        judged = judge(series, run.names, clocks=found.clocks)
     shift_ns = round(found.clocks[-1].offset * 1e9)
     feed = MonitorFeed(monitor)
     _monitor(feed, run, raised, shift_ns)
@@ -108,7 +108,7 @@ def judge_unrelated(
         counters={"images": len(t), "spikes": judged.spikes,
                   "unmatched_images": feed.monitor.unmatched},
         still=found.still, azimuth=none, model_azimuth=none, flags=run.measured.flags,
-        limits=monitor,
+        limits=monitor, warnings=(f"{name}: {judged.warning}",) if judged.warning else (),
     )  # fmt: skip
 
 

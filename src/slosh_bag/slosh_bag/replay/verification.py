@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -20,6 +21,7 @@ Columns = Mapping[str, NDArray[Any]]
 
 _HEIGHTS = ("msh", "azimuth", "sh_x", "sh_y")
 _MODAL = ("modal_position", "modal_position", "modal_velocity", "modal_velocity")
+_HIGHER_MODE = re.compile(r"modal_\w+\[([2-9]|\d\d)")
 COMPARED = ("measured", "estimated_linear", "estimated_nonlinear")
 """Heights of a comparison; σ and ε depend on when the live monitor had started."""
 
@@ -99,6 +101,10 @@ class Verification:
             f"{self.topic}: {self.identical} of {total} messages bit for bit, "
             f"{self.recorded - self.identical} differ, {self.missing} missing"
         ]
+        if self.missing:
+            lines.append(
+                f"{self.topic}: of those that are missing no usable input is in the recording"
+            )
         if self.first is not None:
             lines.append(f"{self.topic}: first difference: {self.first}")
         if self.largest:
@@ -133,16 +139,18 @@ class Verifier:
         if len(stamps):
             self._replayed.append(_Part(stamps, columns))
 
-    def compare(self, *, final: bool = False) -> None:
+    def compare(self, settled: int = -(2**62), *, final: bool = False) -> None:
         """Compares what both sides have come to.
 
         Args:
-            final: nothing follows; what has no counterpart never will have one.
+            settled: what has no counterpart up to this stamp never will have one [ns].
+            final: nothing follows.
         """
         ends = [int(parts[-1].stamps[-1]) for parts in (self._recorded, self._replayed) if parts]
-        if not ends or (len(ends) < 2 and not final):
+        if not ends:
             return
-        until = max(ends) if final else min(ends)
+        common = min(ends) if len(ends) == 2 else settled
+        until = max(ends) if final else max(common, settled)
         recorded, self._recorded = _split(self._recorded, until)
         replayed, self._replayed = _split(self._replayed, until)
         _, left, right = np.intersect1d(recorded.stamps, replayed.stamps, return_indices=True)
@@ -169,11 +177,16 @@ class Verifier:
         first: tuple[int, str, float, float] | None = None
         for field, column in replayed.columns.items():
             known = _column(self._topic, recorded.columns, field)
-            differs = np.flatnonzero(~_same_bits(known, column))
+            differing = ~_same_bits(known, column)
+            if _HIGHER_MODE.search(field):
+                # A model with fewer modes was recorded: there is nothing to compare with.
+                differing &= ~np.isnan(known)
+            differs = np.flatnonzero(differing)
             if not len(differs):
                 continue
             same[differs] = False
-            gap = np.abs(column[differs].astype(np.float64) - known[differs].astype(np.float64))
+            with np.errstate(invalid="ignore"):
+                gap = np.abs(column[differs].astype(float) - known[differs].astype(float))
             largest = float(np.max(np.where(np.isnan(gap), math.inf, gap)))
             self._largest[field] = max(self._largest.get(field, 0.0), largest)
             self._differing[field] = self._differing.get(field, 0) + len(differs)
