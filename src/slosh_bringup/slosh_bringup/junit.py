@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 from xml.etree import ElementTree
 
 from slosh_bringup.errors import SloshBringupError
+
+_ILLEGAL = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+"""What XML 1.0 does not allow: control characters, half surrogate pairs, two non-characters."""
 
 
 class Case(NamedTuple):
@@ -24,31 +28,39 @@ class Case(NamedTuple):
     error: str = ""
 
 
-def write_junit(path: Path, title: str, suites: Sequence[tuple[str, Sequence[Case]]]) -> None:
+class Suite(NamedTuple):
+    """What was looked at in one go.
+
+    Attributes:
+        name: of what was looked at.
+        cases: in order.
+        seconds: that it took.
+    """
+
+    name: str
+    cases: Sequence[Case]
+    seconds: float = 0.0
+
+
+def write_junit(path: Path, title: str, suites: Sequence[Suite]) -> None:
     """Writes a JUnit file.
 
     Args:
         path: the file.
         title: of the whole.
-        suites: name and cases of each suite.
+        suites: what was looked at.
 
     Raises:
         SloshBringupError: it cannot be written.
     """
-    root = ElementTree.Element("testsuites", name=title)
-    for name, cases in suites:
-        suite = ElementTree.SubElement(
-            root, "testsuite", name=name, tests=str(len(cases)),
-            failures=str(sum(bool(case.failure) for case in cases)),
-            errors=str(sum(bool(case.error) for case in cases)),
-        )  # fmt: skip
-        for case in cases:
-            element = ElementTree.SubElement(
-                suite, "testcase", classname=name, name=_legal(case.name)
-            )
-            for kind, text in (("failure", case.failure), ("error", case.error)):
-                if text:
-                    ElementTree.SubElement(element, kind, message=_legal(text)).text = _legal(text)
+    root = ElementTree.Element("testsuites", {"name": _legal(title), **_totals(suites)})
+    for suite in suites:
+        name = _legal(suite.name)
+        element = ElementTree.SubElement(root, "testsuite", {"name": name, **_totals([suite])})
+        for number, case in enumerate(suite.cases):
+            # A case that has no time of its own counts as nothing; the first one did the work.
+            seconds = suite.seconds if number == 0 else 0.0
+            _add_case(element, name, case, seconds)
     ElementTree.indent(root)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -57,6 +69,24 @@ def write_junit(path: Path, title: str, suites: Sequence[tuple[str, Sequence[Cas
         raise SloshBringupError(f"{path}: {error.strerror}") from None
 
 
+def _add_case(suite: ElementTree.Element, class_name: str, case: Case, seconds: float) -> None:
+    element = ElementTree.SubElement(
+        suite, "testcase", classname=class_name, name=_legal(case.name), time=f"{seconds:.3f}"
+    )
+    for kind, text in (("failure", case.failure), ("error", case.error)):
+        if text:
+            ElementTree.SubElement(element, kind, message=_legal(text)).text = _legal(text)
+
+
+def _totals(suites: Sequence[Suite]) -> dict[str, str]:
+    cases = [case for suite in suites for case in suite.cases]
+    return {
+        "tests": str(len(cases)),
+        "failures": str(sum(bool(case.failure) for case in cases)),
+        "errors": str(sum(bool(case.error) for case in cases)),
+        "time": f"{sum(suite.seconds for suite in suites):.3f}",
+    }
+
+
 def _legal(text: str) -> str:
-    """Without the control characters that XML does not allow."""
-    return "".join(c if c in "\t\n\r" or ord(c) >= 0x20 else "\ufffd" for c in text)
+    return _ILLEGAL.sub("\ufffd", text)

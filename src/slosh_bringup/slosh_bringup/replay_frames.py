@@ -10,9 +10,10 @@ import numpy as np
 
 from slosh_bag.errors import SloshBagError
 from slosh_bag.reader import BagReader
+from slosh_bag.replay import settings
+from slosh_bag.replay.cells import CellTopics
 from slosh_bag.replay.report import report_start, shown_models
 from slosh_bag.replay.result import ReplayResult
-from slosh_bag.replay.settings import latest, read_starts
 from slosh_bringup.detect.frame import SourceFrame
 from slosh_bringup.detect.source import bag_frames
 from slosh_camera.calibration import AnyCalibration, parse_any_calibration
@@ -45,10 +46,10 @@ def bag_topics(bag: Path, seconds: float) -> tuple[Topic, ...]:
 def bag_calibration(bag: Path) -> AnyCalibration | None:
     """The calibration that the recorded camera node worked with; None: the bag does not tell."""
     reader = BagReader(bag)
-    topics = [topic for topic in reader.topics() if topic.rsplit("/", 1)[-1] == "settings"]
-    if not topics:
+    topic = CellTopics(reader.topics()).topic(settings.TOPIC, settings.MESSAGE_TYPE)
+    if topic is None:
         return None
-    started = latest(read_starts(reader, topics[0]), "camera")
+    started = settings.latest(settings.read_starts(reader, topic), "camera")
     text = started.files.get("calibration") if started else None
     if text is None:
         return None

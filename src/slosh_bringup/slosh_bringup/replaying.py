@@ -3,33 +3,40 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+import shutil
+import time
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from itertools import chain, count
 from pathlib import Path
 from typing import Any
 
+from slosh_bag.bag_facts import read_facts
+from slosh_bag.bag_folder import METADATA
+from slosh_bag.errors import SloshBagError
 from slosh_bag.manifest import Expectation
 from slosh_bag.replay import ReplayResult, replay_bag
 from slosh_bag.replay.checking import (
     Checked,
+    Point,
     check_result,
     dropped,
     excesses,
     expectation_of,
 )
-from slosh_bag.replay.output_bag import OutputBag
+from slosh_bag.replay.output_bag import FACTS, OutputBag
 from slosh_bag.replay.report import Surroundings, replay_report
 from slosh_bag.replay.result import ModelAccuracy
+from slosh_bag.replay.verification import Verification
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.replay_frames import bag_pictures, bag_topics
 from slosh_discovery.report import RunReport, render_report, report_document
 from slosh_estimator.model_file import read_model
 
-UNCHECKED = Expectation()
 RECORDED = Expectation(tolerance=0.0)
 """What a bag without a manifest must give: its own estimates again."""
-NOT_STATED = Expectation(tolerance=0.0, warnings=("to be stated in the manifest",))
-"""What a bag must give that lies beside a manifest which does not name it: it cannot."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,15 +47,21 @@ class Task:
         bag: folder or file.
         name: of its results.
         model: file to replay with; None: the recorded model.
+        cell: namespace of the topics; None: the bag's only or first cell.
         output: folder of the results; None: none are written.
         expected: what the replay must give; None: nothing.
+        unstated: there is a manifest, and it does not name the bag.
+        figures: whether all figures are told.
     """
 
     bag: Path
     name: str
     model: Path | None = None
+    cell: str | None = None
     output: Path | None = None
     expected: Expectation | None = None
+    unstated: bool = False
+    figures: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,19 +72,23 @@ class Replayed:
         name: of the bag.
         accuracy: of each model.
         checked: against what was expected; None: nothing was.
-        lines: how recorded and replayed estimates compare.
+        estimates: how recorded and replayed estimates compare, in short.
+        differences: the same where they differ, one line each.
         warnings: about the bag.
         counts: images, dropped samples and excesses of limits.
-        document: all figures, as JSON has them.
+        seconds: that the replay took [s].
+        document: all figures, as JSON has them; empty: they were not asked for.
         expectation: what a manifest would state of it now.
     """
 
     name: str
     accuracy: tuple[ModelAccuracy, ...]
     checked: Checked | None
-    lines: tuple[str, ...]
+    estimates: str
+    differences: tuple[str, ...]
     warnings: tuple[str, ...]
     counts: Mapping[str, int]
+    seconds: float
     document: Mapping[str, Any]
     expectation: Expectation
 
@@ -83,32 +100,60 @@ def replay_task(task: Task) -> Replayed:
         SloshBagError: it cannot be replayed.
         SloshBringupError: a result cannot be written.
     """
-    expected = task.expected or UNCHECKED
-    model_file = task.model or expected.model
-    model = read_model(model_file) if model_file else None
+    started = time.perf_counter()
+    model = read_model(task.model) if task.model else None
     if task.output is None:
-        result = replay_bag(task.bag, model)
+        result = replay_bag(task.bag, model, cell=task.cell)
     else:
-        with OutputBag(_new_folder(task.output / task.name)) as outputs:
-            result = replay_bag(task.bag, model, outputs=outputs)
+        with new_bag(task.output / task.name) as outputs:
+            result = replay_bag(task.bag, model, outputs=outputs, cell=task.cell)
     result = replace(result, name=task.name)
-    checked = check_result(result, expected) if task.expected is not None else None
+    checked = _checked(result, task)
     if task.output is not None:
         write_page(task.output, task.bag, result, checked)
+    found = result.verification
     return Replayed(
         task.name,
         result.accuracy,
         checked,
-        result.verification.lines() if result.verification else (),
+        _in_short(found),
+        found.lines() if found and not found.exact else (),
         result.warnings,
         {
             "images": result.counters.get("images", 0),
             "dropped": dropped(result),
             "events": len(excesses(result.events)),
         },
-        json.loads(result.to_json()),
-        expectation_of(result),
+        time.perf_counter() - started,
+        _document(result, checked) if task.figures else {},
+        replace(expectation_of(result), model=task.model),
     )
+
+
+def _checked(result: ReplayResult, task: Task) -> Checked | None:
+    if task.expected is None:
+        return None
+    checked = check_result(result, task.expected)
+    if task.unstated:
+        points = (Point("manifest", "the manifest does not name this bag"), *checked.points)
+        checked = replace(checked, points=points)
+    return checked
+
+
+def _in_short(found: Verification | None) -> str:
+    if found is None or not found.recorded + found.missing:
+        return "none recorded"
+    if found.exact:
+        return f"{found.identical} bit for bit"
+    return f"{found.identical} of {found.recorded + found.missing}"
+
+
+def _document(result: ReplayResult, checked: Checked | None) -> dict[str, Any]:
+    """All figures, and what the checks came to."""
+    points = None
+    if checked is not None:
+        points = [{"name": point.name, "failure": point.failure} for point in checked.points]
+    return {**json.loads(result.to_json()), "checks": points}
 
 
 def write_page(folder: Path, bag: Path, result: ReplayResult, checked: Checked | None) -> None:
@@ -152,35 +197,64 @@ def make_report(bag: Path, result: ReplayResult, around: Surroundings) -> RunRep
 
 def unique_names(bags: Sequence[Path]) -> list[str]:
     """A name for each bag: its own, with those of its parents where several bags share it."""
-    parts = [path.resolve().with_suffix("").parts[1:] for path in bags]
-    names = []
-    for own in parts:
-        depth = 1
-        while depth < len(own) and sum(other[-depth:] == own[-depth:] for other in parts) > 1:
-            depth += 1
-        names.append("-".join(own[-depth:]))
-    return names
+    paths = [path.resolve() for path in bags]
+    parts = [(*path.parent.parts[1:], path.name.removesuffix(".mcap")) for path in paths]
+    found: dict[int, str] = {}
+    left, depth = list(range(len(parts))), 1
+    while left:
+        tails = Counter(parts[index][-depth:] for index in left)
+        for index in left:
+            own = parts[index]
+            if tails[own[-depth:]] == 1 or depth >= len(own):
+                found[index] = "-".join(own[-depth:])
+        left, depth = [index for index in left if index not in found], depth + 1
+    names: dict[str, None] = {}
+    for index in range(len(parts)):
+        # A folder and a file beside it, or 'a-b' and 'a/b', still have one name.
+        tries = chain([found[index]], (f"{found[index]}-{number}" for number in count(2)))
+        names[next(name for name in tries if name not in names)] = None
+    return list(names)
 
 
-def _new_folder(folder: Path) -> Path:
-    """A folder of an earlier replay is replaced: only files that a replay writes are removed.
+@contextmanager
+def new_bag(folder: Path) -> Iterator[OutputBag]:
+    """A bag of outputs, which appears when it is whole; that of an earlier replay is replaced.
 
     Raises:
-        SloshBringupError: it holds something else.
+        SloshBringupError: the folder holds something else; nothing of it is touched.
     """
-    if folder.is_dir():
-        strange = [path for path in folder.iterdir() if not _is_output(folder, path)]
-        if strange:
-            raise SloshBringupError(
-                f"{folder}: holds {strange[0].name}, which is no replay's output; "
-                "choose another folder"
-            )
-        for path in folder.iterdir():
-            path.unlink()
-    return folder
+    if not _may_replace(folder):
+        raise SloshBringupError(
+            f"{folder}: holds something else than a replay's output; choose another folder (-o)"
+        )
+    # The files of a bag bear its folder's name: the new one lies in a folder of its own.
+    beside = folder.parent / f".{folder.name}.part"
+    try:
+        shutil.rmtree(beside, ignore_errors=True)
+        with OutputBag(beside / folder.name) as outputs:
+            yield outputs
+        shutil.rmtree(folder, ignore_errors=True)
+        (beside / folder.name).rename(folder)
+    except OSError as error:
+        raise SloshBringupError(f"{folder}: {error.strerror}") from None
+    finally:
+        shutil.rmtree(beside, ignore_errors=True)
 
 
-def _is_output(folder: Path, path: Path) -> bool:
-    return path.name == "metadata.yaml" or (
-        path.suffix == ".mcap" and path.name.startswith(folder.name)
-    )
+def _may_replace(folder: Path) -> bool:
+    """Whether nothing is there but a bag of outputs."""
+    if not folder.exists() and not folder.is_symlink():
+        return True
+    if not folder.is_dir() or folder.is_symlink():
+        return False
+    files = [path for path in folder.iterdir() if path.name != METADATA]
+    if not files:
+        return not (folder / METADATA).exists()
+    return all(path.suffix == ".mcap" and path.is_file() and _is_output(path) for path in files)
+
+
+def _is_output(file: Path) -> bool:
+    try:
+        return read_facts(file)[0].get("content") == FACTS["content"]
+    except (SloshBagError, OSError):
+        return False

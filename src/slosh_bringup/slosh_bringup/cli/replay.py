@@ -7,18 +7,19 @@ import json
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
-from slosh_bag.errors import SloshBagError
-from slosh_bag.manifest import NAME, Expectation, read_manifest, write_manifest
-from slosh_bag.reader import bag_files
-from slosh_bag.replay.result import accuracy_table
+from slosh_bag.manifest import Expectation, write_manifest
 from slosh_bringup.cli.progress import item_progress
-from slosh_bringup.junit import Case, write_junit
+from slosh_bringup.junit import Case, Suite, write_junit
 from slosh_bringup.many_files import Outcome, map_files
-from slosh_bringup.replaying import NOT_STATED, RECORDED, Replayed, Task, replay_task, unique_names
+from slosh_bringup.replay_tables import accuracy_lines, aligned
+from slosh_bringup.replaying import RECORDED, Replayed, Task, replay_task, unique_names
+from slosh_bringup.stated_bags import StatedBag, find_bags
 from slosh_estimator.model_file import read_model
 
 DONE, FAILED, WRONG_INPUT = 0, 1, 2
+HEADS = ("bag", "images", "dropped", "events", "estimates", "verdict")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -29,28 +30,76 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument("--model", type=Path, help="model.yaml; without it the recorded model")
     parser.add_argument(
+        "--cell", metavar="NAMESPACE", help="which cell of a bag that holds several, e.g. /slosh"
+    )
+    parser.add_argument(
         "-o", "--output", type=Path, help="gets a page, the figures and a bag of outputs per bag"
     )
     parser.add_argument("--json", action="store_true", help="print the figures as JSON")
-    parser.add_argument(
+    aim = parser.add_mutually_exclusive_group()
+    aim.add_argument(
         "--check", action="store_true",
         help="exit 1 unless each bag gives what its manifest.yaml states or, without one, its "
         "own estimates again, bit for bit",
     )  # fmt: skip
-    parser.add_argument("--junit", type=Path, metavar="FILE", help="the checks as JUnit XML")
-    parser.add_argument(
+    aim.add_argument(
         "--write-manifest", action="store_true",
-        help="state in manifest.yaml what the replays give now; what each bag shows is kept",
+        help="state in manifest.yaml what the replays give now; what each bag shows, and "
+        "tolerances, are kept",
     )  # fmt: skip
+    parser.add_argument("--junit", type=Path, metavar="FILE", help="the checks as JUnit XML")
     parser.add_argument("--jobs", type=int, help="processes; without it one per core")
     parser.add_argument("--scheduler", metavar="ADDRESS", help="of a Dask cluster to run on")
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Replays the bags; one that cannot be replayed is told and does not stop the others."""
-    tasks = make_tasks(arguments)
+    stated = find_bags(arguments.bags, arguments.output)
     if arguments.model:
         read_model(arguments.model)  # a mistake in it is told once, not once per bag
+    if arguments.output:
+        arguments.output.mkdir(parents=True, exist_ok=True)
+    outcomes = replay_all(make_tasks(stated, arguments), arguments)
+    tell(outcomes)
+    if arguments.json:
+        print(json.dumps([_document(outcome) for outcome in outcomes], indent=2))
+    else:
+        print_tables(outcomes)
+    if arguments.junit:
+        write_junit(arguments.junit, "slosh replay", [_suite(outcome) for outcome in outcomes])
+    if arguments.write_manifest:
+        return _write_manifests(stated, outcomes)
+    if arguments.check:
+        good = sum(bool(_passed(outcome)) for outcome in outcomes)
+        print(f"{good} of {len(outcomes)} bags as expected", file=sys.stderr)
+        return DONE if good == len(outcomes) else FAILED
+    return DONE if any(outcome.value is not None for outcome in outcomes) else WRONG_INPUT
+
+
+def make_tasks(stated: Sequence[StatedBag], arguments: argparse.Namespace) -> list[Task]:
+    """What is to be replayed, and what it must give."""
+    tasks = []
+    for bag, name in zip(stated, unique_names([bag.path for bag in stated]), strict=True):
+        expected = bag.expected
+        model = arguments.model or (expected.model if expected else None)
+        if arguments.write_manifest:
+            expected = None
+        elif expected is None and (arguments.check or bag.unstated):
+            expected = RECORDED
+        unstated = bag.unstated and expected is not None
+        tasks.append(
+            Task(
+                bag.path, name, model, arguments.cell, arguments.output, expected, unstated,
+                arguments.json,
+            )
+        )  # fmt: skip
+    return tasks
+
+
+def replay_all(
+    tasks: Sequence[Task], arguments: argparse.Namespace
+) -> list[Outcome[Task, Replayed]]:
+    """The outcomes, in the order of the tasks."""
     outcomes: list[Outcome[Task, Replayed]] = []
     with item_progress("replay", len(tasks), "bag") as progress:
         for outcome in map_files(
@@ -58,73 +107,16 @@ def run(arguments: argparse.Namespace) -> int:
         ):
             outcomes.append(outcome)
             progress.update()
-    replayed = [outcome.value for outcome in outcomes if outcome.value is not None]
-    tell(outcomes)
-    if arguments.json:
-        print(json.dumps([item.document for item in replayed], indent=2))
-    else:
-        print_tables(replayed)
-    if arguments.junit:
-        write_junit(arguments.junit, "slosh replay", [_cases(outcome) for outcome in outcomes])
-    if arguments.write_manifest:
-        return _write_manifests(outcomes)
-    if arguments.check:
-        good = sum(item.checked is not None and item.checked.passed for item in replayed)
-        print(f"{good} of {len(tasks)} bags as expected", file=sys.stderr)
-        return DONE if good == len(tasks) else FAILED
-    return DONE if replayed else WRONG_INPUT
-
-
-def make_tasks(arguments: argparse.Namespace) -> list[Task]:
-    """What is to be replayed.
-
-    Raises:
-        SloshBagError: there is no bag, or a manifest cannot be read.
-    """
-    found: dict[Path, Expectation | None] = {}
-    for path in arguments.bags:
-        found.update(_stated(path) if path.is_dir() else {path: _of_parent(path)})
-    if arguments.write_manifest:
-        found = dict.fromkeys(found)
-    unchecked = RECORDED if arguments.check else None
-    return [
-        Task(bag, name, arguments.model, arguments.output, expected or unchecked)
-        for (bag, expected), name in zip(found.items(), unique_names(list(found)), strict=True)
-    ]
-
-
-def _stated(folder: Path) -> dict[Path, Expectation | None]:
-    """A bag, or the bags of a folder, with what a manifest states of them."""
-    if any(folder.glob("*.mcap")) and not (folder / NAME).is_file():
-        bag_files(folder)  # tells at once what is wrong with it
-        return {folder: _of_parent(folder)}
-    manifest = folder / NAME
-    stated = read_manifest(manifest) if manifest.is_file() else {}
-    bags = {path.parent for path in folder.glob("**/*.mcap") if path.parent != folder}
-    bags |= set(folder.glob("*.mcap")) | {folder / name for name in stated}
-    if not bags:
-        raise SloshBagError(f"{folder}: no .mcap file in this folder or below it")
-    if not stated:
-        return dict.fromkeys(sorted(bags))
-    return {
-        bag: stated.get(bag.relative_to(folder).as_posix(), NOT_STATED) for bag in sorted(bags)
-    }
-
-
-def _of_parent(bag: Path) -> Expectation | None:
-    """What the manifest beside a bag states of it; None: there is none."""
-    manifest = bag.resolve().parent / NAME
-    return read_manifest(manifest).get(bag.name) if manifest.is_file() else None
+    return sorted(outcomes, key=lambda outcome: outcome.index)
 
 
 def tell(outcomes: Sequence[Outcome[Task, Replayed]]) -> None:
     """Errors, warnings and failed checks, one line each."""
     for outcome in outcomes:
-        if outcome.value is None:
+        item, expected = outcome.value, outcome.item.expected
+        if item is None:
             print(f"slosh replay: {outcome.error}", file=sys.stderr)
             continue
-        item = outcome.value
-        expected = outcome.item.expected
         for warning in item.warnings:
             if expected is None or not any(text in warning for text in expected.warnings):
                 print(f"slosh replay: warning: {warning}", file=sys.stderr)
@@ -132,43 +124,65 @@ def tell(outcomes: Sequence[Outcome[Task, Replayed]]) -> None:
             print(f"slosh replay: {item.name}: {failure}", file=sys.stderr)
 
 
-def print_tables(replayed: Sequence[Replayed]) -> None:
-    """σ and ε by bag and model; what was recorded against what came out."""
+def print_tables(outcomes: Sequence[Outcome[Task, Replayed]]) -> None:
+    """What became of each bag; σ and ε by bag and model; where estimates differ."""
+    rows = [HEADS, *(_row(outcome) for outcome in outcomes)]
+    if not any(_passed(outcome) is not None for outcome in outcomes):
+        rows = [row[:-1] for row in rows]
+    print("\n".join(aligned(rows, "<>>><<")))
+    replayed = [outcome.value for outcome in outcomes if outcome.value is not None]
     groups: dict[tuple[str, ...], list[Replayed]] = {}
     for item in replayed:
         groups.setdefault(tuple(row.name for row in item.accuracy), []).append(item)
     for names, group in groups.items():
         if names:
-            print(accuracy_table(group))
+            print("\n" + "\n".join(accuracy_lines(group)))
     for item in replayed:
-        counts = ", ".join(f"{count} {name}" for name, count in item.counts.items())
-        verdict = (
-            ""
-            if item.checked is None
-            else "; " + ("as expected" if item.checked.passed else "NOT AS EXPECTED")
-        )
-        told = item.checked is not None and not item.checked.passed  # among the failures
-        lines = () if told else item.lines
-        print("\n".join(f"{item.name}: {line}" for line in (*lines, counts + verdict)))
+        if item.checked is None:  # else they are among the failures
+            for line in item.differences:
+                print(f"{item.name}: {line}")
 
 
-def _cases(outcome: Outcome[Task, Replayed]) -> tuple[str, list[Case]]:
-    name = outcome.item.name
+def _row(outcome: Outcome[Task, Replayed]) -> tuple[str, ...]:
+    item = outcome.value
+    if item is None:
+        return outcome.item.name, "", "", "", "not replayed", "FAILED"
+    verdict = {None: "", True: "as expected", False: "FAILED"}[_passed(outcome)]
+    return (item.name, *map(str, item.counts.values()), item.estimates, verdict)
+
+
+def _passed(outcome: Outcome[Task, Replayed]) -> bool | None:
+    """Whether a bag gave what was expected of it; None: nothing was."""
+    if outcome.item.expected is None:
+        return None
+    item = outcome.value
+    return item is not None and item.checked is not None and item.checked.passed
+
+
+def _document(outcome: Outcome[Task, Replayed]) -> dict[str, Any]:
     if outcome.value is None:
-        return name, [Case("replay", error=outcome.error)]
-    checked = outcome.value.checked
-    points = checked.points if checked else ()
-    return name, [Case("replay"), *(Case(point.name, failure=point.failure) for point in points)]
+        return {"name": outcome.item.name, "error": outcome.error}
+    return dict(outcome.value.document)
 
 
-def _write_manifests(outcomes: Sequence[Outcome[Task, Replayed]]) -> int:
-    """States what the replays gave, in the manifest of each folder of bags."""
-    by_folder: dict[Path, dict[str, Expectation]] = {}
-    for outcome in outcomes:
+def _suite(outcome: Outcome[Task, Replayed]) -> Suite:
+    name, item = outcome.item.name, outcome.value
+    if item is None:
+        return Suite(name, [Case("replay", error=outcome.error)])
+    points = item.checked.points if item.checked else ()
+    cases = [Case(point.name, failure=point.failure) for point in points]
+    return Suite(name, [Case("replay"), *cases], item.seconds)
+
+
+def _write_manifests(
+    stated: Sequence[StatedBag], outcomes: Sequence[Outcome[Task, Replayed]]
+) -> int:
+    """States what the replays gave, in the manifest where each bag belongs."""
+    manifests: dict[Path, dict[str, Expectation]] = {}
+    for bag, outcome in zip(stated, outcomes, strict=True):
         if outcome.value is not None:
-            bag = outcome.item.bag
-            by_folder.setdefault(bag.parent, {})[bag.name] = outcome.value.expectation
-    for folder, expectations in by_folder.items():
-        write_manifest(folder / NAME, expectations)
-        print(f"{folder / NAME}: {len(expectations)} bags", file=sys.stderr)
+            manifests.setdefault(bag.manifest, {})[bag.key] = outcome.value.expectation
+    for manifest, expectations in manifests.items():
+        write_manifest(manifest, expectations)
+        print(f"{manifest}: {len(expectations)} bags", file=sys.stderr)
     return DONE if all(outcome.value is not None for outcome in outcomes) else FAILED

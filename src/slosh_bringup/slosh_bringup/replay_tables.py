@@ -1,0 +1,66 @@
+"""Tables of replays for a terminal."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from slosh_bag.replay.result import Judged, ModelAccuracy
+
+
+def aligned(rows: Sequence[Sequence[str]], sides: str) -> list[str]:
+    """Rows as lines with columns of equal width.
+
+    Args:
+        rows: cells, as many in each row.
+        sides: '<' or '>' for each column: where its text stands; the last one goes on.
+    """
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    sides = sides.ljust(len(widths), sides[-1])
+    return [
+        "  ".join(
+            f"{text:{side}{width}}" for text, side, width in zip(row, sides, widths, strict=False)
+        ).rstrip()
+        for row in rows
+    ]
+
+
+def accuracy_lines(results: Sequence[Judged]) -> list[str]:
+    """σ and ε by bag and model, and their means where there are several bags.
+
+    Args:
+        results: at least one; all with the same models.
+    """
+    names = [row.name for row in results[0].accuracy]
+    clocks = any(row.clock is not None for result in results for row in result.accuracy)
+    heads = ["", *(f"σ {name}" for name in names), *(f"ε {name}" for name in names)]
+    rows = [[*heads, "clock"] if clocks else heads]
+    rows += [_cells(result.name, result.accuracy, clocks) for result in results]
+    if len(results) > 1:
+        by_model = list(zip(*(result.accuracy for result in results), strict=True))
+        sigma = [_mean([row.sigma for row in model]) for model in by_model]
+        size = [_mean([abs(row.epsilon) for row in model]) for model in by_model]
+        mean = ["mean (of ε, its size)", *map(_mm, sigma), *(f"{100 * x:.1f}" for x in size)]
+        rows.append([*mean, ""] if clocks else mean)
+    units = "σ in mm, ε in %" + (", offset of the measured clock in s" if clocks else "")
+    return [*aligned(rows, "<>"), units]
+
+
+def _cells(name: str, accuracy: Sequence[ModelAccuracy], clocks: bool) -> list[str]:
+    sigma = [_mm(row.sigma) for row in accuracy]
+    cells = [name, *sigma, *(f"{100 * row.epsilon:+.1f}" for row in accuracy)]
+    if not clocks:
+        return cells
+    clock = accuracy[-1].clock
+    if clock is None:
+        return [*cells, ""]
+    return [*cells, f"{clock.offset:.3f}" + ("" if clock.unambiguous else " (ambiguous)")]
+
+
+def _mean(values: Sequence[float]) -> float:
+    known = [value for value in values if math.isfinite(value)]
+    return sum(known) / len(known) if known else math.nan
+
+
+def _mm(metres: float) -> str:
+    return f"{1e3 * metres:.2f}"
