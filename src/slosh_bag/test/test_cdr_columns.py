@@ -112,7 +112,7 @@ def bits(value, column):
     """A value as the column's type has it, so that NaN equals NaN bit for bit."""
     if column.dtype == object:
         return value
-    return np.asarray(value).astype(column.dtype, casting="unsafe").tobytes()
+    return quiet(np.asarray(value).astype(column.dtype, casting="unsafe")).tobytes()
 
 
 def quiet(array):
@@ -138,7 +138,7 @@ def assert_same(found, decoded):
 @pytest.mark.parametrize("name", TYPES)
 @pytest.mark.parametrize("little", [True, False], ids=["little", "big"])
 def test_columns_have_the_bits_that_rosbags_reads(name, little):
-    @settings(max_examples=15, deadline=None)
+    @settings(max_examples=15, deadline=None, derandomize=True)
     @given(SEEDS, st.integers(1, 5), st.integers(1, 3))
     def check(seed, count, repeats):
         maker = Maker(seed)
@@ -151,7 +151,7 @@ def test_columns_have_the_bits_that_rosbags_reads(name, little):
 
 @pytest.mark.parametrize("name", TYPES)
 def test_written_messages_have_the_bytes_that_rosbags_writes(name):
-    @settings(max_examples=15, deadline=None)
+    @settings(max_examples=15, deadline=None, derandomize=True)
     @given(SEEDS)
     def check(seed):
         maker = Maker(seed)
@@ -175,7 +175,7 @@ def test_written_messages_have_the_bytes_that_rosbags_writes(name):
 
 def test_a_written_message_is_what_rclpy_sends():
     from builtin_interfaces.msg import Time
-    from rclpy.serialization import serialize_message
+    from rclpy.serialization import deserialize_message, serialize_message
     from std_msgs.msg import Header
 
     from slosh_msgs.msg import ModelEstimate, SloshEstimate
@@ -205,7 +205,16 @@ def test_a_written_message_is_what_rclpy_sends():
             "flags": number,
         },
     )
-    assert [row.tobytes() for row in rows] == sent
+    assert [str(deserialize_message(row.tobytes(), SloshEstimate)) for row in rows] == [
+        str(deserialize_message(part, SloshEstimate)) for part in sent
+    ]
+    # What lies between the values is whatever was in rclpy's memory.
+    told = np.zeros(layout.size, bool)
+    told[layout.fixed] = True
+    for leaf in layout.leaves.values():
+        told[leaf.offset : leaf.offset + leaf.dtype.itemsize * (leaf.count or 1)] = True
+    raw = np.frombuffer(b"".join(sent), np.uint8).reshape(rows.shape)
+    assert np.array_equal(rows[:, told], raw[:, told])
 
 
 def estimates(lengths, stamp=5):
@@ -294,7 +303,7 @@ def test_a_column_that_the_type_cannot_have_is_refused(name, match):
         columns(block_of(ESTIMATE, estimates([1])), STORE, [name])
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300, deadline=None, derandomize=True)
 @given(st.sampled_from(TYPES), SEEDS)
 def test_damaged_messages_are_refused_where_rosbags_refuses_them(name, seed):
     maker = Maker(seed)
