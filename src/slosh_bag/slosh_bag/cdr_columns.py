@@ -90,6 +90,8 @@ class ColumnReader:
                 layout.fixed,
                 layout.values,
             )
+            if not fits[0]:
+                raise SloshBagError(f"{block.topic}: a message outside the block's buffer")
             yield Group(left[fits], layout, _read(layout, packed, names))
             left = left[~fits]
 

@@ -338,9 +338,10 @@ def test_a_string_without_its_end_is_refused_in_any_row():
         columns(block_of(ESTIMATE, [bytes(part) for part in data]), STORE)
 
 
-def test_places_outside_the_buffer_are_not_read():
+@pytest.mark.parametrize("place", [-4, -500, 10**6, 2**62])
+def test_places_outside_the_buffer_are_not_read(place):
     block = block_of(ESTIMATE, estimates([2, 2]))
-    block.start[1] = len(block.buffer) - 10
+    block.start[1] = place
     with pytest.raises(SloshBagError):
         columns(block, STORE)
 
