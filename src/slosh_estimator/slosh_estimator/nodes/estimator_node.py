@@ -79,7 +79,7 @@ class EstimatorNode(Node):
         self.create_service(LoadModel, topics.LOAD_MODEL, self._on_load_model)
         self.create_service(Trigger, topics.RESET, self._on_reset)
         self._flags = 0
-        self._reported_used = 0
+        self._reported_used = self._reported_dropped = 0
         self._report = DiagnosticsReporter(self, self._health, self._facts)
 
     def _subscribe(self, values: dict[str, Any]) -> AccelInput | ImuInput | PoseInput:
@@ -171,11 +171,15 @@ class EstimatorNode(Node):
         gate = self._input.gate
         silent = gate.used == self._reported_used
         self._reported_used = gate.used
+        dropped = gate.dropped - self._reported_dropped
+        self._reported_dropped = gate.dropped
         warning = self._input.warning()
         if warning:
             return ERROR, warning
         if silent:
             return STALE, "no usable input since the last report"
+        if dropped:
+            return WARN, f"{dropped} input samples dropped since the last report, see below"
         flags, self._flags = self._flags, 0
         if flags:
             return WARN, f"validity flags {flags:#x}"
