@@ -185,7 +185,9 @@ def _event_document(event: ExpectedEvent) -> dict[str, Any]:
 
 def _pair(value: Expected) -> dict[str, float]:
     """Rounded to a hundredth of the tolerance, which no check sees."""
-    digits = 2 - math.floor(math.log10(value.tolerance)) if value.tolerance > 0.0 else 17
+    if value.tolerance == 0.0:
+        return {"value": value.value, "tolerance": 0.0}
+    digits = 2 - math.floor(math.log10(value.tolerance))
     return {"value": round(value.value, digits), "tolerance": value.tolerance}
 
 
