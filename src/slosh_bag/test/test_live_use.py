@@ -65,8 +65,8 @@ class Live:
 
 
 some = st.integers(1, 12)
-# What follows a recorded stretch and can be told: inputs that were not used, inputs whose estimates
-# were not recorded, or a new process, up and running before the recorder hears it.
+# What follows a recorded stretch and can be told: inputs that were not used, inputs whose
+# estimates were not recorded, or a new process, up and running before the recorder hears it.
 gap = st.one_of(
     st.tuples(st.tuples(st.just("unused"), some)),
     st.tuples(st.tuples(st.just("unrecorded"), some)),

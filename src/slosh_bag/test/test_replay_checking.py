@@ -1,4 +1,4 @@
-"""A replay is held against each number that is expected, and the failures say what and by how much."""
+"""A replay is held against each number that is expected; failures say what and by how much."""
 
 from __future__ import annotations
 

@@ -1,8 +1,9 @@
-"""Recorded and replayed messages are compared by their stamps and bits, in whatever parts they come."""
+"""Recorded and replayed messages are compared by stamp and bits, in whatever parts they come."""
 
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -150,9 +151,7 @@ def test_parts_give_what_the_whole_gives(unheard, unmade, linear, nonlinear, cut
         (verifier.add_recorded, recorded, cuts_a), (verifier.add_replayed, replayed, cuts_b)
     ):  # fmt: skip
         ends = [0, *sorted(cuts), len(own)]
-        sides.append(
-            [(add, pick(own, values, slice(a, b))) for a, b in zip(ends, ends[1:], strict=False)]
-        )
+        sides.append([(add, pick(own, values, slice(a, b))) for a, b in pairwise(ends)])
     random = np.random.default_rng(seed)
     while any(sides):
         side = sides[int(random.integers(2))] or sides[0] or sides[1]
