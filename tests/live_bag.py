@@ -1,6 +1,8 @@
 """Bags as a live cell would have recorded them, written by the cores one sample at a time."""
 
-from collections.abc import Collection
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterable
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +13,10 @@ from slosh_bag.definitions import Definitions
 from slosh_estimator.accel_input import AccelInput
 from slosh_estimator.estimator import Estimator
 from slosh_estimator.gate import GateSettings
+from slosh_estimator.imu_input import ImuInput, SensorTransform
+from slosh_estimator.pose_input import PoseInput
 from slosh_model.arithmetic import arithmetic_fingerprint
+from slosh_model.constants import GRAVITY
 from slosh_model.model_text import format_model, parse_model
 
 TEXT = """
@@ -37,6 +42,8 @@ TYPES = {
     "accel": "geometry_msgs/msg/AccelStamped",
     "estimate": "slosh_msgs/msg/SloshEstimate",
     "free_surface": "slosh_msgs/msg/FreeSurface",
+    "imu": "sensor_msgs/msg/Imu",
+    "pose": "geometry_msgs/msg/PoseStamped",
     "settings": "slosh_msgs/msg/NodeSettings",
 }
 
@@ -61,9 +68,14 @@ class LiveBag:
         loads: model texts by the index of the first input that they apply to.
         camera_gap: from and to which moment there are no images [s].
         height: measured height over the model's.
+        kind: what drives the estimator: 'accel', 'imu' or 'pose'.
+        image_lag, estimate_lag: from an index to the time until the recorder hears of it [ns].
+        topics: those that are written; None: all.
+        namespace: of the cell.
+        facts: of the whole bag.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, kind: str = "accel") -> None:
         self.unused: Collection[int] = ()
         self.unrecorded: Collection[int] = ()
         self.restarts: Collection[int] = ()
@@ -71,19 +83,41 @@ class LiveBag:
         self.camera_gap = (0.0, 0.0)
         self.height = 1.0
         self.model = MODEL
+        self.kind = kind
+        self.image_lag: Callable[[int], int] = lambda index: 20 * MS
+        self.estimate_lag: Callable[[int], int] = lambda index: 0
+        self.topics: Collection[str] | None = None
+        self.namespace = "/slosh"
+        self.facts: dict[str, str] = {}
         self._definitions = Definitions()
+        for message_type in TYPES.values():
+            self._definitions.hash(message_type)  # makes the type known
         self._types = self._definitions.typestore.types
+        self._entries: list[tuple[int, str, str, bytes]] = []
 
-    def write(self, folder: Path, seconds: float = 3.0) -> Path:
-        """Writes the bag and returns its folder."""
-        with BagWriter(folder, self._definitions) as self._writer:
-            for topic, kind in TYPES.items():
-                self._writer.add_topic(f"/slosh/{topic}", kind)
-            self._settings("monitor", 0, {}, START - MS)
-            self._run(*motion(seconds))
+    def write(self, folder: Path, seconds: float = 3.0, beside: Iterable[LiveBag] = ()) -> Path:
+        """Writes the bag, with other cells `beside` in it, and returns its folder."""
+        entries = self.entries(seconds)
+        for other in beside:
+            entries += other.entries(seconds)
+        with BagWriter(folder, self._definitions, self.facts) as writer:
+            for _, topic, kind, _ in entries:
+                writer.add_topic(topic, kind)
+            for log_ns, topic, _, data in sorted(entries, key=lambda entry: entry[0]):
+                writer.write(topic, data, log_ns)
         return folder
 
+    def entries(self, seconds: float) -> list[tuple[int, str, str, bytes]]:
+        """Log time [ns], topic, type and bytes of each message."""
+        self._entries = []
+        self._settings("monitor", 0, {}, START - MS)
+        self._run(*motion(seconds))
+        return self._entries
+
     def _run(self, stamps: np.ndarray, accelerations: np.ndarray) -> None:
+        # A container that is moved as the poses say is accelerated as the table says.
+        steps = np.diff(stamps, prepend=stamps[0])[:, None] * 1e-9
+        positions = np.cumsum(np.cumsum(accelerations * steps, axis=0) * steps, axis=0).tolist()
         estimator, source = self._start(self.model, 0, int(stamps[0]) - MS)
         for index, (stamp, a) in enumerate(
             zip(stamps.tolist(), accelerations.tolist(), strict=True)
@@ -94,25 +128,45 @@ class LiveBag:
                 estimator.load_model(parse_model(self.loads[index]))
                 files = {"model": format_model(estimator.model)}
                 self._settings("estimator", int(stamps[index - 1]), files, stamp - 1)
-            self._put("accel", stamp, accel=self._accel(a))
-            if index in self.unused:
-                continue
-            sample = source.update(stamp, "world", *a)
+            sample = self._input(source, index, stamp, a, positions[index])
             if sample is None:
                 continue
             estimate = estimator.update(sample)
             if index not in self.unrecorded:
-                self._estimate(estimator, estimate, source.gate)
+                self._estimate(estimator, estimate, source.gate, stamp + self.estimate_lag(index))
             second = (stamp - START) * 1e-9
             if index % 8 == 0 and not self.camera_gap[0] <= second < self.camera_gap[1]:
-                self._surface(stamp, self.height * estimate.nonlinear.msh, estimate)
+                height = self.height * estimate.nonlinear.msh
+                self._surface(sample.stamp_ns, height, estimate, self.image_lag(index))
+
+    def _input(self, source, index: int, stamp: int, a: list[float], position: list[float]):
+        """Records an input; returns the sample that the estimator makes of it, if it gets it."""
+        x, y, z = a
+        if self.kind == "accel":
+            self._put("accel", stamp, accel=self._accel(a))
+            given = ("world", x, y, z)
+        elif self.kind == "imu":
+            given = ((x, y, z + GRAVITY), (0.0, 0.0, 0.3))
+            self._put("imu", stamp, **self._imu(*given))
+        else:
+            given = (tuple(position), (0.0, 0.0, 0.0, 1.0))
+            self._put("pose", stamp, pose=self._pose(*given))
+        return None if index in self.unused else source.update(stamp, *given)
 
     def _start(self, model, stamp: int, log_ns: int):
         self._settings("estimator", stamp, {"model": format_model(model)}, log_ns)
-        return Estimator(model), AccelInput(GateSettings(), ("world", "container"))
+        source = {
+            "accel": lambda: AccelInput(GateSettings(), ("world", "container")),
+            "imu": lambda: ImuInput(GateSettings(), SensorTransform()),
+            "pose": lambda: PoseInput(GateSettings(), 21),
+        }
+        return Estimator(model), source[self.kind]()
 
     def _settings(self, node: str, stamp: int, files: dict[str, str], log_ns: int) -> None:
-        document = yaml.safe_dump({"parameters": PARAMETERS[node], "files": files})
+        parameters = dict(PARAMETERS[node])
+        if node == "estimator":
+            parameters["input"] = self.kind
+        document = yaml.safe_dump({"parameters": parameters, "files": files})
         self._put(
             "settings", stamp, log_ns, node=node, code="0123", document=document,
             arithmetic=arithmetic_fingerprint(),
@@ -124,7 +178,25 @@ class LiveBag:
             linear=vector(*a), angular=vector(0.0, 0.0, 0.0)
         )
 
-    def _estimate(self, estimator: Estimator, estimate, gate) -> None:
+    def _imu(self, force: tuple[float, ...], rate: tuple[float, ...]) -> dict[str, object]:
+        vector = self._types["geometry_msgs/msg/Vector3"]
+        nothing = np.zeros(9)
+        return {
+            "orientation": self._types["geometry_msgs/msg/Quaternion"](0.0, 0.0, 0.0, 1.0),
+            "orientation_covariance": nothing,
+            "angular_velocity": vector(*rate),
+            "angular_velocity_covariance": nothing,
+            "linear_acceleration": vector(*force),
+            "linear_acceleration_covariance": nothing,
+        }
+
+    def _pose(self, position: tuple[float, ...], attitude: tuple[float, ...]):
+        return self._types["geometry_msgs/msg/Pose"](
+            self._types["geometry_msgs/msg/Point"](*position),
+            self._types["geometry_msgs/msg/Quaternion"](*attitude),
+        )
+
+    def _estimate(self, estimator: Estimator, estimate, gate, log_ns: int) -> None:
         models = []
         for name, state in zip(
             estimator.names, (estimate.linear, estimate.nonlinear), strict=True
@@ -137,12 +209,12 @@ class LiveBag:
             )
         sample = estimate.sample
         self._put(
-            "estimate", sample.stamp_ns, linear=models[0], nonlinear=models[1],
+            "estimate", sample.stamp_ns, log_ns, linear=models[0], nonlinear=models[1],
             acceleration=np.array(sample[1:4]), jerk=estimate.jerk, yaw=sample.yaw,
             flags=estimate.flags, samples_used=gate.used, samples_dropped=gate.dropped,
         )  # fmt: skip
 
-    def _surface(self, stamp: int, height: float, estimate) -> None:
+    def _surface(self, stamp: int, height: float, estimate, lag: int) -> None:
         kind = self._types[TYPES["free_surface"]]
         unknown = {
             name: float("nan")
@@ -152,14 +224,17 @@ class LiveBag:
         none = np.empty(0, dtype=np.float32)
         given = {"msh": height, "azimuth": estimate.nonlinear.azimuth}
         self._put(
-            "free_surface", stamp, stamp + 20 * MS, **{**unknown, **given},
+            "free_surface", stamp, stamp + lag, **{**unknown, **given},
             profile_azimuth=none, profile_height=none, peak_side=0, flags=0,
         )  # fmt: skip
 
     def _put(self, topic: str, stamp: int, log_ns: int | None = None, **fields) -> None:
+        if self.topics is not None and topic not in self.topics:
+            return
         time = self._types["builtin_interfaces/msg/Time"](*divmod(stamp, 10**9))
         header = self._types["std_msgs/msg/Header"](stamp=time, frame_id="world")
         kind = TYPES[topic]
         message = self._types[kind](header=header, **fields)
         data = bytes(self._definitions.typestore.serialize_cdr(message, kind))
-        self._writer.write(f"/slosh/{topic}", data, stamp if log_ns is None else log_ns)
+        log_ns = stamp if log_ns is None else log_ns
+        self._entries.append((log_ns, f"{self.namespace}/{topic}", kind, data))

@@ -1,0 +1,314 @@
+"""Recordings of every kind: cut into chunks anyhow, late, incomplete, of two cells."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+from slosh_bag.bag_writer import BagWriter
+from slosh_bag.definitions import find_interfaces
+from slosh_bag.errors import SloshBagError
+from slosh_bag.reader import BagReader
+from slosh_bag.replay import bag as bag_replay
+from slosh_bag.replay import replay_bag
+from slosh_bag.replay.checking import excesses
+from slosh_bag.replay.output_bag import OutputBag
+from slosh_estimator.monitor import MonitorSettings
+from slosh_model.model_text import parse_model
+from tests.live_bag import MODEL, MS, START, TEXT, LiveBag
+
+pytestmark = pytest.mark.skipif(
+    find_interfaces("slosh_msgs") is None, reason="the interfaces are not built"
+)
+
+
+@pytest.fixture
+def live():
+    return LiveBag()
+
+
+def everything(result):
+    return json.loads(result.to_json(series=True))
+
+
+def rewritten(bag, folder, chunk, monkeypatch):
+    """The bag with chunks of about so many bytes."""
+    monkeypatch.setattr("slosh_bag.mcap_file.CHUNK_BYTES", chunk)
+    reader = BagReader(bag)
+    with BagWriter(folder) as writer:
+        for name, info in reader.topics().items():
+            writer.add_topic(name, info.message_type)
+        for message in reader.messages():
+            writer.write(message.topic, message.data, message.log_ns, message.publish_ns)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def eventful(tmp_path_factory):
+    """Late images, late estimates, gaps of both sides, a restart."""
+    live = busy(LiveBag())
+    lags = np.random.default_rng(1).integers(5, 1990, 3000) * MS
+    live.image_lag = lambda index: int(lags[index])
+    live.estimate_lag = lambda index: round((100 + 90 * math.sin(index / 100)) * MS)
+    return live.write(tmp_path_factory.mktemp("eventful") / "bag")
+
+
+def busy(live):
+    """Gaps, lost messages and a restart."""
+    live.unused = {300, 301, *range(700, 760), 1500}
+    live.restarts = {1200}
+    live.unrecorded = {900, *range(1200, 1203)}
+    live.camera_gap = (2.2, 2.9)
+    live.height = 1.2
+    return live
+
+
+@pytest.mark.parametrize("chunk", [4 << 10, 50_000, 300_000])
+def test_chunks_do_not_matter(eventful, tmp_path, monkeypatch, chunk):
+    in_one = rewritten(eventful, tmp_path / "one" / "bag", 8 << 20, monkeypatch)
+    in_many = rewritten(eventful, tmp_path / "many" / "bag", chunk, monkeypatch)
+    sources = bag_replay.find_sources(in_many, BagReader(in_many))
+    counts = [len(list(bag_replay.feed(BagReader(bag), sources))) for bag in (in_one, in_many)]
+    assert counts[0] == 1
+    assert counts[1] > 500_000 // chunk
+    expected = replay_bag(in_one)
+    assert expected.verification.exact
+    assert len(expected.events) > 3
+    assert expected.counters["not_used_live"] == 63
+    assert everything(replay_bag(in_many)) == everything(expected)
+
+
+def test_late_images_are_the_same_as_punctual_ones(eventful, live, tmp_path):
+    late, prompt = replay_bag(eventful), replay_bag(busy(live).write(tmp_path / "bag"))
+    assert everything(late) == everything(prompt)
+
+
+def test_one_image_from_the_future_changes_nothing_else(live, tmp_path, monkeypatch):
+    """A camera's clock may be wrong for a moment; the estimates are monitored all the same."""
+    bag = live.write(tmp_path / "good" / "bag")
+    stamps = iter(range(10**6))
+
+    def strange(columns, measurements=bag_replay.measurements):
+        found = measurements(columns)
+        for row in range(len(found.stamps)):
+            if next(stamps) == 20:
+                found.stamps[row] += 3600 * 10**9
+        return found
+
+    good = replay_bag(rewritten(bag, tmp_path / "bag", 20_000, monkeypatch))
+    monkeypatch.setattr(bag_replay, "measurements", strange)
+    result = replay_bag(tmp_path / "bag")
+    assert np.isfinite(result.heights["3D-NL"]).sum() == len(good.stamps) - 1
+    assert len(excesses(result.events)) == len(excesses(good.events)) > 0
+    assert result.comparisons is None
+    assert result.verification.exact
+
+
+@pytest.mark.parametrize("kind", ["imu", "pose"])
+def test_other_inputs_give_their_estimates_again(tmp_path, kind):
+    live = LiveBag(kind)
+    if kind == "imu":
+        live.unused = {700, 701, 900}
+    result = replay_bag(live.write(tmp_path / "bag"))
+    assert result.source == f"/slosh/{kind}"
+    assert result.verification.exact
+    assert result.verification.recorded > 2400
+    assert max(result.measured) > 0.005
+
+
+def test_a_recorded_input_is_taken_before_another_one(live, tmp_path):
+    """The bag holds accelerations too, but its estimator read the IMU."""
+    imu = LiveBag("imu")
+    live.topics = {"accel"}
+    result = replay_bag(imu.write(tmp_path / "bag", beside=[live]))
+    assert result.source == "/slosh/imu"
+    assert result.verification.exact
+
+
+def test_without_images_the_estimates_are_verified_all_the_same(live, tmp_path):
+    live.topics = {"accel", "estimate", "settings"}
+    result = replay_bag(live.write(tmp_path / "bag"))
+    assert result.verification.exact
+    assert (result.accuracy, result.counters["images"], result.warnings) == ((), 0, ())
+    assert len(result.motions) == 0
+    json.loads(result.to_json(series=True))
+
+
+def test_without_estimates_all_inputs_count(live, tmp_path):
+    live.unused = {700, 701}
+    live.topics = {"accel", "free_surface", "settings"}
+    result = replay_bag(live.write(tmp_path / "bag"))
+    assert result.verification is None
+    assert result.counters["samples_used"] == 2500
+    assert "not_used_live" not in result.counters
+
+
+def test_without_settings_a_model_is_needed_and_the_estimates_are_followed(live, tmp_path):
+    live.unused = {700, 701}
+    live.topics = {"accel", "estimate", "free_surface"}
+    bag = live.write(tmp_path / "bag")
+    with pytest.raises(SloshBagError, match="does not say which model or container"):
+        replay_bag(bag)
+    result = replay_bag(bag, MODEL, MonitorSettings(measured_limit=0.006))
+    assert result.verification.exact
+    assert result.counters["not_used_live"] == 2
+    assert result.events
+
+
+def test_the_bags_facts_give_a_container(live, tmp_path):
+    live.topics = {"accel", "free_surface"}
+    live.facts = {"container_radius": "0.05", "container_fill_height": "0.07"}
+    result = replay_bag(live.write(tmp_path / "bag"))
+    assert result.model.container.radius == 0.05
+    assert [row.name for row in result.accuracy] == ["2D-L", "3D-L", "2D-NL", "3D-NL"]
+
+
+def test_only_images_are_refused(live, tmp_path):
+    live.topics = {"estimate", "free_surface", "settings"}
+    with pytest.raises(SloshBagError, match=r"holds no message of accel; nothing drives"):
+        replay_bag(live.write(tmp_path / "bag"))
+
+
+def test_a_camera_that_saw_nothing_is_told_and_the_rest_is_replayed(live, tmp_path):
+    live.height = float("nan")
+    result = replay_bag(live.write(tmp_path / "bag"))
+    assert result.verification.exact
+    assert result.accuracy == ()
+    (warning,) = result.warnings
+    assert warning.startswith("bag: no image shows a height")
+
+
+def test_a_recording_that_begins_late_says_why_it_differs(live, tmp_path):
+    bag = live.write(tmp_path / "whole")
+    reader = BagReader(bag)
+    with BagWriter(tmp_path / "bag") as writer:
+        for name, info in reader.topics().items():
+            writer.add_topic(name, info.message_type)
+        for message in reader.messages():
+            if message.log_ns > START + 2 * 10**9 or message.topic.endswith("settings"):
+                writer.write(message.topic, message.data, message.log_ns)
+    found = replay_bag(tmp_path / "bag").verification
+    assert not found.exact
+    assert not found.missing
+    assert any("when the estimator had used 1001 inputs" in line for line in found.lines())
+
+
+def test_a_recorder_that_was_there_first_changes_nothing(live, tmp_path):
+    """Five seconds of inputs before the estimator's start, its first estimates unheard."""
+    live.unused = range(1100)
+    live.unrecorded = range(1100, 1120)
+    result = replay_bag(live.write(tmp_path / "bag", seconds=5.0))
+    assert result.verification.exact
+    assert result.counters["not_used_live"] == 1100
+    assert (result.verification.missing, result.verification.extra) == (0, 20)
+
+
+def test_inputs_that_the_recorder_lost_are_said_to_be_missing(live, tmp_path):
+    bag = live.write(tmp_path / "whole")
+    reader = BagReader(bag)
+    with BagWriter(tmp_path / "bag") as writer:
+        for name, info in reader.topics().items():
+            writer.add_topic(name, info.message_type)
+        for message in reader.messages():
+            lost = START + 2 * 10**9 < message.log_ns < START + 2 * 10**9 + 7 * MS
+            if not (lost and message.topic.endswith("accel")):
+                writer.write(message.topic, message.data, message.log_ns)
+    found = replay_bag(tmp_path / "bag").verification
+    assert found.missing == 3
+    assert any("no usable input is in the recording" in line for line in found.lines())
+
+
+def cells(tmp_path, **namespaces):
+    first, *others = [LiveBag() for _ in namespaces]
+    for live, (name, height) in zip([first, *others], namespaces.items(), strict=True):
+        live.namespace, live.height = f"/{name}", height
+    return [first, *others]
+
+
+def test_of_two_cells_one_is_replayed_and_the_other_is_named(tmp_path):
+    first, second = cells(tmp_path, left=1.0, right=1.5)
+    bag = first.write(tmp_path / "bag", beside=[second])
+    result = replay_bag(bag)
+    assert result.source == "/left/accel"
+    assert result.verification.exact
+    assert result.verification.topic == "/left/estimate"
+    (warning,) = result.warnings
+    assert warning == f"{bag}: the cell /left is replayed; the bag also holds /right"
+    rows = {row.name: row for row in result.accuracy}
+    assert rows["3D-NL"].sigma == pytest.approx(0.0, abs=1e-12)
+    other = replay_bag(bag, cell="right")
+    assert other.source == "/right/accel"
+    assert other.verification.topic == "/right/estimate"
+    assert {row.name: row for row in other.accuracy}["3D-NL"].sigma > 1e-4
+    with pytest.raises(SloshBagError, match="no topic of a cell /middle"):
+        replay_bag(bag, cell="/middle")
+
+
+def test_two_cells_are_never_mixed(tmp_path):
+    """The first cell has no camera: the second one's is not its own."""
+    first, second = cells(tmp_path, left=1.0, right=1.5)
+    first.topics = {"accel", "estimate", "settings"}
+    result = replay_bag(first.write(tmp_path / "bag", beside=[second]))
+    assert result.source == "/left/accel"
+    assert result.counters["images"] == 0
+
+
+def test_a_robots_own_topic_drives_the_only_cell(tmp_path):
+    cell, robot = cells(tmp_path, slosh=1.0, robot=1.0)
+    cell.topics = {"estimate", "settings", "free_surface"}
+    robot.topics = {"accel"}
+    result = replay_bag(cell.write(tmp_path / "bag", beside=[robot]))
+    assert result.source == "/robot/accel"
+    assert result.verification.exact
+
+
+def test_a_model_with_more_modes_is_compared_where_there_is_something_to_compare(live, tmp_path):
+    bag = live.write(tmp_path / "bag", seconds=1.0)
+    found = replay_bag(bag, parse_model(TEXT + "modes: 2")).verification
+    assert found.recorded == 1500
+    assert all(np.isfinite(value) for value in found.largest.values())
+    assert any("modes: recorded without it, replayed with 2" in line for line in found.lines())
+
+
+def test_a_model_with_other_modes_within_the_run_goes_into_the_new_bag(live, tmp_path):
+    live.loads = {
+        700: TEXT + "modes: 2",
+        1100: TEXT.replace("{name: vertical_acceleration}, ", ""),
+    }
+    bag = live.write(tmp_path / "bag", seconds=1.0)
+    with OutputBag(tmp_path / "new") as outputs:
+        assert replay_bag(bag, outputs=outputs).verification.exact
+    old, new = BagReader(bag), BagReader(tmp_path / "new")
+    pairs = zip(old.messages(["/slosh/estimate"]), new.messages(["/slosh/estimate"]), strict=True)
+    seen = set()
+    for before, after in pairs:
+        a, b = old.decode(before), new.decode(after)
+        assert repr(a.nonlinear) == repr(b.nonlinear)
+        seen.add((b.nonlinear.model, len(b.nonlinear.modal_position)))
+    assert seen == {("3D-NL", 2), ("3D-NL", 4), ("2D-NL", 2)}
+
+
+def test_a_model_that_is_given_stays_through_all_changes(live, tmp_path):
+    live.loads = {700: TEXT.replace("0.07", "0.06")}
+    bag = live.write(tmp_path / "bag", seconds=1.0)
+    result = replay_bag(bag, MODEL)
+    assert result.model == MODEL
+    assert 700 <= result.verification.identical < 710
+
+
+def test_a_gap_of_the_input_alone_does_not_hold_the_images(live, tmp_path, monkeypatch):
+    """The robot is silent for four seconds, the camera goes on."""
+    live.unused = range(1500, 3500)
+    bag = rewritten(live.write(tmp_path / "all", 6.0), tmp_path / "cut", 20_000, monkeypatch)
+    reader = BagReader(bag)
+    with BagWriter(tmp_path / "bag") as writer:
+        for name, info in reader.topics().items():
+            writer.add_topic(name, info.message_type)
+        for message in reader.messages():
+            index = (message.log_ns - START) // (2 * MS)
+            if not (message.topic.endswith("accel") and 1500 <= index < 3500):
+                writer.write(message.topic, message.data, message.log_ns)
+    result = replay_bag(tmp_path / "bag")
+    assert result.verification.exact
+    assert result.counters["gaps"] == 1
