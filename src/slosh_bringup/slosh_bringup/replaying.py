@@ -198,7 +198,12 @@ def make_report(bag: Path, result: ReplayResult, around: Surroundings) -> RunRep
 def unique_names(bags: Sequence[Path]) -> list[str]:
     """A name for each bag: its own, with those of its parents where several bags share it."""
     paths = [path.resolve() for path in bags]
-    parts = [(*path.parent.parts[1:], path.name.removesuffix(".mcap")) for path in paths]
+    stems = [path.with_name(path.name.removesuffix(".mcap")) for path in paths]
+    alike = Counter(stems)
+    parts = [
+        (path if alike[stem] > 1 else stem).parts[1:]
+        for path, stem in zip(paths, stems, strict=True)
+    ]
     found: dict[int, str] = {}
     left, depth = list(range(len(parts))), 1
     while left:
@@ -210,7 +215,7 @@ def unique_names(bags: Sequence[Path]) -> list[str]:
         left, depth = [index for index in left if index not in found], depth + 1
     names: dict[str, None] = {}
     for index in range(len(parts)):
-        # A folder and a file beside it, or 'a-b' and 'a/b', still have one name.
+        # 'a-b' and 'a/b' still have one name.
         tries = chain([found[index]], (f"{found[index]}-{number}" for number in count(2)))
         names[next(name for name in tries if name not in names)] = None
     return list(names)

@@ -1,0 +1,433 @@
+"""`slosh replay`: many bags, manifests, checks, and files for other programs."""
+
+import json
+import math
+import re
+import shutil
+from xml.etree import ElementTree
+
+import pytest
+import yaml
+
+from slosh_bag.definitions import find_interfaces
+from slosh_bag.reader import BagReader
+from slosh_bringup.cli.main import main
+from slosh_bringup.errors import SloshBringupError
+from slosh_bringup.junit import Case, Suite, write_junit
+from slosh_bringup.replaying import new_bag, unique_names
+from tests.live_bag import TEXT, LiveBag
+
+pytestmark = pytest.mark.skipif(
+    find_interfaces("slosh_msgs") is None, reason="the interfaces are not built"
+)
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory):
+    """Three bags of two seconds; only for reading."""
+    folder = tmp_path_factory.mktemp("recorded") / "bags"
+    for name, height in (("a", 1.0), ("b", 1.1), ("c", 1.2)):
+        live = LiveBag()
+        live.height = height
+        live.unused = {700, 701} if name == "b" else ()
+        live.write(folder / name, seconds=1.0)
+    return folder
+
+
+@pytest.fixture
+def bags(recorded, tmp_path):
+    """The same, to be changed."""
+    return shutil.copytree(recorded, tmp_path / "bags")
+
+
+@pytest.fixture
+def changed_model(tmp_path):
+    path = tmp_path / "changed.yaml"
+    path.write_text(TEXT.replace("0.58", repr(math.nextafter(0.58, 1.0))))
+    return path
+
+
+def replay(capsys, *words, jobs="1"):
+    """Exit code, output, complaints without the progress bar."""
+    capsys.readouterr()
+    code = main(["replay", "--jobs", jobs, *map(str, words)])
+    out, err = capsys.readouterr()
+    lines = [line for line in re.split(r"[\r\n]", err) if line and not line.startswith("replay: ")]
+    return code, out, lines
+
+
+def table(out):
+    """The first table: bag, images, dropped, events, estimates, verdict."""
+    lines = out.split("\n\n")[0].splitlines()
+    return {cells[0]: cells[1:] for cells in (re.split(r"  +", line) for line in lines)}
+
+
+def test_one_bag(recorded, capsys):
+    code, out, errors = replay(capsys, recorded / "a")
+    assert (code, errors) == (0, [])
+    assert table(out)["bag"] == ["images", "dropped", "events", "estimates"]
+    assert table(out)["a"][0] == "188"
+    assert table(out)["a"][3] == "1500 bit for bit"
+    assert "σ 3D-NL" in out
+
+
+def test_a_folder_of_bags(recorded, capsys):
+    code, out, errors = replay(capsys, recorded)
+    assert (code, errors) == (0, [])
+    assert list(table(out)) == ["bag", "a", "b", "c"]
+    assert table(out)["b"][1] == "2"  # not used live
+    assert "mean" in out
+    assert max(map(len, out.splitlines())) < 100
+
+
+def test_without_a_manifest_a_check_asks_for_the_recorded_estimates(
+    recorded, capsys, changed_model
+):
+    code, out, errors = replay(capsys, recorded, "--check")
+    assert (code, errors) == (0, ["3 of 3 bags as expected"])
+    assert {row[-1] for row in list(table(out).values())[1:]} == {"as expected"}
+    code, out, errors = replay(capsys, recorded / "a", "--check", "--model", changed_model)
+    assert code == 1
+    assert table(out)["a"][-1] == "FAILED"
+    assert any("alpha: recorded 0.58, replayed with 0.58000" in line for line in errors)
+    assert any("first difference: nonlinear." in line for line in errors)
+    assert errors[-1] == "0 of 1 bags as expected"
+
+
+def test_differences_are_told_without_a_check_too(recorded, capsys, changed_model):
+    code, out, errors = replay(capsys, recorded / "a", "--model", changed_model)
+    assert (code, errors) == (0, [])
+    assert re.search(r"a: /slosh/estimate: \d+ of 1500 messages bit for bit, \d+ differ", out)
+    assert "a: /slosh/estimate: first difference: nonlinear." in out
+
+
+def test_a_manifest_that_was_written_passes_and_then_sees_every_change(
+    bags, capsys, changed_model
+):
+    code, _, errors = replay(capsys, bags, "--write-manifest")
+    assert (code, errors) == (0, [f"{bags / 'manifest.yaml'}: 3 bags"])
+    assert replay(capsys, bags, "--check")[::2] == (0, ["3 of 3 bags as expected"])
+
+    manifest = bags / "manifest.yaml"
+    stated = yaml.safe_load(manifest.read_text())
+    assert stated["bags"]["b"]["drops"] == 2
+    stated["bags"]["a"]["sigma"]["3D-L"]["value"] += 1e-5
+    stated["bags"]["c"]["events"] = []
+    stated["bags"]["c"]["shows"] = "a camera that sees too much"
+    manifest.write_text(yaml.safe_dump(stated))
+    code, out, errors = replay(capsys, bags, "--check")
+    assert code == 1
+    assert [row[-1] for row in list(table(out).values())[1:]] == [
+        "FAILED",
+        "as expected",
+        "FAILED",
+    ]
+    a, c, last = errors
+    assert re.match(r"slosh replay: a: σ 3D-L: [\d.]+ mm, expected [\d.]+ … [\d.]+ mm", a)
+    assert re.match(r"slosh replay: c: limit events: \d, expected 0", c)
+    assert last == "1 of 3 bags as expected"
+
+    shutil.rmtree(bags / "a")
+    LiveBag().write(bags / "a", seconds=1.2)  # another recording under the same name
+    code, _, errors = replay(capsys, bags / "a", "--check")
+    assert code == 1
+    assert any("images: 200, expected 188" in line for line in errors)
+
+    assert replay(capsys, bags, "--write-manifest")[0] == 0
+    assert replay(capsys, bags, "--check")[0] == 0
+    assert yaml.safe_load(manifest.read_text())["bags"]["c"]["shows"] == (
+        "a camera that sees too much"
+    )
+    assert replay(capsys, bags, "--check", "--model", changed_model)[0] == 1
+
+
+def test_a_model_of_the_manifest_is_replayed_with_and_kept(bags, capsys, changed_model):
+    code, _, _ = replay(capsys, bags / "a", "--write-manifest", "--model", changed_model)
+    assert code == 0
+    stated = yaml.safe_load((bags / "manifest.yaml").read_text())["bags"]["a"]
+    assert stated["model"] == "../changed.yaml"
+    assert stated["estimates"] == "exact"  # which this model cannot give
+    code, _, errors = replay(capsys, bags / "a", "--check")
+    assert code == 1
+    assert not any("σ" in line for line in errors)  # with it all other figures are as stated
+    assert any("alpha" in line for line in errors)
+    changed_model.write_text("container: 5\n")
+    code, _, errors = replay(capsys, bags / "a", "--check")
+    assert code == 1
+    assert "changed.yaml" in errors[0]
+
+
+def test_a_bag_that_lacks_and_one_that_is_not_named_fail(bags, capsys):
+    replay(capsys, bags, "--write-manifest")
+    (bags / "c").rename(bags / "d")
+    code, out, errors = replay(capsys, bags, "--check")
+    assert code == 1
+    assert table(out)["c"][-2:] == ["not replayed", "FAILED"]
+    assert table(out)["d"][-1] == "FAILED"
+    assert errors == [
+        f"slosh replay: {bags / 'c'}: no such file or folder",
+        "slosh replay: d: the manifest does not name this bag",
+        "2 of 4 bags as expected",
+    ]
+    assert replay(capsys, bags)[0] == 0  # nothing is to be checked
+    code, _, _ = replay(capsys, bags, "--write-manifest")
+    assert code == 1
+    stated = yaml.safe_load((bags / "manifest.yaml").read_text())["bags"]
+    assert list(stated) == ["a", "b", "c", "d"]
+
+
+def test_a_broken_bag_does_not_stop_the_others(bags, capsys):
+    (file,) = (bags / "b").glob("*.mcap")
+    file.write_bytes(b"no bag")
+    code, out, errors = replay(capsys, bags, "-o", bags.parent / "out")
+    assert code == 0
+    assert errors == [f"slosh replay: {file}: not an MCAP file"]
+    assert list(table(out)) == ["bag", "a", "b", "c"]
+    assert (bags.parent / "out" / "c.html").is_file()
+    assert replay(capsys, bags, "--check")[0] == 1
+    assert replay(capsys, bags / "b")[0] == 2
+
+
+def test_bags_in_subfolders_have_their_place_in_the_manifest(recorded, tmp_path, capsys):
+    shutil.copytree(recorded / "a", tmp_path / "bags" / "deep" / "a")
+    shutil.copytree(recorded / "b", tmp_path / "bags" / "b")
+    assert replay(capsys, tmp_path / "bags", "--write-manifest")[0] == 0
+    assert not (tmp_path / "bags" / "deep" / "manifest.yaml").exists()
+    stated = yaml.safe_load((tmp_path / "bags" / "manifest.yaml").read_text())["bags"]
+    assert list(stated) == ["b", "deep/a"]
+    assert replay(capsys, tmp_path / "bags", "--check")[0] == 0
+
+
+def test_single_files_have_their_place_in_the_manifest(recorded, tmp_path, capsys):
+    for name in ("a", "b"):
+        (file,) = (recorded / name).glob("*.mcap")
+        shutil.copy(file, tmp_path / f"{name}.mcap")
+    assert replay(capsys, *tmp_path.glob("*.mcap"), "--write-manifest")[0] == 0
+    code, out, _ = replay(capsys, tmp_path, "--check")
+    assert code == 0
+    assert list(table(out)) == ["bag", "a", "b"]
+
+
+def test_a_damaged_manifest_is_one_line(bags, capsys):
+    (bags / "manifest.yaml").write_text("bags: {a: {sigma: 1}}")
+    for words in ((bags, "--check"), (bags / "a",), (bags, "--write-manifest")):
+        code, out, errors = replay(capsys, *words)
+        assert (code, out) == (2, "")
+        assert len(errors) == 1
+        assert "manifest.yaml: bags.a.sigma" in errors[0]
+
+
+def test_outputs_are_a_page_figures_and_a_bag(recorded, tmp_path, capsys):
+    output = tmp_path / "new" / "out"
+    assert replay(capsys, recorded, "-o", output)[0] == 0
+    assert sorted(path.name for path in output.iterdir()) == [
+        f"{name}{end}" for name in "abc" for end in ("", ".html", ".json")
+    ]
+    before = (output / "a" / "a_0.mcap").read_bytes()
+    assert replay(capsys, recorded / "a", "-o", output)[0] == 0
+    assert (output / "a" / "a_0.mcap").read_bytes() == before
+    figures = json.loads((output / "a.json").read_text())
+    assert figures["replay"]["verification"]["exact"]
+    assert BagReader(output / "a").topics()["/slosh/estimate"].count == 1500
+
+
+def test_a_recording_is_never_taken_for_an_old_output(bags, capsys):
+    """Its folder has the very name that the output gets."""
+    before = {path: path.read_bytes() for path in (bags / "a").iterdir()}
+    code, _, errors = replay(capsys, bags / "a", "-o", bags)
+    assert code == 2
+    assert errors == [
+        f"slosh replay: {bags / 'a'}: holds something else than a replay's output; "
+        "choose another folder (-o)"
+    ]
+    assert {path: path.read_bytes() for path in (bags / "a").iterdir()} == before
+
+
+@pytest.mark.parametrize("stranger", ["notes.txt", "a_9.mcap", "metadata.yaml"])
+def test_strangers_files_are_not_touched(recorded, tmp_path, capsys, stranger):
+    place = tmp_path / "a" / stranger
+    place.parent.mkdir()
+    place.write_text("mine")
+    code, _, errors = replay(capsys, recorded / "a", "-o", tmp_path)
+    assert code == 2
+    assert len(errors) == 1
+    assert place.read_text() == "mine"
+    assert list(tmp_path.iterdir()) == [place.parent]
+
+
+def test_a_strangers_file_beside_an_old_output_saves_it(recorded, tmp_path, capsys):
+    assert replay(capsys, recorded / "a", "-o", tmp_path)[0] == 0
+    (tmp_path / "a" / "notes.txt").write_text("mine")
+    assert replay(capsys, recorded / "a", "-o", tmp_path)[0] == 2
+    assert (tmp_path / "a" / "notes.txt").read_text() == "mine"
+    assert (tmp_path / "a" / "a_0.mcap").is_file()
+
+
+def test_an_output_that_fails_leaves_the_old_one(recorded, tmp_path):
+    with new_bag(tmp_path / "a"):
+        pass
+    before = (tmp_path / "a" / "a_0.mcap").stat().st_ino
+    with pytest.raises(RuntimeError), new_bag(tmp_path / "a"):
+        raise RuntimeError
+    assert (tmp_path / "a" / "a_0.mcap").stat().st_ino == before
+    assert [path.name for path in tmp_path.iterdir()] == ["a"]
+
+
+def test_outputs_within_the_folder_of_bags_are_none(bags, capsys):
+    for _ in range(2):
+        code, out, errors = replay(capsys, bags, "-o", bags / "out", "--check")
+        assert (code, errors) == (0, ["3 of 3 bags as expected"])
+        assert list(table(out)) == ["bag", "a", "b", "c"]
+
+
+def test_an_output_that_cannot_be_is_one_line(recorded, tmp_path, capsys):
+    (tmp_path / "out").write_text("a file")
+    code, out, errors = replay(capsys, recorded / "a", "-o", tmp_path / "out")
+    assert (code, out, len(errors)) == (2, "", 1)
+    assert str(tmp_path / "out") in errors[0]
+
+
+def test_json_is_all_that_is_printed(bags, capsys):
+    (file,) = (bags / "b").glob("*.mcap")
+    file.write_bytes(b"no bag")
+    code, out, errors = replay(capsys, bags, "--check", "--json")
+    assert code == 1
+    a, b, c = json.loads(out)
+    assert [item["name"] for item in (a, b, c)] == ["a", "b", "c"]
+    assert b["error"] == f"{file}: not an MCAP file"
+    assert a["verification"]["exact"]
+    assert a["checks"] == [
+        {"name": "recorded estimates", "failure": ""}, {"name": "warnings", "failure": ""}
+    ]  # fmt: skip
+    assert "NaN" not in out
+    assert len(errors) == 2
+
+
+def test_junit_names_everything_that_was_looked_at(bags, capsys, changed_model):
+    replay(capsys, bags, "--write-manifest")
+    (file,) = (bags / "b").glob("*.mcap")
+    file.write_bytes(b"no bag")
+    path = bags.parent / "reports" / "junit.xml"
+    assert replay(capsys, bags, "--check", "--junit", path, "--model", changed_model)[0] == 1
+    root = ElementTree.parse(path).getroot()
+    assert root.tag == "testsuites"
+    suites = {suite.get("name"): suite for suite in root}
+    assert list(suites) == ["a", "b", "c"]
+    names = [case.get("name") for case in suites["a"]]
+    assert names[:2] == ["replay", "σ 2D-L"]
+    assert "recorded estimates" in names
+    failed = [case for case in suites["a"] if case.find("failure") is not None]
+    assert {case.get("name") for case in failed} == {"recorded estimates"}
+    assert int(suites["a"].get("failures")) == len(failed) >= 3
+    assert int(suites["a"].get("tests")) == len(suites["a"])
+    assert float(suites["a"].get("time")) > 0.0
+    (error,) = suites["b"].iter("error")
+    assert error.get("message") == f"{file}: not an MCAP file"
+    assert root.get("errors") == "1"
+    assert int(root.get("tests")) == sum(len(suite) for suite in suites.values())
+
+
+HOSTILE = "<a & 'b' \"c\">\x00\x1b[31m\ud800\uffff\u2028 ]]>"
+
+
+def test_junit_takes_any_text(tmp_path):
+    path = tmp_path / "junit.xml"
+    cases = [Case(HOSTILE, failure=HOSTILE), Case("b", error=HOSTILE)]
+    write_junit(path, HOSTILE, [Suite(HOSTILE, cases, 1.5)])
+    root = ElementTree.fromstring(path.read_bytes())
+    (suite,) = root
+    shown = HOSTILE
+    for strange in "\x00\x1b\ud800\uffff":
+        shown = shown.replace(strange, "\ufffd")
+    first, second = suite
+    assert root.get("name") == suite.get("name") == first.get("name") == shown
+    assert first.get("classname") == shown
+    assert first.find("failure").text == first.find("failure").get("message") == shown
+    assert second.find("error").text == shown
+    assert [case.get("time") for case in suite] == ["1.500", "0.000"]
+
+
+def test_junit_that_cannot_be_written_is_told(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(SloshBringupError, match="file"):
+        write_junit(tmp_path / "file" / "junit.xml", "t", [])
+
+
+@pytest.mark.parametrize(
+    ("paths", "names"),
+    [
+        (["x/a", "x/b"], ["a", "b"]),
+        (["x/a", "y/a"], ["x-a", "y-a"]),
+        (["x/1/a", "x/2/a", "x/b"], ["1-a", "2-a", "b"]),
+        (["x/run.1", "x/run.2"], ["run.1", "run.2"]),
+        (["x/a", "x/a.mcap", "x/b.mcap"], ["a", "a.mcap", "b"]),
+        (["x/a-b", "x/a/b", "y/b"], ["a-b", "a-b-2", "y-b"]),
+    ],
+)
+def test_each_bag_has_a_name_of_its_own(tmp_path, paths, names):
+    assert unique_names([tmp_path / path for path in paths]) == names
+
+
+def test_thousands_of_bags_get_their_names_at_once(tmp_path):
+    paths = [tmp_path / f"{day}" / f"{run}" for day in range(50) for run in range(100)]
+    names = unique_names(paths)
+    assert names[101] == "1-1"
+    assert len(set(names)) == 5000
+
+
+def test_bags_of_one_name_keep_apart(recorded, tmp_path, capsys):
+    for folder, bag in (("x", "a"), ("y", "b")):
+        shutil.copytree(recorded / bag, tmp_path / folder / "run")
+    out = tmp_path / "out"
+    code, text, _ = replay(capsys, tmp_path / "x" / "run", tmp_path / "y" / "run", "-o", out)
+    assert code == 0
+    assert list(table(text)) == ["bag", "x-run", "y-run"]
+    assert json.loads((out / "x-run.json").read_text())["replay"]["name"] == "x-run"
+    assert (out / "y-run" / "y-run_0.mcap").is_file()
+
+
+def test_a_bag_that_is_named_twice_is_replayed_once(recorded, capsys):
+    _, out, _ = replay(capsys, recorded / "a", recorded, recorded / "." / "b")
+    assert list(table(out)) == ["bag", "a", "b", "c"]
+
+
+def test_two_processes_give_the_same_as_one(recorded, tmp_path, capsys, changed_model):
+    words = [recorded, "--check", "--json", "--model", changed_model]
+    one = replay(capsys, *words, "-o", tmp_path / "one")
+    two = replay(capsys, *words, "-o", tmp_path / "two", jobs="2")
+    assert one == two
+    for path in (tmp_path / "one").rglob("*.*"):
+        other = tmp_path / "two" / path.relative_to(tmp_path / "one")
+        assert path.read_bytes() == other.read_bytes()
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["no/such/bag"],
+        ["no/such/bag", "--check"],
+        ["{bag}", "no/such/bag"],
+        ["{bag}", "--model", "no/such/model.yaml"],
+        ["{bag}", "--cell", "/other"],
+        ["{bag}", "--jobs", "0"],
+        ["{bag}", "--scheduler", "nowhere:1", "--jobs", "2"],
+        ["{empty}"],
+    ],
+)
+def test_a_wrong_input_is_one_line(recorded, tmp_path, capsys, words):
+    capsys.readouterr()
+    filled = [word.format(bag=recorded / "a", empty=tmp_path) for word in words]
+    assert main(["replay", *filled]) == 2
+    out, err = capsys.readouterr()
+    (line,) = err.strip().splitlines()
+    assert line.startswith("slosh replay: ")
+    assert "Traceback" not in out
+
+
+@pytest.mark.parametrize("words", [[], ["--check"], ["bag", "--chek"], ["bag", "--jobs", "two"],
+                                   ["bag", "--check", "--write-manifest"]])  # fmt: skip
+def test_mistyped_options_exit_with_two(words, capsys):
+    with pytest.raises(SystemExit) as caught:
+        main(["replay", *words])
+    assert caught.value.code == 2
+    assert "Traceback" not in capsys.readouterr().err
