@@ -1,0 +1,122 @@
+"""The page of a real replay in a real browser: it shows the numbers of the files beside it."""
+
+import json
+import re
+
+import headless_browser
+import pytest
+from headless_browser import View
+
+from slosh_bag.definitions import find_interfaces
+from slosh_bringup.cli.main import main
+from tests.live_bag import TEXT, LiveBag
+
+pytestmark = [
+    pytest.mark.skipif(headless_browser.find_browser() is None, reason="no Chromium or Chrome"),
+    pytest.mark.skipif(
+        find_interfaces("slosh_msgs") is None, reason="the interfaces are not built"
+    ),
+]
+LOOK = """
+const all = (selector) => [...document.querySelectorAll(selector)];
+return {
+  heading: document.querySelector("h1").textContent,
+  text: document.body.innerText,
+  charts: all(".chart svg").map((svg) => svg.getBoundingClientRect().width).filter((w) => w > 0),
+  wide: document.documentElement.scrollWidth - document.documentElement.clientWidth,
+  numbers: all("data").map((e) => [e.dataset.path, e.value, e.textContent]),
+};
+"""
+
+
+@pytest.fixture(scope="module")
+def seen(tmp_path_factory):
+    """Page and figures of three replays, all in one start of the browser.
+
+    Of a check that passes, of one that fails with another model, and of a bag without images.
+    """
+    folder = tmp_path_factory.mktemp("pages")
+    live = LiveBag()
+    live.height, live.camera_gap, live.unused = 1.1, (2.2, 2.6), {700, 701}
+    live.write(folder / "bags" / "cup", seconds=2.0)
+    live.topics = {"accel", "estimate", "settings"}
+    live.write(folder / "blind")
+    (folder / "model.yaml").write_text(TEXT.replace("0.58", "0.6"))
+    bags, model = str(folder / "bags"), str(folder / "model.yaml")
+    runs = {
+        "cup": (["--check"], 0, folder / "good"),
+        "changed": (["--check", "--model", model], 1, folder / "bad"),
+    }
+    assert main(["replay", bags, "--write-manifest"]) == 0
+    for words, code, output in runs.values():
+        assert main(["replay", bags, *words, "-o", str(output)]) == code
+    assert main(["replay", str(folder / "blind"), "-o", str(folder / "good")]) == 0
+    files = {
+        "cup": folder / "good" / "cup",
+        "changed": folder / "bad" / "cup",
+        "blind": folder / "good" / "blind",
+    }
+    views = [
+        View(path.with_suffix(".html").read_text(encoding="utf-8"), width)
+        for path in files.values()
+        for width in (1280, 390)
+    ]
+    look = headless_browser.look(views, LOOK)
+    pages = dict(zip(files, zip(look.values[::2], look.values[1::2], strict=True), strict=True))
+    figures = {
+        name: json.loads(path.with_suffix(".json").read_text()) for name, path in files.items()
+    }
+    return pages, figures, look.console
+
+
+def at(document, pointer):
+    for part in pointer.split("/")[1:]:
+        key = part.replace("~1", "/").replace("~0", "~")
+        document = document[int(key)] if isinstance(document, list) else document[key]
+    return document
+
+
+def test_no_error_is_in_the_console(seen):
+    assert seen[2] == []
+
+
+@pytest.mark.parametrize("name", ["cup", "changed", "blind"])
+def test_every_number_is_that_of_the_file_beside_the_page(seen, name):
+    pages, figures, _ = seen
+    for page in pages[name]:
+        assert len(page["numbers"]) > {"blind": 5}.get(name, 40)
+        for path, value, _ in page["numbers"]:
+            assert json.loads(value) == at(figures[name], path), path
+
+
+def test_the_table_shows_what_was_found_in_the_units_that_it_names(seen):
+    pages, figures, _ = seen
+    shown = {path: text for path, _, text in pages["cup"][0]["numbers"]}
+    models = {row["name"]: row for row in figures["cup"]["replay"]["accuracy"]}
+    for number, name in enumerate(("2D-L", "3D-L", "2D-NL", "3D-NL")):
+        row = figures["cup"]["models"][number]
+        assert (row["name"], row["sigma"]) == (name, models[name]["sigma"])
+        sigma = float(re.search(r"[\d.]+", shown[f"/models/{number}/sigma"])[0])
+        assert sigma == pytest.approx(1e3 * models[name]["sigma"], abs=0.006)
+    measured = [height for height in figures["cup"]["replay"]["series"]["measured"] if height]
+    assert max(measured) in [row.get("value") for row in figures["cup"]["key_figures"]]
+
+
+def test_the_verdict_stands_on_the_page(seen):
+    pages, figures, _ = seen
+    assert pages["cup"][0]["heading"] == "cup"
+    assert figures["cup"]["status"]["verdict"] == "passed"
+    assert figures["changed"]["status"]["verdict"] == "failed"
+    text = pages["changed"][0]["text"]
+    assert "surface_nonlinearity.alpha: recorded 0.58, replayed with 0.6" in text
+    assert "first difference: nonlinear." in text
+    assert "surface_nonlinearity" not in pages["cup"][0]["text"].split("Model")[0]
+
+
+def test_there_are_charts_and_nothing_is_wider_than_the_screen(seen):
+    pages, _, _ = seen
+    for name in ("cup", "changed"):
+        for page in pages[name]:
+            assert len(page["charts"]) >= 3
+            assert min(page["charts"]) > 200.0
+    assert all(page["wide"] <= 0 for pair in pages.values() for page in pair)
