@@ -29,7 +29,7 @@ from mcap_ros2.decoder import DecoderFactory
 
 from slosh_bag.bag_writer import BagWriter
 from slosh_bag.definitions import Definitions
-from slosh_bag.export import export_targets, export_topics
+from slosh_bag.interchange.export import export_targets, export_topics
 from slosh_bag.reader import BagReader
 
 RATE = 1000

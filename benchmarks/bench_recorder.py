@@ -45,7 +45,7 @@ from sensor_msgs.msg import CompressedImage, Image
 
 from slosh_bag.bag_writer import Qos
 from slosh_bag.definitions import Definitions
-from slosh_bag.mcap_file import FAST
+from slosh_bag.mcap_files.mcap_file import FAST
 from slosh_bag.nodes.recorder_node import TAKE_PERIOD
 from slosh_bag.nodes.topic_input import TopicInput
 from slosh_bag.reader import BagMessage, BagReader

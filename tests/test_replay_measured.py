@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from slosh_bag.antisloshing import import_antisloshing
 from slosh_bag.definitions import find_interfaces
+from slosh_bag.interchange.antisloshing import import_antisloshing
 from slosh_bag.motion_table import read_motion_table
 from slosh_bag.replay import replay_bag, replay_table
 from slosh_model.containers import Cylinder

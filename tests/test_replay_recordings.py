@@ -34,7 +34,7 @@ def everything(result):
 
 def rewritten(bag, folder, chunk, monkeypatch):
     """The bag with chunks of about so many bytes."""
-    monkeypatch.setattr("slosh_bag.mcap_file.CHUNK_BYTES", chunk)
+    monkeypatch.setattr("slosh_bag.mcap_files.mcap_file.CHUNK_BYTES", chunk)
     reader = BagReader(bag)
     with BagWriter(folder) as writer:
         for name, info in reader.topics().items():

@@ -17,7 +17,7 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-from slosh_bag.antisloshing import import_antisloshing
+from slosh_bag.interchange.antisloshing import import_antisloshing
 from slosh_bag.motion_table import read_motion_table
 from slosh_bag.replay import replay_bag, replay_table
 from slosh_bag.replay.result import update_table

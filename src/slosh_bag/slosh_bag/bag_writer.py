@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 
-from slosh_bag.bag_metadata import SERIALIZATION, FileFacts, Qos, TopicFacts, save
 from slosh_bag.definitions import Definitions
 from slosh_bag.errors import SloshBagError
-from slosh_bag.mcap_file import SMALL, McapFile
+from slosh_bag.mcap_files.bag_metadata import SERIALIZATION, FileFacts, Qos, TopicFacts, save
+from slosh_bag.mcap_files.mcap_file import SMALL, McapFile
 
 __all__ = ["NEVER", "SERIALIZATION", "BagWriter", "Qos", "Split"]
 

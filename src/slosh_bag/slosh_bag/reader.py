@@ -16,16 +16,16 @@ from rosbags.typesys.base import TypesysError
 from rosbags.typesys.store import Typestore
 from zstandard import ZstdError
 
-from slosh_bag.bag_facts import read_facts
-from slosh_bag.bag_folder import bag_files, folder_facts, ordered_files
-from slosh_bag.bag_types import BagTypes
-from slosh_bag.cdr_columns import ColumnReader
-from slosh_bag.chunks import MessageBlock, Piece
+from slosh_bag.columns.cdr_columns import ColumnReader
 from slosh_bag.errors import SloshBagError
-from slosh_bag.found import Found
-from slosh_bag.mcap_merge import Span, in_log_order
-from slosh_bag.mcap_summary import read_summary
-from slosh_bag.mcap_walk import McapWalk, is_in_order
+from slosh_bag.mcap_files.bag_facts import read_facts
+from slosh_bag.mcap_files.bag_folder import bag_files, folder_facts, ordered_files
+from slosh_bag.mcap_files.bag_types import BagTypes
+from slosh_bag.mcap_files.chunks import MessageBlock, Piece
+from slosh_bag.mcap_files.found import Found
+from slosh_bag.mcap_files.mcap_merge import Span, in_log_order
+from slosh_bag.mcap_files.mcap_summary import read_summary
+from slosh_bag.mcap_files.mcap_walk import McapWalk, is_in_order
 
 __all__ = ["DAMAGE", "BagMessage", "BagReader", "TopicInfo", "bag_files"]
 

@@ -22,7 +22,7 @@ from rosbags.typesys.base import TypesysError
 
 from slosh_bag.bag_writer import NEVER, BagWriter, Qos, Split
 from slosh_bag.errors import SloshBagError
-from slosh_bag.mcap_file import FAST
+from slosh_bag.mcap_files.mcap_file import FAST
 
 FLUSH_PERIOD = 0.5  # s
 """A killed process loses at most what came since the last flush, and what waited then."""

@@ -11,18 +11,18 @@ import numpy as np
 import yaml
 from mcap.records import Channel, Schema
 
-from slosh_bag.bag_facts import NAME as FACTS
-from slosh_bag.bag_folder import folder_facts, ordered_files
-from slosh_bag.bag_metadata import Qos
-from slosh_bag.bag_types import BagTypes
 from slosh_bag.bag_writer import BagWriter
-from slosh_bag.chunks import Piece
 from slosh_bag.definitions import Definitions
 from slosh_bag.errors import SloshBagError
-from slosh_bag.mcap_walk import McapWalk
+from slosh_bag.interchange.whole_bag import removed_on_failure
+from slosh_bag.mcap_files.bag_facts import NAME as FACTS
+from slosh_bag.mcap_files.bag_folder import folder_facts, ordered_files
+from slosh_bag.mcap_files.bag_metadata import Qos
+from slosh_bag.mcap_files.bag_types import BagTypes
+from slosh_bag.mcap_files.chunks import Piece
+from slosh_bag.mcap_files.mcap_walk import McapWalk
+from slosh_bag.mcap_files.seal import SEAL, seal_of
 from slosh_bag.reader import DAMAGE
-from slosh_bag.seal import SEAL, seal_of
-from slosh_bag.whole_bag import removed_on_failure
 
 Progress = Callable[[int], object]
 

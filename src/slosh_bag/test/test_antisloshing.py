@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 import scipy.io
 
-from slosh_bag.antisloshing import POSE_TOPIC, SURFACE_TOPIC, import_antisloshing
 from slosh_bag.definitions import find_interfaces
 from slosh_bag.errors import SloshBagError
+from slosh_bag.interchange.antisloshing import POSE_TOPIC, SURFACE_TOPIC, import_antisloshing
 from slosh_bag.reader import BagReader
 
 RUN = "LE_2D_test"

@@ -11,11 +11,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rosbags.interfaces import Nodetype
 
-from slosh_bag.cdr_columns import ColumnReader, columns, write_messages
-from slosh_bag.cdr_layout import layout_of
-from slosh_bag.chunks import MessageBlock
+from slosh_bag.columns.cdr_columns import ColumnReader, columns, write_messages
+from slosh_bag.columns.cdr_layout import layout_of
 from slosh_bag.definitions import Definitions
 from slosh_bag.errors import SloshBagError
+from slosh_bag.mcap_files.chunks import MessageBlock
 
 DEFINITIONS = Definitions()
 STORE = DEFINITIONS.typestore

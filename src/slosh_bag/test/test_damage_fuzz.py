@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 from mcap.writer import CompressionType, Writer
 
-from slosh_bag.bag_metadata import Qos
 from slosh_bag.bag_writer import BagWriter, Split
 from slosh_bag.definitions import Definitions
 from slosh_bag.errors import SloshBagError
+from slosh_bag.mcap_files.bag_metadata import Qos
 from slosh_bag.reader import BagReader
 from slosh_bag.recover import recover_bag
 

@@ -19,12 +19,12 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from rosbags.typesys import get_types_from_msg
 
-from slosh_bag import export, export_rows
 from slosh_bag.bag_writer import BagWriter
 from slosh_bag.definitions import Definitions, find_interfaces
 from slosh_bag.errors import SloshBagError
-from slosh_bag.export import export_targets, export_topics
-from slosh_bag.export_fields import leaves
+from slosh_bag.interchange import export, export_rows
+from slosh_bag.interchange.export import export_targets, export_topics
+from slosh_bag.interchange.export_fields import leaves
 from slosh_bag.reader import BagReader
 
 KIND, PART = "odd_msgs/msg/Everything", "odd_msgs/msg/Part"

@@ -5,11 +5,12 @@ from pathlib import Path
 
 import pytest
 
-from slosh_bag.bag_contents import BagTopic, bag_contents, parse_offered
 from slosh_bag.bag_writer import BagWriter, Qos
 from slosh_bag.definitions import Definitions
 from slosh_bag.errors import SloshBagError
-from slosh_bag.play_plan import (
+from slosh_bag.interchange.bag_contents import BagTopic, bag_contents, parse_offered
+from slosh_bag.mcap_files.read_ahead import BATCH_LENGTH, BATCHES, ReadAhead
+from slosh_bag.playing.play_plan import (
     PlayRequest,
     is_input,
     make_plan,
@@ -18,8 +19,7 @@ from slosh_bag.play_plan import (
     renamed,
     without,
 )
-from slosh_bag.playback import SECOND, Playback, PlaybackSettings
-from slosh_bag.read_ahead import BATCH_LENGTH, BATCHES, ReadAhead
+from slosh_bag.playing.playback import SECOND, Playback, PlaybackSettings
 from slosh_bag.reader import BagMessage
 
 MS = 1_000_000

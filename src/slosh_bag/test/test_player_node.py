@@ -21,8 +21,8 @@ from rosgraph_msgs.msg import Clock
 from slosh_bag.bag_writer import BagWriter, Qos
 from slosh_bag.nodes.player_node import PlayerNode, playable
 from slosh_bag.nodes.player_thread import PlayerThread
-from slosh_bag.play_plan import PlayRequest, make_plan
-from slosh_bag.playback import PlaybackSettings
+from slosh_bag.playing.play_plan import PlayRequest, make_plan
+from slosh_bag.playing.playback import PlaybackSettings
 from slosh_bag.reader import BagReader
 from slosh_estimator.estimator import Estimator
 from slosh_estimator.model_file import read_model

@@ -10,12 +10,12 @@ from mcap.data_stream import RecordBuilder
 from mcap.records import Channel, Chunk, Header, Message, Schema
 from mcap.writer import CompressionType, IndexType, Writer
 
-from slosh_bag.bag_folder import bag_files
-from slosh_bag.bag_metadata import Qos
 from slosh_bag.bag_writer import BagWriter, Split
-from slosh_bag.chunks import chunk_header, read_chunk
 from slosh_bag.definitions import Definitions
 from slosh_bag.errors import SloshBagError
+from slosh_bag.mcap_files.bag_folder import bag_files
+from slosh_bag.mcap_files.bag_metadata import Qos
+from slosh_bag.mcap_files.chunks import chunk_header, read_chunk
 from slosh_bag.reader import BagReader
 
 HEADER = "std_msgs/msg/Header"

@@ -13,7 +13,7 @@ from mcap.reader import make_reader
 
 from slosh_bag import recorder as recorder_module
 from slosh_bag.bag_writer import BagWriter, Qos, Split
-from slosh_bag.mcap_file import McapFile
+from slosh_bag.mcap_files.mcap_file import McapFile
 from slosh_bag.reader import BagReader
 from slosh_bag.recorder import FLUSH_PERIOD, QUEUE_LENGTH, Recorder
 

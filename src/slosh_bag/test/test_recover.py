@@ -7,10 +7,10 @@ import yaml
 from mcap.reader import make_reader
 from mcap.writer import Writer
 
-from slosh_bag.bag_metadata import Qos
 from slosh_bag.bag_writer import BagWriter
 from slosh_bag.definitions import Definitions
 from slosh_bag.errors import SloshBagError
+from slosh_bag.mcap_files.bag_metadata import Qos
 from slosh_bag.reader import BagReader
 from slosh_bag.recover import recover_bag
 

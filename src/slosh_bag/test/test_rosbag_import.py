@@ -27,8 +27,8 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from slosh_bag.definitions import find_interfaces
 from slosh_bag.errors import SloshBagError
+from slosh_bag.interchange.rosbag_import import find_rosbags, import_rosbag
 from slosh_bag.reader import BagReader
-from slosh_bag.rosbag_import import find_rosbags, import_rosbag
 
 ROS1 = get_typestore(Stores.ROS1_NOETIC)
 ROS2 = get_typestore(Stores.ROS2_HUMBLE)

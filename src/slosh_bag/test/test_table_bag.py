@@ -14,15 +14,20 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from slosh_bag.bag_motion import Motion
-from slosh_bag.bag_table import TableSettings, read_bag_table, with_rows_at
 from slosh_bag.bag_writer import BagWriter
 from slosh_bag.definitions import Definitions, find_interfaces
 from slosh_bag.errors import SloshBagError
+from slosh_bag.interchange.bag_motion import Motion
+from slosh_bag.interchange.bag_table import TableSettings, read_bag_table, with_rows_at
+from slosh_bag.interchange.table_bag import (
+    import_table,
+    table_stamps,
+    table_times,
+    write_table_bag,
+)
 from slosh_bag.motion_table import MotionTable, read_motion_table, write_motion_table
 from slosh_bag.reader import BagReader
 from slosh_bag.replay.inputs import InputSettings
-from slosh_bag.table_bag import import_table, table_stamps, table_times, write_table_bag
 from slosh_estimator.gate import GateSettings
 from slosh_model.constants import GRAVITY
 

@@ -13,10 +13,10 @@ from itertools import chain, count
 from pathlib import Path
 from typing import Any
 
-from slosh_bag.bag_facts import read_facts
-from slosh_bag.bag_folder import METADATA
 from slosh_bag.errors import SloshBagError
 from slosh_bag.manifest import Expectation
+from slosh_bag.mcap_files.bag_facts import read_facts
+from slosh_bag.mcap_files.bag_folder import METADATA
 from slosh_bag.replay import ReplayResult, replay_bag
 from slosh_bag.replay.checking import (
     Checked,

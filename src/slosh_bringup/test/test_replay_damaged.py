@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from slosh_bag.bag_writer import BagWriter
+from slosh_bag.interchange.table_bag import write_table_bag
 from slosh_bag.motion_table import MotionTable
 from slosh_bag.reader import BagReader
-from slosh_bag.table_bag import write_table_bag
 from slosh_bringup.cli.main import main
 from slosh_model.containers import Cylinder
 from slosh_model.model import Model

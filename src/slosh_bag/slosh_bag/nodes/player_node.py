@@ -18,8 +18,15 @@ from rosgraph_msgs.msg import Clock
 from slosh_bag.bag_writer import Qos
 from slosh_bag.nodes.player_thread import BEHIND_NS, PlayerThread
 from slosh_bag.nodes.recorder_node import find_type
-from slosh_bag.play_plan import CLOCK, STREAM_DEPTH, PlayPlan, PlayRequest, make_plan, without
-from slosh_bag.playback import CLOCK_RATES, RATES, PlaybackSettings
+from slosh_bag.playing.play_plan import (
+    CLOCK,
+    STREAM_DEPTH,
+    PlayPlan,
+    PlayRequest,
+    make_plan,
+    without,
+)
+from slosh_bag.playing.playback import CLOCK_RATES, RATES, PlaybackSettings
 from slosh_msgs_py.node.diagnostics import ERROR, OK, WARN, DiagnosticsReporter, Health
 from slosh_msgs_py.node.parameters import ParameterSpec, declare
 from slosh_msgs_py.node.run import EXIT_WRONG_INPUT, run_node

@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 import slosh_estimator
-from slosh_bag.cdr_columns import ColumnReader
-from slosh_bag.chunks import MessageBlock
+from slosh_bag.columns.cdr_columns import ColumnReader
 from slosh_bag.errors import SloshBagError
+from slosh_bag.mcap_files.chunks import MessageBlock
 from slosh_bag.reader import BagReader
 from slosh_bag.replay import inputs, settings
 from slosh_bag.replay.bank import EstimatorBank

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from slosh_bag.bag_writer import BagWriter
-from slosh_bag.cdr_columns import write_messages
-from slosh_bag.cdr_layout import Layout, layout_of
+from slosh_bag.columns.cdr_columns import write_messages
+from slosh_bag.columns.cdr_layout import Layout, layout_of
 from slosh_bag.definitions import Definitions
 from slosh_bag.replay.bank import BankEstimates
 from slosh_bag.replay.run import Outputs

@@ -10,8 +10,8 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-from slosh_bag.bag_table import NO_HEIGHTS, TableSettings, read_bag_table
-from slosh_bag.export import check_targets, export_targets, export_topics
+from slosh_bag.interchange.bag_table import NO_HEIGHTS, TableSettings, read_bag_table
+from slosh_bag.interchange.export import check_targets, export_targets, export_topics
 from slosh_bag.motion_table import write_motion_table
 from slosh_bag.reader import BagReader, TopicInfo
 from slosh_bag.replay.inputs import KINDS

@@ -9,9 +9,9 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-from slosh_bag.antisloshing import find_runs, import_antisloshing
-from slosh_bag.rosbag_import import RosbagImport, find_rosbags, import_rosbag
-from slosh_bag.table_bag import import_table
+from slosh_bag.interchange.antisloshing import find_runs, import_antisloshing
+from slosh_bag.interchange.rosbag_import import RosbagImport, find_rosbags, import_rosbag
+from slosh_bag.interchange.table_bag import import_table
 from slosh_bringup.errors import SloshBringupError
 
 

@@ -7,8 +7,8 @@ import os
 from pathlib import Path
 from typing import Any
 
-from slosh_bag.play_plan import PlayRequest, make_plan
-from slosh_bag.playback import PlaybackSettings
+from slosh_bag.playing.play_plan import PlayRequest, make_plan
+from slosh_bag.playing.playback import PlaybackSettings
 from slosh_bringup.cli.progress import clock, progress_bar
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.processes import node_environment

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-from slosh_bag.bag_folder import ordered_files
+from slosh_bag.mcap_files.bag_folder import ordered_files
 from slosh_bag.recover import Recovery, recover_bag
 
 

@@ -33,8 +33,8 @@ from mcap.records import (
 )
 from mcap.writer import MCAP0_MAGIC
 
-from slosh_bag.bag_metadata import SERIALIZATION
-from slosh_bag.seal import sealed
+from slosh_bag.mcap_files.bag_metadata import SERIALIZATION
+from slosh_bag.mcap_files.seal import sealed
 
 CHUNK_BYTES = 2**20
 """A chunk ends with the message that makes it as long as this, before compression [bytes]."""

@@ -10,13 +10,13 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, Final, Literal, NamedTuple
 
-from slosh_bag.chunks import MessageBlock
 from slosh_bag.errors import SloshBagError
-from slosh_bag.export_rows import RowReader
-from slosh_bag.export_sinks import Sink, load_pyarrow, make_sink
-from slosh_bag.mcap_walk import is_in_order
+from slosh_bag.interchange.export_rows import RowReader
+from slosh_bag.interchange.export_sinks import Sink, load_pyarrow, make_sink
+from slosh_bag.interchange.topic_choice import find_topic
+from slosh_bag.mcap_files.chunks import MessageBlock
+from slosh_bag.mcap_files.mcap_walk import is_in_order
 from slosh_bag.reader import BagMessage, BagReader
-from slosh_bag.topic_choice import find_topic
 
 Form = Literal["csv", "parquet"]
 SUFFIXES: Final = (".csv", ".csv.gz", ".parquet")

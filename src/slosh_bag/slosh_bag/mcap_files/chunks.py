@@ -17,8 +17,8 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, Schema
 from numpy.typing import NDArray
 
-from slosh_bag.chunk_scan import BAD_LENGTH, BAD_RECORD, BAD_TIME, CUT, WHOLE, scan
 from slosh_bag.errors import SloshBagError
+from slosh_bag.mcap_files.chunk_scan import BAD_LENGTH, BAD_RECORD, BAD_TIME, CUT, WHOLE, scan
 
 Integers = NDArray[np.int64]
 Bytes = NDArray[np.uint8]

@@ -8,9 +8,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from slosh_bag.cdr_columns import ColumnReader, Group
-from slosh_bag.chunks import MessageBlock
-from slosh_bag.export_fields import STAMP, Leaf, leaves, row_getter
+from slosh_bag.columns.cdr_columns import ColumnReader, Group
+from slosh_bag.interchange.export_fields import STAMP, Leaf, leaves, row_getter
+from slosh_bag.mcap_files.chunks import MessageBlock
 from slosh_bag.reader import BagMessage, BagReader
 
 SECOND: Final = 1_000_000_000

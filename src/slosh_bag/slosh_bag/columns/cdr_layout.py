@@ -16,8 +16,8 @@ import numpy as np
 from rosbags.interfaces import Nodetype
 from rosbags.typesys.store import Typestore
 
-from slosh_bag.chunks import Bytes, Integers
 from slosh_bag.errors import SloshBagError
+from slosh_bag.mcap_files.chunks import Bytes, Integers
 
 HEADER = 4
 """Encapsulation before the values: byte order and options [bytes]."""

@@ -27,8 +27,8 @@ from numpy.typing import NDArray
 from slosh_bag.bag_writer import BagWriter
 from slosh_bag.definitions import Definitions
 from slosh_bag.errors import SloshBagError
+from slosh_bag.interchange.whole_bag import removed_on_failure
 from slosh_bag.motion_table import MotionTable, column_names, read_motion_table
-from slosh_bag.whole_bag import removed_on_failure
 from slosh_model.constants import GRAVITY
 
 Array = NDArray[np.float64]

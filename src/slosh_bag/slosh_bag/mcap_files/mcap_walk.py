@@ -17,8 +17,9 @@ import numpy as np
 from mcap.opcode import Opcode
 from mcap.records import Channel, Header, Metadata, Schema
 
-from slosh_bag.chunk_scan import find_chunk
-from slosh_bag.chunks import (
+from slosh_bag.errors import SloshBagError
+from slosh_bag.mcap_files.chunk_scan import find_chunk
+from slosh_bag.mcap_files.chunks import (
     RECORD_HEADER,
     ChunkHeader,
     DamageError,
@@ -29,10 +30,9 @@ from slosh_bag.chunks import (
     read_chunk,
     read_loose,
 )
-from slosh_bag.errors import SloshBagError
-from slosh_bag.found import Found, Gap
-from slosh_bag.mcap_summary import MAGIC, Summary, read_summary
-from slosh_bag.record_stream import CutOffError, RecordStream
+from slosh_bag.mcap_files.found import Found, Gap
+from slosh_bag.mcap_files.mcap_summary import MAGIC, Summary, read_summary
+from slosh_bag.mcap_files.record_stream import CutOffError, RecordStream
 
 CHUNK_START = 56
 """Enough of a chunk's content to read its header [bytes]."""

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_bag.errors import SloshBagError
+from slosh_bag.interchange.table_bag import NOT_REPORTED, SECOND
 from slosh_bag.replay.inputs import STAMP, InputReader, InputSettings, fields, stamps_of
-from slosh_bag.table_bag import NOT_REPORTED, SECOND
 from slosh_estimator.rotation import matrix_from_rpy
 from slosh_estimator.sample import Samples
 

@@ -13,12 +13,12 @@ from typing import BinaryIO
 from mcap.opcode import Opcode
 from mcap.records import Metadata, MetadataIndex
 
-from slosh_bag.chunks import RECORD_HEADER, DamageError, parse
 from slosh_bag.errors import SloshBagError
-from slosh_bag.mcap_summary import read_summary
-from slosh_bag.mcap_walk import McapWalk
-from slosh_bag.record_stream import RecordStream
-from slosh_bag.seal import SEAL, seal_of
+from slosh_bag.mcap_files.chunks import RECORD_HEADER, DamageError, parse
+from slosh_bag.mcap_files.mcap_summary import read_summary
+from slosh_bag.mcap_files.mcap_walk import McapWalk
+from slosh_bag.mcap_files.record_stream import RecordStream
+from slosh_bag.mcap_files.seal import SEAL, seal_of
 
 NAME = "slosh"
 _HEADER = struct.Struct("<BQ")

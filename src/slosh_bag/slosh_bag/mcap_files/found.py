@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from mcap.records import Channel, Metadata, Schema
 
-from slosh_bag.chunks import Piece
+from slosh_bag.mcap_files.chunks import Piece
 
 
 @dataclass(frozen=True, slots=True)

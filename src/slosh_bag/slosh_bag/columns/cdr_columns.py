@@ -11,9 +11,9 @@ from numba import njit
 from numpy.typing import NDArray
 from rosbags.typesys.store import Typestore
 
-from slosh_bag.cdr_layout import Layout, kind_of, layout_of
-from slosh_bag.chunks import Bytes, Integers, MessageBlock
+from slosh_bag.columns.cdr_layout import Layout, kind_of, layout_of
 from slosh_bag.errors import SloshBagError
+from slosh_bag.mcap_files.chunks import Bytes, Integers, MessageBlock
 from slosh_model.compile_cache import use_compile_cache
 
 use_compile_cache(Path(__file__).resolve().parent)

@@ -14,8 +14,8 @@ from mcap.records import Channel, Schema
 
 from slosh_bag.bag_writer import Qos
 from slosh_bag.errors import SloshBagError
-from slosh_bag.mcap_summary import read_summary
-from slosh_bag.mcap_walk import McapWalk
+from slosh_bag.mcap_files.mcap_summary import read_summary
+from slosh_bag.mcap_files.mcap_walk import McapWalk
 from slosh_bag.reader import bag_files
 
 # Numbers that rosbag2 wrote before it wrote words.

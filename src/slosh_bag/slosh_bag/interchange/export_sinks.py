@@ -19,8 +19,8 @@ from typing import Any, Final, Protocol
 import numpy as np
 
 from slosh_bag.errors import SloshBagError
-from slosh_bag.export_fields import Leaf, Node, plain_list
-from slosh_bag.export_rows import Times, Values
+from slosh_bag.interchange.export_fields import Leaf, Node, plain_list
+from slosh_bag.interchange.export_rows import Times, Values
 
 LONGEST_BYTES: Final = 1024
 """Longest array of bytes that is written into a cell of a CSV file."""

@@ -10,11 +10,11 @@ from pathlib import Path
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.base import TypesysError
 
-from slosh_bag.bag_contents import BagContents, BagTopic, bag_contents
 from slosh_bag.bag_writer import Qos
 from slosh_bag.definitions import Definitions
 from slosh_bag.errors import SloshBagError
-from slosh_bag.playback import Playback, PlaybackSettings, Step
+from slosh_bag.interchange.bag_contents import BagContents, BagTopic, bag_contents
+from slosh_bag.playing.playback import Playback, PlaybackSettings, Step
 from slosh_bag.reader import BagReader
 from slosh_msgs_py import topics as names
 

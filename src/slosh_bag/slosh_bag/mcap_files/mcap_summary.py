@@ -10,7 +10,7 @@ from typing import BinaryIO
 from mcap.opcode import Opcode
 from mcap.records import Channel, MetadataIndex, Schema, Statistics
 
-from slosh_bag.chunks import RECORD_HEADER, DamageError, parse
+from slosh_bag.mcap_files.chunks import RECORD_HEADER, DamageError, parse
 
 MAGIC = b"\x89MCAP0\r\n"
 _FOOTER = struct.Struct("<BQQQI")

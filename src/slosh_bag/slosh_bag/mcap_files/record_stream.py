@@ -6,7 +6,7 @@ import struct
 import zlib
 from typing import BinaryIO
 
-from slosh_bag.chunks import RECORD_HEADER, DamageError
+from slosh_bag.mcap_files.chunks import RECORD_HEADER, DamageError
 
 _HEADER = struct.Struct("<BQ")
 _WINDOW = 1 << 20

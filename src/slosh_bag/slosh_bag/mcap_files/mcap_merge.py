@@ -7,7 +7,8 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-from slosh_bag.chunks import (
+from slosh_bag.errors import SloshBagError
+from slosh_bag.mcap_files.chunks import (
     RECORD_HEADER,
     DamageError,
     Piece,
@@ -15,8 +16,7 @@ from slosh_bag.chunks import (
     read_chunk,
     read_loose,
 )
-from slosh_bag.errors import SloshBagError
-from slosh_bag.mcap_walk import CHUNK_START
+from slosh_bag.mcap_files.mcap_walk import CHUNK_START
 
 
 class Span(NamedTuple):

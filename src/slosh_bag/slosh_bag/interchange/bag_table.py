@@ -25,14 +25,9 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from slosh_bag.bag_motion import AttitudeCollector, Motion, MotionCollector
-from slosh_bag.chunks import MessageBlock
 from slosh_bag.errors import SloshBagError
-from slosh_bag.motion_table import MSH, MotionTable, eta_azimuths
-from slosh_bag.reader import BagMessage, BagReader, TopicInfo
-from slosh_bag.replay.bag import Sources, find_sources
-from slosh_bag.replay.inputs import STAMP, InputSettings, input_settings, stamps_of
-from slosh_bag.table_bag import (
+from slosh_bag.interchange.bag_motion import AttitudeCollector, Motion, MotionCollector
+from slosh_bag.interchange.table_bag import (
     COLUMNS_KEY,
     HEIGHTS,
     HEIGHTS_TYPE,
@@ -45,7 +40,12 @@ from slosh_bag.table_bag import (
     WALL_POINT,
     table_times,
 )
-from slosh_bag.topic_choice import find_topic
+from slosh_bag.interchange.topic_choice import find_topic
+from slosh_bag.mcap_files.chunks import MessageBlock
+from slosh_bag.motion_table import MSH, MotionTable, eta_azimuths
+from slosh_bag.reader import BagMessage, BagReader, TopicInfo
+from slosh_bag.replay.bag import Sources, find_sources
+from slosh_bag.replay.inputs import STAMP, InputSettings, input_settings, stamps_of
 from slosh_estimator.monitor import SATURATED, UNUSABLE
 
 Array = NDArray[np.float64]

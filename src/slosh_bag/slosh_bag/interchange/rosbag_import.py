@@ -20,9 +20,9 @@ from rosbags.rosbag2 import Reader as Ros2Reader
 from slosh_bag.bag_writer import BagWriter, Qos
 from slosh_bag.definitions import Definitions
 from slosh_bag.errors import SloshBagError
-from slosh_bag.rosbag_types import Convert, message_converter
-from slosh_bag.topic_choice import find_topic
-from slosh_bag.whole_bag import removed_on_failure
+from slosh_bag.interchange.rosbag_types import Convert, message_converter
+from slosh_bag.interchange.topic_choice import find_topic
+from slosh_bag.interchange.whole_bag import removed_on_failure
 
 ROS1_SUFFIX = ".bag"
 SUFFIXES = (ROS1_SUFFIX, ".db3", ".mcap")

@@ -9,7 +9,7 @@ from typing import Any
 import yaml
 
 from slosh_bag.errors import SloshBagError
-from slosh_bag.mcap_summary import MAGIC
+from slosh_bag.mcap_files.mcap_summary import MAGIC
 
 METADATA = "metadata.yaml"
 FOREIGN = (b"#ROSBAG", b"SQLite f")

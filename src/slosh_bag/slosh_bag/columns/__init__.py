@@ -1,0 +1,1 @@
+"""Many messages at once as NumPy columns, and back to their bytes."""

@@ -1,0 +1,1 @@
+"""The parts of MCAP files: chunks, summaries, metadata; reading, walking and writing them."""
