@@ -16,7 +16,7 @@ from slosh_bag.replay.report import Surroundings
 from slosh_bringup.cell_setup import CellSetup
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.processes import NodeGroup, NodeProcess, node_environment
-from slosh_bringup.replaying import make_report
+from slosh_bringup.replay_page import make_report
 from slosh_bringup.run_data import read_run
 from slosh_bringup.run_result import RunResult, evaluate
 from slosh_camera.calibration import read_any_calibration

@@ -1,4 +1,4 @@
-"""Replays one bag and writes its page, its figures and its outputs."""
+"""Replays one bag and writes what it gives."""
 
 from __future__ import annotations
 
@@ -27,12 +27,9 @@ from slosh_bag.replay.checking import (
     expectation_of,
 )
 from slosh_bag.replay.output_bag import FACTS, OutputBag
-from slosh_bag.replay.report import Surroundings, replay_report
 from slosh_bag.replay.result import ModelAccuracy
 from slosh_bag.replay.verification import Verification
 from slosh_bringup.errors import SloshBringupError
-from slosh_bringup.replay_frames import bag_pictures, bag_topics
-from slosh_discovery.report import RunReport, render_report, report_document
 from slosh_estimator.model_file import read_model
 
 RECORDED = Expectation(tolerance=0.0)
@@ -110,6 +107,9 @@ def replay_task(task: Task) -> Replayed:
     result = replace(result, name=task.name)
     checked = _checked(result, task)
     if task.output is not None:
+        # What draws takes longer to load than many a bag to replay.
+        from slosh_bringup.replay_page import write_page
+
         write_page(task.output, task.bag, result, checked)
     found = result.verification
     return Replayed(
@@ -154,45 +154,6 @@ def _document(result: ReplayResult, checked: Checked | None) -> dict[str, Any]:
     if checked is not None:
         points = [{"name": point.name, "failure": point.failure} for point in checked.points]
     return {**json.loads(result.to_json()), "checks": points}
-
-
-def write_page(folder: Path, bag: Path, result: ReplayResult, checked: Checked | None) -> None:
-    """Writes FOLDER/<name>.html and FOLDER/<name>.json.
-
-    Args:
-        folder: of the results.
-        bag: where the images and the topics are.
-        result: the replay.
-        checked: against what was expected.
-
-    Raises:
-        SloshBringupError: a file cannot be written.
-    """
-    report = make_report(bag, result, Surroundings(checked=checked))
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        (folder / f"{result.name}.html").write_text(render_report(report), encoding="utf-8")
-        (folder / f"{result.name}.json").write_text(figures(report, result))
-    except OSError as error:
-        raise SloshBringupError(f"{folder}: {error.strerror}") from None
-
-
-def figures(report: RunReport, result: ReplayResult) -> str:
-    """The numbers of a page as JSON, in full precision, with the whole replay under `replay`."""
-    document = {**report_document(report), "replay": json.loads(result.to_json(series=True))}
-    return json.dumps(document, indent=2, allow_nan=False) + "\n"
-
-
-def make_report(bag: Path, result: ReplayResult, around: Surroundings) -> RunReport:
-    """What the page of a replay shows, with the bag's own images and topics.
-
-    Args:
-        bag: where these are.
-        result: the replay.
-        around: what else the page shows.
-    """
-    pictures, topics = bag_pictures(bag, result), bag_topics(bag, result.seconds)
-    return replay_report(result, replace(around, frames=pictures, topics=topics))
 
 
 def unique_names(bags: Sequence[Path]) -> list[str]:

@@ -19,6 +19,8 @@ from slosh_bringup.stated_bags import StatedBag, find_bags
 from slosh_estimator.model_file import read_model
 
 DONE, FAILED, WRONG_INPUT = 0, 1, 2
+WORTH_PROCESSES = 100_000_000
+"""Bags of this size together are replayed in several processes; to start these takes seconds."""
 HEADS = ("bag", "images", "dropped", "events", "estimates", "verdict")
 
 
@@ -48,7 +50,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "tolerances, are kept",
     )  # fmt: skip
     parser.add_argument("--junit", type=Path, metavar="FILE", help="the checks as JUnit XML")
-    parser.add_argument("--jobs", type=int, help="processes; without it one per core")
+    parser.add_argument(
+        "--jobs", type=int, help="processes; without it one per core, and one for small bags"
+    )
     parser.add_argument("--scheduler", metavar="ADDRESS", help="of a Dask cluster to run on")
 
 
@@ -101,13 +105,20 @@ def replay_all(
 ) -> list[Outcome[Task, Replayed]]:
     """The outcomes, in the order of the tasks."""
     outcomes: list[Outcome[Task, Replayed]] = []
+    jobs = arguments.jobs
+    if jobs is None and arguments.scheduler is None and _size(tasks) < WORTH_PROCESSES:
+        jobs = 1
     with item_progress("replay", len(tasks), "bag") as progress:
-        for outcome in map_files(
-            replay_task, tasks, jobs=arguments.jobs, scheduler=arguments.scheduler
-        ):
+        for outcome in map_files(replay_task, tasks, jobs=jobs, scheduler=arguments.scheduler):
             outcomes.append(outcome)
             progress.update()
     return sorted(outcomes, key=lambda outcome: outcome.index)
+
+
+def _size(tasks: Sequence[Task]) -> int:
+    """Bytes of all bags; what cannot be read counts nothing."""
+    files = [path for task in tasks for path in (task.bag, *task.bag.glob("*.mcap"))]
+    return sum(path.stat().st_size for path in files if path.is_file())
 
 
 def tell(outcomes: Sequence[Outcome[Task, Replayed]]) -> None:

@@ -1,8 +1,11 @@
 """A run's report: one HTML page that needs nothing beside it, and the same numbers as JSON."""
 
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
 from slosh_discovery.report.data import AzimuthSeries, RunReport
-from slosh_discovery.report.document import report_document
-from slosh_discovery.report.page import render_report
 from slosh_discovery.report.rows import (
     Check,
     Difference,
@@ -17,6 +20,10 @@ from slosh_discovery.report.rows import (
     Verdict,
     Verification,
 )
+
+if TYPE_CHECKING:
+    from slosh_discovery.report.document import report_document
+    from slosh_discovery.report.page import render_report
 
 __all__ = [
     "AzimuthSeries",
@@ -36,3 +43,12 @@ __all__ = [
     "render_report",
     "report_document",
 ]
+
+# They load matplotlib, which takes longer than many a replay that draws nothing.
+_DRAWING = {"report_document": "document", "render_report": "page"}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _DRAWING:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f"{__name__}.{_DRAWING[name]}"), name)

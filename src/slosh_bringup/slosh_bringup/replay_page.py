@@ -1,0 +1,53 @@
+"""The page of a replay and its figures."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+from slosh_bag.replay import ReplayResult
+from slosh_bag.replay.checking import Checked
+from slosh_bag.replay.report import Surroundings, replay_report
+from slosh_bringup.errors import SloshBringupError
+from slosh_bringup.replay_frames import bag_pictures, bag_topics
+from slosh_discovery.report import RunReport, render_report, report_document
+
+
+def write_page(folder: Path, bag: Path, result: ReplayResult, checked: Checked | None) -> None:
+    """Writes FOLDER/<name>.html and FOLDER/<name>.json.
+
+    Args:
+        folder: of the results.
+        bag: where the images and the topics are.
+        result: the replay.
+        checked: against what was expected.
+
+    Raises:
+        SloshBringupError: a file cannot be written.
+    """
+    report = make_report(bag, result, Surroundings(checked=checked))
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / f"{result.name}.html").write_text(render_report(report), encoding="utf-8")
+        (folder / f"{result.name}.json").write_text(figures(report, result))
+    except OSError as error:
+        raise SloshBringupError(f"{folder}: {error.strerror}") from None
+
+
+def figures(report: RunReport, result: ReplayResult) -> str:
+    """The numbers of a page as JSON, in full precision, with the whole replay under `replay`."""
+    document = {**report_document(report), "replay": json.loads(result.to_json(series=True))}
+    return json.dumps(document, indent=2, allow_nan=False) + "\n"
+
+
+def make_report(bag: Path, result: ReplayResult, around: Surroundings) -> RunReport:
+    """What the page of a replay shows, with the bag's own images and topics.
+
+    Args:
+        bag: where these are.
+        result: the replay.
+        around: what else the page shows.
+    """
+    pictures, topics = bag_pictures(bag, result), bag_topics(bag, result.seconds)
+    return replay_report(result, replace(around, frames=pictures, topics=topics))
