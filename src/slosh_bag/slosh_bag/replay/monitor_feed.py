@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from slosh_bag.replay.rows import chosen
 from slosh_estimator.limits import Event
 from slosh_estimator.monitor import (
     Comparison,
@@ -64,7 +65,9 @@ class MonitorFeed:
 
     def __init__(self, settings: MonitorSettings) -> None:
         self.monitor = Monitor(settings)
-        self._next_check = -(2**62)
+        self._next_check = self._newest = self._loud = -(2**62)
+        share, limit = settings.hysteresis.release, settings.estimated_limit
+        self._loud_level = share * limit if np.isfinite(limit) else np.inf
 
     def add(self, estimates: Heights, measured: Measurements) -> list[Comparison]:
         """Takes what comes next on both sides; an estimate comes before an image of its moment.
@@ -76,6 +79,7 @@ class MonitorFeed:
         Returns:
             the comparisons in the order in which they were made.
         """
+        estimates = chosen(estimates, self._needed(estimates, measured.stamps))
         points = list(map(EstimatePoint, *(column.tolist() for column in estimates)))
         images = [MeasuredPoint(*row) for row in _rows(measured)]
         found: list[Comparison] = []
@@ -91,6 +95,33 @@ class MonitorFeed:
     def take_events(self) -> list[Event]:
         """The events since the last call."""
         return self.monitor.take_events()
+
+    def _needed(self, estimates: Heights, images: Integers) -> NDArray[np.bool_]:
+        """Which estimates can change what the monitor says; the others it would only store.
+
+        These are the neighbours of the images, the last one before each look at the clock, and all
+        around an excess of the limit, or of what is near enough to it to go on with one.
+        """
+        stamps = estimates.stamps
+        if len(stamps) == 0:
+            return np.empty(0, dtype=bool)
+        loud = ~(estimates.nonlinear <= self._loud_level)
+        last_loud = np.maximum.accumulate(np.where(loud, stamps, self._loud))
+        widest = int(np.diff(stamps, prepend=self._newest).max())
+        self._loud, self._newest = int(last_loud[-1]), int(stamps[-1])
+        if widest > CHECK_NS:
+            # After a silence the clock may be looked at in another rhythm.
+            return np.ones(len(stamps), dtype=bool)
+        near = stamps - last_loud <= self.monitor.settings.hysteresis.hold_ns + CHECK_NS
+        ticks = np.arange(self._next_check, stamps[-1] + 1, CHECK_NS)
+        behind = np.concatenate(
+            (np.searchsorted(stamps, images, side="right"), np.searchsorted(stamps, ticks))
+        )
+        needed = near
+        needed[1:] |= near[:-1].copy()
+        needed[np.clip(np.concatenate((behind - 1, behind)), 0, len(stamps) - 1)] = True
+        needed[[0, -1]] = True
+        return needed
 
     def _estimates(self, points: list[EstimatePoint]) -> list[Comparison]:
         found: list[Comparison] = []
