@@ -176,6 +176,15 @@ def test_what_is_settled_is_not_kept():
     assert (found.recorded, found.identical, found.missing, found.extra) == (10, 10, 30, 0)
 
 
+def test_what_is_settled_is_not_kept_after_one_side_went_silent_either():
+    stamps, table = whole()
+    verifier = Verifier(TOPIC)
+    verifier.add_recorded(stamps, table)
+    verifier.add_replayed(*pick(stamps, table, slice(5)))
+    verifier.compare(int(stamps[29]))
+    assert (verifier.result().recorded, verifier.result().missing) == (5, 25)
+
+
 def test_a_field_that_was_not_recorded_is_named():
     stamps, table = whole()
     less = {name: column for name, column in table.items() if name != "flags"}
