@@ -519,6 +519,16 @@ def test_facts_are_checked(tmp_path):
             BagReader(file).metadata()
 
 
+def test_a_record_whose_checksum_is_no_longer_named_is_left_out_where_the_end_is_lost(tmp_path):
+    file = file_of(write(tmp_path / "bag", custom={"clocks": "unrelated", "radius": "0.05"}))
+    content = bytearray(file.read_bytes())
+    content[content.index(b"crc32")] ^= 0x20
+    file.write_bytes(content[:-20])
+    reader = BagReader(file)
+    assert reader.metadata() == {"radius": "0.05"}
+    assert reader.warnings[-1] == f"{file}: facts without checksums left out"
+
+
 def test_facts_of_an_unfinished_bag_come_from_its_metadata_file(tmp_path):
     folder = tmp_path / "bag"
     writer = BagWriter(folder, custom={"clocks": "unrelated"})
