@@ -20,7 +20,7 @@ from slosh_bringup.replay_page import make_report
 from slosh_bringup.run_data import read_run
 from slosh_bringup.run_result import RunResult, evaluate
 from slosh_camera.calibration import read_any_calibration
-from slosh_discovery.report import KeyFigure, render_report, report_document
+from slosh_discovery.report import Fact, KeyFigure, render_report, report_document
 from slosh_estimator.model_file import read_model
 
 POLL = 0.1
@@ -91,17 +91,16 @@ def write_results(folder: Path, title: str) -> tuple[RunResult, ReplayResult]:
     """Reads and replays the bag, and writes the report and the figures.
 
     Raises:
-        SloshBringupError: nothing was recorded.
+        SloshBringupError: what was recorded cannot be replayed.
     """
     bag = folder / BAG
     try:
         run = evaluate(read_run(bag))
         replayed = replay_bag(bag)
     except SloshBagError as error:
-        raise SloshBringupError(
-            f"nothing was recorded: {error} (logs in {folder / LOGS})"
-        ) from None
-    around = Surroundings(title=title, key_figures=key_figures(run))
+        raise SloshBringupError(f"no report: {error} (logs in {folder / LOGS})") from None
+    lost = Fact("messages lost on the way to the bag", str(sum(run.lost.values())))
+    around = Surroundings(title=title, key_figures=(latency_figure(run),), facts=(lost,))
     report = make_report(bag, replayed, around)
     (folder / REPORT).write_text(render_report(report), encoding="utf-8")
     document = {**run.document(), **report_document(report)}
@@ -109,11 +108,10 @@ def write_results(folder: Path, title: str) -> tuple[RunResult, ReplayResult]:
     return run, replayed
 
 
-def key_figures(run: RunResult) -> tuple[KeyFigure, ...]:
-    """What only a live run has to tell."""
+def latency_figure(run: RunResult) -> KeyFigure:
+    """From an image's exposure to its comparison, which only a live run has."""
     median, greatest = run.latency.get("monitor", (math.nan, math.nan))
-    lost = sum(run.lost.values())
     note = "image to comparison, median"
     if math.isfinite(greatest):
         note += f"; at most {1e3 * greatest:.0f} ms"
-    return (KeyFigure("latency", median, "ms", note), KeyFigure("lost messages", float(lost), ""))
+    return KeyFigure("latency", median, "ms", note)
