@@ -226,11 +226,7 @@ def _client(workers: int, scheduler: str | None) -> Iterator[Client]:
             _local_cluster(workers) as cluster,
             closing(Client(cluster, set_as_default=False)) as client,
         ):
-            try:
-                yield client
-            except BaseException:
-                _kill(cluster)
-                raise
+            yield client
 
 
 def _kill(cluster: LocalCluster) -> None:
@@ -242,7 +238,8 @@ def _kill(cluster: LocalCluster) -> None:
                 os.kill(nanny.pid, signal.SIGKILL)
 
 
-def _local_cluster(workers: int) -> LocalCluster:
+@contextmanager
+def _local_cluster(workers: int) -> Iterator[LocalCluster]:
     """Processes on this machine, which others cannot reach and Ctrl-C ends through this one only.
 
     Threads and processes inherit from who starts them that SIGINT is held back. Here it comes once
@@ -263,9 +260,17 @@ def _local_cluster(workers: int) -> LocalCluster:
             scheduler_kwargs={"dashboard_address": "127.0.0.1:0"},
             silence_logs=logging.CRITICAL,
         )
-    finally:
+    except BaseException:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
-    return cluster
+        raise
+    with cluster:
+        try:
+            # One that was held back comes here, where the cluster is ended with it.
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
+            yield cluster
+        except BaseException:
+            _kill(cluster)
+            raise
 
 
 def _connect(scheduler: str) -> Client:
