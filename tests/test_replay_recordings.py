@@ -14,6 +14,7 @@ from slosh_bag.replay import bag as bag_replay
 from slosh_bag.replay import replay_bag
 from slosh_bag.replay.checking import excesses
 from slosh_bag.replay.output_bag import OutputBag
+from slosh_bag.replay.run import ReplayRun
 from slosh_estimator.monitor import MonitorSettings
 from slosh_model.model_text import parse_model
 from tests.live_bag import MODEL, MS, START, TEXT, LiveBag
@@ -86,6 +87,7 @@ def test_late_images_are_the_same_as_punctual_ones(eventful, live, tmp_path):
 
 def test_one_image_from_the_future_changes_nothing_else(live, tmp_path, monkeypatch):
     """A camera's clock may be wrong for a moment; the estimates are monitored all the same."""
+    live.image_lag = lambda index: -300 * MS  # the camera's clock is a little ahead
     bag = live.write(tmp_path / "good" / "bag")
     stamps = iter(range(10**6))
 
@@ -145,7 +147,7 @@ def test_without_estimates_all_inputs_count(live, tmp_path):
 
 
 def test_without_settings_a_model_is_needed_and_the_estimates_are_followed(live, tmp_path):
-    live.unused = {700, 701}
+    live.unused, live.restarts = {700, 701}, {1300}
     live.topics = {"accel", "estimate", "free_surface"}
     bag = live.write(tmp_path / "bag")
     with pytest.raises(SloshBagError, match="does not say which model or container"):
@@ -297,18 +299,51 @@ def test_a_model_that_is_given_stays_through_all_changes(live, tmp_path):
     assert 700 <= result.verification.identical < 710
 
 
-def test_a_gap_of_the_input_alone_does_not_hold_the_images(live, tmp_path, monkeypatch):
-    """The robot is silent for four seconds, the camera goes on."""
-    live.unused = range(1500, 3500)
-    bag = rewritten(live.write(tmp_path / "all", 6.0), tmp_path / "cut", 20_000, monkeypatch)
+def without_input(bag, folder, first, last):
+    """The bag without the inputs of some indices."""
     reader = BagReader(bag)
-    with BagWriter(tmp_path / "bag") as writer:
+    with BagWriter(folder) as writer:
         for name, info in reader.topics().items():
             writer.add_topic(name, info.message_type)
         for message in reader.messages():
             index = (message.log_ns - START) // (2 * MS)
-            if not (message.topic.endswith("accel") and 1500 <= index < 3500):
+            if not (message.topic.endswith("accel") and first <= index < last):
                 writer.write(message.topic, message.data, message.log_ns)
-    result = replay_bag(tmp_path / "bag")
+    return folder
+
+
+def test_a_gap_of_the_input_is_a_gap_for_the_images(live, tmp_path):
+    live.unused = range(1500, 3500)
+    bag = without_input(live.write(tmp_path / "all", 6.0), tmp_path / "bag", 1500, 3500)
+    result = replay_bag(bag)
     assert result.verification.exact
     assert result.counters["gaps"] == 1
+
+
+def test_while_the_input_was_not_recorded_nothing_piles_up(live, tmp_path, monkeypatch):
+    """Images and estimates of eight seconds, and no input."""
+    bag = without_input(live.write(tmp_path / "all", 10.0), tmp_path / "cut", 1500, 5500)
+    bag = rewritten(bag, tmp_path / "bag", 20_000, monkeypatch)
+    waiting = []
+
+    def advance(run, *, final=False, go_on=ReplayRun.advance):
+        go_on(run, final=final)
+        parts = run._parts
+        sides = run._measured, parts.verifier._recorded, [parts.follow]
+        waiting.append(max(sum(len(p._stamps if p is parts.follow else p.stamps) for p in side)
+                           for side in sides))  # fmt: skip
+
+    monkeypatch.setattr(ReplayRun, "advance", advance)
+    result = replay_bag(bag)
+    assert result.verification.missing == 4000
+    assert max(waiting) < 500 * 2.5  # two seconds, and what a chunk holds
+
+
+def test_foreign_bags_of_two_cells_are_not_mixed_either(tmp_path):
+    left, right = cells(tmp_path, left=1.0, right=1.5)
+    left.topics, right.topics = {"free_surface"}, {"accel", "free_surface"}
+    bag = left.write(tmp_path / "bag", beside=[right])
+    result = replay_bag(bag, MODEL)
+    assert result.source == "/right/accel"
+    rows = {row.name: row for row in result.accuracy}
+    assert rows["3D-NL"].epsilon == pytest.approx(1 / 1.5 - 1, abs=1e-6)

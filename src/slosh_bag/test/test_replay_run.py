@@ -1,0 +1,139 @@
+"""The streaming core gives the same, message by message or all at once."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from slosh_bag.errors import SloshBagError
+from slosh_bag.replay.bank import EstimatorBank
+from slosh_bag.replay.inputs import InputReader, InputSettings
+from slosh_bag.replay.live_use import LiveUse
+from slosh_bag.replay.monitor_feed import Measurements, MonitorFeed
+from slosh_bag.replay.run import Outputs, Parts, ReplayRun
+from slosh_bag.replay.series import Series
+from slosh_bag.replay.verification import Verifier
+from slosh_estimator.monitor import MonitorSettings
+from slosh_model.containers import Cylinder
+from slosh_model.model import Model
+
+MS = 1_000_000
+START = 10**18
+MODEL = Model(Cylinder(0.05, 0.07)).spatial().nonlinear()
+
+
+def inputs():
+    """500 Hz for six seconds; the container is jerked in the middle of an averaging bin."""
+    stamps = START + 2 * MS * np.arange(3000)
+    accelerations = np.zeros((3000, 3))
+    accelerations[(stamps >= START + 2025 * MS) & (stamps < START + 3500 * MS), 0] = 1.0
+    return stamps, accelerations
+
+
+def images():
+    stamps = START + 16 * MS * np.arange(370)
+    heights = 0.01 * np.sin(1e-8 * (stamps - START)) ** 2
+    unknown = np.full(len(stamps), np.nan)
+    return Measurements(stamps, heights, np.zeros(len(stamps), np.int64), unknown, unknown)
+
+
+def columns(stamps, accelerations):
+    seconds, nanoseconds = np.divmod(stamps, 10**9)
+    return {
+        "header.stamp.sec": seconds,
+        "header.stamp.nanosec": nanoseconds,
+        "header.frame_id": np.full(len(stamps), "world", dtype=object),
+        **{f"accel.linear.{axis}": accelerations[:, i] for i, axis in enumerate("xyz")},
+    }
+
+
+class Kept(Outputs):
+    """All that came out."""
+
+    def __init__(self):
+        self.stamps, self.rows, self.found = [], [], []
+
+    def estimates(self, estimates):
+        self.stamps += estimates.own.stamps.tolist()
+
+    def comparisons(self, comparisons):
+        self.rows += comparisons
+
+    def events(self, events):
+        self.found += events
+
+
+def replayed(step, estimates_until=6000, recorded=None):
+    """Series, outputs and comparisons of a run that is fed so many milliseconds at a time.
+
+    Args:
+        step: [ms].
+        estimates_until: from here on the recorder heard no estimates [ms].
+        recorded: comparisons that were recorded.
+    """
+    stamps, accelerations = inputs()
+    measured, out = images(), Kept()
+    with Series(4) as series:
+        parts = Parts(
+            EstimatorBank(MODEL), InputReader("accel", InputSettings()),
+            MonitorFeed(MonitorSettings(measured_limit=0.005)), series, follow=LiveUse(),
+            verifier=Verifier("estimate"), comparisons=Verifier("comparison"), outputs=out,
+        )  # fmt: skip
+        run = ReplayRun("run", parts)
+        for start in range(START, START + 6000 * MS, step * MS):
+            end = start + step * MS
+            rows = (stamps >= start) & (stamps < end)
+            run.add_input(columns(stamps[rows], accelerations[rows]), end)
+            heard = rows & (stamps < START + estimates_until * MS)
+            counts = 1 + np.flatnonzero(heard)
+            parts.follow.add_recorded(stamps[heard], counts)
+            rows = (measured.stamps >= start) & (measured.stamps < end)
+            run.add_measurements(Measurements(*(column[rows] for column in measured)), end)
+            if recorded is not None:
+                near = (recorded[0] >= start) & (recorded[0] < end)
+                parts.comparisons.add_recorded(
+                    recorded[0][near], {name: c[near] for name, c in recorded[1].items()}
+                )
+            run.advance()
+        run.advance(final=True)
+        return series.read(0, len(series)), out, parts.comparisons.result()
+
+
+@pytest.mark.parametrize("estimates_until", [6000, 500])
+@pytest.mark.parametrize("step", [10, 130, 2600])
+def test_the_parts_in_which_a_recording_comes_do_not_matter(step, estimates_until):
+    whole, all_out, _ = replayed(6000, estimates_until)
+    series, out, _ = replayed(step, estimates_until)
+    for name in series.dtype.names:
+        np.testing.assert_array_equal(series[name], whole[name], name)
+    assert out.stamps == all_out.stamps
+    assert repr(out.rows) == repr(all_out.rows)
+    assert repr(out.found) == repr(all_out.found)
+    assert len(out.found) > 4
+    assert set(whole["motion"]) == {-1, 0}
+
+
+def test_comparisons_wait_for_their_estimates_before_they_are_missed():
+    _, out, _ = replayed(6000)
+    stamps = np.array([row.stamp_ns for row in out.rows])
+    fields = {
+        name: np.array([getattr(row, name) for row in out.rows])
+        for name in ("measured", "estimated_linear", "estimated_nonlinear")
+    }
+    found = replayed(10, recorded=(stamps, fields))[2]
+    assert (found.identical, found.missing, found.extra) == (370, 0, 0)
+
+
+def test_inputs_whose_stamps_go_back_are_refused():
+    stamps, accelerations = inputs()
+    with Series(4) as series:
+        parts = Parts(
+            EstimatorBank(MODEL), InputReader("accel", InputSettings()),
+            MonitorFeed(MonitorSettings()), series,
+        )  # fmt: skip
+        run = ReplayRun("run", parts)
+        run.add_input(columns(stamps, accelerations), int(stamps[-1]))
+        run.advance()
+        run.add_input(columns(stamps[500:], accelerations[500:]), int(stamps[-1]))
+        with pytest.raises(SloshBagError, match="run: the stamps of the input go back"):
+            run.advance()
