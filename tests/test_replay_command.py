@@ -1,9 +1,11 @@
 """`slosh replay`: many bags, manifests, checks, and files for other programs."""
 
+import argparse
 import json
 import math
 import re
 import shutil
+from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
@@ -11,10 +13,12 @@ import yaml
 
 from slosh_bag.definitions import find_interfaces
 from slosh_bag.reader import BagReader
+from slosh_bringup.cli import replay as replay_command
 from slosh_bringup.cli.main import main
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.junit import Case, Suite, write_junit
 from slosh_bringup.replaying import new_bag, unique_names
+from slosh_bringup.stated_bags import find_bags
 from tests.live_bag import TEXT, LiveBag
 
 pytestmark = pytest.mark.skipif(
@@ -399,6 +403,20 @@ def test_two_processes_give_the_same_as_one(recorded, tmp_path, capsys, changed_
     for path in (tmp_path / "one").rglob("*.*"):
         other = tmp_path / "two" / path.relative_to(tmp_path / "one")
         assert path.read_bytes() == other.read_bytes()
+
+
+def test_a_cluster_gets_whole_paths(tmp_path, monkeypatch):
+    (tmp_path / "a.mcap").touch()
+    monkeypatch.chdir(tmp_path)
+    words = ["a.mcap", "--model", "m.yaml", "-o", "out"]
+    for scheduler, folder in (([], Path()), (["--scheduler", "tcp://x:1"], tmp_path)):
+        parser = argparse.ArgumentParser()
+        replay_command.add_arguments(parser)
+        arguments = parser.parse_args([*words, *scheduler])
+        (task,) = replay_command.make_tasks(find_bags(arguments.bags), arguments)
+        assert task.bag == folder / "a.mcap"
+        assert task.model == folder / "m.yaml"
+        assert task.output == folder / "out"
 
 
 @pytest.mark.parametrize(

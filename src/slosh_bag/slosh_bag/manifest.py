@@ -130,7 +130,9 @@ def write_manifest(path: Path, bags: Mapping[str, Expectation]) -> None:
     old = read_manifest(path) if path.is_file() else {}
     merged = {**old, **{name: _kept(old.get(name), new) for name, new in bags.items()}}
     document = {"bags": {name: _document(path, merged[name]) for name in sorted(merged)}}
-    text = yaml.safe_dump(document, sort_keys=False, allow_unicode=True, width=99)
+    text = yaml.safe_dump(
+        document, sort_keys=False, allow_unicode=True, width=99, default_flow_style=None
+    )
     try:
         path.write_text(text, encoding="utf-8")
     except OSError as error:

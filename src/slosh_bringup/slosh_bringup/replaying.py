@@ -60,6 +60,16 @@ class Task:
     unstated: bool = False
     figures: bool = False
 
+    def absolute(self) -> Task:
+        """The same with paths that do not hang on the working directory."""
+        model, output = self.model, self.output
+        return replace(
+            self,
+            bag=self.bag.absolute(),
+            model=None if model is None else model.absolute(),
+            output=None if output is None else output.absolute(),
+        )
+
 
 @dataclass(frozen=True, slots=True)
 class Replayed:

@@ -91,12 +91,12 @@ def make_tasks(stated: Sequence[StatedBag], arguments: argparse.Namespace) -> li
         elif expected is None and (arguments.check or bag.unstated):
             expected = RECORDED
         unstated = bag.unstated and expected is not None
-        tasks.append(
-            Task(
-                bag.path, name, model, arguments.cell, arguments.output, expected, unstated,
-                arguments.json,
-            )
+        task = Task(
+            bag.path, name, model, arguments.cell, arguments.output, expected, unstated,
+            arguments.json,
         )  # fmt: skip
+        # A cluster's workers have working directories of their own.
+        tasks.append(task.absolute() if arguments.scheduler else task)
     return tasks
 
 
