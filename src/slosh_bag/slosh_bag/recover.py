@@ -213,6 +213,8 @@ class _Copy:
             self.notes.append(
                 f"{file}: bytes {gap.start} to {gap.end} left out{span}: {gap.reason}"
             )
+        if found.unchecked:
+            self.notes.append(f"{file}: messages without checksums: damage in them is not noticed")
         if found.unknown:
             self.notes.append(f"{file}: {found.unknown} records of an unknown kind left out")
         if found.orphans:

@@ -378,6 +378,21 @@ def test_a_cut_at_any_byte_gives_what_is_before_it(tmp_path):
         assert len(reader.warnings) == 1, size
 
 
+@pytest.mark.timeout(20)
+def test_messages_in_no_chunk_are_given_up_to_the_cut(tmp_path):
+    path = foreign(tmp_path / "a.mcap", range(40), use_chunking=False)
+    content = path.read_bytes()
+    first = content.index(b"frame 0") - 16 - 31
+    counts = []
+    for size in range(first, content.index(b"frame 39"), 7):
+        path.write_bytes(content[:size])
+        reader = BagReader(path)
+        counts.append(len(numbers(reader)))
+        assert "cut off" in reader.warnings[0]
+    assert counts == sorted(counts)
+    assert (counts[0], counts[-1]) == (0, 39)
+
+
 @pytest.mark.parametrize("size", [1, 5, 7])
 def test_a_file_cut_in_its_first_bytes_is_one_clear_error(tmp_path, size):
     file = file_of(write(tmp_path / "bag"))

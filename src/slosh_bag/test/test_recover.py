@@ -196,7 +196,7 @@ def test_messages_in_no_chunk_are_recovered_up_to_the_damage_and_after_it(tmp_pa
     recovery = recover_bag(path, tmp_path / "new")
     found = [message.log_ns for message in BagReader(tmp_path / "new").messages()]
     assert found == [number for number in range(30) if number != 12]
-    assert recovery.notes[0] == f"{path}: 1 messages left out: topics unknown"
+    assert f"{path}: 1 messages left out: topics unknown" in recovery.notes
 
 
 def test_what_is_no_bag_gives_one_line_and_no_folder(tmp_path):

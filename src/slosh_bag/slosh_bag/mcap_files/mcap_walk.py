@@ -358,6 +358,8 @@ def is_in_order(path: Path) -> bool:
 def _times(stream: RecordStream) -> tuple[int, int]:
     """Passes over a record; the least and the greatest log time in it, 0 and 0 for none."""
     opcode, length = stream.begin()
+    if length > stream.left:
+        raise CutOffError("a record is cut off")
     if opcode == Opcode.CHUNK:
         header = chunk_header(stream.peek(CHUNK_START), length)
         stream.skip(length)
