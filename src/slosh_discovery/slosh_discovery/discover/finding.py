@@ -1,0 +1,248 @@
+"""What a discovery found, as plain values in SI units."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_discovery.discover.motion import MeasuredMotion
+from slosh_model.model import Model
+from slosh_model.simulate import Inputs
+
+Array = NDArray[np.float64]
+NAN = float("nan")
+
+
+class Verdict(Enum):
+    """How a discovery ends."""
+
+    NAMED = "named"
+    NONE = "none"
+    AMBIGUOUS = "ambiguous"
+    UNEXPLAINED = "unexplained"
+
+
+class Role(Enum):
+    """What a motion was used for."""
+
+    FIT = "fit"
+    HOLDOUT = "holdout"
+
+
+@dataclass(frozen=True, slots=True)
+class FoundEffect:
+    """An effect that the verdict names.
+
+    Attributes:
+        name: its id.
+        parameters: fitted values, all of them, in the effect's order.
+        standard_errors: of the fitted ones.
+        confidence: probability that it is right, in [0, 1]: 0.5 says that another is as likely.
+        alternatives: ids that explain the data in its place about as well, the likeliest first.
+        refitted: True where the model had the effect already and only its parameters changed.
+    """
+
+    name: str
+    parameters: Mapping[str, float]
+    standard_errors: Mapping[str, float]
+    confidence: float
+    alternatives: tuple[str, ...] = ()
+    refitted: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """One explanation that was tried: an effect, or several, added to the base model.
+
+    Attributes:
+        effects: ids; empty: the base model as it is.
+        parameters: fitted values by effect.
+        probability: among all explanations tried, in [0, 1].
+        evidence: log of the evidence over the base model's.
+        fit_rms: root mean square of the residual over the motions of the fit [m].
+        holdout_rms: over motions that the parameters were not fitted to [m]; NaN: none.
+        reason: why it was not fitted ("the motions have no yaw"); empty where it was.
+    """
+
+    effects: tuple[str, ...]
+    parameters: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    probability: float = 0.0
+    evidence: float = 0.0
+    fit_rms: float = NAN
+    holdout_rms: float = NAN
+    reason: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Gap:
+    """The disagreement in numbers: root mean squares [m].
+
+    Attributes:
+        noise: of the measurement.
+        fit_before, fit_after: of the residual over the motions of the fit.
+        holdout_before, holdout_after: over the others; NaN: none.
+        closed: share of the removable gap that the found model closes on the held-out motions (on
+            those of the fit where there are no others): 1 - (after² - noise²)/(before² - noise²);
+            NaN where nothing is removable.
+    """
+
+    noise: float
+    fit_before: float
+    fit_after: float
+    holdout_before: float
+    holdout_after: float
+    closed: float
+
+
+@dataclass(frozen=True, slots=True)
+class Agreement:
+    """How one model's heights agree with a motion's: see slosh_discovery.metrics.
+
+    Attributes:
+        rms: [m].
+        sigma: mean absolute error [m] (DL22, eq. (33)).
+        epsilon: relative error of the peak (DL22, eq. (32)).
+        peak: the model's highest height [m].
+    """
+
+    rms: float
+    sigma: float
+    epsilon: float
+    peak: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MotionFinding:
+    """A motion before and after.
+
+    Attributes:
+        motion: the motion.
+        role: whether the fit saw it.
+        noise: standard deviation of its measurement noise [m].
+        clock_offset: measured minus inputs' clock, found or 0 [s].
+        level: height at rest, found or 0 [m].
+        before_heights, after_heights: (M, 1) or (M, K) the models' answers at the measured
+            samples, on the measured clock and level [m].
+        before, after: agreement with the measured peak heights.
+    """
+
+    motion: MeasuredMotion
+    role: Role
+    noise: float
+    clock_offset: float
+    level: float
+    before_heights: Array
+    after_heights: Array
+    before: Agreement
+    after: Agreement
+
+
+@dataclass(frozen=True, slots=True)
+class WhereRow:
+    """A part of the data and how large the residual is in it.
+
+    Attributes:
+        by: "phase", "time", "amplitude", "direction", "frequency" or "input".
+        label: the part, for people: "dwell", "10 … 15 mm", "near ω₁ (2.5 … 3.5 Hz)".
+        before, after: rms of the residual in it [m]; for "input" the size of the correlation of
+            the residual's envelope with the input, in [0, 1].
+        share: share of the base model's squared residual, in [0, 1]; NaN for "input".
+        samples: how many samples.
+    """
+
+    by: str
+    label: str
+    before: float
+    after: float
+    share: float
+    samples: int
+
+
+@dataclass(frozen=True, slots=True)
+class WorstMoment:
+    """A moment at which the base model is worst.
+
+    Attributes:
+        motion: name.
+        t: on the measured clock [s].
+        measured, before, after: heights [m].
+    """
+
+    motion: str
+    t: float
+    measured: float
+    before: float
+    after: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SeparatingMotion:
+    """A motion that would tell two explanations apart.
+
+    Attributes:
+        names: the two explanations, as ids joined by " + ".
+        inputs: the motion.
+        description: what it is, for people.
+        difference: rms by which their heights differ in it [m].
+        present_difference: rms by which they differ in the present motions [m].
+    """
+
+    names: tuple[str, str]
+    inputs: Inputs
+    description: str
+    difference: float
+    present_difference: float
+
+
+@dataclass(frozen=True, slots=True)
+class Proposal:
+    """A generic term that sparse regression proposes where no listed effect closes the gap.
+
+    Attributes:
+        terms: each term with its coefficient, for people: ("J q̇", 1.3, "1/s").
+        equation: the proposed equation's addition, as text.
+        explained: share of the remaining removable gap that it explains on the fit, in [0, 1].
+    """
+
+    terms: tuple[tuple[str, float, str], ...]
+    equation: str
+    explained: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Finding:
+    """Everything that a discovery found.
+
+    Attributes:
+        verdict: how it ends.
+        base: the model that came in.
+        model: the model that goes out; the base itself where nothing is added.
+        effects: what is named; for AMBIGUOUS the likeliest explanation, with its alternatives.
+        confidence: probability that the whole set of named effects is right, in [0, 1].
+        gap: the disagreement in numbers.
+        motions: every motion, those of the fit first.
+        where: the residual by part.
+        worst: the worst moments, the worst first.
+        candidates: every explanation tried, the likeliest first, then those not fitted.
+        separating: the motions that would tell the alternatives apart.
+        proposal: for UNEXPLAINED.
+        remarks: what the reader must know, a sentence each.
+    """
+
+    verdict: Verdict
+    base: Model
+    model: Model
+    effects: tuple[FoundEffect, ...]
+    confidence: float
+    gap: Gap
+    motions: tuple[MotionFinding, ...]
+    where: tuple[WhereRow, ...] = ()
+    worst: tuple[WorstMoment, ...] = ()
+    candidates: tuple[Candidate, ...] = ()
+    separating: tuple[SeparatingMotion, ...] = ()
+    proposal: Proposal | None = None
+    remarks: tuple[str, ...] = ()

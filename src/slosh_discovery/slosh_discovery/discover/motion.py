@@ -1,0 +1,85 @@
+"""A measured motion: what moved the container and what was seen of the liquid."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_discovery.errors import SloshDiscoveryError
+from slosh_model.simulate import Inputs
+
+Array = NDArray[np.float64]
+
+MINIMUM_SAMPLES = 20
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MeasuredMotion:
+    """A motion and its measured heights.
+
+    Attributes:
+        name: for people; the file's name or the bag's with the motion's number.
+        inputs: the container's motion, from rest.
+        t: (M,) times of the measured samples, strictly increasing [s].
+        msh: (M,) measured maximum height above the still level [m], NaN: no sample; None where
+            wall heights by azimuth are given instead.
+        eta_azimuth: (K,) azimuths of the measured wall heights from the container's +x [rad].
+        eta: (M, K) measured wall heights above the still level [m], NaN: no sample.
+        stddev: (M,) the sensor's own standard deviation [m], NaN: unknown; None: never known.
+        same_clock: whether t is the inputs' clock; otherwise an unknown offset lies between.
+        level_known: whether the heights' zero is the still level; otherwise it is unknown.
+
+    Raises:
+        SloshDiscoveryError: shapes that do not match, too few samples, neither or both kinds of
+            heights; the text names the motion.
+    """
+
+    name: str
+    inputs: Inputs
+    t: Array
+    msh: Array | None = None
+    eta_azimuth: Array | None = None
+    eta: Array | None = None
+    stddev: Array | None = None
+    same_clock: bool = True
+    level_known: bool = True
+
+    def __post_init__(self) -> None:
+        if (self.msh is None) == (self.eta is None):
+            raise SloshDiscoveryError(
+                f"{self.name}: a motion has either msh or wall heights by azimuth"
+            )
+        rows = len(self.t)
+        if np.any(np.diff(self.t) <= 0.0):
+            raise SloshDiscoveryError(f"{self.name}: the times of the heights do not increase")
+        if self.msh is not None and self.msh.shape != (rows,):
+            raise SloshDiscoveryError(
+                f"{self.name}: msh {self.msh.shape} does not match t ({rows},)"
+            )
+        if self.eta is not None and (
+            self.eta_azimuth is None or self.eta.shape != (rows, len(self.eta_azimuth))
+        ):
+            raise SloshDiscoveryError(
+                f"{self.name}: eta {self.eta.shape} does not match t, azimuth"
+            )
+        if np.count_nonzero(np.isfinite(self.heights)) < MINIMUM_SAMPLES:
+            raise SloshDiscoveryError(
+                f"{self.name}: fewer than {MINIMUM_SAMPLES} measured heights: nothing to compare"
+            )
+
+    @property
+    def heights(self) -> Array:
+        """(M, 1) MSH, or (M, K) wall heights by azimuth [m]."""
+        if self.msh is not None:
+            return self.msh[:, np.newaxis]
+        assert self.eta is not None  # by construction
+        return self.eta
+
+    @property
+    def peak_heights(self) -> Array:
+        """(M,) MSH: as measured, or the highest of the wall heights [m]; NaN: no sample."""
+        finite = np.isfinite(self.heights)
+        filled = np.where(finite, self.heights, -np.inf).max(axis=1)
+        return np.where(finite.any(axis=1), filled, np.nan)
