@@ -1,0 +1,75 @@
+"""Differences of a high order: they leave the noise of a smooth series, and nothing of itself."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import special
+
+Array = NDArray[np.float64]
+
+ORDER = 10
+"""Of the differences: 8 Hz sampled at 60 Hz is attenuated to 2e-4 of its amplitude."""
+CLEAR = 3.0
+"""A height stands clear of the noise if it is larger by this."""
+LONGEST_SPAN = 1.5
+"""Of the samples of a difference, in units of what they span without a gap."""
+LEAST_NOISE = 1e-9
+"""Noise of exact data [m]: something to divide by."""
+LEAST_SAMPLES = 12
+"""Fewer give no estimate."""
+
+
+def normalised_differences(t: Array, height: Array, *, squared: float | None = None) -> Array:
+    """Differences with the noise's standard deviation.
+
+    Args:
+        t: (M,) [s].
+        height: (M,) [m]; NaN: no sample.
+        squared: where the heights stand clear of this noise [m], their squares are used.
+    """
+    kept = np.isfinite(height)
+    t, height = t[kept], height[kept]
+    capped = height >= height.max(initial=-math.inf)
+    if np.count_nonzero(capped) > ORDER:  # the top of the picture: no noise there
+        t, height = t[~capped], height[~capped]
+    if len(t) < ORDER + LEAST_SAMPLES:
+        return np.empty(0)
+    windows = np.lib.stride_tricks.sliding_window_view
+    times, values = windows(t, ORDER + 1), windows(height, ORDER + 1)
+    spans = times[:, -1] - times[:, 0]
+    dense = spans <= LONGEST_SPAN * ORDER * float(np.median(np.diff(t)))
+    weights = _difference_weights(times[dense] / spans[dense, np.newaxis])
+    values = values[dense]
+    plain = np.asarray(np.sum(weights * values, axis=1))
+    if squared is None:
+        return plain
+    # (s + n)² = s² + 2 s n + n², of the variance 4 s² σ² + 2 σ⁴, where (s + n)² is s² + σ² wide.
+    size = np.sum((weights * values) ** 2, axis=1)
+    clear = size > (CLEAR * squared) ** 2
+    spread = np.sqrt(np.maximum(4.0 * size - 2.0 * squared**2, 1e-300))
+    return np.asarray(np.where(clear, np.sum(weights * values**2, axis=1) / spread, plain))
+
+
+def _difference_weights(times: Array) -> Array:
+    """(W, P) weights of the divided difference over P times; their squares add up to 1."""
+    gaps = times[:, :, np.newaxis] - times[:, np.newaxis, :]
+    gaps[:, range(times.shape[1]), range(times.shape[1])] = 1.0
+    weights = 1.0 / np.prod(gaps, axis=2)
+    return np.asarray(weights / np.linalg.norm(weights, axis=1, keepdims=True))
+
+
+def robust_scale(values: Array, cut: float = 2.5) -> float:
+    """Standard deviation of the Gaussian core: trimmed at `cut`, started at the median."""
+    scale = 1.4826 * float(np.median(np.abs(values)))
+    inside = special.erf(cut / math.sqrt(2.0))
+    # Variance of a Gaussian that is cut off at ±cut.
+    factor = 1.0 - 2.0 * cut * math.exp(-0.5 * cut**2) / math.sqrt(2.0 * math.pi) / inside
+    for _ in range(2):
+        core = values[np.abs(values) <= cut * scale]
+        if len(core) == 0 or scale <= 0.0:
+            break
+        scale = math.sqrt(float(np.mean(core**2)) / factor)
+    return max(scale, LEAST_NOISE)
