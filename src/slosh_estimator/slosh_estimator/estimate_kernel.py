@@ -30,14 +30,14 @@ LEFT_RANGE = -1.0
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def _heights(model, dt, acceleration, yaw, bound, row, column):  # type: ignore[no-untyped-def]
+def _heights(model, dt, acceleration, yaw, pose, bound, row, column):  # type: ignore[no-untyped-def]
     """Advances one model and writes its heights; False where it has left the physical range."""
     modal, modes, parameters, held = model
     ax, ay, az = acceleration
-    hx, hy = kernel.advance(modal, modes, parameters, held, ax, ay, az, dt, MAX_STEP)
-    if yaw != 0.0:
-        c, s = math.cos(yaw), math.sin(yaw)
-        hx, hy = c * hx + s * hy, c * hy - s * hx
+    hx, hy, turn = kernel.advance(
+        modal, modes, parameters, held, ax, ay, az, yaw, pose, dt, MAX_STEP
+    )
+    hx, hy = kernel.turned(hx, hy, turn)
     row[column] = math.sqrt(hx * hx + hy * hy)
     row[column + 1] = math.atan2(hy, hx)
     row[column + 2], row[column + 3] = hx, hy
@@ -92,9 +92,9 @@ def step(  # type: ignore[no-untyped-def]
         first: whether nothing links the sample to those before.
         row: (ROW,) receives the answers; see ROW.
     """
-    acceleration = (ax, ay, az)
-    inside = _heights(linear, dt, acceleration, yaw, limits[5], row, 0)
-    inside &= _heights(nonlinear, dt, acceleration, yaw, limits[5], row, 4)
+    acceleration, pose = (ax, ay, az), kernel.UPRIGHT
+    inside = _heights(linear, dt, acceleration, yaw, pose, limits[5], row, 0)
+    inside &= _heights(nonlinear, dt, acceleration, yaw, pose, limits[5], row, 4)
     if not inside:
         row[FLAGS] = LEFT_RANGE
         return

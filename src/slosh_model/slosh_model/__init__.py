@@ -6,6 +6,7 @@ Pure physics: no ROS, no files, no clock. SI units throughout.
 from slosh_model.containers import Cylinder
 from slosh_model.errors import SloshModelError
 from slosh_model.liquid import Liquid
+from slosh_model.measure import measured_heights, predicted_heights
 from slosh_model.model import EffectUse, Model, ValidityLimits
 from slosh_model.model_text import format_model, parse_model
 from slosh_model.simulate import Inputs, Response, Simulator, State, simulate
@@ -22,6 +23,8 @@ __all__ = [
     "State",
     "ValidityLimits",
     "format_model",
+    "measured_heights",
     "parse_model",
+    "predicted_heights",
     "simulate",
 ]

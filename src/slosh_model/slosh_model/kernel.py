@@ -1,9 +1,4 @@
-"""The compiled equations of motion and their integration.
-
-One kernel serves every model: the terms of all effects are chained at import, and a switch in the
-flat parameter array says which of them are on. Whatever a term reads comes in tuples, which cost
-nothing in compiled code and can grow without a change to the terms that are there.
-"""
+"""The compiled equations of motion and their integration; one kernel serves every model."""
 
 from __future__ import annotations
 
@@ -13,68 +8,33 @@ from typing import Any
 import numpy as np
 from numba import njit
 
+from slosh_model.chains import all_drives, all_modulations, all_readings, all_terms
 from slosh_model.compile_cache import use_compile_cache
-from slosh_model.effects.base import compiled
-from slosh_model.effects.registry import EFFECTS, TERM_SLOTS
+from slosh_model.effects.base import SETTLING, compiled
+from slosh_model.effects.registry import DRIVE_MEMORY_COUNT
 
 use_compile_cache()
 
+# What is held from sample to sample.
+ELAPSED, STARTED, TURN, YAW, MEMORY = 3, 4, 5, 6, 7
+HELD_COUNT = MEMORY + DRIVE_MEMORY_COUNT
+INPUT_COUNT = 4  # of HELD_COUNT: the last input's acceleration and the time since rest
 
-@compiled
-def _no_term(mode, elapsed, q, inputs, parameters):  # type: ignore[no-untyped-def]
-    return 0.0, 0.0, 0.0, 0.0, 0.0
+UPRIGHT = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+"""The pose of a container that stands upright and does not turn; see effects.base."""
+POSE_COUNT = len(UPRIGHT)
 
-
-@compiled
-def _no_parameters(parameters):  # type: ignore[no-untyped-def]
-    return ()
-
-
-def _reader(first: int, count: int) -> Any:
-    """A compiled function that takes `count` parameters from the flat array, as a tuple."""
-    if count == 0:
-        return _no_parameters
-    others = _reader(first + 1, count - 1)
-
-    @compiled
-    def read(parameters):  # type: ignore[no-untyped-def]
-        return (parameters[first], *others(parameters))
-
-    return read
-
-
-def _chain(before: Any, term: Any, slot: int, count: int) -> Any:
-    """A compiled function that adds one effect's term to those before it."""
-    read = _reader(slot + 1, count)
-
-    @compiled
-    def chained(mode, elapsed, q, inputs, parameters):  # type: ignore[no-untyped-def]
-        fx, fy, mxx, mxy, myy = before(mode, elapsed, q, inputs, parameters)
-        if parameters[slot] == 0.0:
-            return fx, fy, mxx, mxy, myy
-        gx, gy, nxx, nxy, nyy = term(mode, elapsed, q, inputs, read(parameters))
-        return fx + gx, fy + gy, mxx + nxx, mxy + nxy, myy + nyy
-
-    return chained
-
-
-def _all_terms() -> Any:
-    total: Any = _no_term
-    for name, slot in TERM_SLOTS.items():
-        effect = EFFECTS[name]
-        total = _chain(total, effect.term, slot, len(effect.parameters))
-    return total
-
-
-_terms = _all_terms()
+_SETTLING_TURNS = 200
+_TWO_PI = 2.0 * math.pi
 
 
 @compiled
 def _acceleration(mode, elapsed, q, inputs, parameters):  # type: ignore[no-untyped-def]
     """q̈ of one mode from (I + m) q̈ = f (DL22, eqs. (11), (12), (14), (15)), 2×2 in closed form."""
+    mode = all_modulations(mode, elapsed, parameters)
     omega, zeta = mode[0], mode[1]
     x, y, vx, vy = q
-    gx, gy, mxx, mxy, myy = _terms(mode, elapsed, q, inputs, parameters)
+    gx, gy, mxx, mxy, myy = all_terms(mode, elapsed, q, inputs, parameters)
     fx = gx - 2.0 * zeta * omega * vx - omega * omega * x - inputs[0]
     fy = gy - 2.0 * zeta * omega * vy - omega * omega * y - inputs[1]
     mxx += 1.0
@@ -90,6 +50,7 @@ def _between(u0, u1, share):  # type: ignore[no-untyped-def]
         u0[0] + share * (u1[0] - u0[0]),
         u0[1] + share * (u1[1] - u0[1]),
         u0[2] + share * (u1[2] - u0[2]),
+        u0[3] + share * (u1[3] - u0[3]),
     )
 
 
@@ -118,61 +79,152 @@ def _runge_kutta_step(mode, q, u0, u1, step, elapsed, parameters):  # type: igno
     )
 
 
-@njit(cache=True, error_model="numpy")
-def advance(modal, modes, parameters, held, ax, ay, az, dt, max_step):  # type: ignore[no-untyped-def]
+@compiled
+def _constants(modes, n):  # type: ignore[no-untyped-def]
+    return (
+        modes[n, 0], modes[n, 1], modes[n, 2], modes[n, 3], modes[n, 4], modes[n, 5], modes[n, 6],
+    )  # fmt: skip
+
+
+@compiled
+def _settle(modal, modes, parameters, held, yaw, pose):  # type: ignore[no-untyped-def]
+    """Puts the liquid to where it rests while the container stands as in the first sample.
+
+    That is the origin but for a container that is tilted. By fixed-point iteration: each turn goes
+    to where the linear spring alone would hold the rest of the force.
+    """
+    inputs = all_drives(SETTLING, (0.0, 0.0, 0.0, yaw), pose, held[MEMORY:], parameters)
+    held[0], held[1], held[2], held[TURN] = inputs
+    if inputs[0] == 0.0 and inputs[1] == 0.0:
+        return
+    for n in range(modal.shape[0]):
+        mode = _constants(modes, n)
+        x, y, stiffness = 0.0, 0.0, mode[0] * mode[0]
+        for _ in range(_SETTLING_TURNS):
+            ax, ay = _acceleration(mode, 0.0, (x, y, 0.0, 0.0), inputs, parameters)
+            x += ax / stiffness
+            y += ay / stiffness
+        modal[n, 0], modal[n, 1] = x, y
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def advance(  # type: ignore[no-untyped-def]
+    modal, modes, parameters, held, ax, ay, az, yaw, pose, dt, max_step
+):
     """Integrates all modes from the held input to the new one, in place.
 
     Args:
         modal: (modes, 4) x, y, vx, vy [m, m/s]; changed.
-        modes: (modes, 5) ω [rad/s], ζ, C, R [m], wall height per displacement [1].
+        modes: (modes, 7) ω [rad/s], ζ, C, R [m], wall height per displacement [1], ξ, h [m].
         parameters: (PARAMETER_COUNT,) switches and parameters of the effects.
-        held: (4,) the last input's ax, ay, az [m/s²] and the time since rest [s]; changed.
+        held: (HELD_COUNT,) the last input's ax, ay, az [m/s²], the time since rest [s], and what
+            the effects remember; changed. Zeros before the first sample.
         ax, ay, az: the new input [m/s²].
-        dt: time between the two inputs [s]; 0 only takes the new input.
+        yaw: angle of the container's x axis in the input's axes [rad].
+        pose: see effects.base.
+        dt: time between the two inputs [s]; 0 only takes the new input. Ignored at the first.
         max_step: longest sub-step [s].
 
     Returns:
-        wall height at the container's +x and +y side [m].
+        wall height along the modal x and y axes [m], and the angle of the container's x axis in
+        them [rad].
     """
-    old, new, elapsed = (held[0], held[1], held[2]), (ax, ay, az), held[3]
-    held[0], held[1], held[2], held[3] = ax, ay, az, elapsed + dt
+    if held[STARTED] == 0.0:
+        held[STARTED], held[YAW] = 1.0, yaw
+        _settle(modal, modes, parameters, held, yaw, pose)
+        dt = 0.0
+    yaw += _TWO_PI * math.floor((held[YAW] - yaw) / _TWO_PI + 0.5)
+    held[YAW] = yaw
+    old, elapsed = (held[0], held[1], held[2], held[TURN]), held[ELAPSED]
+    new = all_drives(max(dt, 0.0), (ax, ay, az, yaw), pose, held[MEMORY:], parameters)
+    held[0], held[1], held[2], held[TURN] = new
+    held[ELAPSED] = elapsed + dt
     count = math.ceil(dt / max_step) if dt > 0.0 else 0
     height_x = height_y = 0.0
     for n in range(modal.shape[0]):
-        mode = (modes[n, 0], modes[n, 1], modes[n, 2], modes[n, 3])
+        mode = _constants(modes, n)
         q = (modal[n, 0], modal[n, 1], modal[n, 2], modal[n, 3])
         for i in range(count):
             u0, u1 = _between(old, new, i / count), _between(old, new, (i + 1) / count)
             moment = elapsed + dt * (i / count)
             q = _runge_kutta_step(mode, q, u0, u1, dt / count, moment, parameters)
         modal[n, 0], modal[n, 1], modal[n, 2], modal[n, 3] = q
-        height_x += modes[n, 4] * q[0]
-        height_y += modes[n, 4] * q[1]
-    return height_x, height_y
+        gain = all_modulations(mode, held[ELAPSED], parameters)[4]
+        height_x += gain * q[0]
+        height_y += gain * q[1]
+    return height_x, height_y, new[3]
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
+def turned(height_x, height_y, angle):  # type: ignore[no-untyped-def]
+    """Heights along the modal axes, as heights at the container's +x and +y side."""
+    if angle == 0.0:
+        return height_x, height_y
+    c, s = math.cos(angle), math.sin(angle)
+    return c * height_x + s * height_y, c * height_y - s * height_x
+
+
+@compiled
+def _pose(poses, i):  # type: ignore[no-untyped-def]
+    if poses.shape[0] == 0:
+        return UPRIGHT
+    row = poses[i]
+    return (row[0], row[1], row[2], row[3], row[4], row[5], row[6], row[7], row[8], row[9])
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
 def advance_many(  # type: ignore[no-untyped-def]
-    modal, modes, parameters, held, intervals, inputs, max_step, history, heights
+    modal, modes, parameters, held, intervals, inputs, yaws, poses, max_step, history, heights
 ):
     """`advance` over many inputs.
 
     Args:
         intervals: (N,) time from the input before [s].
         inputs: (N, 3) acceleration [m/s²].
+        yaws: (N,) [rad].
+        poses: (N, POSE_COUNT), or (0, POSE_COUNT) for an upright container.
         history: (N, modes, 4) receives the modal state after each input.
-        heights: (N, 2) receives the wall heights at +x and +y [m].
+        heights: (N, 2) receives the wall heights at the container's +x and +y [m].
     """
     for i in range(intervals.shape[0]):
         ax, ay, az = inputs[i, 0], inputs[i, 1], inputs[i, 2]
-        heights[i, 0], heights[i, 1] = advance(
-            modal, modes, parameters, held, ax, ay, az, intervals[i], max_step
-        )
+        height_x, height_y, turn = advance(
+            modal, modes, parameters, held, ax, ay, az, yaws[i], _pose(poses, i), intervals[i],
+            max_step,
+        )  # fmt: skip
+        heights[i, 0], heights[i, 1] = turned(height_x, height_y, turn)
         for n in range(modal.shape[0]):
             for k in range(4):
                 history[i, n, k] = modal[n, k]
 
 
-def empty_held_input() -> np.ndarray[Any, np.dtype[np.float64]]:
-    """A held input before the first sample."""
-    return np.zeros(4)
+@njit(cache=True, error_model="numpy", nogil=True)
+def read_many(  # type: ignore[no-untyped-def]
+    t, started, heights, azimuth, radius, parameters, memory, read
+):
+    """What the sensor reads of the heights at one azimuth, or of their maximum.
+
+    Args:
+        t: (N,) [s].
+        started: time since rest at t[0] [s].
+        heights: (N, 2) at the container's +x and +y [m].
+        azimuth: [rad]; NaN: the maximum over the wall.
+        radius: R [m].
+        parameters: as in `advance`.
+        memory: (READING_MEMORY_COUNT,) zeros at the start; changed.
+        read: (N,) receives the heights [m].
+    """
+    c, s = math.cos(azimuth), math.sin(azimuth)
+    for i in range(t.shape[0]):
+        height_x, height_y = heights[i, 0], heights[i, 1]
+        eta = math.hypot(height_x, height_y)
+        if azimuth == azimuth:
+            eta = c * height_x + s * height_y
+        dt = t[i] - t[i - 1] if i > 0 else 0.0
+        wall = (height_x, height_y, azimuth, radius, started + t[i] - t[0])
+        read[i] = all_readings(dt, eta, wall, memory, parameters)
+
+
+def held_at_rest() -> np.ndarray[Any, np.dtype[np.float64]]:
+    """What is held before the first sample."""
+    return np.zeros(HELD_COUNT)

@@ -10,7 +10,8 @@ from types import MappingProxyType
 from slosh_model.bessel import MAXIMUM_MODE
 from slosh_model.checks import positive
 from slosh_model.containers import Cylinder
-from slosh_model.effects.registry import EFFECTS, find_effect
+from slosh_model.effects.base import Effect, Parameters
+from slosh_model.effects.registry import BY_HOOK, find_effect
 from slosh_model.errors import SloshModelError
 from slosh_model.liquid import Liquid, cylinder_damping_ratio
 from slosh_model.modes import Mode
@@ -105,6 +106,10 @@ class Model:
         for name in names:
             if names.count(name) > 1:
                 raise SloshModelError(f"effect {name!r} is listed twice")
+        try:
+            self.mode_constants()
+        except SloshModelError as error:
+            raise SloshModelError(f"with its effects the model has {error}") from None
 
     @property
     def name(self) -> str:
@@ -130,6 +135,13 @@ class Model:
         """The model without the effect."""
         return replace(self, effects=tuple(use for use in self.effects if use.name != effect))
 
+    def uses(self, hook: str) -> tuple[tuple[Effect, Parameters], ...]:
+        """The model's effects that have a hook, in the order in which they act."""
+        used = {use.name: use.parameters for use in self.effects}
+        return tuple(
+            (effect, used[effect.name]) for effect in BY_HOOK[hook] if effect.name in used
+        )
+
     def linear(self) -> Model:
         """The L twin: everything but the surface's nonlinearity."""
         return self.without_effect(NONLINEAR)
@@ -152,10 +164,8 @@ class Model:
         if damping is None:
             damping = cylinder_damping_ratio(self.container, self.liquid)
         modes = tuple(Mode(n + 1, self.container, damping) for n in range(self.modes))
-        for use in self.effects:
-            change = EFFECTS[use.name].modes
-            if change is not None:
-                modes = change(modes, use.parameters)
+        for effect, parameters in self.uses("modes"):
+            modes = effect.modes(modes, parameters)  # type: ignore[misc]
         return modes
 
     def height_gains(self) -> tuple[float, ...]:
@@ -163,9 +173,7 @@ class Model:
         gains = []
         for mode in self.mode_constants():
             gain = mode.linear_gain
-            for use in self.effects:
-                change = EFFECTS[use.name].height_gain
-                if change is not None:
-                    gain = change(mode, use.parameters)
+            for effect, parameters in self.uses("height_gain"):
+                gain = effect.height_gain(mode, parameters)  # type: ignore[misc]
             gains.append(gain)
         return tuple(gains)

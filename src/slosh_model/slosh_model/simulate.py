@@ -14,9 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_model import kernel
-from slosh_model.effects.registry import EFFECTS, PARAMETER_COUNT, TERM_SLOTS
+from slosh_model.effects.registry import (
+    EFFECTS,
+    PARAMETER_COUNT,
+    SLOTS,
+)
 from slosh_model.errors import SloshModelError
 from slosh_model.model import Model
+from slosh_model.pose import pose_rows
 
 Array = NDArray[np.float64]
 
@@ -36,7 +41,8 @@ class Inputs:
             [m/s²].
         attitude: (N, 4) quaternion x, y, z, w, world ← container, of any length but zero; None:
             upright and not turned.
-        angular_velocity: (N, 3) in the container's frame [rad/s]; None: at rest.
+        angular_velocity: (N, 3) in the container's frame [rad/s]; None: the attitude's rate of
+            change. Without an attitude it is integrated from upright.
 
     Raises:
         SloshModelError: shapes that do not match, a value that is not finite, time that does not
@@ -72,6 +78,7 @@ class State:
         t: time of the last input [s].
         modal: (modes, 4) x, y, vx, vy of each mode's mass [m, m/s].
         held: (4,) the last input's acceleration [m/s²] and the time since rest [s].
+        memory: what the model's effects remember; None: nothing yet.
 
     Raises:
         SloshModelError: a shape that does not match or a value that is not finite.
@@ -80,13 +87,19 @@ class State:
     t: float
     modal: Array
     held: Array
+    memory: Array | None = None
 
     def __post_init__(self) -> None:
         if not math.isfinite(self.t):
             raise SloshModelError(f"the state's t = {self.t!r} s is not finite")
         modal = _frozen("modal", self.modal, (len(self.modal), 4))
         object.__setattr__(self, "modal", modal)
-        object.__setattr__(self, "held", _frozen("held", self.held, (4,)))
+        object.__setattr__(self, "held", _frozen("held", self.held, (kernel.INPUT_COUNT,)))
+        rest = kernel.HELD_COUNT - kernel.INPUT_COUNT
+        started = np.zeros(rest)
+        started[kernel.STARTED - kernel.INPUT_COUNT] = 1.0
+        memory = started if self.memory is None else self.memory
+        object.__setattr__(self, "memory", _frozen("memory", memory, (rest,)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -96,7 +109,7 @@ class Response:
     Attributes:
         t: (N,) time [s].
         sh_x, sh_y: (N,) signed height on the wall at the container's +x and +y [m].
-        modal: (N, modes, 4) x, y, vx, vy in the axes of the acceleration [m, m/s].
+        modal: (N, modes, 4) x, y, vx, vy in axes that do not yaw [m, m/s].
     """
 
     t: Array
@@ -106,7 +119,10 @@ class Response:
 
     @property
     def msh(self) -> Array:
-        """(N,) maximum sloshing height over the wall [m] (DL22, Table 2)."""
+        """(N,) maximum sloshing height over the wall [m] (DL22, Table 2).
+
+        Of the liquid itself: what a sensor reads of it is `slosh_model.measure`.
+        """
         return np.hypot(self.sh_x, self.sh_y)
 
     @property
@@ -129,7 +145,6 @@ class Simulator:
         "_modal",
         "_modes",
         "_parameters",
-        "_started",
         "model",
     )
 
@@ -147,23 +162,23 @@ class Simulator:
                     mode.curvature,
                     mode.container.radius,
                     gain,
+                    mode.xi,
+                    mode.container.fill_height,
                 )
                 for mode, gain in zip(constants, model.height_gains(), strict=True)
             ]
         )
         self._parameters = effect_parameters(model)
         self._modal = np.zeros((len(constants), 4))
-        self._held = kernel.empty_held_input()
-        self._started = False
+        self._held = kernel.held_at_rest()
 
     def reset(self) -> None:
         """Back to rest; the next step's input starts anew."""
         self._modal[:] = 0.0
         self._held[:] = 0.0
-        self._started = False
 
     def step(self, dt: float, ax: float, ay: float, az: float) -> tuple[float, float]:
-        """Takes an input sample.
+        """Takes an input sample of a container that stands upright.
 
         Args:
             dt: time since the sample before [s], finite; without one it is ignored, and where it
@@ -174,19 +189,17 @@ class Simulator:
             sh_x, sh_y: signed height on the wall at +x and +y [m]; not finite where the solution
                 has left the finite numbers, until `reset`.
         """
-        if not self._started:
-            dt, self._started = 0.0, True
-        heights: tuple[float, float] = kernel.advance(
-            self._modal, self._modes, self._parameters, self._held, ax, ay, az, dt,
-            self._max_step,
+        height_x, height_y, _ = kernel.advance(
+            self._modal, self._modes, self._parameters, self._held, ax, ay, az, 0.0,
+            kernel.UPRIGHT, dt, self._max_step,
         )  # fmt: skip
-        return heights
+        return height_x, height_y
 
     @property
     def arrays(self) -> tuple[Array, Array, Array, Array]:
         """Modal state, modes, parameters and held input, as `kernel.advance` takes them.
 
-        The simulator's own arrays: whoever advances them elsewhere starts with a step of dt = 0.
+        The simulator's own arrays.
         """
         return self._modal, self._modes, self._parameters, self._held
 
@@ -213,13 +226,16 @@ class Simulator:
                     f"the motion starts at {inputs.t[0]:.9g} s, more than {MAXIMUM_GAP:g} s "
                     f"after the state's {start:.9g} s"
                 )
-            self._modal[:], self._held[:] = state.modal, state.held
+            self._modal[:] = state.modal
+            self._held[: kernel.INPUT_COUNT] = state.held
+            self._held[kernel.INPUT_COUNT :] = state.memory
         intervals = np.diff(inputs.t, prepend=start)
+        yaws, poses = pose_rows(inputs.t, inputs.attitude, inputs.angular_velocity)
         history = np.empty((len(inputs.t), *self._modal.shape))
         heights = np.empty((len(inputs.t), 2))
         kernel.advance_many(
             self._modal, self._modes, self._parameters, self._held, intervals,
-            inputs.acceleration, self._max_step, history, heights,
+            inputs.acceleration, yaws, poses, self._max_step, history, heights,
         )  # fmt: skip
         bad = np.flatnonzero(~np.isfinite(heights).all(axis=1))
         if len(bad):
@@ -227,12 +243,11 @@ class Simulator:
                 f"the solution left the finite numbers at t = {inputs.t[bad[0]]:g} s: the motion "
                 "is far outside the model's range, or max_step is too long"
             )
-        self._started = True
-        end = State(float(inputs.t[-1]), self._modal, self._held)
-        sh_x, sh_y = _turned(heights, inputs.attitude)
-        for array in (sh_x, sh_y, history):
+        held, memory = np.split(self._held, [kernel.INPUT_COUNT])
+        end = State(float(inputs.t[-1]), self._modal, held, memory)
+        for array in (heights, history):
             array.setflags(write=False)
-        return Response(inputs.t, sh_x, sh_y, history), end
+        return Response(inputs.t, heights[:, 0], heights[:, 1], history), end
 
 
 def simulate(
@@ -260,7 +275,7 @@ def effect_parameters(model: Model) -> Array:
     """The kernel's switches and parameters for a model: (PARAMETER_COUNT,)."""
     flat = np.zeros(PARAMETER_COUNT)
     for use in model.effects:
-        slot = TERM_SLOTS.get(use.name)
+        slot = SLOTS.get(use.name)
         if slot is None:
             continue
         flat[slot] = 1.0
@@ -302,15 +317,3 @@ def _check_times(t: Array) -> None:
             raise SloshModelError(
                 f"t[{row}] = {t[row]:.9g} s {what} t[{row - 1}] = {t[row - 1]:.9g} s"
             )
-
-
-def _turned(heights: Array, attitude: Array | None) -> tuple[Array, Array]:
-    """Heights (N, 2) at the world's +x and +y, as heights at the container's (N,), (N,)."""
-    height_x, height_y = heights[:, 0], heights[:, 1]
-    if attitude is None:
-        return height_x, height_y
-    # The twist about z of the swing-twist decomposition: x and y belong to the swing.
-    z, w = attitude[:, 2], attitude[:, 3]
-    yaw = np.arctan2(2.0 * w * z, w * w - z * z)
-    c, s = np.cos(yaw), np.sin(yaw)
-    return c * height_x + s * height_y, c * height_y - s * height_x

@@ -58,6 +58,24 @@ def test_no_effect_is_the_planar_linear_model():
     assert parse_model("container: {radius: 0.05, fill_height: 0.07}").name == "2D-L"
 
 
+@st.composite
+def effect_uses(draw):
+    """Effects with parameters anywhere within their bounds."""
+    uses = []
+    for name in draw(st.lists(st.sampled_from(sorted(EFFECTS)), unique=True)):
+        values = {
+            parameter.name: draw(
+                st.sampled_from(parameter.choices)
+                if parameter.choices
+                else st.floats(parameter.lower, parameter.upper)
+            )
+            for parameter in EFFECTS[name].parameters
+        }
+        if name != "fill_level" or values["delta"] >= 0.0:  # it must leave some liquid
+            uses.append(EffectUse(name, values))
+    return tuple(uses)
+
+
 models = st.builds(
     Model,
     container=st.builds(
@@ -68,9 +86,7 @@ models = st.builds(
     ),
     liquid=st.builds(Liquid, st.floats(1.0, 2e4), st.floats(1e-8, 0.5)),
     damping_ratio=st.one_of(st.none(), st.floats(0.0, 0.99)),
-    effects=st.lists(st.sampled_from(sorted(EFFECTS)), unique=True).map(
-        lambda names: tuple(EffectUse(name) for name in names)
-    ),
+    effects=effect_uses(),
     modes=st.integers(1, 5),
     limits=st.builds(ValidityLimits, st.floats(0.1, 900.0)),
 )

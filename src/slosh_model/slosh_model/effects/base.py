@@ -17,13 +17,32 @@ Parameters = Mapping[str, float]
 compiled = njit(error_model="numpy")
 """Compiles a term; a division by zero gives inf or NaN, whose check would double the cost."""
 
-# A compiled function of (mode, elapsed, q, inputs, p) -> (fx, fy, mxx, mxy, myy).
-# mode: (ω [rad/s], ζ, C, R [m]); elapsed: time since rest [s]; q: (x, y, vx, vy), the mass's
-# place [m] and velocity [m/s]; inputs: (ax, ay, az), the container's acceleration [m/s²]; p: the
-# effect's parameters in their order. It returns what the effect adds to (I + m) q̈ = f: force per
-# modal mass [m/s²] and, symmetric, relative mass [1]. mode and inputs are tuples so that what a
-# later effect needs can be appended without a change to the others.
+# The compiled hooks. Whatever they read comes in tuples, so that what a later effect needs can be
+# appended without a change to the others; p: the effect's parameters in their order.
+#   mode: (ω [rad/s], ζ, C, R [m], wall height per displacement, ξ, h [m]);
+#   elapsed: time since rest [s];
+#   q: (x, y, vx, vy), the mass's place [m] and velocity [m/s] in axes that do not yaw;
+#   inputs: (ax, ay, az, turn): what drives the liquid in the same axes [m/s²], gravity excluded,
+#       and the angle of the container's x axis in them [rad];
+#   pose: (qx, qy, qz, qw, wx, wy, wz, bx, by, bz): attitude world ← container, angular velocity
+#       [rad/s] and angular acceleration [rad/s²] in the container's axes;
+#   memory: an array of the effect's own, zero at the start, to write to.
+
+# (mode, elapsed, q, inputs, p) -> (fx, fy, mxx, mxy, myy), what the effect adds to
+# (I + m) q̈ = f: force per modal mass [m/s²] and, symmetric, relative mass [1].
 Term = Callable[..., tuple[float, float, float, float, float]]
+# (mode, elapsed, p) -> mode: the mode's constants at a moment.
+Modulation = Callable[..., tuple[float, float, float, float, float, float, float]]
+# (dt, inputs, pose, memory, p) -> inputs, dt: time since the sample before [s]; 0 for the first;
+# SETTLING for the constant input at which the liquid has come to rest before the first.
+Drive = Callable[..., tuple[float, float, float, float]]
+# (dt, eta, wall, memory, p) -> eta, what the sensor reads of a height [m]; wall: (height at the
+# container's +x, at its +y [m], azimuth of eta [rad] or NaN where eta is the maximum over the
+# wall, R [m], elapsed [s]).
+Reading = Callable[..., float]
+
+SETTLING = -1.0
+"""In place of dt: the input before the first sample, since ever."""
 
 
 class Stage(Enum):
@@ -46,6 +65,7 @@ class Parameter:
         neutral: the value at which the effect does nothing; None: there is none.
         description: what it means.
         default: used where model.yaml gives none; None: it must be given.
+        choices: the values that it may have, where it chooses between variants; None: any.
     """
 
     name: str
@@ -55,6 +75,7 @@ class Parameter:
     neutral: float | None
     description: str
     default: float | None = None
+    choices: tuple[float, ...] | None = None
 
     def check(self, owner: str, value: float) -> float:
         """The value as float.
@@ -67,6 +88,9 @@ class Parameter:
                 f"{owner}.{self.name} = {value!r} must lie in [{self.lower:g}, {self.upper:g}]"
                 + (f" {self.unit}" if self.unit != "1" else "")
             )
+        if self.choices is not None and value not in self.choices:
+            known = " or ".join(f"{choice:g}" for choice in self.choices)
+            raise SloshModelError(f"{owner}.{self.name} = {value!r} must be {known}")
         return float(value)
 
 
@@ -81,9 +105,17 @@ class Effect:
         equation: what it adds, as LaTeX.
         source: paper and equation.
         parameters: in the order in which `term` receives them.
-        term: adds to the equations of motion of every mode (stage DYNAMICS).
+        order: effects of one stage act in this order, then by name.
+        needs_rotation: whether it does nothing while the container does not turn.
+        drive: changes what drives the liquid (INPUT).
+        drive_memory: length of its memory.
         modes: replaces the modes before anything else is computed (DYNAMICS, HEIGHT).
+        modulation: changes a mode's constants with time (DYNAMICS, HEIGHT).
+        term: adds to the equations of motion of every mode (DYNAMICS).
         height_gain: replaces a mode's wall height per displacement [1] (HEIGHT).
+        reading: changes what is measured of a height (MEASUREMENT).
+        reading_memory: length of its memory.
+        delay: by how much the measurement comes late [s] (MEASUREMENT).
     """
 
     name: str
@@ -92,9 +124,17 @@ class Effect:
     equation: str
     source: str
     parameters: tuple[Parameter, ...] = ()
-    term: Term | None = None
+    order: int = 0
+    needs_rotation: bool = False
+    drive: Drive | None = None
+    drive_memory: int = 0
     modes: Callable[[tuple[Mode, ...], Parameters], tuple[Mode, ...]] | None = None
+    modulation: Modulation | None = None
+    term: Term | None = None
     height_gain: Callable[[Mode, Parameters], float] | None = None
+    reading: Reading | None = None
+    reading_memory: int = 0
+    delay: Callable[[Parameters], float] | None = None
 
     def complete(self, given: Parameters) -> dict[str, float]:
         """All parameters in order: the given ones, checked, and the defaults.

@@ -25,20 +25,45 @@ def _collect() -> Mapping[str, Effect]:
 EFFECTS: Mapping[str, Effect] = _collect()
 """Every effect by name, in alphabetical order."""
 
-# Effects with a term in the equations of motion, each with the slot of its switch in the kernel's
-# flat parameter array; its parameters follow the switch.
-TERM_SLOTS: Mapping[str, int] = MappingProxyType(
+COMPILED_HOOKS = ("drive", "modulation", "term", "reading")
+
+
+def _in_order(hook: str) -> tuple[Effect, ...]:
+    having = (effect for effect in EFFECTS.values() if getattr(effect, hook) is not None)
+    return tuple(sorted(having, key=lambda effect: (effect.order, effect.name)))
+
+
+BY_HOOK: Mapping[str, tuple[Effect, ...]] = MappingProxyType(
+    {hook: _in_order(hook) for hook in (*COMPILED_HOOKS, "modes", "height_gain", "delay")}
+)
+"""The effects that have a hook, in the order in which they act."""
+
+
+def _starts(sizes: Mapping[str, int]) -> tuple[Mapping[str, int], int]:
+    """Where each part of a flat array begins, and the array's length."""
+    starts: dict[str, int] = {}
+    end = 0
+    for name, size in sizes.items():
+        starts[name] = end
+        end += size
+    return MappingProxyType(starts), end
+
+
+# The slot of each compiled effect's switch in the flat parameter array; its parameters follow.
+SLOTS, PARAMETER_COUNT = _starts(
     {
-        effect.name: sum(
-            1 + len(other.parameters)
-            for other in EFFECTS.values()
-            if other.term is not None and other.name < effect.name
-        )
+        effect.name: 1 + len(effect.parameters)
         for effect in EFFECTS.values()
-        if effect.term is not None
+        if any(getattr(effect, hook) is not None for hook in COMPILED_HOOKS)
     }
 )
-PARAMETER_COUNT = sum(1 + len(EFFECTS[name].parameters) for name in TERM_SLOTS)
+# Where each effect's memory begins.
+DRIVE_MEMORY, DRIVE_MEMORY_COUNT = _starts(
+    {effect.name: effect.drive_memory for effect in BY_HOOK["drive"]}
+)
+READING_MEMORY, READING_MEMORY_COUNT = _starts(
+    {effect.name: effect.reading_memory for effect in BY_HOOK["reading"]}
+)
 
 
 def find_effect(name: str) -> Effect:

@@ -1,0 +1,31 @@
+"""The acceleration is given too large or too small."""
+
+from __future__ import annotations
+
+from slosh_model.effects.base import Effect, Parameter, Stage, compiled
+
+
+@compiled
+def _drive(dt, inputs, pose, memory, p):  # type: ignore[no-untyped-def]
+    return p[0] * inputs[0], p[0] * inputs[1], p[0] * inputs[2], inputs[3]
+
+
+EFFECT = Effect(
+    name="accel_gain",
+    title="gain of the acceleration",
+    stages=(Stage.INPUT,),
+    equation=r"a \to k\,a",
+    source="scale error of an accelerometer, or of the time of a commanded motion",
+    parameters=(
+        Parameter(
+            name="gain",
+            unit="1",
+            lower=0.2,
+            upper=5.0,
+            neutral=1.0,
+            description="true acceleration relative to the given one",
+        ),
+    ),
+    order=20,
+    drive=_drive,
+)

@@ -1,0 +1,48 @@
+"""The container is not quite round: two natural frequencies along two axes."""
+
+from __future__ import annotations
+
+import math
+
+from slosh_model.effects.base import Effect, Parameter, Stage, compiled
+
+
+@compiled
+def _term(mode, elapsed, q, inputs, p):  # type: ignore[no-untyped-def]
+    # The axes turn with the container.
+    angle = 2.0 * (p[1] + inputs[3])
+    c, s = math.cos(angle), math.sin(angle)
+    stiffness = -p[0] * mode[0] * mode[0]
+    return stiffness * (c * q[0] + s * q[1]), stiffness * (s * q[0] - c * q[1]), 0.0, 0.0, 0.0
+
+
+EFFECT = Effect(
+    name="anisotropic_stiffness",
+    title="anisotropic stiffness",
+    stages=(Stage.DYNAMICS,),
+    equation=(
+        r"\omega^2 q \to \omega^2\left[1 + e\,(u u^T - v v^T)\right] q,"
+        r"\quad u = (\cos\varphi, \sin\varphi),\ v \perp u"
+    ),
+    source="elliptic and slightly oval tanks: Ibrahim 2005, ch. 2",
+    parameters=(
+        Parameter(
+            name="e",
+            unit="1",
+            lower=0.0,
+            upper=0.5,
+            neutral=0.0,
+            description="relative difference of the stiffness from the mean",
+        ),
+        Parameter(
+            name="axis",
+            unit="rad",
+            lower=-3.2,
+            upper=3.2,
+            neutral=None,
+            description="azimuth of the stiff axis from the container's +x",
+            default=0.0,
+        ),
+    ),
+    term=_term,
+)

@@ -1,0 +1,31 @@
+"""Crests are sharper than troughs."""
+
+from __future__ import annotations
+
+from slosh_model.effects.base import Effect, Parameter, Stage, compiled
+
+
+@compiled
+def _reading(dt, eta, wall, memory, p):  # type: ignore[no-untyped-def]
+    return eta + p[0] * eta * eta / wall[3]
+
+
+EFFECT = Effect(
+    name="crest_asymmetry",
+    title="asymmetry of crest and trough",
+    stages=(Stage.MEASUREMENT,),
+    equation=r"\eta \to \eta + \kappa\,\eta^2/R",
+    source="second order of the standing wave: Faltinsen & Timokha 2009, ch. 8",
+    parameters=(
+        Parameter(
+            name="kappa",
+            unit="1",
+            lower=-1.0,
+            upper=3.0,
+            neutral=0.0,
+            description="second-order height relative to the first order's square over R",
+        ),
+    ),
+    order=20,
+    reading=_reading,
+)

@@ -1,0 +1,38 @@
+"""The liquid is damped more or less than the model says."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from slosh_model.effects.base import Effect, Parameter, Parameters, Stage
+from slosh_model.modes import Mode
+
+_LIMIT = 0.99
+
+
+def _modes(modes: tuple[Mode, ...], parameters: Parameters) -> tuple[Mode, ...]:
+    factor = parameters["factor"]
+    return tuple(
+        replace(mode, damping_ratio=min(factor * mode.damping_ratio, _LIMIT)) for mode in modes
+    )
+
+
+EFFECT = Effect(
+    name="damping_mismatch",
+    title="damping mismatch",
+    stages=(Stage.DYNAMICS,),
+    equation=r"\zeta \to k\,\zeta",
+    source="DL22, eq. (12); measured decays: Ibrahim 2005, ch. 3",
+    parameters=(
+        Parameter(
+            name="factor",
+            unit="1",
+            lower=0.0,
+            upper=30.0,
+            neutral=1.0,
+            description="damping ratio relative to the model's",
+        ),
+    ),
+    order=20,
+    modes=_modes,
+)

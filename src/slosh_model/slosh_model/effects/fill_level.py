@@ -1,0 +1,38 @@
+"""The container holds more or less liquid than the model says."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from slosh_model.effects.base import Effect, Parameter, Parameters, Stage
+from slosh_model.modes import Mode
+
+
+def _modes(modes: tuple[Mode, ...], parameters: Parameters) -> tuple[Mode, ...]:
+    container = modes[0].container
+    # Where the rim is does not matter to the modes.
+    filled = replace(
+        container, fill_height=container.fill_height + parameters["delta"], rim_height=None
+    )
+    return tuple(replace(mode, container=filled) for mode in modes)
+
+
+EFFECT = Effect(
+    name="fill_level",
+    title="fill level",
+    stages=(Stage.DYNAMICS, Stage.HEIGHT),
+    equation=r"h \to h + \delta",
+    source="DL22, eqs. (3), (4), Tables 1 and 2 with the changed h",
+    parameters=(
+        Parameter(
+            name="delta",
+            unit="m",
+            lower=-1.0,
+            upper=1.0,
+            neutral=0.0,
+            description="liquid above the model's fill height",
+        ),
+    ),
+    order=10,
+    modes=_modes,
+)

@@ -1,0 +1,62 @@
+"""Liquid is lost during the motion: the fill height falls."""
+
+from __future__ import annotations
+
+import math
+
+from slosh_model.constants import GRAVITY
+from slosh_model.effects.base import Effect, Parameter, Stage, compiled
+
+_SHALLOW = 0.02  # of R; below, the model of standing waves has lost its sense
+
+
+@compiled
+def _modulation(mode, elapsed, p):  # type: ignore[no-untyped-def]
+    omega, zeta, _, radius, gain, xi, height = mode
+    now = max(height - p[0] * elapsed, _SHALLOW * radius)
+    # ω² and the gains of DL22's Tables 1 and 2 are proportional to tanh(ξ h/R).
+    factor = math.tanh(xi * now / radius) / math.tanh(xi * height / radius)
+    omega_now = omega * math.sqrt(factor)
+    return (
+        omega_now, zeta, omega_now * omega_now * radius / GRAVITY, radius, gain * factor, xi, now,
+    )  # fmt: skip
+
+
+@compiled
+def _reading(dt, eta, wall, memory, p):  # type: ignore[no-untyped-def]
+    return eta - p[1] * p[0] * wall[4]
+
+
+EFFECT = Effect(
+    name="fill_loss",
+    title="loss of liquid",
+    stages=(Stage.DYNAMICS, Stage.HEIGHT),
+    equation=r"h(t) = h - \dot h\,t",
+    source="DL22, eqs. (3), (4), Tables 1 and 2 with the momentary h",
+    parameters=(
+        Parameter(
+            name="rate",
+            unit="m/s",
+            lower=0.0,
+            upper=0.05,
+            neutral=0.0,
+            description="speed at which the still level falls",
+        ),
+        Parameter(
+            name="fixed_zero",
+            unit="1",
+            lower=0.0,
+            upper=1.0,
+            neutral=None,
+            description=(
+                "1 where measured heights are above the level at the start, 0 where they are "
+                "above the momentary one"
+            ),
+            default=0.0,
+            choices=(0.0, 1.0),
+        ),
+    ),
+    modulation=_modulation,
+    reading=_reading,
+    order=40,  # as a reading: before any property of the sensor
+)

@@ -1,0 +1,31 @@
+"""The image ends below the highest crests."""
+
+from __future__ import annotations
+
+from slosh_model.effects.base import Effect, Parameter, Stage, compiled
+
+
+@compiled
+def _reading(dt, eta, wall, memory, p):  # type: ignore[no-untyped-def]
+    return min(eta, p[0])
+
+
+EFFECT = Effect(
+    name="frame_saturation",
+    title="saturation at the frame's edge",
+    stages=(Stage.MEASUREMENT,),
+    equation=r"\eta \to \min(\eta, \mathrm{cap})",
+    source="DL22, Fig. 9",
+    parameters=(
+        Parameter(
+            name="cap",
+            unit="m",
+            lower=0.0,
+            upper=1.0,
+            neutral=1.0,
+            description="highest height that can be seen",
+        ),
+    ),
+    order=80,
+    reading=_reading,
+)

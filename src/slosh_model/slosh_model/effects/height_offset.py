@@ -1,0 +1,31 @@
+"""The measured heights have a wrong zero."""
+
+from __future__ import annotations
+
+from slosh_model.effects.base import Effect, Parameter, Stage, compiled
+
+
+@compiled
+def _reading(dt, eta, wall, memory, p):  # type: ignore[no-untyped-def]
+    return eta + p[0]
+
+
+EFFECT = Effect(
+    name="height_offset",
+    title="offset of the heights",
+    stages=(Stage.MEASUREMENT,),
+    equation=r"\eta \to \eta + b",
+    source="error of the still level in the camera's calibration",
+    parameters=(
+        Parameter(
+            name="offset",
+            unit="m",
+            lower=-0.1,
+            upper=0.1,
+            neutral=0.0,
+            description="measured height of the still level",
+        ),
+    ),
+    order=60,
+    reading=_reading,
+)

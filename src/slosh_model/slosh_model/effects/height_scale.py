@@ -1,0 +1,31 @@
+"""The measured heights are too large or too small."""
+
+from __future__ import annotations
+
+from slosh_model.effects.base import Effect, Parameter, Stage, compiled
+
+
+@compiled
+def _reading(dt, eta, wall, memory, p):  # type: ignore[no-untyped-def]
+    return p[0] * eta
+
+
+EFFECT = Effect(
+    name="height_scale",
+    title="scale of the heights",
+    stages=(Stage.MEASUREMENT,),
+    equation=r"\eta \to k\,\eta",
+    source="scale error of the camera's calibration",
+    parameters=(
+        Parameter(
+            name="gain",
+            unit="1",
+            lower=0.2,
+            upper=5.0,
+            neutral=1.0,
+            description="measured height relative to the true one",
+        ),
+    ),
+    order=50,
+    reading=_reading,
+)

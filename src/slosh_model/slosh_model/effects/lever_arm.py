@@ -1,0 +1,48 @@
+"""The container is not where the acceleration is given: what a turning arm adds."""
+
+from __future__ import annotations
+
+from slosh_model.effects.base import Effect, Parameter, Stage, compiled
+
+
+@compiled
+def _cross(a, b):  # type: ignore[no-untyped-def]
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+@compiled
+def _drive(dt, inputs, pose, memory, p):  # type: ignore[no-untyped-def]
+    rate, change = (pose[4], pose[5], pose[6]), (pose[7], pose[8], pose[9])
+    arm = (p[0], p[1], p[2])
+    turn, swing = _cross(change, arm), _cross(rate, _cross(rate, arm))
+    b = (turn[0] + swing[0], turn[1] + swing[1], turn[2] + swing[2])
+    # R b by the quaternion's vector part: b + 2 u × (u × b + w b).
+    u, w = (pose[0], pose[1], pose[2]), pose[3]
+    c = _cross(u, b)
+    d = _cross(u, (c[0] + w * b[0], c[1] + w * b[1], c[2] + w * b[2]))
+    return (
+        inputs[0] + b[0] + 2.0 * d[0],
+        inputs[1] + b[1] + 2.0 * d[1],
+        inputs[2] + b[2] + 2.0 * d[2],
+        inputs[3],
+    )
+
+
+def _arm(name: str) -> Parameter:
+    return Parameter(
+        name=name, unit="m", lower=-2.0, upper=2.0, neutral=0.0,
+        description=f"{name} of the container's origin from the given point, container's axes",
+    )  # fmt: skip
+
+
+EFFECT = Effect(
+    name="lever_arm",
+    title="lever arm",
+    stages=(Stage.INPUT,),
+    equation=r"a \to a + \dot\omega\times r + \omega\times(\omega\times r)",
+    source="kinematics of the rigid body",
+    parameters=(_arm("x"), _arm("y"), _arm("z")),
+    order=30,
+    needs_rotation=True,
+    drive=_drive,
+)

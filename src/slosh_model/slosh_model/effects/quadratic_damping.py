@@ -1,0 +1,33 @@
+"""Damping that grows with the speed of the liquid."""
+
+from __future__ import annotations
+
+import math
+
+from slosh_model.effects.base import Effect, Parameter, Stage, compiled
+
+
+@compiled
+def _term(mode, elapsed, q, inputs, p):  # type: ignore[no-untyped-def]
+    drag = -p[0] / mode[3] * math.hypot(q[2], q[3])
+    return drag * q[2], drag * q[3], 0.0, 0.0, 0.0
+
+
+EFFECT = Effect(
+    name="quadratic_damping",
+    title="quadratic damping",
+    stages=(Stage.DYNAMICS,),
+    equation=r"\ddot q + \dots + \frac{\beta}{R}\lVert\dot q\rVert\,\dot q = 0",
+    source="separation at edges and breaking crests: Dodge 2000, ch. 2; Faltinsen & Timokha 2009",
+    parameters=(
+        Parameter(
+            name="beta",
+            unit="1",
+            lower=0.0,
+            upper=10.0,
+            neutral=0.0,
+            description="drag per relative displacement",
+        ),
+    ),
+    term=_term,
+)

@@ -1,0 +1,36 @@
+"""The second antisymmetric mode sloshes, too."""
+
+from __future__ import annotations
+
+from slosh_model.effects.base import Effect, Parameter, Parameters, Stage
+from slosh_model.modes import Mode
+
+
+def _modes(modes: tuple[Mode, ...], parameters: Parameters) -> tuple[Mode, ...]:
+    second = Mode(2, modes[0].container, parameters["damping_ratio"])
+    return (modes[0], second, *(mode for mode in modes[1:] if mode.number != 2))
+
+
+EFFECT = Effect(
+    name="second_mode",
+    title="second mode",
+    stages=(Stage.DYNAMICS, Stage.HEIGHT),
+    equation=(
+        r"\ddot q_2 + 2\zeta_2\omega_2\dot q_2 + \omega_2^2 q_2 + \ddot s_0 = 0,"
+        r"\quad \eta = \bar\eta_1 q_1 + \bar\eta_2 q_2"
+    ),
+    source="DL22, eqs. (3), (4), (12), Table 1 with n = 2",
+    parameters=(
+        Parameter(
+            name="damping_ratio",
+            unit="1",
+            lower=0.0,
+            upper=0.3,
+            neutral=None,
+            description="damping ratio of the second mode",
+            default=0.01,
+        ),
+    ),
+    order=30,  # after what changes the container and the first mode's damping
+    modes=_modes,
+)

@@ -1,0 +1,30 @@
+"""The measured heights come late."""
+
+from __future__ import annotations
+
+from slosh_model.effects.base import Effect, Parameter, Parameters, Stage
+
+
+def _delay(parameters: Parameters) -> float:
+    return parameters["tau"]
+
+
+EFFECT = Effect(
+    name="time_offset",
+    title="time offset",
+    stages=(Stage.MEASUREMENT,),
+    equation=r"\eta(t) \to \eta(t - \tau)",
+    source="delay between exposure and stamp; clocks that are not one",
+    parameters=(
+        Parameter(
+            name="tau",
+            unit="s",
+            lower=-1.0,
+            upper=1.0,
+            neutral=0.0,
+            description="by how much the measurement is late",
+        ),
+    ),
+    order=90,
+    delay=_delay,
+)

@@ -1,0 +1,46 @@
+"""The camera sees a part of the wall: the maximum is that over this part."""
+
+from __future__ import annotations
+
+import math
+
+from slosh_model.effects.base import Effect, Parameter, Stage, compiled
+
+
+@compiled
+def _reading(dt, eta, wall, memory, p):  # type: ignore[no-untyped-def]
+    if wall[2] == wall[2]:  # a height at an azimuth is no maximum
+        return eta
+    from_centre = math.atan2(wall[1], wall[0]) - p[0]
+    from_centre -= 2.0 * math.pi * math.floor(from_centre / (2.0 * math.pi) + 0.5)
+    beyond = max(abs(from_centre) - 0.5 * p[1], 0.0)
+    return eta * math.cos(beyond)
+
+
+EFFECT = Effect(
+    name="visible_arc",
+    title="visible part of the wall",
+    stages=(Stage.MEASUREMENT,),
+    equation=r"\max_{\varphi}\eta(\varphi) \to \max_{|\varphi-c|\le w/2}\eta(\varphi)",
+    source="one camera beside the container",
+    parameters=(
+        Parameter(
+            name="centre",
+            unit="rad",
+            lower=-3.2,
+            upper=3.2,
+            neutral=None,
+            description="azimuth of the visible part's middle from the container's +x",
+        ),
+        Parameter(
+            name="width",
+            unit="rad",
+            lower=0.0,
+            upper=6.2831853071795864,
+            neutral=6.2831853071795864,
+            description="angle that the visible part spans",
+        ),
+    ),
+    order=10,
+    reading=_reading,
+)

@@ -1,0 +1,91 @@
+"""What a sensor reads of the heights that a model predicts."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from slosh_model import kernel
+from slosh_model.effects.registry import READING_MEMORY_COUNT
+from slosh_model.errors import SloshModelError
+from slosh_model.model import Model
+from slosh_model.simulate import Inputs, Response, effect_parameters, simulate
+
+Array = NDArray[np.float64]
+
+
+def measured_heights(model: Model, response: Response, azimuths: ArrayLike | None = None) -> Array:
+    """The heights as a sensor reads them, with the model's effects on the measurement.
+
+    A delay is left out: it shifts the times at which the heights are read.
+
+    Args:
+        model: the model.
+        response: its response from rest.
+        azimuths: (K,) where the height on the wall is read, from the container's +x [rad]; None:
+            the maximum over the wall.
+
+    Returns:
+        (N, K), or (N, 1) of the maximum [m].
+    """
+    places = np.array([np.nan]) if azimuths is None else np.atleast_1d(np.asarray(azimuths))
+    heights = np.column_stack([response.sh_x, response.sh_y])
+    parameters, radius = effect_parameters(model), model.container.radius
+    read = np.empty((len(places), len(response.t)))
+    for azimuth, row in zip(places.tolist(), read, strict=True):
+        memory = np.zeros(READING_MEMORY_COUNT)
+        kernel.read_many(response.t, 0.0, heights, azimuth, radius, parameters, memory, row)
+    return read.T
+
+
+def delay(model: Model) -> float:
+    """By how much the measurement comes late [s]."""
+    return sum(effect.delay(parameters) for effect, parameters in model.uses("delay"))  # type: ignore[misc]
+
+
+def predicted_heights(
+    model: Model, inputs: Inputs, times: ArrayLike, azimuths: ArrayLike | None = None
+) -> Array:
+    """The heights that a sensor would read at given times, every effect included.
+
+    Args:
+        model: the model.
+        inputs: the container's motion, from rest.
+        times: (M,) on the inputs' clock, not decreasing [s]. Before the motion the liquid rests;
+            after it the last acceleration stays.
+        azimuths: (K,) from the container's +x [rad]; None: the maximum over the wall.
+
+    Returns:
+        (M, K), or (M, 1) of the maximum [m].
+
+    Raises:
+        SloshModelError: times that are not finite or decrease, or no solution.
+    """
+    moments = np.asarray(times, dtype=np.float64) - delay(model)
+    if moments.ndim != 1 or not np.isfinite(moments).all() or np.any(np.diff(moments) < 0.0):
+        raise SloshModelError("times must be a row of finite numbers that do not decrease")
+    moments = np.maximum(moments, inputs.t[0])
+    merged = with_moments(inputs, moments)
+    response, _ = simulate(model, merged)
+    rows = np.searchsorted(merged.t, moments)
+    heights: Array = measured_heights(model, response, azimuths)[rows]
+    return heights
+
+
+def with_moments(inputs: Inputs, moments: Array) -> Inputs:
+    """The same motion with further samples, interpolated as the integrator would.
+
+    Args:
+        inputs: the motion.
+        moments: (M,) not before its first sample [s]; after its last the values stay.
+    """
+    t = np.union1d(inputs.t, moments)
+    if len(t) == len(inputs.t):
+        return inputs
+    columns = [
+        None
+        if values is None
+        else np.column_stack([np.interp(t, inputs.t, column) for column in values.T])
+        for values in (inputs.acceleration, inputs.attitude, inputs.angular_velocity)
+    ]
+    return Inputs(t, *columns)  # type: ignore[arg-type]

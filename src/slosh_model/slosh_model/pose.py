@@ -1,0 +1,69 @@
+"""How a container stands and turns, as the compiled kernel takes it."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from slosh_model.kernel import POSE_COUNT
+
+Array = NDArray[np.float64]
+
+
+def pose_rows(
+    t: Array, attitude: Array | None, angular_velocity: Array | None
+) -> tuple[Array, Array]:
+    """Yaw and pose of each sample.
+
+    Args:
+        t: (N,) time, strictly increasing [s].
+        attitude: (N, 4) quaternion x, y, z, w, world ← container, of any length but zero; None:
+            the angular velocity integrated from upright, or upright throughout.
+        angular_velocity: (N, 3) in the container's frame [rad/s]; None: from the attitude.
+
+    Returns:
+        (N,) the attitude's twist about the container's z [rad] (swing-twist decomposition: x and y
+        belong to the swing), and (N, POSE_COUNT) quaternion, angular velocity and angular
+        acceleration; (0, POSE_COUNT) where the container stands upright throughout.
+    """
+    if attitude is None and angular_velocity is None:
+        return np.zeros(len(t)), np.zeros((0, POSE_COUNT))
+    if attitude is None:
+        assert angular_velocity is not None
+        attitude = _integrated(t, angular_velocity)
+    quaternion = attitude / np.linalg.norm(attitude, axis=1, keepdims=True)
+    if angular_velocity is None:
+        angular_velocity = _rates(t, quaternion)
+    z, w = quaternion[:, 2], quaternion[:, 3]
+    yaw = np.arctan2(2.0 * w * z, w * w - z * z)
+    change = _slope(t, angular_velocity)
+    return yaw, np.column_stack([quaternion, angular_velocity, change])
+
+
+def _integrated(t: Array, rate: Array) -> Array:
+    """Attitude from the angular velocity, each interval turned about its mean."""
+    turns = Rotation.from_rotvec(0.5 * (rate[1:] + rate[:-1]) * np.diff(t)[:, np.newaxis])
+    attitude = [Rotation.identity()]
+    for turn in turns:
+        attitude.append(attitude[-1] * turn)
+    quaternions: Array = Rotation.concatenate(attitude).as_quat()
+    return quaternions
+
+
+def _rates(t: Array, quaternion: Array) -> Array:
+    """Angular velocity in the container's frame from the attitude, by central differences."""
+    if len(t) < 2:
+        return np.zeros((len(t), 3))
+    attitude = Rotation.from_quat(quaternion)
+    turns = (attitude[:-1].inv() * attitude[1:]).as_rotvec()
+    rates = turns / np.diff(t)[:, np.newaxis]
+    middles = 0.5 * (t[1:] + t[:-1])
+    return np.column_stack([np.interp(t, middles, rates[:, axis]) for axis in range(3)])
+
+
+def _slope(t: Array, values: Array) -> Array:
+    if len(t) < 2:
+        return np.zeros_like(values)
+    slope: Array = np.gradient(values, t, axis=0)
+    return slope
