@@ -1,0 +1,10 @@
+"""Measured motions from files: what a discovery works on.
+
+Motion tables, bags and folders of tables in; `MeasuredMotion` out. Pure: no ROS, no clock.
+"""
+
+from __future__ import annotations
+
+from slosh_bringup.discover_data.reading import motions_of_shift, read_motions
+
+__all__ = ["motions_of_shift", "read_motions"]

@@ -1,0 +1,81 @@
+"""Measured heights: single spikes left out, still level and noise."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_discovery.alignment import find_spikes, spike_limit
+
+Array = NDArray[np.float64]
+
+SPIKE_NOISES = 6.0
+"""A sample that stands out by less than so many standard deviations of the noise is noise."""
+_MAD = 1.4826
+"""A normal deviation's standard deviation in units of its median absolute deviation."""
+QUIET = 1.0
+"""Length of the parts among which the quietest tells level and noise [s]."""
+LEAST = 5
+"""Samples that a part needs."""
+
+
+class Still(NamedTuple):
+    """Still level and the noise about it [m]."""
+
+    level: float
+    noise: float
+
+
+def without_spikes(height: Array) -> tuple[Array, int]:
+    """The heights with single upward spikes set to NaN, as a replay judges them, and their number.
+
+    Where the noise is large beside the sloshing, a replay's limit would take its upper half for
+    spikes: what is within six standard deviations of the noise stays.
+
+    Args:
+        height: (N,) [m]; NaN: no sample.
+    """
+    noise = sample_noise(height)
+    limit = max(spike_limit(height), SPIKE_NOISES * noise)
+    spikes = find_spikes(height, limit)
+    return np.where(spikes, np.nan, height), int(np.count_nonzero(spikes))
+
+
+def sample_noise(height: Array) -> float:
+    """Standard deviation of what differs from sample to sample [m]; 0 with too few samples.
+
+    A sample's difference from the mean of its neighbours has 3/2 of the noise's variance.
+    """
+    bend = height[1:-1] - 0.5 * (height[:-2] + height[2:])
+    bend = bend[np.isfinite(bend)]
+    if not len(bend):
+        return 0.0
+    return _MAD * float(np.median(np.abs(bend - np.median(bend)))) / math.sqrt(1.5)
+
+
+def find_still(t: Array, height: Array) -> Still:
+    """Still level and noise: those of the quietest second.
+
+    Args:
+        t: (N,) rising times [s].
+        height: (N,) [m]; NaN: no sample.
+    """
+    known = np.isfinite(height)
+    t, height = t[known], height[known]
+    if not len(t):
+        return Still(0.0, 0.0)
+    parts = np.split(height, np.flatnonzero(np.diff(np.floor(t / QUIET))) + 1)
+    large = [part for part in parts if len(part) >= LEAST] or [height]
+    quietest = min(large, key=lambda part: float(np.std(part)))
+    return Still(float(np.median(quietest)), float(np.std(quietest)))
+
+
+def rms_about(height: Array, level: float) -> float:
+    """Root mean square about a level [m]; NaN with fewer than LEAST samples."""
+    known = height[np.isfinite(height)]
+    if len(known) < LEAST:
+        return float("nan")
+    return float(np.sqrt(np.mean((known - level) ** 2)))

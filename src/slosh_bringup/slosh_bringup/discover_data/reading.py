@@ -1,0 +1,183 @@
+"""Files to measured motions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from slosh_bag.interchange.bag_table import TableSettings, read_bag_table
+from slosh_bag.interchange.table_bag import COLUMNS_KEY
+from slosh_bringup.discover_data.heights import without_spikes
+from slosh_bringup.discover_data.recording import (
+    Recording,
+    Tell,
+    read_recording,
+    sources_of,
+)
+from slosh_bringup.discover_data.splitting import SECOND, Part, split
+from slosh_bringup.discover_data.tables import is_table, motion_of_table, table_motion
+from slosh_bringup.discover_data.unrelated import unrelated_motion
+from slosh_bringup.errors import SloshBringupError
+from slosh_discovery.discover.motion import MINIMUM_SAMPLES, MeasuredMotion
+from slosh_model.model import Model
+from slosh_model.simulate import Inputs
+
+
+@dataclass(frozen=True, slots=True)
+class ShiftMotion:
+    """A recorded motion and how far the live estimate was off.
+
+    Attributes:
+        motion: the motion.
+        disagreement: root mean square of measured minus estimated height, as the monitor compared
+            them live [m]; NaN: no comparison was recorded.
+    """
+
+    motion: MeasuredMotion
+    disagreement: float
+
+
+def _quietly(line: str) -> None:
+    """Tells nobody."""
+
+
+def read_motions(
+    path: Path, model: Model | None = None, tell: Callable[[str], object] = _quietly
+) -> list[MeasuredMotion]:
+    """The measured motions of a file or a folder.
+
+    Args:
+        path: a motion table (`.csv`, `.csv.gz`), a bag (folder or `.mcap`, also an unfinished
+            one), or a folder of these.
+        model: by whose container heights are laid over the motion where their clocks are
+            unrelated; None: what the bag says of its container.
+        tell: is told what is left out or assumed, one line each.
+
+    Returns:
+        at least one motion: a table's own; of a bag each motion that begins with the liquid at
+        rest, in the order of the recording.
+
+    Raises:
+        SloshBagError, SloshBringupError, SloshDiscoveryError: one line that says what is wrong and
+            where.
+    """
+    return [motion for item in _sources(path) for motion, _ in _read(item, model, tell)]
+
+
+def motions_of_shift(
+    path: Path, model: Model | None = None, tell: Callable[[str], object] = _quietly
+) -> list[ShiftMotion]:
+    """The motions of a recorded shift, those first in which the live estimate was off most.
+
+    Motions of which no comparison was recorded come last, in the order of the recording.
+
+    Args:
+        path, model, tell: as for `read_motions`.
+
+    Raises:
+        SloshBagError, SloshBringupError, SloshDiscoveryError: as for `read_motions`.
+    """
+    found = [ShiftMotion(*pair) for item in _sources(path) for pair in _read(item, model, tell)]
+    return sorted(found, key=lambda entry: -np.nan_to_num(entry.disagreement, nan=-1.0))
+
+
+def _sources(path: Path) -> list[Path]:
+    """Tables and bags at a path.
+
+    Raises:
+        SloshBringupError: there are none.
+    """
+    if not path.exists():
+        raise SloshBringupError(f"{path}: no such file or folder")
+    if not path.is_dir() or any(path.glob("*.mcap")):
+        return [path]
+    tables = [entry for entry in path.iterdir() if entry.is_file() and is_table(entry)]
+    bags = [entry for entry in path.iterdir() if entry.is_dir() and any(entry.glob("*.mcap"))]
+    if not tables and not bags:
+        raise SloshBringupError(f"{path}: holds no motion tables (.csv, .csv.gz) and no bags")
+    return sorted([*tables, *bags])
+
+
+def _read(path: Path, model: Model | None, tell: Tell) -> Iterator[tuple[MeasuredMotion, float]]:
+    """The motions of a table or a bag, with the recorded disagreement [m]."""
+    if is_table(path):
+        yield table_motion(path, tell), float("nan")
+        return
+    name = path.name.removesuffix(".mcap")
+    reader, sources = sources_of(path)
+    if sources.facts.get("clocks") == "unrelated":
+        recording = read_recording(path, reader, sources, tell)
+        yield unrelated_motion(name, recording, model, tell), float("nan")
+    elif COLUMNS_KEY in sources.facts:
+        # A table that became a bag is one motion, with wall heights where it had them.
+        table = read_bag_table(path, TableSettings()).table
+        yield motion_of_table(path, name, table, tell), float("nan")
+    else:
+        yield from _motions(name, read_recording(path, reader, sources, tell), tell)
+
+
+def _motions(
+    name: str, recording: Recording, tell: Tell
+) -> Iterator[tuple[MeasuredMotion, float]]:
+    path = recording.path
+    clean, spikes = without_spikes(recording.heights.msh)
+    if spikes:
+        tell(f"{path}: {spikes} single spikes of the measured height are left out")
+    keep = np.isfinite(clean)
+    heights = recording.heights
+    heights = heights._replace(
+        stamps=heights.stamps[keep], msh=clean[keep], stddev=heights.stddev[keep]
+    )
+    recording = Recording(
+        path, recording.motion, heights, recording.residuals, recording.facts,
+        recording.max_gap_ns,
+    )  # fmt: skip
+    found = split(recording)
+    for note in found.notes:
+        tell(f"{path}: {note}")
+    count = 0
+    for number, part in enumerate(found.parts, start=1):
+        motion = _motion_of(f"{name}#{number}", recording, part)
+        if motion is None:
+            tell(f"{path}: motion {number} has fewer than {MINIMUM_SAMPLES} measured heights")
+            continue
+        count += 1
+        yield motion, _disagreement(recording, part)
+    if not count:
+        raise SloshBringupError(f"{path}: holds no motion with measured heights")
+
+
+def _motion_of(name: str, recording: Recording, part: Part) -> MeasuredMotion | None:
+    """The motion of a part, on seconds since the recording's first input."""
+    motion, heights = recording.motion, recording.heights
+    rows = slice(*np.searchsorted(motion.stamps, (part.start, part.end + 1)))
+    samples = slice(*np.searchsorted(heights.stamps, (part.heights_start, part.end + 1)))
+    if samples.stop - samples.start < MINIMUM_SAMPLES:
+        return None
+    origin = int(motion.stamps[0])
+    stddev = heights.stddev[samples]
+    attitude, turning = motion.attitude, motion.angular_velocity
+    return MeasuredMotion(
+        name,
+        Inputs(
+            (motion.stamps[rows] - origin) / SECOND,
+            motion.acceleration[rows],
+            None if attitude is None else attitude[rows],
+            None if turning is None else turning[rows],
+        ),
+        (heights.stamps[samples] - origin) / SECOND,
+        msh=heights.msh[samples],
+        stddev=stddev if np.isfinite(stddev).any() else None,
+    )
+
+
+def _disagreement(recording: Recording, part: Part) -> float:
+    """RMS of the recorded residuals over a part [m]; NaN: there are none."""
+    stamps, values = recording.residuals
+    first, last = np.searchsorted(stamps, (part.heights_start, part.end + 1))
+    if first == last:
+        return float("nan")
+    return float(np.sqrt(np.mean(values[first:last] ** 2)))

@@ -1,0 +1,211 @@
+"""What a bag holds of a cell's motion and of its measured heights, on the bag's clock.
+
+| input | acceleration | attitude | angular velocity |
+|---|---|---|---|
+| accel | as published | the imu's orientation, where one lies beside | the imu's |
+| imu | Rz(ψ) f - g ẑ | the yaw ψ alone | the imu's |
+| pose | second derivative of the position | the pose's orientation | from the orientations |
+
+An imu feels gravity: on a tilted floor its specific force f has gravity's share along the floor
+already, as the liquid feels it. So the acceleration is the one that an upright container would
+need for the same force, the attitude is the yaw alone, and the effect `gravity_tilt` changes
+nothing: the live estimator sees the same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from slosh_bag.errors import SloshBagError
+from slosh_bag.interchange.bag_motion import AttitudeCollector, Motion, MotionCollector
+from slosh_bag.interchange.table_bag import IMU, IMU_TYPE, SECOND
+from slosh_bag.reader import BagReader
+from slosh_bag.replay.bag import Sources, find_sources
+from slosh_bag.replay.inputs import STAMP, InputSettings, input_settings, stamps_of
+from slosh_estimator.monitor import SATURATED, UNUSABLE
+
+Array = NDArray[np.float64]
+Stamps = NDArray[np.int64]
+Columns = Mapping[str, NDArray[Any]]
+Tell = Callable[[str], object]
+
+_SURFACE_FIELDS = (*STAMP, "msh", "flags", "msh_stddev")
+_COMPARISON_FIELDS = (*STAMP, "residual_nonlinear", "measured_stale", "estimate_stale")
+
+
+class Heights(NamedTuple):
+    """Measured heights: stamps (N,) rising [ns], heights (N,) and standard deviations (N,) [m]."""
+
+    stamps: Stamps
+    msh: Array
+    stddev: Array
+
+
+class Residuals(NamedTuple):
+    """Recorded measured minus estimated heights: stamps (N,) rising [ns], values (N,) [m]."""
+
+    stamps: Stamps
+    values: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Recording:
+    """A bag's motion and heights.
+
+    Attributes:
+        path: of the bag.
+        motion: of the container.
+        heights: as measured; saturated and unusable ones are left out.
+        residuals: of the recorded comparison; empty: none was recorded.
+        facts: about the whole bag.
+        max_gap_ns: longest time between two samples that belong together [ns].
+    """
+
+    path: Path
+    motion: Motion
+    heights: Heights
+    residuals: Residuals
+    facts: Mapping[str, str]
+    max_gap_ns: int
+
+
+def read_recording(path: Path, reader: BagReader, sources: Sources, tell: Tell) -> Recording:
+    """Reads a bag.
+
+    Args:
+        path: of the bag, for what is said of it.
+        reader: of the bag.
+        sources: its topics.
+        tell: is told what is left out, one line each.
+
+    Raises:
+        SloshBagError: no measured heights, no usable input, or stamps that go back.
+    """
+    if sources.surface is None:
+        raise SloshBagError(f"{path}: holds no measured heights (free_surface)")
+    how = recorded_settings(sources)
+    moved, beside = MotionCollector(sources.kind, how), AttitudeCollector(how.frames[1])
+    measured, compared = _Surfaces(), _Comparisons()
+    takers: dict[str, tuple[tuple[str, ...], Callable[[Columns], None]]] = {
+        sources.input: (moved.fields, moved.add),
+        sources.surface: (_SURFACE_FIELDS, measured.add),
+    }
+    imu = f"{sources.input.rpartition('/')[0]}/{IMU}"
+    found = reader.topics().get(imu)
+    if sources.kind == "accel" and found is not None and found.message_type == IMU_TYPE:
+        takers[imu] = (beside.fields, beside.add)
+    if sources.comparison is not None:
+        takers[sources.comparison] = (_COMPARISON_FIELDS, compared.add)
+    for block in reader.blocks(list(takers)):
+        names, take = takers[block.topic]
+        take(reader.columns(block, names))
+    motion = moved.motion(path, sources.input)
+    if sources.kind == "accel" and moved.in_world:
+        motion = beside.added_to(motion)
+    if sources.kind == "pose" and motion.attitude is not None:
+        span = max(1, how.pose_window // 4)
+        turning = angular_velocity(motion.stamps, motion.attitude, span)
+        motion = replace(motion, angular_velocity=turning)
+    for line in (*reader.warnings, *measured.notes()):
+        tell(line if line.startswith(str(path)) else f"{path}: {line}")
+    return Recording(
+        path, motion, measured.heights(), compared.residuals(), sources.facts,
+        round(how.gate.max_gap * SECOND),
+    )  # fmt: skip
+
+
+def recorded_settings(sources: Sources) -> InputSettings:
+    """How the recorded estimator read its input."""
+    started = next((start for start in sources.starts if start.node == "estimator"), None)
+    return input_settings(started.parameters) if started else InputSettings()
+
+
+def angular_velocity(stamps: Stamps, attitude: Array, span: int) -> Array:
+    """Mean angular velocity about each sample, in the container's frame [rad/s]: (N, 3).
+
+    Args:
+        stamps: (N,) rising [ns].
+        attitude: (N, 4) quaternions x, y, z, w, world ← container.
+        span: samples to each side; fewer at the ends.
+    """
+    rows = np.arange(len(stamps))
+    before, after = np.maximum(rows - span, 0), np.minimum(rows + span, len(rows) - 1)
+    seconds = (stamps[after] - stamps[before]) / SECOND
+    turns = Rotation.from_quat(attitude)
+    angles: Array = (turns[before].inv() * turns[after]).as_rotvec()
+    return np.divide(
+        angles, seconds[:, np.newaxis], out=np.zeros_like(angles), where=seconds[:, None] > 0.0
+    )
+
+
+class _Surfaces:
+    """Takes FreeSurface messages."""
+
+    def __init__(self) -> None:
+        self._parts: list[Heights] = []
+        self._unusable = self._saturated = 0
+
+    def add(self, columns: Columns) -> None:
+        flags, msh = columns["flags"].astype(np.int64), columns["msh"]
+        unusable = ((flags & UNUSABLE) != 0) | ~np.isfinite(msh)
+        saturated = ~unusable & ((flags & SATURATED) != 0)
+        self._unusable += int(np.count_nonzero(unusable))
+        self._saturated += int(np.count_nonzero(saturated))
+        kept = ~unusable & ~saturated
+        self._parts.append(
+            Heights(stamps_of(columns)[kept], msh[kept], columns["msh_stddev"][kept])
+        )
+
+    def heights(self) -> Heights:
+        """All that are usable, each stamp once."""
+        if not self._parts:
+            return Heights(np.empty(0, dtype=np.int64), np.empty(0), np.empty(0))
+        stamps, msh, stddev = (np.concatenate(column) for column in zip(*self._parts, strict=True))
+        rising, first = np.unique(stamps, return_index=True)
+        return Heights(rising, msh[first], stddev[first])
+
+    def notes(self) -> list[str]:
+        told = (
+            (self._unusable, "images without a usable height are left out"),
+            (self._saturated, "saturated heights are left out: they are lower bounds"),
+        )
+        return [f"{count} {text}" for count, text in told if count]
+
+
+class _Comparisons:
+    """Takes SloshComparison messages."""
+
+    def __init__(self) -> None:
+        self._parts: list[Residuals] = []
+
+    def add(self, columns: Columns) -> None:
+        values = columns["residual_nonlinear"]
+        kept = np.isfinite(values)
+        for name in ("measured_stale", "estimate_stale"):
+            kept &= ~columns[name].astype(bool)
+        self._parts.append(Residuals(stamps_of(columns)[kept], values[kept]))
+
+    def residuals(self) -> Residuals:
+        """All that compare two sides that spoke."""
+        if not self._parts:
+            return Residuals(np.empty(0, dtype=np.int64), np.empty(0))
+        stamps, values = (np.concatenate(column) for column in zip(*self._parts, strict=True))
+        rising, first = np.unique(stamps, return_index=True)
+        return Residuals(rising, values[first])
+
+
+def sources_of(path: Path) -> tuple[BagReader, Sources]:
+    """A bag's reader and its topics.
+
+    Raises:
+        SloshBagError: no readable bag, or nothing in it that drives a model.
+    """
+    reader = BagReader(path)
+    return reader, find_sources(path, reader)

@@ -1,0 +1,194 @@
+"""Cuts a recording into motions that begin with the liquid at rest.
+
+A motion that begins while the liquid still sloshes goes on from a state that only the motion
+before it can tell: the two stay one. Where that would join them for minutes, a later part keeps
+the inputs before it as a lead-in without heights, through which its state is simulated.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_bag.interchange.bag_motion import Motion
+from slosh_bag.replay.motions import MOVING, MotionFinder, MotionSpan
+from slosh_bringup.discover_data.heights import Still, find_still, rms_about
+from slosh_bringup.discover_data.recording import Heights, Recording
+
+Array = NDArray[np.float64]
+Stamps = NDArray[np.int64]
+
+SECOND = 1_000_000_000
+REST_NS = 2 * SECOND
+"""Rest that is kept before a motion [ns]: it tells the noise."""
+DWELL_NS = 8 * SECOND
+"""How long the liquid is followed after a motion [ns]: it tells the damping."""
+LOOK_NS = SECOND
+"""Heights of this time before a motion tell whether the liquid is at rest [ns]."""
+LONG_REST_NS = 60 * SECOND
+"""After such a rest the liquid is still, whatever the camera says [ns]."""
+LONGEST_NS = 120 * SECOND
+"""Joined motions become no longer than this [ns]."""
+LEAD_IN_NS = 30 * SECOND
+"""Inputs before a part that begins while the liquid sloshes [ns]: several times its decay."""
+TURNING = 0.05
+"""Tilting faster than this counts as moving [rad/s]: it moves the liquid as MOVING does."""
+AT_REST_NOISES = 3.0
+"""The liquid is at rest where its height's RMS is below so many of the noise's,"""
+AT_REST_SHARE = 0.02
+"""or below this share of the recording's peak."""
+
+
+class Part(NamedTuple):
+    """A stretch of a recording that becomes one measured motion [ns].
+
+    Attributes:
+        start, end: of the inputs.
+        heights_start: from where on heights count: later than start where there is a lead-in.
+        first_motion: when it begins to move.
+    """
+
+    start: int
+    end: int
+    heights_start: int
+    first_motion: int
+
+
+class Split(NamedTuple):
+    """The parts of a recording, and what is left out, one line each."""
+
+    parts: list[Part]
+    notes: list[str]
+
+
+def split(recording: Recording) -> Split:
+    """The parts of a recording."""
+    motion, heights = recording.motion, recording.heights
+    spans = motion_spans(motion)
+    gaps = _gaps_in_motion(motion.stamps, spans, recording.max_gap_ns)
+    rest = _Rest(heights)
+    parts: list[Part] = []
+    notes: list[str] = []
+    if spans and rest.sloshes_at_the_start(int(motion.stamps[0]), spans[0]):
+        notes.append("the first motion had begun before the recording: it is left out")
+        spans = _until_rest(spans, rest)
+    for chain, joined in _chains(spans, rest):
+        start = chain[0].start_ns - (LEAD_IN_NS if joined else REST_NS)
+        earliest = parts[-1].end if parts and not joined else int(motion.stamps[0])
+        start = max(start, earliest)
+        end = min(chain[-1].end_ns + DWELL_NS, int(motion.stamps[-1]))
+        following = [span.start_ns for span in spans if span.start_ns > chain[-1].end_ns]
+        if following:
+            end = min(end, max(following[0] - REST_NS, chain[-1].end_ns))
+        broken = gaps[(gaps >= start) & (gaps < end)]
+        if len(broken):
+            notes.append(
+                f"a gap in the inputs at {(broken[0] - motion.stamps[0]) / SECOND:.2f} s, while "
+                "the container moves: the rest of that motion is left out"
+            )
+            end = int(broken[0])
+        heights_start = chain[0].start_ns if joined else start
+        parts.append(Part(start, end, heights_start, chain[0].start_ns))
+    return Split(parts, notes)
+
+
+def motion_spans(motion: Motion) -> list[MotionSpan]:
+    """When the container accelerates or tilts.
+
+    A constant acceleration, as of a sensor that is mounted askew, is no motion.
+    """
+    still = np.median(motion.acceleration, axis=0)
+    spans = _spans(motion.stamps, motion.acceleration - still)
+    if motion.angular_velocity is not None:
+        tilting = motion.angular_velocity * (MOVING / TURNING)
+        tilting[:, 2] = 0.0  # a round container's liquid does not follow its yaw
+        spans = _united(spans + _spans(motion.stamps, tilting))
+    return spans
+
+
+def _spans(stamps: Stamps, values: Array) -> list[MotionSpan]:
+    finder = MotionFinder()
+    finder.add(stamps, values)
+    finder.finish()
+    return finder.spans
+
+
+def _united(spans: list[MotionSpan]) -> list[MotionSpan]:
+    found: list[MotionSpan] = []
+    for span in sorted(spans):
+        if found and span.start_ns - found[-1].end_ns < SECOND:
+            end = max(found[-1].end_ns, span.end_ns)
+            found[-1] = MotionSpan(found[-1].start_ns, end)
+        else:
+            found.append(span)
+    return found
+
+
+class _Rest:
+    """Tells from the heights whether the liquid is at rest."""
+
+    def __init__(self, heights: Heights) -> None:
+        self._heights = heights
+        seconds = (heights.stamps - heights.stamps[:1]) / SECOND
+        self._still: Still = find_still(seconds, heights.msh)
+        raised = heights.msh - self._still.level
+        # A robust peak: a single wrong sample must not declare sloshing to be rest.
+        peak = float(np.quantile(raised, 0.995)) if len(raised) else 0.0
+        self._limit = max(AT_REST_NOISES * self._still.noise, AT_REST_SHARE * peak)
+
+    def sloshes_before(self, stamp_ns: int, last_end_ns: int) -> bool:
+        """Whether the liquid still moves at a moment, so long after a motion's end [ns]."""
+        if stamp_ns - last_end_ns > LONG_REST_NS:
+            return False
+        look_from = max(stamp_ns - LOOK_NS, last_end_ns)
+        rms = rms_about(self._between(look_from, stamp_ns), self._still.level)
+        return not rms <= self._limit  # without heights nobody knows
+
+    def sloshes_at_the_start(self, stamp_ns: int, span: MotionSpan) -> bool:
+        """Whether a recording that begins with a motion begins in its middle."""
+        if span.start_ns - stamp_ns > LOOK_NS // 2:
+            return False
+        first = self._between(span.start_ns, span.start_ns + LOOK_NS // 10)
+        rms = rms_about(first, self._still.level)
+        return rms > 5.0 * self._limit
+
+    def _between(self, start: int, end: int) -> Array:
+        first, last = np.searchsorted(self._heights.stamps, (start, end))
+        return self._heights.msh[first:last]
+
+
+def _until_rest(spans: Sequence[MotionSpan], rest: _Rest) -> list[MotionSpan]:
+    """The motions from the first on that begins at rest."""
+    for index in range(1, len(spans)):
+        if not rest.sloshes_before(spans[index].start_ns, spans[index - 1].end_ns):
+            return list(spans[index:])
+    return []
+
+
+def _chains(spans: Sequence[MotionSpan], rest: _Rest) -> list[tuple[list[MotionSpan], bool]]:
+    """Motions that stay one, and whether they go on from the ones before."""
+    chains: list[tuple[list[MotionSpan], bool]] = []
+    for span in spans:
+        last = chains[-1][0] if chains else []
+        sloshes = bool(last) and rest.sloshes_before(span.start_ns, last[-1].end_ns)
+        if sloshes and span.end_ns - last[0].start_ns <= LONGEST_NS:
+            last.append(span)
+        else:
+            chains.append(([span], sloshes))
+    return chains
+
+
+def _gaps_in_motion(stamps: Stamps, spans: Sequence[MotionSpan], max_gap_ns: int) -> Stamps:
+    """Starts of the gaps in the inputs that fall into a motion [ns]."""
+    before = np.flatnonzero(np.diff(stamps) > max_gap_ns)
+    starts, ends = stamps[before], stamps[before + 1]
+    slack = 100_000_000
+    inside = [
+        any(s.start_ns - slack < end and start < s.end_ns + slack for s in spans)
+        for start, end in zip(starts.tolist(), ends.tolist(), strict=True)
+    ]
+    found: Stamps = starts[np.array(inside, dtype=bool)]
+    return found
