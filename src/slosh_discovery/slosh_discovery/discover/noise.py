@@ -26,15 +26,12 @@ from slosh_discovery.discover.differences import (
     normalised_differences,
     robust_scale,
 )
+from slosh_discovery.discover.input_series import motion_span
 from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_model.simulate import Inputs
 
 Array = NDArray[np.float64]
 
-REST = 1e-3
-"""The container rests where its acceleration is below this share of the motion's peak,"""
-REST_RATE = 1e-4
-"""and where it turns more slowly than this [rad/s]."""
 SETTLE = 0.05
 """The last part of a still segment that is left out [s]: the clocks may differ a little."""
 CONSISTENT = 3.0
@@ -205,7 +202,7 @@ def still_noise(motion: MeasuredMotion) -> Noise | None:
     """
     if not motion.same_clock:
         return None
-    still = motion.t < rest_end(motion.inputs) - SETTLE
+    still = motion.t < motion_span(motion.inputs)[0] - SETTLE
     part = motion.heights[still]
     levels = np.nanmedian(part, axis=0) if len(part) >= LEAST_SAMPLES else None
     if levels is None:
@@ -216,18 +213,6 @@ def still_noise(motion: MeasuredMotion) -> Noise | None:
     count = len(deviations) / math.sqrt(part.shape[1])
     scale = robust_scale(deviations) * math.sqrt(count / (count - 1.0))
     return Noise(scale, scale / math.sqrt(2.0 * 0.9 * count), "still part")
-
-
-def rest_end(inputs: Inputs) -> float:
-    """Until when the container has been at rest since the start [s]."""
-    size = np.linalg.norm(inputs.acceleration, axis=1)
-    moving = size > REST * float(size.max(initial=0.0))
-    if inputs.angular_velocity is not None:
-        moving |= np.linalg.norm(inputs.angular_velocity, axis=1) > REST_RATE
-    if inputs.attitude is not None:
-        moving |= np.abs(inputs.attitude - inputs.attitude[0]).max(axis=1) > REST_RATE
-    first = int(np.argmax(moving)) if moving.any() else len(moving)
-    return float(inputs.t[max(first - 1, 0)]) if first else float(inputs.t[0])
 
 
 def repeat_noise(motion: MeasuredMotion, other: MeasuredMotion) -> Noise | None:
@@ -272,7 +257,7 @@ def removable(t: Array, residual: Array, noise: Noise | None = None) -> Removabl
         residual: (M,) or (M, K) [m]; NaN: no sample.
         noise: the measurement noise where it is known: sharpens the estimate.
     """
-    grid = _even_grid(t, residual)
+    grid = even_grid(t, residual)
     present = np.isfinite(grid)
     count = int(np.count_nonzero(present))
     if count < LEAST_SAMPLES:
@@ -320,7 +305,7 @@ def whiteness(t: Array, residual: Array) -> float:
     Returns:
         in [0, 1]; near 0: something is left that a better model could remove.
     """
-    grid = _even_grid(t, residual)
+    grid = even_grid(t, residual)
     present = np.isfinite(grid)
     if np.count_nonzero(present) < LEAST_SAMPLES:
         return 1.0
@@ -353,8 +338,8 @@ def _line_probability(filled: Array, present: NDArray[np.bool_], spacing: float)
     return -math.expm1(chances * math.log1p(-least))
 
 
-def _even_grid(t: Array, values: Array) -> Array:
-    """(N, K) values on an even grid of the median spacing; NaN where no sample is."""
+def even_grid(t: Array, values: Array) -> Array:
+    """(N, K) values (M,) or (M, K) on an even grid of the median spacing; NaN: no sample."""
     columns = values if values.ndim == 2 else values[:, np.newaxis]
     spacing = float(np.median(np.diff(t)))
     place = np.round((t - t[0]) / spacing).astype(int)
