@@ -24,6 +24,8 @@ EFFECT = Effect(
             upper=5.0,
             neutral=1.0,
             description="true acceleration relative to the given one",
+            plausible=(0.7, 1.4),
+            starts=(0.9, 1.1),
         ),
     ),
     order=20,

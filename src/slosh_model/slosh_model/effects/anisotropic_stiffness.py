@@ -33,6 +33,8 @@ EFFECT = Effect(
             upper=0.5,
             neutral=0.0,
             description="relative difference of the stiffness from the mean",
+            plausible=(0.0, 0.15),
+            starts=(0.03,),
         ),
         Parameter(
             name="axis",
@@ -42,6 +44,8 @@ EFFECT = Effect(
             neutral=None,
             description="azimuth of the stiff axis from the container's +x",
             default=0.0,
+            plausible=(-0.5 * math.pi, 0.5 * math.pi),
+            starts=(-1.2, -0.4, 0.4, 1.2),
         ),
     ),
     term=_term,

@@ -66,6 +66,9 @@ class Parameter:
         description: what it means.
         default: used where model.yaml gives none; None: it must be given.
         choices: the values that it may have, where it chooses between variants; None: any.
+        plausible: where it usually lies; a discovery weighs what it finds by that. None: anywhere
+            within the bounds.
+        starts: where a fit may start; empty: in the middle of what is plausible.
     """
 
     name: str
@@ -76,6 +79,8 @@ class Parameter:
     description: str
     default: float | None = None
     choices: tuple[float, ...] | None = None
+    plausible: tuple[float, float] | None = None
+    starts: tuple[float, ...] = ()
 
     def check(self, owner: str, value: float) -> float:
         """The value as float.

@@ -35,6 +35,8 @@ EFFECT = Effect(
             upper=0.1,
             neutral=0.0,
             description="friction force relative to the sloshing mass's weight",
+            plausible=(0.0, 0.02),
+            starts=(0.001, 0.006),
         ),
     ),
     term=_term,

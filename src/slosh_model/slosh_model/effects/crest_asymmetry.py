@@ -24,6 +24,8 @@ EFFECT = Effect(
             upper=3.0,
             neutral=0.0,
             description="second-order height relative to the first order's square over R",
+            plausible=(-0.5, 1.5),
+            starts=(0.2,),
         ),
     ),
     order=20,

@@ -31,6 +31,8 @@ EFFECT = Effect(
             upper=30.0,
             neutral=1.0,
             description="damping ratio relative to the model's",
+            plausible=(0.0, 8.0),
+            starts=(0.5, 1.5, 4.0),
         ),
     ),
     order=20,

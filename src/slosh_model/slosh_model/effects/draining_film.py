@@ -28,6 +28,8 @@ EFFECT = Effect(
             upper=10.0,
             neutral=None,
             description="speed at which the film's edge falls",
+            plausible=(0.0, 0.5),
+            starts=(0.01, 0.03, 0.08, 0.2),
         ),
     ),
     order=70,

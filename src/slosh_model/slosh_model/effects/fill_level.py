@@ -31,6 +31,8 @@ EFFECT = Effect(
             upper=1.0,
             neutral=0.0,
             description="liquid above the model's fill height",
+            plausible=(-0.03, 0.03),
+            starts=(-0.015, 0.015),
         ),
     ),
     order=10,

@@ -41,6 +41,8 @@ EFFECT = Effect(
             upper=0.05,
             neutral=0.0,
             description="speed at which the still level falls",
+            plausible=(0.0, 0.01),
+            starts=(0.001, 0.004),
         ),
         Parameter(
             name="fixed_zero",

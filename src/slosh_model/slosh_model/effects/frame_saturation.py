@@ -24,6 +24,8 @@ EFFECT = Effect(
             upper=1.0,
             neutral=1.0,
             description="highest height that can be seen",
+            plausible=(0.0, 0.08),
+            starts=(0.004, 0.008, 0.015, 0.025, 0.04),
         ),
     ),
     order=80,

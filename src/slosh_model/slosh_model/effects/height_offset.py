@@ -24,6 +24,8 @@ EFFECT = Effect(
             upper=0.1,
             neutral=0.0,
             description="measured height of the still level",
+            plausible=(-0.02, 0.02),
+            starts=(0.0,),
         ),
     ),
     order=60,

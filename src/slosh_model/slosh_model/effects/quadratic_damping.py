@@ -27,6 +27,8 @@ EFFECT = Effect(
             upper=10.0,
             neutral=0.0,
             description="drag per relative displacement",
+            plausible=(0.0, 1.0),
+            starts=(0.02, 0.2),
         ),
     ),
     term=_term,

@@ -62,6 +62,8 @@ EFFECT = Effect(
             upper=500.0,
             neutral=None,
             description="natural frequency of the arm; without bound: it follows exactly",
+            plausible=(10.0, 250.0),
+            starts=(20.0, 50.0, 120.0),
         ),
         Parameter(
             name="damping_ratio",
@@ -71,6 +73,8 @@ EFFECT = Effect(
             neutral=None,
             description="damping ratio of the arm",
             default=0.7,
+            plausible=(0.1, 1.5),
+            starts=(0.3, 0.8),
         ),
     ),
     order=10,

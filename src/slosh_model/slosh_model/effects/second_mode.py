@@ -29,6 +29,8 @@ EFFECT = Effect(
             neutral=None,
             description="damping ratio of the second mode",
             default=0.01,
+            plausible=(0.0, 0.1),
+            starts=(0.01,),
         ),
     ),
     order=30,  # after what changes the container and the first mode's damping

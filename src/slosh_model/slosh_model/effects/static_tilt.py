@@ -24,7 +24,14 @@ def _drive(dt, inputs, pose, memory, p):  # type: ignore[no-untyped-def]
 
 def _angle(name: str, description: str) -> Parameter:
     return Parameter(
-        name=name, unit="rad", lower=-0.5, upper=0.5, neutral=0.0, description=description
+        name=name,
+        unit="rad",
+        lower=-0.5,
+        upper=0.5,
+        neutral=0.0,
+        description=description,
+        plausible=(-0.1, 0.1),
+        starts=(0.0,),
     )
 
 

@@ -47,6 +47,8 @@ EFFECT = Effect(
             neutral=None,
             description="stiffness of the cubic spring relative to the linear one",
             default=ALPHA,
+            plausible=(0.0, 2.0),
+            starts=(0.58,),
         ),
     ),
     term=_term,

@@ -23,6 +23,8 @@ EFFECT = Effect(
             upper=1.0,
             neutral=0.0,
             description="by how much the measurement is late",
+            plausible=(-0.15, 0.15),
+            starts=(-0.08, -0.02, 0.02, 0.08),
         ),
     ),
     order=90,

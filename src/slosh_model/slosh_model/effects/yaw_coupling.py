@@ -33,6 +33,8 @@ EFFECT = Effect(
             upper=1.0,
             neutral=0.0,
             description="fraction of the container's yaw that the wave follows",
+            plausible=(0.0, 1.0),
+            starts=(0.2, 0.8),
         ),
     ),
     order=90,  # the modal axes change for all that comes after
