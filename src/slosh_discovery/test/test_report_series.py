@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from slosh_discovery.report import AzimuthSeries, render_report
-from slosh_discovery.report.charts import NARROW, heights_chart, residual
+from slosh_discovery.report.charts import heights_chart, residual
+from slosh_discovery.report.lines import NARROW
 from slosh_discovery.report.polar import azimuth_agreement
 from slosh_discovery.report.series import envelope, gaps, highest, lone, united
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -11,31 +11,22 @@ from matplotlib.path import Path
 from numpy.typing import NDArray
 
 from slosh_discovery.report.data import RunReport
-from slosh_discovery.report.rows import Motion
-from slosh_discovery.report.series import POINTS, envelope, gaps, highest, lone, united
-from slosh_discovery.report.svg import (
-    CARD,
-    GAP,
-    INK,
-    LIMIT,
-    LINEAR,
-    MEASURED,
-    NONLINEAR,
-    SPAN,
-    canvas,
-    style,
-    svg_text,
+from slosh_discovery.report.lines import (
+    DASHES,
+    SMALL,
+    badge,
+    chart_points,
+    draw_line,
+    time_chart,
+    time_ends,
 )
+from slosh_discovery.report.rows import Motion
+from slosh_discovery.report.series import POINTS, gaps, highest, united
+from slosh_discovery.report.svg import CARD, GAP, INK, LIMIT, LINEAR, MEASURED, NONLINEAR, SPAN
 
 Array = NDArray[np.float64]
 Spans = Iterable[tuple[float, float]]
 
-WIDE = (9.6, 3.3)
-NARROW = (4.1, 3.0)
-SMALL = (4.6, 2.4)
-"""Sizes [in]: two drawings of each chart, as one scaled to a phone's width has letters that nobody
-reads; and one of a motion alone."""
-DASHES: Any = (0, (4, 2))
 NUMBERS = 25
 """Motions that are numbered in a chart; more numbers would lie over each other."""
 MARKS = 60
@@ -46,26 +37,26 @@ def heights_chart(report: RunReport, size: tuple[float, float], name: str) -> st
     """Measured, L and NL over time [mm], with all that is marked in them, as SVG text."""
 
     def draw(axes: Any) -> None:
-        _heights(axes, report, slice(None), _points(size))
+        _heights(axes, report, slice(None), chart_points(size))
         _motions(axes, report.motions)
         _frames(axes, report)
         axes.set_ylabel("height above rest [mm]")
 
-    return _chart(draw, _ends(report.t), size, name)
+    return time_chart(draw, time_ends(report.t), size, name)
 
 
 def residual_chart(report: RunReport, size: tuple[float, float], name: str) -> str:
     """Measured minus L and minus NL over time [mm], as SVG text."""
-    points = _points(size)
+    points = chart_points(size)
 
     def draw(axes: Any) -> None:
         _backdrop(axes, report)
         axes.axhline(0.0, color=INK, linewidth=0.8)
-        _line(axes, report.t, residual(report, report.linear), LINEAR, 1.2, DASHES, points)
-        _line(axes, report.t, residual(report, report.nonlinear), NONLINEAR, 1.3, "-", points)
+        draw_line(axes, report.t, residual(report, report.linear), LINEAR, 1.2, DASHES, points)
+        draw_line(axes, report.t, residual(report, report.nonlinear), NONLINEAR, 1.3, "-", points)
         axes.set_ylabel("measured − model [mm]")
 
-    return _chart(draw, _ends(report.t), size, name)
+    return time_chart(draw, time_ends(report.t), size, name)
 
 
 def motion_chart(report: RunReport, motion: Motion, name: str) -> str:
@@ -75,10 +66,10 @@ def motion_chart(report: RunReport, motion: Motion, name: str) -> str:
     part = slice(*np.searchsorted(report.t, ends).tolist())
 
     def draw(axes: Any) -> None:
-        _heights(axes, report, part, _points(SMALL))
+        _heights(axes, report, part, chart_points(SMALL))
         axes.set_ylabel("height [mm]")
 
-    return _chart(draw, ends, SMALL, name)
+    return time_chart(draw, ends, SMALL, name)
 
 
 def residual(report: RunReport, model: Array) -> Array:
@@ -99,9 +90,9 @@ def _heights(axes: Any, report: RunReport, part: slice, points: int) -> None:
     _backdrop(axes, report)
     axes.axhline(0.0, color=INK, linewidth=0.8)
     t, measured = report.t[part], report.measured[part]
-    _line(axes, t, measured, MEASURED, 2.0, "-", points)
-    _line(axes, t, report.linear[part], LINEAR, 1.3, DASHES, points)
-    _line(axes, t, report.nonlinear[part], NONLINEAR, 1.3, "-", points)
+    draw_line(axes, t, measured, MEASURED, 2.0, "-", points)
+    draw_line(axes, t, report.linear[part], LINEAR, 1.3, DASHES, points)
+    draw_line(axes, t, report.nonlinear[part], NONLINEAR, 1.3, "-", points)
     if report.saturated is not None:
         _lower_bounds(axes, t, measured, report.saturated[part])
     if report.limit is not None:
@@ -156,16 +147,9 @@ def _motions(axes: Any, motions: Sequence[Motion]) -> None:
 
 def _frames(axes: Any, report: RunReport) -> None:
     """The letter of each frame at its moment."""
-    place: Any = axes.get_xaxis_transform()
     for letter, frame in zip(frame_letters(report), report.frames, strict=True):
         if letter:
-            axes.axvline(frame.time, color=INK, linewidth=0.8, linestyle=(0, (1, 3)))
-            axes.annotate(
-                letter, (frame.time, 1.0), xycoords=place, xytext=(0, -8),
-                textcoords="offset points", ha="center", va="center",
-                fontsize=8.0, fontweight="bold",
-                bbox={"boxstyle": "circle,pad=0.15", "facecolor": CARD, "edgecolor": INK},
-            )  # fmt: skip
+            badge(axes, frame.time, letter)
 
 
 def _backdrop(axes: Any, report: RunReport) -> None:
@@ -190,40 +174,3 @@ def _shade(axes: Any, spans: Spans, colour: str) -> None:
         axes.add_patch(
             PathPatch(area, transform=axes.get_xaxis_transform(), facecolor=colour, linewidth=0.0)
         )
-
-
-def _line(
-    axes: Any, t: Array, metres: Array, colour: str, width: float, dashes: Any, points: int
-) -> None:
-    if np.isfinite(metres).sum() > points:
-        dashes = "-"  # between extremes there is no room for dashes
-    t, values = envelope(t, 1e3 * metres, points)
-    axes.plot(t, values, color=colour, linewidth=width, linestyle=dashes)
-    alone = lone(values)
-    if alone.any():
-        axes.plot(t[alone], values[alone], color=colour, linestyle="none", marker="o",
-                  markersize=1.5 * width)  # fmt: skip
-
-
-def _points(size: tuple[float, float]) -> int:
-    return int(POINTS * size[0] / WIDE[0])
-
-
-def _ends(t: Array) -> tuple[float, float]:
-    """Of the time axis, the same for all charts, whatever series they show."""
-    if len(t) < 2:
-        return (0.0, 1.0) if not len(t) else (float(t[0]) - 0.5, float(t[0]) + 0.5)
-    margin = 0.01 * float(t[-1] - t[0])
-    return float(t[0]) - margin, float(t[-1]) + margin
-
-
-def _chart(
-    draw: Callable[[Any], None], ends: tuple[float, float], size: tuple[float, float], name: str
-) -> str:
-    with style(name):
-        figure = canvas(size)
-        axes = figure.add_subplot()
-        axes.set_xlim(*ends)
-        draw(axes)
-        axes.set_xlabel("time [s]")
-        return svg_text(figure, name)

@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-import base64
-import json
 import math
-import re
 from functools import cache
 from typing import Any
 
 import numpy as np
-from jinja2 import Environment, PackageLoader, StrictUndefined, Template
+from jinja2 import Template
 from markupsafe import Markup
 
 from slosh_discovery.report.charts import (
-    NARROW,
-    WIDE,
     frame_letters,
     heights_chart,
     motion_chart,
@@ -23,16 +18,13 @@ from slosh_discovery.report.charts import (
 )
 from slosh_discovery.report.data import RunReport
 from slosh_discovery.report.document import report_document
+from slosh_discovery.report.lines import NARROW, WIDE
 from slosh_discovery.report.polar import polar_chart
-from slosh_discovery.report.rows import Frame
-from slosh_discovery.report.units import DASH, digits_that_differ, shown
+from slosh_discovery.report.template import make_environment, number
+from slosh_discovery.report.units import digits_that_differ, shown
 
 ROWS = 100
 """Most rows of a table on the page; the JSON document holds them all."""
-UNREADABLE = re.compile(
-    "[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\ud800-\udfff\u202a-\u202e\u2066-\u2069]"
-)
-"""Control characters, halves of surrogate pairs, and overrides of the direction of writing."""
 UNFOLDED = 4
 """Fields that differ and are shown at once."""
 CLOSE_UPS = 6
@@ -122,37 +114,12 @@ def _clocks_differ(document: dict[str, Any]) -> bool:
 
 @cache
 def _template() -> Template:
-    environment = Environment(
-        loader=PackageLoader("slosh_discovery.report", "."),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-        finalize=readable,
-    )
-    environment.filters.update(data_uri=data_uri, breakable=breakable)
+    environment = make_environment("slosh_discovery.report")
     environment.globals.update(
-        number=number, bound=bound, exact=exact, close_digits=close_digits,
-        model_names=model_names, model_index=model_index, best_index=best_index,
-        differences_apart=differences_apart,
+        bound=bound, close_digits=close_digits, model_names=model_names,
+        model_index=model_index, best_index=best_index, differences_apart=differences_apart,
     )  # fmt: skip
     return environment.get_template("report.html.j2")
-
-
-def number(path: str, value: float | None, unit: str = "", digits: int | None = None) -> Markup:
-    """A number as people read it, with the exact one beside it for programs.
-
-    Args:
-        path: JSON pointer of the number in the report's document.
-        value: in SI units; None: unknown.
-        unit: in which it is shown.
-        digits: decimals; None: the unit's own.
-
-    Returns:
-        a <data> element: its value is the number as JSON has it, its text the rounded one.
-    """
-    return _data(path, value, shown(value, unit, digits))
 
 
 def model_names(motions: list[dict[str, Any]]) -> list[str]:
@@ -183,12 +150,6 @@ def differences_apart(rows: list[dict[str, Any]]) -> tuple[Differences, Differen
     return ordered[:UNFOLDED], ordered[UNFOLDED:]
 
 
-def exact(path: str, value: float | None, digits: int | None = None) -> Markup:
-    """A number of unknown unit: all its digits, or that many significant ones."""
-    text = DASH if value is None else repr(value) if digits is None else f"{value:.{digits}g}"
-    return _data(path, value, text.replace("-", "−"))
-
-
 def bound(path: str, value: float | None, unit: str, digits: int) -> Markup:
     """A bound of a check; words where there is none."""
     return Markup("any") if value is None else number(path, value, unit, digits)
@@ -203,26 +164,5 @@ def close_digits(check: dict[str, Any]) -> int:
     return digits_that_differ(value, missed, unit)
 
 
-def _data(path: str, value: float | None, text: str) -> Markup:
-    value_text = json.dumps(value)
-    return Markup('<data value="{}" data-path="{}">{}</data>').format(value_text, path, text)
-
-
 def _below(value: float, lower: float | None) -> bool:
     return lower is not None and value < lower
-
-
-def readable(value: Any) -> Any:
-    """A text without what a page cannot hold or what reorders the letters around it."""
-    return UNREADABLE.sub("\ufffd", value) if type(value) is str else value
-
-
-def breakable(text: str) -> Markup:
-    """A name that may go on in the next line after each of its parts."""
-    parts = re.split(r"(?<=[/._])", text)
-    return Markup("<wbr>").join(readable(part) for part in parts if part)
-
-
-def data_uri(frame: Frame) -> str:
-    """The image as a data URI."""
-    return f"data:{frame.media_type};base64,{base64.b64encode(frame.image).decode('ascii')}"

@@ -36,6 +36,7 @@ STYLE: dict[str, Any] = {
     "xtick.color": INK,
     "ytick.color": INK,
     "text.color": INK,
+    "text.parse_math": False,
     "axes.grid": True,
     "grid.color": GRID,
     "grid.linewidth": 0.8,

@@ -30,6 +30,7 @@ class Shown(NamedTuple):
 UNITS = {
     "mm": Shown(1e3, 2),  # of metres
     "%": Shown(1e2, 1, signed=True),  # of a fraction; a deviation, so with its sign
+    "% of": Shown(1e2, 0),  # of a share of a whole
     "s": Shown(1.0, 2),
     "ms": Shown(1e3, 0),  # of seconds
     "°": Shown(180.0 / math.pi, 0),  # of radians
@@ -37,7 +38,7 @@ UNITS = {
     "×": Shown(1.0, 1),
     "": Shown(1.0, 0),
 }
-"""Units of the page by name. The number itself is in SI units: m, 1, s, s, rad, 1/s, 1, 1."""
+"""Units of the page by name. The number itself is in SI units: m, 1, 1, s, s, rad, 1/s, 1, 1."""
 
 
 def shown(value: float | None, unit: str, digits: int | None = None) -> str:

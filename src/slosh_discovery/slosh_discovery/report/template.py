@@ -1,0 +1,84 @@
+"""What every page's template is filled with: one environment, numbers, names, images."""
+
+from __future__ import annotations
+
+import base64
+import json
+import re
+from typing import Any
+
+from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+
+from slosh_discovery.report.rows import Frame
+from slosh_discovery.report.units import DASH, shown
+
+UNREADABLE = re.compile(
+    "[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\ud800-\udfff\u202a-\u202e\u2066-\u2069]"
+)
+"""Control characters, halves of surrogate pairs, and overrides of the direction of writing."""
+
+
+def make_environment(package: str) -> Environment:
+    """Where a package's templates come from; those of this folder are there, too.
+
+    Args:
+        package: whose folder holds the page's own template.
+    """
+    environment = Environment(
+        loader=ChoiceLoader(
+            [PackageLoader(package, "."), PackageLoader("slosh_discovery.report", ".")]
+        ),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+        finalize=readable,
+    )
+    environment.filters.update(data_uri=data_uri, breakable=breakable)
+    environment.globals.update(number=number, exact=exact)
+    return environment
+
+
+def number(path: str, value: float | None, unit: str = "", digits: int | None = None) -> Markup:
+    """A number as people read it, with the exact one beside it for programs.
+
+    Args:
+        path: JSON pointer of the number in the report's document.
+        value: in SI units; None: unknown.
+        unit: in which it is shown.
+        digits: decimals; None: the unit's own.
+
+    Returns:
+        a <data> element: its value is the number as JSON has it, its text the rounded one.
+    """
+    return data_element(path, value, shown(value, unit, digits))
+
+
+def exact(path: str, value: float | None, digits: int | None = None) -> Markup:
+    """A number of unknown unit: all its digits, or that many significant ones."""
+    text = DASH if value is None else repr(value) if digits is None else f"{value:.{digits}g}"
+    return data_element(path, value, text.replace("-", "−"))
+
+
+def data_element(path: str, value: float | None, text: str) -> Markup:
+    """A number with its JSON pointer and its exact value for programs, its text for people."""
+    value_text = json.dumps(value)
+    return Markup('<data value="{}" data-path="{}">{}</data>').format(value_text, path, text)
+
+
+def readable(value: Any) -> Any:
+    """A text without what a page cannot hold or what reorders the letters around it."""
+    return UNREADABLE.sub("\ufffd", value) if type(value) is str else value
+
+
+def breakable(text: str) -> Markup:
+    """A name that may go on in the next line after each of its parts."""
+    parts = re.split(r"(?<=[/._])", text)
+    return Markup("<wbr>").join(readable(part) for part in parts if part)
+
+
+def data_uri(frame: Frame) -> str:
+    """The image as a data URI."""
+    return f"data:{frame.media_type};base64,{base64.b64encode(frame.image).decode('ascii')}"
