@@ -62,6 +62,35 @@ def test_simulate_writes_heights(capsys, motion, tmp_path):
     assert not table["sh_x"].any()  # a motion along y
 
 
+def test_simulate_writes_what_a_sensor_would_read(capsys, motion, tmp_path):
+    plain, output = tmp_path / "plain.csv", tmp_path / "out.csv"
+    model = tmp_path / "model.yaml"
+    cup = "container: {radius: 0.05, fill_height: 0.07}\n"
+    effects = "effects: [{name: height_offset, offset: 0.002}, {name: time_offset, tau: 0.1}]\n"
+    model.write_text(cup)
+    assert main(["simulate", str(model), str(motion), "-o", str(plain)]) == 0
+    model.write_text(cup + effects)
+    capsys.readouterr()
+    assert main(["simulate", str(model), str(motion), "-o", str(output), "--json"]) == 0
+    facts = json.loads(capsys.readouterr().out)
+    liquid = np.genfromtxt(plain, delimiter=",", names=True)
+    read = np.genfromtxt(output, delimiter=",", names=True)
+    for name in ("t", "azimuth", "sh_x", "sh_y"):
+        assert np.array_equal(read[name], liquid[name])
+    late = np.interp(read["t"] - 0.1, liquid["t"], liquid["msh"])
+    assert read["msh"] == pytest.approx(late + 0.002, abs=2e-6)
+    assert facts["peak"] == read["msh"].max() == pytest.approx(liquid["msh"].max() + 0.002, 1e-3)
+    assert facts["peak_time"] == read["t"][np.argmax(read["msh"])]
+
+
+def test_simulate_says_whose_heights_it_writes(capsys):
+    with pytest.raises(SystemExit):
+        main(["simulate", "--help"])
+    text = " ".join(capsys.readouterr().out.split())
+    assert "as a sensor would read it" in text
+    assert "the liquid's own signed height" in text
+
+
 def test_simulate_names_what_is_wrong(capsys, motion, tmp_path):
     output = str(tmp_path / "out.csv")
     bad = tmp_path / "model.yaml"
