@@ -117,7 +117,7 @@ def test_a_disagreement_in_one_direction():
     x, y = (np.interp(T, INPUTS.t, each) for each in (response.sh_x, response.sh_y))
     towards = np.abs(np.arctan2(y, x) - math.pi / 2.0) < math.pi / 8.0
     rows = rows_of(
-        [finding(np.where(towards & (HEIGHTS > 0.06 * HEIGHTS.max()), 1e-3, 0.0))], "direction"
+        [finding(np.where(towards & (0.06 * HEIGHTS.max() < HEIGHTS), 1e-3, 0.0))], "direction"
     )
     assert rows["crest at 90° (+y)"].share > 0.98
     assert "no wave predicted" in rows

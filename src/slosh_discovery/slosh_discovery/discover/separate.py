@@ -1,0 +1,256 @@
+"""The motion that tells two models apart.
+
+Two models that explain the present motions equally well may answer another motion differently. A
+family of motions that a robot can carry out is searched for the one in which the predicted heights
+differ most, with the liquid kept in the container.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_discovery.discover.finding import SeparatingMotion
+from slosh_discovery.discover.separating_families import (
+    FAMILIES,
+    MAXIMUM_TRAVEL,
+    Motion,
+    inputs_of,
+    text_of,
+)
+from slosh_discovery.errors import SloshDiscoveryError
+from slosh_model.effects.base import Stage
+from slosh_model.effects.registry import EFFECTS
+from slosh_model.errors import SloshModelError
+from slosh_model.measure import predicted_heights
+from slosh_model.model import Model
+from slosh_model.simulate import Inputs
+
+Array = NDArray[np.float64]
+
+RATIOS = (0.3, 0.5, 0.7, 0.85, 0.95, 1.05, 1.2)
+"""Frequencies that are tried first, in units of the first mode's."""
+REFINEMENT = (0.08, 0.04, 0.02)
+"""Steps of the ratio around the best."""
+SIZES = (1.0, 0.7, 0.5, 0.35, 0.25, 0.15, 0.1, 0.05)
+"""Shares of the limit; the largest that keeps the liquid in."""
+LONG_DWELL = 10.0
+"""What changes with time or decays shows in a long dwell [s]."""
+HIGHEST = 0.7
+"""Highest allowed height, in units of the radius, where the rim is not known,"""
+FREEBOARD_SHARE = 0.8
+"""and in units of the freeboard where it is."""
+SAMPLE_RATE = 60.0
+"""Of the heights that are compared [Hz]."""
+ALIKE = 0.02
+"""Models that differ by less of their heights are taken for the same in the linear regime."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Pair:
+    """Two models, and what a motion for them must keep to.
+
+    Attributes:
+        first, second: the models.
+        ceiling: highest allowed height [m].
+        frequency: the first mode's [Hz].
+        limit: highest ‖a‖ [m/s²].
+        azimuths: where the heights are read; None: MSH.
+    """
+
+    first: Model
+    second: Model
+    ceiling: float
+    frequency: float
+    limit: float
+    azimuths: tuple[float, ...] | None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Trial:
+    motion: Motion
+    inputs: Inputs
+    difference: float
+    relative: float
+
+
+def separating_motion(
+    first: Model,
+    second: Model,
+    present: Sequence[Inputs],
+    limit: float,
+    *,
+    names: tuple[str, str] | None = None,
+    azimuths: Sequence[float] | None = None,
+) -> SeparatingMotion:
+    """Designs a motion in which two models predict different heights.
+
+    It starts and ends at rest after a still part and before a dwell, ‖a‖ stays below the limit,
+    the travel below MAXIMUM_TRAVEL, the liquid below the rim. It turns only if one of the models
+    has an effect that needs it. Two models that are the same for small waves (a gain on the
+    acceleration, a gain on the height) are told apart by large ones: then their nonlinear twins
+    are compared, as the real liquid is nonlinear; the description says so.
+
+    Args:
+        first, second: the models.
+        present: the motions that do not separate them.
+        limit: highest ‖a‖ [m/s²].
+        names: of the explanations; None: the effects in which they differ.
+        azimuths: (K,) where the heights are measured [rad]; None: MSH.
+
+    Raises:
+        SloshDiscoveryError: an impossible limit, or no motion that both models can answer.
+    """
+    if not (math.isfinite(limit) and limit > 0.0):
+        raise SloshDiscoveryError(f"acceleration limit {limit!r} m/s² must be positive")
+    places = None if azimuths is None else tuple(azimuths)
+    pair = _Pair(
+        first,
+        second,
+        _ceiling(first),
+        first.container.natural_frequency(1) / (2.0 * math.pi),
+        limit,
+        places,
+    )
+    best = _search(pair)
+    remark = ""
+    if best is None or best.relative < ALIKE:
+        twins = replace(
+            pair, first=first.spatial().nonlinear(), second=second.spatial().nonlinear()
+        )
+        other = _search(twins)
+        if other is not None and (best is None or other.relative > best.relative):
+            best = other
+            remark = (
+                "; the two are the same for small waves: the difference is that of their "
+                "nonlinear twins, as the real liquid is nonlinear"
+            )
+    if best is None:
+        raise SloshDiscoveryError(
+            f"no motion below {limit:g} m/s² keeps the liquid in: both models predict that it "
+            "spills, or their solution diverges"
+        )
+    return SeparatingMotion(
+        names=names or _names(first, second),
+        inputs=best.inputs,
+        description=text_of(best.motion) + remark,
+        difference=best.difference,
+        present_difference=_present_difference(pair, present),
+    )
+
+
+def _search(pair: _Pair) -> _Trial | None:
+    """The best of the families; then its frequency and its dwell are refined."""
+    turning = _needs_rotation(pair)
+    best: _Trial | None = None
+    for family in FAMILIES:
+        if family.turns and not turning:
+            continue
+        for ratio in RATIOS:
+            best = _better(best, _largest(pair, Motion(family, ratio * pair.frequency)))
+    return None if best is None else _refined(pair, best)
+
+
+def _refined(pair: _Pair, best: _Trial) -> _Trial:
+    for step in REFINEMENT:
+        centre = best.motion
+        for sign in (-1.0, 1.0):
+            moved = replace(centre, frequency=centre.frequency + sign * step * pair.frequency)
+            best = _better(best, _largest(pair, moved)) or best
+    return _better(best, _largest(pair, replace(best.motion, dwell=LONG_DWELL))) or best
+
+
+def _better(best: _Trial | None, other: _Trial | None) -> _Trial | None:
+    if best is None or (other is not None and other.difference > best.difference):
+        return other
+    return best
+
+
+def _largest(pair: _Pair, motion: Motion) -> _Trial | None:
+    """The motion at the largest size that keeps the liquid in; None: it spills at any."""
+    for size in SIZES:
+        sized = replace(motion, acceleration=size * pair.limit)
+        trial = _try(pair, sized)
+        if trial is not None:
+            return trial
+    return None
+
+
+def _try(pair: _Pair, motion: Motion) -> _Trial | None:
+    inputs = inputs_of(motion)
+    times = np.arange(inputs.t[0], inputs.t[-1], 1.0 / SAMPLE_RATE)
+    try:
+        for model in (pair.first, pair.second):
+            peaks = predicted_heights(_unmeasured(model), inputs, times)
+            if not float(np.max(np.abs(peaks))) <= pair.ceiling:
+                return None
+        one, two = (
+            predicted_heights(model, inputs, times, pair.azimuths)
+            for model in (pair.first, pair.second)
+        )
+    except SloshModelError:
+        return None
+    difference = _rms(one - two)
+    size = max(_rms(one), _rms(two), 1e-12)
+    return _Trial(motion, inputs, difference, difference / size)
+
+
+def _present_difference(pair: _Pair, present: Sequence[Inputs]) -> float:
+    """Rms difference over the present motions [m]; 0 without any."""
+    squares = []
+    for inputs in present:
+        times = np.arange(inputs.t[0], inputs.t[-1], 1.0 / SAMPLE_RATE)
+        if len(times) == 0:
+            continue
+        one, two = (
+            predicted_heights(model, inputs, times, pair.azimuths)
+            for model in (pair.first, pair.second)
+        )
+        squares.append((one - two).ravel() ** 2)
+    return float(np.sqrt(np.mean(np.concatenate(squares)))) if squares else 0.0
+
+
+def _unmeasured(model: Model) -> Model:
+    """The model of the liquid alone: whether it spills is not a matter of the sensor."""
+    kept = tuple(use for use in model.effects if EFFECTS[use.name].stages != (Stage.MEASUREMENT,))
+    return replace(model, effects=kept)
+
+
+def _ceiling(model: Model) -> float:
+    freeboard = model.container.freeboard
+    open_height = HIGHEST * model.container.radius
+    return open_height if freeboard is None else min(open_height, FREEBOARD_SHARE * freeboard)
+
+
+def _needs_rotation(pair: _Pair) -> bool:
+    return any(EFFECTS[name].needs_rotation for name in _difference(pair.first, pair.second))
+
+
+def _difference(first: Model, second: Model) -> Iterator[str]:
+    """Names of the effects in which they differ."""
+    ours, theirs = (
+        {use.name: dict(use.parameters) for use in model.effects} for model in (first, second)
+    )
+    for name in dict.fromkeys((*ours, *theirs)):
+        if ours.get(name) != theirs.get(name):
+            yield name
+
+
+def _names(first: Model, second: Model) -> tuple[str, str]:
+    differing = set(_difference(first, second))
+    one, two = (
+        " + ".join(use.name for use in model.effects if use.name in differing) or "as it is"
+        for model in (first, second)
+    )
+    return one, two
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+__all__ = ["MAXIMUM_TRAVEL", "separating_motion"]

@@ -1,0 +1,204 @@
+"""Motions that a robot can carry out, as families with a frequency and a size.
+
+Every coordinate is p(t) = A w(t) sin(k φ(t) + δ), with a window w that rises from 0 and returns to
+it with three continuous derivatives: so position, velocity and acceleration begin and end at 0.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_model.constants import GRAVITY
+from slosh_model.simulate import Inputs
+
+Array = NDArray[np.float64]
+
+STILL = 1.5
+"""Still part before every motion [s]: level and noise are taken from it."""
+SWING = 4.0
+"""How long it swings [s]."""
+RAMP = 1.2
+"""Of which the window rises, and falls [s]."""
+DWELL = 3.0
+"""Dwell after it [s]."""
+STEP = 1.0 / 120.0
+"""Between two input samples [s]."""
+MAXIMUM_TRAVEL = 0.6
+"""Extent of the path [m]."""
+MAXIMUM_TILT = 0.25
+"""[rad]"""
+TILT_SHARE = 0.5
+"""A tilt swings the liquid by gravity: at most so much of the acceleration's limit."""
+YAW = 1.2
+"""Amplitude of the yaw [rad],"""
+MAXIMUM_YAW_RATE = 6.0
+"""with at most this rate [rad/s]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Swing:
+    """One coordinate's share of a family.
+
+    Attributes:
+        axis: 0, 1, 2 for x, y, z.
+        size: in units of the family's amplitude.
+        harmonic: k, its frequency in units of the family's.
+        shift: δ [rad].
+    """
+
+    axis: int
+    size: float = 1.0
+    harmonic: float = 1.0
+    shift: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Family:
+    """Motions of one shape.
+
+    Attributes:
+        title: for people.
+        swings: of the position.
+        tilt: about y, in units of the largest tilt.
+        yaw: in units of the largest yaw.
+        sweep: its frequency rises over this factor's span around the nominal one; 1: constant.
+    """
+
+    title: str
+    swings: tuple[Swing, ...]
+    tilt: float = 0.0
+    yaw: float = 0.0
+    sweep: float = 1.0
+
+    @property
+    def turns(self) -> bool:
+        """Whether the attitude changes."""
+        return self.tilt != 0.0 or self.yaw != 0.0
+
+
+SIDE = math.sqrt(0.5)
+QUARTER = 0.5 * math.pi
+FAMILIES = (
+    Family("back and forth along x", (Swing(0),)),
+    Family("back and forth along y", (Swing(1),)),
+    Family("back and forth along the diagonal of x and y", (Swing(0, SIDE), Swing(1, SIDE))),
+    Family("figure of eight", (Swing(0), Swing(1, 0.4, harmonic=2.0))),
+    Family("circle", (Swing(0), Swing(1, shift=QUARTER))),
+    Family(
+        "back and forth along x with heave at twice the frequency",
+        (Swing(0), Swing(2, 0.25, harmonic=2.0, shift=QUARTER)),
+    ),
+    Family("back and forth along x with rising frequency", (Swing(0),), sweep=2.0),
+    Family("tilting about y in place", (), tilt=1.0),
+    Family("back and forth along x, tilting about y", (Swing(0, shift=QUARTER),), tilt=0.7),
+    Family("yawing in place", (), yaw=1.0),
+    Family("back and forth along x while yawing", (Swing(0),), yaw=1.0),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """A member of a family.
+
+    Attributes:
+        family: the family.
+        frequency: [Hz].
+        acceleration: bound of ‖a‖ [m/s²].
+        dwell: length of the dwell [s].
+    """
+
+    family: Family
+    frequency: float
+    acceleration: float = 1.0
+    dwell: float = DWELL
+
+
+def inputs_of(motion: Motion) -> Inputs:
+    """The motion's inputs: still part, swing, dwell."""
+    family = motion.family
+    t = np.arange(0.0, STILL + SWING + motion.dwell + 0.5 * STEP, STEP)
+    position, acceleration = np.zeros((len(t), 3)), np.zeros((len(t), 3))
+    for swing in family.swings:
+        place, _, second = _swing(t, motion, swing.harmonic, swing.shift)
+        position[:, swing.axis] += swing.size * place
+        acceleration[:, swing.axis] += swing.size * second
+    amplitude = _amplitude(motion, position, acceleration)
+    if not family.turns:
+        return Inputs(t, amplitude * acceleration)
+    about, angle, rate = _rotation(t, motion)
+    attitude, angular_velocity = np.zeros((len(t), 4)), np.zeros((len(t), 3))
+    attitude[:, about], attitude[:, 3] = np.sin(0.5 * angle), np.cos(0.5 * angle)
+    angular_velocity[:, about] = rate
+    return Inputs(t, amplitude * acceleration, attitude, angular_velocity)
+
+
+def text_of(motion: Motion) -> str:
+    """The motion in words, with its figures."""
+    inputs = inputs_of(motion)
+    peak = float(np.linalg.norm(inputs.acceleration, axis=1).max())
+    parts = [f"{motion.family.title} at {motion.frequency:.2f} Hz"]
+    if motion.family.sweep != 1.0:
+        low, high = _sweep(motion)
+        parts = [f"{motion.family.title}, {low:.2f} to {high:.2f} Hz"]
+    if peak > 0.0:
+        parts.append(f"at most {peak:.2g} m/s²")
+    if inputs.attitude is not None:
+        _, angle, _ = _rotation(inputs.t, motion)
+        parts.append(f"turning by ±{math.degrees(float(np.abs(angle).max())):.0f}°")
+    parts.append(f"{SWING:g} s long, then {motion.dwell:g} s at rest")
+    return ", ".join(parts)
+
+
+def _amplitude(motion: Motion, position: Array, acceleration: Array) -> float:
+    """Amplitude at which acceleration and travel keep to their bounds."""
+    peak = float(np.linalg.norm(acceleration, axis=1).max())
+    extent = float(np.linalg.norm(np.ptp(position, axis=0)))
+    if peak <= 0.0:
+        return 0.0
+    return min(motion.acceleration / peak, MAXIMUM_TRAVEL / extent)
+
+
+def _rotation(t: Array, motion: Motion) -> tuple[int, Array, Array]:
+    """Axis, angle [rad] and rate [rad/s]."""
+    place, first, _ = _swing(t, motion, 1.0, 0.0)
+    family = motion.family
+    if family.tilt != 0.0:
+        size = min(MAXIMUM_TILT, TILT_SHARE * motion.acceleration / GRAVITY) * family.tilt
+        return 1, size * place, size * first
+    size = min(YAW, MAXIMUM_YAW_RATE / max(float(np.abs(first).max()), 1e-9)) * family.yaw
+    return 2, size * place, size * first
+
+
+def _sweep(motion: Motion) -> tuple[float, float]:
+    """From, to [Hz]."""
+    half = math.sqrt(motion.family.sweep)
+    return motion.frequency / half, motion.frequency * half
+
+
+def _swing(t: Array, motion: Motion, harmonic: float, shift: float) -> tuple[Array, Array, Array]:
+    """The product w sin(k φ + δ) with its first and second derivative."""
+    since = np.clip(t - STILL, 0.0, SWING)
+    low, high = (2.0 * math.pi * each for each in _sweep(motion))
+    rate = low + (high - low) * since / SWING
+    phase = low * since + 0.5 * (high - low) * since**2 / SWING
+    angle, change = harmonic * phase + shift, harmonic * rate
+    bend = harmonic * (high - low) / SWING
+    s, ds = np.sin(angle), change * np.cos(angle)
+    dds = bend * np.cos(angle) - change**2 * s
+    w, dw, ddw = _window(since)
+    return w * s, dw * s + w * ds, ddw * s + 2.0 * dw * ds + w * dds
+
+
+def _window(since: Array) -> tuple[Array, Array, Array]:
+    """Rises to 1 within RAMP and falls at the end likewise, with its derivatives."""
+    rise, falling = since / RAMP, (SWING - since) / RAMP
+    x = np.clip(np.minimum(rise, falling), 0.0, 1.0)
+    sign = np.where(rise <= falling, 1.0, -1.0)
+    w = x**4 * (35.0 - 84.0 * x + 70.0 * x**2 - 20.0 * x**3)
+    dw = 140.0 * x**3 * (1.0 - x) ** 3
+    ddw = 420.0 * x**2 * (1.0 - x) ** 2 * (1.0 - 2.0 * x)
+    return w, sign * dw / RAMP, ddw / RAMP**2
