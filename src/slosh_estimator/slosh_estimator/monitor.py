@@ -14,8 +14,10 @@ from enum import IntEnum
 from typing import NamedTuple
 
 from slosh_discovery.metrics import RunningAccuracy
+from slosh_estimator.agreement import MotionWatch
 from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.limits import Event, Hysteresis, LimitTracker, Source
+from slosh_estimator.rotation import Vector
 from slosh_estimator.sample import SECONDS
 from slosh_estimator.validity import EstimateFlag
 
@@ -70,12 +72,16 @@ class MonitorSettings:
 
 
 class EstimatePoint(NamedTuple):
-    """An estimate as the monitor keeps it: stamp [ns], heights [m], flags."""
+    """An estimate as the monitor keeps it: stamp [ns], heights [m], flags, and what drove it.
+
+    The acceleration [m/s²] tells motions apart; None: not known.
+    """
 
     stamp_ns: int
     linear: float
     nonlinear: float
     flags: int = 0
+    acceleration: Vector | None = None
 
 
 class MeasuredPoint(NamedTuple):
@@ -116,12 +122,16 @@ class Monitor:
     is a lower bound: it enters σ and ε only where it lies above the estimate, counts as
     disagreement only there, and does not end an excess of the measured height. Measurements
     without a height, and estimates from an unknown state, are compared but do not enter σ and ε.
+
+    Attributes:
+        motions: how well motion by motion agrees, where the estimates' acceleration is known.
     """
 
     def __init__(self, settings: MonitorSettings) -> None:
         self.settings = settings
         self.linear = RunningAccuracy()
         self.nonlinear = RunningAccuracy()
+        self.motions = MotionWatch(settings.disagreement_limit)
         self.unmatched = 0
         self.late_estimates = 0
         self._estimates: deque[EstimatePoint] = deque()
@@ -139,9 +149,10 @@ class Monitor:
         }
 
     def reset_accuracy(self) -> None:
-        """Starts σ and ε anew."""
+        """Starts σ and ε, and the count of motions, anew."""
         self.linear.reset()
         self.nonlinear.reset()
+        self.motions.reset()
 
     def add_estimate(self, point: EstimatePoint, arrival_ns: int) -> list[Comparison]:
         """Takes an estimate; returns the comparisons for which it was awaited."""
@@ -156,7 +167,10 @@ class Monitor:
         self._drop_old(point.stamp_ns)
         self._last_estimate_msh = point.nonlinear
         self._track(Source.ESTIMATED, point.stamp_ns, point.nonlinear)
-        return list(self._ready()) if self._waiting else []
+        found = list(self._ready()) if self._waiting else []
+        if point.acceleration is not None:
+            self.motions.add_acceleration(point.stamp_ns, point.acceleration)
+        return found
 
     def add_estimates(self, points: Sequence[EstimatePoint]) -> list[Comparison]:
         """Takes estimates of increasing stamps that arrive at these; as one by one, but faster."""
@@ -278,6 +292,7 @@ class Monitor:
         """Ends everything that hangs on stamps, at the newest of them."""
         self._estimates.clear()
         self._waiting.clear()
+        self.motions.forget()
         for source in Source:
             self._close(source, stamp_ns, "time was set back")
 
@@ -352,6 +367,8 @@ class Monitor:
     def _judge(self, measured: MeasuredPoint, linear: float, nonlinear: float, flags: int) -> None:
         """Takes a pair into σ and ε and watches the disagreement."""
         bound = bool(measured.flags & SATURATED)
+        if not (flags & UNSETTLED) and not (bound and measured.msh <= nonlinear):
+            self.motions.add_pair(measured.stamp_ns, measured.msh, measured.stddev, nonlinear)
         for accuracy, value in ((self.linear, linear), (self.nonlinear, nonlinear)):
             if not (flags & UNSETTLED) and not (bound and measured.msh <= value):
                 accuracy.update(measured.msh, value)

@@ -5,6 +5,11 @@ Motion tables, bags and folders of tables in; `MeasuredMotion` out. Pure: no ROS
 
 from __future__ import annotations
 
-from slosh_bringup.discover_data.reading import motions_of_shift, read_motions
+from slosh_bringup.discover_data.reading import (
+    ShiftMotion,
+    motions_of_shift,
+    read_motions,
+    shift_motions,
+)
 
-__all__ = ["motions_of_shift", "read_motions"]
+__all__ = ["ShiftMotion", "motions_of_shift", "read_motions", "shift_motions"]

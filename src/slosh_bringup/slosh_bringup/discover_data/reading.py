@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +12,7 @@ from slosh_bag.interchange.bag_table import TableSettings, read_bag_table
 from slosh_bag.interchange.table_bag import COLUMNS_KEY
 from slosh_bringup.discover_data.heights import without_spikes
 from slosh_bringup.discover_data.recording import (
+    Heights,
     Recording,
     Tell,
     read_recording,
@@ -69,16 +70,20 @@ def read_motions(
 
 def motions_of_shift(
     path: Path, model: Model | None = None, tell: Callable[[str], object] = _quietly
-) -> list[ShiftMotion]:
+) -> list[MeasuredMotion]:
     """The motions of a recorded shift, those first in which the live estimate was off most.
 
+    Args and errors are those of `read_motions`.
+    """
+    return [entry.motion for entry in shift_motions(path, model, tell)]
+
+
+def shift_motions(
+    path: Path, model: Model | None = None, tell: Callable[[str], object] = _quietly
+) -> list[ShiftMotion]:
+    """The same with how far the estimate was off.
+
     Motions of which no comparison was recorded come last, in the order of the recording.
-
-    Args:
-        path, model, tell: as for `read_motions`.
-
-    Raises:
-        SloshBagError, SloshBringupError, SloshDiscoveryError: as for `read_motions`.
     """
     found = [ShiftMotion(*pair) for item in _sources(path) for pair in _read(item, model, tell)]
     return sorted(found, key=lambda entry: -np.nan_to_num(entry.disagreement, nan=-1.0))
@@ -122,19 +127,13 @@ def _read(path: Path, model: Model | None, tell: Tell) -> Iterator[tuple[Measure
 def _motions(
     name: str, recording: Recording, tell: Tell
 ) -> Iterator[tuple[MeasuredMotion, float]]:
-    path = recording.path
-    clean, spikes = without_spikes(recording.heights.msh)
+    path, raw = recording.path, recording.heights
+    clean, spikes = without_spikes(raw.msh)
     if spikes:
         tell(f"{path}: {spikes} single spikes of the measured height are left out")
     keep = np.isfinite(clean)
-    heights = recording.heights
-    heights = heights._replace(
-        stamps=heights.stamps[keep], msh=clean[keep], stddev=heights.stddev[keep]
-    )
-    recording = Recording(
-        path, recording.motion, heights, recording.residuals, recording.facts,
-        recording.max_gap_ns,
-    )  # fmt: skip
+    heights = Heights(raw.stamps[keep], clean[keep], raw.stddev[keep])
+    recording = replace(recording, heights=heights)
     found = split(recording)
     for note in found.notes:
         tell(f"{path}: {note}")

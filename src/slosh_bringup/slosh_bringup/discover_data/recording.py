@@ -106,6 +106,9 @@ def read_recording(path: Path, reader: BagReader, sources: Sources, tell: Tell) 
     for block in reader.blocks(list(takers)):
         names, take = takers[block.topic]
         take(reader.columns(block, names))
+    heights = measured.heights()
+    if not len(heights.stamps):
+        raise SloshBagError(f"{path}: holds no usable height in {sources.surface}")
     motion = moved.motion(path, sources.input)
     if sources.kind == "accel" and moved.in_world:
         motion = beside.added_to(motion)
@@ -116,7 +119,7 @@ def read_recording(path: Path, reader: BagReader, sources: Sources, tell: Tell) 
     for line in (*reader.warnings, *measured.notes()):
         tell(line if line.startswith(str(path)) else f"{path}: {line}")
     return Recording(
-        path, motion, measured.heights(), compared.residuals(), sources.facts,
+        path, motion, heights, compared.residuals(), sources.facts,
         round(how.gate.max_gap * SECOND),
     )  # fmt: skip
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_bag.interchange.bag_motion import Motion
-from slosh_bag.replay.motions import MOVING, MotionFinder, MotionSpan
+from slosh_bag.replay.motions import BIN_NS, MOVING, MotionFinder, MotionSpan
 from slosh_bringup.discover_data.heights import Still, find_still, rms_about
 from slosh_bringup.discover_data.recording import Heights, Recording
 
@@ -32,8 +32,9 @@ LONG_REST_NS = 60 * SECOND
 """After such a rest the liquid is still, whatever the camera says [ns]."""
 LONGEST_NS = 120 * SECOND
 """Joined motions become no longer than this [ns]."""
-LEAD_IN_NS = 30 * SECOND
-"""Inputs before a part that begins while the liquid sloshes [ns]: several times its decay."""
+LEAD_IN_NS = 60 * SECOND
+"""Inputs before a part that begins while the liquid sloshes [ns]: in a cup of water less than 1 %
+is left of what was there before."""
 TURNING = 0.05
 """Tilting faster than this counts as moving [rad/s]: it moves the liquid as MOVING does."""
 AT_REST_NOISES = 3.0
@@ -48,13 +49,11 @@ class Part(NamedTuple):
     Attributes:
         start, end: of the inputs.
         heights_start: from where on heights count: later than start where there is a lead-in.
-        first_motion: when it begins to move.
     """
 
     start: int
     end: int
     heights_start: int
-    first_motion: int
 
 
 class Split(NamedTuple):
@@ -66,44 +65,43 @@ class Split(NamedTuple):
 
 def split(recording: Recording) -> Split:
     """The parts of a recording."""
-    motion, heights = recording.motion, recording.heights
-    spans = motion_spans(motion)
-    gaps = _gaps_in_motion(motion.stamps, spans, recording.max_gap_ns)
-    rest = _Rest(heights)
-    parts: list[Part] = []
+    stamps, rest = recording.motion.stamps, _Rest(recording.heights)
+    spans = motion_spans(recording.motion)
+    gaps = _gaps_in_motion(stamps, spans, recording.max_gap_ns)
     notes: list[str] = []
-    if spans and rest.sloshes_at_the_start(int(motion.stamps[0]), spans[0]):
+    if spans and rest.sloshes_at_the_start(int(stamps[0]), spans[0]):
         notes.append("the first motion had begun before the recording: it is left out")
         spans = _until_rest(spans, rest)
-    for chain, joined in _chains(spans, rest):
-        start = chain[0].start_ns - (LEAD_IN_NS if joined else REST_NS)
-        earliest = parts[-1].end if parts and not joined else int(motion.stamps[0])
-        start = max(start, earliest)
-        end = min(chain[-1].end_ns + DWELL_NS, int(motion.stamps[-1]))
-        following = [span.start_ns for span in spans if span.start_ns > chain[-1].end_ns]
-        if following:
-            end = min(end, max(following[0] - REST_NS, chain[-1].end_ns))
+    chains = _chains(spans, rest)
+    parts: list[Part] = []
+    for index, chain in enumerate(chains):
+        before = parts[-1].end if parts and not chain.joined else int(stamps[0])
+        start = max(chain.start - (LEAD_IN_NS if chain.joined else REST_NS), before)
+        end = min(chain.end + DWELL_NS, int(stamps[-1]))
+        if index + 1 < len(chains):
+            end = min(end, max(chains[index + 1].start - REST_NS, chain.end))
         broken = gaps[(gaps >= start) & (gaps < end)]
         if len(broken):
+            moment = (broken[0] - stamps[0]) / SECOND
             notes.append(
-                f"a gap in the inputs at {(broken[0] - motion.stamps[0]) / SECOND:.2f} s, while "
-                "the container moves: the rest of that motion is left out"
+                f"a gap in the inputs at {moment:.2f} s while the container moves: what follows "
+                "of that motion is left out"
             )
             end = int(broken[0])
-        heights_start = chain[0].start_ns if joined else start
-        parts.append(Part(start, end, heights_start, chain[0].start_ns))
+        parts.append(Part(start, end, chain.start if chain.joined else start))
     return Split(parts, notes)
 
 
 def motion_spans(motion: Motion) -> list[MotionSpan]:
     """When the container accelerates or tilts.
 
-    A constant acceleration, as of a sensor that is mounted askew, is no motion.
+    What is constant, as with a sensor that is mounted askew or has a bias, is no motion.
     """
     still = np.median(motion.acceleration, axis=0)
     spans = _spans(motion.stamps, motion.acceleration - still)
     if motion.angular_velocity is not None:
-        tilting = motion.angular_velocity * (MOVING / TURNING)
+        turning = motion.angular_velocity - np.median(motion.angular_velocity, axis=0)
+        tilting = turning * (MOVING / TURNING)
         tilting[:, 2] = 0.0  # a round container's liquid does not follow its yaw
         spans = _united(spans + _spans(motion.stamps, tilting))
     return spans
@@ -168,16 +166,23 @@ def _until_rest(spans: Sequence[MotionSpan], rest: _Rest) -> list[MotionSpan]:
     return []
 
 
-def _chains(spans: Sequence[MotionSpan], rest: _Rest) -> list[tuple[list[MotionSpan], bool]]:
-    """Motions that stay one, and whether they go on from the ones before."""
-    chains: list[tuple[list[MotionSpan], bool]] = []
+class _Chain(NamedTuple):
+    """Motions that stay one [ns], and whether they go on from those before."""
+
+    start: int
+    end: int
+    joined: bool
+
+
+def _chains(spans: Sequence[MotionSpan], rest: _Rest) -> list[_Chain]:
+    chains: list[_Chain] = []
     for span in spans:
-        last = chains[-1][0] if chains else []
-        sloshes = bool(last) and rest.sloshes_before(span.start_ns, last[-1].end_ns)
-        if sloshes and span.end_ns - last[0].start_ns <= LONGEST_NS:
-            last.append(span)
+        last = chains[-1] if chains else None
+        sloshes = last is not None and rest.sloshes_before(span.start_ns, last.end)
+        if last is not None and sloshes and span.end_ns - last.start <= LONGEST_NS:
+            chains[-1] = last._replace(end=span.end_ns)
         else:
-            chains.append(([span], sloshes))
+            chains.append(_Chain(span.start_ns, span.end_ns, sloshes))
     return chains
 
 
@@ -185,9 +190,8 @@ def _gaps_in_motion(stamps: Stamps, spans: Sequence[MotionSpan], max_gap_ns: int
     """Starts of the gaps in the inputs that fall into a motion [ns]."""
     before = np.flatnonzero(np.diff(stamps) > max_gap_ns)
     starts, ends = stamps[before], stamps[before + 1]
-    slack = 100_000_000
     inside = [
-        any(s.start_ns - slack < end and start < s.end_ns + slack for s in spans)
+        any(s.start_ns - 2 * BIN_NS < end and start < s.end_ns + 2 * BIN_NS for s in spans)
         for start, end in zip(starts.tolist(), ends.tolist(), strict=True)
     ]
     found: Stamps = starts[np.array(inside, dtype=bool)]

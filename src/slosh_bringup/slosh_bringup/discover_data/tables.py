@@ -6,12 +6,17 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from slosh_bag.motion_table import MotionTable, read_motion_table
 from slosh_bringup.discover_data.heights import without_spikes
 from slosh_bringup.errors import SloshBringupError
 from slosh_discovery.discover.motion import MeasuredMotion
+from slosh_discovery.errors import SloshDiscoveryError
+from slosh_model.errors import SloshModelError
 from slosh_model.simulate import Inputs
+
+Array = NDArray[np.float64]
 
 SUFFIXES = (".csv", ".csv.gz")
 
@@ -30,8 +35,7 @@ def table_motion(path: Path, tell: Callable[[str], object]) -> MeasuredMotion:
 
     Raises:
         SloshBagError: the table cannot be read.
-        SloshBringupError: it holds no measured heights.
-        SloshDiscoveryError: it holds too few of them.
+        SloshBringupError: it holds no measured heights or too few, or inputs that cannot be.
     """
     name = path.name
     for suffix in reversed(SUFFIXES):
@@ -42,7 +46,10 @@ def table_motion(path: Path, tell: Callable[[str], object]) -> MeasuredMotion:
 def motion_of_table(
     path: Path, name: str, table: MotionTable, tell: Callable[[str], object]
 ) -> MeasuredMotion:
-    """The motion that a table's values tell; of msh and wall heights the latter, which say more.
+    """The motion that a table's values tell.
+
+    Of msh and wall heights the latter are taken: their maximum is the msh, so that nothing is
+    lost. Where more moments have an msh than wall heights it is the other way round.
 
     Args:
         path: where the table comes from; for what is said of it.
@@ -51,24 +58,34 @@ def motion_of_table(
         tell: is told what is left out, one line each.
 
     Raises:
-        SloshBringupError: no measured heights.
-        SloshDiscoveryError: too few of them.
+        SloshBringupError: no measured heights, too few of them, or inputs that cannot be.
     """
-    inputs = Inputs(table.t, table.acceleration, table.attitude, table.angular_velocity)
-    if table.eta is not None:
-        rows = np.isfinite(table.eta).any(axis=1)
-        return MeasuredMotion(
-            name, inputs, table.t[rows], eta_azimuth=table.eta_azimuth, eta=table.eta[rows]
-        )
-    if table.msh is None:
+    sampled, walls = _sampled(table.msh), _sampled(table.eta)
+    if table.msh is None and table.eta is None:
         raise SloshBringupError(
             f"{path}: holds no measured heights; add a column msh or columns eta_000 … eta_359"
         )
-    # Spikes are looked for among samples: rows of the input alone lie between them.
-    sampled = np.isfinite(table.msh)
-    t, msh = table.t[sampled], table.msh[sampled]
-    clean, spikes = without_spikes(msh)
-    if spikes:
-        tell(f"{path}: {spikes} single spikes of the measured height are left out")
-    kept = np.isfinite(clean)
-    return MeasuredMotion(name, inputs, t[kept], msh=clean[kept])
+    try:
+        inputs = Inputs(table.t, table.acceleration, table.attitude, table.angular_velocity)
+        if table.eta is not None and len(walls) >= len(sampled):
+            return MeasuredMotion(
+                name, inputs, table.t[walls], eta_azimuth=table.eta_azimuth, eta=table.eta[walls]
+            )
+        assert table.msh is not None  # its samples outnumber those of the wall
+        if len(walls):
+            tell(f"{path}: more rows have msh than wall heights: the wall heights are left out")
+        # Spikes are looked for among samples: rows of the input alone lie between them.
+        clean, spikes = without_spikes(table.msh[sampled])
+        if spikes:
+            tell(f"{path}: {spikes} single spikes of the measured height are left out")
+        kept = np.isfinite(clean)
+        return MeasuredMotion(name, inputs, table.t[sampled][kept], msh=clean[kept])
+    except (SloshModelError, SloshDiscoveryError) as error:
+        raise SloshBringupError(f"{path}: {error}") from None
+
+
+def _sampled(heights: Array | None) -> NDArray[np.intp]:
+    """Rows with a measured height."""
+    if heights is None:
+        return np.empty(0, dtype=np.intp)
+    return np.flatnonzero(np.isfinite(heights.reshape(len(heights), -1)).any(axis=1))

@@ -34,6 +34,9 @@ from slosh_model.simulate import Inputs, simulate
 
 Array = NDArray[np.float64]
 
+SEARCH = 2.0
+"""Half-width of the search around the onsets' offset [s]: where a container tilts, measured and
+predicted heights may rise more than a second apart."""
 ENDS_AT_REST = 0.5
 """A command whose last acceleration is smaller ends with the container at rest [m/s²]."""
 
@@ -52,7 +55,7 @@ def unrelated_motion(
         tell: is told what was done, one line each.
 
     Raises:
-        SloshBringupError: the container does not move.
+        SloshBringupError: the container does not move, or too few heights lie over its motion.
     """
     path = recording.path
     if not motion_spans(recording.motion):
@@ -73,15 +76,18 @@ def unrelated_motion(
     shifted = measured_t - offset
     kept = np.isfinite(clean) & (shifted >= t[0]) & (shifted <= t[-1])
     stddev = heights.stddev[kept]
-    return MeasuredMotion(
-        name,
-        Inputs(t, motion.acceleration, motion.attitude, motion.angular_velocity),
-        shifted[kept],
-        msh=clean[kept],
-        stddev=stddev if np.isfinite(stddev).any() else None,
-        same_clock=False,
-        level_known=False,
-    )
+    try:
+        return MeasuredMotion(
+            name,
+            Inputs(t, motion.acceleration, motion.attitude, motion.angular_velocity),
+            shifted[kept],
+            msh=clean[kept],
+            stddev=stddev if np.isfinite(stddev).any() else None,
+            same_clock=False,
+            level_known=False,
+        )
+    except (SloshDiscoveryError, SloshModelError) as error:
+        raise SloshBringupError(f"{path}: {error}") from None
 
 
 def noted_model(facts: Mapping[str, str]) -> Model | None:
@@ -111,7 +117,7 @@ def held_at_rest(motion: Motion, duration_ns: int) -> Motion:
         motion: at least two samples.
         duration_ns: of the rest [ns].
     """
-    if np.linalg.norm(motion.acceleration[-1]) > ENDS_AT_REST or len(motion.stamps) < 2:
+    if len(motion.stamps) < 2 or np.linalg.norm(motion.acceleration[-1]) > ENDS_AT_REST:
         return motion
     step = int(np.median(np.diff(motion.stamps)))
     count = duration_ns // step
@@ -145,7 +151,7 @@ def _offset(
             still = find_still_level(measured_t, height)
             centre = onset_offset(measured_t, height, t, predicted, still)
             found = estimate_clock_offset(
-                measured_t, height, t[over], predicted[over], centre=centre
+                measured_t, height, t[over], predicted[over], centre=centre, search=SEARCH
             )
             return found.offset, f"by the model {model.name}"
         still = find_still_level(measured_t, height)

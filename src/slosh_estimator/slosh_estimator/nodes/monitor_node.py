@@ -87,6 +87,7 @@ class MonitorNode(Node):
             message.linear.msh,
             message.nonlinear.msh,
             message.flags,
+            tuple(message.acceleration.tolist()),
         )
         self._publish(self._core.add_estimate(point, self._arrival()))
 
@@ -99,6 +100,9 @@ class MonitorNode(Node):
 
     def _on_check(self) -> None:
         self._publish(self._core.check(self._arrival()))
+        for motion in self._core.motions.take_finished():
+            if motion.disagrees:
+                self.get_logger().warning(motion.sentence)
 
     def _arrival(self) -> int:
         """When something comes: elapsed time, with use_sim_time the simulated one.
@@ -142,6 +146,9 @@ class MonitorNode(Node):
             if stale
         ]
         condition = self._core.condition(measured_stale, estimate_stale)
+        last = self._core.motions.last
+        if condition is Condition.OK and last is not None and last.disagrees:
+            return WARN, last.sentence
         sentence = f"{condition.name}" + (f": no {' and no '.join(silent)}" if silent else "")
         levels = {
             Condition.OK: OK,
@@ -158,6 +165,8 @@ class MonitorNode(Node):
             "sigma NL [mm]": f"{1e3 * core.nonlinear.sigma:.2f}",
             "epsilon L [%]": f"{1e2 * core.linear.epsilon:.1f}",
             "epsilon NL [%]": f"{1e2 * core.nonlinear.epsilon:.1f}",
+            "motions": core.motions.finished,
+            "motions that disagree": core.motions.disagreeing,
             "measurements without an estimate": core.unmatched,
             "estimates out of order": core.late_estimates,
         }
