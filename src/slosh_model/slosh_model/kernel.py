@@ -101,7 +101,7 @@ def _settle(modal, modes, parameters, held, yaw, pose):  # type: ignore[no-untyp
         mode = _constants(modes, n)
         x, y, stiffness = 0.0, 0.0, mode[0] * mode[0]
         for _ in range(_SETTLING_TURNS):
-            ax, ay = _acceleration(mode, 0.0, (x, y, 0.0, 0.0), inputs, parameters)
+            ax, ay = _acceleration(mode, held[ELAPSED], (x, y, 0.0, 0.0), inputs, parameters)
             x += ax / stiffness
             y += ay / stiffness
         modal[n, 0], modal[n, 1] = x, y
@@ -165,7 +165,8 @@ def turned(height_x, height_y, angle):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _pose(poses, i):  # type: ignore[no-untyped-def]
+def pose_at(poses, i):  # type: ignore[no-untyped-def]
+    """A row of (N, POSE_COUNT) poses; of (0, POSE_COUNT) the upright one."""
     if poses.shape[0] == 0:
         return UPRIGHT
     row = poses[i]
@@ -189,7 +190,7 @@ def advance_many(  # type: ignore[no-untyped-def]
     for i in range(intervals.shape[0]):
         ax, ay, az = inputs[i, 0], inputs[i, 1], inputs[i, 2]
         height_x, height_y, turn = advance(
-            modal, modes, parameters, held, ax, ay, az, yaws[i], _pose(poses, i), intervals[i],
+            modal, modes, parameters, held, ax, ay, az, yaws[i], pose_at(poses, i), intervals[i],
             max_step,
         )  # fmt: skip
         heights[i, 0], heights[i, 1] = turned(height_x, height_y, turn)
