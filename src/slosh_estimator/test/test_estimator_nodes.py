@@ -328,3 +328,37 @@ def test_late_joiners_learn_what_the_models_work_with(start: Callable[..., Cell]
     assert to_nanoseconds(announced[1].header.stamp) == stamp  # from the next sample on
     assert cell.call(Trigger, topics.RESET, Trigger.Request()).success
     cell.until(lambda: len(announced) == 3)
+
+
+def test_the_monitor_warns_of_a_motion_that_the_model_does_not_describe(
+    start: Callable[..., Cell],
+) -> None:
+    cell = start()
+    cell.add(MonitorNode())
+    reports = cell.collect(DiagnosticArray, "/diagnostics")
+    comparisons = cell.collect(SloshComparison, topics.COMPARISON)
+    estimates = cell.publisher(SloshEstimate, topics.ESTIMATE)
+    surfaces = cell.publisher(FreeSurface, topics.FREE_SURFACE)
+    cell.until(lambda: cell.probe.count_publishers(topics.COMPARISON) > 0)
+    estimate, surface = SloshEstimate(), FreeSurface()
+    surface.msh, surface.msh_stddev, estimate.nonlinear.msh = 0.012, 1e-4, 0.007
+    begin = cell.now()
+    step = 0
+
+    def warned() -> bool:
+        """A motion of 2 s, then rest: as fast as the messages come through."""
+        nonlocal step
+        if len(comparisons) >= step:
+            step += 1
+        stamp = to_time(begin + step * 50 * MS)
+        estimate.header.stamp = surface.header.stamp = stamp
+        estimate.acceleration[0] = 2.0 if step < 40 else 0.0
+        estimates.publish(estimate)
+        surfaces.publish(surface)
+        return any("slosh discover" in entry.status[0].message for entry in reports)
+
+    cell.until(warned)
+    (status,) = next(r for r in reports if "slosh discover" in r.status[0].message).status
+    assert status.level == b"\x01"
+    facts = {pair.key: pair.value for pair in status.values}
+    assert facts["motions"] == facts["motions that disagree"] == "1"

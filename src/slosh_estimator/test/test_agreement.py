@@ -1,0 +1,169 @@
+"""Motion by motion: does the camera agree with the model?"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from slosh_estimator.agreement import LEAST, MotionAgreement, MotionWatch
+from slosh_estimator.monitor import (
+    SATURATED,
+    EstimatePoint,
+    MeasuredPoint,
+    Monitor,
+    MonitorSettings,
+)
+from slosh_estimator.validity import EstimateFlag
+from slosh_model.containers import Cylinder
+from slosh_model.model import Model
+from slosh_model.simulate import Inputs, simulate
+
+MS = 1_000_000
+TRUTH = Model(Cylinder(0.05, 0.07), damping_ratio=0.01).spatial().nonlinear()
+NOISE = 2e-4
+
+
+def acceleration(t: np.ndarray) -> np.ndarray:
+    """A second of rest, two seconds of motion, three of rest (N, 3) [m/s²]."""
+    swell = np.where((t > 1.0) & (t < 3.0), np.sin(0.5 * np.pi * (t - 1.0)) ** 2, 0.0)
+    return swell[:, None] * np.column_stack(
+        (1.5 * np.sin(14.0 * t), 1.0 * np.cos(13.0 * t), 3.0 * np.sin(11.0 * t))
+    )
+
+
+def shift(
+    loaded: Model, motions: int = 1, *, flags: int = 0, spike: float = 0.0, stddev: float = NOISE
+) -> Monitor:
+    """A monitor that has seen motions of the truth, and what the loaded model said of them."""
+    monitor = Monitor(MonitorSettings(disagreement_limit=0.01))
+    t = np.arange(0.0, 6.0, 0.005)
+    moved = acceleration(t)
+    inputs = Inputs(t, moved)
+    seen, told = simulate(TRUTH, inputs)[0].msh, simulate(loaded, inputs)[0].msh
+    noise = np.random.default_rng(1).normal(0.0, NOISE, len(t))
+    for number in range(motions):
+        for k, second in enumerate(t.tolist()):
+            stamp = round((number * 6.0 + second + 1.0) * 1e9)
+            point = EstimatePoint(stamp, told[k], told[k], flags, tuple(moved[k].tolist()))
+            monitor.add_estimate(point, stamp)
+            if k % 4 == 0:
+                height = float(seen[k] + noise[k]) + (spike if second == 2.0 else 0.0)
+                monitor.add_measurement(MeasuredPoint(stamp, height, stddev), stamp)
+    return monitor
+
+
+def test_a_right_model_is_not_told_and_a_wrong_one_is_once_for_each_motion() -> None:
+    right = shift(TRUTH, 2).motions
+    assert (right.finished, right.disagreeing) == (2, 0)
+    assert not any(motion.disagrees for motion in right.take_finished())
+    wrong = shift(TRUTH.planar().linear(), 2).motions
+    assert (wrong.finished, wrong.disagreeing) == (2, 2)
+    told = wrong.take_finished()
+    assert [motion.disagrees for motion in told] == [True, True]
+    assert wrong.take_finished() == []
+
+
+def test_a_motion_knows_when_it_was_and_how_far_the_sides_are_apart() -> None:
+    (motion,) = shift(TRUTH).motions.take_finished()
+    assert motion.start_ns * 1e-9 == pytest.approx(2.0, abs=0.4)
+    assert motion.end_ns * 1e-9 == pytest.approx(4.0, abs=0.4)
+    assert motion.noise == pytest.approx(NOISE)
+    assert motion.rms == pytest.approx(NOISE, rel=0.2)
+    assert motion.peak > 0.005
+    t = np.arange(0.0, 6.0, 0.02)
+    wrong = TRUTH.planar().linear()
+    (motion,) = shift(wrong).motions.take_finished()
+    heights = [simulate(model, Inputs(t, acceleration(t)))[0].msh for model in (TRUTH, wrong)]
+    judged = (t > motion.start_ns * 1e-9 - 1.0) & (t < motion.end_ns * 1e-9)
+    rms = float(np.sqrt(np.mean((heights[0] - heights[1])[judged] ** 2)))
+    assert motion.rms == pytest.approx(rms, rel=0.1)
+
+
+def test_the_sentence_is_one_line_with_the_command() -> None:
+    (motion,) = shift(TRUTH.linear()).motions.take_finished()
+    assert "slosh discover --from-bag BAG --model MODEL" in motion.sentence
+    assert f"{1e3 * motion.rms:.1f} mm" in motion.sentence
+    assert "\n" not in motion.sentence
+
+
+def test_noise_the_calibration_and_the_limit_explain_a_difference() -> None:
+    def explained(limit: float, stddev: float, height: float) -> MotionAgreement:
+        watch = MotionWatch(limit)
+        for k in range(400):
+            watch.add_acceleration(k * 10 * MS, (1.0 if k < 100 else 0.0, 0.0, 0.0))
+            watch.add_pair(k * 10 * MS, height, stddev, height - 1e-3)
+        (motion,) = watch.take_finished()
+        return motion
+
+    assert explained(math.nan, 1e-4, 0.01).disagrees
+    assert not explained(math.nan, 4e-4, 0.01).disagrees
+    assert not explained(math.nan, math.nan, 0.06).disagrees
+    assert explained(0.01, 1e-4, 0.01).explained == pytest.approx(5e-4)
+    assert not explained(0.03, 1e-4, 0.01).disagrees
+
+
+def test_a_single_outlier_is_no_disagreement() -> None:
+    (motion,) = shift(TRUTH, spike=0.05).motions.take_finished()
+    assert not motion.disagrees
+    assert motion.peak < 0.03
+
+
+def test_estimates_from_an_unknown_state_and_lower_bounds_are_not_judged() -> None:
+    wrong = TRUTH.planar().linear()
+    assert shift(wrong, flags=int(EstimateFlag.SETTLING)).motions.finished == 0
+    monitor = Monitor(MonitorSettings())
+    for k in range(600):
+        moved = (1.0 if k < 200 else 0.0, 0.0, 0.0)
+        monitor.add_estimate(EstimatePoint(k * 10 * MS, 0.02, 0.02, 0, moved), k * 10 * MS)
+        point = MeasuredPoint(k * 10 * MS, 0.01, 1e-4, SATURATED)
+        monitor.add_measurement(point, k * 10 * MS)
+    assert monitor.motions.finished == 0
+
+
+def test_too_few_images_are_no_judgement() -> None:
+    for images, judged in ((LEAST - 1, 0), (LEAST, 1)):
+        watch = MotionWatch()
+        for k in range(400):
+            watch.add_acceleration(k * 10 * MS, (1.0 if k < 100 else 0.0, 0.0, 0.0))
+            if 10 <= k < 10 + images:
+                watch.add_pair(k * 10 * MS, 0.02, 1e-4, 0.01)
+        assert watch.finished == judged
+
+
+def test_a_sensors_noise_is_no_motion() -> None:
+    watch = MotionWatch()
+    noise = np.random.default_rng(2).normal(0.0, 0.15, (5000, 3))
+    for k, vector in enumerate(noise.tolist()):
+        watch.add_acceleration(k * 2 * MS, tuple(vector))
+        watch.add_pair(k * 2 * MS, 0.02, 1e-4, 0.01)
+    watch.add_acceleration(60_000 * MS, (0.0, 0.0, 0.0))
+    assert watch.finished == 0
+
+
+def test_a_container_that_never_rests_is_judged_by_the_minute() -> None:
+    watch = MotionWatch()
+    for k in range(13_000):
+        watch.add_acceleration(k * 10 * MS, (1.0, 0.0, 0.0))
+        watch.add_pair(k * 10 * MS, 0.02, 1e-4, 0.01)
+    assert watch.finished == 2
+
+
+def test_a_reset_forgets_the_count_and_the_motion_under_way() -> None:
+    monitor = shift(TRUTH.linear(), 2)
+    monitor.reset_accuracy()
+    assert (monitor.motions.finished, monitor.motions.disagreeing) == (0, 0)
+    assert monitor.motions.last is None
+
+
+def test_stamps_that_were_set_back_end_a_motion_without_a_judgement() -> None:
+    monitor = Monitor(MonitorSettings())
+    for k in range(100):
+        point = EstimatePoint((10_000 + k * 10) * MS, 0.01, 0.01, 0, (1.0, 0.0, 0.0))
+        monitor.add_estimate(point, k * 10 * MS)
+        monitor.add_measurement(MeasuredPoint(point.stamp_ns, 0.02, 1e-4), k * 10 * MS)
+    for k in range(400):
+        point = EstimatePoint(k * 10 * MS, 0.01, 0.01, 0, (0.0, 0.0, 0.0))
+        monitor.add_estimate(point, (1000 + k * 10) * MS)
+    assert monitor.motions.finished == 0
