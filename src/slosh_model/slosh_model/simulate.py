@@ -7,7 +7,7 @@ equations of motion are integrated by the classical Runge-Kutta method in equal 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -43,6 +43,7 @@ class Inputs:
             upright and not turned.
         angular_velocity: (N, 3) in the container's frame [rad/s]; None: the attitude's rate of
             change. Without an attitude it is integrated from upright.
+        yaws, poses: (N,) [rad] and (N, POSE_COUNT), from attitude and rate; see `pose_rows`.
 
     Raises:
         SloshModelError: shapes that do not match, a value that is not finite, time that does not
@@ -53,6 +54,8 @@ class Inputs:
     acceleration: Array
     attitude: Array | None = None
     angular_velocity: Array | None = None
+    yaws: Array = field(init=False, repr=False)
+    poses: Array = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         rows = np.size(self.t)
@@ -68,6 +71,10 @@ class Inputs:
         if self.attitude is not None and not self.attitude.any(axis=1).all():
             row = int(np.argmin(self.attitude.any(axis=1)))
             raise SloshModelError(f"attitude[{row}] is zero: a quaternion has a length")
+        yaws, poses = pose_rows(self.t, self.attitude, self.angular_velocity)
+        for name, array in (("yaws", yaws), ("poses", poses)):
+            array.setflags(write=False)
+            object.__setattr__(self, name, array)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -230,12 +237,11 @@ class Simulator:
             self._held[: kernel.INPUT_COUNT] = state.held
             self._held[kernel.INPUT_COUNT :] = state.memory
         intervals = np.diff(inputs.t, prepend=start)
-        yaws, poses = pose_rows(inputs.t, inputs.attitude, inputs.angular_velocity)
         history = np.empty((len(inputs.t), *self._modal.shape))
         heights = np.empty((len(inputs.t), 2))
         kernel.advance_many(
             self._modal, self._modes, self._parameters, self._held, intervals,
-            inputs.acceleration, yaws, poses, self._max_step, history, heights,
+            inputs.acceleration, inputs.yaws, inputs.poses, self._max_step, history, heights,
         )  # fmt: skip
         bad = np.flatnonzero(~np.isfinite(heights).all(axis=1))
         if len(bad):

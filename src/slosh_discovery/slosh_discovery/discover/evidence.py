@@ -1,0 +1,97 @@
+"""How likely explanations are, given the data: Laplace's approximation of the evidence.
+
+log Z = -χ²/(2T) - ½ log det(I + W H/T), with H = JᵀJ the information of the data on the free
+parameters and W their variances before any data. The second term pays for parameters: the more
+narrowly the data pin a parameter down within what was plausible, the more it costs (MacKay 2003,
+ch. 28). T is the temperature of the data: χ² per sample of the best explanation, times the number
+of neighbouring samples whose residuals go together. It is 1 where the best explanation leaves
+nothing but white noise; where even the best one leaves more, differences of χ² count for less.
+Every further effect costs a fixed prior.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_discovery.discover.fitting import Fit
+from slosh_discovery.discover.problem import PreparedMotion
+
+Array = NDArray[np.float64]
+
+EFFECT_PRIOR = 1.0 / 60.0
+"""Odds of one given effect being at work, before any data: about one in three that any is."""
+PRIOR_VARIANCE = 1.0 / 12.0
+"""Of a parameter that lies anywhere within its plausible width, in squares of that width."""
+CORRELATED = 0.05
+"""Correlations of the residual below this are none."""
+LONGEST_LAG = 60
+
+
+def log_evidence(fit: Fit, temperature: float) -> float:
+    """Log of the evidence and of the prior of a fitted explanation."""
+    explanation = fit.explanation
+    scaled = fit.jacobian * (explanation.widths * math.sqrt(PRIOR_VARIANCE))
+    information = scaled.T @ scaled / temperature
+    _, log_determinant = np.linalg.slogdet(np.eye(len(information)) + information)
+    return (
+        -0.5 * fit.chi_square / temperature
+        - 0.5 * float(log_determinant)
+        + len(explanation.effects) * math.log(EFFECT_PRIOR)
+        - sum(math.log(2.0) for _ in explanation.chosen)
+    )
+
+
+def temperature(fit: Fit, motions: Sequence[PreparedMotion]) -> float:
+    """χ² per sample of a fit, times the number of samples whose residuals go together."""
+    count = len(fit.residual) - len(fit.vector)
+    return max(fit.chi_square / max(count, 1), 1e-12) * correlation_length(fit, motions)
+
+
+def correlation_length(fit: Fit, motions: Sequence[PreparedMotion]) -> float:
+    """Number of neighbouring samples whose residuals go together; 1 for white noise."""
+    total = np.zeros(LONGEST_LAG + 1)
+    for series in residual_series(fit.residual, motions):
+        centred = np.nan_to_num(series - np.nanmean(series, axis=0))
+        for lag in range(min(LONGEST_LAG, len(centred) - 1) + 1):
+            total[lag] += float(np.sum(centred[lag:] * centred[: len(centred) - lag]))
+    if total[0] <= 0.0:
+        return 1.0
+    length = 1.0
+    for correlation in (total[1:] / total[0]).tolist():
+        if correlation < CORRELATED:
+            break
+        length += 2.0 * correlation
+    return length
+
+
+def residual_series(residual: Array, motions: Sequence[PreparedMotion]) -> list[Array]:
+    """The residual as (M, K) per motion, NaN where there is no sample."""
+    series, first = [], 0
+    for motion in motions:
+        end = first + int(motion.kept.sum())
+        laid = np.full(motion.kept.shape, np.nan)
+        laid[motion.kept] = residual[first:end]
+        series.append(laid)
+        first = end
+    return series
+
+
+def probabilities(log_evidences: Sequence[float]) -> Array:
+    """The explanations' probabilities, one of them taken as true."""
+    logs = np.array(log_evidences)
+    weights = np.exp(logs - logs.max())
+    shares: Array = weights / weights.sum()
+    return shares
+
+
+def standard_errors(fit: Fit, temperature: float) -> Array:
+    """(P,) of the free parameters; at most what was plausible before any data."""
+    widths = fit.explanation.widths
+    scaled = fit.jacobian * widths
+    information = scaled.T @ scaled / temperature + np.eye(len(widths)) / PRIOR_VARIANCE
+    errors: Array = widths * np.sqrt(np.diag(np.linalg.inv(information)))
+    return errors

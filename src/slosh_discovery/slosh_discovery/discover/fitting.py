@@ -1,0 +1,207 @@
+"""Fits an explanation's parameters to measured motions.
+
+Where the clocks of inputs and heights are not one, each motion's offset is a parameter of its own;
+where the still level is unknown, each motion's mean residual is taken out. Both are nuisances:
+they are fitted with every explanation alike.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from slosh_discovery.discover.explanation import Explanation
+from slosh_discovery.discover.problem import GridHeights, PreparedMotion
+
+Array = NDArray[np.float64]
+
+STEP = 1e-3
+"""Step of the derivatives, relative to a parameter's plausible width."""
+CLOCK_STEP = 1e-3
+"""Step of the derivative by a clock offset [s]."""
+CLOCK_SPAN = 0.3
+"""How far a clock offset may move from its start [s]."""
+TOLERANCE = 1e-4
+IMPOSSIBLE = 1e3
+"""Residual, in units of the noise, where a model has no answer."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Fit:
+    """A fitted explanation.
+
+    Attributes:
+        explanation: what was fitted.
+        vector: (P,) the free parameters.
+        clock_offsets: measured minus inputs' clock of each motion [s].
+        residual: (N,) in units of the noise, all motions in a row, only where there are samples.
+        jacobian: (N, P) of the residual by the free parameters.
+    """
+
+    explanation: Explanation
+    vector: Array
+    clock_offsets: tuple[float, ...]
+    residual: Array
+    jacobian: Array
+
+    @property
+    def chi_square(self) -> float:
+        """Sum of the squared residuals over the noise's variance."""
+        return float(self.residual @ self.residual)
+
+
+@dataclass(slots=True)
+class Evaluator:
+    """Residuals of one explanation over several motions."""
+
+    explanation: Explanation
+    motions: Sequence[PreparedMotion]
+
+    def grids(self, vector: Array) -> list[GridHeights | None]:
+        """Every motion's heights on the grid of its inputs."""
+        model = self.explanation.model(vector)
+        if model is None:
+            return [None] * len(self.motions)
+        return [motion.simulate(model) for motion in self.motions]
+
+    def residual(self, grids: Sequence[GridHeights | None], clock_offsets: Array) -> Array:
+        """(N,) measured minus predicted in units of the noise, without unknown still levels."""
+        parts = [
+            self.part(motion, grid, offset)
+            for motion, grid, offset in zip(
+                self.motions, grids, clock_offsets.tolist(), strict=True
+            )
+        ]
+        return np.concatenate(parts)
+
+    @staticmethod
+    def part(motion: PreparedMotion, grid: GridHeights | None, offset: float) -> Array:
+        """One motion's part of the residual."""
+        if grid is None:
+            return np.full(int(motion.kept.sum()), IMPOSSIBLE)
+        heights = grid.at(motion.t, offset)
+        difference = (motion.heights - heights)[motion.kept] / motion.noise
+        difference = np.nan_to_num(difference, nan=IMPOSSIBLE)
+        if not motion.motion.level_known:
+            difference = difference - difference.mean()
+        return np.clip(difference, -1e6, 1e6)
+
+    def derivative(self, vector: Array, clock_offsets: Array, residual: Array) -> Array:
+        """(N, P) of the residual by the free parameters, by forward or backward differences."""
+        _, upper = self.explanation.bounds
+        columns = []
+        for index, width in enumerate(self.explanation.widths.tolist()):
+            step = STEP * width
+            if vector[index] + step > upper[index]:
+                step = -step
+            moved = vector.copy()
+            moved[index] += step
+            columns.append((self.residual(self.grids(moved), clock_offsets) - residual) / step)
+        return np.column_stack(columns) if columns else np.zeros((len(residual), 0))
+
+    def clock_derivative(
+        self, grids: Sequence[GridHeights | None], clock_offsets: Array
+    ) -> tuple[list[int], Array]:
+        """Motions whose offset is free, and (N, C) of the residual by them."""
+        lengths = [int(motion.kept.sum()) for motion in self.motions]
+        ends = np.cumsum(lengths)
+        free = [i for i, motion in enumerate(self.motions) if not motion.motion.same_clock]
+        columns = np.zeros((int(ends[-1]), len(free)))
+        for column, i in enumerate(free):
+            ahead = self.part(self.motions[i], grids[i], clock_offsets[i] + CLOCK_STEP)
+            behind = self.part(self.motions[i], grids[i], clock_offsets[i] - CLOCK_STEP)
+            columns[ends[i] - lengths[i] : ends[i], column] = (ahead - behind) / (2 * CLOCK_STEP)
+        return free, columns
+
+
+def fit(
+    explanation: Explanation,
+    motions: Sequence[PreparedMotion],
+    start: Array,
+    clock_offsets: Sequence[float],
+    *,
+    evaluations: int = 12,
+) -> Fit:
+    """Fits the free parameters by least squares from one start.
+
+    Args:
+        explanation: what to fit.
+        motions: the data.
+        start: (P,) within the bounds.
+        clock_offsets: of each motion [s]; kept where the clocks are one.
+        evaluations: most evaluations of the residual.
+    """
+    return _Fitting(explanation, motions, np.array(clock_offsets, dtype=np.float64)).run(
+        start, evaluations
+    )
+
+
+class _Fitting:
+    def __init__(
+        self, explanation: Explanation, motions: Sequence[PreparedMotion], offsets: Array
+    ) -> None:
+        self._evaluator = Evaluator(explanation, motions)
+        self._offsets = offsets
+        self._free_clocks = [i for i, m in enumerate(motions) if not m.motion.same_clock]
+        self._count = len(explanation.free)
+        self._last: tuple[bytes, list[GridHeights | None], Array] | None = None
+
+    def run(self, start: Array, evaluations: int) -> Fit:
+        explanation = self._evaluator.explanation
+        free = self._offsets[self._free_clocks]
+        vector = np.concatenate([start, free])
+        if len(vector):
+            lower, upper = explanation.bounds
+            bounds = (
+                np.concatenate([lower, free - CLOCK_SPAN]),
+                np.concatenate([upper, free + CLOCK_SPAN]),
+            )
+            scale = np.concatenate([explanation.widths, np.full(len(free), 0.05)])
+            solution = least_squares(
+                self._residual_and_prior,
+                np.clip(vector, bounds[0] + 1e-9 * scale, bounds[1] - 1e-9 * scale),
+                jac=self._derivative_and_prior,
+                bounds=bounds,
+                x_scale=scale,
+                ftol=TOLERANCE,
+                xtol=TOLERANCE,
+                gtol=1e-12,
+                max_nfev=evaluations,
+            )
+            vector = solution.x
+        residual, _ = self._evaluate(vector)
+        offsets = self._all_offsets(vector)
+        shared = vector[: self._count]
+        jacobian = self._evaluator.derivative(shared, offsets, residual)
+        return Fit(explanation, shared, tuple(offsets.tolist()), residual, jacobian)
+
+    def _all_offsets(self, vector: Array) -> Array:
+        offsets = self._offsets.copy()
+        offsets[self._free_clocks] = vector[self._count :]
+        return offsets
+
+    def _evaluate(self, vector: Array) -> tuple[Array, list[GridHeights | None]]:
+        key = vector.tobytes()
+        if self._last is None or self._last[0] != key:
+            grids = self._evaluator.grids(vector[: self._count])
+            residual = self._evaluator.residual(grids, self._all_offsets(vector))
+            self._last = (key, grids, residual)
+        return self._last[2], self._last[1]
+
+    def _residual_and_prior(self, vector: Array) -> Array:
+        explanation = self._evaluator.explanation
+        prior = (vector[: self._count] - explanation.centres) / explanation.widths
+        return np.concatenate([self._evaluate(vector)[0], prior])
+
+    def _derivative_and_prior(self, vector: Array) -> Array:
+        residual, grids = self._evaluate(vector)
+        offsets = self._all_offsets(vector)
+        shared = self._evaluator.derivative(vector[: self._count], offsets, residual)
+        _, clocks = self._evaluator.clock_derivative(grids, offsets)
+        prior = np.zeros((self._count, len(vector)))
+        prior[:, : self._count] = np.diag(1.0 / self._evaluator.explanation.widths)
+        return np.vstack([np.hstack([shared, clocks]), prior])

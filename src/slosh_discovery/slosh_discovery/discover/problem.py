@@ -1,0 +1,171 @@
+"""Measured motions, laid out so that a model's answer to all of them is computed fast.
+
+The inputs are taken at the moments of the measured heights and a few between them, averaged where
+they were sampled more densely. Heights that were sampled very densely, or at very many azimuths,
+are thinned: what is left says the same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_discovery.discover.motion import MeasuredMotion
+from slosh_discovery.discover.noise import estimate_noise
+from slosh_model.errors import SloshModelError
+from slosh_model.measure import delay, measured_heights
+from slosh_model.model import Model
+from slosh_model.simulate import Inputs, simulate
+
+Array = NDArray[np.float64]
+
+SPACING = 0.0042
+"""Longest time between two inputs, and step of the integrator [s]."""
+FINE_SPACING = 0.0021
+"""The same where heights are read between the inputs [s]."""
+SAMPLE_SPACING = 0.0075
+"""Heights closer to each other than this are thinned [s]."""
+MOST_AZIMUTHS = 12
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PreparedMotion:
+    """A measured motion, ready to be compared with many models.
+
+    Attributes:
+        motion: the motion.
+        noise: standard deviation of one height [m].
+        t: (M,) the heights' times [s].
+        azimuths: (K,) [rad]; None: maximum over the wall.
+        heights: (M, K) measured, NaN: no sample [m].
+        kept: (M, K) where there is a sample.
+        coarse: the inputs at the heights' times and between them.
+        rows: (M,) of the heights in `coarse`.
+        fine: the inputs on a fine grid, for heights read at other times.
+    """
+
+    motion: MeasuredMotion
+    noise: float
+    t: Array
+    azimuths: Array | None
+    heights: Array
+    kept: NDArray[np.bool_]
+    coarse: Inputs
+    rows: NDArray[np.int64]
+    fine: Inputs
+
+    def simulate(self, model: Model) -> GridHeights | None:
+        """The model's heights; None where its solution left the finite numbers."""
+        shifted = not self.motion.same_clock or delay(model) != 0.0
+        inputs = self.fine if shifted else self.coarse
+        try:
+            response, _ = simulate(model, inputs, max_step=SPACING)
+        except SloshModelError:
+            return None
+        heights = measured_heights(model, response, self.azimuths)
+        return GridHeights(None if shifted else self.rows, inputs.t, heights, delay(model))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class GridHeights:
+    """Heights on the inputs' grid, to be read at the measured times."""
+
+    rows: NDArray[np.int64] | None
+    t: Array
+    heights: Array
+    delay: float
+
+    def at(self, times: Array, clock_offset: float) -> Array:
+        """(M, K) the heights at times on the measured clock [m]."""
+        if self.rows is not None:
+            taken: Array = self.heights[self.rows]
+            return taken
+        moments = times - clock_offset - self.delay
+        return np.column_stack([np.interp(moments, self.t, column) for column in self.heights.T])
+
+
+def prepare(
+    motion: MeasuredMotion, others: Sequence[MeasuredMotion] = (), noise: float | None = None
+) -> PreparedMotion:
+    """Lays a motion out.
+
+    Args:
+        motion: the motion.
+        others: motions among which repeats tell about the noise.
+        noise: standard deviation of one height [m]; None: estimated.
+    """
+    heights, azimuths = motion.heights, motion.eta_azimuth if motion.eta is not None else None
+    if azimuths is not None and len(azimuths) > MOST_AZIMUTHS:
+        columns = np.linspace(0, len(azimuths), MOST_AZIMUTHS, endpoint=False).astype(np.int64)
+        azimuths, heights = azimuths[columns], heights[:, columns]
+    used = _thinned(motion.t, np.asarray(np.isfinite(heights).any(axis=1)))
+    t, heights = motion.t[used], heights[used]
+    inside = t[(t >= motion.inputs.t[0])] if motion.same_clock else np.zeros(0)
+    coarse = _resampled(motion.inputs, inside, SPACING)
+    return PreparedMotion(
+        motion=motion,
+        noise=estimate_noise(motion, others).stddev if noise is None else noise,
+        t=t,
+        azimuths=azimuths,
+        heights=heights,
+        kept=np.isfinite(heights),
+        coarse=coarse,
+        rows=np.searchsorted(coarse.t, np.maximum(t, coarse.t[0])).clip(max=len(coarse.t) - 1),
+        fine=_resampled(motion.inputs, np.zeros(0), FINE_SPACING),
+    )
+
+
+def _thinned(t: Array, present: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Rows with samples, none closer to the one before than SAMPLE_SPACING."""
+    rows = np.flatnonzero(present)
+    if len(rows) < 2 or float(np.median(np.diff(t[rows]))) >= SAMPLE_SPACING:
+        return rows
+    slots = np.floor((t[rows] - t[rows[0]]) / SAMPLE_SPACING + 1e-6)
+    return rows[np.flatnonzero(np.diff(slots, prepend=-1.0) > 0.0)]
+
+
+def _resampled(inputs: Inputs, moments: Array, spacing: float) -> Inputs:
+    """The inputs at given moments and on a grid between them."""
+    end = max(float(inputs.t[-1]), float(moments[-1]) if len(moments) else -np.inf)
+    count = max(int(np.ceil((end - inputs.t[0]) / spacing)), 1)
+    marks = np.unique(np.concatenate([moments, [inputs.t[0], end]]))
+    if len(moments) > 1:
+        # As many between two marks as keep the spacing.
+        counts = np.maximum(np.ceil(np.diff(marks) / spacing).astype(np.int64), 1)
+        parts = [
+            np.linspace(start, stop, n, endpoint=False)
+            for start, stop, n in zip(marks[:-1], marks[1:], counts, strict=True)
+        ]
+        t = np.concatenate([*parts, [end]])
+    else:
+        t = np.linspace(inputs.t[0], end, count + 1)
+
+    def taken(values: Array | None) -> Array | None:
+        if values is None:
+            return None
+        return np.column_stack([np.interp(t, inputs.t, column) for column in values.T])
+
+    acceleration = _averaged(inputs.t, inputs.acceleration, t, spacing)
+    return Inputs(t, acceleration, taken(inputs.attitude), taken(inputs.angular_velocity))
+
+
+def _averaged(t: Array, values: Array, moments: Array, width: float) -> Array:
+    """Values at moments; averaged over a width where they are sampled more densely than that."""
+    if len(t) < 3 or float(np.median(np.diff(t))) > 0.5 * width:
+        return np.column_stack([np.interp(moments, t, column) for column in values.T])
+    steps = np.diff(t)[:, np.newaxis]
+    integral = np.vstack(
+        [np.zeros(3), np.cumsum(0.5 * (values[1:] + values[:-1]) * steps, axis=0)]
+    )
+    low = np.clip(moments - 0.5 * width, t[0], t[-1])
+    high = np.clip(moments + 0.5 * width, t[0], t[-1])
+    span = np.maximum(high - low, 1e-9)
+    means = [
+        (np.interp(high, t, column) - np.interp(low, t, column)) / span for column in integral.T
+    ]
+    averaged = np.column_stack(means)
+    averaged[high - low < 0.25 * width] = values[-1]
+    return averaged

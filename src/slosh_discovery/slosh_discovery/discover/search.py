@@ -1,0 +1,264 @@
+"""Finds the explanations worth comparing: effects added one after another, and dropped again.
+
+Every single effect is fitted. Where the best leaves more than noise, the best few are extended:
+for each further effect the linearised fit tells what it could gain, and the most promising are
+fitted fully. An explanation whose part explains the data as well is in the pool beside it, so that
+what a later effect explains better is dropped by the comparison itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_discovery.discover.evidence import log_evidence, residual_series, temperature
+from slosh_discovery.discover.explanation import Explanation, starts
+from slosh_discovery.discover.fitting import Evaluator, Fit, fit
+from slosh_discovery.discover.noise import removable
+from slosh_discovery.discover.problem import PreparedMotion
+from slosh_model.effects.registry import EFFECTS
+from slosh_model.model import Model
+
+Array = NDArray[np.float64]
+Progress = Callable[[str, float], None]
+
+BEAM = 5
+"""So many explanations are extended by a further effect,"""
+PROMISING = 5
+"""each by so many effects."""
+MOST_EFFECTS = 3
+STARTS_FITTED = 2
+VISIBLE = 1e-3
+"""An effect that changes no height by this much of the noise is not at work in these motions."""
+ADEQUATE = 0.25
+"""A residual whose correlated part is below this share of the noise is adequate."""
+SURE = 2.5
+"""So many standard deviations of an estimate are surely not chance."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Start:
+    """Where a fit starts, and how well it could go from there."""
+
+    explanation: Explanation
+    vector: Array
+    promise: float
+
+
+@dataclass(slots=True)
+class Pool:
+    """Every explanation that was fitted, and the effects that do nothing in these motions."""
+
+    motions: Sequence[PreparedMotion]
+    fits: dict[tuple[str, ...], Fit] = field(default_factory=dict)
+    without_effect: dict[str, str] = field(default_factory=dict)
+
+    def add(self, fits: Iterable[Fit]) -> None:
+        """Keeps the better of two fits of the same effects."""
+        for one in fits:
+            known = self.fits.get(one.explanation.effects)
+            if known is None or one.chi_square < known.chi_square:
+                self.fits[one.explanation.effects] = one
+
+    def ranked(self) -> list[Fit]:
+        """The fits, the likeliest first."""
+        heat = self.temperature
+        return sorted(self.fits.values(), key=lambda one: -log_evidence(one, heat))
+
+    @property
+    def temperature(self) -> float:
+        """That of the best fit, found by iteration: the best fit depends on it."""
+        best = min(self.fits.values(), key=lambda one: one.chi_square)
+        for _ in range(3):
+            heat = temperature(best, self.motions)
+            best = max(self.fits.values(), key=lambda one: log_evidence(one, heat))
+        return temperature(best, self.motions)
+
+
+def adequate(one: Fit, motions: Sequence[PreparedMotion]) -> bool:
+    """Whether a fit leaves hardly more than noise, or nothing that is surely more."""
+    mean_square, stddev = leftover(one, motions)
+    return mean_square < max(ADEQUATE**2, SURE * stddev)
+
+
+def leftover(one: Fit, motions: Sequence[PreparedMotion]) -> tuple[float, float]:
+    """Mean square of the residual's correlated part and its standard deviation, in noise²."""
+    parts = [
+        removable(motion.t, series)
+        for motion, series in zip(motions, residual_series(one.residual, motions), strict=True)
+    ]
+    counts = np.array([int(motion.kept.sum()) for motion in motions])
+    weights = counts / counts.sum()
+    mean = float(weights @ np.array([part.mean_square for part in parts]))
+    spread = weights * np.array([part.mean_square_stddev for part in parts])
+    return mean, float(np.sqrt(spread @ spread))
+
+
+class Search:
+    """One search over explanations of given motions.
+
+    Args:
+        base: the model that came in.
+        motions: the data.
+        clock_offsets: where each motion's offset starts [s].
+        progress: told what is done and the share of it.
+        threads: fits at a time.
+    """
+
+    def __init__(
+        self,
+        base: Model,
+        motions: Sequence[PreparedMotion],
+        clock_offsets: Sequence[float],
+        progress: Progress,
+        threads: int,
+    ) -> None:
+        self._base = Explanation(base)
+        self._motions = motions
+        self._offsets = tuple(clock_offsets)
+        self._progress = progress
+        self._threads = threads
+
+    def run(self) -> Pool:
+        """Fits what is worth comparing."""
+        pool = Pool(self._motions)
+        with ThreadPoolExecutor(self._threads) as executor:
+            self._executor = executor
+            base = fit(self._base, self._motions, np.zeros(0), self._offsets)
+            pool.add([base])
+            self._progress("single effects", 0.05)
+            self._extend(pool, base, len(EFFECTS), STARTS_FITTED)
+            for size in range(1, MOST_EFFECTS):
+                beam = [one for one in pool.ranked() if len(one.explanation.effects) == size]
+                if not beam or self._enough(pool):
+                    break
+                self._progress(f"{size + 1} effects", 0.1 + 0.3 * size)
+                for one in beam[: BEAM if size == 1 else BEAM // 2]:
+                    self._extend(pool, one, PROMISING, 1)
+            self._refine(pool)
+        return pool
+
+    def _enough(self, pool: Pool) -> bool:
+        return adequate(pool.ranked()[0], self._motions)
+
+    def _refine(self, pool: Pool) -> None:
+        """Fits the best explanations to the end, and each of them with one effect less."""
+        self._progress("comparing", 0.9)
+        best = pool.ranked()[: 2 * BEAM]
+        pool.add(
+            self._executor.map(
+                lambda one: fit(
+                    one.explanation, self._motions, one.vector, one.clock_offsets, evaluations=30
+                ),
+                best,
+            )
+        )
+        top = pool.ranked()[0]
+        less = [
+            Start(smaller, smaller.vector(_parts(top)), 0.0)
+            for smaller in (top.explanation.without(name) for name in top.explanation.effects)
+            if smaller.effects not in pool.fits
+        ]
+        pool.add(self._fit_all(less, top))
+
+    def _extend(self, pool: Pool, one: Fit, most: int, starts_each: int) -> None:
+        """Fits an explanation with each of the most promising further effects."""
+        names = [
+            name
+            for name in EFFECTS
+            if self._may_join(name, one.explanation) and name not in pool.without_effect
+        ]
+        tried = list(self._executor.map(lambda name: self._starts(one, name), names))
+        promising: list[tuple[float, list[Start]]] = []
+        for name, (candidates, visible) in zip(names, tried, strict=True):
+            if not visible and not one.explanation.effects:
+                pool.without_effect[name] = "changes no height in these motions"
+            elif candidates:
+                best = sorted(candidates, key=lambda start: start.promise)
+                promising.append((best[0].promise, _distinct(best, starts_each)))
+        promising.sort(key=lambda entry: entry[0])
+        chosen = [
+            start
+            for _, group in promising[:most]
+            for start in group
+            if starts_each > 1 or start.explanation.effects not in pool.fits
+        ]
+        pool.add(self._fit_all(chosen, one))
+
+    def _may_join(self, name: str, explanation: Explanation) -> bool:
+        if name in explanation.effects:
+            return False
+        # What the base has already can only be fitted anew.
+        return not explanation.base.has(name) or any(
+            parameter.choices is None for parameter in EFFECTS[name].parameters
+        )
+
+    def _fit_all(self, chosen: Sequence[Start], one: Fit) -> list[Fit]:
+        def run(start: Start) -> Fit:
+            return fit(start.explanation, self._motions, start.vector, one.clock_offsets)
+
+        return list(self._executor.map(run, chosen))
+
+    def _starts(self, one: Fit, name: str) -> tuple[list[Start], bool]:
+        """The starts of a further effect, and whether it changes anything."""
+        found, visible = [], False
+        offsets = np.array(one.clock_offsets)
+        for values, choices in starts(name):
+            wider = one.explanation.with_effect(name, choices)
+            vector = wider.vector({**_parts(one), name: values})
+            evaluator = Evaluator(wider, self._motions)
+            residual = evaluator.residual(evaluator.grids(vector), offsets)
+            change = (residual - one.residual)[:, np.newaxis]
+            if np.max(np.abs(change)) < VISIBLE:
+                # The start is where the effect does nothing: what it could do from there.
+                slopes = evaluator.derivative(vector, offsets, residual)
+                change = slopes * wider.widths
+                promise = _least(one.residual, change)
+            else:
+                promise = _promise(one, change)
+            visible = visible or bool(np.any(np.abs(change) > VISIBLE))
+            found.append(Start(wider, vector, promise))
+        return found, visible
+
+
+def _parts(one: Fit) -> dict[str, dict[str, float]]:
+    explanation = one.explanation
+    return {name: explanation.part(one.vector, name) for name in explanation.effects}
+
+
+def _promise(one: Fit, change: Array) -> float:
+    """χ² that the linearised fit expects, the other parameters following; smaller is better.
+
+    Once with the change as it is (an effect may be far from small), once with a share of it.
+    """
+    moved = one.residual + change[:, 0]
+    columns = one.jacobian
+    as_it_is = _least(moved, columns)
+    scaled = _least(one.residual, np.column_stack([columns, change]))
+    return min(as_it_is, 0.5 * (scaled + min(as_it_is, one.chi_square)))
+
+
+def _least(residual: Array, columns: NDArray[np.float64]) -> float:
+    if columns.shape[1] == 0:
+        return float(residual @ residual)
+    sizes = np.maximum(np.linalg.norm(columns, axis=0), 1e-12)
+    scaled = columns / sizes
+    normal = scaled.T @ scaled + 1e-9 * np.eye(scaled.shape[1])
+    gain = scaled.T @ residual
+    return float(residual @ residual - gain @ np.linalg.solve(normal, gain))
+
+
+def _distinct(best: Sequence[Start], count: int) -> list[Start]:
+    """The best starts, and the best one of each choice between variants."""
+    chosen = list(best[:count])
+    variants = {tuple(start.explanation.chosen.items()) for start in chosen}
+    for start in best[count:]:
+        variant = tuple(start.explanation.chosen.items())
+        if variant not in variants:
+            variants.add(variant)
+            chosen.append(start)
+    return chosen

@@ -1,0 +1,265 @@
+"""The workflow: measured motions and a model in, a finding out."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_discovery.alignment import estimate_clock_offset
+from slosh_discovery.discover.crosscheck import held_out_rms
+from slosh_discovery.discover.evidence import log_evidence, standard_errors
+from slosh_discovery.discover.explanation import Explanation
+from slosh_discovery.discover.finding import (
+    Agreement,
+    Candidate,
+    Finding,
+    FoundEffect,
+    Gap,
+    MotionFinding,
+    Role,
+)
+from slosh_discovery.discover.fitting import Fit, fit
+from slosh_discovery.discover.motion import MeasuredMotion
+from slosh_discovery.discover.problem import PreparedMotion, prepare
+from slosh_discovery.discover.search import Search
+from slosh_discovery.discover.verdict import Judgement, judge
+from slosh_discovery.discover.where import where, worst_moments
+from slosh_discovery.errors import SloshDiscoveryError
+from slosh_discovery.metrics import (
+    mean_absolute_error,
+    peak_error,
+    rms_error,
+)
+from slosh_model.measure import predicted_heights
+from slosh_model.model import Model
+
+Array = NDArray[np.float64]
+Progress = Callable[[str, float], None]
+NAN = float("nan")
+
+TABLED = 8
+"""So many explanations are checked on motions left out of their fit."""
+
+
+def discover(
+    motions: Sequence[MeasuredMotion],
+    base: Model,
+    holdout: Sequence[MeasuredMotion] = (),
+    *,
+    progress: Progress | None = None,
+    threads: int | None = None,
+) -> Finding:
+    """Finds which effect a model lacks to explain measured motions.
+
+    Args:
+        motions: what the fit sees.
+        base: the model that disagrees.
+        holdout: motions that the fit does not see; they show by how much the gap shrinks.
+        progress: told what is done and the share of it in [0, 1].
+        threads: fits at a time; None: one per core.
+
+    Raises:
+        SloshDiscoveryError: no motions, or one with which nothing can be done.
+    """
+    if not motions:
+        raise SloshDiscoveryError("no motion with measured heights: nothing to discover from")
+    told = progress or (lambda text, share: None)
+    told("preparing", 0.0)
+    prepared = [prepare(motion, motions) for motion in motions]
+    offsets = [_first_offset(one, base) for one in prepared]
+    count = threads or os.cpu_count() or 1
+    pool = Search(base, prepared, offsets, told, count).run()
+    judgement = judge(pool, prepared)
+    told("checking on motions left out", 0.95)
+    cases = _cases(motions, prepared, holdout, base, judgement)
+    candidates = _candidates(judgement, prepared, pool.without_effect)
+    told("done", 1.0)
+    return Finding(
+        verdict=judgement.verdict,
+        base=base,
+        model=_model_of(judgement.chosen),
+        effects=_effects(judgement, base),
+        confidence=judgement.confidence,
+        gap=_gap(cases),
+        motions=cases,
+        where=where(cases, base),
+        worst=worst_moments(cases),
+        candidates=candidates,
+        remarks=_remarks(judgement),
+    )
+
+
+def _model_of(one: Fit) -> Model:
+    model = one.explanation.model(one.vector)
+    assert model is not None  # a fit ends within its bounds
+    return model
+
+
+def _first_offset(one: PreparedMotion, base: Model) -> float:
+    """Where the search for a motion's clock offset starts [s]."""
+    motion = one.motion
+    if motion.same_clock:
+        return 0.0
+    heights = predicted_heights(base, one.fine, one.fine.t)[:, 0]
+    try:
+        return estimate_clock_offset(motion.t, motion.peak_heights, one.fine.t, heights).offset
+    except SloshDiscoveryError as error:
+        raise SloshDiscoveryError(f"{motion.name}: {error}") from None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Answer:
+    """A model's answer to a motion, on the measured clock and level."""
+
+    heights: Array
+    clock_offset: float
+    level: float
+    agreement: Agreement
+
+
+def _cases(
+    motions: Sequence[MeasuredMotion],
+    prepared: Sequence[PreparedMotion],
+    holdout: Sequence[MeasuredMotion],
+    base: Model,
+    judgement: Judgement,
+) -> tuple[MotionFinding, ...]:
+    after_model = _model_of(judgement.chosen)
+    known = dict(zip(map(id, motions), prepared, strict=True))
+    starts = dict(zip(map(id, motions), judgement.chosen.clock_offsets, strict=True))
+    roles = [(motion, Role.FIT) for motion in motions]
+    roles += [(motion, Role.HOLDOUT) for motion in holdout]
+    cases = []
+    for motion, role in roles:
+        one = known.get(id(motion)) or prepare(motion, [*motions, *holdout])
+        start = starts.get(id(motion))
+        start = _first_offset(one, base) if start is None else start
+        before, after = (_answer(one, model, start) for model in (base, after_model))
+        cases.append(
+            MotionFinding(
+                motion=motion,
+                role=role,
+                noise=one.noise,
+                clock_offset=after.clock_offset,
+                level=after.level,
+                before_heights=before.heights,
+                after_heights=after.heights,
+                before=before.agreement,
+                after=after.agreement,
+            )
+        )
+    return tuple(cases)
+
+
+def _answer(one: PreparedMotion, model: Model, start: float) -> _Answer:
+    """A model's answer; clock offset and level are found for it where they are unknown."""
+    motion = one.motion
+    offset = start
+    if not motion.same_clock:
+        offset = fit(Explanation(model), [one], np.zeros(0), [start]).clock_offsets[0]
+    azimuths = motion.eta_azimuth if motion.eta is not None else None
+    heights = predicted_heights(model, motion.inputs, motion.t - offset, azimuths)
+    difference = motion.heights - heights
+    level = 0.0 if motion.level_known else float(np.nanmean(difference))
+    heights = heights + level
+    measured = motion.peak_heights
+    answered = np.where(np.isfinite(motion.heights), heights, -np.inf).max(axis=1)
+    answered = np.where(np.isfinite(measured), answered, np.nan)
+    agreement = Agreement(
+        rms=rms_error(motion.heights.ravel(), heights.ravel()),
+        sigma=mean_absolute_error(measured, answered),
+        epsilon=peak_error(measured - level, answered - level),
+        peak=float(np.nanmax(answered)),
+    )
+    return _Answer(heights, offset, level, agreement)
+
+
+def _effects(judgement: Judgement, base: Model) -> tuple[FoundEffect, ...]:
+    chosen = judgement.chosen
+    errors = standard_errors(chosen, judgement.temperature)
+    explanation = chosen.explanation
+    return tuple(
+        FoundEffect(
+            name=name,
+            parameters=explanation.part(chosen.vector, name),
+            standard_errors={
+                parameter.name: float(error)
+                for (effect, parameter), error in zip(explanation.free, errors, strict=True)
+                if effect.name == name
+            },
+            confidence=judgement.confidences[name],
+            alternatives=judgement.rivals[name],
+            refitted=base.has(name),
+        )
+        for name in explanation.effects
+    )
+
+
+def _candidates(
+    judgement: Judgement, motions: Sequence[PreparedMotion], reasons: dict[str, str]
+) -> tuple[Candidate, ...]:
+    base = next(one for one, _ in judgement.ranked if not one.explanation.effects)
+    zero = log_evidence(base, judgement.temperature)
+    listed = []
+    for rank, (one, share) in enumerate(judgement.ranked):
+        explanation = one.explanation
+        checked = rank < TABLED or len(explanation.effects) == 0
+        listed.append(
+            Candidate(
+                effects=explanation.effects,
+                parameters={
+                    name: explanation.part(one.vector, name) for name in explanation.effects
+                },
+                probability=share,
+                evidence=log_evidence(one, judgement.temperature) - zero,
+                fit_rms=_rms(one, motions),
+                holdout_rms=held_out_rms(one, motions) if checked else NAN,
+            )
+        )
+    missing = [Candidate(effects=(name,), reason=reason) for name, reason in reasons.items()]
+    return (*listed, *missing)
+
+
+def _rms(one: Fit, motions: Sequence[PreparedMotion]) -> float:
+    noise = np.concatenate([np.full(int(m.kept.sum()), m.noise) for m in motions])
+    return float(np.sqrt(np.mean((one.residual * noise) ** 2)))
+
+
+def _gap(cases: Sequence[MotionFinding]) -> Gap:
+    fitted = [case for case in cases if case.role is Role.FIT]
+    others = [case for case in cases if case.role is Role.HOLDOUT]
+    shown = others or fitted
+    noise = _pooled([case.noise for case in shown], shown)
+    before = _pooled([case.before.rms for case in shown], shown)
+    after = _pooled([case.after.rms for case in shown], shown)
+    removable = before**2 - noise**2
+    closed = min((before**2 - after**2) / removable, 1.0) if removable > 0.0 else NAN
+    return Gap(
+        noise=_pooled([case.noise for case in cases], cases),
+        fit_before=_pooled([case.before.rms for case in fitted], fitted),
+        fit_after=_pooled([case.after.rms for case in fitted], fitted),
+        holdout_before=_pooled([case.before.rms for case in others], others),
+        holdout_after=_pooled([case.after.rms for case in others], others),
+        closed=closed,
+    )
+
+
+def _pooled(values: Sequence[float], cases: Sequence[MotionFinding]) -> float:
+    if not cases:
+        return NAN
+    weights = [int(np.isfinite(case.motion.heights).sum()) for case in cases]
+    return float(np.sqrt(np.average(np.square(values), weights=weights)))
+
+
+def _remarks(judgement: Judgement) -> tuple[str, ...]:
+    remarks = []
+    if judgement.trust < 1.0:
+        remarks.append(
+            "The best explanation leaves more than noise: something else is at work, too, or its "
+            "equation is not quite what the liquid does."
+        )
+    return tuple(remarks)
