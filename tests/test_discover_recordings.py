@@ -1,0 +1,131 @@
+"""Recorded bags and public measurements as measured motions, with the models beside them."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from slosh_bag.definitions import find_interfaces
+from slosh_bag.interchange.antisloshing import find_runs, import_run
+from slosh_bag.interchange.bag_motion import Motion
+from slosh_bag.reader import BagReader
+from slosh_bag.replay.bag import find_sources
+from slosh_bag.replay.settings import model_of
+from slosh_bringup.discover_data import motions_of_shift, read_motions, shift_motions
+from slosh_bringup.discover_data.unrelated import felt_acceleration
+from slosh_discovery.discover.motion import MeasuredMotion
+from slosh_model.containers import Cylinder
+from slosh_model.model import Model
+from slosh_model.simulate import Inputs, simulate
+
+REPOSITORY = Path(__file__).resolve().parent.parent
+BAGS = REPOSITORY / "bags"
+DATA = Path(os.environ.get("SLOSH_SHARED_DATA", REPOSITORY.parent / "shared" / "data"))
+ANTISLOSHING, CFD = DATA / "antisloshing", DATA / "cfd"
+NAMES = ("c", "c3", "camera_gap", "cut", "e", "e3", "l", "l3", "limit")
+CUP = Model(Cylinder(0.049, 0.078)).spatial().nonlinear()
+RUNS = ("LE_3D_0m_5s_900deg", "TRD_2D_0.3m_2.6s_270deg", "Tilt_RD_3D_0.3m_7.5s_20deg")
+
+
+def rms(motion: MeasuredMotion, model: Model, felt: np.ndarray | None = None) -> float:
+    """Of measured minus predicted, while the container moves and a second longer [m]."""
+    driven = motion.inputs.acceleration if felt is None else felt
+    predicted = simulate(model, Inputs(motion.inputs.t, driven))[0].msh
+    moving = motion.inputs.t[np.linalg.norm(driven, axis=1) > 0.15]
+    during = (motion.t > moving[0]) & (motion.t < moving[-1] + 1.0)
+    assert motion.msh is not None
+    still = 0.0 if motion.level_known else np.median(motion.msh[motion.t < moving[0]])
+    residual = motion.msh - still - np.interp(motion.t, motion.inputs.t, predicted)
+    return float(np.sqrt(np.mean(residual[during] ** 2)))
+
+
+@pytest.mark.skipif(find_interfaces("slosh_msgs") is None, reason="interfaces are not built")
+class TestShippedBags:
+    def test_each_is_one_motion_that_its_own_model_describes(self) -> None:
+        notes: list[str] = []
+        motions = read_motions(BAGS, tell=notes.append)
+        assert [motion.name for motion in motions] == [f"{name}#1" for name in NAMES]
+        assert len(notes) == 1  # of the one that is cut
+        for name, motion in zip(NAMES, motions, strict=True):
+            sources = find_sources(BAGS / name, BagReader(BAGS / name))
+            model = model_of(next(s for s in sources.starts if s.node == "estimator"))
+            assert rms(motion, model) < 4e-4, name
+            assert 0.009 < motion.peak_heights.max() < 0.03, name
+            assert motion.stddev is not None
+            assert 3e-5 < np.nanmedian(motion.stddev) < 2e-4
+
+    def test_a_shift_begins_with_what_the_monitor_saw_to_be_off_most(self) -> None:
+        found = shift_motions(BAGS)
+        off = [entry.disagreement for entry in found]
+        assert off == sorted(off, reverse=True)
+        assert all(5e-5 < value < 3e-4 for value in off)
+        assert [m.name for m in motions_of_shift(BAGS)] == [e.motion.name for e in found]
+
+
+@pytest.mark.skipif(not CFD.is_dir(), reason=f"no CFD data in {CFD}")
+def test_the_cfd_motions_have_wall_heights_all_round() -> None:
+    motions = read_motions(CFD)
+    assert [motion.name for motion in motions] == ["e1", "l1"]
+    for motion in motions:
+        assert motion.eta_azimuth is not None
+        np.testing.assert_allclose(np.degrees(motion.eta_azimuth), np.arange(0.0, 360.0, 10.0))
+        assert motion.peak_heights.max() == pytest.approx(0.031, abs=0.003)
+
+
+@pytest.mark.skipif(not ANTISLOSHING.is_dir(), reason=f"no measured runs in {ANTISLOSHING}")
+@pytest.mark.skipif(find_interfaces("slosh_msgs") is None, reason="interfaces are not built")
+class TestMeasuredRuns:
+    @pytest.fixture(scope="class")
+    def bags(self, tmp_path_factory: pytest.TempPathFactory) -> Path:
+        folder = tmp_path_factory.mktemp("runs")
+        for run, heights, poses in find_runs(ANTISLOSHING):
+            if run in RUNS:
+                import_run(heights, poses, folder / run, run)
+        return folder
+
+    def test_a_run_is_one_motion_with_its_dwell_and_clocks_nearly_laid_over_each_other(
+        self, bags: Path
+    ) -> None:
+        notes: list[str] = []
+        motions = read_motions(bags, tell=notes.append)
+        assert [motion.name for motion in motions] == list(RUNS)
+        assert all("clocks are unrelated" in line for line in notes)
+        for motion in motions:
+            assert not motion.same_clock
+            assert not motion.level_known
+            assert motion.inputs.attitude is not None
+            assert motion.inputs.angular_velocity is not None
+            moving = motion.inputs.t[np.linalg.norm(motion.inputs.acceleration, axis=1) > 0.15]
+            # The command ends with the motion, the camera goes on: it tells the damping.
+            assert motion.inputs.t[-1] == pytest.approx(moving[-1] + 8.0, abs=0.7)
+            assert motion.t[-1] > moving[-1] + 3.0
+            assert motion.t[0] < moving[0] - 0.9
+            stamped = np.arange(len(motion.inputs.t))  # only the attitude matters here
+            felt = felt_acceleration(
+                Motion(stamped, motion.inputs.acceleration, motion.inputs.attitude)
+            )
+            assert rms(motion, CUP, felt) < 4e-3, motion.name
+
+    def test_without_a_known_container_the_onset_lays_them_over_each_other(
+        self, bags: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        path = bags / RUNS[0]
+        (known,) = read_motions(path)
+        monkeypatch.setattr(
+            "slosh_bringup.discover_data.unrelated.noted_model", lambda facts: None
+        )
+        notes: list[str] = []
+        (blind,) = read_motions(path, tell=notes.append)
+        assert "by the onset" in notes[-1]
+        assert abs(start_of(blind) - start_of(known)) < 0.15
+        (given,) = read_motions(path, CUP)
+        assert start_of(given) == pytest.approx(start_of(known), abs=1e-6)
+
+
+def start_of(motion: MeasuredMotion) -> float:
+    """When the height first comes to half its peak [s]."""
+    assert motion.msh is not None
+    return float(motion.t[np.argmax(motion.msh > 0.5 * motion.msh.max())])
