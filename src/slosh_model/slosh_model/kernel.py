@@ -90,10 +90,12 @@ def _constants(modes, n):  # type: ignore[no-untyped-def]
 def _settle(modal, modes, parameters, held, yaw, pose):  # type: ignore[no-untyped-def]
     """Puts the liquid to where it rests while the container stands as in the first sample.
 
-    That is the origin but for a container that is tilted. By fixed-point iteration: each turn goes
-    to where the linear spring alone would hold the rest of the force.
+    That is the origin but for a container that is tilted. The container stands: whatever it does
+    in the first sample begins there. By fixed-point iteration: each turn goes to where the linear
+    spring alone would hold the rest of the force.
     """
-    inputs = all_drives(SETTLING, (0.0, 0.0, 0.0, yaw), pose, held[MEMORY:], parameters)
+    still = (pose[0], pose[1], pose[2], pose[3], 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    inputs = all_drives(SETTLING, (0.0, 0.0, 0.0, yaw), still, held[MEMORY:], parameters)
     held[0], held[1], held[2], held[TURN] = inputs
     if inputs[0] == 0.0 and inputs[1] == 0.0:
         return

@@ -1,0 +1,240 @@
+"""Effects on what is measured of the heights, against what a sensor would do."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from slosh_model.containers import Cylinder
+from slosh_model.measure import measured_heights, predicted_heights
+from slosh_model.model import Model
+from slosh_model.simulate import Inputs, Response, State, simulate
+
+RADIUS = 0.05
+PLAIN = Model(Cylinder(RADIUS, 0.07), damping_ratio=0.02)
+AZIMUTHS = np.array([0.0, 0.9, math.pi, -2.0])
+T = np.arange(0.0, 2.0, 0.002)
+PUSH = np.stack(
+    [2.0 * np.sin(11.0 * T), 1.5 * np.cos(7.0 * T), np.sin(9.0 * T)], axis=1
+) * np.minimum(T, 1.0).reshape(-1, 1)
+INPUTS = Inputs(T, PUSH)
+TIMES = np.arange(0.0, 2.0, 1.0 / 60.0)
+MSH = predicted_heights(PLAIN, INPUTS, TIMES)
+WALL = predicted_heights(PLAIN, INPUTS, TIMES, AZIMUTHS)
+
+
+def read(name, **parameters):
+    """MSH and heights at the azimuths with an effect."""
+    model = PLAIN.with_effect(name, **parameters)
+    return (
+        predicted_heights(model, INPUTS, TIMES),
+        predicted_heights(model, INPUTS, TIMES, AZIMUTHS),
+    )
+
+
+def response(sh_x, sh_y, t=T):
+    """A response that no model gave."""
+    return Response(t, sh_x, sh_y, np.zeros((len(t), 1, 4)))
+
+
+def test_plain_heights_are_those_of_the_liquid():
+    liquid = simulate(PLAIN, INPUTS)[0]
+    assert measured_heights(PLAIN, liquid)[:, 0] == pytest.approx(liquid.msh, abs=1e-15)
+    assert np.max(np.interp(TIMES, T, liquid.msh) - MSH[:, 0]) < 1e-5
+    assert WALL[:, 0] == pytest.approx(np.interp(TIMES, T, liquid.sh_x), abs=1e-5)
+    assert WALL[:, 2] == pytest.approx(-WALL[:, 0], abs=1e-15)
+    assert 0.005 < np.max(MSH) < RADIUS
+
+
+# height_scale, height_offset, frame_saturation
+
+
+@pytest.mark.parametrize("gain", [0.2, 1.3])
+def test_height_scale_multiplies(gain):
+    msh, wall = read("height_scale", gain=gain)
+    assert msh == pytest.approx(gain * MSH, rel=1e-12)
+    assert wall == pytest.approx(gain * WALL, rel=1e-12)
+
+
+@pytest.mark.parametrize("offset", [-0.004, 0.003])
+def test_height_offset_adds(offset):
+    msh, wall = read("height_offset", offset=offset)
+    assert msh == pytest.approx(MSH + offset, abs=1e-12)
+    assert wall == pytest.approx(WALL + offset, abs=1e-12)
+
+
+def test_frame_saturation_cuts_crests_and_no_troughs():
+    cap = 0.006
+    msh, wall = read("frame_saturation", cap=cap)
+    assert np.array_equal(msh, np.minimum(MSH, cap))
+    assert np.array_equal(wall, np.minimum(WALL, cap))
+    assert msh.max() == cap
+    assert wall.min() < -cap
+
+
+def test_the_frame_ends_where_the_measured_heights_say():
+    model = (
+        PLAIN.with_effect("frame_saturation", cap=0.006)
+        .with_effect("height_offset", offset=0.002)
+        .with_effect("height_scale", gain=1.5)
+    )
+    expected = np.minimum(1.5 * MSH + 0.002, 0.006)
+    assert predicted_heights(model, INPUTS, TIMES) == pytest.approx(expected, abs=1e-12)
+
+
+# crest_asymmetry
+
+
+@pytest.mark.parametrize("kappa", [-0.5, 0.8])
+def test_crest_asymmetry_lifts_crests_and_fills_troughs(kappa):
+    msh, wall = read("crest_asymmetry", kappa=kappa)
+    assert msh == pytest.approx(MSH + kappa * MSH**2 / RADIUS, abs=1e-12)
+    assert wall == pytest.approx(WALL + kappa * WALL**2 / RADIUS, abs=1e-12)
+    # Of both sides together twice the second order is left.
+    assert wall[:, 0] + wall[:, 2] == pytest.approx(2.0 * kappa * WALL[:, 0] ** 2 / RADIUS)
+
+
+# visible_arc
+
+
+@settings(max_examples=20, deadline=None)
+@given(
+    st.floats(-3.2, 3.2),
+    st.floats(0.0, 2.0 * math.pi),
+    st.lists(st.tuples(st.floats(-0.03, 0.03), st.floats(-0.03, 0.03)), min_size=1, max_size=8),
+)
+def test_visible_arc_shows_the_maximum_over_its_azimuths(centre, width, waves):
+    sh_x, sh_y = np.array(waves).T
+    fine = centre + width * np.linspace(-0.5, 0.5, 2001)
+    wall = np.outer(sh_x, np.cos(fine)) + np.outer(sh_y, np.sin(fine))
+    model = PLAIN.with_effect("visible_arc", centre=centre, width=width)
+    found = measured_heights(model, response(sh_x, sh_y, np.arange(float(len(waves)))))
+    # Between two azimuths of the grid a crest is at most 1 - cos(step / 2) higher.
+    assert found[:, 0] == pytest.approx(wall.max(axis=1), abs=1e-7)
+
+
+def test_visible_arc_is_the_containers_own_part_of_the_wall():
+    """It yaws with the container, and a height at an azimuth is no maximum."""
+    _, wall = read("visible_arc", centre=0.4, width=1.0)
+    assert np.array_equal(wall, WALL)
+    turn = np.column_stack([np.zeros((len(T), 2)), 2.0 * np.cos(3.0 * T)])
+    yawing = Inputs(T, PUSH, angular_velocity=turn)
+    model = PLAIN.with_effect("visible_arc", centre=0.4, width=1.0)
+    fine = 0.4 + np.linspace(-0.5, 0.5, 401)
+    expected = predicted_heights(PLAIN, yawing, TIMES, fine).max(axis=1)
+    found = predicted_heights(model, yawing, TIMES)[:, 0]
+    assert found == pytest.approx(expected, abs=1e-7)
+    assert found.min() < -0.004  # a trough, while the crest is out of sight
+    assert np.max(np.abs(found - read("visible_arc", centre=0.4, width=1.0)[0][:, 0])) > 0.002
+
+
+# draining_film
+
+
+def test_draining_film_hides_how_fast_a_crest_decays():
+    """The reading leaves a falling surface where that falls faster than the film."""
+    speed, height, rate = 0.02, 0.01, 4.0
+    decay = height * np.exp(-rate * T)
+    model = PLAIN.with_effect("draining_film", speed=speed)
+    found = measured_heights(model, response(decay, np.zeros_like(T)))[:, 0]
+    film = height - speed * T
+    assert found == pytest.approx(np.maximum(film, decay), abs=1e-12)
+    assert np.count_nonzero(film > decay + 1e-6) > 100
+    assert np.count_nonzero(decay > film + 1e-6) > 100
+    # A film that is faster than the surface shows it.
+    quick = PLAIN.with_effect("draining_film", speed=1.01 * rate * height)
+    assert np.array_equal(measured_heights(quick, response(decay, 0.0 * T))[:, 0], decay)
+
+
+def test_draining_film_is_the_highest_film_that_is_left():
+    """Of all earlier heights, each lowered by what it has drained since: at each azimuth."""
+    speed = 0.05
+    model = PLAIN.with_effect("draining_film", speed=speed)
+    liquid = simulate(PLAIN, INPUTS)[0]
+    found = measured_heights(model, liquid, AZIMUTHS)
+    for azimuth, row in zip(AZIMUTHS, found.T, strict=True):
+        eta = np.cos(azimuth) * liquid.sh_x + np.sin(azimuth) * liquid.sh_y
+        expected = np.max(np.tril(eta - speed * (T[:, None] - T), 0) - np.triu(1.0 + 0 * T, 1), 1)
+        assert row == pytest.approx(expected, abs=1e-12)
+    msh = measured_heights(model, liquid)[:, 0]
+    assert np.min(np.diff(msh)) == pytest.approx(-speed * 0.002, rel=1e-6)
+    assert np.max(msh - liquid.msh) > 0.001
+
+
+# time_offset
+
+
+@pytest.mark.parametrize("tau", [-0.3, -0.0123, 0.05, 0.3])
+def test_time_offset_reads_an_earlier_or_a_later_liquid(tau):
+    msh, wall = read("time_offset", tau=tau)
+    assert msh == pytest.approx(predicted_heights(PLAIN, INPUTS, TIMES - tau), abs=1e-9)
+    assert wall == pytest.approx(predicted_heights(PLAIN, INPUTS, TIMES - tau, AZIMUTHS), abs=1e-9)
+    late, early = np.argmax(msh[:, 0]), np.argmax(MSH[:, 0])
+    if abs(tau) > 0.03:
+        assert abs(TIMES[late] - TIMES[early] - tau) < 0.02
+
+
+def test_before_the_motion_the_liquid_rests_and_after_it_swings_on():
+    early = predicted_heights(PLAIN.with_effect("time_offset", tau=0.5), INPUTS, TIMES)
+    assert not early[TIMES <= 0.5].any()
+    assert early[TIMES > 0.7].all()
+    longer = Inputs([*T, 2.5], [*PUSH, PUSH[-1]])
+    late = predicted_heights(PLAIN.with_effect("time_offset", tau=-0.4), INPUTS, TIMES)
+    assert late == pytest.approx(predicted_heights(PLAIN, longer, TIMES + 0.4), abs=1e-9)
+
+
+def test_time_offset_delays_what_the_other_effects_make_of_the_height():
+    """The film drains before the reading comes late."""
+    film = PLAIN.with_effect("draining_film", speed=0.04)
+    both = film.with_effect("time_offset", tau=0.21)
+    found = predicted_heights(both, INPUTS, TIMES)
+    assert found == pytest.approx(predicted_heights(film, INPUTS, TIMES - 0.21), abs=1e-6)
+
+
+# fill_loss, as a reading
+
+
+def test_a_falling_level_counts_where_the_zero_is_fixed():
+    rate = 0.004
+    moving = PLAIN.with_effect("fill_loss", rate=rate)
+    fixed = PLAIN.with_effect("fill_loss", rate=rate, fixed_zero=1.0)
+    for azimuths in (None, AZIMUTHS):
+        found = predicted_heights(fixed, INPUTS, TIMES, azimuths)
+        own = predicted_heights(moving, INPUTS, TIMES, azimuths)
+        assert found == pytest.approx(own - rate * TIMES[:, np.newaxis], abs=1e-12)
+    # From a motion's first sample, whatever its clock.
+    later = Inputs(T + 100.0, PUSH)
+    assert predicted_heights(fixed, later, TIMES + 100.0) == pytest.approx(
+        predicted_heights(fixed, INPUTS, TIMES), abs=1e-9
+    )
+
+
+# All of them in their order
+
+
+def test_what_a_sensor_does_comes_in_the_lights_order():
+    """Arc, crest, scale, offset, film, frame's edge."""
+    uses = {
+        "visible_arc": {"centre": 0.0, "width": 1.0},
+        "crest_asymmetry": {"kappa": 0.8},
+        "height_scale": {"gain": 1.2},
+        "height_offset": {"offset": 0.001},
+        "draining_film": {"speed": 0.05},
+        "frame_saturation": {"cap": 0.006},
+    }
+    model = PLAIN
+    for name in reversed(uses):
+        model = model.with_effect(name, **uses[name])
+    liquid = simulate(
+        PLAIN, INPUTS, State(-0.1, np.array([[0.003, 0.002, 0.0, 0.0]]), np.zeros(4))
+    )
+    eta = measured_heights(PLAIN.with_effect("visible_arc", **uses["visible_arc"]), liquid[0])[
+        :, 0
+    ]
+    eta = 1.2 * (eta + 0.8 * eta**2 / RADIUS) + 0.001
+    eta = np.maximum.accumulate(eta + 0.05 * T) - 0.05 * T
+    expected = np.minimum(eta, 0.006)
+    assert expected.max() == 0.006
+    assert measured_heights(model, liquid[0])[:, 0] == pytest.approx(expected, abs=1e-12)
