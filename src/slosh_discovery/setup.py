@@ -8,7 +8,15 @@ setup(
     name=PACKAGE,
     version="0.1.0",
     packages=find_packages(exclude=["test"]),
-    package_data={PACKAGE: ["py.typed", "report/*.j2", "report/*.css"]},
+    package_data={
+        PACKAGE: [
+            "py.typed",
+            "report/*.j2",
+            "report/*.css",
+            "discovery_report/*.j2",
+            "discovery_report/*.css",
+        ]
+    },
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),

@@ -6,23 +6,7 @@ import math
 from collections.abc import Sequence
 
 from slosh_bag.replay.result import Judged, ModelAccuracy
-
-
-def aligned(rows: Sequence[Sequence[str]], sides: str) -> list[str]:
-    """Rows as lines with columns of equal width.
-
-    Args:
-        rows: cells, as many in each row.
-        sides: '<' or '>' for each column: where its text stands; the last one goes on.
-    """
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    sides = sides.ljust(len(widths), sides[-1])
-    return [
-        "  ".join(
-            f"{text:{side}{width}}" for text, side, width in zip(row, sides, widths, strict=False)
-        ).rstrip()
-        for row in rows
-    ]
+from slosh_discovery.text_table import aligned
 
 
 def accuracy_lines(results: Sequence[Judged]) -> list[str]:

@@ -24,11 +24,11 @@ COMMANDS: dict[str, str] = {
     "recover": "a finished bag of what is whole in an unfinished or damaged one",
     "export": "a bag's topics as CSV or Parquet, or its motion as a table",
     "identify": "parameters from measurements (not in this version)",
-    "discover": "the missing effect (not in this version)",
+    "discover": "where model and measurement disagree, and the missing effect",
     "predict": "peak heights of candidate motions (not in this version)",
     "doctor": "what works here, what is missing, how to mend it",
 }
-LATER = ("identify", "discover", "predict")
+LATER = ("identify", "predict")
 
 EXIT_DONE, EXIT_FAILED, EXIT_WRONG_INPUT = 0, 1, 2
 

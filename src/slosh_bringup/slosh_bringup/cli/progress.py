@@ -37,6 +37,18 @@ def clock(title: str) -> Iterator[Progress]:
 
 
 @contextmanager
+def share_bar(title: str) -> Iterator[Callable[[str, float], None]]:
+    """A bar over a share in [0, 1], with what is being done beside it."""
+    with tqdm(total=1.0, desc=title, bar_format="{desc}: {percentage:3.0f}%|{bar:30}|") as bar:
+
+        def tell(text: str, share: float) -> None:
+            bar.n = min(max(share, 0.0), 1.0)
+            bar.set_description_str(f"{title}: {text}" if text else title, refresh=True)
+
+        yield tell
+
+
+@contextmanager
 def item_progress(title: str, count: int, unit: str) -> Iterator[tqdm]:
     """A bar over a number of items; none for a single one."""
     with tqdm(desc=title, total=count, unit=unit, disable=count <= 1) as bar:

@@ -13,9 +13,10 @@ from slosh_bag.manifest import Expectation, write_manifest
 from slosh_bringup.cli.progress import item_progress
 from slosh_bringup.junit import Case, Suite, write_junit
 from slosh_bringup.many_files import Outcome, map_files
-from slosh_bringup.replay_tables import accuracy_lines, aligned
+from slosh_bringup.replay_tables import accuracy_lines
 from slosh_bringup.replaying import RECORDED, Replayed, Task, replay_task, unique_names
 from slosh_bringup.stated_bags import StatedBag, find_bags
+from slosh_discovery.text_table import aligned
 from slosh_estimator.model_file import read_model
 
 DONE, FAILED, WRONG_INPUT = 0, 1, 2

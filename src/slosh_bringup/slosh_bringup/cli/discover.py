@@ -1,0 +1,85 @@
+"""`slosh discover`: where model and measurement disagree, and which effect is missing."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from slosh_bringup.cli.progress import share_bar
+from slosh_bringup.discovering import PAGE, Request, make_report, prepare, write_results
+from slosh_bringup.errors import SloshBringupError
+from slosh_discovery.discover import discover
+from slosh_discovery.discovery_report import discovery_text
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declares the subcommand's options."""
+    parser.add_argument(
+        "data", type=Path, nargs="+", metavar="DATA",
+        help="bag, motion table with measured heights, or folder of these",
+    )  # fmt: skip
+    parser.add_argument(
+        "--model", type=Path,
+        help="model.yaml that disagrees; with --from-bag by default the one that was recorded",
+    )  # fmt: skip
+    parser.add_argument(
+        "--holdout", type=Path, nargs="+", metavar="DATA", default=[],
+        help="motions that the fit does not see; without it every third of three or more",
+    )  # fmt: skip
+    parser.add_argument(
+        "--from-bag", action="store_true",
+        help="DATA are recorded shifts: the motions in which the live estimate was off most "
+        "come first",
+    )  # fmt: skip
+    parser.add_argument(
+        "--motions", type=int, metavar="N", help="use at most N motions of DATA, the first ones"
+    )
+    parser.add_argument("--jobs", type=int, metavar="N", help="threads; without it one per core")
+    parser.add_argument(
+        "-o", "--output", type=Path, required=True,
+        help="gets model.yaml, discovery.json, report.html and separating motions",
+    )  # fmt: skip
+    parser.add_argument("--json", action="store_true", help="print discovery.json, not the text")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Discovers, writes the results and prints them; the verdict does not change the exit code."""
+    request = make_request(arguments)
+    prepared = prepare(request, tell)
+    with share_bar("discover") as progress:
+        finding = discover(
+            prepared.fit, prepared.base, prepared.holdout,
+            progress=progress, threads=arguments.jobs,
+        )  # fmt: skip
+    report = make_report(request, prepared, finding)
+    document = write_results(request.output, report)
+    if arguments.json:
+        print(document, end="")
+    else:
+        print(discovery_text(report))
+        print(f"\nreport {request.output / PAGE}")
+    return 0
+
+
+def make_request(arguments: argparse.Namespace) -> Request:
+    """What the options ask for.
+
+    Raises:
+        SloshBringupError: they do not fit together.
+    """
+    if arguments.model is None and not arguments.from_bag:
+        raise SloshBringupError("no model: give one (--model), or --from-bag for the recorded one")
+    for name in ("jobs", "motions"):
+        value = getattr(arguments, name)
+        if value is not None and value < 1:
+            raise SloshBringupError(f"--{name} {value}: must be at least 1")
+    return Request(
+        tuple(arguments.data), arguments.output, arguments.model, tuple(arguments.holdout),
+        arguments.from_bag, arguments.motions,
+    )  # fmt: skip
+
+
+def tell(line: str) -> None:
+    """Tells the user something that must be known of the data."""
+    print(f"slosh discover: {line}", file=sys.stderr)

@@ -1,0 +1,324 @@
+"""Measured files and a model to a finding, and the finding to files."""
+
+from __future__ import annotations
+
+import json
+import re
+import shlex
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from slosh_bag.motion_table import MotionTable, write_motion_table
+from slosh_bag.reader import BagReader
+from slosh_bag.replay import settings
+from slosh_bag.replay.cells import CellTopics
+from slosh_bringup.discover_data import read_motions
+from slosh_bringup.discover_data.reading import shift_motions
+from slosh_bringup.discover_data.tables import is_table
+from slosh_bringup.errors import SloshBringupError
+from slosh_discovery.discover.finding import Finding, SeparatingMotion
+from slosh_discovery.discover.motion import MeasuredMotion
+from slosh_discovery.discovery_report import (
+    Command,
+    DiscoveryReport,
+    discovery_json,
+    render_discovery,
+)
+from slosh_estimator.model_file import read_model
+from slosh_model.model import Model
+from slosh_model.model_text import format_model
+from slosh_model.simulate import Inputs
+
+MODEL, DOCUMENT, PAGE = "model.yaml", "discovery.json", "report.html"
+SEPARATING = "separating_{}.csv"
+HELD_OUT = 3
+"""Without --holdout every third motion is held out."""
+SERVICE = "/slosh/load_model"
+
+Motions = tuple[MeasuredMotion, ...]
+Tell = Callable[[str], object]
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    """What is asked.
+
+    Attributes:
+        data: bags, motion tables, folders of these.
+        output: folder of the results.
+        model: file of the base model; None: the one that the first bag's estimator ran.
+        holdout: likewise; empty: every third motion of `data`, where there are three.
+        from_bag: data are recorded shifts; the motions in which the live estimate was off most
+            come first.
+        most: at most so many motions of `data`, the first ones; None: all.
+    """
+
+    data: tuple[Path, ...]
+    output: Path
+    model: Path | None = None
+    holdout: tuple[Path, ...] = ()
+    from_bag: bool = False
+    most: int | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Prepared:
+    """What a discovery starts from.
+
+    Attributes:
+        base: the model that came in.
+        fit, holdout: the motions.
+        notes: how the data were read and parted, a sentence each.
+    """
+
+    base: Model
+    fit: Motions
+    holdout: Motions
+    notes: tuple[str, ...]
+
+
+def prepare(request: Request, tell: Tell) -> Prepared:
+    """Reads the model and the motions; the output folder is there after it.
+
+    Args:
+        request: what is asked.
+        tell: is told what the reader must know of the data, one line each.
+
+    Raises:
+        SloshBringupError: a file stands for two things, or the folder cannot be written.
+        SloshBagError, SloshDiscoveryError, SloshEstimatorError, SloshModelError: a file is not
+            usable.
+    """
+    check_paths(request)
+    base = recorded_model(request.data[0]) if request.model is None else read_model(request.model)
+    make_folder(request.output)
+    notes: list[str] = []
+
+    def note(line: str) -> None:
+        notes.append(line)
+        tell(line)
+
+    fit = _read(request.data, base, note, shift=request.from_bag)
+    holdout = _read(request.holdout, base, note, shift=False)
+    if request.most is not None and len(fit) > request.most:
+        note(f"the first {request.most} of {len(fit)} motions are used")
+        fit = fit[: request.most]
+    check_apart(fit, holdout)
+    if not holdout and len(fit) >= HELD_OUT:
+        fit, holdout = part(fit)
+        note(f"{len(holdout)} of {len(fit) + len(holdout)} motions are held out: every third")
+    elif not holdout:
+        note("no motion is held out: the gap is shown on the motions of the fit")
+    return Prepared(base, *unique_names(fit, holdout), tuple(notes))
+
+
+def make_report(request: Request, prepared: Prepared, finding: Finding) -> DiscoveryReport:
+    """What the page and the text show of a finding."""
+    count, held = len(finding.motions), len(prepared.holdout)
+    source = "the recorded model" if request.model is None else str(request.model)
+    return DiscoveryReport(
+        finding,
+        subtitle=f"{source} ({finding.base.name}) against {count} measured "
+        f"motion{'s' if count != 1 else ''}, {held} held out",
+        notes=prepared.notes,
+        commands=next_commands(request, finding),
+        separating_files=tuple(
+            SEPARATING.format(number) for number in range(1, len(finding.separating) + 1)
+        ),
+    )
+
+
+def write_results(folder: Path, report: DiscoveryReport) -> str:
+    """Writes model, document, page and the separating motions; returns the document's text.
+
+    Raises:
+        SloshBringupError: a file cannot be written.
+        SloshBagError: likewise, a separating motion.
+    """
+    text = discovery_json(report)
+    try:
+        for stale in _own_tables(folder) - set(report.separating_files):
+            (folder / stale).unlink(missing_ok=True)
+        (folder / MODEL).write_text(format_model(report.finding.model), encoding="utf-8")
+        (folder / PAGE).write_text(render_discovery(report), encoding="utf-8")
+        for name, motion in zip(report.separating_files, report.finding.separating, strict=True):
+            write_motion_table(folder / name, _table(motion))
+        (folder / DOCUMENT).write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise SloshBringupError(f"{error.filename or folder}: {error.strerror}") from None
+    return text
+
+
+def check_paths(request: Request) -> None:
+    """Refuses files that stand for two things.
+
+    Raises:
+        SloshBringupError: a path is named twice, or a result would replace an input.
+    """
+    seen: dict[Path, str] = {}
+    for kind, paths in (("DATA", request.data), ("--holdout", request.holdout)):
+        for path in paths:
+            real = path.resolve()
+            if real in seen:
+                where = f"in {kind} twice" if seen[real] == kind else "in both DATA and --holdout"
+                raise SloshBringupError(f"{path}: is {where}; name it once")
+            seen[real] = kind
+    folder = request.output.resolve()
+    if request.model is not None and request.model.resolve() == folder / MODEL:
+        raise SloshBringupError(
+            f"{request.model}: would be replaced by the result; choose another folder (-o)"
+        )
+    for path in (*request.data, *request.holdout):
+        real = path.resolve()
+        if real.parent == folder and re.fullmatch(r"separating_\d+\.csv", real.name):
+            raise SloshBringupError(
+                f"{path}: would be replaced by the result; choose another folder (-o)"
+            )
+
+
+def make_folder(folder: Path) -> None:
+    """Makes the folder of the results; long work must not end at a folder that takes no file.
+
+    Raises:
+        SloshBringupError: it cannot be written.
+    """
+    probe = folder / ".discovery.part"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        probe.write_bytes(b"")
+        probe.unlink()
+    except OSError as error:
+        raise SloshBringupError(f"{folder}: {error.strerror}; choose another (-o)") from None
+
+
+def recorded_model(bag: Path) -> Model:
+    """The model that a bag's estimator ran last.
+
+    Raises:
+        SloshBringupError: the bag does not tell.
+        SloshBagError: it cannot be read.
+    """
+    missing = SloshBringupError(f"{bag}: does not say which model ran; give one (--model)")
+    if is_table(bag) or (bag.is_dir() and not any(bag.glob("*.mcap"))):
+        raise missing
+    reader = BagReader(bag)
+    topic = CellTopics(reader.topics()).topic(settings.TOPIC, settings.MESSAGE_TYPE)
+    starts = settings.read_starts(reader, topic) if topic else []
+    started = settings.latest(starts, "estimator")
+    if started is None:
+        raise missing
+    return settings.model_of(started)
+
+
+def part(motions: Motions) -> tuple[Motions, Motions]:
+    """The motions of the fit and every third one, held out."""
+    last = HELD_OUT - 1
+    fit = tuple(motion for n, motion in enumerate(motions) if n % HELD_OUT != last)
+    return fit, motions[last::HELD_OUT]
+
+
+def check_apart(fit: Motions, holdout: Motions) -> None:
+    """Refuses a held-out motion that the fit would see.
+
+    Raises:
+        SloshBringupError: the same measurements are in both.
+    """
+    known = {_print(motion): motion.name for motion in fit}
+    for motion in holdout:
+        other = known.get(_print(motion))
+        if other is not None:
+            raise SloshBringupError(
+                f"{motion.name} in --holdout holds the same measurements as {other} in DATA"
+            )
+
+
+def unique_names(fit: Motions, holdout: Motions) -> tuple[Motions, Motions]:
+    """The same motions, those of one name numbered."""
+    counts = Counter(motion.name for motion in (*fit, *holdout))
+    met: Counter[str] = Counter()
+    named = []
+    for motion in (*fit, *holdout):
+        met[motion.name] += 1
+        if counts[motion.name] > 1:
+            motion = replace(motion, name=f"{motion.name} ({met[motion.name]})")
+        named.append(motion)
+    return tuple(named[: len(fit)]), tuple(named[len(fit) :])
+
+
+def next_commands(request: Request, finding: Finding) -> tuple[Command, ...]:
+    """What to type after a discovery."""
+    model = request.output / MODEL
+    found = []
+    if finding.model != finding.base:
+        found += _use(request.data, model)
+        found.append(
+            Command(
+                "load it into the running estimator",
+                f"ros2 service call {SERVICE} slosh_msgs/srv/LoadModel "
+                + shlex.quote(f"{{path: {json.dumps(str(model.resolve()))}}}"),
+            )
+        )
+    if finding.separating:
+        table, heights = request.output / SEPARATING.format(1), request.output / "heights.csv"
+        words = ["slosh", "discover", *map(str, request.data), "RECORDING"]
+        words += ["--from-bag"] if request.from_bag else []
+        words += ["--model", str(request.model)] if request.model else []
+        words += ["--holdout", *map(str, request.holdout)] if request.holdout else []
+        found += [
+            Command("heights to expect of the motion that separates",
+                    _line("slosh", "simulate", model, table, "-o", heights)),
+            Command("after the robot has done that motion and RECORDING holds it",
+                    _line(*words, "-o", f"{request.output}_2")),
+        ]  # fmt: skip
+    return tuple(found)
+
+
+def _use(data: Sequence[Path], model: Path) -> list[Command]:
+    """How to see the found model at work on the first bag and on the first table."""
+    found = []
+    table = next((path for path in data if is_table(path)), None)
+    bag = next((path for path in data if not is_table(path)), None)
+    if table is not None:
+        output = model.with_name("heights.csv")
+        line = _line("slosh", "simulate", model, table, "-o", output)
+        found.append(Command("heights that the new model predicts", line))
+    if bag is not None:
+        line = _line("slosh", "replay", bag, "--model", model, "-o", model.with_name("replay"))
+        found.append(Command("the new model over the recording", line))
+    return found
+
+
+def _line(*words: object) -> str:
+    return shlex.join(map(str, words))
+
+
+def _read(paths: Iterable[Path], base: Model, tell: Tell, *, shift: bool) -> Motions:
+    if not shift:
+        return tuple(motion for path in paths for motion in read_motions(path, base, tell))
+    found = [entry for path in paths for entry in shift_motions(path, base, tell)]
+    found.sort(key=lambda entry: -np.nan_to_num(entry.disagreement, nan=-1.0))
+    return tuple(entry.motion for entry in found)
+
+
+def _print(motion: MeasuredMotion) -> tuple[bytes, bytes]:
+    """What tells a motion's measurements from another's."""
+    return motion.t.tobytes(), motion.heights.tobytes()
+
+
+def _own_tables(folder: Path) -> set[str]:
+    """Tables that an earlier discovery wrote to this folder, by what its document says."""
+    try:
+        rows = json.loads((folder / DOCUMENT).read_text(encoding="utf-8"))["separating"]
+        names = {str(row["file"]) for row in rows}
+    except (OSError, ValueError, LookupError, TypeError):
+        return set()
+    return {name for name in names if re.fullmatch(r"separating_\d+\.csv", name)}
+
+
+def _table(motion: SeparatingMotion) -> MotionTable:
+    inputs: Inputs = motion.inputs
+    return MotionTable(inputs.t, inputs.acceleration, inputs.attitude, inputs.angular_velocity)

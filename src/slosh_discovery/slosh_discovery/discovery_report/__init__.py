@@ -1,0 +1,36 @@
+"""What a discovery found, for people and programs: terminal text, HTML page, `discovery.json`."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from slosh_discovery.discovery_report.data import Command, DiscoveryReport
+from slosh_discovery.discovery_report.document import (
+    SCHEMA,
+    DiscoveryDocument,
+    discovery_document,
+    discovery_json,
+)
+from slosh_discovery.discovery_report.text import discovery_text
+
+if TYPE_CHECKING:
+    from slosh_discovery.discovery_report.page import render_discovery
+
+__all__ = [
+    "SCHEMA",
+    "Command",
+    "DiscoveryDocument",
+    "DiscoveryReport",
+    "discovery_document",
+    "discovery_json",
+    "discovery_text",
+    "render_discovery",
+]
+
+
+def __getattr__(name: str) -> Any:
+    # It loads matplotlib, which a program that reads only the figures does not need.
+    if name != "render_discovery":
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return import_module(f"{__name__}.page").render_discovery

@@ -1,0 +1,176 @@
+"""A finding as a short text for the terminal."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+
+from slosh_discovery.discover.finding import Finding, FoundEffect, Verdict, WhereRow
+from slosh_discovery.discovery_report.data import DiscoveryReport
+from slosh_discovery.discovery_report.figures import (
+    NAN,
+    closed_share,
+    largest_share,
+    samples,
+    shown_confidence,
+    shown_parameter,
+)
+from slosh_discovery.discovery_report.words import (
+    explanation,
+    part_name,
+    verdict_sentence,
+)
+from slosh_discovery.report.units import DASH, shown
+from slosh_discovery.text_table import aligned
+
+MOMENTS = 3
+"""Worst moments that are told."""
+RUNNERS_UP = 3
+"""Explanations beside the likeliest that are told."""
+INDENT = "  "
+
+Row = tuple[str, ...]
+
+
+def discovery_text(report: DiscoveryReport) -> str:
+    """Verdict, effects, gap, where it is widest, and what to type next; lines without an end."""
+    finding = report.finding
+    blocks = [
+        [verdict_sentence(finding)],
+        _effects(finding),
+        _evidence(finding),
+        _gap(finding),
+        _where(finding),
+        _proposal(finding),
+        _separating(report),
+        list(report.remarks),
+        [line for command in report.commands for line in (f"# {command.purpose}", command.line)],
+    ]
+    return "\n\n".join("\n".join(block) for block in blocks if block)
+
+
+def _effects(finding: Finding) -> list[str]:
+    rows: list[Row] = []
+    for effect in finding.effects:
+        values = _parameters(effect) or [""]
+        rows.append((effect.name, values[0], f"confidence {shown_confidence(effect.confidence)}"))
+        rows += [("", value, "") for value in values[1:]]
+        if effect.alternatives:
+            rows.append(("", f"or {' or '.join(effect.alternatives)}", ""))
+    return aligned(rows, "<<<")
+
+
+def _parameters(effect: FoundEffect) -> list[str]:
+    errors = effect.standard_errors
+    return [
+        shown_parameter(effect.name, name, value, errors.get(name, NAN)).text
+        for name, value in effect.parameters.items()
+    ]
+
+
+def _evidence(finding: Finding) -> list[str]:
+    """The likeliest explanations, where the verdict leaves a doubt or rests on a choice."""
+    tried = [candidate for candidate in finding.candidates if not candidate.reason]
+    if len(tried) < 2:
+        return []
+    rows: list[Row] = [("explanation", "probability", "rms fit", "held out")]
+    rows += [
+        (
+            explanation(candidate.effects),
+            shown_confidence(candidate.probability),
+            _millimetres(candidate.fit_rms),
+            _millimetres(candidate.holdout_rms),
+        )
+        for candidate in tried[: 1 + RUNNERS_UP]
+    ]
+    return aligned(rows, "<>>>")
+
+
+def _gap(finding: Finding) -> list[str]:
+    gap = finding.gap
+    changed = finding.model != finding.base
+    fitted = sum(samples(motion) for motion in finding.motions if motion.role.value == "fit")
+    share = closed_share(gap.fit_before, gap.fit_after, gap.noise, fitted)
+    held = math.isfinite(gap.holdout_before)
+    rows: list[Row] = [("gap", "before", "after", "closed")]
+    rows.append(
+        ("fit", *_both(gap.fit_before, gap.fit_after, changed=changed),
+         _percent(share if held else gap.closed, changed=changed))
+    )  # fmt: skip
+    if held:
+        rows.append(
+            ("held out", *_both(gap.holdout_before, gap.holdout_after, changed=changed),
+             _percent(gap.closed, changed=changed))
+        )  # fmt: skip
+    rows.append(("noise", _millimetres(gap.noise), "", ""))
+    return aligned(rows, "<>>>")
+
+
+def _both(before: float, after: float, *, changed: bool) -> tuple[str, str]:
+    return _millimetres(before), _millimetres(after) if changed else DASH
+
+
+def _percent(share: float, *, changed: bool) -> str:
+    return f"{shown(share, '% of')} %" if changed and math.isfinite(share) else DASH
+
+
+def _millimetres(value: float) -> str:
+    return f"{shown(value, 'mm')} mm" if math.isfinite(value) else DASH
+
+
+def _where(finding: Finding) -> list[str]:
+    """The worst part of each kind, then the worst moments; of noise nothing is the worst."""
+    if finding.verdict is Verdict.NONE:
+        return []
+    rows: list[Row] = []
+    for row in worst_parts(finding.where):
+        if row.by == "input":
+            values = [shown(value, "", 2) for value in (row.before, row.after)]
+            share = "correlation with the residual"
+        else:
+            values = [_millimetres(value) for value in (row.before, row.after)]
+            share = f"{shown(row.share, '% of')} % of the squared residual"
+        rows.append((part_name(row.by), row.label, *values, share))
+    for moment in finding.worst[:MOMENTS]:
+        place = f"{moment.t:.2f} s of {moment.motion}"
+        off = [
+            _millimetres(abs(moment.measured - value)) for value in (moment.before, moment.after)
+        ]
+        rows.append(("moment", place, *off, "off"))
+    if not rows:
+        return []
+    return aligned([("worst by", "", "before", "after", ""), *rows], "<<>><")
+
+
+def worst_parts(rows: Sequence[WhereRow]) -> Iterator[WhereRow]:
+    """Of each kind of part the row with the largest share, of the inputs the most correlated."""
+    for by in dict.fromkeys(row.by for row in rows):
+        group = [row for row in rows if row.by == by]
+        index = largest_share(row.before if by == "input" else row.share for row in group)
+        if index is not None:
+            yield group[index]
+
+
+def _proposal(finding: Finding) -> list[str]:
+    proposal = finding.proposal
+    if proposal is None:
+        return []
+    return [
+        f"proposal, no finding: {proposal.equation}",
+        f"{INDENT}it explains {shown(proposal.explained, '% of')} % of what is left of the gap",
+    ]
+
+
+def _separating(report: DiscoveryReport) -> list[str]:
+    finding = report.finding
+    if finding.verdict is not Verdict.AMBIGUOUS and not finding.separating:
+        return []
+    lines = []
+    for index, motion in enumerate(finding.separating):
+        where = "".join(report.separating_files[index : index + 1]) or "a motion"
+        lines += [
+            f"{where} tells {motion.names[0]} from {motion.names[1]}: {motion.description}",
+            f"{INDENT}their heights differ by {_millimetres(motion.difference)} in it,"
+            f" by {_millimetres(motion.present_difference)} in the present motions",
+        ]
+    return lines
