@@ -1,0 +1,102 @@
+"""A camera's record of a motion: when it looks, what it loses, how it errs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_discovery.discover.motion import MeasuredMotion
+from slosh_model.simulate import Inputs
+from tests.blind.hidden import Hidden
+from tests.blind.truth import heights
+from tests.blind.truth_model import Truth
+
+Array = NDArray[np.float64]
+Random = np.random.Generator
+FRAME_RATE = 60.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Record:
+    """How a session's motions are measured.
+
+    Attributes:
+        azimuths: (K,) [rad] of the wall heights; None: MSH.
+        lost: share of frames without a sample.
+        phase: of the first frame [s].
+        clock: added to the heights' clock [s]; None: the inputs' clock.
+        level: added to the heights [m]; None: the still level is known.
+        stddev_told: whether the sensor states its standard deviation.
+        noise: standard deviation of the white noise [m].
+    """
+
+    azimuths: Array | None
+    lost: float
+    phase: float
+    clock: float | None
+    level: float | None
+    stddev_told: bool
+    noise: float = 0.0
+
+    @classmethod
+    def draw(cls, random: Random, traits: Sequence[Hidden]) -> Record:
+        """One that shows what is hidden."""
+        kinds: list[int] = [0, 0, 0, 0, 12, 36]
+        count = int(random.choice(kinds))
+        if any(trait.msh_only for trait in traits):
+            count = 0
+        clock = random.uniform(-0.4, 0.4) if random.random() < 0.12 else None
+        level = random.uniform(-0.005, 0.005) if random.random() < 0.12 else None
+        return cls(
+            np.radians(np.arange(0, 360, 360 // count)) if count else None,
+            0.0 if random.random() < 0.5 else random.uniform(0.0, 0.05),
+            random.uniform(0.0, 1.0 / FRAME_RATE),
+            None if any(trait.own_clock for trait in traits) else clock,
+            None if any(trait.own_level for trait in traits) else level,
+            bool(random.random() < 0.5),
+        )
+
+    @property
+    def sensor(self) -> str:
+        """What is measured, in words."""
+        return "msh" if self.azimuths is None else f"{len(self.azimuths)} azimuths"
+
+    def times(self, inputs: Inputs) -> Array:
+        """(M,) frame times on the inputs' clock [s]."""
+        first, last = inputs.t[0] + self.phase, inputs.t[-1]
+        return np.asarray(first + np.arange(int((last - first) * FRAME_RATE)) / FRAME_RATE)
+
+    def change(
+        self, truth: Truth, lacking: Truth, motions: Sequence[Inputs], sessions: Array
+    ) -> float:
+        """Rms of the difference between two truths over all samples [m]."""
+        squares = []
+        for inputs, session in zip(motions, sessions, strict=True):
+            at = self.times(inputs)
+            both = [heights(each, inputs, at, self.azimuths, session) for each in (truth, lacking)]
+            squares.append((both[0] - both[1]) ** 2)
+        return float(np.sqrt(np.mean(np.concatenate(squares))))
+
+
+def record(
+    random: Random, truth: Truth, inputs: Inputs, how: Record, name: str, session: float
+) -> MeasuredMotion:
+    """The measured motion."""
+    at = how.times(inputs)
+    seen = heights(truth, inputs, at, how.azimuths, session)
+    seen = seen + random.normal(0.0, how.noise, seen.shape) + (how.level or 0.0)
+    seen[random.random(len(at)) < how.lost] = np.nan
+    return MeasuredMotion(
+        name,
+        inputs,
+        at + (how.clock or 0.0),
+        msh=seen[:, 0] if how.azimuths is None else None,
+        eta_azimuth=how.azimuths,
+        eta=None if how.azimuths is None else seen,
+        stddev=np.full(len(at), how.noise) if how.stddev_told else None,
+        same_clock=how.clock is None,
+        level_known=how.level is None,
+    )
