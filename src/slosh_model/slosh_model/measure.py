@@ -14,7 +14,12 @@ from slosh_model.simulate import Inputs, Response, effect_parameters, simulate
 Array = NDArray[np.float64]
 
 
-def measured_heights(model: Model, response: Response, azimuths: ArrayLike | None = None) -> Array:
+def measured_heights(
+    model: Model,
+    response: Response,
+    azimuths: ArrayLike | None = None,
+    rest: float | None = None,
+) -> Array:
     """The heights as a sensor reads them, with the model's effects on the measurement.
 
     A delay is left out: it shifts the times at which the heights are read.
@@ -24,18 +29,25 @@ def measured_heights(model: Model, response: Response, azimuths: ArrayLike | Non
         response: its response from rest.
         azimuths: (K,) where the height on the wall is read, from the container's +x [rad]; None:
             the maximum over the wall.
+        rest: when the liquid was at rest [s]; None: at the response's first moment.
 
     Returns:
         (N, K), or (N, 1) of the maximum [m].
     """
+    started = 0.0 if rest is None else float(response.t[0]) - rest
     places = np.array([np.nan]) if azimuths is None else np.atleast_1d(np.asarray(azimuths))
     heights = np.column_stack([response.sh_x, response.sh_y])
     parameters, radius = effect_parameters(model), model.container.radius
     read = np.empty((len(places), len(response.t)))
     for azimuth, row in zip(places.tolist(), read, strict=True):
         memory = np.zeros(READING_MEMORY_COUNT)
-        kernel.read_many(response.t, 0.0, heights, azimuth, radius, parameters, memory, row)
+        kernel.read_many(response.t, started, heights, azimuth, radius, parameters, memory, row)
     return read.T
+
+
+def remembers(model: Model) -> bool:
+    """Whether what is read at one moment depends on earlier ones."""
+    return any(effect.reading_memory for effect, _ in model.uses("reading"))
 
 
 def delay(model: Model) -> float:

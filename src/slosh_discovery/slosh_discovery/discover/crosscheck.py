@@ -35,10 +35,10 @@ def held_out_rms(one: Fit, motions: Sequence[PreparedMotion]) -> float:
                 evaluations=6,
             ).vector
         evaluator = Evaluator(one.explanation, left_out)
-        for motion, grid, offset in zip(
-            left_out, evaluator.grids(vector), offsets.tolist(), strict=True
+        for motion, answer, offset in zip(
+            left_out, evaluator.answers(vector), offsets.tolist(), strict=True
         ):
-            residual = Evaluator.part(motion, grid, offset) * motion.noise
+            residual = Evaluator.part(motion, answer, offset) * motion.noise
             squares += float(residual @ residual)
             count += len(residual)
     return float(np.sqrt(squares / count))

@@ -34,8 +34,8 @@ LONGEST_LAG = 60
 def log_evidence(fit: Fit, temperature: float) -> float:
     """Log of the evidence and of the prior of a fitted explanation."""
     explanation = fit.explanation
-    scaled = fit.jacobian * (explanation.widths * math.sqrt(PRIOR_VARIANCE))
-    information = scaled.T @ scaled / temperature
+    spreads = explanation.widths * math.sqrt(PRIOR_VARIANCE)
+    information = fit.information * np.outer(spreads, spreads) / temperature
     _, log_determinant = np.linalg.slogdet(np.eye(len(information)) + information)
     return (
         -0.5 * fit.chi_square / temperature
@@ -91,7 +91,7 @@ def probabilities(log_evidences: Sequence[float]) -> Array:
 def standard_errors(fit: Fit, temperature: float) -> Array:
     """(P,) of the free parameters; at most what was plausible before any data."""
     widths = fit.explanation.widths
-    scaled = fit.jacobian * widths
-    information = scaled.T @ scaled / temperature + np.eye(len(widths)) / PRIOR_VARIANCE
+    information = fit.information * np.outer(widths, widths) / temperature
+    information += np.eye(len(widths)) / PRIOR_VARIANCE
     errors: Array = widths * np.sqrt(np.diag(np.linalg.inv(information)))
     return errors

@@ -8,14 +8,14 @@ they are fitted with every explanation alike.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from slosh_discovery.discover.explanation import Explanation
-from slosh_discovery.discover.problem import GridHeights, PreparedMotion
+from slosh_discovery.discover.problem import Answer, PreparedMotion
 
 Array = NDArray[np.float64]
 
@@ -40,6 +40,8 @@ class Fit:
         clock_offsets: measured minus inputs' clock of each motion [s].
         residual: (N,) in units of the noise, all motions in a row, only where there are samples.
         jacobian: (N, P) of the residual by the free parameters.
+        chi_square: sum of the squared residuals.
+        information: (P, P) JᵀJ.
     """
 
     explanation: Explanation
@@ -47,11 +49,12 @@ class Fit:
     clock_offsets: tuple[float, ...]
     residual: Array
     jacobian: Array
+    chi_square: float = field(init=False)
+    information: Array = field(init=False)
 
-    @property
-    def chi_square(self) -> float:
-        """Sum of the squared residuals over the noise's variance."""
-        return float(self.residual @ self.residual)
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "chi_square", float(self.residual @ self.residual))
+        object.__setattr__(self, "information", self.jacobian.T @ self.jacobian)
 
 
 @dataclass(slots=True)
@@ -61,29 +64,29 @@ class Evaluator:
     explanation: Explanation
     motions: Sequence[PreparedMotion]
 
-    def grids(self, vector: Array) -> list[GridHeights | None]:
-        """Every motion's heights on the grid of its inputs."""
+    def answers(self, vector: Array) -> list[Answer | None]:
+        """Every motion's heights on the answer of its inputs."""
         model = self.explanation.model(vector)
         if model is None:
             return [None] * len(self.motions)
         return [motion.simulate(model) for motion in self.motions]
 
-    def residual(self, grids: Sequence[GridHeights | None], clock_offsets: Array) -> Array:
+    def residual(self, answers: Sequence[Answer | None], clock_offsets: Array) -> Array:
         """(N,) measured minus predicted in units of the noise, without unknown still levels."""
         parts = [
-            self.part(motion, grid, offset)
-            for motion, grid, offset in zip(
-                self.motions, grids, clock_offsets.tolist(), strict=True
+            self.part(motion, answer, offset)
+            for motion, answer, offset in zip(
+                self.motions, answers, clock_offsets.tolist(), strict=True
             )
         ]
         return np.concatenate(parts)
 
     @staticmethod
-    def part(motion: PreparedMotion, grid: GridHeights | None, offset: float) -> Array:
+    def part(motion: PreparedMotion, answer: Answer | None, offset: float) -> Array:
         """One motion's part of the residual."""
-        if grid is None:
+        if answer is None:
             return np.full(int(motion.kept.sum()), IMPOSSIBLE)
-        heights = grid.at(motion.t, offset)
+        heights = answer.at(motion.t, offset)
         difference = (motion.heights - heights)[motion.kept] / motion.noise
         difference = np.nan_to_num(difference, nan=IMPOSSIBLE)
         if not motion.motion.level_known:
@@ -100,11 +103,11 @@ class Evaluator:
                 step = -step
             moved = vector.copy()
             moved[index] += step
-            columns.append((self.residual(self.grids(moved), clock_offsets) - residual) / step)
+            columns.append((self.residual(self.answers(moved), clock_offsets) - residual) / step)
         return np.column_stack(columns) if columns else np.zeros((len(residual), 0))
 
     def clock_derivative(
-        self, grids: Sequence[GridHeights | None], clock_offsets: Array
+        self, answers: Sequence[Answer | None], clock_offsets: Array
     ) -> tuple[list[int], Array]:
         """Motions whose offset is free, and (N, C) of the residual by them."""
         lengths = [int(motion.kept.sum()) for motion in self.motions]
@@ -112,8 +115,8 @@ class Evaluator:
         free = [i for i, motion in enumerate(self.motions) if not motion.motion.same_clock]
         columns = np.zeros((int(ends[-1]), len(free)))
         for column, i in enumerate(free):
-            ahead = self.part(self.motions[i], grids[i], clock_offsets[i] + CLOCK_STEP)
-            behind = self.part(self.motions[i], grids[i], clock_offsets[i] - CLOCK_STEP)
+            ahead = self.part(self.motions[i], answers[i], clock_offsets[i] + CLOCK_STEP)
+            behind = self.part(self.motions[i], answers[i], clock_offsets[i] - CLOCK_STEP)
             columns[ends[i] - lengths[i] : ends[i], column] = (ahead - behind) / (2 * CLOCK_STEP)
         return free, columns
 
@@ -148,7 +151,7 @@ class _Fitting:
         self._offsets = offsets
         self._free_clocks = [i for i, m in enumerate(motions) if not m.motion.same_clock]
         self._count = len(explanation.free)
-        self._last: tuple[bytes, list[GridHeights | None], Array] | None = None
+        self._last: tuple[bytes, list[Answer | None], Array] | None = None
 
     def run(self, start: Array, evaluations: int) -> Fit:
         explanation = self._evaluator.explanation
@@ -184,12 +187,12 @@ class _Fitting:
         offsets[self._free_clocks] = vector[self._count :]
         return offsets
 
-    def _evaluate(self, vector: Array) -> tuple[Array, list[GridHeights | None]]:
+    def _evaluate(self, vector: Array) -> tuple[Array, list[Answer | None]]:
         key = vector.tobytes()
         if self._last is None or self._last[0] != key:
-            grids = self._evaluator.grids(vector[: self._count])
-            residual = self._evaluator.residual(grids, self._all_offsets(vector))
-            self._last = (key, grids, residual)
+            answers = self._evaluator.answers(vector[: self._count])
+            residual = self._evaluator.residual(answers, self._all_offsets(vector))
+            self._last = (key, answers, residual)
         return self._last[2], self._last[1]
 
     def _residual_and_prior(self, vector: Array) -> Array:
@@ -198,10 +201,10 @@ class _Fitting:
         return np.concatenate([self._evaluate(vector)[0], prior])
 
     def _derivative_and_prior(self, vector: Array) -> Array:
-        residual, grids = self._evaluate(vector)
+        residual, answers = self._evaluate(vector)
         offsets = self._all_offsets(vector)
         shared = self._evaluator.derivative(vector[: self._count], offsets, residual)
-        _, clocks = self._evaluator.clock_derivative(grids, offsets)
+        _, clocks = self._evaluator.clock_derivative(answers, offsets)
         prior = np.zeros((self._count, len(vector)))
         prior[:, : self._count] = np.diag(1.0 / self._evaluator.explanation.widths)
         return np.vstack([np.hstack([shared, clocks]), prior])

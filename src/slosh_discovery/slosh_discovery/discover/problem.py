@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_discovery.discover.noise import estimate_noise
 from slosh_model.errors import SloshModelError
-from slosh_model.measure import delay, measured_heights
+from slosh_model.measure import delay, measured_heights, remembers
 from slosh_model.model import Model
-from slosh_model.simulate import Inputs, simulate
+from slosh_model.simulate import Inputs, Response, simulate
 
 Array = NDArray[np.float64]
 
@@ -28,7 +28,7 @@ FINE_SPACING = 0.0021
 """The same where heights are read between the inputs [s]."""
 SAMPLE_SPACING = 0.0075
 """Heights closer to each other than this are thinned [s]."""
-MOST_AZIMUTHS = 12
+MOST_AZIMUTHS = 8
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -57,34 +57,64 @@ class PreparedMotion:
     rows: NDArray[np.int64]
     fine: Inputs
 
-    def simulate(self, model: Model) -> GridHeights | None:
-        """The model's heights; None where its solution left the finite numbers."""
-        shifted = not self.motion.same_clock or delay(model) != 0.0
+    def simulate(self, model: Model) -> Answer | None:
+        """The model's answer; None where its solution left the finite numbers."""
+        late = delay(model)
+        shifted = not self.motion.same_clock or late != 0.0
         inputs = self.fine if shifted else self.coarse
         try:
             response, _ = simulate(model, inputs, max_step=SPACING)
         except SloshModelError:
             return None
-        heights = measured_heights(model, response, self.azimuths)
-        return GridHeights(None if shifted else self.rows, inputs.t, heights, delay(model))
+        if remembers(model):
+            heights = measured_heights(model, response, self.azimuths)
+            read = None
+        else:
+            heights = np.column_stack([response.sh_x, response.sh_y])
+            read = _Reader(model, self.azimuths, float(inputs.t[0]))
+        return Answer(inputs.t, heights, None if shifted else self.rows, late, read)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class GridHeights:
-    """Heights on the inputs' grid, to be read at the measured times."""
+class _Reader:
+    """Reads heights off the liquid's, moment by moment."""
 
-    rows: NDArray[np.int64] | None
+    model: Model
+    azimuths: Array | None
+    rest: float
+
+    def __call__(self, t: Array, liquid: Array) -> Array:
+        nothing = np.empty((len(t), 0, 4))
+        response = Response(t, liquid[:, 0], liquid[:, 1], nothing)
+        return measured_heights(self.model, response, self.azimuths, self.rest)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Answer:
+    """A model's answer to a motion, to be read at the measured times.
+
+    Attributes:
+        t: (N,) the inputs' times [s].
+        heights: (N, 2) of the liquid at +x and +y, or (N, K) as read [m].
+        rows: (M,) of the measured times in t; None: they lie between.
+        delay: by how much the measurement is late [s].
+        read: makes what is read out of the liquid's heights; None: `heights` is that.
+    """
+
     t: Array
     heights: Array
+    rows: NDArray[np.int64] | None
     delay: float
+    read: _Reader | None
 
     def at(self, times: Array, clock_offset: float) -> Array:
         """(M, K) the heights at times on the measured clock [m]."""
-        if self.rows is not None:
-            taken: Array = self.heights[self.rows]
-            return taken
         moments = times - clock_offset - self.delay
-        return np.column_stack([np.interp(moments, self.t, column) for column in self.heights.T])
+        if self.rows is None:
+            taken = np.column_stack([np.interp(moments, self.t, row) for row in self.heights.T])
+        else:
+            taken = self.heights[self.rows]
+        return taken if self.read is None else self.read(moments, taken)
 
 
 def prepare(

@@ -211,7 +211,7 @@ class Search:
             wider = one.explanation.with_effect(name, choices)
             vector = wider.vector({**_parts(one), name: values})
             evaluator = Evaluator(wider, self._motions)
-            residual = evaluator.residual(evaluator.grids(vector), offsets)
+            residual = evaluator.residual(evaluator.answers(vector), offsets)
             change = (residual - one.residual)[:, np.newaxis]
             if np.max(np.abs(change)) < VISIBLE:
                 # The start is where the effect does nothing: what it could do from there.

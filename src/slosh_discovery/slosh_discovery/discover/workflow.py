@@ -24,6 +24,7 @@ from slosh_discovery.discover.finding import (
 )
 from slosh_discovery.discover.fitting import Fit, fit
 from slosh_discovery.discover.motion import MeasuredMotion
+from slosh_discovery.discover.next_steps import proposal, separating_motions
 from slosh_discovery.discover.problem import PreparedMotion, prepare
 from slosh_discovery.discover.search import Search
 from slosh_discovery.discover.verdict import Judgement, judge
@@ -77,6 +78,8 @@ def discover(
     told("checking on motions left out", 0.95)
     cases = _cases(motions, prepared, holdout, base, judgement)
     candidates = _candidates(judgement, prepared, pool.without_effect)
+    told("what to do next", 0.97)
+    separating, proposed = separating_motions(judgement, prepared), proposal(judgement, prepared)
     told("done", 1.0)
     return Finding(
         verdict=judgement.verdict,
@@ -89,6 +92,8 @@ def discover(
         where=where(cases, base),
         worst=worst_moments(cases),
         candidates=candidates,
+        separating=separating,
+        proposal=proposed,
         remarks=_remarks(judgement),
     )
 
