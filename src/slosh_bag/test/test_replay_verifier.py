@@ -213,7 +213,7 @@ def test_every_number_of_an_estimate_has_a_column(modes):
     found = estimate_columns(estimates)
     assert tuple(found) == estimate_fields(modes)
     numbers = np.concatenate([column for name, column in found.items() if name != "flags"])
-    everything = [*estimates[1:4], *estimates[5:]]
+    everything = [*estimates[1:4], *estimates[5:7]]
     np.testing.assert_array_equal(
         np.sort(numbers), np.sort(np.concatenate([part.ravel() for part in everything]))
     )

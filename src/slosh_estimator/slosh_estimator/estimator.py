@@ -9,9 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_estimator import estimate_kernel
-from slosh_estimator.estimate_kernel import FLAGS, JERK, LEFT_RANGE, ROW
+from slosh_estimator.estimate_kernel import FLAGS, JERK, LEFT_RANGE, READINGS, ROW
 from slosh_estimator.sample import Sample, Samples
 from slosh_estimator.validity import EstimateFlag, validity_limits
+from slosh_model import kernel
+from slosh_model.measure import delay
 from slosh_model.model import Model
 from slosh_model.simulate import Simulator
 
@@ -26,6 +28,7 @@ _SETTLING = int(EstimateFlag.SETTLING)
 _AFTER_GAP = int(EstimateFlag.AFTER_GAP)
 _DIVERGED = int(EstimateFlag.DIVERGED)
 _LONG_AGO = -(2**62)
+_UPRIGHT = np.empty((0, kernel.POSE_COUNT))
 
 
 class ModelState(NamedTuple):
@@ -35,6 +38,8 @@ class ModelState(NamedTuple):
         msh, azimuth: maximum sloshing height and where it is.
         sh_x, sh_y: signed height at the container's +x and +y side.
         modal: x, y, vx, vy of each mode's mass, in the sample's axes.
+        reading: what a sensor reads of the msh; the msh where the model has no effect on the
+            measurement.
     """
 
     msh: float
@@ -42,6 +47,7 @@ class ModelState(NamedTuple):
     sh_x: float
     sh_y: float
     modal: list[list[float]]
+    reading: float
 
 
 class Estimate(NamedTuple):
@@ -72,6 +78,7 @@ class Estimates(NamedTuple):
         flags: (N,) bits of EstimateFlag.
         accelerations: (N, 3) the input [m/s²].
         yaws: (N,) the input [rad].
+        readings: (N, 2) what a sensor reads of the MSH of L and of NL [m]; None: the MSH.
     """
 
     stamps: Integers
@@ -81,6 +88,12 @@ class Estimates(NamedTuple):
     flags: Integers
     accelerations: Array
     yaws: Array
+    readings: Array | None = None
+
+    @property
+    def as_read(self) -> Array:
+        """(N, 2) what a sensor reads of the MSH of L and of NL [m]."""
+        return self.heights[:, :, 0] if self.readings is None else self.readings
 
 
 class Estimator:
@@ -88,7 +101,12 @@ class Estimator:
 
     The container counts as at rest, with still liquid, when the first sample comes. After a gap
     the liquid's state is unknown: the models restart from rest, and the estimates carry a flag
-    until the unknown part has died out.
+    until the unknown part has died out. What the container has lost of its liquid stays lost.
+
+    Attributes:
+        model: that runs.
+        reading_delay: by how much a measurement comes late, by the model [s].
+        divergences: how often a model left the physical range.
     """
 
     def __init__(self, model: Model) -> None:
@@ -101,11 +119,14 @@ class Estimator:
         linear = Simulator(model.linear(), max_step=max_step)
         nonlinear = Simulator(model.nonlinear(), max_step=max_step)
         self.model, self._linear, self._nonlinear = model, linear, nonlinear
+        self.reading_delay = delay(model)
         self._limits = np.array(
             [*validity_limits(model), RUNAWAY * model.container.radius], dtype=np.float64
         )
-        self._slow = np.zeros(3)
-        self._row = np.zeros(estimate_kernel.ROW)
+        self._memory = np.zeros(estimate_kernel.MEMORY)
+        self._row = np.zeros(ROW)
+        # Only what changes the input looks at the attitude.
+        self._pose = np.zeros((1, kernel.POSE_COUNT)) if model.uses("drive") else None
         first = model.mode_constants()[0]
         rate = first.damping_ratio * first.natural_frequency
         self._settling_ns = round(SETTLED / rate * 1e9) if rate > 1e-6 else 2**62
@@ -116,6 +137,7 @@ class Estimator:
         self._linear.reset()
         self._nonlinear.reset()
         self._last_ns: int | None = None
+        self._first_ns: int | None = None
         self._settled_ns = _LONG_AGO
 
     @property
@@ -127,8 +149,9 @@ class Estimator:
         """Takes a sample and returns both models' answers to it."""
         flags = self._take(sample)
         row: list[float] = self._row.tolist()
-        linear = ModelState(row[0], row[1], row[2], row[3], self._linear.modal.tolist())
-        nonlinear = ModelState(row[4], row[5], row[6], row[7], self._nonlinear.modal.tolist())
+        modal, others = self._linear.modal.tolist(), self._nonlinear.modal.tolist()
+        linear = ModelState(row[0], row[1], row[2], row[3], modal, row[READINGS])
+        nonlinear = ModelState(row[4], row[5], row[6], row[7], others, row[READINGS + 1])
         return Estimate(sample, linear, nonlinear, row[JERK], flags)
 
     def update_many(self, samples: Samples) -> Estimates:
@@ -152,7 +175,7 @@ class Estimator:
         heights = batch.rows[:, :8].reshape(-1, 2, 4)
         return Estimates(
             samples.stamps, heights, batch.modal, batch.rows[:, JERK], batch.flags,
-            samples.accelerations, samples.yaws,
+            samples.accelerations, samples.yaws, batch.rows[:, READINGS:],
         )  # fmt: skip
 
     def _take(self, sample: Sample) -> int:
@@ -164,6 +187,8 @@ class Estimator:
             self._restart(sample.stamp_ns)
             last = None
         self._last_ns = sample.stamp_ns
+        if self._first_ns is None or sample.stamp_ns < self._first_ns:
+            self._first_ns = sample.stamp_ns
         # A quotient, not a product with 1e-9: correctly rounded, thus the same bits offline.
         dt = 0.0 if last is None else (sample.stamp_ns - last) / 1e9
         self._step(dt, sample, last is None)
@@ -179,11 +204,12 @@ class Estimator:
         count: int = estimate_kernel.steps(
             self._linear.arrays,
             self._nonlinear.arrays,
-            self._slow,
+            self._memory,
             self._limits,
             (stamps - np.concatenate(([last], stamps[:-1]))) / 1e9,
             samples.accelerations[part],
             samples.yaws[part],
+            _UPRIGHT if self._pose is None or samples.poses is None else samples.poses[part],
             batch.rows[part],
             batch.modal[part],
         )
@@ -204,16 +230,22 @@ class Estimator:
         batch.modal[index, 0], batch.modal[index, 1] = self._linear.modal, self._nonlinear.modal
 
     def _step(self, dt: float, sample: Sample, first: bool) -> None:
+        poses = _UPRIGHT
+        if self._pose is not None and sample.pose is not None:
+            poses = self._pose
+            poses[0] = sample.pose
         estimate_kernel.step(
             self._linear.arrays,
             self._nonlinear.arrays,
-            self._slow,
+            self._memory,
             self._limits,
             dt,
             sample.ax,
             sample.ay,
             sample.az,
             sample.yaw,
+            poses,
+            0,
             first,
             self._row,
         )
@@ -231,6 +263,9 @@ class Estimator:
     def _restart(self, stamp_ns: int) -> None:
         self._linear.reset()
         self._nonlinear.reset()
+        since = stamp_ns if self._first_ns is None else self._first_ns
+        for model in (self._linear, self._nonlinear):
+            model.arrays[3][kernel.ELAPSED] = max(stamp_ns - since, 0) / 1e9
         self._settled_ns = stamp_ns + self._settling_ns
 
 

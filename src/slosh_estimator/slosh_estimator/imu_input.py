@@ -7,7 +7,8 @@ container's origin, in axes that do not follow the container's yaw:
 
 with the fixed rotation R from the sensor's to the container's axes and r from the sensor to the
 container's origin. A tilt needs no further care: gravity's share along the container's floor is
-part of f.
+part of f. So the attitude of the samples is the yaw ψ alone: what turns gravity by an attitude
+(`gravity_tilt`) must not do so once more.
 """
 
 from __future__ import annotations
@@ -86,15 +87,18 @@ class ImuInput:
         self._stamp_ns = stamp_ns
         if restarted:
             self._slow_rate, self._last_yaw_rate = omega, omega[2]
-        fx, fy, fz = self._force_at_origin(rotate(self._matrix, force), omega, dt)
+        change = self._angular_acceleration(omega, dt)
+        fx, fy, fz = self._force_at_origin(rotate(self._matrix, force), omega, change)
         # The yaw by the trapezoidal rule, as the acceleration is interpolated linearly too.
         self._yaw += 0.5 * dt * (omega[2] + self._last_yaw_rate)
         self._last_yaw_rate = omega[2]
         self._watch_gravity(math.sqrt(fx * fx + fy * fy + fz * fz), dt)
         c, s = math.cos(self._yaw), math.sin(self._yaw)
+        half = 0.5 * self._yaw
         return Sample(
-            stamp_ns, c * fx - s * fy, s * fx + c * fy, fz - GRAVITY, self._yaw, restarted
-        )
+            stamp_ns, c * fx - s * fy, s * fx + c * fy, fz - GRAVITY, self._yaw, restarted,
+            (0.0, 0.0, math.sin(half), math.cos(half), *omega, *change),
+        )  # fmt: skip
 
     def warning(self) -> str | None:
         """What the user should mend; None: nothing."""
@@ -107,8 +111,8 @@ class ImuInput:
             return "the sensor reports no angular velocity: its lever arm is not accounted for"
         return None
 
-    def _force_at_origin(self, force: Vector, omega: Vector, dt: float) -> Vector:
-        """Specific force at the container's origin; ω̇ from the low-passed angular velocity."""
+    def _angular_acceleration(self, omega: Vector, dt: float) -> Vector:
+        """From the low-passed angular velocity [rad/s²]."""
         blend = dt / (ANGULAR_FILTER + dt)
         slow = self._slow_rate
         change = (omega[0] - slow[0], omega[1] - slow[1], omega[2] - slow[2])
@@ -118,9 +122,11 @@ class ImuInput:
             slow[2] + blend * change[2],
         )
         inverse = 1.0 / (ANGULAR_FILTER + dt)
-        turn = cross(
-            (change[0] * inverse, change[1] * inverse, change[2] * inverse), self._to_origin
-        )
+        return change[0] * inverse, change[1] * inverse, change[2] * inverse
+
+    def _force_at_origin(self, force: Vector, omega: Vector, change: Vector) -> Vector:
+        """Specific force at the container's origin."""
+        turn = cross(change, self._to_origin)
         swing = cross(omega, cross(omega, self._to_origin))
         return (
             force[0] + turn[0] + swing[0],

@@ -72,9 +72,16 @@ class MonitorSettings:
 
 
 class EstimatePoint(NamedTuple):
-    """An estimate as the monitor keeps it: stamp [ns], heights [m], flags, and what drove it.
+    """An estimate as the monitor keeps it.
 
-    The acceleration [m/s²] tells motions apart; None: not known.
+    Attributes:
+        stamp_ns: [ns].
+        linear, nonlinear: the liquid's heights [m], by which the limit is watched.
+        flags: bits of EstimateFlag.
+        acceleration: what drove it [m/s²]; it tells motions apart. None: not known.
+        reading: what a sensor reads of the two heights [m], to be compared with what it read;
+            None: the heights themselves.
+        delay_ns: by how much a measurement comes late [ns].
     """
 
     stamp_ns: int
@@ -82,6 +89,8 @@ class EstimatePoint(NamedTuple):
     nonlinear: float
     flags: int = 0
     acceleration: Vector | None = None
+    reading: tuple[float, float] | None = None
+    delay_ns: int = 0
 
 
 class MeasuredPoint(NamedTuple):
@@ -118,7 +127,9 @@ class Comparison(NamedTuple):
 class Monitor:
     """Takes estimates and measurements as they come, and gives comparisons and events.
 
-    A measurement waits until an estimate at or after its stamp has come. A saturated measurement
+    A measurement waits until an estimate of the moment that it shows, or a later one, has come. It
+    is compared with what the model expects a sensor to read; the limit of the estimated height is
+    that of the liquid itself. A saturated measurement
     is a lower bound: it enters σ and ε only where it lies above the estimate, counts as
     disagreement only there, and does not end an excess of the measured height. Measurements
     without a height, and estimates from an unknown state, are compared but do not enter σ and ε.
@@ -223,7 +234,7 @@ class Monitor:
         if measured_stale and not estimate_stale and self._estimates:
             newest = self._estimates[-1]
             missing = MeasuredPoint(newest.stamp_ns, NAN)
-            comparisons.append(self._compare(missing, newest, measured_stale=True))
+            comparisons.append(self._compare(missing, _as_read(newest), measured_stale=True))
         return comparisons
 
     def silent_sides(self, now_ns: int) -> tuple[bool, bool]:
@@ -265,7 +276,8 @@ class Monitor:
         return follow and all(point.nonlinear <= tracker.limit for point in points[first:])
 
     def _drop_old(self, newest_ns: int) -> None:
-        oldest = newest_ns - self.settings.buffer / SECONDS
+        late = max(self._estimates[-1].delay_ns, 0)
+        oldest = newest_ns - self.settings.buffer / SECONDS - late
         while self._estimates[0].stamp_ns < oldest:
             self._estimates.popleft()
 
@@ -300,24 +312,25 @@ class Monitor:
         """Comparisons of the waiting measurements that the estimates have reached."""
         if not self._estimates:
             return
-        newest = self._estimates[-1].stamp_ns
+        delay = self._estimates[-1].delay_ns
+        newest = self._estimates[-1].stamp_ns + delay
         # All of them: one stamp far in the future must not hold up those behind it.
         ready = [point for point in self._waiting if point.stamp_ns <= newest]
         if not ready:
             return
         self._waiting = deque(point for point in self._waiting if point.stamp_ns > newest)
         for point in ready:
-            estimate = self._interpolated(point.stamp_ns)
+            estimate = self._interpolated(point.stamp_ns - delay)
             if estimate is None:
                 self.unmatched += 1
             yield self._compare(point, estimate)
 
     def _interpolated(self, stamp_ns: int) -> EstimatePoint | None:
-        """The estimate at a moment, linear between its neighbours; None outside the buffer."""
+        """The reading at a moment, linear between its neighbours; None outside the buffer."""
         index = bisect_left(self._estimates, stamp_ns, key=lambda point: point.stamp_ns)
         after = self._estimates[index]
         if after.stamp_ns == stamp_ns:
-            return after
+            return _as_read(after)
         if index == 0:
             return None
         before = self._estimates[index - 1]
@@ -325,6 +338,7 @@ class Monitor:
         if width * SECONDS > self.settings.max_gap:
             return None
         share = (stamp_ns - before.stamp_ns) / width
+        before, after = _as_read(before), _as_read(after)
         return EstimatePoint(
             stamp_ns,
             before.linear + share * (after.linear - before.linear),
@@ -375,3 +389,11 @@ class Monitor:
         difference = measured.msh - nonlinear
         gap = max(difference, 0.0) if bound else abs(difference)
         self._track(Source.DISAGREEMENT, measured.stamp_ns, gap)
+
+
+def _as_read(point: EstimatePoint) -> EstimatePoint:
+    """The estimate with what a sensor reads in place of the liquid's heights."""
+    if point.reading is None:
+        return point
+    linear, nonlinear = point.reading
+    return point._replace(linear=linear, nonlinear=nonlinear)

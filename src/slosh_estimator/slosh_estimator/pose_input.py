@@ -5,6 +5,9 @@ The second derivative is that of the parabola that fits the positions of a slidi
 along: it changes nothing where the stamps are symmetric about the window's centre, and keeps the
 answer that of the centre where they are not. The sample carries the centre's stamp: the estimate
 comes half a window late, but with no phase error.
+
+Angular velocity and acceleration are found in the same way from the rotations φ that lead from the
+centre's attitude to those of the window, in the container's axes: at φ = 0 they are φ̇ and φ̈.
 """
 
 from __future__ import annotations
@@ -18,7 +21,7 @@ from numba import njit
 
 from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.gate import GateSettings, SampleGate, Verdict
-from slosh_estimator.rotation import yaw_of_quaternion
+from slosh_estimator.rotation import Vector, yaw_of_quaternion
 from slosh_estimator.sample import SECONDS, Sample
 from slosh_model.compile_cache import use_compile_cache
 
@@ -31,8 +34,8 @@ MAXIMUM_SPEED = 20.0
 
 class _Pose(NamedTuple):
     stamp_ns: int
-    position: tuple[float, float, float]
-    yaw: float
+    position: Vector
+    attitude: tuple[float, float, float, float]
 
 
 class PoseInput:
@@ -56,9 +59,13 @@ class PoseInput:
         self._window: deque[_Pose] = deque(maxlen=window)
         self._tau = np.zeros(window)
         self._positions = np.zeros((window, 3))
+        self._attitudes = np.zeros((window, 4))
+        self._attitudes[:, 3] = 1.0
         self._restarted = True
         # Compiles the filter, or loads it from the disk's cache, before a pose waits for it.
-        second_derivative(np.arange(float(window)), self._positions)
+        ticks = np.arange(float(window))
+        second_derivative(ticks, self._positions)
+        turning(ticks, self._attitudes)
 
     def update(
         self,
@@ -85,13 +92,16 @@ class PoseInput:
         if verdict is Verdict.RESTART or jumped:
             self._window.clear()
             self._restarted = True
-        self._window.append(_Pose(stamp_ns, position, yaw_of_quaternion(*quaternion)))
+        self._window.append(_Pose(stamp_ns, position, quaternion))
         if len(self._window) < (self._window.maxlen or 0):
             return None
         centre = self._window[len(self._window) // 2]
-        ax, ay, az = self._second_derivative(centre.stamp_ns)
+        self._fill(centre.stamp_ns)
+        ax, ay, az = second_derivative(self._tau, self._positions)
+        pose = turning(self._tau, self._attitudes)
+        yaw = yaw_of_quaternion(*centre.attitude)
         restarted, self._restarted = self._restarted, False
-        return Sample(centre.stamp_ns, ax, ay, az, centre.yaw, restarted)
+        return Sample(centre.stamp_ns, ax, ay, az, yaw, restarted, pose)
 
     def warning(self) -> str | None:
         """What the user should mend; None: nothing."""
@@ -106,13 +116,13 @@ class PoseInput:
         seconds = (stamp_ns - last.stamp_ns) * SECONDS
         return math.dist(position, last.position) > MAXIMUM_SPEED * seconds
 
-    def _second_derivative(self, centre_ns: int) -> tuple[float, float, float]:
-        tau, positions = self._tau, self._positions
+    def _fill(self, centre_ns: int) -> None:
+        """The window as arrays."""
+        tau, positions, attitudes = self._tau, self._positions, self._attitudes
         for row, pose in enumerate(self._window):
             tau[row] = (pose.stamp_ns - centre_ns) * SECONDS
             positions[row] = pose.position
-        ax, ay, az = second_derivative(tau, positions)
-        return ax, ay, az
+            attitudes[row] = pose.attitude
 
 
 @njit(cache=True)
@@ -127,7 +137,49 @@ def second_derivative(tau: Any, positions: Any) -> Any:
         its three components [m/s²].
     """
     scale = np.max(np.abs(tau))  # keeps the normal equations well conditioned
-    centre = positions[len(tau) // 2]
+    solution = _cubic(tau, scale, positions)
+    factor = 2.0 / (scale * scale)
+    return solution[2, 0] * factor, solution[2, 1] * factor, solution[2, 2] * factor
+
+
+@njit(cache=True)
+def turning(tau: Any, attitudes: Any) -> Any:
+    """How a container stands and turns at tau = 0; see `slosh_estimator.sample.Pose`.
+
+    Args:
+        tau: (N,) time from the centre [s].
+        attitudes: (N, 4) quaternions x, y, z, w, world ← container, of any length but zero.
+
+    Returns:
+        the centre's attitude, of length 1, angular velocity [rad/s] and acceleration [rad/s²].
+    """
+    centre = attitudes[len(tau) // 2]
+    x, y, z, w = centre / math.sqrt((centre * centre).sum())
+    rotations = np.empty((len(tau), 3))
+    for i in range(len(tau)):
+        bx, by, bz, bw = attitudes[i]
+        # The centre's conjugate times the other.
+        rx, ry, rz = (
+            w * bx - x * bw - y * bz + z * by,
+            w * by - y * bw - z * bx + x * bz,
+            w * bz - z * bw - x * by + y * bx,
+        )
+        rw = w * bw + x * bx + y * by + z * bz
+        if rw < 0.0:
+            rx, ry, rz, rw = -rx, -ry, -rz, -rw
+        size = math.sqrt(rx * rx + ry * ry + rz * rz)
+        factor = 2.0 * math.atan2(size, rw) / size if size > 0.0 else 0.0
+        rotations[i, 0], rotations[i, 1], rotations[i, 2] = factor * rx, factor * ry, factor * rz
+    scale = np.max(np.abs(tau))
+    solution = _cubic(tau, scale, rotations)
+    first, second = solution[1] / scale, solution[2] * (2.0 / (scale * scale))
+    return x, y, z, w, first[0], first[1], first[2], second[0], second[1], second[2]
+
+
+@njit(cache=True)
+def _cubic(tau: Any, scale: float, values: Any) -> Any:
+    """Coefficients (4, 3) of the least-squares cubic in tau/scale, about the centre's value."""
+    centre = values[len(tau) // 2]
     normal = np.zeros((4, 4))
     right = np.zeros((4, 3))
     powers = np.ones(4)
@@ -138,7 +190,5 @@ def second_derivative(tau: Any, positions: Any) -> Any:
             for q in range(4):
                 normal[p, q] += powers[p] * powers[q]
             for axis in range(3):
-                right[p, axis] += powers[p] * (positions[i, axis] - centre[axis])
-    solution = np.linalg.solve(normal, right)
-    factor = 2.0 / (scale * scale)
-    return solution[2, 0] * factor, solution[2, 1] * factor, solution[2, 2] * factor
+                right[p, axis] += powers[p] * (values[i, axis] - centre[axis])
+    return np.linalg.solve(normal, right)

@@ -8,7 +8,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from slosh_model.kernel import UPRIGHT
+
 SECONDS = 1e-9  # of a nanosecond
+Pose = tuple[float, float, float, float, float, float, float, float, float, float]
+"""How a container stands and turns: its attitude as a quaternion x, y, z, w, world ← container,
+its angular velocity [rad/s] and its angular acceleration [rad/s²] in its own axes."""
 
 
 class Sample(NamedTuple):
@@ -22,6 +27,9 @@ class Sample(NamedTuple):
             container's but do not follow its yaw: the liquid in a round one does not either.
         yaw: angle of the container's x axis in these axes [rad].
         restarted: True for the first sample and after a gap: nothing links it to those before.
+        pose: how the container stands and turns; None: upright, and it does not turn. Where the
+            acceleration holds gravity's share along a tilted floor already, the attitude is that
+            of the yaw alone.
     """
 
     stamp_ns: int
@@ -30,6 +38,7 @@ class Sample(NamedTuple):
     az: float
     yaw: float = 0.0
     restarted: bool = False
+    pose: Pose | None = None
 
 
 class Samples(NamedTuple):
@@ -40,12 +49,14 @@ class Samples(NamedTuple):
         accelerations: (N, 3) [m/s²].
         yaws: (N,) [rad].
         restarted: (N,) whether nothing links a sample to those before.
+        poses: (N, POSE_COUNT) as in Sample; None: upright throughout.
     """
 
     stamps: NDArray[np.int64]
     accelerations: NDArray[np.float64]
     yaws: NDArray[np.float64]
     restarted: NDArray[np.bool_]
+    poses: NDArray[np.float64] | None = None
 
     @classmethod
     def of(cls, samples: Sequence[Sample]) -> Samples:
@@ -56,6 +67,7 @@ class Samples(NamedTuple):
             np.ascontiguousarray(values[:, :3]),
             values[:, 3].copy(),
             np.array([sample.restarted for sample in samples], dtype=bool),
+            _poses(samples),
         )
 
     def one(self, index: int) -> Sample:
@@ -64,4 +76,11 @@ class Samples(NamedTuple):
         return Sample(
             int(self.stamps[index]), ax, ay, az, float(self.yaws[index]),
             bool(self.restarted[index]),
+            None if self.poses is None else tuple(self.poses[index].tolist()),
         )  # fmt: skip
+
+
+def _poses(samples: Sequence[Sample]) -> NDArray[np.float64] | None:
+    if all(sample.pose is None for sample in samples):
+        return None
+    return np.array([sample.pose or UPRIGHT for sample in samples], dtype=np.float64)

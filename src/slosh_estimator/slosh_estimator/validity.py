@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from enum import IntFlag
 
+from slosh_model.effects.registry import EFFECTS
 from slosh_model.model import Model
 
 
@@ -35,4 +36,21 @@ def validity_limits(model: Model) -> tuple[float, float, float, float, float]:
         limits.acceleration,
         limits.jerk,
         math.inf if freeboard is None else freeboard,
+    )
+
+
+def attitude_warning(model: Model, kind: str) -> str:
+    """Why effects of a model do nothing with an input, in one line; empty: all act.
+
+    Args:
+        model: the model.
+        kind: what drives it: 'accel' tells no attitude, 'imu' and 'pose' do.
+    """
+    turning = [use.name for use in model.effects if EFFECTS[use.name].needs_rotation]
+    if kind != "accel" or not turning:
+        return ""
+    do, need = ("does", "needs") if len(turning) == 1 else ("do", "need")
+    return (
+        f"{', '.join(turning)} {do} nothing with the input 'accel', which tells no attitude: "
+        f"{need} the input 'pose' or 'imu'"
     )

@@ -73,6 +73,17 @@ class SloshEstimate:
 
 
 @dataclass(frozen=True, slots=True)
+class ExpectedReading:
+    """What a sensor is expected to read of an estimate; see ExpectedReading.msg."""
+
+    stamp_ns: int
+    frame_id: str = "container"
+    linear: float = NAN
+    nonlinear: float = NAN
+    delay: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
 class SloshComparison:
     """Measured against estimated; see SloshComparison.msg."""
 

@@ -17,6 +17,7 @@ KINDS = [
     values.FreeSurface,
     values.ModelEstimate,
     values.SloshEstimate,
+    values.ExpectedReading,
     values.SloshComparison,
     values.LimitEvent,
 ]

@@ -27,7 +27,13 @@ LARGE_DEPTHS = {
     "sensor_msgs/msg/CompressedImage": 100,
 }
 INPUTS = (names.ACCEL, names.IMU, names.POSE)
-_ANSWERS = (names.FREE_SURFACE, names.ESTIMATE, names.COMPARISON, names.LIMIT_EVENT)
+_ANSWERS = (
+    names.FREE_SURFACE,
+    names.ESTIMATE,
+    names.EXPECTED_READING,
+    names.COMPARISON,
+    names.LIMIT_EVENT,
+)
 _CELL_NAMES = "|".join((*INPUTS, *_ANSWERS, "settings", "camera/.+", "cell/.+"))
 _NAME = re.compile("(/[A-Za-z_][A-Za-z0-9_]*)+")
 _CELL_TOPIC = re.compile(f"^(?P<namespace>.*?)/(?P<name>{_CELL_NAMES})$")

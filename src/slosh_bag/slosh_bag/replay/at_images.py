@@ -24,19 +24,29 @@ class ModelHeights(NamedTuple):
         heights: (M, K) [m].
         azimuth: (M,) of the last model [rad].
         flags: (M,) bits of EstimateFlag.
+        readings: (M, K) what a sensor reads of the heights [m]; None: the heights.
+        delays: (M,) by how much a measurement comes late [ns]; None: it does not.
     """
 
     stamps: Integers
     heights: Array
     azimuth: Array
     flags: Integers
+    readings: Array | None = None
+    delays: Integers | None = None
+
+    @property
+    def as_read(self) -> Array:
+        """(M, K) what a sensor reads of the heights [m]."""
+        return self.heights if self.readings is None else self.readings
 
 
 class AtImages(NamedTuple):
     """The same at N images; NaN where there is no estimate.
 
     Attributes:
-        heights: (N, K), linear between the two estimates around the image [m].
+        heights: (N, K) as a sensor reads them, linear between the two estimates around what the
+            image shows [m].
         azimuth: (N,) of the estimate before it [rad].
         usable: (N,) whether the estimates come from a known state.
     """
@@ -54,13 +64,16 @@ def at_images(estimates: ModelHeights, stamps: Integers) -> AtImages:
         stamps: (N,) [ns].
     """
     last = len(estimates.stamps) - 1
+    if estimates.delays is not None:
+        newest = np.searchsorted(estimates.stamps, stamps, side="right") - 1
+        stamps = stamps - estimates.delays[np.maximum(newest, 0)]
     after = np.searchsorted(estimates.stamps, stamps)
     exact = (after <= last) & (estimates.stamps[np.minimum(after, last)] == stamps)
     before = np.clip(np.where(exact, after, after - 1), 0, last)
     after = np.clip(after, 0, last)
     width = estimates.stamps[after] - estimates.stamps[before]
     share = (stamps - estimates.stamps[before]) / np.maximum(width, 1)
-    low, high = estimates.heights[before], estimates.heights[after]
+    low, high = estimates.as_read[before], estimates.as_read[after]
     heights = low + np.where(width > 0, share, 0.0)[:, None] * (high - low)
     outside = (stamps < estimates.stamps[0]) | (stamps > estimates.stamps[-1])
     none = outside | (width > MAX_GAP_NS)

@@ -28,15 +28,19 @@ from slosh_bag.replay.rows import chosen, joined
 from slosh_bag.replay.run import Outputs, Parts, ReplayRun
 from slosh_bag.replay.series import Series
 from slosh_bag.replay.settings import NodeStart
+from slosh_bag.replay.table import replay_table
 from slosh_bag.replay.unrelated import WholeRun, judge_unrelated
 from slosh_bag.replay.verification import COMPARED, Verifier, estimate_fields
 from slosh_estimator.monitor import MonitorSettings
+from slosh_estimator.validity import attitude_warning
 from slosh_model.arithmetic import arithmetic_fingerprint
 from slosh_model.compile_cache import sources_digest
 from slosh_model.containers import Cylinder
 from slosh_model.model import Model
 from slosh_model.model_text import format_model
 
+TABLE, TABLE_ORIGIN = "table_columns", "table_origin_ns"
+"""Facts of a bag that was made of a motion table."""
 _COMPARISON_FIELDS = (*STAMP, "measured_stale", *COMPARED)
 _SURFACE_FIELDS = (*STAMP, "msh", "flags", "msh_stddev", "azimuth")
 
@@ -92,6 +96,8 @@ def replay_bag(
     used = model or recorded or _noted_model(path, sources.facts)
     how = given or (inputs.input_settings(started.parameters) if started else InputSettings())
     watched = monitor or _monitor_settings(sources)
+    if _is_turning_table(sources, used):
+        return _replay_table_bag(path, reader, sources, used, watched, outputs)
     input_reader = InputReader(sources.kind, how)
     if sources.facts.get("clocks") == "unrelated":
         parts = chain.from_iterable(feed(reader, sources))
@@ -120,7 +126,37 @@ def replay_bag(
         run.advance(final=True)
         origin = _origin(started, recorded, used)
         result = conclude(path.name, sources.input, run, made_of, origin)
-    return replace(result, warnings=(*_warnings(path, reader, sources), *result.warnings))
+    unfelt = [f"{path}: {line}" for line in [attitude_warning(used, sources.kind)] if line]
+    warnings = (*_warnings(path, reader, sources), *unfelt, *result.warnings)
+    return replace(result, warnings=warnings)
+
+
+def _is_turning_table(sources: Sources, model: Model) -> bool:
+    """Whether the bag is a motion table whose attitude, beside the accelerations, matters."""
+    return TABLE in sources.facts and bool(attitude_warning(model, sources.kind))
+
+
+def _replay_table_bag(
+    path: Path,
+    reader: BagReader,
+    sources: Sources,
+    model: Model,
+    monitor: MonitorSettings,
+    outputs: Outputs | None,
+) -> ReplayResult:
+    """Replays the table that a bag was made of, with its attitude."""
+    # It reads bags by what is above.
+    from slosh_bag.interchange.bag_table import TableSettings, read_bag_table
+
+    table = read_bag_table(path, TableSettings()).table
+    origin_ns = int(sources.facts.get(TABLE_ORIGIN, 0))
+    result = replay_table(
+        path.name, table, model, monitor, source=sources.input, origin_ns=origin_ns,
+        outputs=outputs,
+    )  # fmt: skip
+    blind = table.attitude is None and table.angular_velocity is None
+    unfelt = (f"{path}: {attitude_warning(model, sources.kind)}",) if blind else ()
+    return replace(result, warnings=(*_warnings(path, reader, sources), *unfelt, *result.warnings))
 
 
 def _warnings(path: Path, reader: BagReader, sources: Sources) -> list[str]:

@@ -77,11 +77,15 @@ class EstimatorBank:
         columns = [
             part.heights[:, surface, _MSH] for surface in (0, 1) for part in (planar, spatial)
         ]
+        readings = [part.as_read[:, surface] for surface in (0, 1) for part in (planar, spatial)]
+        delay_ns = round(self._own.reading_delay * 1e9)
         heights = ModelHeights(
             own.stamps,
             np.column_stack(columns),
             own.heights[:, 1, _AZIMUTH],
             own.flags | twin.flags,
+            np.column_stack(readings),
+            np.full(len(own.stamps), delay_ns, dtype=np.int64),
         )
         return BankEstimates(own, heights)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_left
+from itertools import repeat
 from typing import NamedTuple
 
 import numpy as np
@@ -27,12 +28,22 @@ LONG_SILENCE_NS = 100 * CHECK_NS
 
 
 class Heights(NamedTuple):
-    """The estimates that are monitored: stamps (M,) [ns], L and NL (M,) [m], flags (M,)."""
+    """The estimates that are monitored.
+
+    Attributes:
+        stamps: (M,) [ns].
+        linear, nonlinear: (M,) heights of L and of NL [m].
+        flags: (M,) bits of EstimateFlag.
+        readings: (M, 2) what a sensor reads of L and of NL [m]; None: the heights.
+        delays: (M,) by how much a measurement comes late [ns]; None: it does not.
+    """
 
     stamps: Integers
     linear: Array
     nonlinear: Array
     flags: Integers
+    readings: Array | None = None
+    delays: Integers | None = None
 
 
 class Measurements(NamedTuple):
@@ -80,7 +91,7 @@ class MonitorFeed:
             the comparisons in the order in which they were made.
         """
         estimates = chosen(estimates, self._needed(estimates, measured.stamps))
-        points = list(map(EstimatePoint, *(column.tolist() for column in estimates)))
+        points = _points(estimates)
         images = [MeasuredPoint(*row) for row in _rows(measured)]
         found: list[Comparison] = []
         at = 0
@@ -109,8 +120,9 @@ class MonitorFeed:
         last_loud = np.maximum.accumulate(np.where(loud, stamps, self._loud))
         widest = int(np.diff(stamps, prepend=self._newest).max())
         self._loud, self._newest = int(last_loud[-1]), int(stamps[-1])
-        if widest > CHECK_NS:
-            # After a silence the clock may be looked at in another rhythm.
+        if widest > CHECK_NS or estimates.delays is not None:
+            # After a silence the clock may be looked at in another rhythm; with a delay images
+            # need other estimates than those around them, perhaps earlier than these.
             return np.ones(len(stamps), dtype=bool)
         near = stamps - last_loud <= self.monitor.settings.hysteresis.hold_ns + CHECK_NS
         ticks = np.arange(self._next_check, stamps[-1] + 1, CHECK_NS)
@@ -143,6 +155,22 @@ class MonitorFeed:
             found += self.monitor.check(self._next_check)
             self._next_check += CHECK_NS
         return found
+
+
+def _points(estimates: Heights) -> list[EstimatePoint]:
+    stamps, linear, nonlinear, flags = (column.tolist() for column in estimates[:4])
+    if estimates.readings is None and estimates.delays is None:
+        return list(map(EstimatePoint, stamps, linear, nonlinear, flags))
+    count = len(stamps)
+    readings = (
+        repeat(None, count)
+        if estimates.readings is None
+        else map(tuple, estimates.readings.tolist())
+    )
+    delays = repeat(0, count) if estimates.delays is None else estimates.delays.tolist()
+    return list(
+        map(EstimatePoint, stamps, linear, nonlinear, flags, repeat(None), readings, delays)
+    )
 
 
 def _rows(measured: Measurements) -> zip[tuple[int, float, float, int]]:

@@ -266,13 +266,11 @@ class ReplayRun:
             self._monitor(_NOTHING, measured)
             return
         due = (estimates.stamps > self._released) & (estimates.stamps <= until)
-        linear, nonlinear = (estimates.heights[due, column] for column in self._parts.bank.own)
-        self._monitor(
-            Heights(estimates.stamps[due], linear, nonlinear, estimates.flags[due]), measured
-        )
+        self._monitor(monitored(chosen(estimates, due), self._parts.bank.own), measured)
         if due.any():
             self._released = int(estimates.stamps[due][-1])
-        kept = estimates.stamps > min(until, int(estimates.stamps[-1])) - KEPT_NS
+        late = 0 if estimates.delays is None else max(int(estimates.delays.max()), 0)
+        kept = estimates.stamps > min(until, int(estimates.stamps[-1])) - KEPT_NS - late
         self._heights = chosen(estimates, kept)
 
     def _take_measured(self, until: int) -> Measurements:
@@ -311,6 +309,26 @@ class ReplayRun:
             rows["usable"] = found.usable
         rows["motion"] = self.motions.number_at(measured.stamps, AFTER_MOTION_NS)
         series.append(rows)
+
+
+def monitored(estimates: ModelHeights, own: tuple[int, int]) -> Heights:
+    """What the monitor is told of estimates.
+
+    Args:
+        estimates: of all models.
+        own: which of them are the loaded model's L and NL twin.
+    """
+    columns = list(own)
+    heights, readings = estimates.heights[:, columns], estimates.as_read[:, columns]
+    delayed = estimates.delays is not None and estimates.delays.any()
+    return Heights(
+        estimates.stamps,
+        heights[:, 0],
+        heights[:, 1],
+        estimates.flags,
+        None if np.array_equal(heights, readings, equal_nan=True) else readings,
+        estimates.delays if delayed else None,
+    )
 
 
 class _Newest(NamedTuple):

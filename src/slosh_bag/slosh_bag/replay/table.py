@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -14,11 +15,13 @@ from slosh_bag.replay.conclusion import conclude
 from slosh_bag.replay.inputs import InputReader, InputSettings
 from slosh_bag.replay.monitor_feed import Measurements, MonitorFeed
 from slosh_bag.replay.result import ReplayResult
-from slosh_bag.replay.run import Parts, ReplayRun
+from slosh_bag.replay.run import Outputs, Parts, ReplayRun
 from slosh_bag.replay.series import Series
 from slosh_estimator.gate import GateSettings
 from slosh_estimator.monitor import MonitorSettings
+from slosh_estimator.sample import Samples
 from slosh_model.model import Model
+from slosh_model.pose import pose_rows
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -26,10 +29,35 @@ Integers = NDArray[np.int64]
 _LONGEST_STEP = 3600.0
 """A table's rows belong together, however far apart they are [s]."""
 _BLOCK = 50_000
+_YAW, _POSE = "yaw", "pose"
+
+
+class TableReader(InputReader):
+    """Turns rows of a table into samples, with the container's attitude where the table has it."""
+
+    def __init__(self) -> None:
+        super().__init__("accel", InputSettings("accel", GateSettings(max_gap=_LONGEST_STEP)))
+
+    def samples(
+        self, stamps: Integers, columns: Mapping[str, NDArray[Any]], rows: NDArray[Any]
+    ) -> Samples:
+        """The samples of some rows; fewer where two fall on one nanosecond."""
+        found = super().samples(stamps, columns, rows)
+        if _POSE not in columns:
+            return found
+        used = rows[np.searchsorted(stamps[rows], found.stamps)]
+        return found._replace(yaws=columns[_YAW][used], poses=columns[_POSE][used])
 
 
 def replay_table(
-    name: str, table: MotionTable, model: Model, monitor: MonitorSettings | None = None
+    name: str,
+    table: MotionTable,
+    model: Model,
+    monitor: MonitorSettings | None = None,
+    *,
+    source: str | None = None,
+    origin_ns: int = 0,
+    outputs: Outputs | None = None,
 ) -> ReplayResult:
     """Replays a motion table with measured heights; its one column of time is both clocks.
 
@@ -38,6 +66,9 @@ def replay_table(
         table: the motion, with `msh` or `eta`.
         model: container and liquid.
         monitor: limits that are watched.
+        source: what drives the models, for the result; None: the table.
+        origin_ns: stamp of the time 0 [ns].
+        outputs: receives estimates, comparisons and events as they come.
 
     Raises:
         SloshBagError: the table holds no measured heights.
@@ -45,34 +76,38 @@ def replay_table(
     heights = table.measured
     if heights is None:
         raise SloshBagError(f"{name}: holds no measured heights; add a column msh or eta_…")
-    stamps = np.rint(table.t * 1e9).astype(np.int64)
-    settings = InputSettings("accel", GateSettings(max_gap=_LONGEST_STEP))
+    stamps = np.rint(table.t * 1e9).astype(np.int64) + origin_ns
+    columns = _columns(stamps, table)
     with Series(4) as series:
         parts = Parts(
             EstimatorBank(model),
-            InputReader("accel", settings),
+            TableReader(),
             MonitorFeed(monitor or MonitorSettings()),
             series,
+            outputs=outputs or Outputs(),
         )
         run = ReplayRun(name, parts)
         for start in range(0, len(stamps), _BLOCK):
             rows = slice(start, start + _BLOCK)
             newest = int(stamps[rows][-1])
-            run.add_input(_columns(stamps[rows], table.acceleration[rows]), newest)
+            run.add_input({key: column[rows] for key, column in columns.items()}, newest)
             run.add_measurements(_measurements(stamps[rows], heights[rows]), newest)
             run.advance()
         run.advance(final=True)
-        return conclude(name, name, run, parts)
+        return conclude(name, source or name, run, parts)
 
 
-def _columns(stamps: Integers, acceleration: Array) -> dict[str, NDArray[Any]]:
-    """The rows as columns of AccelStamped.msg."""
+def _columns(stamps: Integers, table: MotionTable) -> dict[str, NDArray[Any]]:
+    """The rows as columns of AccelStamped.msg, with yaw and pose where they are known."""
     seconds, nanoseconds = np.divmod(stamps, 1_000_000_000)
+    yaws, poses = pose_rows(table.t, table.attitude, table.angular_velocity)
+    turning = {_YAW: yaws, _POSE: poses} if len(poses) else {}
     return {
+        **turning,
         "header.stamp.sec": seconds,
         "header.stamp.nanosec": nanoseconds,
         "header.frame_id": np.full(len(stamps), "world", dtype=object),
-        **{f"accel.linear.{axis}": acceleration[:, i] for i, axis in enumerate("xyz")},
+        **{f"accel.linear.{axis}": table.acceleration[:, i] for i, axis in enumerate("xyz")},
     }
 
 

@@ -84,9 +84,7 @@ def judge_unrelated(
     model_t = _seconds(run.heights.stamps)
     heights = {
         model: np.interp(t - clock.offset, model_t, column, left=np.nan, right=np.nan)
-        for model, column, clock in zip(
-            run.names, run.heights.heights.T, found.clocks, strict=True
-        )
+        for model, column, clock in zip(run.names, _raised(run).T, found.clocks, strict=True)
     }
     with Series(len(run.names)) as series:
         rows = np.zeros(len(t), dtype=series.dtype)
@@ -118,7 +116,7 @@ def _align(name: str, t: Array, raw: Array, run: WholeRun) -> _Alignment:
     if len(moving) == 0:
         raise SloshBagError(f"{name}: the container does not move; there is nothing to compare")
     motion = slice(int(moving[0]), int(moving[-1]) + 1)
-    heights = run.heights.heights
+    heights = _raised(run)
     try:
         still = find_still_level(t, raw)
         centre = onset_offset(t, raw, model_t, heights.mean(axis=1), still)
@@ -133,10 +131,22 @@ def _align(name: str, t: Array, raw: Array, run: WholeRun) -> _Alignment:
 
 def _monitor(feed: MonitorFeed, run: WholeRun, raised: Array, shift_ns: int) -> None:
     heights = run.heights
+    readings = _raised(run)[:, [1, 3]]
     estimates = Heights(
-        heights.stamps + shift_ns, heights.heights[:, 1], heights.heights[:, 3], heights.flags
-    )
+        heights.stamps + shift_ns, heights.heights[:, 1], heights.heights[:, 3], heights.flags,
+        None if np.array_equal(readings, heights.heights[:, [1, 3]]) else readings,
+    )  # fmt: skip
     feed.add(estimates, run.measured._replace(heights=raised))
+
+
+def _raised(run: WholeRun) -> Array:
+    """What a sensor reads of the models' heights (M, K) [m], above what it reads at rest.
+
+    A delay is part of the clocks' offset, an offset of the heights part of the still level.
+    """
+    readings = run.heights.as_read
+    raised: Array = readings - (readings[0] - run.heights.heights[0])
+    return raised
 
 
 def _seconds(stamps: NDArray[np.int64]) -> Array:

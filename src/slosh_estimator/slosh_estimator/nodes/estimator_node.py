@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 import time
-from array import array
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -16,16 +15,19 @@ from sensor_msgs.msg import Imu
 from std_srvs.srv import Trigger
 
 from slosh_estimator.accel_input import AccelInput
-from slosh_estimator.estimator import Estimate, Estimator, ModelState
+from slosh_estimator.estimator import Estimator
 from slosh_estimator.gate import DROPPED, GateSettings
 from slosh_estimator.imu_input import ImuInput, SensorTransform
 from slosh_estimator.model_file import read_model
+from slosh_estimator.nodes.estimator_messages import fill, fill_reading, imu_sample
 from slosh_estimator.pose_input import PoseInput
+from slosh_estimator.readings import has_readings
 from slosh_estimator.sample import Sample
+from slosh_estimator.validity import attitude_warning
 from slosh_model.arithmetic import arithmetic_fingerprint
 from slosh_model.compile_cache import sources_digest
 from slosh_model.model_text import format_model, parse_model
-from slosh_msgs.msg import ModelEstimate, SloshEstimate
+from slosh_msgs.msg import ExpectedReading, SloshEstimate
 from slosh_msgs.srv import LoadModel
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.node.diagnostics import ERROR, OK, STALE, WARN, DiagnosticsReporter, Health
@@ -67,7 +69,10 @@ class EstimatorNode(Node):
         self._estimator = Estimator(read_model(values["model"]))
         warm_up(self._estimator)
         self._message = SloshEstimate()
+        self._reading = ExpectedReading()
         self._message.header.frame_id = values["container_frame"]
+        self._reading.header.frame_id = values["container_frame"]
+        self._kind = values["input"]
         self._set_names()
         self._last_stamp = 0
         self._settings = SettingsPublisher(
@@ -75,6 +80,9 @@ class EstimatorNode(Node):
         )
         self._announce_start()
         self._publisher = self.create_publisher(SloshEstimate, topics.ESTIMATE, qos.STREAM_OUT)
+        self._readings = self.create_publisher(
+            ExpectedReading, topics.EXPECTED_READING, qos.STREAM_OUT
+        )
         self._input = self._subscribe(values)
         self.create_service(LoadModel, topics.LOAD_MODEL, self._on_load_model)
         self.create_service(Trigger, topics.RESET, self._on_reset)
@@ -131,6 +139,9 @@ class EstimatorNode(Node):
         fill(self._message, estimate)
         self._message.samples_used = gate.used
         self._message.samples_dropped = gate.dropped
+        if self._has_readings:
+            fill_reading(self._reading, estimate, self._estimator.reading_delay)
+            self._readings.publish(self._reading)
         self._publisher.publish(self._message)
         self._report.count("output")
         if gate.used % LATENCY_EVERY == 0:
@@ -149,7 +160,9 @@ class EstimatorNode(Node):
             response.success, response.message = False, str(error)
         else:
             self._set_names()
-            response.success, response.message = True, "loaded; the models start from rest"
+            remark = f"; {self._unfelt}" if self._unfelt else ""
+            response.success = True
+            response.message = f"loaded; the models start from rest{remark}"
         response.models = ", ".join(self._estimator.names)
         return response
 
@@ -165,7 +178,10 @@ class EstimatorNode(Node):
         self._settings.publish(files, self._last_stamp)
 
     def _set_names(self) -> None:
-        self._message.linear.model, self._message.nonlinear.model = self._estimator.names
+        linear, nonlinear = self._estimator.names
+        self._message.linear.model, self._message.nonlinear.model = linear, nonlinear
+        self._has_readings = has_readings(linear)
+        self._unfelt = attitude_warning(self._estimator.model, self._kind)
 
     def _health(self) -> Health:
         gate = self._input.gate
@@ -176,6 +192,8 @@ class EstimatorNode(Node):
         warning = self._input.warning()
         if warning:
             return ERROR, warning
+        if self._unfelt:
+            return WARN, self._unfelt
         if silent:
             return STALE, "no usable input since the last report"
         if dropped:
@@ -189,48 +207,6 @@ class EstimatorNode(Node):
         gate = self._input.gate
         dropped = {f"dropped: {verdict.value}": gate.counts[verdict] for verdict in DROPPED}
         return {**dropped, "gaps": gate.gaps, "divergences": self._estimator.divergences}
-
-
-def imu_sample(
-    message: Imu,
-) -> tuple[int, tuple[float, float, float], tuple[float, float, float] | None]:
-    """Stamp, specific force and angular velocity; 'not reported' is NaN or covariance[0] = -1."""
-    f, w = message.linear_acceleration, message.angular_velocity
-    reported = message.angular_velocity_covariance[0] >= 0.0 and w.x == w.x
-    force = (f.x, f.y, f.z)
-    if message.linear_acceleration_covariance[0] < 0.0:
-        force = (float("nan"),) * 3
-    return to_nanoseconds(message.header.stamp), force, (w.x, w.y, w.z) if reported else None
-
-
-def fill(message: SloshEstimate, estimate: Estimate) -> None:
-    """Writes an estimate into a message that is used again and again."""
-    sample = estimate.sample
-    stamp = message.header.stamp
-    stamp.sec, stamp.nanosec = divmod(sample.stamp_ns, 1_000_000_000)
-    _fill_model(message.linear, estimate.linear)
-    _fill_model(message.nonlinear, estimate.nonlinear)
-    acceleration = message.acceleration
-    acceleration[0], acceleration[1], acceleration[2] = sample.ax, sample.ay, sample.az
-    message.jerk = estimate.jerk
-    message.yaw = sample.yaw
-    message.flags = estimate.flags
-
-
-def _fill_model(message: ModelEstimate, state: ModelState) -> None:
-    message.msh = state.msh
-    message.azimuth = state.azimuth
-    message.sh_x = state.sh_x
-    message.sh_y = state.sh_y
-    position, velocity = message.modal_position, message.modal_velocity
-    if len(position) != 2 * len(state.modal):
-        message.modal_position = position = array("d", bytes(16 * len(state.modal)))
-        message.modal_velocity = velocity = array("d", bytes(16 * len(state.modal)))
-    at = 0
-    for x, y, vx, vy in state.modal:
-        position[at], position[at + 1] = x, y
-        velocity[at], velocity[at + 1] = vx, vy
-        at += 2
 
 
 def warm_up(estimator: Estimator) -> None:

@@ -19,9 +19,10 @@ from slosh_estimator.monitor import (
     Monitor,
     MonitorSettings,
 )
+from slosh_estimator.readings import Reading, ReadingJoiner
 from slosh_model.arithmetic import arithmetic_fingerprint
 from slosh_model.compile_cache import sources_digest
-from slosh_msgs.msg import FreeSurface, LimitEvent, SloshComparison, SloshEstimate
+from slosh_msgs.msg import ExpectedReading, FreeSurface, LimitEvent, SloshComparison, SloshEstimate
 from slosh_msgs_py import conversions, qos, topics, values
 from slosh_msgs_py.node.diagnostics import ERROR, OK, STALE, WARN, DiagnosticsReporter, Health
 from slosh_msgs_py.node.parameters import ParameterSpec, declare
@@ -72,6 +73,10 @@ class MonitorNode(Node):
         )
         self._events = self.create_publisher(LimitEvent, topics.LIMIT_EVENT, qos.EVENT)
         self.create_subscription(SloshEstimate, topics.ESTIMATE, self._on_estimate, qos.STREAM_IN)
+        self._joiner = ReadingJoiner()
+        self.create_subscription(
+            ExpectedReading, topics.EXPECTED_READING, self._on_reading, qos.STREAM_IN
+        )
         self.create_subscription(
             FreeSurface, topics.FREE_SURFACE, self._on_free_surface, qos.STREAM_IN
         )
@@ -89,7 +94,20 @@ class MonitorNode(Node):
             message.flags,
             tuple(message.acceleration.tolist()),
         )
-        self._publish(self._core.add_estimate(point, self._arrival()))
+        self._add(self._joiner.add_estimate(point, message.nonlinear.model))
+
+    def _on_reading(self, message: ExpectedReading) -> None:
+        reading = Reading(
+            to_nanoseconds(message.header.stamp),
+            message.linear,
+            message.nonlinear,
+            round(message.delay * 1e9),
+        )
+        self._add(self._joiner.add_reading(reading))
+
+    def _add(self, points: list[EstimatePoint]) -> None:
+        for point in points:
+            self._publish(self._core.add_estimate(point, self._arrival()))
 
     def _on_free_surface(self, message: FreeSurface) -> None:
         self._report.count("free_surface")
@@ -169,6 +187,7 @@ class MonitorNode(Node):
             "motions that disagree": core.motions.disagreeing,
             "measurements without an estimate": core.unmatched,
             "estimates out of order": core.late_estimates,
+            "estimates without an expected reading": self._joiner.lost,
         }
 
 

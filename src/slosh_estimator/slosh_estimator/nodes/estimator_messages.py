@@ -1,0 +1,62 @@
+"""The estimator's messages: their fields to numbers, and numbers to their fields."""
+
+from __future__ import annotations
+
+from array import array
+
+from sensor_msgs.msg import Imu
+
+from slosh_estimator.estimator import Estimate, ModelState
+from slosh_msgs.msg import ExpectedReading, ModelEstimate, SloshEstimate
+from slosh_msgs_py.stamps import to_nanoseconds
+
+
+def imu_sample(
+    message: Imu,
+) -> tuple[int, tuple[float, float, float], tuple[float, float, float] | None]:
+    """Stamp, specific force and angular velocity; 'not reported' is NaN or covariance[0] = -1."""
+    f, w = message.linear_acceleration, message.angular_velocity
+    reported = message.angular_velocity_covariance[0] >= 0.0 and w.x == w.x
+    force = (f.x, f.y, f.z)
+    if message.linear_acceleration_covariance[0] < 0.0:
+        force = (float("nan"),) * 3
+    return to_nanoseconds(message.header.stamp), force, (w.x, w.y, w.z) if reported else None
+
+
+def fill(message: SloshEstimate, estimate: Estimate) -> None:
+    """Writes an estimate into a message that is used again and again."""
+    sample = estimate.sample
+    stamp = message.header.stamp
+    stamp.sec, stamp.nanosec = divmod(sample.stamp_ns, 1_000_000_000)
+    _fill_model(message.linear, estimate.linear)
+    _fill_model(message.nonlinear, estimate.nonlinear)
+    acceleration = message.acceleration
+    acceleration[0], acceleration[1], acceleration[2] = sample.ax, sample.ay, sample.az
+    message.jerk = estimate.jerk
+    message.yaw = sample.yaw
+    message.flags = estimate.flags
+
+
+def fill_reading(message: ExpectedReading, estimate: Estimate, delay: float) -> None:
+    """Writes what a sensor is expected to read of an estimate, `delay` seconds late."""
+    stamp = message.header.stamp
+    stamp.sec, stamp.nanosec = divmod(estimate.sample.stamp_ns, 1_000_000_000)
+    message.linear = estimate.linear.reading
+    message.nonlinear = estimate.nonlinear.reading
+    message.delay = delay
+
+
+def _fill_model(message: ModelEstimate, state: ModelState) -> None:
+    message.msh = state.msh
+    message.azimuth = state.azimuth
+    message.sh_x = state.sh_x
+    message.sh_y = state.sh_y
+    position, velocity = message.modal_position, message.modal_velocity
+    if len(position) != 2 * len(state.modal):
+        message.modal_position = position = array("d", bytes(16 * len(state.modal)))
+        message.modal_velocity = velocity = array("d", bytes(16 * len(state.modal)))
+    at = 0
+    for x, y, vx, vy in state.modal:
+        position[at], position[at + 1] = x, y
+        velocity[at], velocity[at + 1] = vx, vy
+        at += 2

@@ -1,0 +1,89 @@
+"""Puts estimates together with what a sensor is expected to read of them.
+
+A model with effects on the measurement answers twice: with the liquid's heights, by which limits
+are watched, and with what the camera should read of them, by which the two are compared. They come
+on two topics, in no order that can be relied upon.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from functools import lru_cache
+from typing import NamedTuple
+
+from slosh_estimator.monitor import EstimatePoint
+from slosh_model.effects.registry import EFFECTS
+
+NAN = float("nan")
+PATIENCE = 100
+"""So many estimates wait for their readings; a reading that is missing then was lost."""
+
+
+class Reading(NamedTuple):
+    """What a sensor reads: stamp of the estimate [ns], of L and of NL [m], delay [ns]."""
+
+    stamp_ns: int
+    linear: float
+    nonlinear: float
+    delay_ns: int = 0
+
+
+@lru_cache(maxsize=64)
+def has_readings(model_name: str) -> bool:
+    """Whether a model of that name tells what a sensor reads; see `Model.name`."""
+    named = [EFFECTS[name] for name in model_name.split("+")[1:] if name in EFFECTS]
+    return any(effect.reading is not None or effect.delay is not None for effect in named)
+
+
+class ReadingJoiner:
+    """Takes estimates and readings as they come; gives the estimates, complete and in order.
+
+    Attributes:
+        lost: estimates whose readings did not come: nothing can be compared with them.
+    """
+
+    def __init__(self) -> None:
+        self.lost = 0
+        self._waiting: deque[tuple[EstimatePoint, bool]] = deque()
+        self._readings: deque[Reading] = deque(maxlen=PATIENCE)
+
+    def add_estimate(self, point: EstimatePoint, model_name: str) -> list[EstimatePoint]:
+        """Takes an estimate of a model; returns those that are complete now."""
+        awaits = has_readings(model_name)
+        if not awaits and not self._waiting:
+            return [point]
+        self._waiting.append((point, awaits))
+        return self._complete()
+
+    def add_reading(self, reading: Reading) -> list[EstimatePoint]:
+        """Takes a reading; returns the estimates that are complete now."""
+        self._readings.append(reading)
+        return self._complete()
+
+    def _complete(self) -> list[EstimatePoint]:
+        found = []
+        while self._waiting:
+            point, awaits = self._waiting[0]
+            if awaits:
+                read = self._read(point)
+                if read is None:
+                    break
+                point = read
+            found.append(point)
+            self._waiting.popleft()
+        return found
+
+    def _read(self, point: EstimatePoint) -> EstimatePoint | None:
+        """The estimate with its reading, NaN where that was lost; None: it may still come."""
+        readings = self._readings
+        for reading in readings:
+            if reading.stamp_ns == point.stamp_ns:
+                while readings.popleft() is not reading:
+                    pass
+                both = (reading.linear, reading.nonlinear)
+                return point._replace(reading=both, delay_ns=reading.delay_ns)
+        overtaken = bool(readings) and readings[-1].stamp_ns > point.stamp_ns
+        if not overtaken and len(self._waiting) <= PATIENCE:
+            return None
+        self.lost += 1
+        return point._replace(reading=(NAN, NAN))
