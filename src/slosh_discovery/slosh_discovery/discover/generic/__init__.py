@@ -1,0 +1,1 @@
+"""Generic terms in the equation of motion: a library, and what they do to the heights."""

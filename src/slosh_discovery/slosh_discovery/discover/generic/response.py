@@ -1,0 +1,155 @@
+"""What generic terms in the equation of motion do to the heights that a model predicts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from slosh_discovery.discover.generic.terms import Term, term_value
+from slosh_discovery.discover.motion import MeasuredMotion
+from slosh_model import kernel
+from slosh_model.compile_cache import use_compile_cache
+from slosh_model.errors import SloshModelError
+from slosh_model.measure import delay, measured_heights, with_moments
+from slosh_model.model import Model
+from slosh_model.simulate import Inputs, Response, Simulator
+
+Array = NDArray[np.float64]
+
+use_compile_cache(Path(__file__).resolve().parent)
+
+GRID = 0.005
+"""Longest time between the samples at which the terms are evaluated [s]."""
+STRONGEST = 30.0
+"""A force beyond this has run away [m/s²]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Setting:
+    """A motion, ready for many simulations with terms added to the model.
+
+    Attributes:
+        model: the base model.
+        motion: what was measured.
+        inputs: the motion's inputs on a grid that holds the moments of the measured heights.
+        rows: (M,) the inputs' samples at those moments.
+    """
+
+    model: Model
+    motion: MeasuredMotion
+    inputs: Inputs
+    rows: NDArray[np.intp]
+
+    @classmethod
+    def of(cls, model: Model, motion: MeasuredMotion, clock_offset: float) -> Setting:
+        """A motion; clock_offset: measured minus inputs' clock [s]."""
+        start = float(motion.inputs.t[0])
+        moments = np.maximum(motion.t - clock_offset - delay(model), start)
+        end = max(float(motion.inputs.t[-1]), float(moments[-1]))
+        inputs = with_moments(motion.inputs, np.union1d(moments, np.arange(start, end, GRID)))
+        return cls(model, motion, inputs, np.searchsorted(inputs.t, moments))
+
+    def heights(self, terms: Sequence[Term], coefficients: Sequence[float]) -> Array:
+        """(M, K) heights as the sensor would read them, with the terms added.
+
+        Raises:
+            SloshModelError: the solution runs away.
+        """
+        heights, _ = self._run(terms, coefficients)
+        response = Response(self.inputs.t, heights[:, 0], heights[:, 1], np.empty((0, 0, 4)))
+        read = measured_heights(self.model, response, self.motion.eta_azimuth)
+        return np.asarray(read[self.rows])
+
+    def sizes(self, terms: Sequence[Term]) -> tuple[Array, float]:
+        """Sums of squares of each term and of the spring along the base motion [m²/s⁴]."""
+        _, states = self._run((), ())
+        t = self.inputs.t - self.inputs.t[0]
+        squares = np.zeros(len(terms))
+        for index, term in enumerate(terms):
+            squares[index] = _square_sum(
+                term.scalar, term.vector, t, states, self.inputs.acceleration
+            )
+        stiffness = self.model.mode_constants()[0].natural_frequency ** 2
+        return squares, float(np.sum((stiffness * states[:, :2]) ** 2))
+
+    def _run(self, terms: Sequence[Term], coefficients: Sequence[float]) -> tuple[Array, Array]:
+        simulator = Simulator(self.model)
+        modal, modes, parameters, held = simulator.arrays
+        inputs = self.inputs
+        heights, states = np.empty((len(inputs.t), 2)), np.empty((len(inputs.t), 4))
+        finite = _advance_with_terms(
+            modal, modes, parameters, held, inputs.t, inputs.acceleration, inputs.yaws,
+            inputs.poses, np.array([[term.scalar, term.vector] for term in terms]).reshape(-1, 2),
+            np.array(coefficients, dtype=np.float64), heights, states,
+        )  # fmt: skip
+        if not (finite and np.isfinite(heights).all()):
+            raise SloshModelError("the model with generic terms has no bounded solution")
+        return heights, states
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _force(codes, coefficients, t, modal, acceleration):  # type: ignore[no-untyped-def]
+    q = (modal[0, 0], modal[0, 1], modal[0, 2], modal[0, 3])
+    a = (acceleration[0], acceleration[1], acceleration[2])
+    fx = fy = 0.0
+    for k in range(codes.shape[0]):
+        x, y = term_value(codes[k, 0], codes[k, 1], t, q, a)
+        fx += coefficients[k] * x
+        fy += coefficients[k] * y
+    return fx, fy
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _advance_with_terms(  # type: ignore[no-untyped-def]
+    modal, modes, parameters, held, t, acceleration, yaws, poses, codes, coefficients, heights,
+    states,
+):  # fmt: skip
+    """The model's own integration; the terms' force acts as the container's acceleration.
+
+    Each sample is taken twice: with the force that the last two samples foretell, then with the
+    one of the state that it leads to. False: the force has run away.
+    """
+    saved_modal, saved_held = modal.copy(), held.copy()
+    fx, fy = _force(codes, coefficients, 0.0, modal, acceleration[0])
+    old_x, old_y = fx, fy
+    for i in range(t.shape[0]):
+        dt = t[i] - t[i - 1] if i > 0 else 0.0
+        ax, ay, az = acceleration[i, 0], acceleration[i, 1], acceleration[i, 2]
+        pose = kernel.pose_at(poses, i)
+        next_x, next_y = 2.0 * fx - old_x, 2.0 * fy - old_y
+        old_x, old_y = fx, fy
+        saved_modal[:] = modal
+        saved_held[:] = held
+        height_x = height_y = turn = 0.0
+        for turn_of_two in range(2 if codes.shape[0] > 0 else 1):
+            if turn_of_two == 1:
+                next_x, next_y = _force(codes, coefficients, t[i] - t[0], modal, acceleration[i])
+                modal[:] = saved_modal
+                held[:] = saved_held
+            height_x, height_y, turn = kernel.advance(
+                modal, modes, parameters, held, ax - next_x, ay - next_y, az, yaws[i], pose, dt,
+                GRID,
+            )  # fmt: skip
+        fx, fy = next_x, next_y
+        if not abs(fx) + abs(fy) < STRONGEST:
+            return False
+        heights[i, 0], heights[i, 1] = kernel.turned(height_x, height_y, turn)
+        for k in range(4):
+            states[i, k] = modal[0, k]
+    return True
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _square_sum(scalar, vector, t, states, acceleration):  # type: ignore[no-untyped-def]
+    total = 0.0
+    for i in range(t.shape[0]):
+        q = (states[i, 0], states[i, 1], states[i, 2], states[i, 3])
+        a = (acceleration[i, 0], acceleration[i, 1], acceleration[i, 2])
+        x, y = term_value(scalar, vector, t[i], q, a)
+        total += x * x + y * y
+    return total
