@@ -247,6 +247,9 @@ def test_settled_linear_liquid_stands_at_the_closed_form():
     still = Inputs(t, np.zeros((11, 3)))
     pitched = heights(PLAIN.with_effect("static_tilt", roll=0.0, pitch=0.1), still)
     assert pitched[-1, 0] == pytest.approx(GAIN * GRAVITY * math.sin(0.1) / OMEGA**2, rel=1e-9)
+    # Gravity along the cup's axis is weaker: the spring, too.
+    steep = heights(PLAIN.spatial().with_effect("static_tilt", roll=0.0, pitch=0.1), still)
+    assert steep[-1, 0] == pytest.approx(GAIN * GRAVITY * math.tan(0.1) / OMEGA**2, rel=1e-9)
     rolled = heights(PLAIN.with_effect("static_tilt", roll=0.1, pitch=0.0), still)
     assert rolled[-1, 1] == pytest.approx(-GAIN * GRAVITY * math.sin(0.1) / OMEGA**2, rel=1e-9)
 

@@ -143,6 +143,9 @@ def test_draining_film_hides_how_fast_a_crest_decays():
     assert found == pytest.approx(np.maximum(film, decay), abs=1e-12)
     assert np.count_nonzero(film > decay + 1e-6) > 100
     assert np.count_nonzero(decay > film + 1e-6) > 100
+    # No film above what was never wet.
+    trough = measured_heights(model, response(-decay, np.zeros_like(T)), [0.0])[:, 0]
+    assert np.array_equal(trough, -decay)
     # A film that is faster than the surface shows it.
     quick = PLAIN.with_effect("draining_film", speed=1.01 * rate * height)
     assert np.array_equal(measured_heights(quick, response(decay, 0.0 * T))[:, 0], decay)

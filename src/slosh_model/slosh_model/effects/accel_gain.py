@@ -15,7 +15,7 @@ EFFECT = Effect(
     title="gain of the acceleration",
     stages=(Stage.INPUT,),
     equation=r"a \to k\,a",
-    source="scale error of an accelerometer, or of the time of a commanded motion",
+    source="scale error of an accelerometer or of a planned motion",
     parameters=(
         Parameter(
             name="gain",

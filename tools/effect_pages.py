@@ -1,0 +1,301 @@
+"""Writes what the registry and simulations say into docs/effects, and draws the pictures.
+
+tools/run python tools/effect_pages.py
+"""
+
+from __future__ import annotations
+
+import io
+import re
+import sys
+from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+from matplotlib.backends.backend_svg import FigureCanvasSVG
+from matplotlib.figure import Figure
+from matplotlib.style import context
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from slosh_model.containers import Cylinder
+from slosh_model.effects.base import Effect, Parameter
+from slosh_model.effects.registry import EFFECTS
+from slosh_model.measure import predicted_heights
+from slosh_model.model import Model
+from slosh_model.simulate import Inputs
+
+Array = NDArray[np.float64]
+
+FOLDER = Path(__file__).resolve().parent.parent / "docs" / "effects"
+START = "<!-- from the registry: tools/effect_pages.py -->"
+END = "<!-- by hand -->"
+
+CUP = Cylinder(radius=0.05, fill_height=0.07)
+RATE = 500  # samples of the motion per second
+FRAMES = 60  # heights per second
+STYLE = {
+    "svg.fonttype": "none",
+    "svg.hashsalt": "effects",
+    "font.size": 9.0,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "grid.color": "#e4e4e4",
+    "axes.axisbelow": True,
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Scene:
+    """What the picture of an effect shows.
+
+    Attributes:
+        parameters: of the effect.
+        motion: 'transfer' (upright) or 'turning' (it yaws and tilts as it goes).
+        base: the model without the effect: '2D-L', '3D-L', '2D-NL' or '3D-NL'.
+        others: effects that both models have, by name with parameters.
+        azimuth: where the height is read [rad]; None: the maximum over the wall.
+    """
+
+    parameters: dict[str, float] = field(default_factory=dict)
+    motion: str = "transfer"
+    base: str = "3D-NL"
+    others: dict[str, dict[str, float]] = field(default_factory=dict)
+    azimuth: float | None = None
+
+
+SCENES = {
+    "accel_gain": Scene({"gain": 1.15}),
+    "anisotropic_stiffness": Scene({"e": 0.06, "axis": 0.5}),
+    "contact_line_friction": Scene({"mu": 0.01}),
+    "crest_asymmetry": Scene({"kappa": 0.6}, azimuth=0.0),
+    "damping_mismatch": Scene({"factor": 5.0}),
+    "draining_film": Scene({"speed": 0.04}),
+    "fill_level": Scene({"delta": -0.03}),
+    "fill_loss": Scene({"rate": 0.006}),
+    "frame_saturation": Scene({"cap": 0.012}),
+    "gravity_tilt": Scene(motion="turning"),
+    "height_offset": Scene({"offset": 0.002}),
+    "height_scale": Scene({"gain": 1.15}),
+    "lever_arm": Scene({"x": 0.15, "y": 0.0, "z": 0.1}, motion="turning"),
+    "quadratic_damping": Scene({"beta": 0.4}),
+    "robot_dynamics": Scene({"frequency": 25.0, "damping_ratio": 0.5}),
+    "second_mode": Scene({"damping_ratio": 0.01}),
+    "static_tilt": Scene({"roll": 0.03, "pitch": -0.02}),
+    "surface_nonlinearity": Scene(base="3D-L"),
+    "time_offset": Scene({"tau": 0.05}),
+    "vertical_acceleration": Scene(base="2D-NL"),
+    "visible_arc": Scene({"centre": 0.0, "width": 2.0}),
+    "yaw_coupling": Scene({"kappa": 0.4}, motion="turning"),
+}
+
+
+def main() -> int:
+    """Writes every page's generated part and its picture."""
+    for effect in EFFECTS.values():
+        page = FOLDER / f"{effect.name}.md"
+        text = page.read_text(encoding="utf-8")
+        page.write_text(with_part(text, part(effect)), encoding="utf-8")
+        picture(effect.name).write_text(drawn(effect.name), encoding="utf-8")
+    index = FOLDER / "index.md"
+    text = index.read_text(encoding="utf-8")
+    index.write_text(with_part(text, table()), encoding="utf-8")
+    return 0
+
+
+def with_part(text: str, generated: str) -> str:
+    """The page with its generated part replaced.
+
+    Raises:
+        ValueError: the page lacks a marker.
+    """
+    head, _, rest = text.partition(START)
+    _, end, prose = rest.partition(END)
+    if not end:
+        raise ValueError(f"a page needs the lines {START} and {END}")
+    return f"{head}{START}\n\n{generated}\n{END}{prose}"
+
+
+def picture(name: str) -> Path:
+    """Where the picture of an effect is."""
+    return FOLDER / f"{name}.svg"
+
+
+def part(effect: Effect) -> str:
+    """What a page says of its effect by the registry."""
+    stages = ", ".join(stage.value for stage in effect.stages)
+    blocks = [
+        f"$${effect.equation}$$",
+        f"Acts on: {stages}. Source: {effect.source}.",
+        parameter_table(effect),
+        f"```yaml\n{use(effect)}\n```",
+        f"![Heights with and without {effect.name}, and the difference]({effect.name}.svg)",
+        caption(effect.name),
+    ]
+    return "\n\n".join(block for block in blocks if block) + "\n"
+
+
+def parameter_table(effect: Effect) -> str:
+    """The parameters as a Markdown table; empty without any."""
+    if not effect.parameters:
+        return "It has no parameters."
+    rows = [
+        "| parameter | unit | bounds | neutral | default | usually | meaning |",
+        "|---|---|---|---|---|---|---|",
+        *map(parameter_row, effect.parameters),
+    ]
+    return "\n".join(rows)
+
+
+def parameter_row(parameter: Parameter) -> str:
+    """A line of the table."""
+    bounds = f"{parameter.lower:g} … {parameter.upper:g}"
+    if parameter.choices is not None:
+        bounds = " or ".join(f"{choice:g}" for choice in parameter.choices)
+    usual = parameter.plausible
+    cells = (
+        f"`{parameter.name}`",
+        parameter.unit,
+        bounds,
+        number(parameter.neutral),
+        number(parameter.default),
+        "" if usual is None else f"{usual[0]:.3g} … {usual[1]:.3g}",
+        parameter.description,
+    )
+    return f"| {' | '.join(cells)} |"
+
+
+def number(value: float | None) -> str:
+    """A number, or a dash for none."""
+    return "–" if value is None else f"{value:g}"
+
+
+def use(effect: Effect) -> str:
+    """The lines of a model.yaml that add the effect, as in the picture."""
+    lines = ["effects:", f"  - name: {effect.name}"]
+    lines += [f"    {key}: {value:g}" for key, value in SCENES[effect.name].parameters.items()]
+    return "\n".join(lines)
+
+
+def caption(name: str) -> str:
+    """What the picture shows, with its figures."""
+    scene = SCENES[name]
+    _, plain, changed = heights(name)
+    gap = 1e3 * (changed - plain)
+    what = "Maximum over the wall" if scene.azimuth is None else "Height at the container's +x"
+    moves = "there and back, with a lift"
+    if scene.motion == "turning":
+        moves += ", while the container yaws and tilts"
+    return (
+        f"*{what} over a motion {moves}; cup of {1e3 * CUP.radius:g} mm radius filled "
+        f"{1e3 * CUP.fill_height:g} mm high, base model {scene.base}. Difference: RMS "
+        f"{np.sqrt(np.mean(gap**2)):.2f} mm, largest {np.max(np.abs(gap)):.1f} mm.*"
+    )
+
+
+def table() -> str:
+    """All effects in one table."""
+    rows = ["| effect | acts on | what | parameters |", "|---|---|---|---|"]
+    for effect in EFFECTS.values():
+        parameters = ", ".join(
+            f"`{p.name}`" + (f" [{p.unit}]" if p.unit != "1" else "") for p in effect.parameters
+        )
+        stages = ", ".join(stage.value for stage in effect.stages)
+        link = f"[`{effect.name}`]({effect.name}.md)"
+        rows.append(f"| {link} | {stages} | {effect.title} | {parameters or '–'} |")
+    return "\n".join(rows) + "\n"
+
+
+@cache
+def heights(name: str) -> tuple[Array, Array, Array]:
+    """Times [s] and the heights at them without and with an effect [m]."""
+    scene = SCENES[name]
+    base = Model(CUP)
+    if "3D" in scene.base:
+        base = base.spatial()
+    if "NL" in scene.base:
+        base = base.nonlinear()
+    for other, parameters in scene.others.items():
+        base = base.with_effect(other, **parameters)
+    inputs = motion(scene.motion)
+    times = np.arange(inputs.t[0], inputs.t[-1], 1.0 / FRAMES)
+    azimuths = None if scene.azimuth is None else [scene.azimuth]
+    plain, changed = (
+        predicted_heights(model, inputs, times, azimuths)[:, 0]
+        for model in (base, base.with_effect(name, **scene.parameters))
+    )
+    return times, plain, changed
+
+
+@cache
+def motion(kind: str) -> Inputs:
+    """A cup that is lifted, moved aside and forth, and brought back, then stands."""
+    t = np.arange(0.0, 5.0, 1.0 / RATE)
+    moves = (
+        (0.3, 0.75, (0.25, 0.07, 0.15)),
+        (1.3, 0.65, (0.03, -0.20, 0.05)),
+        (2.2, 0.85, (-0.28, 0.13, -0.20)),
+    )
+    acceleration = np.zeros((len(t), 3))
+    for start, duration, path in moves:
+        acceleration += np.outer(leap((t - start) / duration, 2) / duration**2, path)
+    if kind == "transfer":
+        return Inputs(t, acceleration)
+    yaw = 1.6 * leap((t - 0.3) / 1.6, 0) - 1.0 * leap((t - 2.2) / 0.8, 0)
+    tilt = np.stack(
+        [
+            -0.15 * leap((t - 0.4) / 0.6, 0) + 0.15 * leap((t - 1.4) / 0.8, 0),
+            0.12 * leap((t - 1.3) / 0.5, 0) - 0.12 * leap((t - 2.2) / 0.8, 0),
+            np.zeros_like(t),
+        ],
+        axis=1,
+    )
+    turn = np.column_stack([np.zeros((len(t), 2)), yaw])
+    attitude = Rotation.from_rotvec(tilt) * Rotation.from_rotvec(turn)
+    steps = (attitude[:-1].inv() * attitude[1:]).as_rotvec() * RATE
+    middles = 0.5 * (t[1:] + t[:-1])
+    rates = np.column_stack([np.interp(t, middles, column) for column in steps.T])
+    return Inputs(t, acceleration, attitude.as_quat(), rates)
+
+
+def leap(share: Array, order: int) -> Array:
+    """A move of least jerk from 0 to 1, or its second derivative."""
+    s = np.clip(share, 0.0, 1.0)
+    if order == 0:
+        return s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
+    return 60.0 * s - 180.0 * s**2 + 120.0 * s**3
+
+
+def drawn(name: str) -> str:
+    """The picture as SVG; the same file each time."""
+    times, plain, changed = heights(name)
+    with context(STYLE, after_reset=True):
+        figure = Figure(figsize=(6.6, 3.7), layout="constrained")
+        FigureCanvasSVG(figure)
+        top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=[2.0, 1.0])
+        top.plot(times, 1e3 * plain, color="#8a8a8a", linestyle="--", label="without")
+        top.plot(times, 1e3 * changed, color="#0b5fa5", linewidth=1.4, label=f"with {name}")
+        top.set_ylabel("height [mm]")
+        top.legend(loc="upper right", fontsize=8.0, framealpha=0.8)
+        bottom.plot(times, 1e3 * (changed - plain), color="#b3400e", linewidth=1.2)
+        bottom.set_ylabel("difference [mm]")
+        bottom.set_xlabel("t [s]")
+        bottom.set_xlim(0.0, 5.0)
+        figure.align_ylabels()
+        file = io.StringIO()
+        figure.savefig(
+            file,
+            format="svg",
+            facecolor="white",
+            metadata={"Date": None, "Creator": None, "Description": caption(name)},
+        )
+    # Hundredths of a point are enough; a path is one line.
+    text = re.sub(r"(\.\d\d)\d+", r"\1", file.getvalue())
+    text = re.sub(r' d="[^"]*"', lambda path: re.sub(r"\s+", " ", path.group()), text)
+    return re.sub(r"[ \t]+\n", "\n", text)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
