@@ -19,8 +19,9 @@ from slosh_bag.interchange.bag_motion import Motion
 from slosh_bag.interchange.table_bag import write_table_bag
 from slosh_bag.motion_table import MotionTable, write_motion_table
 from slosh_bringup.discover_data import motions_of_shift, read_motions, shift_motions
+from slosh_bringup.discover_data.attitudes import angular_velocity
 from slosh_bringup.discover_data.heights import without_spikes
-from slosh_bringup.discover_data.recording import Heights, Recording, Residuals, angular_velocity
+from slosh_bringup.discover_data.recording import Heights, Recording, Residuals
 from slosh_bringup.discover_data.splitting import LEAD_IN_NS, LONGEST_NS, REST_NS, split
 from slosh_bringup.errors import SloshBringupError
 from slosh_discovery.errors import SloshDiscoveryError
@@ -416,6 +417,33 @@ class TestBags:
         inner = slice(10, -10)
         np.testing.assert_allclose(inputs.angular_velocity[inner], expected[inner], atol=2e-3)
         np.testing.assert_allclose(inputs.acceleration, acceleration[at], atol=0.15)
+
+    @pytest.mark.parametrize("beside", ["all along", "in part"])
+    def test_poses_beside_accelerations_tell_the_attitude_where_they_are_there_all_along(
+        self, tmp_path: Path, beside: str
+    ) -> None:
+        t, acceleration = bursts((2.5,), 8.0)
+        bag = Bag()
+        for stamp, a in zip(stamps_of(t).tolist(), acceleration, strict=True):
+            bag.accel(stamp, a)
+        posed = t[1::5] if beside == "all along" else t[t < 5.0]
+        for stamp, second in zip(stamps_of(posed).tolist(), posed.tolist(), strict=True):
+            bag.put("/slosh/pose", "geometry_msgs/msg/PoseStamped", stamp, "world",
+                    pose__orientation__y=math.sin(0.15 * second),
+                    pose__orientation__w=math.cos(0.15 * second))  # fmt: skip
+        bag.heights(seen(t, acceleration))
+        (motion,) = read_motions(bag.write(tmp_path / "beside"))
+        if beside == "in part":
+            assert motion.inputs.attitude is None
+            return
+        assert motion.inputs.attitude is not None
+        assert motion.inputs.angular_velocity is not None
+        inside = slice(5, -5)  # at the ends the nearest pose holds
+        tilt = 2.0 * np.arctan2(motion.inputs.attitude[:, 1], motion.inputs.attitude[:, 3])
+        np.testing.assert_allclose(tilt[inside], 0.3 * motion.inputs.t[inside], atol=1e-9)
+        np.testing.assert_allclose(
+            motion.inputs.angular_velocity, np.tile([0.0, 0.3, 0.0], (len(tilt), 1)), atol=1e-6
+        )
 
     def test_a_shift_begins_with_what_was_off_most(self, tmp_path: Path) -> None:
         t, acceleration = bursts((2.5, 18.0, 33.0), 45.0)

@@ -23,6 +23,8 @@ from slosh_bringup.discover_data.tables import is_table, motion_of_table, table_
 from slosh_bringup.discover_data.unrelated import unrelated_motion
 from slosh_bringup.errors import SloshBringupError
 from slosh_discovery.discover.motion import MINIMUM_SAMPLES, MeasuredMotion
+from slosh_discovery.errors import SloshDiscoveryError
+from slosh_model.errors import SloshModelError
 from slosh_model.model import Model
 from slosh_model.simulate import Inputs
 
@@ -159,18 +161,21 @@ def _motion_of(name: str, recording: Recording, part: Part) -> MeasuredMotion | 
     origin = int(motion.stamps[0])
     stddev = heights.stddev[samples]
     attitude, turning = motion.attitude, motion.angular_velocity
-    return MeasuredMotion(
-        name,
-        Inputs(
-            (motion.stamps[rows] - origin) / SECOND,
-            motion.acceleration[rows],
-            None if attitude is None else attitude[rows],
-            None if turning is None else turning[rows],
-        ),
-        (heights.stamps[samples] - origin) / SECOND,
-        msh=heights.msh[samples],
-        stddev=stddev if np.isfinite(stddev).any() else None,
-    )
+    try:
+        return MeasuredMotion(
+            name,
+            Inputs(
+                (motion.stamps[rows] - origin) / SECOND,
+                motion.acceleration[rows],
+                None if attitude is None else attitude[rows],
+                None if turning is None else turning[rows],
+            ),
+            (heights.stamps[samples] - origin) / SECOND,
+            msh=heights.msh[samples],
+            stddev=stddev if np.isfinite(stddev).any() else None,
+        )
+    except (SloshModelError, SloshDiscoveryError) as error:
+        raise SloshBringupError(f"{recording.path}: {error}") from None
 
 
 def _disagreement(recording: Recording, part: Part) -> float:

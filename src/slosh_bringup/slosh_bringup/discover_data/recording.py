@@ -2,7 +2,7 @@
 
 | input | acceleration | attitude | angular velocity |
 |---|---|---|---|
-| accel | as published | the imu's orientation, where one lies beside | the imu's |
+| accel | as published | the imu's or the pose's, where one lies beside | likewise |
 | imu | Rz(ψ) f - g ẑ | the yaw ψ alone | the imu's |
 | pose | second derivative of the position | the pose's orientation | from the orientations |
 
@@ -21,20 +21,22 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from slosh_bag.errors import SloshBagError
 from slosh_bag.interchange.bag_motion import AttitudeCollector, Motion, MotionCollector
 from slosh_bag.interchange.table_bag import IMU, IMU_TYPE, SECOND
-from slosh_bag.reader import BagReader
+from slosh_bag.reader import BagReader, TopicInfo
 from slosh_bag.replay.bag import Sources, find_sources
-from slosh_bag.replay.inputs import STAMP, InputSettings, input_settings, stamps_of
+from slosh_bag.replay.inputs import KINDS, STAMP, InputSettings, input_settings, stamps_of
+from slosh_bringup.discover_data.attitudes import PoseAttitudes, angular_velocity
 from slosh_estimator.monitor import SATURATED, UNUSABLE
 
 Array = NDArray[np.float64]
 Stamps = NDArray[np.int64]
 Columns = Mapping[str, NDArray[Any]]
 Tell = Callable[[str], object]
+Taker = tuple[tuple[str, ...], Callable[[Columns], None]]
+"""Fields of a topic's messages, and what takes their columns."""
 
 _SURFACE_FIELDS = (*STAMP, "msh", "flags", "msh_stddev")
 _COMPARISON_FIELDS = (*STAMP, "residual_nonlinear", "measured_stale", "estimate_stale")
@@ -91,16 +93,10 @@ def read_recording(path: Path, reader: BagReader, sources: Sources, tell: Tell) 
     if sources.surface is None:
         raise SloshBagError(f"{path}: holds no measured heights (free_surface)")
     how = recorded_settings(sources)
-    moved, beside = MotionCollector(sources.kind, how), AttitudeCollector(how.frames[1])
+    container = _Container(sources, how)
     measured, compared = _Surfaces(), _Comparisons()
-    takers: dict[str, tuple[tuple[str, ...], Callable[[Columns], None]]] = {
-        sources.input: (moved.fields, moved.add),
-        sources.surface: (_SURFACE_FIELDS, measured.add),
-    }
-    imu = f"{sources.input.rpartition('/')[0]}/{IMU}"
-    found = reader.topics().get(imu)
-    if sources.kind == "accel" and found is not None and found.message_type == IMU_TYPE:
-        takers[imu] = (beside.fields, beside.add)
+    takers = container.takers(reader.topics())
+    takers[sources.surface] = (_SURFACE_FIELDS, measured.add)
     if sources.comparison is not None:
         takers[sources.comparison] = (_COMPARISON_FIELDS, compared.add)
     for block in reader.blocks(list(takers)):
@@ -109,13 +105,7 @@ def read_recording(path: Path, reader: BagReader, sources: Sources, tell: Tell) 
     heights = measured.heights()
     if not len(heights.stamps):
         raise SloshBagError(f"{path}: holds no usable height in {sources.surface}")
-    motion = moved.motion(path, sources.input)
-    if sources.kind == "accel" and moved.in_world:
-        motion = beside.added_to(motion)
-    if sources.kind == "pose" and motion.attitude is not None:
-        span = max(1, how.pose_window // 4)
-        turning = angular_velocity(motion.stamps, motion.attitude, span)
-        motion = replace(motion, angular_velocity=turning)
+    motion = container.motion(path)
     for line in (*reader.warnings, *measured.notes()):
         tell(line if line.startswith(str(path)) else f"{path}: {line}")
     return Recording(
@@ -124,28 +114,50 @@ def read_recording(path: Path, reader: BagReader, sources: Sources, tell: Tell) 
     )  # fmt: skip
 
 
+class _Container:
+    """Takes what tells the container's motion."""
+
+    def __init__(self, sources: Sources, how: InputSettings) -> None:
+        self._kind, self._topic = sources.kind, sources.input
+        self._span = max(1, how.pose_window // 4)
+        self._moved = MotionCollector(sources.kind, how)
+        self._imu, self._poses = AttitudeCollector(how.frames[1]), PoseAttitudes(how.frames[0])
+
+    def takers(self, topics: Mapping[str, TopicInfo]) -> dict[str, Taker]:
+        """Who takes which of a bag's topics."""
+        found: dict[str, Taker] = {self._topic: (self._moved.fields, self._moved.add)}
+        if self._kind != "accel":
+            return found
+        beside: dict[str, tuple[str, Taker]] = {
+            IMU: (IMU_TYPE, (self._imu.fields, self._imu.add)),
+            "pose": (KINDS["pose"], (self._poses.fields, self._poses.add)),
+        }
+        for name, (message_type, taker) in beside.items():
+            topic = f"{self._topic.rpartition('/')[0]}/{name}"
+            if topic in topics and topics[topic].message_type == message_type:
+                found[topic] = taker
+        return found
+
+    def motion(self, path: Path) -> Motion:
+        """All that came.
+
+        Raises:
+            SloshBagError: nothing usable, or stamps that go back.
+        """
+        motion = self._moved.motion(path, self._topic)
+        if self._kind == "pose" and motion.attitude is not None:
+            turning = angular_velocity(motion.stamps, motion.attitude, self._span)
+            return replace(motion, angular_velocity=turning)
+        if self._kind != "accel" or not self._moved.in_world:
+            return motion
+        with_imu = self._imu.added_to(motion)
+        return self._poses.added_to(motion) if with_imu.attitude is None else with_imu
+
+
 def recorded_settings(sources: Sources) -> InputSettings:
     """How the recorded estimator read its input."""
     started = next((start for start in sources.starts if start.node == "estimator"), None)
     return input_settings(started.parameters) if started else InputSettings()
-
-
-def angular_velocity(stamps: Stamps, attitude: Array, span: int) -> Array:
-    """Mean angular velocity about each sample, in the container's frame [rad/s]: (N, 3).
-
-    Args:
-        stamps: (N,) rising [ns].
-        attitude: (N, 4) quaternions x, y, z, w, world ← container.
-        span: samples to each side; fewer at the ends.
-    """
-    rows = np.arange(len(stamps))
-    before, after = np.maximum(rows - span, 0), np.minimum(rows + span, len(rows) - 1)
-    seconds = (stamps[after] - stamps[before]) / SECOND
-    turns = Rotation.from_quat(attitude)
-    angles: Array = (turns[before].inv() * turns[after]).as_rotvec()
-    return np.divide(
-        angles, seconds[:, np.newaxis], out=np.zeros_like(angles), where=seconds[:, None] > 0.0
-    )
 
 
 class _Surfaces:
