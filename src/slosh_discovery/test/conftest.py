@@ -44,6 +44,12 @@ def png(side=8):
     return b"\x89PNG\r\n\x1a\n" + header + body + chunk(b"IEND", b"")
 
 
+@pytest.fixture(scope="session")
+def grey_png():
+    """An image."""
+    return png()
+
+
 def rows(seed):
     """Four models with numbers that no rounding leaves as they are."""
     noise = np.random.default_rng(seed).random((4, 3)) / 3.0

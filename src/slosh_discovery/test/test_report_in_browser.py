@@ -10,6 +10,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 import headless_browser
 import pytest
 from headless_browser import View
+from page_look import LOOK, at
 
 from slosh_discovery.report import render_report, report_document
 
@@ -19,28 +20,6 @@ pytestmark = pytest.mark.skipif(
 
 A4 = 688
 """What is left of an A4 sheet between the margins [CSS px]."""
-LOOK = """
-const all = (selector) => [...document.querySelectorAll(selector)];
-const shown = (element) => element.getClientRects().length > 0;
-return {
-  hacked: window.hacked ?? null,
-  scripts: document.scripts.length,
-  heading: document.querySelector("h1").textContent,
-  width: document.documentElement.clientWidth,
-  wanted: document.documentElement.scrollWidth,
-  background: window.getComputedStyle(document.body).backgroundColor,
-  line: window.getComputedStyle(document.querySelector(".chart path[style*=nonlinear]")).stroke,
-  charts: all(".chart svg").filter(shown).map((svg) => svg.getBoundingClientRect().width),
-  letters: all(".chart svg text").filter(shown).map((e) => e.getBoundingClientRect().height),
-  images: all("img").map((image) => image.naturalWidth),
-  cut: all(".scroll").filter((part) => part.scrollWidth > part.clientWidth + 1).length,
-  named: all("[role=img], img").every(
-    (e) => (e.getAttribute("aria-label") ?? e.getAttribute("alt")).length > 3),
-  numbers: all("data").map((e) => [e.dataset.path, e.value, e.textContent]),
-  folded: all("details td").filter((e) => e.checkVisibility({contentVisibilityAuto: true})).length,
-  bare: all("td.n").filter((e) => e.querySelector("data") === null).map((e) => e.textContent),
-};
-"""
 
 
 class Listener:
@@ -207,10 +186,3 @@ def unit(document, path):
     if steps[0] in ("checks", "key_figures"):
         return at(document, f"/{steps[0]}/{steps[1]}/unit")
     return UNITS[steps[-1]]
-
-
-def at(document, path):
-    """What a JSON pointer points at."""
-    for step in path.split("/")[1:]:
-        document = document[int(step) if isinstance(document, list) else step]
-    return document

@@ -82,4 +82,4 @@ def make_request(arguments: argparse.Namespace) -> Request:
 
 def tell(line: str) -> None:
     """Tells the user something that must be known of the data."""
-    print(f"slosh discover: {line}", file=sys.stderr)
+    print(f"slosh discover: note: {line}", file=sys.stderr)

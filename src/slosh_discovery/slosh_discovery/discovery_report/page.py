@@ -45,12 +45,8 @@ LOW_NARROW = (4.1, 2.4)
 SIZES = (("wide", WIDE), ("narrow", NARROW))
 LOW_SIZES = (("wide", LOW), ("narrow", LOW_NARROW))
 LETTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZ"
-STATUS = {
-    Verdict.NAMED: "passed",
-    Verdict.NONE: "passed",
-    Verdict.AMBIGUOUS: "open",
-    Verdict.UNEXPLAINED: "failed",
-}
+CONFIDENT = 0.9
+"""A name with less is shown as something to doubt."""
 
 
 def render_discovery(report: DiscoveryReport) -> str:
@@ -63,7 +59,7 @@ def render_discovery(report: DiscoveryReport) -> str:
         doc=document,
         rows=ROWS,
         unfolded=UNFOLDED,
-        status=STATUS[finding.verdict],
+        status=_status(finding),
         headline=words.headline(finding),
         sentences=(words.verdict_sentence(finding), words.gap_sentence(finding)),
         winner=_winner(document),
@@ -121,6 +117,14 @@ def _charts(report: DiscoveryReport, drawn: Sequence[int]) -> dict[str, Markup]:
                 name = f"{kind}-{index}-{width}"
                 charts[name] = draw(separating, size, name)
     return {name: Markup(svg) for name, svg in charts.items() if svg is not None}
+
+
+def _status(finding: Finding) -> str:
+    """How the verdict is coloured."""
+    if finding.verdict is Verdict.UNEXPLAINED:
+        return "failed"
+    doubtful = finding.verdict is Verdict.NAMED and not finding.confidence >= CONFIDENT
+    return "open" if doubtful or finding.verdict is Verdict.AMBIGUOUS else "passed"
 
 
 def _winner(document: DiscoveryDocument) -> int | None:
@@ -185,8 +189,15 @@ def fitted(path: str, parameters: Mapping[str, Mapping[str, float | None]]) -> M
             entry = shown_parameter(effect, name, NAN if value is None else value)
             number = data_element(f"{path}/parameters/{effect}/{name}", value, entry.value)
             unit = Markup("&nbsp;") + entry.unit if entry.unit else ""
-            parts.append(Markup("{} = {}{}").format(name, number, unit))
+            whose = name if len(parameters) == 1 else f"{effect}.{name}"
+            parts.append(Markup("{} = {}{}").format(whose, number, unit))
     return Markup(", ").join(parts)
+
+
+def named_set(names: Sequence[str]) -> Markup:
+    """A set of effects, whose names stay whole."""
+    ids = (Markup('<span class="id">{}</span>').format(name) for name in names)
+    return Markup(" + ").join(ids) or Markup(words.AS_IT_IS)
 
 
 def probability(path: str, value: float | None) -> Markup:
@@ -207,6 +218,6 @@ def _template() -> Template:
     environment = make_environment("slosh_discovery.discovery_report")
     environment.globals.update(
         parameter=parameter, fitted=fitted, probability=probability, bar=bar,
-        explanation=words.explanation, effect_title=words.effect_title,
+        named_set=named_set, effect_title=words.effect_title,
     )  # fmt: skip
     return environment.get_template("discovery.html.j2")

@@ -12,7 +12,7 @@ from slosh_model.effects.registry import EFFECTS
 
 AS_IT_IS = "the model as it is"
 PARTS = {
-    "time": "part of the motion's time",
+    "time": "time",
     "phase": "phase",
     "amplitude": "height",
     "direction": "direction",
@@ -49,7 +49,9 @@ def headline(finding: Finding) -> str:
     if finding.verdict is Verdict.NONE:
         return "Nothing is missing"
     if finding.verdict is Verdict.UNEXPLAINED:
-        return "Unexplained"
+        gap = finding.gap
+        left = gap.holdout_after if math.isfinite(gap.holdout_after) else gap.fit_after
+        return f"Unexplained: a gap of {shown(left, 'mm')} mm remains"
     if finding.verdict is Verdict.AMBIGUOUS:
         _, rest = apart(rivals(finding))
         return "Not settled: " + listed(

@@ -1,0 +1,282 @@
+"""`slosh discover`: which motions it fits, what it writes, how it refuses wrong input."""
+
+import json
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from example_finding import FOUND, example_finding, example_inputs, example_motion
+
+from slosh_bag.motion_table import MotionTable, read_motion_table, write_motion_table
+from slosh_bringup.cli import discover as command
+from slosh_bringup.cli.main import main
+from slosh_bringup.discovering import part, recorded_model, unique_names
+from slosh_bringup.errors import SloshBringupError
+from slosh_bringup.processes import config_folder
+from slosh_discovery.discover.finding import Role, Verdict
+from slosh_estimator.model_file import read_model
+from slosh_model.model_text import parse_model
+
+MODEL = str(config_folder() / "model.yaml")
+BAGS = Path(__file__).parents[3] / "bags"
+
+
+class Discovery:
+    """Stands in for the fits: remembers what came, and gives a made-up finding."""
+
+    def __init__(self):
+        self.verdict, self.calls, self.drawn = Verdict.NAMED, [], False
+
+    def __call__(self, motions, base, holdout=(), *, progress=None, threads=None):
+        self.calls.append((motions, base, holdout, threads))
+        progress("fitting", 0.5)
+        finding = example_finding(self.verdict)
+        # Charts take most of the time; one test looks for them.
+        return replace(finding, base=base, motions=finding.motions if self.drawn else ())
+
+    @property
+    def names(self):
+        """Names of the motions of the last call: fitted, and held out."""
+        motions, _, holdout, _ = self.calls[-1]
+        return [motion.name for motion in motions], [motion.name for motion in holdout]
+
+
+@pytest.fixture
+def discovery(monkeypatch):
+    found = Discovery()
+    monkeypatch.setattr(command, "discover", found)
+    return found
+
+
+@pytest.fixture
+def tables(tmp_path):
+    """Five measured motions, each with noise of its own."""
+    paths = []
+    for number in range(1, 6):
+        path = tmp_path / f"run_{number}.csv"
+        write_table(path, number)
+        paths.append(str(path))
+    return paths
+
+
+def write_table(path, seed, *, measured=True):
+    """A motion table of the example's motion, sampled by the camera at 50 Hz."""
+    inputs, motion = example_inputs(), example_motion("any", seed)
+    msh = np.full(len(inputs.t), np.nan)
+    msh[::10] = np.interp(inputs.t[::10], motion.t, np.nan_to_num(motion.msh))
+    msh = msh if measured else None
+    write_motion_table(path, MotionTable(inputs.t, inputs.acceleration, msh=msh))
+
+
+def fails_with(capsys, *words):
+    """Runs the command; returns its one line of complaint."""
+    assert main(["discover", *map(str, words)]) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    lines = [line for line in captured.err.splitlines() if ": note: " not in line]
+    assert len(lines) == 1, captured.err
+    return lines[0]
+
+
+def test_it_writes_model_document_page_and_prints_the_verdict(capsys, discovery, tables, tmp_path):
+    output, discovery.drawn = tmp_path / "out", True
+    assert main(["discover", *tables, "--model", MODEL, "-o", str(output)]) == 0
+    captured = capsys.readouterr()
+    lines = captured.out.splitlines()
+    assert lines[0].endswith("lacks fill_level and vertical_acceleration (confidence 0.96).")
+    assert lines[-1] == f"report {output / 'report.html'}"
+    assert "fitting" in captured.err
+    assert parse_model((output / "model.yaml").read_text()) == FOUND
+    assert json.loads((output / "discovery.json").read_text())["verdict"] == "named"
+    assert "<svg" in (output / "report.html").read_text(encoding="utf-8")
+    assert sorted(path.name for path in output.iterdir()) == [
+        "discovery.json", "model.yaml", "report.html",
+    ]  # fmt: skip
+
+
+def test_json_is_all_that_is_printed(capsys, discovery, tables, tmp_path):
+    assert main(["discover", *tables, "--model", MODEL, "-o", str(tmp_path), "--json"]) == 0
+    assert capsys.readouterr().out == (tmp_path / "discovery.json").read_text()
+
+
+def test_every_third_motion_is_held_out_and_the_reader_is_told(
+    capsys, discovery, tables, tmp_path
+):
+    assert main(["discover", *tables, "--model", MODEL, "-o", str(tmp_path / "o")]) == 0
+    assert discovery.names == (["run_1", "run_2", "run_4", "run_5"], ["run_3"])
+    assert discovery.calls[0][1] == read_model(MODEL)
+    captured = capsys.readouterr()
+    note = "1 of 5 motions are held out: every third"
+    assert note in captured.err
+    assert note in captured.out
+    assert note in json.loads((tmp_path / "o" / "discovery.json").read_text())["remarks"]
+
+
+def test_two_motions_are_both_fitted_and_the_reader_is_told(capsys, discovery, tables, tmp_path):
+    assert main(["discover", *tables[:2], "--model", MODEL, "-o", str(tmp_path / "o")]) == 0
+    assert discovery.names == (["run_1", "run_2"], [])
+    assert "no motion is held out" in capsys.readouterr().out
+
+
+def test_given_motions_are_held_out(capsys, discovery, tables, tmp_path):
+    words = [*tables[:3], "--holdout", *tables[3:], "--model", MODEL, "--jobs", "2"]
+    assert main(["discover", *words, "-o", str(tmp_path / "o")]) == 0
+    assert discovery.names == (["run_1", "run_2", "run_3"], ["run_4", "run_5"])
+    assert discovery.calls[0][3] == 2
+
+
+def test_a_number_of_motions_is_enough(capsys, discovery, tables, tmp_path):
+    words = [*tables, "--motions", "2", "--model", MODEL, "-o", str(tmp_path / "o")]
+    assert main(["discover", *words]) == 0
+    assert discovery.names == (["run_1", "run_2"], [])
+    assert "the first 2 of 5 motions are used" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("verdict", Verdict)
+def test_a_verdict_is_no_failure(discovery, tables, tmp_path, verdict):
+    discovery.verdict = verdict
+    assert main(["discover", tables[0], "--model", MODEL, "-o", str(tmp_path / "o")]) == 0
+
+
+def test_the_separating_motion_is_a_table_that_can_be_played(capsys, discovery, tables, tmp_path):
+    discovery.verdict, output = Verdict.AMBIGUOUS, tmp_path / "a folder"
+    words = [tables[0], "--model", MODEL, "-o", str(output)]
+    assert main(["discover", *words]) == 0
+    table, inputs = read_motion_table(output / "separating_1.csv"), example_inputs()
+    assert np.array_equal(table.acceleration, inputs.acceleration)
+    assert np.array_equal(table.attitude, inputs.attitude)
+    assert table.measured is None
+    text = capsys.readouterr().out
+    assert f"slosh discover {tables[0]} RECORDING --model {MODEL} -o '{output}_2'" in text
+    assert f"slosh simulate '{output}/model.yaml' '{output}/separating_1.csv'" in text
+
+
+def test_tables_of_an_earlier_discovery_go_and_others_stay(discovery, tables, tmp_path):
+    discovery.verdict, output = Verdict.AMBIGUOUS, tmp_path / "o"
+    words = ["discover", tables[0], "--model", MODEL, "-o", str(output)]
+    assert main(words) == 0
+    (output / "separating_2.csv").write_text("mine")
+    discovery.verdict = Verdict.NAMED
+    assert main(words) == 0
+    assert not (output / "separating_1.csv").exists()
+    assert (output / "separating_2.csv").read_text() == "mine"
+
+
+def test_the_commands_are_those_of_the_data(capsys, discovery, tables, tmp_path):
+    output = tmp_path / "o"
+    assert main(["discover", tables[0], "--model", MODEL, "-o", str(output)]) == 0
+    text = capsys.readouterr().out
+    model = output / "model.yaml"
+    assert f"slosh simulate {model} {tables[0]} -o {output / 'heights.csv'}" in text
+    load = f"ros2 service call /slosh/load_model slosh_msgs/srv/LoadModel '{{path: \"{model}\"}}'"
+    assert load in text
+    assert main(["simulate", str(model), tables[0], "-o", str(output / "heights.csv")]) == 0
+
+
+def test_an_adequate_model_needs_no_command(capsys, discovery, tables, tmp_path):
+    discovery.verdict = Verdict.NONE
+    shutil.copy(MODEL, tmp_path / "base.yaml")
+    finding = example_finding(Verdict.NONE)
+    (tmp_path / "base.yaml").write_text("container: {radius: 0.05, fill_height: 0.07}")
+    words = [tables[0], "--model", str(tmp_path / "base.yaml"), "-o", str(tmp_path / "o")]
+    assert main(["discover", *words]) == 0
+    assert read_model(tmp_path / "o" / "model.yaml") == finding.base
+    assert "#" not in capsys.readouterr().out
+
+
+@pytest.fixture
+def shift():
+    """A recording of the simulated cell."""
+    if not (BAGS / "c3").exists():
+        pytest.skip("the recordings are not there")
+    return BAGS / "c3"
+
+
+def test_a_shift_brings_its_own_model(capsys, discovery, shift, tmp_path):
+    words = ["discover", "--from-bag", str(shift), "-o", str(tmp_path / "o")]
+    assert main(words) == 0
+    motions, base, *_ = discovery.calls[0]
+    assert base == recorded_model(shift)
+    assert base.container.radius > 0.0
+    assert all(motion.name.startswith("c3") for motion in motions)
+    text = capsys.readouterr().out
+    assert f"slosh replay {shift} --model {tmp_path / 'o' / 'model.yaml'}" in text
+    document = json.loads((tmp_path / "o" / "discovery.json").read_text())
+    assert document["schema"] == 1
+
+
+def test_a_model_must_come_from_somewhere(capsys, discovery, tables, tmp_path):
+    output = tmp_path / "o"
+    assert "--model" in fails_with(capsys, tables[0], "-o", output)
+    line = fails_with(capsys, "--from-bag", tables[0], "-o", output)
+    assert "does not say which model ran" in line
+
+
+def test_what_is_wrong_is_one_line(capsys, discovery, tables, tmp_path):
+    output, bare = tmp_path / "o", tmp_path / "bare.csv"
+    write_table(bare, 1, measured=False)
+    bad = tmp_path / "bad.yaml"
+    bad.write_text("container: {radius: 0.05, fill_height: 0.07, colour: red}")
+    end = ["--model", MODEL, "-o", output]
+    for words, match in (
+        ([tmp_path / "none.csv", *end], "none.csv"),
+        ([tmp_path / "none", *end], "none: no such file or folder"),
+        ([bare, *end], "bare.csv"),
+        ([tables[0], "--model", bad, "-o", output], "bad.yaml: unknown key 'container.colour'"),
+        ([tables[0], "--model", tmp_path / "no.yaml", "-o", output], "no.yaml"),
+        ([tables[0], tables[0], *end], "is in DATA twice"),
+        ([tables[0], "--holdout", tables[0], *end], "is in both DATA and --holdout"),
+        ([*tables, "--jobs", "0", *end], "--jobs 0: must be at least 1"),
+        ([*tables, "--motions", "-1", *end], "--motions -1: must be at least 1"),
+    ):
+        line = fails_with(capsys, *words)
+        assert line.startswith("slosh discover: ")
+        assert match in line
+    assert discovery.calls == []
+
+
+def test_a_copy_of_a_motion_cannot_be_held_out(capsys, discovery, tables, tmp_path):
+    copy = tmp_path / "copy.csv"
+    shutil.copy(tables[0], copy)
+    words = [*tables, "--holdout", copy, "--model", MODEL, "-o", tmp_path / "o"]
+    assert "copy in --holdout holds the same measurements as run_1" in fails_with(capsys, *words)
+
+
+def test_a_folder_that_takes_no_file_is_told_before_the_work(capsys, discovery, tables, tmp_path):
+    file = tmp_path / "file"
+    file.write_text("")
+    for output in (file, "/proc/nowhere"):
+        line = fails_with(capsys, tables[0], "--model", MODEL, "-o", output)
+        assert str(output) in line
+    assert discovery.calls == []
+
+
+def test_inputs_are_never_replaced(capsys, discovery, tables, tmp_path):
+    shutil.copy(MODEL, tmp_path / "model.yaml")
+    line = fails_with(capsys, tables[0], "--model", tmp_path / "model.yaml", "-o", tmp_path)
+    assert "would be replaced by the result" in line
+    shutil.copy(tables[0], tmp_path / "separating_1.csv")
+    words = [tmp_path / "separating_1.csv", "--model", MODEL, "-o", tmp_path]
+    assert "would be replaced by the result" in fails_with(capsys, *words)
+
+
+def test_motions_of_one_name_are_told_apart():
+    motions = tuple(example_motion(name, 1) for name in ("run#1", "run#2", "run#1"))
+    fit, holdout = unique_names(motions[:2], motions[2:])
+    assert [motion.name for motion in fit] == ["run#1 (1)", "run#2"]
+    assert [motion.name for motion in holdout] == ["run#1 (2)"]
+
+
+def test_every_motion_is_either_fitted_or_held_out():
+    motions = example_finding().motions * 3
+    fit, holdout = part(motions)
+    assert len(fit) == 6
+    assert holdout == motions[2::3]
+    assert all(entry.role is Role.HOLDOUT for entry in holdout)
+
+
+def test_a_table_tells_no_model(tables):
+    with pytest.raises(SloshBringupError, match="give one"):
+        recorded_model(Path(tables[0]))

@@ -1,0 +1,292 @@
+"""What a discovery found, as JSON and as text: the numbers of the finding, and nothing else."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from example_finding import BASE, FOUND, NOISE, example_finding, example_report
+
+from slosh_discovery.discover.finding import (
+    Candidate,
+    Finding,
+    FoundEffect,
+    Gap,
+    Role,
+    Verdict,
+    WhereRow,
+)
+from slosh_discovery.discovery_report import (
+    Command,
+    DiscoveryReport,
+    discovery_document,
+    discovery_json,
+    discovery_text,
+    render_discovery,
+)
+from slosh_discovery.discovery_report.figures import (
+    closed_share,
+    shown_confidence,
+    shown_parameter,
+)
+from slosh_discovery.discovery_report.page import drawn_motions
+from slosh_discovery.discovery_report.words import headline, rivals, verdict_sentence
+from slosh_model.model_text import parse_model
+
+NAN = float("nan")
+
+
+def document_of(verdict=Verdict.NAMED):
+    """The document as a program reads it."""
+    return json.loads(discovery_json(example_report(verdict)), parse_constant=pytest.fail)
+
+
+def with_finding(**changes):
+    return DiscoveryReport(replace(example_finding(), **changes))
+
+
+def test_the_document_has_the_promised_keys():
+    document = document_of()
+    assert document["schema"] == 1
+    assert document["verdict"] == "named"
+    assert document["effects"][0] == {
+        "name": "fill_level",
+        "parameters": {"delta": -0.0031234},
+        "standard_errors": {"delta": 0.0000456},
+        "confidence": 0.9612,
+        "alternatives": ["height_scale"],
+        "refitted": False,
+        "units": {"delta": "m"},
+    }
+    assert document["gap"] == {
+        "unit": "m",
+        "noise": NOISE,
+        "before": {"fit": 1.912e-3, "holdout": 2.012e-3},
+        "after": {"fit": 0.31e-3, "holdout": 0.32e-3},
+        "closed": 0.99687,
+    }
+    assert document["where"][0] == {
+        "by": "phase", "label": "motion", "before": 1.234e-3, "after": 0.31e-3,
+        "share": 0.71234, "samples": 720,
+    }  # fmt: skip
+    assert [motion["role"] for motion in document["motions"]] == ["fit", "fit", "holdout"]
+
+
+@pytest.mark.parametrize("verdict", Verdict)
+def test_every_verdict_is_strict_json_and_the_same_each_time(verdict):
+    document = document_of(verdict)
+    assert document["verdict"] == verdict.value
+    assert discovery_json(example_report(verdict)) == discovery_json(example_report(verdict))
+    assert (document["proposal"] is not None) == (verdict is Verdict.UNEXPLAINED)
+    assert bool(document["separating"]) == (verdict is Verdict.AMBIGUOUS)
+
+
+def test_what_is_not_known_is_null():
+    document = document_of(Verdict.NONE)
+    assert document["gap"]["before"]["holdout"] is None
+    assert document["gap"]["closed"] is None
+    assert document["where"][5]["share"] is None
+    bare = DiscoveryReport(
+        Finding(Verdict.NONE, BASE, BASE, (), NAN, Gap(NAN, NAN, NAN, NAN, NAN, NAN), ())
+    )
+    assert json.loads(discovery_json(bare))["confidence"] is None
+
+
+def test_the_models_texts_are_model_files():
+    document = document_of()
+    assert parse_model(document["model"]["text"]) == FOUND
+    assert parse_model(document["base"]["text"]) == BASE
+
+
+def test_numbers_of_numpy_and_whole_ones_become_plain():
+    row = WhereRow("phase", "dwell", np.float64(1e-3), np.float32(2e-3), 1, np.int64(3))
+    document = json.loads(discovery_json(with_finding(where=(row,))))
+    assert document["where"][0]["samples"] == 3
+    assert document["where"][0]["before"] == 1e-3
+
+
+def test_a_motions_residual_is_over_all_its_heights_and_its_closed_share_follows():
+    finding = example_finding()
+    for entry, row in zip(finding.motions, document_of()["motions"], strict=True):
+        known = np.isfinite(entry.motion.heights)
+        assert row["samples"] == known.sum()
+        for key, heights in (("before", entry.before_heights), ("after", entry.after_heights)):
+            expected = np.sqrt(np.mean((entry.motion.heights - heights)[known] ** 2))
+            assert row[key]["residual"] == pytest.approx(expected, rel=1e-12)
+            assert row[key]["sigma"] == getattr(entry, key).sigma
+        squares = [row[key]["residual"] ** 2 for key in ("before", "after")]
+        share = 1.0 - (squares[1] - NOISE**2) / (squares[0] - NOISE**2)
+        assert row["closed"] == pytest.approx(min(share, 1.0), rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "share"),
+    [(2e-3, 1e-3, 0.75), (2e-3, 2e-3, 0.0), (1e-3, 2e-3, -3.0), (1e-3, 0.0, 1.0)],
+)
+def test_the_closed_share_without_noise(before, after, share):
+    assert closed_share(before, after, 0.0, 100) == pytest.approx(share)
+
+
+def test_noise_that_is_left_counts_as_closed_and_more_is_not_possible():
+    assert closed_share(5e-3, 1e-3, 1e-3, 100) == pytest.approx(1.0)
+    assert closed_share(5e-3, 0.9e-3, 1e-3, 100) == 1.0
+
+
+def test_what_may_be_chance_has_no_closed_share():
+    assert math.isnan(closed_share(1.1e-3, 1.0e-3, 1e-3, 30))
+    assert closed_share(1.1e-3, 1.0e-3, 1e-3, 30_000) == pytest.approx(1.0)
+    assert math.isnan(closed_share(NAN, 1e-3, 1e-3, 100))
+    assert math.isnan(closed_share(0.0, 0.0, 0.0, 100))
+
+
+@pytest.mark.parametrize(
+    ("effect", "name", "value", "error", "text"),
+    [
+        ("fill_level", "delta", -0.0031234, 0.0000456, "delta = −3.123 ± 0.046 mm"),
+        ("static_tilt", "roll", 0.0174533, 0.00174533, "roll = 1.00 ± 0.10 °"),
+        ("time_offset", "tau", 0.0123456, NAN, "tau = 0.01235 s"),
+        ("damping_mismatch", "factor", 1.23456, 0.0, "factor = 1.235"),
+        ("height_scale", "gain", 1.23456, 12.3, "gain = 1 ± 12"),
+        ("no such", "x", 1.5, 0.1, "x = 1.50 ± 0.10"),
+    ],
+)
+def test_a_parameter_has_two_digits_of_its_error(effect, name, value, error, text):
+    assert shown_parameter(effect, name, value, error).text == text
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (0.98, "0.98"),
+        (0.997, "> 0.99"),
+        (1.0, "1.00"),
+        (1e-9, "< 0.01"),
+        (0.0, "0.00"),
+        (NAN, "–"),
+    ],
+)
+def test_what_is_not_certain_does_not_read_as_if(value, text):
+    assert shown_confidence(value) == text
+
+
+def test_the_text_begins_with_the_verdict():
+    sentences = {
+        Verdict.NAMED: "2D-L lacks fill_level and vertical_acceleration (confidence 0.96).",
+        Verdict.NONE: "2D-L lacks nothing that these motions show: what it leaves is noise.",
+        Verdict.AMBIGUOUS: "2D-L lacks vertical_acceleration, and either fill_level or "
+        "height_scale: these motions cannot tell which.",
+        Verdict.UNEXPLAINED: "No listed effect closes the gap that 2D-L leaves; "
+        "vertical_acceleration comes nearest.",
+    }
+    for verdict, sentence in sentences.items():
+        assert discovery_text(example_report(verdict)).splitlines()[0] == sentence
+
+
+def test_the_text_tells_effects_gap_worst_and_what_to_type():
+    lines = discovery_text(example_report()).splitlines()
+    assert "fill_level             delta = −3.123 ± 0.046 mm  confidence 0.96" in lines
+    assert "held out  2.01 mm  0.32 mm   100 %" in lines
+    assert any(
+        line.startswith("height") and "5 … 10 mm" in line and "80 %" in line for line in lines
+    )
+    assert "moment     1.52 s of shift_1#2     3.00 mm  0.10 mm  off" in lines
+    assert "slosh replay BAG --model model.yaml" in lines
+    assert not any("nan" in line for line in lines)
+
+
+def test_the_text_without_held_out_motions_shows_the_fits_share():
+    gap = Gap(NOISE, 2e-3, 1e-3, NAN, NAN, 0.7719)
+    lines = discovery_text(with_finding(gap=gap)).splitlines()
+    assert "fit    2.00 mm  1.00 mm    77 %" in lines
+    assert not any(line.startswith("held out") for line in lines)
+
+
+def test_an_ambiguous_finding_names_the_motion_that_separates():
+    text = discovery_text(example_report(Verdict.AMBIGUOUS))
+    assert "separating_1.csv tells fill_level + vertical_acceleration from height_scale" in text
+    assert "differ by 2.10 mm in it, by 0.04 mm in the present motions" in text
+
+
+def test_a_proposal_is_called_one():
+    text = discovery_text(example_report(Verdict.UNEXPLAINED))
+    assert "proposal, no finding: q̈ += −1.23 q³/R²" in text
+    assert "61 %" in text
+
+
+def test_a_wrong_parameter_is_told_from_a_missing_term():
+    refitted = FoundEffect("surface_nonlinearity", {"alpha": 0.7}, {}, 0.95, refitted=True)
+    missing = FoundEffect("second_mode", {"damping_ratio": 0.01}, {}, 0.95)
+    both = replace(example_finding(), effects=(missing, refitted))
+    assert verdict_sentence(both) == (
+        "2D-L lacks second_mode and has other parameters of surface_nonlinearity"
+        " (confidence 0.96)."
+    )
+    assert headline(both) == "Missing: second mode; other parameters: nonlinear free surface"
+    only = replace(both, effects=(refitted,))
+    assert headline(only) == "Other parameters: nonlinear free surface"
+    assert "lacks" not in verdict_sentence(only)
+
+
+def test_rivals_are_whole_sets():
+    finding = example_finding(Verdict.AMBIGUOUS)
+    assert rivals(finding) == [
+        ("fill_level", "vertical_acceleration"),
+        ("height_scale", "vertical_acceleration"),
+    ]
+
+
+def test_notes_and_remarks_stand_once():
+    report = DiscoveryReport(
+        replace(example_finding(), remarks=("one", "two")), notes=("one", "zero")
+    )
+    assert report.remarks == ("one", "zero", "two")
+    assert discovery_document(report)["remarks"] == ["one", "zero", "two"]
+
+
+def test_held_out_motions_are_drawn_first_and_one_of_the_fit_always():
+    finding = example_finding()
+    fit, held = finding.motions[0], finding.motions[2]
+    many = replace(finding, motions=(*[fit] * 4, *[held] * 8))
+    drawn = drawn_motions(many)
+    roles = [many.motions[index].role for index in drawn]
+    assert len(drawn) == 6
+    assert roles.count(Role.FIT) == 1
+    assert drawn_motions(finding) == [0, 1, 2]
+
+
+def test_a_finding_with_nothing_in_it_still_has_a_page_and_a_text():
+    gap = Gap(NAN, NAN, NAN, NAN, NAN, NAN)
+    for verdict in Verdict:
+        report = DiscoveryReport(Finding(verdict, BASE, BASE, (), NAN, gap, ()))
+        assert "<h1>" in render_discovery(report)
+        assert "nan" not in discovery_text(report)
+
+
+def test_the_same_report_gives_the_same_page():
+    report = with_finding(motions=example_finding().motions[:1])
+    assert render_discovery(report) == render_discovery(report)
+
+
+def test_a_doubtful_name_is_not_shown_as_a_success():
+    page = render_discovery(with_finding(confidence=0.6, motions=()))
+    assert 'class="status open"' in page
+
+
+def test_what_was_not_tried_says_why():
+    page = render_discovery(
+        with_finding(
+            motions=(), candidates=(Candidate(("yaw_coupling",), reason="there is no yaw"),)
+        )
+    )
+    assert "1 not tried, and why" in page
+    assert "there is no yaw" in page
+
+
+def test_commands_are_on_the_page_as_they_are_typed():
+    command = Command("run <it>", "slosh replay 'a b' --model \"x\"")
+    page = render_discovery(replace(with_finding(motions=()), commands=(command,)))
+    assert "run &lt;it&gt;" in page
+    assert "slosh replay &#39;a b&#39; --model &#34;x&#34;" in page

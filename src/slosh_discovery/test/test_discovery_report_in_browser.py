@@ -1,0 +1,238 @@
+"""A discovery's page in a real browser: what people see on screens, phones and paper."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import replace
+
+import headless_browser
+import pytest
+from example_finding import example_finding, example_report
+from headless_browser import View
+from page_look import LOOK, at
+
+from slosh_discovery.discover.finding import Verdict
+from slosh_discovery.discovery_report import (
+    Command,
+    DiscoveryReport,
+    discovery_json,
+    render_discovery,
+)
+from slosh_discovery.report import Frame
+
+pytestmark = pytest.mark.skipif(
+    headless_browser.find_browser() is None, reason="no Chromium or Chrome on this machine"
+)
+
+A4 = 688
+"""What is left of an A4 sheet between the margins [CSS px]."""
+ALSO = """
+return {...(() => { %s })(),
+  status: document.querySelector(".status").className,
+  sections: all("h2").map((e) => e.id),
+  bars: all(".bar").map((e) => [
+    e.className, e.getBoundingClientRect().width / e.parentElement.getBoundingClientRect().width]),
+  fresh: all("ins").map((e) => e.textContent),
+  won: all("tr.won th").map((e) => e.textContent),
+  typed: all(".commands pre").map((e) => e.textContent),
+};
+"""
+SCRIPT = "const all = (selector) => [...document.querySelectorAll(selector)];" + ALSO % LOOK
+
+
+def evil(where):
+    """A text that tries to become markup, a request, or too wide for its place."""
+    return (
+        f'{where}</pre></style><script>window.hacked=1</script><img src=x onerror="hacked=1">'
+        f" $\\frac{{1}}{{0$ \x00\u202e {'W' * 300}"
+    )
+
+
+def hostile_report():
+    """A report whose files and parts bear such names."""
+    finding = example_finding(Verdict.AMBIGUOUS)
+    entry = finding.motions[0]
+    motions = (replace(entry, motion=replace(entry.motion, name=evil("motion"))),)
+    return DiscoveryReport(
+        replace(
+            finding,
+            motions=motions,
+            where=tuple(replace(row, label=evil("label")) for row in finding.where),
+            worst=tuple(replace(moment, motion=evil("motion")) for moment in finding.worst),
+            candidates=tuple(
+                replace(row, reason=evil("reason") if row.reason else "")
+                for row in finding.candidates
+            ),
+            separating=(replace(finding.separating[0], description=evil("description")),),
+            remarks=(evil("remark"),),
+        ),
+        subtitle=evil("subtitle"),
+        notes=(evil("note"),),
+        commands=(Command(evil("purpose"), evil("line")),),
+        separating_files=(evil("file"),),
+    )
+
+
+@pytest.fixture(scope="module")
+def reports(grey_png):
+    found = {verdict.value: example_report(verdict) for verdict in Verdict}
+    frames = (Frame(grey_png, "worst: 1.52 s", "image/png"),)
+    found["named"] = replace(found["named"], frames=frames)
+    for name in ("none", "unexplained"):  # charts take most of the time
+        finding = found[name].finding
+        found[name] = replace(found[name], finding=replace(finding, motions=finding.motions[:1]))
+    return found
+
+
+@pytest.fixture(scope="module")
+def pages(reports):
+    return {name: render_discovery(report) for name, report in reports.items()}
+
+
+@pytest.fixture(scope="module")
+def seen(pages):
+    """All views in one start of the browser; the page on paper is its print style at A4."""
+    paper = pages["ambiguous"].replace("@media print", "@media all")
+    views = {
+        **{name: View(page) for name, page in pages.items()},
+        "dark": View(pages["named"], dark=True),
+        "phone": View(pages["ambiguous"], width=390),
+        "small phone": View(pages["named"], width=320),
+        "paper": View(paper.replace("(max-width: 44rem)", "print"), width=A4, dark=True),
+        "hostile": View(render_discovery(hostile_report()), width=390),
+    }
+    look = headless_browser.look(list(views.values()), SCRIPT)
+    return {**dict(zip(views, look.values, strict=True)), "console": look.console}
+
+
+def test_the_verdict_comes_first(seen):
+    assert seen["named"]["heading"] == "Missing: fill level and vertical acceleration"
+    assert seen["none"]["heading"] == "Nothing is missing"
+    assert seen["ambiguous"]["heading"] == "Not settled: fill level or scale of the heights"
+    assert seen["unexplained"]["heading"] == "Unexplained: a gap of 1.10 mm remains"
+    assert [seen[verdict.value]["status"] for verdict in Verdict] == [
+        "status passed", "status passed", "status open", "status failed",
+    ]  # fmt: skip
+
+
+def test_every_part_has_its_place(seen):
+    always = ["evidence", "motions", "where", "worst", "model", "next"]
+    assert seen["none"]["sections"] == always
+    assert seen["named"]["sections"] == ["effects", *always]
+    assert seen["ambiguous"]["sections"] == ["effects", "evidence", "separating", *always[1:]]
+    assert seen["unexplained"]["sections"] == ["effects", "evidence", "proposal", *always[1:]]
+    assert seen["named"]["images"] == [8]
+
+
+def test_no_error_is_in_the_console(seen):
+    assert seen["console"] == []
+
+
+@pytest.mark.parametrize("view", ["named", "phone", "small phone", "paper", "hostile"])
+def test_nothing_is_wider_than_the_screen(seen, view):
+    assert seen[view]["wanted"] <= seen[view]["width"]
+
+
+def test_no_table_is_cut_on_paper(seen):
+    assert seen["paper"]["cut"] == 0
+
+
+@pytest.mark.parametrize(("view", "count"), [("named", 6), ("phone", 8), ("paper", 8)])
+def test_every_motion_is_drawn_with_its_residual(seen, view, count):
+    assert len(seen[view]["charts"]) == count  # and the separating one's acceleration and yaw
+    assert min(seen[view]["charts"]) > 300.0
+    assert min(seen[view]["letters"]) > 7.5
+    assert seen[view]["named"]
+
+
+def test_colours_follow_the_reader_and_paper_is_white(seen):
+    assert seen["named"]["background"] == "rgb(251, 250, 247)"
+    assert seen["dark"]["background"] == "rgb(20, 23, 27)"
+    assert seen["dark"]["line"] != seen["named"]["line"]
+    assert seen["paper"]["background"] == "rgb(255, 255, 255)"
+
+
+def test_what_is_folded_is_open_on_paper(seen):
+    assert seen["ambiguous"]["folded"] == 0
+    assert seen["paper"]["folded"] > 10
+
+
+@pytest.mark.parametrize("verdict", [verdict.value for verdict in Verdict])
+def test_every_number_is_that_of_the_document(seen, reports, verdict):
+    document = json.loads(discovery_json(reports[verdict]))
+    numbers = seen[verdict]["numbers"]
+    assert len(numbers) > 50
+    for path, value, _ in numbers:
+        there = at(document, path)
+        assert type(there) is type(json.loads(value)), path
+        assert there == json.loads(value), path
+    assert set(seen[verdict]["bare"]) <= {"–"}
+
+
+@pytest.mark.parametrize("verdict", [verdict.value for verdict in Verdict])
+def test_every_shown_number_is_the_rounded_one(seen, verdict):
+    for path, value, text in seen[verdict]["numbers"]:
+        number = json.loads(value)
+        if number is None:
+            assert text == "–", path
+        elif text in ("> 0.99", "< 0.01"):
+            assert (0.99 < number < 1.0) if text[0] == ">" else (0.0 < number < 0.01), path
+        elif path.endswith("/evidence") or "/proposal/terms" in path:
+            assert float(text.replace("−", "-")) == pytest.approx(number, rel=1e-3), path
+        else:
+            digits = len(text.split(".")[1]) if "." in text else 0
+            shown = float(text.replace("−", "-"))
+            assert abs(shown - scale(path) * number) <= 0.5000001 * 10.0**-digits, path
+
+
+def test_bars_are_as_long_as_their_numbers(seen):
+    document = example_finding()
+    first, second = document.where[:2]
+    bars = [(kind.split()[1], width) for kind, width in seen["named"]["bars"]]
+    where = [pair for pair in bars if pair[0] in ("before", "after")]
+    full = where[0][1]
+    assert where[1] == ("after", pytest.approx(full * first.after / first.before, abs=0.01))
+    assert where[2] == ("before", pytest.approx(full * second.before / first.before, abs=0.01))
+
+
+def test_the_winner_and_the_models_new_lines_stand_out(seen):
+    (won,) = seen["named"]["won"]
+    assert won.startswith("fill_level + vertical_acceleration ✓")
+    assert seen["named"]["fresh"] == [
+        "effects:", "- {name: vertical_acceleration}", "- {name: fill_level, delta: -0.0031234}",
+    ]  # fmt: skip
+    assert seen["none"]["fresh"] == []
+    assert seen["none"]["won"][0].startswith("the model as it is ✓")
+
+
+def test_what_to_type_is_there_to_copy(seen):
+    assert seen["named"]["typed"] == [command.line for command in example_report().commands]
+
+
+def test_texts_of_hostile_files_are_texts(seen):
+    assert seen["hostile"]["hacked"] is None
+    assert seen["hostile"]["scripts"] == 0
+    assert seen["hostile"]["images"] == []
+
+
+def test_it_prints_on_several_sheets(pages, tmp_path):
+    target = tmp_path / "page.pdf"
+    headless_browser.print_pdf(pages["ambiguous"], target)
+    content = target.read_bytes()
+    assert 3 <= len(re.findall(rb"/Type\s*/Page\b", content)) <= 9
+
+
+SCALES = {
+    "epsilon": 1e2, "closed": 1e2, "share": 1e2, "explained": 1e2, "clock_offset": 1e3,
+    "t": 1.0, "duration": 1.0, "samples": 1.0, "confidence": 1.0, "probability": 1.0,
+    "delta": 1e3, "gain": 1.0,
+}  # fmt: skip
+
+
+def scale(path):
+    """From SI to what is shown; heights and residuals are in mm, correlations as they are."""
+    *_, before, last = path.split("/")
+    if path.startswith("/where/") and last in ("before", "after") and int(before) >= 5:
+        return 1.0
+    return SCALES.get(last, 1e3)

@@ -1,0 +1,36 @@
+"""What tests ask of a report's page in a browser."""
+
+from __future__ import annotations
+
+from typing import Any
+
+LOOK = """
+const all = (selector) => [...document.querySelectorAll(selector)];
+const shown = (element) => element.getClientRects().length > 0;
+return {
+  hacked: window.hacked ?? null,
+  scripts: document.scripts.length,
+  heading: document.querySelector("h1").textContent,
+  width: document.documentElement.clientWidth,
+  wanted: document.documentElement.scrollWidth,
+  background: window.getComputedStyle(document.body).backgroundColor,
+  line: window.getComputedStyle(document.querySelector(".chart path[style*=nonlinear]")).stroke,
+  charts: all(".chart svg").filter(shown).map((svg) => svg.getBoundingClientRect().width),
+  letters: all(".chart svg text").filter(shown).map((e) => e.getBoundingClientRect().height),
+  images: all("img").map((image) => image.naturalWidth),
+  cut: all(".scroll").filter((part) => part.scrollWidth > part.clientWidth + 1).length,
+  named: all("[role=img], img").every(
+    (e) => (e.getAttribute("aria-label") ?? e.getAttribute("alt")).length > 3),
+  numbers: all("data").map((e) => [e.dataset.path, e.value, e.textContent]),
+  folded: all("details td").filter((e) => e.checkVisibility({contentVisibilityAuto: true})).length,
+  bare: all("td.n").filter((e) => e.querySelector("data") === null).map((e) => e.textContent),
+};
+"""
+"""Body of a JavaScript function of `document` and `window`: what the page shows, as JSON."""
+
+
+def at(document: Any, path: str) -> Any:
+    """What a JSON pointer (RFC 6901) without escapes points at."""
+    for step in path.split("/")[1:]:
+        document = document[int(step) if isinstance(document, list) else step]
+    return document
