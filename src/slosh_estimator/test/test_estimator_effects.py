@@ -1,0 +1,293 @@
+"""A cup that a robot pushes, tilts and yaws: every effect acts live as in a simulation."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from slosh_estimator.estimator import Estimates, Estimator
+from slosh_estimator.gate import GateSettings
+from slosh_estimator.imu_input import ImuInput, SensorTransform
+from slosh_estimator.pose_input import PoseInput
+from slosh_estimator.readings import has_readings
+from slosh_estimator.sample import Sample, Samples
+from slosh_estimator.validity import attitude_warning
+from slosh_model.constants import GRAVITY
+from slosh_model.containers import Cylinder
+from slosh_model.effects.registry import EFFECTS
+from slosh_model.measure import measured_heights
+from slosh_model.model import Model
+from slosh_model.pose import pose_rows
+from slosh_model.simulate import Inputs, Response, simulate
+
+MS = 1_000_000
+Array = NDArray[np.float64]
+BASE = Model(Cylinder(0.05, 0.07), damping_ratio=0.02)
+STRENGTHS = {
+    "vertical_acceleration": {},
+    "surface_nonlinearity": {"alpha": 0.7},
+    "second_mode": {"damping_ratio": 0.03},
+    "damping_mismatch": {"factor": 3.0},
+    "quadratic_damping": {"beta": 2.0},
+    "contact_line_friction": {"mu": 0.02},
+    "fill_level": {"delta": -0.03},
+    "fill_loss": {"rate": 0.01, "fixed_zero": 1.0},
+    "anisotropic_stiffness": {"e": 0.1, "axis": 0.4},
+    "yaw_coupling": {"kappa": 0.5},
+    "gravity_tilt": {},
+    "static_tilt": {"roll": 0.03, "pitch": -0.02},
+    "lever_arm": {"x": 0.1, "y": -0.05, "z": 0.2},
+    "robot_dynamics": {"frequency": 40.0, "damping_ratio": 0.6},
+    "accel_gain": {"gain": 1.3},
+    "time_offset": {"tau": 0.04},
+    "height_scale": {"gain": 1.2},
+    "height_offset": {"offset": 0.003},
+    "frame_saturation": {"cap": 0.004},
+    "visible_arc": {"centre": 0.5, "width": 1.0},
+    "crest_asymmetry": {"kappa": 0.6},
+    "draining_film": {"speed": 0.02},
+}
+
+
+RATE = 256
+TICK = 3_906_250  # ns: both clocks have the same intervals, to the last bit
+SECONDS = 2.0
+TILT, YAW = 0.2, 1.0
+
+
+def rise(t: Array) -> Array:
+    """From 0 to 1 within the first second, smooth to the third derivative."""
+    s = np.clip(t, 0.0, 1.0)
+    return s**4 * (35.0 - 84.0 * s + 70.0 * s**2 - 20.0 * s**3)
+
+
+def times(start: float = 0.0, end: float = SECONDS) -> Array:
+    """(N,) [s]."""
+    return np.arange(round(start * RATE), round(end * RATE) + 1) / RATE
+
+
+def position(t: Array) -> Array:
+    """(N, 3) of the origin in the world [m]."""
+    place = np.column_stack(
+        (0.03 * np.sin(8.0 * t), 0.02 * np.cos(7.0 * t + 0.4), 0.02 * np.sin(9.0 * t))
+    )
+    return rise(t)[:, None] * place
+
+
+def acceleration(t: Array) -> Array:
+    """(N, 3) of the origin in the world's axes, gravity excluded [m/s²]."""
+    h = 1e-4
+    return (position(t - h) - 2.0 * position(t) + position(t + h)) / (h * h)
+
+
+def attitude(t: Array) -> Rotation:
+    """World ← container: a rotation about a horizontal axis after one about z."""
+    zero, share = np.zeros_like(t), rise(t)
+    swing = TILT * np.column_stack((share * np.sin(4.0 * t), share * np.cos(3.0 * t), zero))
+    twist = YAW * np.column_stack((zero, zero, share * (0.3 + np.sin(2.5 * t))))
+    return Rotation.from_rotvec(swing) * Rotation.from_rotvec(twist)
+
+
+def rates(t: Array) -> Array:
+    """(N, 3) angular velocity in the container's axes [rad/s]."""
+    h = 1e-4
+    turned: Array = (attitude(t - h).inv() * attitude(t + h)).as_rotvec() / (2.0 * h)
+    return turned
+
+
+def cup_inputs(t: Array) -> Inputs:
+    """The motion as the models take it."""
+    return Inputs(t, acceleration(t), attitude(t).as_quat(), rates(t))
+
+
+def forces(t: Array) -> Array:
+    """(N, 3) specific force in the container's axes: what an imu at the origin feels [m/s²]."""
+    felt: Array = attitude(t).inv().apply(acceleration(t) + np.array([0.0, 0.0, GRAVITY]))
+    return felt
+
+
+def stamps_of(t: Array) -> Iterator[int]:
+    """Stamps of the times [ns]."""
+    return (round(second * RATE) * TICK for second in t.tolist())
+
+
+def with_effect(name: str) -> Model:
+    return BASE.with_effect(name, **STRENGTHS[name])
+
+
+def samples_of(restarts: tuple[int, ...] = (0,)) -> Samples:
+    """The cup's motion, with its attitude; a gap lies before each restart."""
+    motion = cup_inputs(times())
+    yaws, poses = pose_rows(motion.t, motion.attitude, motion.angular_velocity)
+    stamps = np.array(list(stamps_of(motion.t)), dtype=np.int64)
+    restarted = np.zeros(len(stamps), dtype=bool)
+    for index in restarts:
+        restarted[index] = True
+        stamps[index:] += 500 * MS * (index > 0)
+    return Samples(stamps, motion.acceleration.copy(), yaws, restarted, poses)
+
+
+def one_by_one(model: Model, samples: Samples) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Heights, readings and flags as the node gets them."""
+    estimator = Estimator(model)
+    answers = [estimator.update(samples.one(i)) for i in range(len(samples.stamps))]
+    return (
+        np.array([[answer.linear[:4], answer.nonlinear[:4]] for answer in answers]),
+        np.array([[answer.linear.reading, answer.nonlinear.reading] for answer in answers]),
+        np.array([answer.flags for answer in answers]),
+    )
+
+
+def in_parts(model: Model, samples: Samples, size: int) -> list[Estimates]:
+    estimator, parts = Estimator(model), []
+    for start in range(0, len(samples.stamps), size):
+        rows = slice(start, start + size)
+        parts.append(estimator.update_many(Samples(*(column[rows] for column in samples))))  # type: ignore[index]
+    return parts
+
+
+def test_every_effect_is_tried() -> None:
+    assert set(STRENGTHS) == set(EFFECTS)
+
+
+@pytest.mark.parametrize("name", EFFECTS)
+def test_all_at_once_and_in_parts_give_the_bits_of_one_by_one(name: str) -> None:
+    samples = samples_of(restarts=(0, 150, 151, 300))
+    heights, readings, flags = one_by_one(with_effect(name), samples)
+    for size in (10_000, 77):
+        parts = in_parts(with_effect(name), samples, size)
+        assert np.concatenate([part.heights for part in parts]).tobytes() == heights.tobytes()
+        assert np.concatenate([part.as_read for part in parts]).tobytes() == readings.tobytes()
+        assert np.concatenate([part.flags for part in parts]).tolist() == flags.tolist()
+
+
+@pytest.mark.parametrize("name", EFFECTS)
+def test_live_heights_and_readings_are_those_of_a_simulation(name: str) -> None:
+    model = with_effect(name)
+    live = Estimator(model).update_many(samples_of())
+    motion = cup_inputs(times())
+    for twin, which in ((model.linear(), 0), (model.nonlinear(), 1)):
+        response, _ = simulate(twin, motion)
+        np.testing.assert_array_equal(live.heights[:, which, 2], response.sh_x)
+        np.testing.assert_array_equal(live.heights[:, which, 3], response.sh_y)
+        read = measured_heights(twin, response)[:, 0]
+        np.testing.assert_allclose(live.as_read[:, which], read, rtol=1e-12, atol=1e-15)
+
+
+@pytest.mark.parametrize("name", sorted(set(EFFECTS) - {"surface_nonlinearity"}))
+def test_an_effect_acts_where_it_should(name: str) -> None:
+    """On the liquid, or on what is read of it alone: no limit is hidden from the monitor."""
+    samples, model = samples_of(), with_effect(name)
+    plain, live = Estimator(BASE).update_many(samples), Estimator(model).update_many(samples)
+    on_the_measurement = EFFECTS[name].reading is not None or EFFECTS[name].delay is not None
+    only = on_the_measurement and name != "fill_loss"
+    assert np.array_equal(live.heights, plain.heights) == only
+    assert np.array_equal(live.as_read, live.heights[:, :, 0]) == (EFFECTS[name].reading is None)
+    assert has_readings(model.name) == on_the_measurement
+    assert Estimator(model).reading_delay == (0.04 if name == "time_offset" else 0.0)
+
+
+def test_what_is_lost_of_the_liquid_stays_lost_after_a_gap() -> None:
+    model = with_effect("fill_loss")
+    samples = samples_of(restarts=(0, 300))
+    late = Estimator(model).update_many(samples)
+    seconds = (samples.stamps - samples.stamps[0]) * 1e-9
+    # At rest after the gap; the level itself has fallen.
+    assert late.heights[300, 1, 0] == 0.0
+    assert late.as_read[300, 1] == pytest.approx(-0.01 * seconds[300])
+    estimator = Estimator(model)
+    estimator.update_many(samples)
+    estimator.reset()
+    anew = estimator.update(Sample(10**10, 0.0, 0.0, 0.0, 0.0, True))
+    assert anew.nonlinear.reading == 0.0
+
+
+def test_a_film_does_not_outlast_a_gap() -> None:
+    samples = samples_of(restarts=(0, 300))
+    found = Estimator(with_effect("draining_film")).update_many(samples)
+    assert found.as_read[299, 1] > found.heights[299, 1, 0]
+    assert found.as_read[300, 1] == 0.0
+
+
+def heights_by(model: Model, samples: list[Sample]) -> tuple[np.ndarray, np.ndarray]:
+    """Seconds, and the NL heights at +x and +y [m]."""
+    found = Estimator(model).update_many(Samples.of(samples))
+    return found.stamps * 1e-9, found.heights[:, 1, 2:]
+
+
+def by_pose(shift: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> list[Sample]:
+    """Samples of a tracker at a point of the container, given in its axes [m]."""
+    adapter, t = PoseInput(GateSettings(), 9), times(-0.1, SECONDS + 0.1)
+    turned = attitude(t)
+    places, quaternions = position(t) + turned.apply(shift), turned.as_quat()
+    found = [
+        adapter.update(stamp + 10**10, tuple(place), tuple(-2.0 * quaternion))
+        for stamp, place, quaternion in zip(
+            stamps_of(t), places.tolist(), quaternions, strict=True
+        )
+    ]
+    return [sample for sample in found if sample is not None]
+
+
+def by_imu(transform: SensorTransform | None = None) -> list[Sample]:
+    adapter, t = ImuInput(GateSettings(), transform or SensorTransform()), times(-0.1)
+    found = [
+        adapter.update(stamp + 10**10, tuple(force), tuple(rate))
+        for stamp, force, rate in zip(
+            stamps_of(t), forces(t).tolist(), rates(t).tolist(), strict=True
+        )
+    ]
+    return [sample for sample in found if sample is not None]
+
+
+def truth(t: np.ndarray) -> Response:
+    """With gravity turned by the attitude."""
+    motion = cup_inputs(times())
+    response, _ = simulate(BASE.with_effect("gravity_tilt").nonlinear(), motion)
+    assert np.abs(response.msh).max() > 0.01
+    return response
+
+
+def error(model: Model, samples: list[Sample]) -> float:
+    """Largest difference from the truth, relative to its largest height."""
+    t, heights = heights_by(model, samples)
+    motion = times()
+    response = truth(motion)
+    known = np.column_stack((response.sh_x, response.sh_y))
+    found = np.column_stack([np.interp(motion, t - 10.0, column) for column in heights.T])
+    return float(np.abs(found - known).max() / np.abs(known).max())
+
+
+def test_a_tilted_pose_with_gravity_tilt_is_a_tilted_imu_without() -> None:
+    tilting = BASE.with_effect("gravity_tilt")
+    assert error(BASE, by_pose()) > 0.3
+    assert error(tilting, by_pose()) < 0.02
+    assert error(BASE, by_imu()) < 0.02
+
+
+def test_gravity_is_not_turned_twice_where_an_imu_feels_it() -> None:
+    _, felt = heights_by(BASE, by_imu())
+    _, turned = heights_by(BASE.with_effect("gravity_tilt"), by_imu())
+    np.testing.assert_allclose(turned, felt, atol=1e-12)
+
+
+def test_the_lever_arm_of_a_tracker_that_sits_elsewhere_is_taken_off() -> None:
+    tilting = BASE.with_effect("gravity_tilt")
+    elsewhere = by_pose(shift=(-0.3, 0.2, 0.1))
+    assert error(tilting, elsewhere) > 0.1
+    assert error(tilting.with_effect("lever_arm", x=0.3, y=-0.2, z=-0.1), elsewhere) < 0.03
+
+
+@pytest.mark.parametrize(("kind", "blind"), [("accel", True), ("imu", False), ("pose", False)])
+def test_effects_that_an_input_without_attitude_leaves_idle_are_named(
+    kind: str, blind: bool
+) -> None:
+    model = BASE.with_effect("gravity_tilt").with_effect("yaw_coupling", kappa=0.1)
+    assert bool(attitude_warning(model, kind)) == blind
+    assert attitude_warning(BASE, kind) == ""
+    if blind:
+        assert "gravity_tilt, yaw_coupling" in attitude_warning(model, kind)
