@@ -238,6 +238,26 @@ def test_rivals_are_whole_sets():
     ]
 
 
+def test_rivals_of_another_kind_come_from_the_explanations():
+    base = example_finding(Verdict.AMBIGUOUS)
+    alone = tuple(replace(effect, alternatives=()) for effect in base.effects)
+    others = (
+        Candidate(("vertical_acceleration", "fill_level"), probability=0.5),
+        Candidate(("second_mode", "time_offset", "fill_level"), probability=0.4),
+        Candidate(("height_offset",), probability=0.05),
+    )
+    finding = replace(base, effects=alone, candidates=others)
+    assert rivals(finding)[1:] == [("second_mode", "time_offset", "fill_level")]
+    assert verdict_sentence(finding) == (
+        "2D-L lacks fill_level, and either vertical_acceleration or second_mode + time_offset:"
+        " these motions cannot tell which."
+    )
+    lonely = replace(finding, candidates=())
+    assert verdict_sentence(lonely) == (
+        "Perhaps 2D-L lacks fill_level + vertical_acceleration: these motions do not settle it."
+    )
+
+
 def test_notes_and_remarks_stand_once():
     report = DiscoveryReport(
         replace(example_finding(), remarks=("one", "two")), notes=("one", "zero")

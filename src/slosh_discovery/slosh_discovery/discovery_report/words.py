@@ -11,6 +11,8 @@ from slosh_discovery.report.units import shown
 from slosh_model.effects.registry import EFFECTS
 
 AS_IT_IS = "the model as it is"
+LIKELY = 0.2
+"""An explanation this likely, relative to the likeliest, is one of those that are left."""
 PARTS = {
     "time": "time",
     "phase": "phase",
@@ -74,6 +76,9 @@ def verdict_sentence(finding: Finding) -> str:
         return f"{name} lacks nothing that these motions show: what it leaves is noise."
     if finding.verdict is Verdict.AMBIGUOUS:
         common, rest = apart(rivals(finding))
+        if len(rest) < 2:
+            perhaps = explanation(names for only in rest for names in only)
+            return f"Perhaps {name} lacks {perhaps}: these motions do not settle it."
         sure = f"{listed(common)}, and " if common else ""
         found = listed([explanation(names) if names else "nothing" for names in rest], "or")
         return f"{name} lacks {sure}either {found}: these motions cannot tell which."
@@ -111,14 +116,21 @@ def gap_sentence(finding: Finding) -> str:
 
 
 def rivals(finding: Finding) -> list[tuple[str, ...]]:
-    """The explanations that an ambiguous finding leaves, the likeliest first, as sets of ids."""
+    """The explanations that an ambiguous finding leaves, the likeliest first, as sets of ids.
+
+    Where no effect stands in another's place, those that are about as likely as the first one.
+    """
     likeliest = tuple(effect.name for effect in finding.effects)
     found = [likeliest] if likeliest else []
     for effect in finding.effects:
         for other in effect.alternatives:
             place = [other if name == effect.name else name for name in likeliest]
             found.append(tuple(name for part in place for name in part.split(" + ")))
-    return list(dict.fromkeys(found))
+    if len(found) < 2:
+        tried = [one for one in finding.candidates if not one.reason]
+        least = LIKELY * max((one.probability for one in tried), default=0.0)
+        found += [tuple(one.effects) for one in tried if one.probability >= least > 0.0]
+    return list({frozenset(names): names for names in reversed(found)}.values())[::-1]
 
 
 def apart(
