@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -12,7 +13,10 @@ import pytest
 import slosh_model
 
 PACKAGE = Path(slosh_model.__file__).parent
+PAGE = Path(__file__).resolve().parents[3] / "docs" / "effects" / "adding.md"
 
+# Of the package's own effects and their machinery; fewer compile faster.
+KEPT = ("__init__", "base", "registry", "robot_dynamics", "vertical_acceleration")
 # One module for each way in which an effect may act.
 EFFECTS = {
     "a_drag": """
@@ -43,6 +47,22 @@ EFFECT = Effect(
     term=_term,
 )
 """,
+    "double": """
+from slosh_model.effects.base import Effect, Parameter, Stage, compiled
+
+@compiled
+def _modulation(mode, elapsed, p):
+    omega, zeta, c, radius, gain, xi, height = mode
+    if elapsed < p[0]:
+        return mode
+    return 2.0 * omega, zeta, 4.0 * c, radius, 3.0 * gain, xi, height
+
+EFFECT = Effect(
+    name="double", title="stiffer later", stages=(Stage.DYNAMICS, Stage.HEIGHT), equation="2",
+    source="test", parameters=(Parameter("start", "s", 0.0, 9.0, None, "when"),),
+    modulation=_modulation,
+)
+""",
     "fill": """
 from dataclasses import replace
 from slosh_model.effects.base import Effect, Parameter, Stage
@@ -57,6 +77,32 @@ EFFECT = Effect(
     parameters=(Parameter("delta", "m", -1.0, 1.0, 0.0, "more liquid"),), modes=_modes,
 )
 """,
+    "growing": """
+from slosh_model.effects.base import SETTLING, Effect, Parameter, Stage, compiled
+
+@compiled
+def _drive(dt, inputs, pose, memory, p):
+    if dt == SETTLING:
+        memory[1] = 7.0
+    else:
+        memory[0] += dt
+    return inputs[0] + p[0] * memory[0], inputs[1] + memory[1], inputs[2], inputs[3]
+
+EFFECT = Effect(
+    name="growing", title="growing input", stages=(Stage.INPUT,), equation="a + k t",
+    source="test", parameters=(Parameter("k", "m/s³", -9.0, 9.0, 0.0, "growth"),),
+    drive=_drive, drive_memory=2,
+)
+""",
+    "late": """
+from slosh_model.effects.base import Effect, Parameter, Stage
+
+EFFECT = Effect(
+    name="late", title="late", stages=(Stage.MEASUREMENT,), equation="t", source="test",
+    parameters=(Parameter("samples", "1", 0.0, 99.0, 0.0, "2 ms each"),),
+    delay=lambda p: 0.002 * p["samples"],
+)
+""",
     "more_modes": """
 from slosh_model.effects.base import Effect, Parameter, Stage
 from slosh_model.modes import Mode
@@ -67,6 +113,20 @@ def _modes(modes, p):
 EFFECT = Effect(
     name="more_modes", title="a mode", stages=(Stage.DYNAMICS,), equation="n", source="test",
     parameters=(Parameter("zeta", "1", 0.0, 0.9, None, "its damping", 0.0),), modes=_modes,
+)
+""",
+    "peak_hold": """
+from slosh_model.effects.base import Effect, Stage, compiled
+
+@compiled
+def _reading(dt, eta, wall, memory, p):
+    memory[1] += dt
+    memory[0] = max(memory[0], eta + memory[1])
+    return memory[0]
+
+EFFECT = Effect(
+    name="peak_hold", title="hold", stages=(Stage.MEASUREMENT,), equation="max", source="test",
+    reading=_reading, reading_memory=2,
 )
 """,
     "ramp": """
@@ -92,10 +152,14 @@ EFFECT = Effect(
 }
 PROBE = """
 import json
+import sys
 import numpy as np
+from scipy.integrate import solve_ivp
 from slosh_model import kernel
 from slosh_model.containers import Cylinder
+from slosh_model.measure import predicted_heights
 from slosh_model.model import Model
+from slosh_model.model_text import parse_model
 from slosh_model.simulate import Inputs, State, simulate
 
 CUP = Cylinder(0.05, 0.07)
@@ -113,8 +177,8 @@ def same(model, other):
     one, two = run(model, Inputs(t, push)), run(other, Inputs(t, push))
     return bool(np.array_equal(one.sh_x, two.sh_x) and np.array_equal(one.modal, two.modal))
 
-def close(values, exact):
-    return bool(np.max(np.abs(values - exact)) < 1e-8)
+def close(values, exact, within=1e-8):
+    return bool(np.max(np.abs(values - exact)) < within)
 
 def oscillation(damping, frequency):
     f = np.sqrt(frequency**2 - damping**2)
@@ -128,7 +192,41 @@ ramp = PLAIN.with_effect("ramp", rate=2.0)
 first, state = simulate(ramp, Inputs(t[:200], np.zeros((200, 3))))
 second, _ = simulate(ramp, Inputs(t[200:], np.zeros((301, 3))), state)
 pushed = np.concatenate([first.modal, second.modal])[:, 0, 0]
+
+grown = PLAIN.with_effect("growing", k=3.0).with_effect("robot_dynamics", frequency=500.0)
+whole = run(grown)
+first, state = simulate(grown, Inputs(t[:200], np.zeros((200, 3))))
+second, _ = simulate(grown, Inputs(t[200:], np.zeros((301, 3))), state)
+joined = np.concatenate([first.modal, second.modal])
+unmoved = run(PLAIN.with_effect("growing", k=3.0)).modal[:, 0]
+swing = run(PLAIN.with_effect("double", start=0.0), state=aside)
+later = run(PLAIN.with_effect("double", start=0.5), state=aside).modal[:, 0, 0]
+before = t < 0.499
+msh = predicted_heights(PLAIN, Inputs(t, push), t)
+late = predicted_heights(PLAIN.with_effect("late", samples=25.0), Inputs(t, push), t)
+held = predicted_heights(PLAIN.with_effect("peak_hold"), Inputs(t, push), t)
+
+film = parse_model(sys.argv[1])
+(use,) = film.effects
+sigma, size, zeta = *use.parameters.values(), film.mode_constants()[0].damping_ratio
+stiff = lambda x: w**2 * (1.0 + sigma / (1.0 + x**2 / size**2))
+swung = solve_ivp(
+    lambda t, s: [s[1], -stiff(s[0]) * s[0] - 2.0 * zeta * w * s[1]], (0.0, 1.0), [0.01, 0.0],
+    "DOP853", t_eval=t, rtol=1e-10, atol=1e-13,
+).y[0]
+along = State(0.0, np.array([[0.01, 0.0, 0.0, 0.0]]), np.zeros(4))
 print(json.dumps({
+    "the_page": bool(use.name == "clinging_film" and sigma == 0.2
+        and np.max(np.abs(run(film, state=along).modal[:, 0, 0] - swung)) < 1e-7),
+    "drive": close(unmoved[:, 0], -3.0 / w**2 * (t - np.sin(w * t) / w)),
+    "settling": close(unmoved[:, 1], -7.0 / w**2),
+    "drive_memory": bool(np.array_equal(joined, whole.modal)),
+    "modulation": close(swing.modal[:, 0, 0], 0.01 * np.cos(2.0 * w * t), 1e-6)
+        and close(swing.sh_x, 3.0 * PLAIN.height_gains()[0] * swing.modal[:, 0, 0]),
+    "modulation_in_time": close(later[before], 0.01 * np.cos(w * t[before]))
+        and not close(later, 0.01 * np.cos(w * t)),
+    "delay": close(late[25:], msh[:-25], 1e-7) and not bool(late[:25].any()),
+    "reading": close(held[:, 0], np.maximum.accumulate(msh[:, 0] + t)),
     "name": PLAIN.with_effect("a_drag", k=2.0).name,
     "drag": close(drag[:, 0], oscillation(1.0, w)),
     "added_mass": close(heavy[:, 0], oscillation(0.0, w / 2.0))
@@ -148,14 +246,24 @@ print(json.dumps({
 
 @pytest.fixture
 def package(tmp_path):
-    """A copy of the package with the test's effects; its own cache."""
+    """A copy of the package with the test's effects and the page's; its own cache."""
     shutil.copytree(PACKAGE, tmp_path / "slosh_model")
+    for file in (tmp_path / "slosh_model" / "effects").glob("*.py"):
+        if file.stem not in KEPT:
+            file.unlink()
     for name, text in EFFECTS.items():
         (tmp_path / "slosh_model" / "effects" / f"{name}.py").write_text(text)
+    (tmp_path / "slosh_model" / "effects" / "clinging_film.py").write_text(on_the_page("python"))
     return tmp_path
 
 
-def run(root: Path, program: str, **environment: str) -> str:
+def on_the_page(language: str) -> str:
+    """The one example in that language on the page that says how an effect is added."""
+    (example,) = re.findall(rf"```{language}\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.S)
+    return example
+
+
+def run(root: Path, program: str, *words: str, **environment: str) -> str:
     surroundings = {
         "PATH": os.defpath,
         "PYTHONPATH": str(root),
@@ -163,23 +271,23 @@ def run(root: Path, program: str, **environment: str) -> str:
         "HOME": str(root),
         **environment,
     }
-    command = [sys.executable, "-c", program]
+    command = [sys.executable, "-c", program, *words]
     return subprocess.run(
         command, env=surroundings, capture_output=True, text=True, timeout=100, check=True
     ).stdout
 
 
 def test_each_kind_of_effect_is_one_module_and_an_edit_is_never_missed(package):
-    found = json.loads(run(package, PROBE))
+    found = json.loads(run(package, PROBE, on_the_page("yaml")))
     assert found.pop("name") == "2D-L+a_drag"
     assert found.pop("hits") == 0
     assert found == dict.fromkeys(found, True)
 
-    assert json.loads(run(package, PROBE))["hits"] == 1  # compiled before
+    assert json.loads(run(package, PROBE, on_the_page("yaml")))["hits"] == 1  # compiled before
 
     module = package / "slosh_model" / "effects" / "a_drag.py"
     module.write_text(EFFECTS["a_drag"].replace("-p[0] * q[2]", "-3.0 * p[0] * q[2]"))
-    edited = json.loads(run(package, PROBE))
+    edited = json.loads(run(package, PROBE, on_the_page("yaml")))
     assert edited["hits"] == 0
     assert not edited["drag"]
     assert edited["added_mass"]
