@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import time
 from collections.abc import Callable, Iterator
@@ -27,6 +28,7 @@ from slosh_estimator.nodes.estimator_node import EstimatorNode  # noqa: E402
 from slosh_estimator.nodes.monitor_node import MonitorNode  # noqa: E402
 from slosh_model.model_text import parse_model  # noqa: E402
 from slosh_msgs.msg import (  # noqa: E402
+    ExpectedReading,
     FreeSurface,
     LimitEvent,
     NodeSettings,
@@ -362,3 +364,93 @@ def test_the_monitor_warns_of_a_motion_that_the_model_does_not_describe(
     assert status.level == b"\x01"
     facts = {pair.key: pair.value for pair in status.values}
     assert facts["motions"] == facts["motions that disagree"] == "1"
+
+
+FOUND = """
+container: {shape: cylinder, radius: 0.05, fill_height: 0.07, rim_height: 0.1}
+damping_ratio: auto
+effects:
+  - name: vertical_acceleration
+  - name: gravity_tilt
+  - {name: height_scale, gain: 1.25}
+  - {name: time_offset, tau: -0.02}
+"""
+
+
+def test_a_found_model_is_loaded_and_acts_on_the_liquid_and_on_the_comparison(
+    start: Callable[..., Cell],
+) -> None:
+    cell = start(input="pose", pose_window="5")
+    cell.add(EstimatorNode())
+    cell.add(MonitorNode())
+    estimates = cell.collect(SloshEstimate, topics.ESTIMATE)
+    readings = cell.collect(ExpectedReading, topics.EXPECTED_READING)
+    comparisons = cell.collect(SloshComparison, topics.COMPARISON)
+    poses = cell.publisher(PoseStamped, topics.POSE)
+    surfaces = cell.publisher(FreeSurface, topics.FREE_SURFACE)
+    for topic in (topics.ESTIMATE, topics.EXPECTED_READING, topics.COMPARISON):
+        cell.until(lambda topic=topic: cell.probe.count_publishers(topic) > 0)  # type: ignore[misc]
+    begin, sent = cell.now(), 0
+
+    def tilt(count: int) -> None:
+        """Poses of a container that tips over by half a degree each 10 ms, where it stands."""
+        nonlocal sent
+        for _ in range(count):
+            before, half = len(estimates), 0.004 * sent
+            message = PoseStamped()
+            message.header.stamp = to_time(begin + 10 * sent * MS)
+            message.pose.orientation.y, message.pose.orientation.w = math.sin(half), math.cos(half)
+            poses.publish(message)
+            sent += 1
+            if sent >= 5:
+                cell.until(lambda before=before: len(estimates) > before)  # type: ignore[misc]
+
+    tilt(20)
+    assert estimates[-1].nonlinear.msh == 0.0  # blind to gravity on a tilted floor
+    assert readings == []
+    loaded = cell.call(LoadModel, topics.LOAD_MODEL, LoadModel.Request(text=FOUND))
+    assert loaded.success
+    assert loaded.message == "loaded; the models start from rest"
+    names = ("3D-L", "3D-NL")
+    added = "+gravity_tilt+height_scale+time_offset"
+    assert loaded.models == ", ".join(name + added for name in names)
+    tilt(30)
+    cell.until(lambda: len(readings) == 30)
+    last, reading = estimates[-1], readings[-1]
+    assert (last.linear.model, last.nonlinear.model) == tuple(name + added for name in names)
+    assert last.nonlinear.msh > 1e-3
+    assert last.nonlinear.sh_x > 0.0  # the container's x axis points down
+    assert reading.header == last.header
+    assert reading.nonlinear == pytest.approx(1.25 * last.nonlinear.msh, rel=1e-12)
+    assert reading.linear == pytest.approx(1.25 * last.linear.msh, rel=1e-12)
+    assert reading.delay == -0.02
+    # The picture stamped 20 ms before that estimate shows what it tells.
+    surface = FreeSurface(msh=reading.nonlinear)
+    surface.header.stamp = to_time(to_nanoseconds(last.header.stamp) - 20 * MS)
+    surfaces.publish(surface)
+    cell.until(lambda: any(comparison.count for comparison in comparisons))
+    (comparison,) = (comparison for comparison in comparisons if comparison.count)
+    assert comparison.header.stamp == surface.header.stamp
+    assert comparison.residual_nonlinear == 0.0
+    assert comparison.estimated_linear == reading.linear
+
+
+def test_a_model_that_needs_an_attitude_says_so_where_there_is_none(
+    start: Callable[..., Cell],
+) -> None:
+    cell = start()
+    cell.add(EstimatorNode())
+    reports = cell.collect(DiagnosticArray, "/diagnostics")
+    publisher = cell.publisher(AccelStamped, topics.ACCEL)
+    loaded = cell.call(LoadModel, topics.LOAD_MODEL, LoadModel.Request(text=FOUND))
+    assert loaded.success
+    sentence = "gravity_tilt does nothing with the input 'accel'"
+    assert sentence in loaded.message
+
+    def warned() -> bool:
+        publisher.publish(accel(cell.now(), 0.0))
+        return any(entry.status[0].message.startswith(sentence) for entry in reports)
+
+    cell.until(warned)
+    plain = cell.call(LoadModel, topics.LOAD_MODEL, LoadModel.Request(text=TEXT))
+    assert plain.message == "loaded; the models start from rest"
