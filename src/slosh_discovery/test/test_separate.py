@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 from scipy.integrate import cumulative_simpson
 
+from slosh_discovery.discover.model_variants import variants_of
 from slosh_discovery.discover.separate import separating_motion
 from slosh_discovery.discover.separating_families import (
     FAMILIES,
@@ -112,3 +115,32 @@ def test_a_liquid_that_always_spills():
     full = Model(Cylinder(0.05, 0.07, rim_height=0.0700001))
     with pytest.raises(SloshDiscoveryError, match="keeps the liquid in"):
         separating_motion(full, full.nonlinear(), PRESENT, 50.0)
+
+
+def remaining(description):
+    """What is left of the difference after a refit [m], as the description says."""
+    return 1e-3 * float(re.search(r"([\d.e-]+) mm of the difference are left", description)[1])
+
+
+def test_a_mere_difference_of_parameters_is_not_left_after_a_refit():
+    first = MODEL.with_effect("damping_mismatch", factor=1.2)
+    second = MODEL.with_effect("damping_mismatch", factor=1.25)
+    found = separating_motion(first, second, PRESENT, LIMIT)
+    assert remaining(found.description) < 0.05 * found.difference
+
+
+def test_another_law_is_left_after_a_refit():
+    first = MODEL.with_effect("damping_mismatch", factor=2.0)
+    second = MODEL.with_effect("quadratic_damping", beta=0.15)
+    found = separating_motion(first, second, PRESENT, LIMIT)
+    assert remaining(found.description) > 0.15 * found.difference
+
+
+def test_variants_change_one_thing_and_keep_to_the_bounds():
+    model = MODEL.with_effect("fill_loss", rate=0.05).with_effect("height_scale", gain=1.0)
+    variants = list(variants_of(model))
+    assert len(variants) == 4  # radius, damping, rate and gain; fixed_zero is a choice
+    assert variants[0].container.radius > model.container.radius
+    assert variants[1].mode_constants()[0].damping_ratio > model.mode_constants()[0].damping_ratio
+    assert variants[2].effects[0].parameters["rate"] < 0.05
+    assert variants[3].effects[1].parameters["gain"] != 1.0

@@ -85,22 +85,13 @@ def motion_span(inputs: Inputs) -> tuple[float, float]:
 
 def angular_velocity(inputs: Inputs) -> Array:
     """(N, 3) in the container's frame [rad/s]: as given, or from the attitude; at rest: 0."""
-    if inputs.angular_velocity is not None:
-        return inputs.angular_velocity
-    rate = np.zeros((len(inputs.t), 3))
-    if inputs.attitude is None or len(inputs.t) < 2:
-        return rate
-    rotation = Rotation.from_quat(inputs.attitude)
-    steps = (rotation[:-1].inv() * rotation[1:]).as_rotvec() / np.diff(inputs.t)[:, np.newaxis]
-    rate[:-1] += 0.5 * steps
-    rate[1:] += 0.5 * steps
-    return rate
+    return inputs.poses[:, 4:7] if len(inputs.poses) else np.zeros((len(inputs.t), 3))
 
 
 def _tilt(inputs: Inputs) -> Array:
-    if inputs.attitude is None:
+    if not len(inputs.poses):
         return np.zeros(len(inputs.t))
-    axis = Rotation.from_quat(inputs.attitude).as_matrix()[:, :, 2]
+    axis = Rotation.from_quat(inputs.poses[:, :4]).as_matrix()[:, :, 2]
     return np.asarray(np.arctan2(np.hypot(axis[:, 0], axis[:, 1]), axis[:, 2]))
 
 

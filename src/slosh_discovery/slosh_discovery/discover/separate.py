@@ -1,8 +1,11 @@
 """The motion that tells two models apart.
 
 Two models that explain the present motions equally well may answer another motion differently. A
-family of motions that a robot can carry out is searched for the one in which the predicted heights
-differ most, with the liquid kept in the container.
+family of motions that a robot can carry out is searched for those in which the predicted heights
+differ most, with the liquid kept in the container. Of the best of each family the one counts in
+which most is left of the difference when either model's parameters, its natural frequency and its
+damping may give way a little, in relation to how much a small step of these changes the heights:
+near resonance, and where the wave is chaotic, everything differs, and says little.
 """
 
 from __future__ import annotations
@@ -13,8 +16,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import optimize
 
 from slosh_discovery.discover.finding import SeparatingMotion
+from slosh_discovery.discover.model_variants import variants_of
 from slosh_discovery.discover.separating_families import (
     FAMILIES,
     MAXIMUM_TRAVEL,
@@ -38,6 +43,12 @@ REFINEMENT = (0.08, 0.04, 0.02)
 """Steps of the ratio around the best."""
 SIZES = (1.0, 0.7, 0.5, 0.35, 0.25, 0.15, 0.1, 0.05)
 """Shares of the limit; the largest that keeps the liquid in."""
+GIVE = 10.0
+"""A refit may change a parameter by so many of the steps of `variants_of`."""
+FLOOR = 5e-4
+"""About a sensor's noise [m]: a motion is no better for being less sensitive than this."""
+PER_FAMILY = 3
+"""So many frequencies of each family are looked at closely."""
 LONG_DWELL = 10.0
 """What changes with time or decays shows in a long dwell [s]."""
 HIGHEST = 0.7
@@ -46,7 +57,7 @@ FREEBOARD_SHARE = 0.8
 """and in units of the freeboard where it is."""
 SAMPLE_RATE = 60.0
 """Of the heights that are compared [Hz]."""
-ALIKE = 0.02
+ALIKE = 0.005
 """Models that differ by less of their heights are taken for the same in the linear regime."""
 
 
@@ -72,10 +83,22 @@ class _Pair:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Trial:
+    """A motion that was tried.
+
+    Attributes:
+        motion, inputs: the motion.
+        difference: rms difference of the heights [m].
+        relative: in units of the heights' own rms.
+        remaining: rms difference that no refit of either model removes [m]; NaN: not computed.
+        sensitivity: largest rms change of the heights by one step of a parameter [m]; likewise.
+    """
+
     motion: Motion
     inputs: Inputs
     difference: float
     relative: float
+    remaining: float = math.nan
+    sensitivity: float = math.nan
 
 
 def separating_motion(
@@ -126,7 +149,7 @@ def separating_motion(
         if other is not None and (best is None or other.relative > best.relative):
             best = other
             remark = (
-                "; the two are the same for small waves: the difference is that of their "
+                "; the two are about the same for small waves: the difference is that of their "
                 "nonlinear twins, as the real liquid is nonlinear"
             )
     if best is None:
@@ -137,37 +160,49 @@ def separating_motion(
     return SeparatingMotion(
         names=names or _names(first, second),
         inputs=best.inputs,
-        description=text_of(best.motion) + remark,
+        description=f"{text_of(best.motion)}; {1e3 * best.remaining:.2g} mm of the difference are "
+        f"left if the parameters may give way{remark}",
         difference=best.difference,
         present_difference=_present_difference(pair, present),
     )
 
 
 def _search(pair: _Pair) -> _Trial | None:
-    """The best of the families; then its frequency and its dwell are refined."""
+    """Of the best of each family, the one that a refit closes least; refined."""
     turning = _needs_rotation(pair)
-    best: _Trial | None = None
+    found: list[_Trial] = []
     for family in FAMILIES:
         if family.turns and not turning:
             continue
-        for ratio in RATIOS:
-            best = _better(best, _largest(pair, Motion(family, ratio * pair.frequency)))
-    return None if best is None else _refined(pair, best)
+        tried = [_largest(pair, Motion(family, ratio * pair.frequency)) for ratio in RATIOS]
+        ranked = sorted((each for each in tried if each is not None), key=_by_difference)
+        found += [_with_remaining(pair, each) for each in ranked[-PER_FAMILY:]]
+    if not found:
+        return None
+    return _refined(pair, max(found, key=_by_merit))
 
 
 def _refined(pair: _Pair, best: _Trial) -> _Trial:
+    """Other frequencies nearby, and a longer dwell."""
     for step in REFINEMENT:
         centre = best.motion
         for sign in (-1.0, 1.0):
             moved = replace(centre, frequency=centre.frequency + sign * step * pair.frequency)
-            best = _better(best, _largest(pair, moved)) or best
-    return _better(best, _largest(pair, replace(best.motion, dwell=LONG_DWELL))) or best
+            best = _better(pair, best, moved)
+    return _better(pair, best, replace(best.motion, dwell=LONG_DWELL))
 
 
-def _better(best: _Trial | None, other: _Trial | None) -> _Trial | None:
-    if best is None or (other is not None and other.difference > best.difference):
-        return other
-    return best
+def _better(pair: _Pair, best: _Trial, motion: Motion) -> _Trial:
+    tried = _largest(pair, motion)
+    return best if tried is None else max(best, _with_remaining(pair, tried), key=_by_merit)
+
+
+def _by_difference(trial: _Trial) -> float:
+    return trial.difference
+
+
+def _by_merit(trial: _Trial) -> float:
+    return trial.remaining / math.hypot(FLOOR, trial.sensitivity)
 
 
 def _largest(pair: _Pair, motion: Motion) -> _Trial | None:
@@ -197,6 +232,29 @@ def _try(pair: _Pair, motion: Motion) -> _Trial | None:
     difference = _rms(one - two)
     size = max(_rms(one), _rms(two), 1e-12)
     return _Trial(motion, inputs, difference, difference / size)
+
+
+def _with_remaining(pair: _Pair, trial: _Trial) -> _Trial:
+    """The trial with what is left of the difference when one of the models is refitted."""
+    times = np.arange(trial.inputs.t[0], trial.inputs.t[-1], 1.0 / SAMPLE_RATE)
+    heights = [
+        predicted_heights(model, trial.inputs, times, pair.azimuths)
+        for model in (pair.first, pair.second)
+    ]
+    difference = (heights[0] - heights[1]).ravel()
+    remaining, sensitivity = [_rms(difference)], 0.0
+    for model, own in zip((pair.first, pair.second), heights, strict=True):
+        changes = []
+        for variant in variants_of(model):
+            try:
+                other = predicted_heights(variant, trial.inputs, times, pair.azimuths)
+            except SloshModelError:
+                continue
+            changes.append((other - own).ravel())
+            sensitivity = max(sensitivity, _rms(changes[-1]))
+        refit = optimize.lsq_linear(np.stack(changes, axis=1), difference, (-GIVE, GIVE))
+        remaining.append(math.sqrt(2.0 * refit.cost / len(difference)))
+    return replace(trial, remaining=min(remaining), sensitivity=sensitivity)
 
 
 def _present_difference(pair: _Pair, present: Sequence[Inputs]) -> float:
