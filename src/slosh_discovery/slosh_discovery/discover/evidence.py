@@ -1,12 +1,14 @@
 """How likely explanations are, given the data: Laplace's approximation of the evidence.
 
-log Z = -χ²/(2T) - ½ log det(I + W H/T), with H = JᵀJ the information of the data on the free
-parameters and W their variances before any data. The second term pays for parameters: the more
-narrowly the data pin a parameter down within what was plausible, the more it costs (MacKay 2003,
-ch. 28). T is the temperature of the data: χ² per sample of the best explanation, times the number
-of neighbouring samples whose residuals go together. It is 1 where the best explanation leaves
-nothing but white noise; where even the best one leaves more, differences of χ² count for less.
-Every further effect costs a fixed prior.
+log Z = -χ²/(2T) - ½ dᵀW⁻¹d - ½ log det(I + W H/T), with d the parameters' distance from what was
+expected, W their variances before any data and H = JᵀJ the information of the data on them. The
+second term pays for what is implausible, the third for parameters: the more narrowly the data pin
+one down within what was plausible, the more it costs (MacKay 2003, ch. 28).
+
+T is the temperature of the data: χ² per sample of the best explanation, times the number of
+neighbouring samples whose residuals go together. It is 1 where the best explanation leaves nothing
+but white noise; where even the best one leaves more, differences of χ² count for less. Every
+further effect costs a fixed prior.
 """
 
 from __future__ import annotations
@@ -37,8 +39,10 @@ def log_evidence(fit: Fit, temperature: float) -> float:
     spreads = explanation.widths * math.sqrt(PRIOR_VARIANCE)
     information = fit.information * np.outer(spreads, spreads) / temperature
     _, log_determinant = np.linalg.slogdet(np.eye(len(information)) + information)
+    surprise = (fit.vector - explanation.centres) / spreads
     return (
         -0.5 * fit.chi_square / temperature
+        - 0.5 * float(surprise @ surprise)
         - 0.5 * float(log_determinant)
         + len(explanation.effects) * math.log(EFFECT_PRIOR)
         - sum(math.log(2.0) for _ in explanation.chosen)

@@ -23,7 +23,7 @@ STEP = 1e-3
 """Step of the derivatives, relative to a parameter's plausible width."""
 CLOCK_STEP = 1e-3
 """Step of the derivative by a clock offset [s]."""
-CLOCK_SPAN = 0.3
+CLOCK_SPAN = 0.2
 """How far a clock offset may move from its start [s]."""
 TOLERANCE = 1e-4
 IMPOSSIBLE = 1e3

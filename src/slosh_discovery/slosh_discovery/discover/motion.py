@@ -28,7 +28,7 @@ class MeasuredMotion:
         eta_azimuth: (K,) azimuths of the measured wall heights from the container's +x [rad].
         eta: (M, K) measured wall heights above the still level [m], NaN: no sample.
         stddev: (M,) the sensor's own standard deviation [m], NaN: unknown; None: never known.
-        same_clock: whether t is the inputs' clock; otherwise an unknown offset lies between.
+        same_clock: whether t is the inputs' clock; otherwise an unknown small offset lies between.
         level_known: whether the heights' zero is the still level; otherwise it is unknown.
 
     Raises:

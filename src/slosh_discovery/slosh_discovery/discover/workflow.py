@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from slosh_discovery.alignment import estimate_clock_offset
+from slosh_discovery.discover.clock import first_offset
 from slosh_discovery.discover.crosscheck import held_out_rms
 from slosh_discovery.discover.evidence import log_evidence, standard_errors
 from slosh_discovery.discover.explanation import Explanation
@@ -71,7 +71,7 @@ def discover(
     told = progress or (lambda text, share: None)
     told("preparing", 0.0)
     prepared = [prepare(motion, motions) for motion in motions]
-    offsets = [_first_offset(one, base) for one in prepared]
+    offsets = [first_offset(one, base) for one in prepared]
     count = threads or os.cpu_count() or 1
     pool = Search(base, prepared, offsets, told, count).run()
     judgement = judge(pool, prepared)
@@ -104,18 +104,6 @@ def _model_of(one: Fit) -> Model:
     return model
 
 
-def _first_offset(one: PreparedMotion, base: Model) -> float:
-    """Where the search for a motion's clock offset starts [s]."""
-    motion = one.motion
-    if motion.same_clock:
-        return 0.0
-    heights = predicted_heights(base, one.fine, one.fine.t)[:, 0]
-    try:
-        return estimate_clock_offset(motion.t, motion.peak_heights, one.fine.t, heights).offset
-    except SloshDiscoveryError as error:
-        raise SloshDiscoveryError(f"{motion.name}: {error}") from None
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class _Answer:
     """A model's answer to a motion, on the measured clock and level."""
@@ -142,7 +130,7 @@ def _cases(
     for motion, role in roles:
         one = known.get(id(motion)) or prepare(motion, [*motions, *holdout])
         start = starts.get(id(motion))
-        start = _first_offset(one, base) if start is None else start
+        start = first_offset(one, base) if start is None else start
         before, after = (_answer(one, model, start) for model in (base, after_model))
         cases.append(
             MotionFinding(

@@ -1,0 +1,66 @@
+"""Where the search for an unknown clock offset starts."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_discovery.discover.problem import PreparedMotion
+from slosh_model.model import Model
+
+Array = NDArray[np.float64]
+
+LAG = 1.0 / 60.0
+"""Step of the offsets that are tried [s]."""
+OVERLAP = 0.6
+"""Share of the shorter series that lies over the other at every offset that is tried."""
+TILT = "gravity_tilt"
+
+
+def first_offset(one: PreparedMotion, base: Model) -> float:
+    """Measured minus inputs' clock at which measured and expected heights look most alike [s].
+
+    Expected are the heights of the model's three-dimensional nonlinear twin in the container's
+    attitude: a motion looks much the same in every model, and most in the fullest. Alike is what
+    correlates, whatever the heights' scale and zero.
+    """
+    if one.motion.same_clock:
+        return 0.0
+    full = base.spatial().nonlinear()
+    full = full if full.has(TILT) or one.azimuths is not None else full.with_effect(TILT)
+    answer = one.simulate(full) or one.simulate(base)
+    if answer is None:
+        return float(one.t[0] - one.fine.t[0])
+    expected_t = np.arange(one.fine.t[0], one.fine.t[-1], LAG)
+    measured_t = np.arange(one.t[0], one.t[-1], LAG)
+    expected = _series(expected_t, one.fine.t, answer.at(one.fine.t, -answer.delay)[:, 0])
+    height = one.motion.peak_heights if one.azimuths is None else one.heights[:, 0]
+    times = one.motion.t if one.azimuths is None else one.t
+    measured = _series(measured_t, times, height)
+    lag = _best_lag(measured, expected)
+    return float(measured_t[0] - expected_t[0] + lag * LAG)
+
+
+def _series(grid: Array, t: Array, values: Array) -> Array:
+    present = np.isfinite(values)
+    return np.interp(grid, t[present], values[present])
+
+
+def _best_lag(measured: Array, expected: Array) -> int:
+    """By how many steps the expected series is shifted to look most like the measured one."""
+    shorter = min(len(measured), len(expected))
+    least = max(int(OVERLAP * shorter), 2)
+    best, best_likeness = 0, -np.inf
+    for lag in range(least - len(expected), len(measured) - least + 1):
+        first = max(lag, 0)
+        last = min(len(measured), lag + len(expected))
+        one = measured[first:last]
+        other = expected[first - lag : last - lag]
+        centred = other - other.mean()
+        # The share of the whole measured series' power that the shifted one explains.
+        size = float(centred @ centred)
+        covariance = float(centred @ (one - one.mean()))
+        likeness = covariance * abs(covariance) / size if size > 0.0 else -np.inf
+        if likeness > best_likeness:
+            best, best_likeness = lag, likeness
+    return best
