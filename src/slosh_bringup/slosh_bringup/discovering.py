@@ -110,7 +110,7 @@ def prepare(request: Request, tell: Tell) -> Prepared:
     check_apart(fit, holdout)
     if not holdout and len(fit) >= HELD_OUT:
         fit, holdout = part(fit)
-        note(f"{len(holdout)} of {len(fit) + len(holdout)} motions are held out: every third")
+        note(f"every third motion is held out: {len(holdout)} of {len(fit) + len(holdout)}")
     elif not holdout:
         note("no motion is held out: the gap is shown on the motions of the fit")
     return Prepared(base, *unique_names(fit, holdout), tuple(notes))

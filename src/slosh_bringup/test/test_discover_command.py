@@ -17,7 +17,9 @@ from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.processes import config_folder
 from slosh_discovery.discover.finding import Role, Verdict
 from slosh_estimator.model_file import read_model
-from slosh_model.model_text import parse_model
+from slosh_model.measure import predicted_heights
+from slosh_model.model_text import format_model, parse_model
+from slosh_model.simulate import Inputs
 
 MODEL = str(config_folder() / "model.yaml")
 BAGS = Path(__file__).parents[3] / "bags"
@@ -108,7 +110,7 @@ def test_every_third_motion_is_held_out_and_the_reader_is_told(
     assert discovery.names == (["run_1", "run_2", "run_4", "run_5"], ["run_3"])
     assert discovery.calls[0][1] == read_model(MODEL)
     captured = capsys.readouterr()
-    note = "1 of 5 motions are held out: every third"
+    note = "every third motion is held out: 1 of 5"
     assert note in captured.err
     assert note in captured.out
     assert note in json.loads((tmp_path / "o" / "discovery.json").read_text())["remarks"]
@@ -280,3 +282,34 @@ def test_every_motion_is_either_fitted_or_held_out():
 def test_a_table_tells_no_model(tables):
     with pytest.raises(SloshBringupError, match="give one"):
         recorded_model(Path(tables[0]))
+
+
+@pytest.mark.long
+def test_tables_of_a_damped_liquid_name_its_damping(capsys, tmp_path):
+    """No stand-in: files in, files out."""
+    base = read_model(MODEL)
+    truth = base.with_effect("damping_mismatch", factor=2.5)
+    (tmp_path / "base.yaml").write_text(format_model(base))
+    noise = np.random.default_rng(1)
+    for number in range(4):
+        t = np.arange(0.0, 4.0, 0.002)
+        shape = np.where(t < 2.0, np.sin(np.pi * t / 2.0) ** 2, 0.0)
+        turn = (16.0 + number) * t
+        acceleration = np.column_stack([3.0 * shape * np.sin(turn), 2.0 * shape, 0.3 * shape])
+        seen = np.full(len(t), np.nan)
+        heights = predicted_heights(truth, Inputs(t, acceleration), t[::8])[:, 0]
+        seen[::8] = heights + 2e-4 * noise.standard_normal(len(heights))
+        write_motion_table(tmp_path / f"run_{number}.csv", MotionTable(t, acceleration, msh=seen))
+    tables = [str(tmp_path / f"run_{number}.csv") for number in range(4)]
+    words = [*tables, "--model", str(tmp_path / "base.yaml"), "-o", str(tmp_path / "o")]
+    assert main(["discover", *words, "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["verdict"] == "named"
+    assert [effect["name"] for effect in document["effects"]] == ["damping_mismatch"]
+    assert document["effects"][0]["parameters"]["factor"] == pytest.approx(2.5, rel=0.02)
+    assert document["gap"]["closed"] > 0.95
+    found = read_model(tmp_path / "o" / "model.yaml")
+    assert found.has("damping_mismatch")
+    assert (
+        main(["simulate", str(tmp_path / "o" / "model.yaml"), tables[0], "-o", "/dev/null"]) == 0
+    )

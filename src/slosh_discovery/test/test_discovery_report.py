@@ -162,13 +162,13 @@ def test_a_parameter_has_two_digits_of_its_error(effect, name, value, error, tex
     [
         (0.98, "0.98"),
         (0.997, "> 0.99"),
-        (1.0, "1.00"),
+        (1.0, "> 0.99"),
         (1e-9, "< 0.01"),
-        (0.0, "0.00"),
+        (0.0, "< 0.01"),
         (NAN, "–"),
     ],
 )
-def test_what_is_not_certain_does_not_read_as_if(value, text):
+def test_nothing_that_was_measured_reads_as_certain(value, text):
     assert shown_confidence(value) == text
 
 
@@ -195,6 +195,12 @@ def test_the_text_tells_effects_gap_worst_and_what_to_type():
     assert "moment     1.52 s of shift_1#2     3.00 mm  0.10 mm  off" in lines
     assert "slosh replay BAG --model model.yaml" in lines
     assert not any("nan" in line for line in lines)
+
+
+def test_inputs_that_the_residual_does_not_follow_are_not_told():
+    weak = WhereRow("input", "tilt", 0.1, 0.0, NAN, 100)
+    assert "tilt" not in discovery_text(with_finding(where=(weak,)))
+    assert "tilt" in discovery_text(with_finding(where=(replace(weak, before=0.4),)))
 
 
 def test_the_text_without_held_out_motions_shows_the_fits_share():

@@ -177,7 +177,7 @@ def test_every_shown_number_is_the_rounded_one(seen, verdict):
         if number is None:
             assert text == "–", path
         elif text in ("> 0.99", "< 0.01"):
-            assert (0.99 < number < 1.0) if text[0] == ">" else (0.0 < number < 0.01), path
+            assert (0.99 < number <= 1.0) if text[0] == ">" else (0.0 <= number < 0.01), path
         elif path.endswith("/evidence") or "/proposal/terms" in path:
             assert float(text.replace("−", "-")) == pytest.approx(number, rel=1e-3), path
         else:

@@ -81,12 +81,12 @@ def si_unit(effect: str, name: str) -> str:
 
 
 def shown_confidence(value: float) -> str:
-    """A probability with two digits; what is not certain does not read as if it were."""
+    """A probability with two digits; nothing that was measured reads as certain."""
     if not math.isfinite(value):
         return DASH
-    if 0.995 <= value < 1.0:
+    if value >= 0.995:
         return "> 0.99"
-    if 0.0 < value < 0.005:
+    if value < 0.005:
         return "< 0.01"
     return f"{value:.2f}"
 

@@ -27,6 +27,8 @@ MOMENTS = 3
 """Worst moments that are told."""
 RUNNERS_UP = 3
 """Explanations beside the likeliest that are told."""
+FOLLOWS = 0.3
+"""A residual follows an input with which it is correlated by at least this."""
 INDENT = "  "
 
 Row = tuple[str, ...]
@@ -147,7 +149,7 @@ def worst_parts(rows: Sequence[WhereRow]) -> Iterator[WhereRow]:
     for by in dict.fromkeys(row.by for row in rows):
         group = [row for row in rows if row.by == by]
         index = largest_share(row.before if by == "input" else row.share for row in group)
-        if index is not None:
+        if index is not None and (by != "input" or group[index].before >= FOLLOWS):
             yield group[index]
 
 
