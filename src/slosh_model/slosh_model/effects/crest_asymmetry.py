@@ -20,7 +20,7 @@ EFFECT = Effect(
         Parameter(
             name="kappa",
             unit="1",
-            lower=-1.0,
+            lower=-0.5,  # below, a crest of height R would be lower than one that is less high
             upper=3.0,
             neutral=0.0,
             description="second-order height relative to the first order's square over R",
