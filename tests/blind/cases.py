@@ -114,7 +114,7 @@ def make_case(kind: str, index: int, seed: int = 0, effect: str | None = None) -
         raise ValueError(f"{effect} is no effect that a case can hide")
     key = zlib.crc32(f"{kind} {effect or ''}".encode())
     random = np.random.default_rng([seed, key, index])
-    names = _names(random, kind, index, effect)
+    names = hidden_names(random, kind, index, effect)
     # every eighth round of the list takes what comes
     weak = kind == "single" and index // len(LISTED) % WEAK_EVERY == WEAK_EVERY - 1
     name = f"{kind}-{seed}-{index}" + (f"-{effect}" if effect else "")
@@ -132,7 +132,7 @@ def make_case(kind: str, index: int, seed: int = 0, effect: str | None = None) -
     return best
 
 
-def _names(random: Random, kind: str, index: int, effect: str | None) -> tuple[str, ...]:
+def hidden_names(random: Random, kind: str, index: int, effect: str | None) -> tuple[str, ...]:
     """What is hidden: every effect in its turn."""
     listed = list(LISTED)
     if kind == "none":

@@ -135,7 +135,7 @@ OUTSIDE: Mapping[str, Hidden] = {
     "coriolis": Hidden(either_side(0.0, 0.2, 3.0, "rate")),
     "amplitude_damping": Hidden(logarithmic(gamma=(5.0, 60.0))),
     "sensor_lag": Hidden(uniform(time=(0.008, 0.06)), own_clock=True),
-    "accel_compression": Hidden(uniform(gamma=(0.002, 0.006))),
+    "accel_compression": Hidden(uniform(gamma=(0.003, 0.0065))),
 }
 """What no listed effect is."""
 

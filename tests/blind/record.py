@@ -17,6 +17,8 @@ from tests.blind.truth_model import Truth
 Array = NDArray[np.float64]
 Random = np.random.Generator
 FRAME_RATE = 60.0
+TAIL = 0.1
+"""The camera stops so long before the inputs do: a late clock sees nothing beyond them [s]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -66,7 +68,7 @@ class Record:
 
     def times(self, inputs: Inputs) -> Array:
         """(M,) frame times on the inputs' clock [s]."""
-        first, last = inputs.t[0] + self.phase, inputs.t[-1]
+        first, last = inputs.t[0] + self.phase, inputs.t[-1] - TAIL
         return np.asarray(first + np.arange(int((last - first) * FRAME_RATE)) / FRAME_RATE)
 
     def change(
