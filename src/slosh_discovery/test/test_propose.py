@@ -125,6 +125,18 @@ def test_terms_act_as_a_second_integrator_says():
     assert heights == pytest.approx(expected, abs=5e-3 * np.abs(expected).max())
 
 
+def test_a_gain_on_the_acceleration_from_wall_heights():
+    inputs, azimuth = MOTIONS[1], np.radians(np.arange(0.0, 360.0, 10.0))
+    x, y = (1.2 * truth(inputs, lambda t, q, v: np.zeros(2))).T
+    eta = np.outer(x, np.cos(azimuth)) + np.outer(y, np.sin(azimuth))
+    eta += NOISE * np.random.default_rng(1).normal(size=eta.shape)
+    motion = MeasuredMotion("walls", inputs, T, eta_azimuth=azimuth, eta=eta)
+    found = propose([motion], MODEL)
+    assert found is not None
+    assert found.terms[0][:2] == ("a", pytest.approx(-0.2, abs=0.02))
+    assert found.equation.endswith("= −a − 0.2 a")
+
+
 def test_a_term_that_runs_away_is_an_error():
     motion = measured(lambda t, q, v: np.zeros(2))[0]
     with pytest.raises(SloshModelError, match="no bounded solution"):

@@ -38,6 +38,8 @@ FITTED = 16
 """So many of the best tries are fitted."""
 LEAST_GAIN = 0.05
 """A further term must take this share off the removable gap on motions that it has not seen."""
+COLUMNS = 6
+"""So many azimuths of wall heights are looked at."""
 FOLDS = 4
 """Parts of a single motion that are left out in turn."""
 
@@ -151,6 +153,7 @@ def _problem_of(
     clock_offsets: Sequence[float] | None,
     levels: Sequence[float] | None,
 ) -> _Problem:
+    motions = [_thinned(motion) for motion in motions]
     offsets = [0.0] * len(motions) if clock_offsets is None else clock_offsets
     zeros = [0.0] * len(motions) if levels is None else levels
     settings = tuple(
@@ -162,6 +165,14 @@ def _problem_of(
     spring = sum(spring for _, spring in pairs)
     units = np.sqrt(spring / np.where(squares > 0.0, squares, np.inf))
     return _Problem(settings, measured, tuple(np.isfinite(each) for each in measured), units)
+
+
+def _thinned(motion: MeasuredMotion) -> MeasuredMotion:
+    """At most COLUMNS wall heights: the next ones say the same."""
+    if motion.eta is None or motion.eta_azimuth is None or motion.eta.shape[1] <= COLUMNS:
+        return motion
+    chosen = np.linspace(0, motion.eta.shape[1], COLUMNS, endpoint=False).astype(int)
+    return replace(motion, eta_azimuth=motion.eta_azimuth[chosen], eta=motion.eta[:, chosen])
 
 
 def _extended(problem: _Problem, start: _Fit) -> _Fit | None:
@@ -272,7 +283,11 @@ def _proposal(fit: _Fit, explained: float) -> Proposal:
         for term, value in zip(fit.terms, fit.coefficients, strict=True)
     )
     added = " ".join(
-        f"{'−' if value < 0.0 else '+'} {abs(value):.3g} {unit} · {label}"
+        f"{'−' if value < 0.0 else '+'} {abs(value):.3g} {_factor(unit)}{label}"
         for label, value, unit in terms
     )
     return Proposal(terms, f"q̈ + 2ζω q̇ + ω² q + … = −a {added}", explained)
+
+
+def _factor(unit: str) -> str:
+    return "" if unit == "1" else f"{unit} · "
