@@ -24,6 +24,7 @@ container: {shape: cylinder, radius: 0.05, fill_height: 0.07, rim_height: 0.135}
 effects: [{name: vertical_acceleration}, {name: surface_nonlinearity, alpha: 0.58}]
 """
 MODEL = parse_model(TEXT)
+Quaternion = tuple[float, float, float, float]
 START = 1_700_000_000_000_000_000
 MS = 1_000_000
 PARAMETERS = {
@@ -67,7 +68,8 @@ class LiveBag:
         restarts: indices of inputs with which a new estimator process begins.
         loads: model texts by the index of the first input that they apply to.
         camera_gap: from and to which moment there are no images [s].
-        height: measured height over the model's.
+        height: measured height over what the model expects the camera to read.
+        attitude: quaternion by the index of the pose.
         kind: what drives the estimator: 'accel', 'imu' or 'pose'.
         image_lag, estimate_lag: from an index to the time until the recorder hears of it [ns].
         topics: those that are written; None: all.
@@ -82,6 +84,7 @@ class LiveBag:
         self.loads: dict[int, str] = {}
         self.camera_gap = (0.0, 0.0)
         self.height = 1.0
+        self.attitude: Callable[[int], Quaternion] = lambda index: (0.0, 0.0, 0.0, 1.0)
         self.model = MODEL
         self.kind = kind
         self.image_lag: Callable[[int], int] = lambda index: 20 * MS
@@ -136,8 +139,9 @@ class LiveBag:
                 self._estimate(estimator, estimate, source.gate, stamp + self.estimate_lag(index))
             second = (stamp - START) * 1e-9
             if index % 8 == 0 and not self.camera_gap[0] <= second < self.camera_gap[1]:
-                height = self.height * estimate.nonlinear.msh
-                self._surface(sample.stamp_ns, height, estimate, self.image_lag(index))
+                height = self.height * estimate.nonlinear.reading
+                shown = sample.stamp_ns + round(1e9 * estimator.reading_delay)
+                self._surface(shown, height, estimate, self.image_lag(index))
 
     def _input(self, source, index: int, stamp: int, a: list[float], position: list[float]):
         """Records an input; returns the sample that the estimator makes of it, if it gets it."""
@@ -149,7 +153,7 @@ class LiveBag:
             given = ((x, y, z + GRAVITY), (0.0, 0.0, 0.3))
             self._put("imu", stamp, **self._imu(*given))
         else:
-            given = (tuple(position), (0.0, 0.0, 0.0, 1.0))
+            given = (tuple(position), self.attitude(index))
             self._put("pose", stamp, pose=self._pose(*given))
         return None if index in self.unused else source.update(stamp, *given)
 

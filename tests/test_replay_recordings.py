@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from slosh_bag.bag_writer import BagWriter
 from slosh_bag.definitions import find_interfaces
@@ -17,7 +18,7 @@ from slosh_bag.replay.output_bag import OutputBag
 from slosh_bag.replay.run import ReplayRun
 from slosh_estimator.monitor import MonitorSettings
 from slosh_model.model_text import parse_model
-from tests.live_bag import MODEL, MS, START, TEXT, LiveBag
+from tests.live_bag import MODEL, MS, START, TEXT, LiveBag, Quaternion
 
 pytestmark = pytest.mark.skipif(
     find_interfaces("slosh_msgs") is None, reason="the interfaces are not built"
@@ -117,6 +118,45 @@ def test_other_inputs_give_their_estimates_again(tmp_path, kind):
     assert result.verification.exact
     assert result.verification.recorded > 2400
     assert max(result.measured) > 0.005
+
+
+FOUND = {
+    "gravity_tilt": {},
+    "lever_arm": {"x": 0.05, "y": 0.0, "z": -0.2},
+    "yaw_coupling": {"kappa": 0.3},
+    "height_scale": {"gain": 1.3},
+    "draining_film": {"speed": 0.05},
+}
+
+
+def tipped(index: int) -> Quaternion:
+    """Rolls to and fro from the second second on, and yaws."""
+    second = max(0.002 * index - 1.0, 0.0)
+    turn = Rotation.from_euler("ZX", [0.5 * np.sin(2.0 * second), 0.1 * np.sin(3.0 * second)])
+    x, y, z, w = turn.as_quat().tolist()
+    return x, y, z, w
+
+
+@pytest.mark.parametrize("kind", ["imu", "pose"])
+@pytest.mark.parametrize("tau", [0.1, -0.1])
+def test_a_found_model_replays_as_it_ran_and_agrees_with_its_camera(tmp_path, kind, tau):
+    live = LiveBag(kind)
+    live.model = MODEL
+    for effect, parameters in FOUND.items():
+        live.model = live.model.with_effect(effect, **parameters)
+    live.model = live.model.with_effect("time_offset", tau=tau)
+    live.attitude = tipped
+    live.camera_gap = (2.2, 2.5)
+    result = replay_bag(live.write(tmp_path / "bag"))
+    assert result.verification.exact
+    assert result.verification.recorded > 2400
+    row = next(row for row in result.accuracy if row.name == live.model.name)
+    assert row.count > 250
+    assert row.sigma < 1e-5
+    assert max(result.measured) > 0.005
+    # Without what was found they do not agree.
+    other = {row.name: row for row in replay_bag(tmp_path / "bag", MODEL).accuracy}
+    assert other["3D-NL"].sigma > 1e-4
 
 
 def test_a_recorded_input_is_taken_before_another_one(live, tmp_path):
