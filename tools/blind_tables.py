@@ -43,7 +43,7 @@ def main() -> int:
     done = read_rows(folder)
     left = [job for job in jobs if _name(job) not in done]
     print(f"{len(jobs)} cases, {len(jobs) - len(left)} of them known", flush=True)
-    _run(left, folder, options.processes)
+    run_jobs(left, folder, options.processes)
     everything = read_rows(folder)
     rows = list(everything.values())
     if not options.docs:
@@ -86,7 +86,8 @@ def read_rows(folder: Path) -> dict[str, Row]:
     return rows
 
 
-def _run(jobs: list[Job], folder: Path, processes: int) -> None:
+def run_jobs(jobs: list[Job], folder: Path, processes: int) -> None:
+    """Runs cases and adds their rows to the folder, each as soon as it is there."""
     if not jobs:
         return
     context = multiprocessing.get_context("spawn")

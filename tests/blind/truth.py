@@ -90,10 +90,9 @@ def _rough(truth: Truth) -> bool:
 def fine_grid(t: Array, longest: float) -> Array:
     """The table's times with every interval cut into equal parts no longer than asked."""
     parts = np.maximum(1, np.ceil(np.diff(t) / longest - 1e-9)).astype(int)
-    pieces = [
-        np.linspace(a, b, n, endpoint=False) for a, b, n in zip(t[:-1], t[1:], parts, strict=True)
-    ]
-    return np.concatenate([*pieces, t[-1:]])
+    part = np.repeat(np.diff(t) / parts, parts)
+    number = np.arange(parts.sum()) - np.repeat(np.cumsum(parts) - parts, parts)
+    return np.append(np.repeat(t[:-1], parts) + number * part, t[-1])
 
 
 def constants(truth: Truth) -> Array:

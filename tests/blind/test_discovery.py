@@ -1,0 +1,82 @@
+"""The discovery on cases whose answer it does not know.
+
+The full run measures what docs/discovery_scores.md states; SLOSH_BLIND_ROUNDS says how many times
+each of the 22 effects is hidden alone (2), and scales the other kinds with it.
+"""
+
+import os
+
+import blind_tables
+import pytest
+
+from slosh_discovery.discover import discover
+from tests.blind.score import run_case
+from tests.blind.tables import TABLES, closed, counted
+
+ROUNDS = int(os.environ.get("SLOSH_BLIND_ROUNDS", "2"))
+COUNTS = {"single": 22, "pairs": 11, "none": 22, "outside": 6, "wrong_parameter": 6}
+SEED = 11
+
+
+@pytest.mark.parametrize(
+    ("kind", "index", "effect"), [("single", 0, "gravity_tilt"), ("none", 2, None)]
+)
+def test_a_case_is_answered_rightly(kind, index, effect):
+    row = run_case(discover, kind, index, 1, effect)
+    assert row["error"] == ""
+    assert row["right"], row
+    assert not row["misled"]
+    if row["hidden"]:
+        assert row["closed"] > 0.9
+
+
+@pytest.fixture(scope="module")
+def rows(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("blind")
+    jobs = [
+        (kind, index, SEED, None)
+        for kind, count in COUNTS.items()
+        for index in range(count * ROUNDS)
+    ]
+    blind_tables.run_jobs(jobs, folder, processes=2)
+    rows = list(blind_tables.read_rows(folder).values())
+    for title, make in TABLES.items():
+        print(f"\n{title}\n\n{make(rows)}")
+    return rows
+
+
+def share(rows, judge):
+    values = [judge(row) for row in rows]
+    return sum(values) / len(values)
+
+
+@pytest.mark.long
+@pytest.mark.timeout(6 * 3600)
+@pytest.mark.parametrize(
+    ("kind", "goal"), [("single", 0.95), ("pairs", 0.85), ("none", 0.98), ("outside", 0.90)]
+)
+def test_the_share_of_right_answers(rows, kind, goal):
+    own = counted(rows, kind)
+    wrong = [row["case"] for row in own if not row["right"]]
+    assert len(own) >= COUNTS[kind]
+    assert share(own, lambda row: row["right"]) >= goal, wrong
+
+
+@pytest.mark.long
+@pytest.mark.timeout(6 * 3600)
+def test_the_removable_gap_is_closed(rows):
+    assert closed(counted(rows, "single")) >= 0.9
+
+
+@pytest.mark.long
+@pytest.mark.timeout(6 * 3600)
+def test_certain_names_are_right(rows):
+    certain = [
+        name
+        for row in rows
+        if row["kind"] != "outside"
+        for name in row["names"]
+        if name["confidence"] > 0.9
+    ]
+    assert len(certain) > COUNTS["single"]
+    assert share(certain, lambda name: name["right"]) >= 0.9
