@@ -137,8 +137,17 @@ def test_repeats_of_a_motion_add_to_it():
     assert "repeats" in pooled_noise([first, second]).source
 
 
+def test_a_short_or_broken_record_still_has_an_estimate():
+    found = [difference_noise(T[:20], white(seed, 20)) for seed in range(100)]
+    assert np.mean([each.stddev for each in found]) == pytest.approx(1.0, rel=0.1)
+    broken = white(0)
+    broken[::6] = broken[1::6] = np.nan  # never eleven samples within fifteen places
+    estimate = difference_noise(np.arange(600) / 60.0, broken)
+    assert estimate.stddev == pytest.approx(1.0, rel=0.2)
+
+
 def test_too_short_a_series_has_no_differences():
-    assert difference_noise(T[:20], np.zeros((20, 1))) is None
+    assert difference_noise(T[:12], np.zeros((12, 1))) is None
 
 
 def white(seed, rows=600, columns=1):

@@ -10,8 +10,9 @@ from scipy import special
 
 Array = NDArray[np.float64]
 
-ORDER = 10
-"""Of the differences: 8 Hz sampled at 60 Hz is attenuated to 2e-4 of its amplitude."""
+ORDERS = (10, 6, 3)
+"""Of the differences: by the tenth, 8 Hz sampled at 60 Hz is attenuated to 2e-4 of its amplitude;
+the others are for records that are too short or full of gaps."""
 CLEAR = 3.0
 """A height stands clear of the noise if it is larger by this."""
 LONGEST_SPAN = 1.5
@@ -22,25 +23,28 @@ LEAST_SAMPLES = 12
 """Fewer give no estimate."""
 
 
-def normalised_differences(t: Array, height: Array, *, squared: float | None = None) -> Array:
+def normalised_differences(
+    t: Array, height: Array, order: int, *, squared: float | None = None
+) -> Array:
     """Differences with the noise's standard deviation.
 
     Args:
         t: (M,) [s].
         height: (M,) [m]; NaN: no sample.
+        order: of the differences.
         squared: where the heights stand clear of this noise [m], their squares are used.
     """
     kept = np.isfinite(height)
     t, height = t[kept], height[kept]
     capped = height >= height.max(initial=-math.inf)
-    if np.count_nonzero(capped) > ORDER:  # the top of the picture: no noise there
+    if np.count_nonzero(capped) > order:  # the top of the picture: no noise there
         t, height = t[~capped], height[~capped]
-    if len(t) < ORDER + LEAST_SAMPLES:
+    if len(t) < order + LEAST_SAMPLES:
         return np.empty(0)
     windows = np.lib.stride_tricks.sliding_window_view
-    times, values = windows(t, ORDER + 1), windows(height, ORDER + 1)
+    times, values = windows(t, order + 1), windows(height, order + 1)
     spans = times[:, -1] - times[:, 0]
-    dense = spans <= LONGEST_SPAN * ORDER * float(np.median(np.diff(t)))
+    dense = spans <= LONGEST_SPAN * order * float(np.median(np.diff(t)))
     weights = _difference_weights(times[dense] / spans[dense, np.newaxis])
     values = values[dense]
     plain = np.asarray(np.sum(weights * values, axis=1))

@@ -22,7 +22,7 @@ from scipy import special
 from slosh_discovery.discover.differences import (
     LEAST_NOISE,
     LEAST_SAMPLES,
-    ORDER,
+    ORDERS,
     normalised_differences,
     robust_scale,
 )
@@ -163,27 +163,33 @@ def difference_noise(t: Array, heights: Array, *, magnitude: bool = False) -> No
         the noise; None: too few samples without gaps.
     """
     columns = np.atleast_2d(heights.T)
-    plain = _scale_of([normalised_differences(t, column) for column in columns])
+    found = (_difference_noise(t, columns, order, magnitude=magnitude) for order in ORDERS)
+    return next((noise for noise in found if noise is not None), None)
+
+
+def _difference_noise(t: Array, columns: Array, order: int, *, magnitude: bool) -> Noise | None:
+    plain = _scale_of([normalised_differences(t, column, order) for column in columns], order)
     if plain is None or not magnitude:
         return plain
     best = plain
     for _ in range(2):
-        squared = _scale_of(
-            [normalised_differences(t, column, squared=best.stddev) for column in columns]
-        )
+        differences = [
+            normalised_differences(t, column, order, squared=best.stddev) for column in columns
+        ]
+        squared = _scale_of(differences, order)
         if squared is None or plain.stddev <= squared.stddev:
             return plain
         best = squared
     return best
 
 
-def _scale_of(differences: Sequence[Array]) -> Noise | None:
+def _scale_of(differences: Sequence[Array], order: int) -> Noise | None:
     joined = np.concatenate(list(differences))
     if len(joined) < LEAST_SAMPLES:
         return None
     scale = robust_scale(joined)
     # Overlapping differences: Σρ² over their lags, (4p)! (p!)⁴ / ((2p)!)⁴ for even sampling.
-    overlap = special.comb(4 * ORDER, 2 * ORDER) / special.comb(2 * ORDER, ORDER) ** 2
+    overlap = special.comb(4 * order, 2 * order) / special.comb(2 * order, order) ** 2
     longest = max(len(part) for part in differences)
     # Columns of one picture may share their noise: they count as their square root.
     independent = longest * math.sqrt(len(joined) / longest) / overlap
