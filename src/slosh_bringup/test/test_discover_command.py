@@ -177,6 +177,12 @@ def test_the_commands_are_those_of_the_data(capsys, discovery, tables, tmp_path)
     assert main(["simulate", str(model), tables[0], "-o", str(output / "heights.csv")]) == 0
 
 
+def test_the_running_estimator_gets_a_whole_path(capsys, monkeypatch, discovery, tables, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    assert main(["discover", tables[0], "--model", MODEL, "-o", "o"]) == 0
+    assert f'{{path: "{tmp_path}/o/model.yaml"}}' in capsys.readouterr().out
+
+
 def test_an_adequate_model_needs_no_command(capsys, discovery, tables, tmp_path):
     discovery.verdict = Verdict.NONE
     shutil.copy(MODEL, tmp_path / "base.yaml")
@@ -249,7 +255,7 @@ def test_a_copy_of_a_motion_cannot_be_held_out(capsys, discovery, tables, tmp_pa
 def test_a_folder_that_takes_no_file_is_told_before_the_work(capsys, discovery, tables, tmp_path):
     file = tmp_path / "file"
     file.write_text("")
-    for output in (file, "/proc/nowhere"):
+    for output in (file, "/proc/nowhere", "/proc"):
         line = fails_with(capsys, tables[0], "--model", MODEL, "-o", output)
         assert str(output) in line
     assert discovery.calls == []

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import headless_browser
 import pytest
-from example_finding import example_finding, example_report
+from example_finding import FOUND, example_finding, example_report
 from headless_browser import View
 from page_look import LOOK, at
 
@@ -20,6 +20,7 @@ from slosh_discovery.discovery_report import (
     render_discovery,
 )
 from slosh_discovery.report import Frame
+from slosh_model.model_text import parse_model
 
 pytestmark = pytest.mark.skipif(
     headless_browser.find_browser() is None, reason="no Chromium or Chrome on this machine"
@@ -30,6 +31,8 @@ A4 = 688
 ALSO = """
 return {...(() => { %s })(),
   status: document.querySelector(".status").className,
+  ground: window.getComputedStyle(document.querySelector(".status")).backgroundColor,
+  model: document.querySelector("#model ~ pre").textContent,
   sections: all("h2").map((e) => e.id),
   bars: all(".bar").map((e) => [
     e.className, e.getBoundingClientRect().width / e.parentElement.getBoundingClientRect().width]),
@@ -114,6 +117,7 @@ def test_the_verdict_comes_first(seen):
     assert [seen[verdict.value]["status"] for verdict in Verdict] == [
         "status passed", "status passed", "status open", "status failed",
     ]  # fmt: skip
+    assert seen["ambiguous"]["ground"] == "rgb(253, 241, 216)"
 
 
 def test_every_part_has_its_place(seen):
@@ -202,6 +206,8 @@ def test_the_winner_and_the_models_new_lines_stand_out(seen):
     assert seen["named"]["fresh"] == [
         "effects:", "- {name: vertical_acceleration}", "- {name: fill_level, delta: -0.0031234}",
     ]  # fmt: skip
+    assert parse_model(seen["named"]["model"]) == FOUND
+    assert "[]" not in seen["named"]["model"]
     assert seen["none"]["fresh"] == []
     assert seen["none"]["won"][0].startswith("the model as it is ✓")
 
