@@ -19,7 +19,7 @@ SEED = 11
 
 
 @pytest.mark.parametrize(
-    ("kind", "index", "effect"), [("single", 0, "gravity_tilt"), ("none", 2, None)]
+    ("kind", "index", "effect"), [("single", 0, "vertical_acceleration"), ("none", 5, None)]
 )
 def test_a_case_is_answered_rightly(kind, index, effect):
     row = run_case(discover, kind, index, 1, effect)
