@@ -19,6 +19,7 @@ from slosh_bag.replay.cells import CellTopics
 from slosh_bringup.discover_data import read_motions
 from slosh_bringup.discover_data.reading import shift_motions
 from slosh_bringup.discover_data.tables import is_table
+from slosh_bringup.discover_frames import worst_frames
 from slosh_bringup.errors import SloshBringupError
 from slosh_discovery.discover.finding import Finding, SeparatingMotion
 from slosh_discovery.discover.motion import MeasuredMotion
@@ -129,6 +130,7 @@ def make_report(request: Request, prepared: Prepared, finding: Finding) -> Disco
         separating_files=tuple(
             SEPARATING.format(number) for number in range(1, len(finding.separating) + 1)
         ),
+        frames=worst_frames((*request.data, *request.holdout), finding.worst),
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from pathlib import Path
 
 import cv2
@@ -64,28 +65,39 @@ def bag_pictures(bag: Path, result: ReplayResult) -> tuple[Frame, ...]:
 
     None where the bag holds no images or does not say how its camera looks at the container.
     """
-    calibration = bag_calibration(bag)
     wanted = moments(result)
-    if calibration is None or not wanted:
-        return ()
-    images = _images(bag, set(wanted.values()))
-    if not images:
-        return ()
-    try:
-        detector = learnt_detector(calibration)
-    except SloshCameraError:
-        return ()
     found = []
-    for label, stamp in wanted.items():
-        frame = images.get(stamp)
-        picture = None if frame is None else _picture(detector, calibration, stamp, frame)
-        if picture is None:
-            continue
-        jpeg, height = picture
-        second = (stamp - report_start(result)) * 1e-9
+    for label, (jpeg, height) in pictures_at(bag, wanted).items():
+        second = (wanted[label] - report_start(result)) * 1e-9
         caption = f"{label}: {second:.2f} s, {1e3 * height:.1f} mm"
         found.append(Frame(jpeg, caption, time=second))
     return tuple(found)
+
+
+def pictures_at(bag: Path, wanted: Mapping[str, int]) -> dict[str, tuple[bytes, float]]:
+    """Images with the detected line as JPEG, and the heights in them [m], by label.
+
+    Args:
+        bag: where they are.
+        wanted: stamps by label [ns]; what is not there is left out.
+    """
+    calibration = bag_calibration(bag)
+    if calibration is None or not wanted:
+        return {}
+    images = _images(bag, set(wanted.values()))
+    if not images:
+        return {}
+    try:
+        detector = learnt_detector(calibration)
+    except SloshCameraError:
+        return {}
+    found = {}
+    for label, stamp in wanted.items():
+        frame = images.get(stamp)
+        picture = None if frame is None else _picture(detector, calibration, stamp, frame)
+        if picture is not None:
+            found[label] = picture
+    return found
 
 
 def moments(result: ReplayResult) -> dict[str, int]:

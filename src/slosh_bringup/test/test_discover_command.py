@@ -10,12 +10,16 @@ import pytest
 from example_finding import FOUND, example_finding, example_inputs, example_motion
 
 from slosh_bag.motion_table import MotionTable, read_motion_table, write_motion_table
+from slosh_bag.reader import BagReader
+from slosh_bringup import discover_frames
 from slosh_bringup.cli import discover as command
 from slosh_bringup.cli.main import main
+from slosh_bringup.discover_data import read_motions
+from slosh_bringup.discover_frames import worst_frames
 from slosh_bringup.discovering import part, recorded_model, unique_names
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.processes import config_folder
-from slosh_discovery.discover.finding import Role, Verdict
+from slosh_discovery.discover.finding import Role, Verdict, WorstMoment
 from slosh_estimator.model_file import read_model
 from slosh_model.measure import predicted_heights
 from slosh_model.model_text import format_model, parse_model
@@ -213,6 +217,41 @@ def test_a_shift_brings_its_own_model(capsys, discovery, shift, tmp_path):
     assert f"slosh replay {shift} --model {tmp_path / 'o' / 'model.yaml'}" in text
     document = json.loads((tmp_path / "o" / "discovery.json").read_text())
     assert document["schema"] == 1
+
+
+def test_the_worst_moments_images_are_those_of_their_stamps(monkeypatch, shift, tmp_path):
+    asked = []
+
+    def picture(bag, wanted):
+        asked.append((bag, wanted["worst"]))
+        return {"worst": (b"jpeg", 0.0123)}
+
+    monkeypatch.setattr(discover_frames, "pictures_at", picture)
+    motion, *_ = read_motions(shift)
+    moments = [
+        WorstMoment(motion.name, float(motion.t[row]), 0.01, 0.02, 0.01) for row in (7, 9, 11, 13)
+    ]
+    elsewhere = WorstMoment("other#1", 1.0, 0.01, 0.02, 0.01)
+    for data in (shift, shift.parent):
+        frames = worst_frames([data], [elsewhere, *moments])
+        assert [frame.caption[:7] for frame in frames] == ["B: c3#1", "C: c3#1"]
+        assert frames[0].caption.endswith(" s, 12.3 mm")
+    reader = BagReader(shift)
+    stamps = {
+        1_000_000_000 * surface.header.stamp.sec + surface.header.stamp.nanosec
+        for surface in (reader.decode(m) for m in reader.messages(["/slosh/free_surface"]))
+    }
+    assert asked[0][0] == shift
+    assert {stamp for _, stamp in asked} <= stamps
+    assert len({stamp for _, stamp in asked}) == 2
+
+
+def test_a_name_that_two_bags_share_brings_no_image(monkeypatch, shift, tmp_path):
+    monkeypatch.setattr(discover_frames, "pictures_at", pytest.fail)
+    copy = tmp_path / shift.name
+    shutil.copytree(shift, copy)
+    moment = WorstMoment("c3#1", 1.0, 0.01, 0.02, 0.01)
+    assert worst_frames([shift, copy], [moment]) == ()
 
 
 def test_a_model_must_come_from_somewhere(capsys, discovery, tables, tmp_path):

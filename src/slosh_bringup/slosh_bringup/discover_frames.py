@@ -1,0 +1,60 @@
+"""Camera images of the moments at which a discovery's base model is worst."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+from slosh_bag.errors import SloshBagError
+from slosh_bringup.discover_data.recording import SECOND, read_recording, sources_of
+from slosh_bringup.replay_frames import pictures_at
+from slosh_discovery.discover.finding import WorstMoment
+from slosh_discovery.report import Frame
+
+MOST = 3
+"""Images on a page."""
+LETTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZ"
+"""As the page marks the moments."""
+
+
+def worst_frames(data: Iterable[Path], worst: Sequence[WorstMoment]) -> tuple[Frame, ...]:
+    """Images with the detected line of the worst moments; none where the bags hold none.
+
+    Args:
+        data: bags, and folders of them; a motion's name tells which bag it is of.
+        worst: moments, the worst first.
+    """
+    bags = _bags(data)
+    found = []
+    for letter, moment in zip(LETTERS, worst[:MOST], strict=False):
+        bag = bags.get(moment.motion.partition("#")[0])
+        picture = None if bag is None else _picture(bag, moment)
+        if picture is not None:
+            caption = f"{letter}: {moment.motion}, {moment.t:.2f} s, {1e3 * picture[1]:.1f} mm"
+            found.append(Frame(picture[0], caption))
+    return tuple(found)
+
+
+def _bags(data: Iterable[Path]) -> dict[str, Path]:
+    """Bags by name; of those that share one, none: a motion would not tell which."""
+    paths = [path for top in data for path in (top, *(top.iterdir() if top.is_dir() else ()))]
+    bags = [path for path in paths if path.suffix == ".mcap" or _is_bag(path)]
+    inside = {path for path in bags if path.parent in bags}
+    names = [path.name.removesuffix(".mcap") for path in bags if path not in inside]
+    found = dict(zip(names, (path for path in bags if path not in inside), strict=True))
+    return {name: path for name, path in found.items() if names.count(name) == 1}
+
+
+def _is_bag(path: Path) -> bool:
+    return path.is_dir() and any(path.glob("*.mcap"))
+
+
+def _picture(bag: Path, moment: WorstMoment) -> tuple[bytes, float] | None:
+    """The image with its line drawn in, as JPEG, and its height [m]."""
+    try:
+        recording = read_recording(bag, *sources_of(bag), lambda line: None)
+    except SloshBagError:
+        return None
+    # A motion counts seconds from the recording's first input.
+    stamp = int(recording.motion.stamps[0]) + round(moment.t * SECOND)
+    return pictures_at(bag, {"worst": stamp}).get("worst")
