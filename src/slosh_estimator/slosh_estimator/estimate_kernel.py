@@ -37,7 +37,7 @@ LEFT_RANGE = -1.0
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def _heights(model, dt, acceleration, yaw, pose, bound, memory, row, which):  # type: ignore[no-untyped-def]
+def _heights(model, dt, acceleration, yaw, pose, limits, memory, row, which):  # type: ignore[no-untyped-def]
     """Advances one model and writes its heights; False where it has left the physical range."""
     column = 4 * which
     modal, modes, parameters, held = model
@@ -49,11 +49,14 @@ def _heights(model, dt, acceleration, yaw, pose, bound, memory, row, which):  # 
     row[column] = math.sqrt(hx * hx + hy * hy)
     row[column + 1] = math.atan2(hy, hx)
     row[column + 2], row[column + 3] = hx, hy
-    first = SLOW + which * READING_MEMORY_COUNT
-    wall = (hx, hy, math.nan, modes[0, 3], held[kernel.ELAPSED])
-    row[READINGS + which] = all_readings(
-        dt, row[column], wall, memory[first : first + READING_MEMORY_COUNT], parameters
-    )
+    row[READINGS + which] = row[column]
+    if limits[6] != 0.0:
+        first = SLOW + which * READING_MEMORY_COUNT
+        wall = (hx, hy, math.nan, modes[0, 3], held[kernel.ELAPSED])
+        row[READINGS + which] = all_readings(
+            dt, row[column], wall, memory[first : first + READING_MEMORY_COUNT], parameters
+        )
+    bound = limits[5]
     for n in range(modal.shape[0]):
         # Written so that NaN fails too.
         if not (-bound < modal[n, 0] < bound and -bound < modal[n, 1] < bound):
@@ -97,8 +100,8 @@ def step(  # type: ignore[no-untyped-def]
         linear, nonlinear: each model's modal state, modes, parameters and held input, as
             `slosh_model.kernel.advance` has them; the states are changed.
         memory: (MEMORY,) see there; changed.
-        limits: (6,) planar acceleration and jerk, acceleration and jerk [m/s², m/s³], freeboard,
-            bound of the modal coordinates [m].
+        limits: (7,) planar acceleration and jerk, acceleration and jerk [m/s², m/s³], freeboard,
+            bound of the modal coordinates [m], 0 where the models have no effect on the readings.
         dt: time since the sample before [s]; 0 for the first.
         ax, ay, az: acceleration [m/s²].
         yaw: [rad].
@@ -110,9 +113,8 @@ def step(  # type: ignore[no-untyped-def]
     acceleration, pose = (ax, ay, az), kernel.pose_at(poses, index)
     if first:
         memory[SLOW:] = 0.0
-    bound = limits[5]
-    inside = _heights(linear, dt, acceleration, yaw, pose, bound, memory, row, 0)
-    inside &= _heights(nonlinear, dt, acceleration, yaw, pose, bound, memory, row, 1)
+    inside = _heights(linear, dt, acceleration, yaw, pose, limits, memory, row, 0)
+    inside &= _heights(nonlinear, dt, acceleration, yaw, pose, limits, memory, row, 1)
     if not inside:
         row[FLAGS] = LEFT_RANGE
         return

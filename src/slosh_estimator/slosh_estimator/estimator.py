@@ -121,7 +121,11 @@ class Estimator:
         self.model, self._linear, self._nonlinear = model, linear, nonlinear
         self.reading_delay = delay(model)
         self._limits = np.array(
-            [*validity_limits(model), RUNAWAY * model.container.radius], dtype=np.float64
+            [
+                *validity_limits(model),
+                RUNAWAY * model.container.radius,
+                float(bool(model.uses("reading"))),
+            ]
         )
         self._memory = np.zeros(estimate_kernel.MEMORY)
         self._row = np.zeros(ROW)
