@@ -92,12 +92,4 @@ def with_moments(inputs: Inputs, moments: Array) -> Inputs:
         moments: (M,) not before its first sample [s]; after its last the values stay.
     """
     t = np.union1d(inputs.t, moments)
-    if len(t) == len(inputs.t):
-        return inputs
-    columns = [
-        None
-        if values is None
-        else np.column_stack([np.interp(t, inputs.t, column) for column in values.T])
-        for values in (inputs.acceleration, inputs.attitude, inputs.angular_velocity)
-    ]
-    return Inputs(t, *columns)  # type: ignore[arg-type]
+    return inputs if len(t) == len(inputs.t) else inputs.resampled(t)

@@ -24,8 +24,9 @@ def pose_rows(
 
     Returns:
         (N,) the attitude's twist about the container's z [rad] (swing-twist decomposition: x and y
-        belong to the swing), and (N, POSE_COUNT) quaternion, angular velocity and angular
-        acceleration; (0, POSE_COUNT) where the container stands upright throughout.
+        belong to the swing), without jumps; and (N, POSE_COUNT) quaternion, without changes of its
+        sign, angular velocity and angular acceleration; (0, POSE_COUNT) where the container stands
+        upright throughout.
     """
     if attitude is None and angular_velocity is None:
         return np.zeros(len(t)), np.zeros((0, POSE_COUNT))
@@ -35,8 +36,10 @@ def pose_rows(
     quaternion = attitude / np.linalg.norm(attitude, axis=1, keepdims=True)
     if angular_velocity is None:
         angular_velocity = _rates(t, quaternion)
+    flips = np.sum(quaternion[1:] * quaternion[:-1], axis=1) < 0.0
+    quaternion[1:][np.cumsum(flips) % 2 == 1] *= -1.0
     z, w = quaternion[:, 2], quaternion[:, 3]
-    yaw = np.arctan2(2.0 * w * z, w * w - z * z)
+    yaw: Array = np.unwrap(np.arctan2(2.0 * w * z, w * w - z * z))
     change = _slope(t, angular_velocity)
     return yaw, np.column_stack([quaternion, angular_velocity, change])
 

@@ -76,6 +76,29 @@ class Inputs:
             array.setflags(write=False)
             object.__setattr__(self, name, array)
 
+    def resampled(self, t: Array, acceleration: Array | None = None) -> Inputs:
+        """The motion at other moments, interpolated as the integrator would.
+
+        Attitude and rates come from the given samples: moments may lie too close to each other to
+        differentiate between them.
+
+        Args:
+            t: (M,) strictly increasing [s]; beyond the samples the last values stay.
+            acceleration: (M, 3) [m/s²]; None: interpolated.
+        """
+        if acceleration is None:
+            acceleration = _columns_at(t, self.t, self.acceleration)
+        if len(self.poses) == 0:
+            return Inputs(t, acceleration)
+        poses = _columns_at(t, self.t, self.poses)
+        poses[:, :4] /= np.linalg.norm(poses[:, :4], axis=1, keepdims=True)
+        other = Inputs(t, acceleration, poses[:, :4], poses[:, 4:7])
+        yaws = np.interp(t, self.t, self.yaws)
+        for name, array in (("yaws", yaws), ("poses", poses)):
+            array.setflags(write=False)
+            object.__setattr__(other, name, array)
+        return other
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class State:
@@ -309,6 +332,10 @@ def _frozen(name: str, value: Any, shape: tuple[int, ...], columns: str = "") ->
         axis = f".{columns[place[1]]}" if columns else "".join(f"[{i}]" for i in place[1:])
         raise SloshModelError(f"{name}[{place[0]}]{axis} = {array[place]} is not finite")
     return array
+
+
+def _columns_at(moments: Array, t: Array, columns: Array) -> Array:
+    return np.column_stack([np.interp(moments, t, column) for column in columns.T])
 
 
 def _check_times(t: Array) -> None:

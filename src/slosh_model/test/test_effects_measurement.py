@@ -241,3 +241,23 @@ def test_what_a_sensor_does_comes_in_the_lights_order():
     expected = np.minimum(eta, 0.006)
     assert expected.max() == 0.006
     assert measured_heights(model, liquid[0])[:, 0] == pytest.approx(expected, abs=1e-12)
+
+
+# Heights between the motion's samples
+
+
+@pytest.mark.parametrize("rates", [True, False])
+@pytest.mark.parametrize("shift", [0.0, 1e-16, 3e-5])
+def test_heights_between_samples_of_a_turning_container(motion, rates, shift):
+    """However near the moments lie, and where a quaternion changes its sign."""
+    full = motion(tilt=0.3).inputs()
+    attitude = (
+        full.attitude[::10] * np.where(np.arange(len(full.t[::10])) < 500, 1.0, -1.0)[:, None]
+    )
+    given = full.angular_velocity[::10] if rates else None
+    turning = Inputs(full.t[::10], full.acceleration[::10], attitude, given)
+    model = PLAIN.with_effect("gravity_tilt").with_effect("lever_arm", x=0.2, y=0.1, z=0.3)
+    liquid = simulate(model, turning)[0]
+    times = np.arange(0.0, 1.9, 1.0 / 60.0) + shift
+    found = predicted_heights(model, turning, times)[:, 0]
+    assert found == pytest.approx(np.interp(times, liquid.t, liquid.msh), abs=5e-5)

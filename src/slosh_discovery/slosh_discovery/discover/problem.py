@@ -173,13 +173,7 @@ def _resampled(inputs: Inputs, moments: Array, spacing: float) -> Inputs:
     else:
         t = np.linspace(inputs.t[0], end, count + 1)
 
-    def taken(values: Array | None) -> Array | None:
-        if values is None:
-            return None
-        return np.column_stack([np.interp(t, inputs.t, column) for column in values.T])
-
-    acceleration = _averaged(inputs.t, inputs.acceleration, t, spacing)
-    return Inputs(t, acceleration, taken(inputs.attitude), taken(inputs.angular_velocity))
+    return inputs.resampled(t, _averaged(inputs.t, inputs.acceleration, t, spacing))
 
 
 def _averaged(t: Array, values: Array, moments: Array, width: float) -> Array:

@@ -27,7 +27,9 @@ NEGLIGIBLE = 0.06
 NEGLIGIBLE_SHARE = 0.004
 """or of the removable gap, is not worth a name."""
 TRUST = 2.0
-"""How fast confidence falls with what is left: by this times its amplitude's share of the gap."""
+"""Where more than noise is left, confidence falls by this times the rest's amplitude in the gap,"""
+LEAST_TRUST = 0.85
+"""but not below this times the share of the gap that is closed."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -125,7 +127,8 @@ def _trust(best: Fit, base: Fit, motions: Sequence[PreparedMotion]) -> float:
     sure_rest = max(after - 2.0 * stddev, 0.0)
     if before <= 0.0 or sure_rest == 0.0 or adequate(best, motions):
         return 1.0
-    return float(max(1.0 - TRUST * np.sqrt(sure_rest / before), 0.0))
+    share = min(sure_rest / before, 1.0)
+    return float(max(1.0 - TRUST * np.sqrt(share), LEAST_TRUST * (1.0 - share)))
 
 
 def _rivals(name: str, ranked: Sequence[tuple[Fit, float]]) -> tuple[str, ...]:
