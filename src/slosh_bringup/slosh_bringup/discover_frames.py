@@ -6,7 +6,8 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from slosh_bag.errors import SloshBagError
-from slosh_bringup.discover_data.recording import SECOND, read_recording, sources_of
+from slosh_bringup.discover_data.recording import read_recording, sources_of
+from slosh_bringup.discover_data.splitting import SECOND
 from slosh_bringup.replay_frames import pictures_at
 from slosh_discovery.discover.finding import WorstMoment
 from slosh_discovery.report import Frame
