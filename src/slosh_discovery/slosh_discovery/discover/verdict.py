@@ -27,7 +27,7 @@ NEGLIGIBLE = 0.06
 NEGLIGIBLE_SHARE = 0.004
 """or of the removable gap, is not worth a name."""
 TRUST = 2.0
-"""Where more than noise is left, confidence falls by this times the rest's amplitude in the gap,"""
+"""Where more than noise is left, confidence falls by this times the rest's share in amplitude,"""
 LEAST_TRUST = 0.85
 """but not below this times the share of the gap that is closed."""
 

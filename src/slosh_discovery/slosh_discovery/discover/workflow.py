@@ -42,6 +42,8 @@ Array = NDArray[np.float64]
 Progress = Callable[[str, float], None]
 NAN = float("nan")
 
+LEAST_GAP = 0.3
+"""A removable gap below this share of the noise is too small to tell how much of it was closed."""
 TABLED = 8
 """So many explanations are checked on motions left out of their fit."""
 
@@ -230,7 +232,8 @@ def _gap(cases: Sequence[MotionFinding]) -> Gap:
     before = _pooled([case.before.rms for case in shown], shown)
     after = _pooled([case.after.rms for case in shown], shown)
     removable = before**2 - noise**2
-    closed = min((before**2 - after**2) / removable, 1.0) if removable > 0.0 else NAN
+    told = removable > (LEAST_GAP * noise) ** 2
+    closed = min((before**2 - after**2) / removable, 1.0) if told else NAN
     return Gap(
         noise=_pooled([case.noise for case in cases], cases),
         fit_before=_pooled([case.before.rms for case in fitted], fitted),
