@@ -71,7 +71,7 @@ def _from_rates(inputs: Inputs, times: Array) -> Attitude:
 def _about_z(angle: Array) -> Array:
     """(T, 3, 3) rotations about z."""
     zero = np.zeros_like(angle)
-    return Rotation.from_rotvec(np.stack([zero, zero, angle], axis=-1)).as_matrix()
+    return np.asarray(Rotation.from_rotvec(np.stack([zero, zero, angle], axis=-1)).as_matrix())
 
 
 def _continuous(quaternions: Array) -> Array:

@@ -51,7 +51,9 @@ TOLERANCE = 1e-13
 
 
 @njit(cache=True, error_model="numpy")
-def mode_slope(q, node, mode, const, ax, ay, az, out):
+def mode_slope(
+    q: Array, node: Array, mode: int, const: Array, ax: float, ay: float, az: float, out: Array
+) -> None:
     """Slopes of one mode's x, y, px, py; writes them to out from 4 · mode on."""
     first = 4 * mode
     x, y, px, py = q[first], q[first + 1], q[first + 2], q[first + 3]
@@ -87,7 +89,7 @@ def mode_slope(q, node, mode, const, ax, ay, az, out):
 
 
 @njit(cache=True, error_model="numpy")
-def slope(q, node, const, out):
+def slope(q: Array, node: Array, const: Array, out: Array) -> None:
     """Slopes of the whole state."""
     a = np.empty(3)
     servo = const[SERVO]
@@ -116,7 +118,7 @@ def slope(q, node, const, out):
 
 
 @njit(cache=True, error_model="numpy")
-def integrate(start, steps, nodes, const):
+def integrate(start: Array, steps: Array, nodes: Array, const: Array) -> Array:
     """(S + 1, 14) states at the ends of S steps.
 
     Args:

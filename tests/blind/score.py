@@ -75,7 +75,7 @@ def score_case(case: Case, finding: Finding) -> Row:
 
 def failed(case: Case, error: str) -> Row:
     """The row of a workflow that gave no answer."""
-    answer = {"verdict": "error", "found": [], "confidence": None, "closed": None, "gap": {}}
+    answer: Row = {"verdict": "error", "found": [], "confidence": None, "closed": None, "gap": {}}
     return judge(_question(case) | answer | {"error": error})
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from itertools import pairwise
+from itertools import pairwise, starmap
 from statistics import median
 
 from tests.blind.hidden import LISTED, OUTSIDE
@@ -13,6 +13,7 @@ Judge = Callable[[Row], bool]
 
 NOISES = ((0.0, 0.2), (0.2, 0.4), (0.4, 0.7), (0.7, 1.01))  # mm
 BASES = ("2D-L", "3D-L", "2D-NL", "3D-NL")
+SENSORS = ("msh", "12 azimuths", "36 azimuths")
 CONFIDENCES = (0.0, 0.5, 0.7, 0.8, 0.9, 0.95, 0.99, 1.0 + 1e-9)
 GOALS = {
     "single": "≥ 95 %",
@@ -167,31 +168,27 @@ def by_group(rows: Sequence[Row], title: str, groups: Sequence[tuple[str, Judge]
 
 def by_noise(rows: Sequence[Row]) -> str:
     """One line for each range of the noise."""
-    groups: list[tuple[str, Judge]] = [
-        (
-            f"{low:g} … {min(high, 1.0):g} mm",
-            lambda row, low=low, high=high: low <= 1e3 * row["noise"] < high,
-        )
-        for low, high in NOISES
-    ]
-    return by_group(rows, "noise", groups)
+
+    def within(low: float, high: float) -> Judge:
+        return lambda row: low <= 1e3 * row["noise"] < high
+
+    names = [f"{low:g} … {min(high, 1.0):g} mm" for low, high in NOISES]
+    return by_group(rows, "noise", list(zip(names, starmap(within, NOISES), strict=True)))
 
 
 def by_base(rows: Sequence[Row]) -> str:
     """One line for each base model."""
-    groups: list[tuple[str, Judge]] = [
-        (name, lambda row, name=name: row["base"] == name) for name in BASES
-    ]
-    return by_group(rows, "base", groups)
+    return by_group(rows, "base", [(name, has("base", name)) for name in BASES])
 
 
 def by_sensor(rows: Sequence[Row]) -> str:
     """One line for each kind of measurement."""
-    groups: list[tuple[str, Judge]] = [
-        (name, lambda row, name=name: row["sensor"] == name)
-        for name in ("msh", "12 azimuths", "36 azimuths")
-    ]
-    return by_group(rows, "measured", groups)
+    return by_group(rows, "measured", [(name, has("sensor", name)) for name in SENSORS])
+
+
+def has(field: str, value: str) -> Judge:
+    """Judges whether a row's field has this value."""
+    return lambda row: bool(row[field] == value)
 
 
 def reliability(rows: Sequence[Row]) -> str:
