@@ -12,6 +12,7 @@ from slosh_bag.definitions import find_interfaces
 from slosh_bag.interchange.table_bag import write_table_bag
 from slosh_bag.motion_table import MotionTable
 from slosh_bag.replay import replay_bag, replay_table
+from slosh_bag.replay import table as replay_table_module
 from slosh_bag.replay.run import Outputs
 from slosh_estimator.monitor import MonitorSettings
 from slosh_model.containers import Cylinder
@@ -93,6 +94,22 @@ def test_the_right_effect_closes_the_gap(name: str) -> None:
     gaps = [abs(row.residual_nonlinear) for row in kept.rows]
     assert np.nanmax(gaps) < 1e-5
     assert np.isfinite(gaps).sum() > 240
+
+
+@pytest.mark.parametrize("tau", [0.7, -0.7])
+def test_the_parts_in_which_a_recording_comes_do_not_matter_to_a_delay(
+    tau: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    model = BASE.with_effect("time_offset", tau=tau)
+    measured, kept = table(model), {}
+    for block in (50_000, 150):
+        monkeypatch.setattr(replay_table_module, "_BLOCK", block)
+        kept[block] = outputs = Kept()
+        result = replay_table("delayed", measured, model, outputs=outputs)
+        row = {row.name: row for row in result.accuracy}[model.name]
+        assert row.count > 200
+        assert row.sigma < 1e-6
+    assert repr(kept[150].rows) == repr(kept[50_000].rows)
 
 
 def test_the_limit_is_watched_by_the_liquid_s_own_height() -> None:

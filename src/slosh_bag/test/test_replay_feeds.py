@@ -46,8 +46,16 @@ def run(seed, seconds=2.0):
 
 def one_by_one(estimates, measured, settings=LIMITS):
     """As the node would have been called: message by message, and by its timer."""
+    points = [EstimatePoint(*row) for row in rows_of(estimates[:4])]
+    if estimates.readings is not None:
+        points = [
+            point._replace(reading=tuple(read), delay_ns=delay)
+            for point, read, delay in zip(
+                points, estimates.readings.tolist(), estimates.delays.tolist(), strict=True
+            )
+        ]
     entries = [
-        *((stamp, 1, EstimatePoint(stamp, *row)) for stamp, *row in rows_of(estimates[:4])),
+        *((point.stamp_ns, 1, point) for point in points),
         *(
             (stamp, 2, MeasuredPoint(stamp, height, stddev, flags))
             for stamp, height, flags, stddev, _ in rows_of(measured)
@@ -78,9 +86,17 @@ def same(a, b):
 
 
 @settings(max_examples=25, deadline=None)
-@given(st.integers(0, 2**32 - 1), st.lists(st.integers(0, 2000), max_size=5))
-def test_the_monitor_is_fed_as_if_message_by_message(seed, cuts):
+@given(
+    st.integers(0, 2**32 - 1),
+    st.lists(st.integers(0, 2000), max_size=5),
+    st.sampled_from([None, 0, 300, -300]),
+)
+def test_the_monitor_is_fed_as_if_message_by_message(seed, cuts, delay):
     estimates, measured = run(seed)
+    if delay is not None:
+        heights = np.column_stack((estimates.linear, estimates.nonlinear))
+        delays = np.full(len(heights), delay * MS)
+        estimates = estimates._replace(readings=1.2 * heights, delays=delays)
     feed = MonitorFeed(LIMITS)
     found, events = [], []
     last = -(2**62)
