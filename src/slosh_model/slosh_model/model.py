@@ -165,7 +165,12 @@ class Model:
             damping = cylinder_damping_ratio(self.container, self.liquid)
         modes = tuple(Mode(n + 1, self.container, damping) for n in range(self.modes))
         for effect, parameters in self.uses("modes"):
+            before = modes[0].container
             modes = effect.modes(modes, parameters)  # type: ignore[misc]
+            if self.damping_ratio is None and modes[0].container != before:
+                # What the formula gives follows the container.
+                formula = cylinder_damping_ratio(modes[0].container, self.liquid)
+                modes = tuple(replace(mode, damping_ratio=formula) for mode in modes)
         return modes
 
     def height_gains(self) -> tuple[float, ...]:

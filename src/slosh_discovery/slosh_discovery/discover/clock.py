@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
+from slosh_discovery.discover.fitting import Evaluator, Fit
 from slosh_discovery.discover.problem import PreparedMotion
 from slosh_model.model import Model
 
@@ -12,6 +15,10 @@ Array = NDArray[np.float64]
 
 LAG = 1.0 / 60.0
 """Step of the offsets that are tried [s]."""
+SLIP = 0.5
+"""How far from a fitted offset a better one is looked for [s]."""
+CLEARLY = 0.9
+"""A better one lowers the sum of squares at least to this share."""
 OVERLAP = 0.6
 """Share of the shorter series that lies over the other at every offset that is tried."""
 TILT = "gravity_tilt"
@@ -39,6 +46,28 @@ def first_offset(one: PreparedMotion, base: Model) -> float:
     measured = _series(measured_t, times, height)
     lag = _best_lag(measured, expected)
     return float(measured_t[0] - expected_t[0] + lag * LAG)
+
+
+def slipped_offsets(one: Fit, motions: Sequence[PreparedMotion]) -> list[float] | None:
+    """Better clock offsets than a fit's, where it was caught beside the right ones.
+
+    Heights that sway make many offsets look nearly right, one each half period. With the fitted
+    explanation all of them are tried; None: the fit's own are the best.
+    """
+    evaluator = Evaluator(one.explanation, motions)
+    found, better = list(one.clock_offsets), False
+    for index, (motion, answer) in enumerate(
+        zip(motions, evaluator.answers(one.vector), strict=True)
+    ):
+        if motion.motion.same_clock or answer is None:
+            continue
+        tried = found[index] + np.arange(-SLIP, SLIP, LAG)
+        costs = [float(np.sum(Evaluator.part(motion, answer, o) ** 2)) for o in tried.tolist()]
+        here = float(np.sum(Evaluator.part(motion, answer, found[index]) ** 2))
+        best = int(np.argmin(costs))
+        if costs[best] < CLEARLY * here and abs(tried[best] - found[index]) > 2.0 * LAG:
+            found[index], better = float(tried[best]), True
+    return found if better else None
 
 
 def _series(grid: Array, t: Array, values: Array) -> Array:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -12,14 +13,29 @@ from slosh_discovery.discover.problem import PreparedMotion
 FOLDS = 3
 
 
-def held_out_rms(one: Fit, motions: Sequence[PreparedMotion]) -> float:
-    """Rms of the residual of each motion, predicted with parameters fitted to the others [m].
+@dataclass(frozen=True, slots=True)
+class HeldOut:
+    """The residual of motions that were predicted with parameters fitted to others.
 
-    The motions are left out in turns, a third of them at a time. NaN where there is only one.
+    Attributes:
+        chi_square: sum of its squares, in units of the noise.
+        rms: its root mean square [m].
+    """
+
+    chi_square: float
+    rms: float
+
+
+def held_out(one: Fit, motions: Sequence[PreparedMotion]) -> HeldOut:
+    """Predicts each motion with parameters fitted to others.
+
+    The motions are left out in turns, a third of them at a time. A single motion is predicted
+    with its own parameters: there are no others.
     """
     if len(motions) < 2:
-        return float("nan")
-    squares, count = 0.0, 0
+        noise = motions[0].noise
+        return HeldOut(one.chi_square, noise * float(np.sqrt(np.mean(one.residual**2))))
+    chi_square, squares, count = 0.0, 0.0, 0
     for fold in range(min(FOLDS, len(motions))):
         out = range(fold, len(motions), FOLDS) if len(motions) >= FOLDS else [fold]
         left_out = [motions[i] for i in out]
@@ -38,7 +54,9 @@ def held_out_rms(one: Fit, motions: Sequence[PreparedMotion]) -> float:
         for motion, answer, offset in zip(
             left_out, evaluator.answers(vector), offsets.tolist(), strict=True
         ):
-            residual = Evaluator.part(motion, answer, offset) * motion.noise
-            squares += float(residual @ residual)
+            residual = Evaluator.part(motion, answer, offset)
+            power = float(residual @ residual)
+            chi_square += power
+            squares += power * motion.noise**2
             count += len(residual)
-    return float(np.sqrt(squares / count))
+    return HeldOut(chi_square, float(np.sqrt(squares / count)))

@@ -44,8 +44,15 @@ def log_evidence(fit: Fit, temperature: float) -> float:
         -0.5 * fit.chi_square / temperature
         - 0.5 * float(surprise @ surprise)
         - 0.5 * float(log_determinant)
-        + len(explanation.effects) * math.log(EFFECT_PRIOR)
-        - sum(math.log(2.0) for _ in explanation.chosen)
+        + log_prior(fit)
+    )
+
+
+def log_prior(fit: Fit) -> float:
+    """Log of an explanation's probability before any data, but for a constant."""
+    explanation = fit.explanation
+    return len(explanation.effects) * math.log(EFFECT_PRIOR) - len(explanation.chosen) * math.log(
+        2.0
     )
 
 

@@ -2,26 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import itertools
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from slosh_discovery.discover.evidence import log_evidence, probabilities
+from slosh_discovery.discover.crosscheck import HeldOut, held_out
+from slosh_discovery.discover.evidence import log_evidence, log_prior, probabilities
 from slosh_discovery.discover.finding import Verdict
 from slosh_discovery.discover.fitting import Fit
 from slosh_discovery.discover.problem import PreparedMotion
 from slosh_discovery.discover.search import Pool, adequate, leftover
-
-Array = NDArray[np.float64]
 
 SURE_ENOUGH = 0.8
 """An explanation at least this likely is named; below, it is one of several."""
 RIVAL = 0.05
 """An explanation this likely, relative to the best, is worth telling."""
 CLOSED = 0.5
-"""An explanation that closes less than this share of the removable gap explains nothing."""
+"""An explanation that closes less than this share of the removable gap is none."""
+PARTLY = 0.1
+"""One that closes this share still belongs into the model, though more is missing."""
+CONTENDERS = 8
+"""Where none is adequate, so many explanations and their parts are compared on motions left out."""
 NEGLIGIBLE = 0.06
 """An effect that lowers the mean squared residual by less than this share of the noise's,"""
 NEGLIGIBLE_SHARE = 0.004
@@ -38,69 +41,99 @@ class Judgement:
 
     Attributes:
         verdict: how the discovery ends.
-        chosen: the chosen explanation's fit; the base's for NONE and UNEXPLAINED.
-        best: the likeliest explanation that is worth its effects, whatever the verdict.
+        chosen: the chosen explanation's fit; the base's where nothing is added.
         confidence: of the whole set of effects.
         confidences: of each effect.
         rivals: by effect: what explains the data in its place, the likeliest first.
         ranked: every fit, the likeliest first, with its probability.
+        held_out: by effects: how well explanations predict motions left out of their fit.
         temperature: of the data; see `evidence`.
         trust: probability that the cause is a listed one, from what is left.
     """
 
     verdict: Verdict
     chosen: Fit
-    best: Fit
     confidence: float
-    confidences: dict[str, float]
-    rivals: dict[str, tuple[str, ...]]
+    confidences: Mapping[str, float]
+    rivals: Mapping[str, tuple[str, ...]]
     ranked: tuple[tuple[Fit, float], ...]
+    held_out: Mapping[tuple[str, ...], HeldOut]
     temperature: float
     trust: float
 
 
 def judge(pool: Pool, motions: Sequence[PreparedMotion]) -> Judgement:
-    """Weighs the fitted explanations against each other."""
+    """Weighs the fitted explanations against each other.
+
+    Where the likeliest leaves nothing but noise, the evidence decides. Where even that leaves
+    more, every explanation is wrong, and better ones than others are those that predict motions
+    which they were not fitted to.
+    """
     heat = pool.temperature
-    fits = list(pool.fits.values())
-    logs = [-np.inf if _negligible_part(one, pool) else log_evidence(one, heat) for one in fits]
-    shares = probabilities(logs)
-    order = sorted(range(len(fits)), key=lambda i: (-shares[i], fits[i].chi_square))
-    ranked = tuple((fits[i], float(shares[i])) for i in order)
+    worthy = [one for one in pool.ranked() if not _negligible_part(one, pool)]
+    logs = {one.explanation.effects: log_evidence(one, heat) for one in worthy}
+    tabled: dict[tuple[str, ...], HeldOut] = {}
+    if not adequate(worthy[0], motions) and len(motions) > 1:
+        contenders = _contenders(worthy, pool)
+        tabled = {one.explanation.effects: held_out(one, motions) for one in contenders}
+        logs = {
+            one.explanation.effects: -0.5 * tabled[one.explanation.effects].chi_square / heat
+            + log_prior(one)
+            for one in contenders
+        }
+    ranked = _ranked(pool, logs)
     best, base = ranked[0][0], pool.fits[()]
     trust = _trust(best, base, motions)
-    likely = sum(
-        share
-        for one, share in ranked
-        if set(one.explanation.effects) >= set(best.explanation.effects)
-    )
-    confidence = trust * (likely if best.explanation.effects else ranked[0][1])
-    verdict = _verdict(best, base, confidence / max(trust, 1e-12), motions)
-    named = verdict in (Verdict.NAMED, Verdict.AMBIGUOUS)
-    names = best.explanation.effects if named else ()
+    effects = set(best.explanation.effects)
+    likely = sum(share for one, share in ranked if effects <= set(one.explanation.effects))
+    likely = likely if effects else ranked[0][1]
+    verdict, added = _verdict(best, base, likely, motions)
+    names = best.explanation.effects if added else ()
     return Judgement(
         verdict=verdict,
-        chosen=best if named else base,
-        best=best,
-        confidence=confidence,
+        chosen=best if added else base,
+        confidence=trust * likely,
         confidences={
             name: trust * sum(s for one, s in ranked if name in one.explanation.effects)
             for name in names
         },
         rivals={name: _rivals(name, ranked) for name in names},
         ranked=ranked,
+        held_out=tabled,
         temperature=heat,
         trust=trust,
     )
 
 
-def _verdict(best: Fit, base: Fit, likely: float, motions: Sequence[PreparedMotion]) -> Verdict:
+def _contenders(worthy: Sequence[Fit], pool: Pool) -> list[Fit]:
+    """The likeliest explanations, their parts, and the base."""
+    chosen: dict[tuple[str, ...], Fit] = {(): pool.fits[()]}
+    for one in worthy[:CONTENDERS]:
+        effects = one.explanation.effects
+        for size in range(1, len(effects) + 1):
+            for part in itertools.combinations(effects, size):
+                if part in pool.fits:
+                    chosen[part] = pool.fits[part]
+    return list(chosen.values())
+
+
+def _ranked(pool: Pool, logs: Mapping[tuple[str, ...], float]) -> tuple[tuple[Fit, float], ...]:
+    shares = dict(zip(logs, probabilities(list(logs.values())).tolist(), strict=True))
+    pairs = [(one, shares.get(effects, 0.0)) for effects, one in pool.fits.items()]
+    return tuple(sorted(pairs, key=lambda pair: (-pair[1], pair[0].chi_square)))
+
+
+def _verdict(
+    best: Fit, base: Fit, likely: float, motions: Sequence[PreparedMotion]
+) -> tuple[Verdict, bool]:
+    """The verdict, and whether the best explanation goes into the model."""
     if not best.explanation.effects:
-        return Verdict.NONE if adequate(base, motions) else Verdict.UNEXPLAINED
-    before, after = leftover(base, motions)[0], leftover(best, motions)[0]
-    if not adequate(best, motions) and after > (1.0 - CLOSED) * before:
-        return Verdict.UNEXPLAINED
-    return Verdict.NAMED if likely >= SURE_ENOUGH else Verdict.AMBIGUOUS
+        return (Verdict.NONE if adequate(base, motions) else Verdict.UNEXPLAINED), False
+    if not adequate(best, motions):
+        closed = 1.0 - leftover(best, motions)[0] / leftover(base, motions)[0]
+        if closed < CLOSED:
+            return Verdict.UNEXPLAINED, closed >= PARTLY
+    return (Verdict.NAMED if likely >= SURE_ENOUGH else Verdict.AMBIGUOUS), True
 
 
 def _negligible_part(one: Fit, pool: Pool) -> bool:

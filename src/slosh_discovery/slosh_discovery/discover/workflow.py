@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from slosh_discovery.discover.clock import first_offset
-from slosh_discovery.discover.crosscheck import held_out_rms
+from slosh_discovery.discover.clock import first_offset, slipped_offsets
+from slosh_discovery.discover.crosscheck import held_out
 from slosh_discovery.discover.evidence import log_evidence, standard_errors
 from slosh_discovery.discover.explanation import Explanation
 from slosh_discovery.discover.finding import (
@@ -44,7 +44,7 @@ NAN = float("nan")
 
 LEAST_GAP = 0.3
 """A removable gap below this share of the noise is too small to tell how much of it was closed."""
-TABLED = 8
+TABLED = 5
 """So many explanations are checked on motions left out of their fit."""
 
 
@@ -76,6 +76,9 @@ def discover(
     offsets = [first_offset(one, base) for one in prepared]
     count = threads or os.cpu_count() or 1
     pool = Search(base, prepared, offsets, told, count).run()
+    slipped = slipped_offsets(pool.ranked()[0], prepared)
+    if slipped is not None:
+        pool = Search(base, prepared, slipped, told, count).run()
     judgement = judge(pool, prepared)
     told("checking on motions left out", 0.95)
     cases = _cases(motions, prepared, holdout, base, judgement)
@@ -202,7 +205,9 @@ def _candidates(
     listed = []
     for rank, (one, share) in enumerate(judgement.ranked):
         explanation = one.explanation
-        checked = rank < TABLED or len(explanation.effects) == 0
+        known = judgement.held_out.get(explanation.effects)
+        if known is None and len(motions) > 1 and (rank < TABLED or not explanation.effects):
+            known = held_out(one, motions)
         listed.append(
             Candidate(
                 effects=explanation.effects,
@@ -212,7 +217,7 @@ def _candidates(
                 probability=share,
                 evidence=log_evidence(one, judgement.temperature) - zero,
                 fit_rms=_rms(one, motions),
-                holdout_rms=held_out_rms(one, motions) if checked else NAN,
+                holdout_rms=NAN if known is None else known.rms,
             )
         )
     missing = [Candidate(effects=(name,), reason=reason) for name, reason in reasons.items()]

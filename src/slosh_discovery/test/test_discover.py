@@ -1,0 +1,143 @@
+"""Discovery on motions whose truth is known: named, nothing missing, ambiguous, unknown clocks."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from slosh_discovery.discover import MeasuredMotion, Verdict, discover
+from slosh_discovery.discover.finding import Role
+from slosh_discovery.errors import SloshDiscoveryError
+from slosh_model import Cylinder, Inputs, Model, predicted_heights
+
+BASE = Model(Cylinder(0.05, 0.07), damping_ratio=0.006)
+NOISE = 2e-4
+DURATION, MOVING = 4.0, 2.5
+
+
+def inputs_of(seed: int, vertical: float = 1.0) -> Inputs:
+    """A smooth motion in all directions from rest to rest, and a dwell."""
+    random = np.random.default_rng(seed)
+    t = np.arange(0.0, DURATION, 0.004)
+    window = np.where(t < MOVING, np.sin(np.pi * t / MOVING) ** 2, 0.0)
+    frequencies, sizes = random.uniform(10.0, 15.0, 3), random.uniform(0.4, 1.0, 3)
+    phases = random.uniform(0.0, 6.0, 3)
+    waves = sizes * np.sin(np.outer(t, frequencies) + phases) * np.array([1.0, 1.0, vertical])
+    return Inputs(t, window[:, np.newaxis] * waves)
+
+
+def measured(
+    truth: Model, seed: int, *, offset: float = 0.0, level: float = 0.0, vertical: float = 1.0
+) -> MeasuredMotion:
+    """What a camera sees of a motion."""
+    inputs = inputs_of(seed, vertical)
+    t = np.arange(0.01, DURATION, 1.0 / 60.0)
+    noise = NOISE * np.random.default_rng(1000 + seed).normal(size=len(t))
+    heights = predicted_heights(truth, inputs, t)[:, 0] + noise + level
+    return MeasuredMotion(
+        f"motion {seed}",
+        inputs,
+        t + offset,
+        msh=heights,
+        same_clock=offset == 0.0,
+        level_known=level == 0.0,
+    )
+
+
+def names(finding) -> set[str]:
+    return {effect.name for effect in finding.effects}
+
+
+@pytest.mark.parametrize(
+    ("effect", "parameters"),
+    [
+        ("vertical_acceleration", {}),
+        ("quadratic_damping", {"beta": 0.1}),
+        ("static_tilt", {"roll": 0.03, "pitch": -0.02}),
+        ("draining_film", {"speed": 0.05}),
+    ],
+)
+def test_a_missing_effect_is_named_with_its_parameters(effect, parameters):
+    truth = BASE.with_effect(effect, **parameters)
+    motions = [measured(truth, seed, vertical=3.0) for seed in range(3)]
+    finding = discover(motions, BASE, [measured(truth, 9, vertical=3.0)])
+    assert finding.verdict is Verdict.NAMED
+    assert names(finding) == {effect}
+    (found,) = finding.effects
+    for name, value in parameters.items():
+        error = found.standard_errors[name]
+        assert abs(found.parameters[name] - value) < 5.0 * error
+        assert error < 0.1 * abs(value)
+    assert found.confidence > 0.9
+    assert finding.gap.closed > 0.95
+    assert finding.gap.holdout_after == pytest.approx(NOISE, rel=0.2)
+    assert finding.model.has(effect)
+    assert [case.role for case in finding.motions] == [Role.FIT] * 3 + [Role.HOLDOUT]
+
+
+def test_two_effects_are_named_together():
+    truth = BASE.with_effect("height_offset", offset=0.002).with_effect("time_offset", tau=0.03)
+    finding = discover([measured(truth, seed) for seed in range(3)], BASE)
+    assert finding.verdict is Verdict.NAMED
+    assert names(finding) == {"height_offset", "time_offset"}
+
+
+def test_a_wrong_parameter_is_fitted_anew_and_no_term_is_invented():
+    base = BASE.with_effect("surface_nonlinearity", alpha=0.58)
+    truth = BASE.with_effect("surface_nonlinearity", alpha=1.4)
+    finding = discover([measured(truth, seed, vertical=0.0) for seed in range(3)], base)
+    assert names(finding) == {"surface_nonlinearity"}
+    assert finding.effects[0].refitted
+    assert finding.effects[0].parameters["alpha"] == pytest.approx(1.4, rel=0.05)
+
+
+@pytest.mark.parametrize("seed", [0, 20, 40])
+def test_nothing_is_named_where_nothing_is_missing(seed):
+    finding = discover([measured(BASE, seed + k) for k in range(3)], BASE)
+    assert finding.verdict is Verdict.NONE
+    assert finding.effects == ()
+    assert finding.model == BASE
+
+
+def test_what_the_motions_cannot_tell_apart_is_ambiguous_with_a_motion_that_can():
+    truth = BASE.with_effect("height_scale", gain=1.15)
+    finding = discover([measured(truth, seed) for seed in range(2)], BASE)
+    assert finding.verdict is Verdict.AMBIGUOUS
+    (found,) = finding.effects
+    assert {found.name, *found.alternatives} == {"height_scale", "accel_gain"}
+    assert found.confidence == pytest.approx(0.5, abs=0.05)
+    (motion,) = finding.separating
+    assert motion.difference > 5.0 * NOISE
+    assert np.linalg.norm(motion.inputs.acceleration, axis=1).max() <= BASE.limits.acceleration
+
+
+def test_clock_offset_and_still_level_are_no_effects_where_they_are_unknown():
+    truth = BASE.with_effect("vertical_acceleration")
+    motions = [
+        measured(truth, seed, offset=0.3 * (seed + 1), level=0.004, vertical=3.0)
+        for seed in range(3)
+    ]
+    finding = discover(motions, BASE)
+    assert names(finding) == {"vertical_acceleration"}
+    for seed, case in enumerate(finding.motions):
+        assert case.clock_offset == pytest.approx(0.3 * (seed + 1), abs=1e-3)
+        assert case.level == pytest.approx(0.004, abs=1e-4)
+
+
+def test_effects_that_change_nothing_in_these_motions_say_so():
+    finding = discover([measured(BASE, 0)], BASE)
+    reasons = {case.effects: case.reason for case in finding.candidates if case.reason}
+    assert {("gravity_tilt",), ("lever_arm",), ("yaw_coupling",)} <= set(reasons)
+
+
+def test_the_number_of_threads_changes_nothing():
+    truth = BASE.with_effect("accel_gain", gain=1.1).with_effect("time_offset", tau=0.02)
+    motions = [measured(truth, seed) for seed in range(2)]
+    one, two = (discover(motions, BASE, threads=count) for count in (1, 2))
+    assert one.effects == two.effects
+    assert one.gap == two.gap
+
+
+def test_no_motion_is_one_clear_error():
+    with pytest.raises(SloshDiscoveryError, match="no motion with measured heights"):
+        discover([], BASE)
