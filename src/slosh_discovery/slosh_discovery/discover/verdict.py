@@ -24,7 +24,7 @@ CLOSED = 0.5
 PARTLY = 0.1
 """One that closes this share still belongs into the model, though more is missing."""
 CONTENDERS = 8
-"""Where none is adequate, so many explanations and their parts are compared on motions left out."""
+"""Where none is adequate, so many explanations and their parts predict motions left out."""
 NEGLIGIBLE = 0.06
 """An effect that lowers the mean squared residual by less than this share of the noise's,"""
 NEGLIGIBLE_SHARE = 0.004
