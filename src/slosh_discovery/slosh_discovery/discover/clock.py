@@ -40,10 +40,8 @@ def first_offset(one: PreparedMotion, base: Model) -> float:
         return float(one.t[0] - one.fine.t[0])
     expected_t = np.arange(one.fine.t[0], one.fine.t[-1], LAG)
     measured_t = np.arange(one.t[0], one.t[-1], LAG)
-    expected = _series(expected_t, one.fine.t, answer.at(one.fine.t, -answer.delay)[:, 0])
-    height = one.motion.peak_heights if one.azimuths is None else one.heights[:, 0]
-    times = one.motion.t if one.azimuths is None else one.t
-    measured = _series(measured_t, times, height)
+    expected = _series(expected_t, one.fine.t, answer.at(one.fine.t, -answer.delay))
+    measured = _series(measured_t, one.t, one.heights)
     lag = _best_lag(measured, expected)
     return float(measured_t[0] - expected_t[0] + lag * LAG)
 
@@ -70,9 +68,16 @@ def slipped_offsets(one: Fit, motions: Sequence[PreparedMotion]) -> list[float] 
     return found if better else None
 
 
-def _series(grid: Array, t: Array, values: Array) -> Array:
-    present = np.isfinite(values)
-    return np.interp(grid, t[present], values[present])
+def _series(grid: Array, t: Array, heights: Array) -> Array:
+    """(M, K) heights at even times."""
+    columns = []
+    for column in heights.T:
+        present = np.isfinite(column)
+        if not present.any():
+            columns.append(np.zeros(len(grid)))
+            continue
+        columns.append(np.interp(grid, t[present], column[present]))
+    return np.column_stack(columns)
 
 
 def _best_lag(measured: Array, expected: Array) -> int:
@@ -85,10 +90,10 @@ def _best_lag(measured: Array, expected: Array) -> int:
         last = min(len(measured), lag + len(expected))
         one = measured[first:last]
         other = expected[first - lag : last - lag]
-        centred = other - other.mean()
-        # The share of the whole measured series' power that the shifted one explains.
-        size = float(centred @ centred)
-        covariance = float(centred @ (one - one.mean()))
+        centred = other - other.mean(axis=0)
+        # The part of the measured series' power that the shifted one explains.
+        size = float(np.sum(centred * centred))
+        covariance = float(np.sum(centred * (one - one.mean(axis=0))))
         likeness = covariance * abs(covariance) / size if size > 0.0 else -np.inf
         if likeness > best_likeness:
             best, best_likeness = lag, likeness

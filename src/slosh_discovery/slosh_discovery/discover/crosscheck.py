@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from slosh_discovery.discover.fitting import Evaluator, Fit, fit
 from slosh_discovery.discover.problem import PreparedMotion
 
 FOLDS = 3
+Part = list[tuple[PreparedMotion, float]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,36 +29,55 @@ class HeldOut:
 
 
 def held_out(one: Fit, motions: Sequence[PreparedMotion]) -> HeldOut:
-    """Predicts each motion with parameters fitted to others.
-
-    The motions are left out in turns, a third of them at a time. A single motion is predicted
-    with its own parameters: there are no others.
-    """
-    if len(motions) < 2:
-        noise = motions[0].noise
-        return HeldOut(one.chi_square, noise * float(np.sqrt(np.mean(one.residual**2))))
+    """Predicts motions, or parts of motions, with parameters fitted to the others."""
     chi_square, squares, count = 0.0, 0.0, 0
-    for fold in range(min(FOLDS, len(motions))):
-        out = range(fold, len(motions), FOLDS) if len(motions) >= FOLDS else [fold]
-        left_out = [motions[i] for i in out]
-        offsets = np.array([one.clock_offsets[i] for i in out])
-        seen = [i for i in range(len(motions)) if i not in out]
+    for seen, left_out in _folds(motions, one.clock_offsets):
         vector = one.vector
         if len(vector):
             vector = fit(
                 one.explanation,
-                [motions[i] for i in seen],
+                [motion for motion, _ in seen],
                 vector,
-                [one.clock_offsets[i] for i in seen],
+                [offset for _, offset in seen],
                 evaluations=6,
             ).vector
-        evaluator = Evaluator(one.explanation, left_out)
-        for motion, answer, offset in zip(
-            left_out, evaluator.answers(vector), offsets.tolist(), strict=True
-        ):
+        evaluator = Evaluator(one.explanation, [motion for motion, _ in left_out])
+        for (motion, offset), answer in zip(left_out, evaluator.answers(vector), strict=True):
             residual = Evaluator.part(motion, answer, offset)
             power = float(residual @ residual)
             chi_square += power
             squares += power * motion.noise**2
             count += len(residual)
     return HeldOut(chi_square, float(np.sqrt(squares / count)))
+
+
+def _folds(
+    motions: Sequence[PreparedMotion], offsets: Sequence[float]
+) -> Iterator[tuple[Part, Part]]:
+    """What is seen and what is left out, with clock offsets: a third of the motions in turns.
+
+    Of fewer than three motions a third of each one's time is left out instead.
+    """
+    pairs = list(zip(motions, offsets, strict=True))
+    for fold in range(FOLDS):
+        if len(pairs) >= FOLDS:
+            yield (
+                [pair for i, pair in enumerate(pairs) if i % FOLDS != fold],
+                pairs[fold::FOLDS],
+            )
+            continue
+        blocks = [_block(motion, fold) for motion in motions]
+        yield (
+            [(_only(motion, ~b), o) for (motion, o), b in zip(pairs, blocks, strict=True)],
+            [(_only(motion, b), o) for (motion, o), b in zip(pairs, blocks, strict=True)],
+        )
+
+
+def _block(motion: PreparedMotion, fold: int) -> NDArray[np.bool_]:
+    """(M, 1) the samples of one third of a motion's time."""
+    number = np.arange(len(motion.t)) * FOLDS // len(motion.t)
+    return np.asarray(number == fold)[:, np.newaxis]
+
+
+def _only(motion: PreparedMotion, samples: NDArray[np.bool_]) -> PreparedMotion:
+    return replace(motion, kept=motion.kept & samples)

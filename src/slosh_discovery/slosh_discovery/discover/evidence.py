@@ -6,9 +6,9 @@ second term pays for what is implausible, the third for parameters: the more nar
 one down within what was plausible, the more it costs (MacKay 2003, ch. 28).
 
 T is the temperature of the data: χ² per sample of the best explanation, times the number of
-neighbouring samples whose residuals go together. It is 1 where the best explanation leaves nothing
-but white noise; where even the best one leaves more, differences of χ² count for less. Every
-further effect costs a fixed prior.
+samples whose residuals go together, neighbours in time and azimuths. It is 1 where the best
+explanation leaves nothing but white noise; where even the best one leaves more, differences of χ²
+count for less. Every further effect costs a fixed prior.
 """
 
 from __future__ import annotations
@@ -39,34 +39,49 @@ def log_evidence(fit: Fit, temperature: float) -> float:
     spreads = explanation.widths * math.sqrt(PRIOR_VARIANCE)
     information = fit.information * np.outer(spreads, spreads) / temperature
     _, log_determinant = np.linalg.slogdet(np.eye(len(information)) + information)
-    surprise = (fit.vector - explanation.centres) / spreads
-    return (
-        -0.5 * fit.chi_square / temperature
-        - 0.5 * float(surprise @ surprise)
-        - 0.5 * float(log_determinant)
-        + log_prior(fit)
-    )
+    return -0.5 * fit.chi_square / temperature - 0.5 * float(log_determinant) + log_prior(fit)
 
 
 def log_prior(fit: Fit) -> float:
     """Log of an explanation's probability before any data, but for a constant."""
     explanation = fit.explanation
-    return len(explanation.effects) * math.log(EFFECT_PRIOR) - len(explanation.chosen) * math.log(
-        2.0
+    spreads = explanation.widths * math.sqrt(PRIOR_VARIANCE)
+    surprise = (fit.vector - explanation.centres) / spreads
+    return (
+        len(explanation.effects) * math.log(EFFECT_PRIOR)
+        - len(explanation.chosen) * math.log(2.0)
+        - 0.5 * float(surprise @ surprise)
     )
 
 
 def temperature(fit: Fit, motions: Sequence[PreparedMotion]) -> float:
     """χ² per sample of a fit, times the number of samples whose residuals go together."""
     count = len(fit.residual) - len(fit.vector)
-    return max(fit.chi_square / max(count, 1), 1e-12) * correlation_length(fit, motions)
+    series = residual_series(fit.residual, motions)
+    together = correlation_length(series) * columns_together(series)
+    return max(fit.chi_square / max(count, 1), 1e-12) * together
 
 
-def correlation_length(fit: Fit, motions: Sequence[PreparedMotion]) -> float:
+def columns_together(series: Sequence[Array]) -> float:
+    """Number of azimuths whose residuals go together; 1 for white noise or a single column.
+
+    K (tr C²)/(tr C)² with the columns' covariance C, averaged over motions with as many columns.
+    """
+    ratios = []
+    for columns in series:
+        centred = np.nan_to_num(columns - np.nanmean(columns, axis=0))
+        covariance = centred.T @ centred
+        trace = float(np.trace(covariance))
+        if trace > 0.0:
+            ratios.append(len(covariance) * float(np.sum(covariance**2)) / trace**2)
+    return max(float(np.mean(ratios)), 1.0) if ratios else 1.0
+
+
+def correlation_length(series: Sequence[Array]) -> float:
     """Number of neighbouring samples whose residuals go together; 1 for white noise."""
     total = np.zeros(LONGEST_LAG + 1)
-    for series in residual_series(fit.residual, motions):
-        centred = np.nan_to_num(series - np.nanmean(series, axis=0))
+    for columns in series:
+        centred = np.nan_to_num(columns - np.nanmean(columns, axis=0))
         for lag in range(min(LONGEST_LAG, len(centred) - 1) + 1):
             total[lag] += float(np.sum(centred[lag:] * centred[: len(centred) - lag]))
     if total[0] <= 0.0:

@@ -73,7 +73,7 @@ def judge(pool: Pool, motions: Sequence[PreparedMotion]) -> Judgement:
     worthy = [one for one in pool.ranked() if not _negligible_part(one, pool)]
     logs = {one.explanation.effects: log_evidence(one, heat) for one in worthy}
     tabled: dict[tuple[str, ...], HeldOut] = {}
-    if not adequate(worthy[0], motions) and len(motions) > 1:
+    if not adequate(worthy[0], motions):
         contenders = _contenders(worthy, pool)
         tabled = {one.explanation.effects: held_out(one, motions) for one in contenders}
         logs = {

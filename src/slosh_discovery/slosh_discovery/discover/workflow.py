@@ -206,7 +206,7 @@ def _candidates(
     for rank, (one, share) in enumerate(judgement.ranked):
         explanation = one.explanation
         known = judgement.held_out.get(explanation.effects)
-        if known is None and len(motions) > 1 and (rank < TABLED or not explanation.effects):
+        if known is None and (rank < TABLED or not explanation.effects):
             known = held_out(one, motions)
         listed.append(
             Candidate(
