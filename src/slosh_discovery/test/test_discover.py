@@ -138,6 +138,20 @@ def test_the_number_of_threads_changes_nothing():
     assert one.gap == two.gap
 
 
+def test_heights_that_do_not_follow_the_motion_are_no_effect():
+    """A flat line is what a low cap makes of any wave; it is the camera that does not see."""
+    t = np.arange(0.01, DURATION, 1.0 / 60.0)
+    flat = NOISE * np.random.default_rng(5).normal(size=len(t))
+    finding = discover([MeasuredMotion("blind camera", inputs_of(1), t, msh=flat)], BASE)
+    assert finding.verdict is Verdict.UNEXPLAINED
+
+
+def test_heights_in_millimetres_are_one_clear_error():
+    t = np.arange(0.0, 1.0, 1.0 / 60.0)
+    with pytest.raises(SloshDiscoveryError, match=r"motion 1: heights reach .* metres"):
+        MeasuredMotion("motion 1", inputs_of(1), t, msh=20.0 * np.sin(t))
+
+
 def test_no_motion_is_one_clear_error():
     with pytest.raises(SloshDiscoveryError, match="no motion with measured heights"):
         discover([], BASE)

@@ -13,6 +13,8 @@ from slosh_model.simulate import Inputs
 Array = NDArray[np.float64]
 
 MINIMUM_SAMPLES = 20
+HIGHEST = 2.0
+"""No wave in a container on a robot is so high [m]: another unit was taken for metres."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -33,7 +35,7 @@ class MeasuredMotion:
 
     Raises:
         SloshDiscoveryError: shapes that do not match, too few samples, neither or both kinds of
-            heights; the text names the motion.
+            heights, heights that cannot be metres; the text names the motion.
     """
 
     name: str
@@ -67,6 +69,12 @@ class MeasuredMotion:
         if np.count_nonzero(np.isfinite(self.heights)) < MINIMUM_SAMPLES:
             raise SloshDiscoveryError(
                 f"{self.name}: fewer than {MINIMUM_SAMPLES} measured heights: nothing to compare"
+            )
+
+        highest = float(np.nanmax(np.abs(self.heights)))
+        if highest > HIGHEST:
+            raise SloshDiscoveryError(
+                f"{self.name}: heights reach {highest:.4g} m; they must be given in metres"
             )
 
     @property

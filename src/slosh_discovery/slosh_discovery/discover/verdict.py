@@ -7,13 +7,22 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from slosh_discovery.discover.crosscheck import HeldOut, held_out
-from slosh_discovery.discover.evidence import log_evidence, log_prior, probabilities
+from slosh_discovery.discover.evidence import (
+    log_evidence,
+    log_prior,
+    probabilities,
+    residual_series,
+)
 from slosh_discovery.discover.finding import Verdict
 from slosh_discovery.discover.fitting import Fit
+from slosh_discovery.discover.noise import removable
 from slosh_discovery.discover.problem import PreparedMotion
 from slosh_discovery.discover.search import Pool, adequate, leftover
+
+Array = NDArray[np.float64]
 
 SURE_ENOUGH = 0.8
 """An explanation at least this likely is named; below, it is one of several."""
@@ -25,6 +34,8 @@ PARTLY = 0.1
 """One that closes this share still belongs into the model, though more is missing."""
 CONTENDERS = 8
 """Where none is adequate, so many explanations and their parts predict motions left out."""
+UNSEEN = 0.1
+"""Measured heights that move by less than this share of the expected ones are not the liquid's."""
 NEGLIGIBLE = 0.06
 """An effect that lowers the mean squared residual by less than this share of the noise's,"""
 NEGLIGIBLE_SHARE = 0.004
@@ -71,6 +82,8 @@ def judge(pool: Pool, motions: Sequence[PreparedMotion]) -> Judgement:
     """
     heat = pool.temperature
     worthy = [one for one in pool.ranked() if not _negligible_part(one, pool)]
+    if unseen(pool.fits[()], motions):
+        worthy = [pool.fits[()]]
     logs = {one.explanation.effects: log_evidence(one, heat) for one in worthy}
     tabled: dict[tuple[str, ...], HeldOut] = {}
     if not adequate(worthy[0], motions):
@@ -151,6 +164,27 @@ def _negligible_part(one: Fit, pool: Pool) -> bool:
         if smaller is not None and smaller.chi_square - one.chi_square < least:
             return True
     return False
+
+
+def unseen(base: Fit, motions: Sequence[PreparedMotion]) -> bool:
+    """Whether the measured heights hardly move while the base says that the liquid does.
+
+    A flat line is what many an effect can make of any wave, and none is the reason.
+    """
+    seen, expected = 0.0, 0.0
+    series = residual_series(base.residual, motions)
+    for motion, residual in zip(motions, series, strict=True):
+        samples = int(motion.kept.sum())
+        found = removable(motion.t, _without_mean(motion.heights))
+        seen += samples * (found.mean_square - 2.0 * found.mean_square_stddev)
+        predicted = _without_mean(motion.heights - motion.noise * residual)
+        expected += float(np.nansum(predicted**2))
+    return seen < UNSEEN**2 * expected
+
+
+def _without_mean(heights: Array) -> Array:
+    centred: Array = heights - np.nanmean(heights, axis=0)
+    return centred
 
 
 def _trust(best: Fit, base: Fit, motions: Sequence[PreparedMotion]) -> float:

@@ -27,7 +27,7 @@ from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_discovery.discover.next_steps import proposal, separating_motions
 from slosh_discovery.discover.problem import PreparedMotion, prepare
 from slosh_discovery.discover.search import Search
-from slosh_discovery.discover.verdict import Judgement, judge
+from slosh_discovery.discover.verdict import Judgement, judge, unseen
 from slosh_discovery.discover.where import where, worst_moments
 from slosh_discovery.errors import SloshDiscoveryError
 from slosh_discovery.metrics import (
@@ -99,7 +99,7 @@ def discover(
         candidates=candidates,
         separating=separating,
         proposal=proposed,
-        remarks=_remarks(judgement),
+        remarks=_remarks(judgement, unseen=unseen(pool.fits[()], prepared)),
     )
 
 
@@ -256,9 +256,14 @@ def _pooled(values: Sequence[float], cases: Sequence[MotionFinding]) -> float:
     return float(np.sqrt(np.average(np.square(values), weights=weights)))
 
 
-def _remarks(judgement: Judgement) -> tuple[str, ...]:
+def _remarks(judgement: Judgement, *, unseen: bool) -> tuple[str, ...]:
     remarks = []
-    if judgement.trust < 1.0:
+    if unseen:
+        remarks.append(
+            "The measured heights hardly move while the model says that the liquid does: look at "
+            "the camera first."
+        )
+    elif judgement.trust < 1.0:
         remarks.append(
             "The best explanation leaves more than noise: something else is at work, too, or its "
             "equation is not quite what the liquid does."
