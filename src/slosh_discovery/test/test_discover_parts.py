@@ -1,0 +1,106 @@
+"""The parts of the discovery: what data are worth, clocks that slip, motions left out."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from example_motions import BASE, DURATION, NOISE, inputs_of, measured
+
+from slosh_discovery.discover.clock import first_offset, slipped_offsets
+from slosh_discovery.discover.crosscheck import held_out
+from slosh_discovery.discover.evidence import (
+    columns_together,
+    correlation_length,
+    log_evidence,
+    probabilities,
+    standard_errors,
+)
+from slosh_discovery.discover.explanation import Explanation, starts
+from slosh_discovery.discover.fitting import fit
+from slosh_discovery.discover.motion import MeasuredMotion
+from slosh_discovery.discover.problem import SPACING, prepare
+from slosh_model import predicted_heights
+from slosh_model.effects.registry import EFFECTS
+
+RANDOM = np.random.default_rng(3)
+
+
+def test_white_noise_counts_in_full():
+    series = [RANDOM.normal(size=(500, 8)) for _ in range(3)]
+    assert correlation_length(series) == pytest.approx(1.0, abs=0.3)
+    assert columns_together(series) == pytest.approx(1.0, abs=0.1)
+
+
+def test_residuals_that_go_together_count_once():
+    one = RANDOM.normal(size=(2000, 1))
+    assert columns_together([np.repeat(one, 8, axis=1)]) == pytest.approx(8.0)
+    steps = np.repeat(one, 10, axis=0)  # ten neighbours alike: their correlations add up to ten
+    assert correlation_length([steps]) == pytest.approx(10.0, rel=0.15)
+
+
+def test_probabilities_do_not_overflow():
+    assert probabilities([-1e6, -1e6 - np.log(3.0)]) == pytest.approx([0.75, 0.25])
+
+
+def test_a_parameter_that_does_nothing_costs_little_and_one_that_is_pinned_down_more():
+    motions = [prepare(measured(BASE, 1), noise=NOISE)]
+    base = fit(Explanation(BASE), motions, np.zeros(0), [0.0])
+    wider = Explanation(BASE).with_effect("height_offset", {})
+    one = fit(wider, motions, np.zeros(1), [0.0])
+    paid = log_evidence(base, 1.0) - log_evidence(one, 1.0)
+    assert 4.0 < paid < 15.0  # the prior of an effect alone is 4.1
+    (error,) = standard_errors(one, 1.0)
+    assert error == pytest.approx(NOISE / np.sqrt(motions[0].kept.sum()), rel=0.05)
+
+
+@pytest.mark.parametrize("name", sorted(EFFECTS))
+def test_every_effect_has_starts_within_its_bounds(name):
+    for values, choices in starts(name):
+        explanation = Explanation(BASE).with_effect(name, choices)
+        model = explanation.model(explanation.vector({name: values}))
+        assert model is not None
+        assert model.has(name)
+
+
+@pytest.mark.parametrize("offset", [-2.0, 0.4, 90.0])
+def test_an_unknown_clock_is_found_from_the_heights_alone(offset):
+    motion = measured(BASE.with_effect("height_scale", gain=0.7), 2, offset=offset, level=0.01)
+    assert first_offset(prepare(motion, noise=NOISE), BASE) == pytest.approx(offset, abs=0.02)
+
+
+def test_a_clock_caught_beside_the_right_one_is_found_out():
+    motion = prepare(measured(BASE, 3, offset=0.4), noise=NOISE)
+    wrong = fit(Explanation(BASE), [motion], np.zeros(0), [0.4 + 0.33])
+    assert abs(wrong.clock_offsets[0] - 0.4) > 0.1
+    (found,) = slipped_offsets(wrong, [motion]) or [np.nan]
+    assert found == pytest.approx(0.4, abs=0.02)
+    right = fit(Explanation(BASE), [motion], np.zeros(0), [0.4])
+    assert slipped_offsets(right, [motion]) is None
+
+
+@pytest.mark.parametrize("count", [1, 4])
+def test_what_is_left_out_is_predicted_to_the_noise_by_the_truth_alone(count):
+    truth = BASE.with_effect("accel_gain", gain=1.2)
+    motions = [prepare(measured(truth, seed), noise=NOISE) for seed in range(count)]
+    offsets = [0.0] * count
+    right = Explanation(BASE).with_effect("accel_gain", {})
+    wrong = Explanation(BASE).with_effect("height_offset", {})
+    good, bad = (
+        held_out(fit(one, motions, one.centres, offsets), motions) for one in (right, wrong)
+    )
+    assert good.rms == pytest.approx(NOISE, rel=0.15)
+    assert bad.rms > 2.0 * good.rms
+
+
+def test_thinned_inputs_give_the_same_heights():
+    """A motion at 1 kHz is taken at the camera's moments and a few between them."""
+    coarse = inputs_of(4)
+    t = np.arange(0.0, coarse.t[-1], 0.001)
+    inputs = coarse.resampled(t)
+    times = np.arange(0.0, DURATION - 0.1, 1.0 / 60.0)
+    heights = predicted_heights(BASE, inputs, times)[:, 0]
+    motion = prepare(MeasuredMotion("dense", inputs, times, msh=heights), noise=NOISE)
+    assert np.diff(motion.coarse.t).max() < 1.01 * SPACING
+    answer = motion.simulate(BASE)
+    assert answer is not None
+    assert answer.at(motion.t, 0.0)[:, 0] == pytest.approx(heights, abs=2e-5)
