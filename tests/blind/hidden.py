@@ -144,7 +144,8 @@ NEAREST: Mapping[str, frozenset[str]] = {
     "cubic_spring": frozenset({"surface_nonlinearity", "anisotropic_stiffness"}),
     "coriolis": frozenset({"yaw_coupling", "anisotropic_stiffness"}),
     "amplitude_damping": frozenset({"quadratic_damping", "damping_mismatch"}),
-    "sensor_lag": frozenset({"time_offset", "draining_film", "height_scale"}),
+    # A lag of what drives a linear liquid and one of what is read of it are the same filter.
+    "sensor_lag": frozenset({"time_offset", "draining_film", "height_scale", "robot_dynamics"}),
     "accel_compression": frozenset({"accel_gain", "height_scale", "surface_nonlinearity"}),
 }
 """The listed effects that are physically nearest."""

@@ -39,7 +39,9 @@ UNSEEN = 0.1
 NEGLIGIBLE = 0.06
 """An effect that lowers the mean squared residual by less than this share of the noise's,"""
 NEGLIGIBLE_SHARE = 0.004
-"""or of the removable gap, is not worth a name."""
+"""or of the removable gap, is not worth a name;"""
+COSMETIC_SHARE = 0.02
+"""where even the best explanation leaves more than noise, below this share of the gap."""
 TRUST = 2.0
 """Where more than noise is left, confidence falls by this times the rest's share in amplitude,"""
 LEAST_TRUST = 0.85
@@ -81,13 +83,18 @@ def judge(pool: Pool, motions: Sequence[PreparedMotion]) -> Judgement:
     which they were not fitted to.
     """
     heat = pool.temperature
-    worthy = [one for one in pool.ranked() if not _negligible_part(one, pool)]
+    worthy = [one for one in pool.ranked() if not _negligible_part(one, pool, NEGLIGIBLE_SHARE)]
     if unseen(pool.fits[()], motions):
         worthy = [pool.fits[()]]
     logs = {one.explanation.effects: log_evidence(one, heat) for one in worthy}
     tabled: dict[tuple[str, ...], HeldOut] = {}
     if not adequate(worthy[0], motions):
-        contenders = _contenders(worthy, pool)
+        worthy = [one for one in worthy if not _negligible_part(one, pool, COSMETIC_SHARE)]
+        contenders = [
+            one
+            for one in _contenders(worthy, pool)
+            if not _negligible_part(one, pool, COSMETIC_SHARE)
+        ]
         tabled = {one.explanation.effects: held_out(one, motions) for one in contenders}
         logs = {
             one.explanation.effects: -0.5 * tabled[one.explanation.effects].chi_square / heat
@@ -149,14 +156,14 @@ def _verdict(
     return (Verdict.NAMED if likely >= SURE_ENOUGH else Verdict.AMBIGUOUS), True
 
 
-def _negligible_part(one: Fit, pool: Pool) -> bool:
-    """Whether one of its effects could go and hardly anything would change."""
+def _negligible_part(one: Fit, pool: Pool, share: float) -> bool:
+    """Whether one of its effects could go, and no more than a share of the gap would come back."""
     base = pool.fits[()]
     count = len(one.residual)
     # What chi² per sample is noise, as far as the best fit tells.
     noise = min(fit.chi_square for fit in pool.fits.values()) / count
     gap = max(base.chi_square / count - noise, 0.0)
-    least = max(NEGLIGIBLE * noise, NEGLIGIBLE_SHARE * gap) * count
+    least = max(NEGLIGIBLE * noise, share * gap) * count
     for name in one.explanation.effects:
         smaller = pool.fits.get(
             tuple(effect for effect in one.explanation.effects if effect != name)
