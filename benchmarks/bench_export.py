@@ -25,6 +25,7 @@ from typing import Any
 import numpy as np
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
+from process_memory import peak_memory
 
 from slosh_bag.bag_writer import BagWriter
 from slosh_bag.definitions import Definitions
@@ -164,16 +165,6 @@ def greatest_memory(bag: Path) -> float:
         capture_output=True, text=True, check=True,
     )  # fmt: skip
     return float(done.stdout)
-
-
-def peak_memory() -> float:
-    """Greatest memory of this process [MiB].
-
-    Not from getrusage: that counts the process it was started by.
-    """
-    status = Path("/proc/self/status").read_text()
-    line = next(line for line in status.splitlines() if line.startswith("VmHWM"))
-    return int(line.split()[1]) / 1024
 
 
 def main() -> int:

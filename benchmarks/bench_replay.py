@@ -33,6 +33,7 @@ import numpy as np
 import yaml
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
+from process_memory import peak_memory
 
 import slosh_estimator
 from slosh_bag.bag_writer import BagWriter
@@ -303,16 +304,6 @@ def measure(bags: list[Path]) -> int:
     code = slosh(["replay", *map(str, bags), "--check", "--jobs", "1", "--json"])
     print(peak_memory())
     return code
-
-
-def peak_memory() -> float:
-    """Greatest memory of this process [MiB].
-
-    Not from getrusage: that counts the process it was started by.
-    """
-    status = Path("/proc/self/status").read_text()
-    line = next(line for line in status.splitlines() if line.startswith("VmHWM"))
-    return int(line.split()[1]) / 1024
 
 
 def main() -> int:

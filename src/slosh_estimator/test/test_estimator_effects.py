@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
+from example_effects import STRENGTHS
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
@@ -27,32 +28,6 @@ from slosh_model.simulate import Inputs, Response, simulate
 MS = 1_000_000
 Array = NDArray[np.float64]
 BASE = Model(Cylinder(0.05, 0.07), damping_ratio=0.02)
-STRENGTHS = {
-    "vertical_acceleration": {},
-    "surface_nonlinearity": {"alpha": 0.7},
-    "second_mode": {"damping_ratio": 0.03},
-    "damping_mismatch": {"factor": 3.0},
-    "quadratic_damping": {"beta": 2.0},
-    "contact_line_friction": {"mu": 0.02},
-    "fill_level": {"delta": -0.03},
-    "fill_loss": {"rate": 0.01, "fixed_zero": 1.0},
-    "anisotropic_stiffness": {"e": 0.1, "axis": 0.4},
-    "yaw_coupling": {"kappa": 0.5},
-    "gravity_tilt": {},
-    "static_tilt": {"roll": 0.03, "pitch": -0.02},
-    "lever_arm": {"x": 0.1, "y": -0.05, "z": 0.2},
-    "robot_dynamics": {"frequency": 40.0, "damping_ratio": 0.6},
-    "accel_gain": {"gain": 1.3},
-    "time_offset": {"tau": 0.04},
-    "height_scale": {"gain": 1.2},
-    "height_offset": {"offset": 0.003},
-    "frame_saturation": {"cap": 0.004},
-    "visible_arc": {"centre": 0.5, "width": 1.0},
-    "crest_asymmetry": {"kappa": 0.6},
-    "draining_film": {"speed": 0.02},
-}
-
-
 RATE = 256
 TICK = 3_906_250  # ns: both clocks have the same intervals, to the last bit
 SECONDS = 2.0

@@ -1,0 +1,28 @@
+"""Every effect with parameters that clearly show, for tests of all of them."""
+
+from __future__ import annotations
+
+STRENGTHS: dict[str, dict[str, float]] = {
+    "vertical_acceleration": {},
+    "surface_nonlinearity": {"alpha": 0.7},
+    "second_mode": {"damping_ratio": 0.03},
+    "damping_mismatch": {"factor": 3.0},
+    "quadratic_damping": {"beta": 2.0},
+    "contact_line_friction": {"mu": 0.02},
+    "fill_level": {"delta": -0.03},
+    "fill_loss": {"rate": 0.01, "fixed_zero": 1.0},
+    "anisotropic_stiffness": {"e": 0.1, "axis": 0.4},
+    "yaw_coupling": {"kappa": 0.5},
+    "gravity_tilt": {},
+    "static_tilt": {"roll": 0.03, "pitch": -0.02},
+    "lever_arm": {"x": 0.1, "y": -0.05, "z": 0.2},
+    "robot_dynamics": {"frequency": 40.0, "damping_ratio": 0.6},
+    "accel_gain": {"gain": 1.3},
+    "time_offset": {"tau": 0.04},
+    "height_scale": {"gain": 1.2},
+    "height_offset": {"offset": 0.003},
+    "frame_saturation": {"cap": 0.004},
+    "visible_arc": {"centre": 0.5, "width": 1.0},
+    "crest_asymmetry": {"kappa": 0.6},
+    "draining_film": {"speed": 0.02},
+}
