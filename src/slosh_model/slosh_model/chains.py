@@ -64,37 +64,20 @@ def _add_modulation(before: Any, modulation: Any, slot: int, read: Any) -> Any:
 
 
 @compiled
-def _same_inputs(dt, inputs, pose, memory, parameters):  # type: ignore[no-untyped-def]
-    return inputs
+def _same_value(dt, value, around, memory, parameters):  # type: ignore[no-untyped-def]
+    return value
 
 
-def _add_drive(before: Any, drive: Any, slot: int, read: Any, first: int, count: int) -> Any:
+def _add_change(before: Any, change: Any, slot: int, read: Any, first: int, count: int) -> Any:
+    """For the hooks that change a value as it passes, and may remember: drive and reading."""
     end = first + count
 
     @compiled
-    def chained(dt, inputs, pose, memory, parameters):  # type: ignore[no-untyped-def]
-        changed = before(dt, inputs, pose, memory, parameters)
+    def chained(dt, value, around, memory, parameters):  # type: ignore[no-untyped-def]
+        changed = before(dt, value, around, memory, parameters)
         if parameters[slot] == 0.0:
             return changed
-        return drive(dt, changed, pose, memory[first:end], read(parameters))
-
-    return chained
-
-
-@compiled
-def _same_height(dt, eta, wall, memory, parameters):  # type: ignore[no-untyped-def]
-    return eta
-
-
-def _add_reading(before: Any, reading: Any, slot: int, read: Any, first: int, count: int) -> Any:
-    end = first + count
-
-    @compiled
-    def chained(dt, eta, wall, memory, parameters):  # type: ignore[no-untyped-def]
-        changed = before(dt, eta, wall, memory, parameters)
-        if parameters[slot] == 0.0:
-            return changed
-        return reading(dt, changed, wall, memory[first:end], read(parameters))
+        return change(dt, changed, around, memory[first:end], read(parameters))
 
     return chained
 
@@ -111,5 +94,5 @@ def _chain(hook: str, start: Any, add: Any, memory: Any = None) -> Any:
 
 all_terms = _chain("term", _no_term, _add_term)
 all_modulations = _chain("modulation", _same_mode, _add_modulation)
-all_drives = _chain("drive", _same_inputs, _add_drive, DRIVE_MEMORY)
-all_readings = _chain("reading", _same_height, _add_reading, READING_MEMORY)
+all_drives = _chain("drive", _same_value, _add_change, DRIVE_MEMORY)
+all_readings = _chain("reading", _same_value, _add_change, READING_MEMORY)

@@ -20,6 +20,7 @@ from slosh_model.effects.registry import (
     SLOTS,
 )
 from slosh_model.errors import SloshModelError
+from slosh_model.interpolation import columns_at
 from slosh_model.model import Model
 from slosh_model.pose import pose_rows
 
@@ -87,10 +88,10 @@ class Inputs:
             acceleration: (M, 3) [m/s²]; None: interpolated.
         """
         if acceleration is None:
-            acceleration = _columns_at(t, self.t, self.acceleration)
+            acceleration = columns_at(t, self.t, self.acceleration)
         if len(self.poses) == 0:
             return Inputs(t, acceleration)
-        poses = _columns_at(t, self.t, self.poses)
+        poses = columns_at(t, self.t, self.poses)
         poses[:, :4] /= np.linalg.norm(poses[:, :4], axis=1, keepdims=True)
         other = Inputs(t, acceleration, poses[:, :4], poses[:, 4:7])
         yaws = np.interp(t, self.t, self.yaws)
@@ -332,10 +333,6 @@ def _frozen(name: str, value: Any, shape: tuple[int, ...], columns: str = "") ->
         axis = f".{columns[place[1]]}" if columns else "".join(f"[{i}]" for i in place[1:])
         raise SloshModelError(f"{name}[{place[0]}]{axis} = {array[place]} is not finite")
     return array
-
-
-def _columns_at(moments: Array, t: Array, columns: Array) -> Array:
-    return np.column_stack([np.interp(moments, t, column) for column in columns.T])
 
 
 def _check_times(t: Array) -> None:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_discovery.discover.noise import estimate_noise
 from slosh_model.errors import SloshModelError
+from slosh_model.interpolation import columns_at
 from slosh_model.measure import delay, measured_heights, remembers
 from slosh_model.model import Model
 from slosh_model.simulate import Inputs, Response, simulate
@@ -111,7 +112,7 @@ class Answer:
         """(M, K) the heights at times on the measured clock [m]."""
         moments = times - clock_offset - self.delay
         if self.rows is None:
-            taken = np.column_stack([np.interp(moments, self.t, row) for row in self.heights.T])
+            taken = columns_at(moments, self.t, self.heights)
         else:
             taken = self.heights[self.rows]
         return taken if self.read is None else self.read(moments, taken)
@@ -160,9 +161,8 @@ def _thinned(t: Array, present: NDArray[np.bool_]) -> NDArray[np.int64]:
 def _resampled(inputs: Inputs, moments: Array, spacing: float) -> Inputs:
     """The inputs at given moments and on a grid between them."""
     end = max(float(inputs.t[-1]), float(moments[-1]) if len(moments) else -np.inf)
-    count = max(int(np.ceil((end - inputs.t[0]) / spacing)), 1)
-    marks = np.unique(np.concatenate([moments, [inputs.t[0], end]]))
     if len(moments) > 1:
+        marks = np.unique(np.concatenate([moments, [inputs.t[0], end]]))
         # As many between two marks as keep the spacing.
         counts = np.maximum(np.ceil(np.diff(marks) / spacing).astype(np.int64), 1)
         parts = [
@@ -171,15 +171,15 @@ def _resampled(inputs: Inputs, moments: Array, spacing: float) -> Inputs:
         ]
         t = np.concatenate([*parts, [end]])
     else:
+        count = max(int(np.ceil((end - inputs.t[0]) / spacing)), 1)
         t = np.linspace(inputs.t[0], end, count + 1)
-
     return inputs.resampled(t, _averaged(inputs.t, inputs.acceleration, t, spacing))
 
 
 def _averaged(t: Array, values: Array, moments: Array, width: float) -> Array:
     """Values at moments; averaged over a width where they are sampled more densely than that."""
     if len(t) < 3 or float(np.median(np.diff(t))) > 0.5 * width:
-        return np.column_stack([np.interp(moments, t, column) for column in values.T])
+        return columns_at(moments, t, values)
     steps = np.diff(t)[:, np.newaxis]
     integral = np.vstack(
         [np.zeros(3), np.cumsum(0.5 * (values[1:] + values[:-1]) * steps, axis=0)]
@@ -187,9 +187,6 @@ def _averaged(t: Array, values: Array, moments: Array, width: float) -> Array:
     low = np.clip(moments - 0.5 * width, t[0], t[-1])
     high = np.clip(moments + 0.5 * width, t[0], t[-1])
     span = np.maximum(high - low, 1e-9)
-    means = [
-        (np.interp(high, t, column) - np.interp(low, t, column)) / span for column in integral.T
-    ]
-    averaged = np.column_stack(means)
+    averaged = (columns_at(high, t, integral) - columns_at(low, t, integral)) / span[:, np.newaxis]
     averaged[high - low < 0.25 * width] = values[-1]
     return averaged
