@@ -1,98 +1,90 @@
-"""Chains the compiled hooks of all effects at import; switches say which of them are on.
+"""The hooks of all effects, one after the other, as one compiled function for each hook.
 
-One compiled function serves every model: a switch in the flat parameter array stands before each
-effect's parameters. An effect that is off costs one comparison.
+Their source is generated, flat: a switch in the flat parameter array stands before each effect's
+parameters, and an effect that is off costs one comparison. So one compiled kernel serves every
+model. `print(slosh_model.chains.SOURCE)` shows it.
 """
 
 from __future__ import annotations
 
+import linecache
+from collections.abc import Callable
 from typing import Any
 
-from slosh_model.effects.base import compiled
+from slosh_model.compilation import compiled
+from slosh_model.effects.base import Effect
 from slosh_model.effects.registry import BY_HOOK, DRIVE_MEMORY, READING_MEMORY, SLOTS
 
-
-@compiled
-def _no_parameters(parameters):  # type: ignore[no-untyped-def]
-    return ()
+_FILE = "<slosh_model.chains, generated>"
 
 
-def _reader(first: int, count: int) -> Any:
-    """A compiled function that takes `count` parameters from the flat array, as a tuple."""
-    if count == 0:
-        return _no_parameters
-    others = _reader(first + 1, count - 1)
-
-    @compiled
-    def read(parameters):  # type: ignore[no-untyped-def]
-        return (parameters[first], *others(parameters))
-
-    return read
+def _call(effect: Effect, hook: str, arguments: str) -> str:
+    first = SLOTS[effect.name] + 1
+    taken = "".join(f"p[{first + k}], " for k in range(len(effect.parameters)))
+    return f"{effect.name}_{hook}({arguments}, ({taken}))"
 
 
-@compiled
-def _no_term(mode, elapsed, q, inputs, parameters):  # type: ignore[no-untyped-def]
-    return 0.0, 0.0, 0.0, 0.0, 0.0
+def _switched(effect: Effect, *lines: str) -> list[str]:
+    return [f"    if p[{SLOTS[effect.name]}] != 0.0:", *(f"        {line}" for line in lines)]
 
 
-def _add_term(before: Any, term: Any, slot: int, read: Any) -> Any:
-    @compiled
-    def chained(mode, elapsed, q, inputs, parameters):  # type: ignore[no-untyped-def]
-        fx, fy, mxx, mxy, myy = before(mode, elapsed, q, inputs, parameters)
-        if parameters[slot] == 0.0:
-            return fx, fy, mxx, mxy, myy
-        gx, gy, nxx, nxy, nyy = term(mode, elapsed, q, inputs, read(parameters))
-        return fx + gx, fy + gy, mxx + nxx, mxy + nxy, myy + nyy
-
-    return chained
-
-
-@compiled
-def _same_mode(mode, elapsed, parameters):  # type: ignore[no-untyped-def]
-    return mode
+def _terms() -> list[str]:
+    lines = [
+        "def all_terms(mode, elapsed, q, inputs, p):",
+        "    fx = fy = mxx = mxy = myy = 0.0",
+    ]
+    for effect in BY_HOOK["term"]:
+        lines += _switched(
+            effect,
+            f"gx, gy, nxx, nxy, nyy = {_call(effect, 'term', 'mode, elapsed, q, inputs')}",
+            "fx, fy, mxx, mxy, myy = fx + gx, fy + gy, mxx + nxx, mxy + nxy, myy + nyy",
+        )
+    return [*lines, "    return fx, fy, mxx, mxy, myy"]
 
 
-def _add_modulation(before: Any, modulation: Any, slot: int, read: Any) -> Any:
-    @compiled
-    def chained(mode, elapsed, parameters):  # type: ignore[no-untyped-def]
-        changed = before(mode, elapsed, parameters)
-        if parameters[slot] == 0.0:
-            return changed
-        return modulation(changed, elapsed, read(parameters))
-
-    return chained
+def _modulations() -> list[str]:
+    lines = ["def all_modulations(mode, elapsed, p):"]
+    for effect in BY_HOOK["modulation"]:
+        lines += _switched(effect, f"mode = {_call(effect, 'modulation', 'mode, elapsed')}")
+    return [*lines, "    return mode"]
 
 
-@compiled
-def _same_value(dt, value, around, memory, parameters):  # type: ignore[no-untyped-def]
-    return value
-
-
-def _add_change(before: Any, change: Any, slot: int, read: Any, first: int, count: int) -> Any:
-    """For the hooks that change a value as it passes, and may remember: drive and reading."""
-    end = first + count
-
-    @compiled
-    def chained(dt, value, around, memory, parameters):  # type: ignore[no-untyped-def]
-        changed = before(dt, value, around, memory, parameters)
-        if parameters[slot] == 0.0:
-            return changed
-        return change(dt, changed, around, memory[first:end], read(parameters))
-
-    return chained
-
-
-def _chain(hook: str, start: Any, add: Any, memory: Any = None) -> Any:
-    total = start
+def _changes(hook: str, around: str, memory: dict[str, int] | Any) -> list[str]:
+    """For the hooks that change a value as it passes, and may remember."""
+    lines = [f"def all_{hook}s(dt, value, {around}, memory, p):"]
     for effect in BY_HOOK[hook]:
-        slot = SLOTS[effect.name]
-        read = _reader(slot + 1, len(effect.parameters))
-        place = (memory[effect.name], getattr(effect, f"{hook}_memory")) if memory else ()
-        total = add(total, getattr(effect, hook), slot, read, *place)
-    return total
+        start = memory[effect.name]
+        own = f"memory[{start}:{start + getattr(effect, f'{hook}_memory')}]"
+        lines += _switched(effect, f"value = {_call(effect, hook, f'dt, value, {around}, {own}')}")
+    return [*lines, "    return value"]
 
 
-all_terms = _chain("term", _no_term, _add_term)
-all_modulations = _chain("modulation", _same_mode, _add_modulation)
-all_drives = _chain("drive", _same_value, _add_change, DRIVE_MEMORY)
-all_readings = _chain("reading", _same_value, _add_change, READING_MEMORY)
+SOURCE = "\n".join(
+    [
+        *_terms(),
+        "",
+        *_modulations(),
+        "",
+        *_changes("drive", "pose", DRIVE_MEMORY),
+        "",
+        *_changes("reading", "wall", READING_MEMORY),
+        "",
+    ]
+)
+"""What is compiled; p is the flat array of switches and parameters."""
+
+
+def _compile() -> dict[str, Callable[..., Any]]:
+    names: dict[str, Any] = {"__name__": __name__}
+    for hook in ("term", "modulation", "drive", "reading"):
+        names |= {f"{effect.name}_{hook}": getattr(effect, hook) for effect in BY_HOOK[hook]}
+    linecache.cache[_FILE] = (len(SOURCE), None, SOURCE.splitlines(keepends=True), _FILE)
+    exec(compile(SOURCE, _FILE, "exec"), names)
+    return {name: compiled(names[name]) for name in names if name.startswith("all_")}
+
+
+_functions = _compile()
+all_terms = _functions["all_terms"]
+all_modulations = _functions["all_modulations"]
+all_drives = _functions["all_drives"]
+all_readings = _functions["all_readings"]
