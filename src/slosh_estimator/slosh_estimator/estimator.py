@@ -20,6 +20,7 @@ from slosh_estimator.estimate_kernel import (
     new_checks,
 )
 from slosh_estimator.sample import Sample, Samples
+from slosh_estimator.self_test import check_model
 from slosh_estimator.validity import EstimateFlag, validity_limits
 from slosh_model import kernel
 from slosh_model.layout import divided
@@ -124,7 +125,12 @@ class Estimator:
         self.load_model(model)
 
     def load_model(self, model: Model) -> None:
-        """Replaces the model; it starts from rest with the next sample."""
+        """Replaces the model; it starts from rest with the next sample.
+
+        Raises:
+            SloshModelError: the compiled code does not do what the model's equations say.
+        """
+        check_model(model)
         max_step = estimate_kernel.MAX_STEP
         linear = Simulator(model.linear(), max_step=max_step)
         nonlinear = Simulator(model.nonlinear(), max_step=max_step)

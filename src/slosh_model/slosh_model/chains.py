@@ -8,14 +8,39 @@ model. `print(slosh_model.chains.SOURCE)` shows it.
 from __future__ import annotations
 
 import linecache
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 from slosh_model.compilation import compiled
 from slosh_model.effects.base import Effect
 from slosh_model.effects.registry import BY_HOOK, DRIVE_MEMORY, READING_MEMORY, SLOTS
 
-_FILE = "<slosh_model.chains, generated>"
+
+def compile_generated(
+    module: str, source: str, hooks: Iterable[str]
+) -> dict[str, Callable[..., Any]]:
+    """Compiles the functions of a generated source, by their names.
+
+    Args:
+        module: name of the module that generated it.
+        source: functions whose names begin with `all_`; they call an effect's hook by the names
+            of both, joined by an underscore.
+        hooks: the hooks that it calls.
+    """
+    file = f"<{module}, generated>"
+    names: dict[str, Any] = {"__name__": module}
+    for hook in hooks:
+        names |= {f"{effect.name}_{hook}": getattr(effect, hook) for effect in BY_HOOK[hook]}
+    # So that an error in it shows the line.
+    linecache.cache[file] = (len(source), None, source.splitlines(keepends=True), file)
+    exec(compile(source, file, "exec"), names)
+    return {name: compiled(names[name]) for name in names if name.startswith("all_")}
+
+
+def own_memory(effect: Effect, hook: str, memory: Mapping[str, int], array: str) -> str:
+    """An effect's part of an array of memories; an empty tuple where it remembers nothing."""
+    start, count = memory[effect.name], getattr(effect, f"{hook}_memory")
+    return f"{array}{start}:{start + count}]" if count else "()"
 
 
 def _call(effect: Effect, hook: str, arguments: str) -> str:
@@ -25,7 +50,10 @@ def _call(effect: Effect, hook: str, arguments: str) -> str:
 
 
 def _switched(effect: Effect, *lines: str) -> list[str]:
-    return [f"    if p[{SLOTS[effect.name]}] != 0.0:", *(f"        {line}" for line in lines)]
+    return [
+        f"    if p[{SLOTS[effect.name]}] != 0.0:",
+        *(f"        {line}" for line in lines),
+    ]
 
 
 def _terms() -> list[str]:
@@ -49,12 +77,11 @@ def _modulations() -> list[str]:
     return [*lines, "    return mode"]
 
 
-def _changes(hook: str, around: str, memory: dict[str, int] | Any) -> list[str]:
+def _changes(hook: str, around: str, memory: Mapping[str, int]) -> list[str]:
     """For the hooks that change a value as it passes, and may remember."""
     lines = [f"def all_{hook}s(dt, value, {around}, memory, p):"]
     for effect in BY_HOOK[hook]:
-        start = memory[effect.name]
-        own = f"memory[{start}:{start + getattr(effect, f'{hook}_memory')}]"
+        own = own_memory(effect, hook, memory, "memory[")
         lines += _switched(effect, f"value = {_call(effect, hook, f'dt, value, {around}, {own}')}")
     return [*lines, "    return value"]
 
@@ -73,17 +100,7 @@ SOURCE = "\n".join(
 )
 """What is compiled; p is the flat array of switches and parameters."""
 
-
-def _compile() -> dict[str, Callable[..., Any]]:
-    names: dict[str, Any] = {"__name__": __name__}
-    for hook in ("term", "modulation", "drive", "reading"):
-        names |= {f"{effect.name}_{hook}": getattr(effect, hook) for effect in BY_HOOK[hook]}
-    linecache.cache[_FILE] = (len(SOURCE), None, SOURCE.splitlines(keepends=True), _FILE)
-    exec(compile(SOURCE, _FILE, "exec"), names)
-    return {name: compiled(names[name]) for name in names if name.startswith("all_")}
-
-
-_functions = _compile()
+_functions = compile_generated(__name__, SOURCE, ("term", "modulation", "drive", "reading"))
 all_terms = _functions["all_terms"]
 all_modulations = _functions["all_modulations"]
 all_drives = _functions["all_drives"]

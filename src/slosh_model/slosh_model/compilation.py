@@ -17,6 +17,7 @@ import builtins
 import contextlib
 import dis
 import fcntl
+import functools
 import hashlib
 import logging
 import threading
@@ -89,6 +90,8 @@ class EntryPoint:
         self._signature = signature
         self._options = dict(options)
         self._call: Function | None = None
+        self._unchecked: Function | None = None
+        self._checks: list[Callable[[], None]] = []
         _name(function, {**options, "signature": str(signature)})
         _ENTRY_POINTS[self.name] = self
 
@@ -107,11 +110,25 @@ class EntryPoint:
         return any(self._files(cache_folder(), ".nbi"))
 
     def load(self) -> Function:
-        """The compiled function itself: compiled, or loaded from the cache."""
+        """The compiled function itself: compiled, or loaded from the cache, and checked."""
         call = self._call
         if call is None:
             with _LOCK:
-                call = self._call = self._call or self._compile()
+                call = self._call or self._unchecked or self._load_checked()
+        return call
+
+    def check_with(self, check: Callable[[], None]) -> None:
+        """Has the function checked when it is first loaded; what the check raises, `load` does."""
+        self._checks.append(check)
+
+    def _load_checked(self) -> Function:
+        call = self._unchecked = self._compile()
+        try:
+            for check in self._checks:
+                check()
+        finally:
+            self._unchecked = None
+        self._call = call
         return call
 
     def _compile(self) -> Function:
@@ -200,6 +217,7 @@ def load_all(progress: Callable[[Progress], None] | None = None) -> float:
     return time.monotonic() - started
 
 
+@functools.cache
 def uncompiled(function: Any) -> Function:
     """The same function and all that it calls as plain Python, for a second opinion.
 
@@ -223,7 +241,7 @@ def _plain(value: Any, known: dict[int, Any]) -> Any:
         )
         known[id(function)] = copy
         surroundings["__builtins__"] = builtins
-        for name in _global_names(function.__code__):
+        for name in _names(function.__code__):
             if name in function.__globals__:
                 surroundings[name] = _plain_global(function.__globals__[name], known)
     return known[id(function)]

@@ -78,7 +78,7 @@ def _runge_kutta_step(mode, q, u0, u1, step, elapsed, parameters):  # type: igno
 
 
 @compiled
-def _constants(mode):  # type: ignore[no-untyped-def]
+def constants_of(mode):  # type: ignore[no-untyped-def]
     """A mode's constants as the effects' hooks take them."""
     return (
         mode["natural_frequency"], mode["damping_ratio"], mode["curvature"], mode["radius"],
@@ -108,7 +108,7 @@ def _settle(run, modes, pose):  # type: ignore[no-untyped-def]
     if inputs[0] == 0.0 and inputs[1] == 0.0:
         return
     for n in range(modes.shape[0]):
-        mode, constants = modes[n], _constants(modes[n])
+        mode, constants = modes[n], constants_of(modes[n])
         x, y, stiffness = 0.0, 0.0, constants[0] * constants[0]
         for _ in range(_SETTLING_TURNS):
             q = (x, y, 0.0, 0.0)
@@ -116,6 +116,12 @@ def _settle(run, modes, pose):  # type: ignore[no-untyped-def]
             x += ax / stiffness
             y += ay / stiffness
         mode["x"], mode["y"] = x, y
+
+
+@compiled
+def unwrapped(angle, before):  # type: ignore[no-untyped-def]
+    """The same angle, less than half a turn from the one before [rad]."""
+    return angle + _TWO_PI * math.floor((before - angle) / _TWO_PI + 0.5)
 
 
 @compiled
@@ -139,7 +145,7 @@ def advance(run, modes, ax, ay, az, yaw, pose, dt):  # type: ignore[no-untyped-d
         _settle(run, modes, pose)
         dt = 0.0
     if yaw != run["yaw"]:
-        yaw += _TWO_PI * math.floor((run["yaw"] - yaw) / _TWO_PI + 0.5)
+        yaw = unwrapped(yaw, run["yaw"])
         run["yaw"] = yaw
     parameters, elapsed = run["parameters"], run["elapsed"]
     old = (run["ax"], run["ay"], run["az"], run["turn"])
@@ -149,7 +155,7 @@ def advance(run, modes, ax, ay, az, yaw, pose, dt):  # type: ignore[no-untyped-d
     count = math.ceil(dt / run["max_step"]) if dt > 0.0 else 0
     height_x = height_y = 0.0
     for n in range(modes.shape[0]):
-        mode, constants = modes[n], _constants(modes[n])
+        mode, constants = modes[n], constants_of(modes[n])
         q = (mode["x"], mode["y"], mode["vx"], mode["vy"])
         u0 = old
         for i in range(count):

@@ -57,6 +57,9 @@ MODAL = ("x", "y", "vx", "vy")
 GIVEN_1, GIVEN_2 = (Array(float64, n, "C", readonly=True) for n in (1, 2))
 CHANGED_1, CHANGED_2, CHANGED_3 = (Array(float64, n, "C") for n in (1, 2, 3))
 """Numba's types of contiguous arrays of one, two and three axes that are read, or written to."""
+STRIDED_2, STRIDED_3 = (Array(float64, n, "A", readonly=True) for n in (2, 3))
+CHANGED_STRIDED_3 = Array(float64, 3, "A")
+"""The same of arrays that need not be contiguous."""
 
 _WORD = np.dtype(np.float64).itemsize
 _RUN_LENGTH = RUN.itemsize // _WORD

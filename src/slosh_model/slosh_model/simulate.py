@@ -187,22 +187,9 @@ class Simulator:
     )
 
     def __init__(self, model: Model, *, max_step: float = MAXIMUM_STEP) -> None:
-        if not (math.isfinite(max_step) and max_step > 0.0):
-            raise SloshModelError(f"max_step = {max_step!r} s must be positive")
         self.model = model
-        constants = model.mode_constants()
-        self.store = new_store(len(constants))
+        self.store = store_of(model, max_step)
         self._run, self._modes = divided(self.store)
-        self._run["max_step"] = float(max_step)
-        self._run["parameters"] = effect_parameters(model)
-        for row, mode, gain in zip(self._modes, constants, model.height_gains(), strict=True):
-            row["natural_frequency"] = mode.natural_frequency
-            row["damping_ratio"] = mode.damping_ratio
-            row["curvature"] = mode.curvature
-            row["radius"] = mode.container.radius
-            row["height_gain"] = gain
-            row["xi"] = mode.xi
-            row["fill_height"] = mode.container.fill_height
         self._step = kernel.step.load()
 
     def reset(self) -> None:
@@ -236,11 +223,11 @@ class Simulator:
         if state is not None:
             self._continue(state, start)
             start = state.t
-        intervals = np.diff(inputs.t, prepend=start)
-        history = np.empty((len(inputs.t), len(self._modes), len(MODAL)))
         heights = np.empty((len(inputs.t), 2))
+        history = np.empty((len(inputs.t), len(self._modes), len(MODAL)))
         kernel.advance_many(
-            self.store, intervals, inputs.acceleration, inputs.yaws, inputs.poses, history, heights
+            self.store, np.diff(inputs.t, prepend=start), inputs.acceleration, inputs.yaws,
+            inputs.poses, history, heights,
         )  # fmt: skip
         bad = np.flatnonzero(~np.isfinite(heights).all(axis=1))
         if len(bad):
@@ -307,6 +294,28 @@ def simulate(
             model's, or the solution left the finite numbers.
     """
     return Simulator(model, max_step=max_step).run(inputs, state)
+
+
+def store_of(model: Model, max_step: float = MAXIMUM_STEP) -> Array:
+    """A model before its first sample, as the kernel takes it; see `layout`.
+
+    Raises:
+        SloshModelError: max_step is not positive.
+    """
+    if not (math.isfinite(max_step) and max_step > 0.0):
+        raise SloshModelError(f"max_step = {max_step!r} s must be positive")
+    constants = model.mode_constants()
+    store = new_store(len(constants))
+    run, modes = divided(store)
+    run["max_step"] = float(max_step)
+    run["parameters"] = effect_parameters(model)
+    for n, (mode, gain) in enumerate(zip(constants, model.height_gains(constants), strict=True)):
+        cup = mode.container
+        modes[n] = (
+            mode.natural_frequency, mode.damping_ratio, mode.curvature, cup.radius, gain, mode.xi,
+            cup.fill_height, 0.0, 0.0, 0.0, 0.0,
+        )  # fmt: skip
+    return store
 
 
 def effect_parameters(model: Model) -> Array:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from slosh_discovery.discover.explanation import Explanation
-from slosh_discovery.discover.problem import Answer, PreparedMotion
+from slosh_discovery.discover.problem import Answer, PreparedMotion, simulate_all
 from slosh_model.model import Model
 
 Array = NDArray[np.float64]
@@ -74,10 +74,14 @@ class Evaluator:
 
     def answers(self, vector: Array) -> list[Answer | None]:
         """The model's answer to every motion."""
-        model = self.explanation.model(vector)
-        if model is None:
-            return [None] * len(self.motions)
-        return [motion.simulate(model) for motion in self.motions]
+        return self.answers_to([vector])[0]
+
+    def answers_to(self, vectors: Sequence[Array]) -> list[list[Answer | None]]:
+        """For each vector the model's answer to every motion."""
+        models = [self.explanation.model(vector) for vector in vectors]
+        found = iter(simulate_all(self.motions, [model for model in models if model is not None]))
+        nothing: list[Answer | None] = [None] * len(self.motions)
+        return [nothing if model is None else next(found) for model in models]
 
     def residual(self, answers: Sequence[Answer | None], clock_offsets: Array) -> Array:
         """(N,) measured minus predicted in units of the noise, without unknown still levels."""
@@ -104,15 +108,13 @@ class Evaluator:
     def derivative(self, vector: Array, clock_offsets: Array, residual: Array) -> Array:
         """(N, P) of the residual by the free parameters, by forward or backward differences."""
         _, upper = self.explanation.bounds
-        columns = []
-        for index, width in enumerate(self.explanation.widths.tolist()):
-            step = STEP * width
-            if vector[index] + step > upper[index]:
-                step = -step
-            moved = vector.copy()
-            moved[index] += step
-            columns.append((self.residual(self.answers(moved), clock_offsets) - residual) / step)
-        return np.column_stack(columns) if columns else np.zeros((len(residual), 0))
+        steps = STEP * self.explanation.widths
+        steps[vector + steps > upper] *= -1.0
+        if not len(steps):
+            return np.zeros((len(residual), 0))
+        moved = self.answers_to(list(vector + np.diag(steps)))
+        residuals = [self.residual(answers, clock_offsets) for answers in moved]
+        return (np.column_stack(residuals) - residual[:, np.newaxis]) / steps
 
     def clock_derivative(self, answers: Sequence[Answer | None], clock_offsets: Array) -> Array:
         """(N, C) of the residual by the offsets of those motions whose clocks are not one."""

@@ -15,16 +15,18 @@ from numpy.typing import NDArray
 
 from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_discovery.discover.noise import estimate_noise
-from slosh_model.errors import SloshModelError
+from slosh_model.batch import wall_heights
 from slosh_model.interpolation import columns_at
 from slosh_model.measure import delay, measured_heights, remembers
 from slosh_model.model import Model
-from slosh_model.simulate import Inputs, Response, simulate
+from slosh_model.simulate import Inputs, Response
 
 Array = NDArray[np.float64]
 
 SPACING = 0.0042
-"""Longest time between two inputs, and step of the integrator [s]."""
+"""Longest time between two inputs [s]."""
+LONGEST_STEP = SPACING * (1.0 + 1e-6)
+"""Of the integrator: one step leads from input to input, however their spacing is rounded."""
 FINE_SPACING = 0.0021
 """The same where heights are read between the inputs [s]."""
 SAMPLE_SPACING = 0.0075
@@ -60,20 +62,24 @@ class PreparedMotion:
 
     def simulate(self, model: Model) -> Answer | None:
         """The model's answer; None where its solution left the finite numbers."""
-        late = delay(model)
-        shifted = not self.motion.same_clock or late != 0.0
-        inputs = self.fine if shifted else self.coarse
-        try:
-            response, _ = simulate(model, inputs, max_step=SPACING)
-        except SloshModelError:
+        return simulate_all([self], [model])[0][0]
+
+    def inputs_for(self, model: Model) -> Inputs:
+        """The inputs at which the model's answer is computed."""
+        shifted = not self.motion.same_clock or delay(model) != 0.0
+        return self.fine if shifted else self.coarse
+
+    def answer(self, model: Model, inputs: Inputs, heights: Array) -> Answer | None:
+        """What the liquid's heights (N, 2) at the inputs say of the measured ones."""
+        if not np.isfinite(heights).all():
             return None
+        read: _Reader | None = _Reader(model, self.azimuths, float(inputs.t[0]))
         if remembers(model):
-            heights = measured_heights(model, response, self.azimuths)
-            read = None
-        else:
-            heights = np.column_stack([response.sh_x, response.sh_y])
-            read = _Reader(model, self.azimuths, float(inputs.t[0]))
-        return Answer(inputs.t, heights, None if shifted else self.rows, late, read)
+            response = Response(inputs.t, heights[:, 0], heights[:, 1], np.empty((0, 0, 4)))
+            heights, read = measured_heights(model, response, self.azimuths), None
+        return Answer(
+            inputs.t, heights, self.rows if inputs is self.coarse else None, delay(model), read
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -116,6 +122,28 @@ class Answer:
         else:
             taken = self.heights[self.rows]
         return taken if self.read is None else self.read(moments, taken)
+
+
+def simulate_all(
+    motions: Sequence[PreparedMotion], models: Sequence[Model]
+) -> list[list[Answer | None]]:
+    """Each model's answers to all motions."""
+    pairs = [(model, motion, motion.inputs_for(model)) for model in models for motion in motions]
+    if not pairs:
+        return []
+    # The search runs a fit per thread already.
+    heights = wall_heights(
+        [model for model, _, _ in pairs],
+        [inputs for _, _, inputs in pairs],
+        max_step=LONGEST_STEP,
+        threads=1,
+    )
+    answers = [
+        motion.answer(model, inputs, row)
+        for (model, motion, inputs), row in zip(pairs, heights, strict=True)
+    ]
+    count = len(motions)
+    return [answers[at : at + count] for at in range(0, len(answers), count)]
 
 
 def prepare(
