@@ -44,6 +44,7 @@ def main() -> int:
         check_tools()
         once("environment", VENV, environment_inputs(python), lambda: install_environment(python))
         once("workspace", WORKSPACE / "install", workspace_inputs(), build_workspace)
+        once("compiled", VENV, compiled_inputs(), compile_functions)
     except BootstrapError as error:
         print(f"setup: {error}", file=sys.stderr)
         return 1
@@ -199,6 +200,23 @@ def build_workspace() -> None:
     if done.returncode != 0:
         raise BootstrapError(f"colcon build failed, see {log}: {first_error(log.read_text())}")
     write_environment(environment)
+
+
+def compiled_inputs() -> list[bytes]:
+    """What the compiled functions depend on: sources, environment, and where they are kept."""
+    environment = (VENV / ".environment").read_bytes()
+    variables = ("NUMBA_CACHE_DIR", "XDG_CACHE_HOME", "HOME")
+    places = [os.environ.get(name, "").encode() for name in variables]
+    files = sorted((ROOT / "src").glob("slosh_*/slosh_*/**/*.py"))
+    return [environment, *places, *(path.read_bytes() for path in files)]
+
+
+def compile_functions() -> None:
+    """Compiles all functions that run compiled, so that no node has to wait for them later."""
+    command = [str(ROOT / "tools" / "run"), "python", "-m", "slosh_bringup.compiling"]
+    done = subprocess.run(command, cwd=ROOT, check=False)
+    if done.returncode != 0:
+        raise BootstrapError(f"`{shlex.join(command)}` failed with exit code {done.returncode}")
 
 
 def first_error(text: str) -> str:
