@@ -93,4 +93,3 @@ def test_a_process_that_computes_heights_refuses_to(poisoned: Path, name: str) -
     assert str(poisoned / "cache") in line
     assert "Traceback" not in done.stderr
     assert not (poisoned / "response.csv").exists()
-

@@ -57,6 +57,7 @@ def examine() -> Iterator[Finding]:
     yield library("mcap", "mcap", "1.5")
     yield library("rosbags", "rosbags", "0.10")
     yield library("distributed", "Dask distributed", "2025.1")
+    yield guarded(compiled_code)
     yield guarded(message_exchange)
     yield shared_memory()
     yield disk()
@@ -130,6 +131,12 @@ def numbers(version: str) -> tuple[int, ...]:
             break
         parts.append(int(word))
     return tuple(parts)
+
+
+def compiled_code() -> Finding:
+    """All compiled functions, each that computes heights beside its own source."""
+    compiling = importlib.import_module("slosh_bringup.compiling")
+    return Finding("compiled code", True, compiling.load_everything())
 
 
 def message_exchange() -> Finding:

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from slosh_estimator import estimate_kernel
 from slosh_estimator.estimate_kernel import MAX_STEP, MODAL, ROW, new_checks
+from slosh_model.layout import divided
 from slosh_model.model import Model
 from slosh_model.self_test import SAMPLES, compare, reference_models, reference_motion
 from slosh_model.simulate import store_of
@@ -37,13 +38,15 @@ def _check_step() -> None:
     motion = reference_motion()
     for model in reference_models():
         compare(
-            estimate_kernel.step, *_stores(model), np.zeros(_row(model)), motion.poses[:1], 0.0,
-            1.0, -2.0, 0.5, 0.1, True,
+            estimate_kernel.step, *_stores(model), np.zeros(_row(model)), motion.poses[:1], 0.002,
+            1.0, -2.0, 0.5, 0.1, False,
         )  # fmt: skip
 
 
 def _stores(model: Model) -> tuple[Array, Array, Array]:
-    twins = (store_of(twin, MAX_STEP) for twin in (model.linear(), model.nonlinear()))
+    twins = [store_of(twin, MAX_STEP) for twin in (model.linear(), model.nonlinear())]
+    for twin in twins:
+        divided(twin)[0]["started"] = 1.0  # else the first sample only begins
     checks = new_checks()
     checks.view(estimate_kernel.CHECKS)["reads"] = 1.0
     return (*twins, checks)  # type: ignore[return-value]

@@ -27,12 +27,12 @@ FEWEST = 4
 
 
 class _Simulation(NamedTuple):
-    """One of many: its place among them, and the sub-steps that lead to each input."""
+    """One of many: its place among them, and the times between its inputs [s]."""
 
     place: int
     model: Model
     inputs: Inputs
-    counts: Counts
+    intervals: Array
 
 
 def wall_heights(
@@ -62,7 +62,7 @@ def wall_heights(
     simulations = _simulations(models, inputs, max_step)
     workers = threads or processors()
     share = -(-len(simulations) // workers)
-    blocks = list(_blocks(simulations, min(LANES, max(share, VECTOR))))
+    blocks = list(_blocks(simulations, min(LANES, max(share, VECTOR)), max_step))
     found: dict[int, Array] = {}
 
     def run(block: list[_Simulation]) -> None:
@@ -92,30 +92,34 @@ def _simulations(
     for name, count in (("models", len(given_models)), ("inputs", len(given_inputs))):
         if count not in (1, total):
             raise SloshModelError(f"{count} {name} for {total} simulations: give one, or as many")
-    counts = {id(one): _counts(one, max_step) for one in given_inputs}
+    intervals = {id(one): np.diff(one.t) for one in given_inputs}
     every_model = given_models * (total if len(given_models) == 1 else 1)
     every_input = given_inputs * (total if len(given_inputs) == 1 else 1)
     return [
-        _Simulation(place, model, one, counts[id(one)])
+        _Simulation(place, model, one, intervals[id(one)])
         for place, (model, one) in enumerate(zip(every_model, every_input, strict=True))
     ]
 
 
-def _counts(inputs: Inputs, max_step: float) -> Counts:
-    return np.ceil(np.diff(inputs.t) / max_step).astype(np.int64)
+def _counts(intervals: Array, max_step: float) -> Counts:
+    """How many sub-steps each of them takes."""
+    return np.ceil(intervals / max_step).astype(np.int64)
 
 
-def _blocks(simulations: Sequence[_Simulation], size: int) -> Iterator[list[_Simulation]]:
+def _blocks(
+    simulations: Sequence[_Simulation], size: int, max_step: float
+) -> Iterator[list[_Simulation]]:
     """Simulations that go through the kernel together: alike, and at most `size` of them."""
     groups: dict[object, list[_Simulation]] = {}
     for one in simulations:
         effects = frozenset(use.name for use in one.model.effects)
         # Where each input is one sub-step away, motions of any length and spacing are alike.
-        counts = b"" if np.all(one.counts == 1) else one.counts.tobytes()
+        single = one.intervals.max(initial=0.0) <= max_step
+        counts = b"" if single else _counts(one.intervals, max_step).tobytes()
         key = (effects, one.model.modes, len(one.inputs.poses) > 0, counts)
         groups.setdefault(key, []).append(one)
     for group in groups.values():
-        group.sort(key=lambda one: len(one.counts))
+        group.sort(key=lambda one: len(one.intervals))
         for at in range(0, len(group), size):
             yield group[at : at + size]
 
@@ -131,15 +135,15 @@ def _run(block: Sequence[_Simulation], max_step: float) -> list[Array]:
     # Lanes without a simulation of their own repeat the last one: whole vectors are faster.
     lanes = [*block, *([block[-1]] * (-len(block) % VECTOR))]
     packed = np.stack([stores[id(one.model)] for one in lanes])
-    longest = max(lanes, key=lambda one: len(one.counts))
+    longest = max(lanes, key=lambda one: len(one.intervals))
     heights = np.empty((len(lanes), len(longest.inputs.t), 2))
     for store, one, row in zip(packed, lanes, heights, strict=True):
         row[:1] = _one_by_one(store, one.inputs, 1)
-    rows, model = len(longest.counts), block[0].model
+    rows, model = len(longest.intervals), block[0].model
     batch_kernel.advance_block(
         packed,
-        longest.counts,
-        _stacked([np.diff(one.inputs.t) for one in lanes], rows, last=False),
+        _counts(longest.intervals, max_step),
+        _stacked([one.intervals for one in lanes], rows, last=False),
         _stacked([one.inputs.acceleration[1:] for one in lanes], rows),
         _stacked([one.inputs.yaws[1:] for one in lanes], rows),
         _stacked([one.inputs.poses[1:] for one in lanes], rows if len(one.inputs.poses) else 0),
@@ -154,7 +158,7 @@ def _one_by_one(store: Array, motion: Inputs, count: int) -> Array:
     """Heights (count, 2) of the first inputs; changes the store."""
     heights = np.empty((count, 2))
     kernel.advance_many(
-        store, np.diff(motion.t[:count], prepend=motion.t[0]), motion.acceleration[:count],
+        store, np.diff(motion.t[:count], prepend=motion.t[:1]), motion.acceleration[:count],
         motion.yaws[:count], motion.poses[:count],
         np.empty((count, len(divided(store)[1]), 4)), heights,
     )  # fmt: skip
@@ -163,9 +167,10 @@ def _one_by_one(store: Array, motion: Inputs, count: int) -> Array:
 
 def _stacked(arrays: Sequence[Array], rows: int, *, last: bool = True) -> Array:
     """(K, rows, …): each array, then its last row (or zeros) again and again."""
-    padded = np.zeros((len(arrays), rows, *arrays[0].shape[1:]))
+    padded = np.empty((len(arrays), rows, *arrays[0].shape[1:]))
     for target, array in zip(padded, arrays, strict=True):
-        target[: len(array)] = array
-        if last and len(array):
-            target[len(array) :] = array[-1]
+        count = len(array)
+        target[:count] = array
+        if count < rows:
+            target[count:] = array[-1] if last and count else 0.0
     return padded

@@ -42,6 +42,8 @@ from slosh_model.lane_rows import (
 )
 from slosh_model.layout import CHANGED_2, CHANGED_STRIDED_3, STRIDED_2, STRIDED_3, records
 
+_CHUNK = 64  # samples that are fetched, and answered, together
+_GIVEN, _ANSWERS = 5 * LANES, 3 * LANES  # numbers per sample of a chunk
 _STAGE_WEIGHTS = (1.0, 2.0, 2.0, 1.0)
 _STAGE_SHARES = (0.0, 0.5, 0.5, 1.0)
 
@@ -121,16 +123,30 @@ def _step(lanes, w, modulated):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _take_inputs(lanes, w, intervals, inputs, yaws, i):  # type: ignore[no-untyped-def]
-    """The given inputs of sample i; see kernel.advance."""
+def _fill(lanes, w, chunk, intervals, inputs, yaws, first, count):  # type: ignore[no-untyped-def]
+    """Puts the given inputs of some samples side by side, each quantity a row of the lanes.
+
+    Lane by lane: a lane's samples lie behind each other, those of the lanes far apart.
+    """
     for k in range(lanes):
-        w[INTERVAL + k] = intervals[k, i]
-        w[NEW_INPUTS + k], w[NEW_INPUTS + LANES + k] = inputs[k, i, 0], inputs[k, i, 1]
-        w[NEW_INPUTS + 2 * LANES + k] = inputs[k, i, 2]
-        yaw, before = yaws[k, i], w[YAW + k]
-        if yaw != before:
-            yaw = w[YAW + k] = unwrapped(yaw, before)
-        w[NEW_INPUTS + 3 * LANES + k] = yaw
+        before = w[YAW + k]
+        for j in range(count):
+            i, at = first + j, j * _GIVEN + k
+            yaw = yaws[k, i]
+            if yaw != before:
+                yaw = before = unwrapped(yaw, before)
+            chunk[at], chunk[at + LANES] = inputs[k, i, 0], inputs[k, i, 1]
+            chunk[at + 2 * LANES], chunk[at + 3 * LANES] = inputs[k, i, 2], yaw
+            chunk[at + 4 * LANES] = intervals[k, i]
+        w[YAW + k] = before
+
+
+@compiled
+def _take_inputs(lanes, w, chunk, j):  # type: ignore[no-untyped-def]
+    for row in range(5):
+        at, to = j * _GIVEN + row * LANES, NEW_INPUTS + row * LANES if row < 4 else INTERVAL
+        for k in range(lanes):
+            w[to + k] = chunk[at + k]
 
 
 @compiled
@@ -198,13 +214,34 @@ def _advance_mode(lanes, w, count, modulated):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _write_heights(lanes, w, heights, i):  # type: ignore[no-untyped-def]
+def _advance_modes(lanes, w, stores, mode_count, count, modulated):  # type: ignore[no-untyped-def]
+    for n in range(mode_count):
+        if mode_count > 1:
+            _load_mode(lanes, w, stores, n)
+        _advance_mode(lanes, w, count, modulated)
+        if mode_count > 1:
+            _save_mode(lanes, w, stores, n)
+
+
+@compiled
+def _finish_sample(lanes, w, answers, j):  # type: ignore[no-untyped-def]
+    """Keeps the heights and the angle that they belong to; the next sample begins."""
+    at = j * _ANSWERS
     for k in range(lanes):
-        height_x, height_y = w[HEIGHTS + k], w[HEIGHTS + LANES + k]
-        turn = w[NEW_INPUTS + 3 * LANES + k]
-        heights[k, i, 0], heights[k, i, 1] = turned(height_x, height_y, turn)
+        answers[at + k], answers[at + LANES + k] = w[HEIGHTS + k], w[HEIGHTS + LANES + k]
+        answers[at + 2 * LANES + k] = w[NEW_INPUTS + 3 * LANES + k]
         w[HEIGHTS + k] = w[HEIGHTS + LANES + k] = 0.0
         w[ELAPSED + k] += w[INTERVAL + k]
+
+
+@compiled
+def _write_heights(lanes, answers, heights, first, count):  # type: ignore[no-untyped-def]
+    for k in range(lanes):
+        for j in range(count):
+            at = j * _ANSWERS + k
+            heights[k, first + j, 0], heights[k, first + j, 1] = turned(
+                answers[at], answers[at + LANES], answers[at + 2 * LANES]
+            )
 
 
 @entry_point(
@@ -245,17 +282,17 @@ def advance_block(  # type: ignore[no-untyped-def]
     mode_count = records(stores[0])[1].shape[0]
     if mode_count == 1:
         _load_mode(lanes, w, stores, 0)
-    for i in range(counts.shape[0]):
-        _copy(lanes, w, NEW_INPUTS, OLD_INPUTS, 4)
-        _take_inputs(lanes, w, intervals, inputs, yaws, i)
-        if driven:
-            if turning:
-                _take_poses(lanes, w, poses, i)
-            all_lane_drives(lanes, w, memory)
-        for n in range(mode_count):
-            if mode_count > 1:
-                _load_mode(lanes, w, stores, n)
-            _advance_mode(lanes, w, counts[i], modulated)
-            if mode_count > 1:
-                _save_mode(lanes, w, stores, n)
-        _write_heights(lanes, w, heights, i)
+    chunk, answers = np.empty(_CHUNK * _GIVEN), np.empty(_CHUNK * _ANSWERS)
+    for first in range(0, counts.shape[0], _CHUNK):
+        count = min(_CHUNK, counts.shape[0] - first)
+        _fill(lanes, w, chunk, intervals, inputs, yaws, first, count)
+        for j in range(count):
+            _copy(lanes, w, NEW_INPUTS, OLD_INPUTS, 4)
+            _take_inputs(lanes, w, chunk, j)
+            if driven:
+                if turning:
+                    _take_poses(lanes, w, poses, first + j)
+                all_lane_drives(lanes, w, memory)
+            _advance_modes(lanes, w, stores, mode_count, counts[first + j], modulated)
+            _finish_sample(lanes, w, answers, j)
+        _write_heights(lanes, answers, heights, first, count)

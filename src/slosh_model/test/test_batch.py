@@ -1,0 +1,91 @@
+"""Many simulations at once give the bits of each one alone."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from example_effects import STRENGTHS
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from slosh_model.batch import wall_heights
+from slosh_model.containers import Cylinder
+from slosh_model.effects.registry import EFFECTS
+from slosh_model.errors import SloshModelError
+from slosh_model.model import Model
+from slosh_model.simulate import Inputs, simulate
+
+CUP = Cylinder(0.05, 0.07)
+ALONE = [Model(CUP, damping_ratio=0.02).with_effect(name, **STRENGTHS[name]) for name in EFFECTS]
+
+
+def motion(samples: int, seed: int, *, turning: bool = False, spacing: float = 0.004) -> Inputs:
+    """A motion with uneven times, upright or tilting and turning several times about."""
+    random = np.random.default_rng(seed)
+    t = np.cumsum(random.uniform(0.1 * spacing, spacing, samples))
+    waves = [3.0 * np.sin(random.uniform(8.0, 20.0) * t + seed) for _ in range(3)]
+    attitude = np.column_stack(
+        [0.1 * np.sin(9 * t), 0.1 * np.cos(8 * t), np.sin(5 * t), np.cos(5 * t)]
+    )
+    return Inputs(t, np.column_stack(waves), attitude if turning else None)
+
+
+def alone(model: Model, inputs: Inputs, max_step: float = 0.002) -> np.ndarray:
+    """(N, 2) by `simulate`."""
+    response, _ = simulate(model, inputs, max_step=max_step)
+    return np.column_stack([response.sh_x, response.sh_y])
+
+
+@pytest.mark.parametrize("turning", [False, True])
+def test_every_effect(turning: bool) -> None:
+    inputs = motion(150, 1, turning=turning)
+    models = [model for model in ALONE for _ in range(5)]  # enough to go through as vectors
+    for model, heights in zip(models, wall_heights(models, inputs), strict=True):
+        assert heights.tobytes() == alone(model, inputs).tobytes(), model.name
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    st.lists(
+        st.tuples(st.integers(1, 90), st.integers(0, 99), st.sampled_from(ALONE), st.booleans()),
+        min_size=1,
+        max_size=50,
+    ),
+    st.sampled_from([0.0005, 0.002, 0.01]),
+)
+def test_any_mixture_of_models_and_lengths(
+    simulations: list[tuple[int, int, Model, bool]], max_step: float
+) -> None:
+    models = [model for _, _, model, _ in simulations]
+    inputs = [motion(count, seed, turning=turns) for count, seed, _, turns in simulations]
+    together = wall_heights(models, inputs, max_step=max_step)
+    for model, one, heights in zip(models, inputs, together, strict=True):
+        assert heights.tobytes() == alone(model, one, max_step).tobytes()
+
+
+def test_one_model_for_many_motions_on_any_number_of_threads() -> None:
+    model = Model(CUP, modes=3).spatial().nonlinear()
+    inputs = [motion(120, seed) for seed in range(100)]
+    expected = [alone(model, one) for one in inputs]
+    for threads in (1, 2, 7):
+        together = wall_heights(model, inputs, threads=threads)
+        assert [one.tobytes() for one in together] == [one.tobytes() for one in expected]
+
+
+def test_a_solution_that_leaves_the_finite_numbers_leaves_the_others_alone() -> None:
+    wild = Inputs(
+        np.array([0.0, 0.01, 0.02]), np.array([[0.0, 0, 0], [1e200, 0, 0], [1e308, 0, 0]])
+    )
+    calm = motion(3, 5)
+    model = Model(CUP).nonlinear()
+    heights = wall_heights(model, [calm, wild, calm, calm, calm])
+    assert not np.isfinite(heights[1]).all()
+    for k in (0, 2, 3, 4):
+        assert heights[k].tobytes() == alone(model, calm).tobytes()
+
+
+def test_numbers_of_models_and_motions_that_do_not_fit_are_refused() -> None:
+    with pytest.raises(SloshModelError, match="2 models for 3 simulations"):
+        wall_heights([Model(CUP)] * 2, [motion(3, seed) for seed in range(3)])
+    with pytest.raises(SloshModelError, match="0 inputs"):
+        wall_heights(Model(CUP), [])

@@ -1,0 +1,88 @@
+"""Compiled code that differs from its source is refused when it is first used."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from slosh_model import batch_kernel, kernel
+from slosh_model.compilation import EntryPoint
+from slosh_model.effects.registry import PARAMETER_COUNT
+from slosh_model.errors import SloshModelError
+from slosh_model.model import Model
+from slosh_model.self_test import compare, reference_models, reference_motion
+from slosh_model.simulate import simulate
+
+CHECKED = {
+    "advance_many": (kernel.advance_many, -1),
+    "step": (kernel.step, 0),
+    "read_many": (kernel.read_many, -1),
+    "advance_block": (batch_kernel.advance_block, -1),
+}
+
+
+@pytest.mark.parametrize("name", list(CHECKED))
+def test_a_number_that_is_wrong_in_the_seventh_digit_is_seen(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    entry, changed = CHECKED[name]
+    right = entry.load()
+
+    def wrong(*arguments: Any) -> Any:
+        returned = right(*arguments)
+        arguments[changed].flat[-1] *= 1.0 + 1e-7
+        return returned
+
+    fresh(entry, wrong, monkeypatch)
+    with pytest.raises(SloshModelError, match=f"self-test: the compiled .*{name} gives"):
+        entry.load()
+    with pytest.raises(SloshModelError):  # and again: it does not count as loaded
+        entry.load()
+
+
+@pytest.mark.parametrize("name", list(CHECKED))
+def test_what_does_nothing_is_seen(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    entry, _ = CHECKED[name]
+    fresh(entry, lambda *arguments: (0.0, 0.0) if entry is kernel.step else None, monkeypatch)
+    with pytest.raises(SloshModelError):
+        entry.load()
+
+
+def test_right_code_passes(monkeypatch: pytest.MonkeyPatch) -> None:
+    for entry, _ in CHECKED.values():
+        right = entry.load()
+        fresh(entry, right, monkeypatch)
+        assert entry.load() is right
+
+
+def test_the_reference_shows_every_effect() -> None:
+    """Each of the effects with its example parameters moves the reference motion's heights."""
+    plain, every = reference_models()
+    motion = reference_motion()
+    assert np.ptp(motion.yaws) > 0.1
+    for use in every.effects:
+        without = every.without_effect(use.name)
+        assert heights(every) != heights(without), use.name
+    assert plain.effects == ()
+
+
+def heights(model: Model) -> bytes:
+    response, _ = simulate(model, reference_motion())
+    return response.sh_x.tobytes() + response.sh_y.tobytes()
+
+
+def test_not_a_number_in_both_is_equal() -> None:
+    state = np.full(len(reference_motion().t), np.nan)
+    compare(
+        kernel.read_many, reference_motion().t, 0.0, np.full((len(state), 2), np.nan), 0.1, 0.05,
+        np.zeros(PARAMETER_COUNT), np.zeros(8), state,
+    )  # fmt: skip
+
+
+def fresh(entry: EntryPoint, call: Callable[..., Any], monkeypatch: pytest.MonkeyPatch) -> None:
+    """An entry point that has not been loaded yet and will load `call`."""
+    monkeypatch.setattr(entry, "_call", None)
+    monkeypatch.setattr(entry, "_compile", lambda: call)
