@@ -1,0 +1,50 @@
+"""What a message holds is what the estimate says, from the first one on."""
+
+from __future__ import annotations
+
+import pytest
+
+pytest.importorskip("slosh_msgs", reason="the interfaces are not built")
+
+from slosh_estimator.estimator import Estimate, Estimator
+from slosh_estimator.nodes.estimator_messages import fill
+from slosh_estimator.sample import Sample
+from slosh_model.containers import Cylinder
+from slosh_model.model import Model
+from slosh_msgs.msg import SloshEstimate
+
+TILTED = Model(Cylinder(0.05, 0.07)).with_effect("static_tilt", roll=0.05, pitch=-0.03)
+
+
+def modal(message: SloshEstimate) -> list[float]:
+    """x, y, vx, vy of each mode of L."""
+    place, speed = message.linear.modal_position, message.linear.modal_velocity
+    rows = [
+        [*place[at : at + 2], *speed[at : at + 2]]
+        for at in range(0, len(message.linear.modal_position), 2)
+    ]
+    return [value for row in rows for value in row]
+
+
+def estimate(model: Model) -> Estimate:
+    """Of a second sample."""
+    estimator = Estimator(model)
+    estimator.update(Sample(0, 1.0, 0.0, 0.0, 0.0, True))
+    return estimator.update(Sample(5_000_000, 2.0, -1.0, 0.0))
+
+
+def test_the_first_message_holds_the_modal_state() -> None:
+    """A tilted cup's liquid does not rest at zero, not even in the first sample."""
+    first, message = Estimator(TILTED).update(Sample(0, 0.0, 0.0, 0.0, 0.0, True)), SloshEstimate()
+    fill(message, first)
+    assert any(first.linear.modal)
+    assert modal(message) == first.linear.modal
+
+
+def test_a_model_with_another_number_of_modes_is_taken_up_at_once() -> None:
+    message = SloshEstimate()
+    for model in (TILTED, TILTED.with_effect("second_mode"), TILTED):
+        one = estimate(model)
+        fill(message, one)
+        assert modal(message) == one.linear.modal
+        assert list(message.nonlinear.modal_velocity[:2]) == one.nonlinear.modal[2:4]
