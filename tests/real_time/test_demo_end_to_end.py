@@ -26,7 +26,7 @@ def demo(tmp_path_factory):
         [*command, "-o", str(folder)],
         capture_output=True,
         text=True,
-        timeout=100,
+        timeout=250,
         check=False,
         env=environment,
     )
