@@ -205,7 +205,7 @@ class LiveBag:
         for name, state in zip(
             estimator.names, (estimate.linear, estimate.nonlinear), strict=True
         ):
-            modal = np.array(state.modal)
+            modal = np.array(state.modal).reshape(-1, 4)
             models.append(
                 self._types["slosh_msgs/msg/ModelEstimate"](
                     name, *state[:4], modal[:, :2].ravel(), modal[:, 2:].ravel()

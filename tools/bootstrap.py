@@ -45,6 +45,7 @@ def main() -> int:
         check_tools()
         once("environment", VENV, environment_inputs(python), lambda: install_environment(python))
         once("workspace", WORKSPACE / "install", workspace_inputs(), build_workspace)
+        once("compiled", VENV, compiled_inputs(), compile_functions)
     except BootstrapError as error:
         print(f"setup: {error}", file=sys.stderr)
         return 1
@@ -199,14 +200,27 @@ def build_workspace() -> None:
         )
     if done.returncode != 0:
         raise BootstrapError(f"colcon build failed, see {log}: {first_error(log.read_text())}")
-    compile_own_code()
     write_environment(environment)
 
 
-def compile_own_code() -> None:
-    """Compiles to bytecode what pip has not installed, for users who let nothing be written."""
+def compiled_inputs() -> list[bytes]:
+    """What the compiled functions depend on: sources, environment, and where they are kept."""
+    environment = (VENV / ".environment").read_bytes()
+    variables = ("NUMBA_CACHE_DIR", "XDG_CACHE_HOME", "HOME")
+    places = [os.environ.get(name, "").encode() for name in variables]
+    files = sorted((ROOT / "src").glob("slosh_*/slosh_*/**/*.py"))
+    return [environment, *places, *(path.read_bytes() for path in files)]
+
+
+def compile_functions() -> None:
+    """Compiles all functions that run compiled, so that no node has to wait for them later."""
+    # To bytecode first: where Python may write nothing, each process would do it anew.
     folders = [*(ROOT / "src").glob("*/slosh_*"), *(WORKSPACE / "install").glob("lib/python3*")]
     run([str(VENV / "bin/python"), "-m", "compileall", "-q", *map(str, folders)])
+    command = [str(ROOT / "tools" / "run"), "python", "-m", "slosh_bringup.compiling"]
+    done = subprocess.run(command, cwd=ROOT, check=False)
+    if done.returncode != 0:
+        raise BootstrapError(f"`{shlex.join(command)}` failed with exit code {done.returncode}")
 
 
 def first_error(text: str) -> str:

@@ -220,7 +220,7 @@ def test_a_failure_is_told_together_with_the_room_that_is_left(tmp_path):
         yield 6
         asked.set()
         assert answered.wait(PATIENCE)
-        yield 5
+        yield from itertools.repeat(5)
 
     free = left()
     recorder = Recorder(tmp_path / "run", clock=lambda: 0.0, free=lambda _: next(free))

@@ -8,14 +8,15 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
+import numpy as np
+from numba.types import boolean, float64, int64, void
+from numpy.typing import NDArray
 
 from slosh_model import kernel
 from slosh_model.chains import all_readings
-from slosh_model.compile_cache import use_compile_cache
+from slosh_model.compilation import compiled, entry_point
 from slosh_model.effects.registry import READING_MEMORY_COUNT
-
-use_compile_cache()
+from slosh_model.layout import CHANGED_1, CHANGED_2, GIVEN_1, GIVEN_2, records
 
 MAX_STEP = 0.002
 JERK_FILTER = 0.02
@@ -25,49 +26,72 @@ The jerk is that of the low-passed acceleration, (a - ā)/τ. White noise of 0.0
 about 2.5 m/s³, against limits of 60 and more; a motion law's jerk comes 20 ms late.
 """
 ROW = 12
-"""Length of a row of answers: MSH, azimuth, SH at +x, at +y of L, the same of NL, jerk, flags,
-what a sensor reads of the MSH of L and of NL."""
+"""Where the modal states begin in a row of answers. Before them: MSH, azimuth, SH at +x, at +y of
+L, the same of NL, jerk, flags, what a sensor reads of the MSH of L and of NL."""
 JERK, FLAGS, READINGS = 8, 9, 10
-SLOW = 3
-"""Of the memory from sample to sample: the low-passed acceleration comes first, then what the
-effects on the measurement remember, of L and of NL."""
-MEMORY = SLOW + 2 * READING_MEMORY_COUNT
+MODAL = 4
+"""Numbers per mode in a row of answers: x, y, vx, vy; first all modes of L, then of NL."""
 LEFT_RANGE = -1.0
 """In place of the flags: a model has left the physical range."""
 
+CHECKS = np.dtype(
+    [
+        # Beyond these the surface is no plane, and the models are not validated [m/s², m/s³].
+        ("planar_acceleration", np.float64),
+        ("planar_jerk", np.float64),
+        ("acceleration", np.float64),
+        ("jerk", np.float64),
+        ("freeboard", np.float64),  # height of the rim above the still surface [m]
+        ("runaway", np.float64),  # a mass farther out is no liquid any more [m]
+        ("reads", np.float64),  # not 0 where the models have effects on the measurement
+        # From sample to sample: the low-passed acceleration [m/s²], and what the effects on the
+        # measurement remember, of L and of NL.
+        ("slow", np.float64, (3,)),
+        ("reading_memory", np.float64, (2, max(READING_MEMORY_COUNT, 1))),
+    ],
+    align=True,
+)
+"""What an estimate is judged and read by; lies in a flat array of floats."""
 
-@njit(cache=True, error_model="numpy", inline="always")
-def _heights(model, dt, acceleration, yaw, pose, limits, memory, row, which):  # type: ignore[no-untyped-def]
-    """Advances one model and writes its heights; False where it has left the physical range."""
+
+def new_checks() -> NDArray[np.float64]:
+    """The flat array of CHECKS, all zeros."""
+    return np.zeros(1, dtype=CHECKS).view(np.float64)
+
+
+@compiled
+def _heights(store, dt, acceleration, yaw, pose, checks, row, which):  # type: ignore[no-untyped-def]
+    """Advances one model and writes its answers; False where it has left the physical range."""
     column = 4 * which
-    modal, modes, parameters, held = model
+    runs, modes = records(store)
+    run = runs[0]
     ax, ay, az = acceleration
-    hx, hy, turn = kernel.advance(
-        modal, modes, parameters, held, ax, ay, az, yaw, pose, dt, MAX_STEP
-    )
+    hx, hy, turn = kernel.advance(run, modes, ax, ay, az, yaw, pose, dt)
     hx, hy = kernel.turned(hx, hy, turn)
     row[column] = math.sqrt(hx * hx + hy * hy)
     row[column + 1] = math.atan2(hy, hx)
     row[column + 2], row[column + 3] = hx, hy
     row[READINGS + which] = row[column]
-    if limits[6] != 0.0:
-        first = SLOW + which * READING_MEMORY_COUNT
-        wall = (hx, hy, math.nan, modes[0, 3], held[kernel.ELAPSED])
-        row[READINGS + which] = all_readings(
-            dt, row[column], wall, memory[first : first + READING_MEMORY_COUNT], parameters
-        )
-    bound = limits[5]
-    for n in range(modal.shape[0]):
+    if checks["reads"] != 0.0:
+        wall = (hx, hy, math.nan, modes[0]["radius"], run["elapsed"])
+        memory = checks["reading_memory"][which]
+        row[READINGS + which] = all_readings(dt, row[column], wall, memory, run["parameters"])
+    bound = checks["runaway"]
+    inside = True
+    for n in range(modes.shape[0]):
+        mode, at = modes[n], ROW + MODAL * (which * modes.shape[0] + n)
+        x, y = mode["x"], mode["y"]
+        row[at], row[at + 1], row[at + 2], row[at + 3] = x, y, mode["vx"], mode["vy"]
         # Written so that NaN fails too.
-        if not (-bound < modal[n, 0] < bound and -bound < modal[n, 1] < bound):
-            return False
-    return True
+        inside &= -bound < x < bound and -bound < y < bound
+    return inside
 
 
-@njit(cache=True, error_model="numpy", inline="always")
-def _validity(slow, limits, dt, acceleration, height, first):  # type: ignore[no-untyped-def]
+@compiled
+def _validity(checks, dt, acceleration, height, first):  # type: ignore[no-untyped-def]
     """Jerk [m/s³] and flags of the motion (DL22, §4.2)."""
     ax, ay, az = acceleration
+    slow = checks["slow"]
     if first:
         slow[0], slow[1], slow[2] = ax, ay, az
     dx, dy, dz = ax - slow[0], ay - slow[1], az - slow[2]
@@ -79,77 +103,83 @@ def _validity(slow, limits, dt, acceleration, height, first):  # type: ignore[no
     jerk = math.sqrt(dx * dx + dy * dy + dz * dz) * inverse
     size = math.sqrt(ax * ax + ay * ay + az * az)
     flags = 0
-    if size > limits[0] or jerk > limits[1]:
+    if size > checks["planar_acceleration"] or jerk > checks["planar_jerk"]:
         flags |= 1
-    if size > limits[2]:
+    if size > checks["acceleration"]:
         flags |= 2
-    if jerk > limits[3]:
+    if jerk > checks["jerk"]:
         flags |= 4
-    if height > limits[4]:
+    if height > checks["freeboard"]:
         flags |= 8
     return jerk, flags
 
 
-@njit(cache=True, error_model="numpy")
-def step(  # type: ignore[no-untyped-def]
-    linear, nonlinear, memory, limits, dt, ax, ay, az, yaw, poses, index, first, row
-):
-    """Takes one sample.
-
-    Args:
-        linear, nonlinear: each model's modal state, modes, parameters and held input, as
-            `slosh_model.kernel.advance` has them; the states are changed.
-        memory: (MEMORY,) see there; changed.
-        limits: (7,) planar acceleration and jerk, acceleration and jerk [m/s², m/s³], freeboard,
-            bound of the modal coordinates [m], 0 where the models have no effect on the readings.
-        dt: time since the sample before [s]; 0 for the first.
-        ax, ay, az: acceleration [m/s²].
-        yaw: [rad].
-        poses: (N, POSE_COUNT), of which the one at `index` is taken, or (0, POSE_COUNT) for an
-            upright container; see slosh_model.effects.base.
-        first: whether nothing links the sample to those before.
-        row: (ROW,) receives the answers; see ROW.
-    """
-    acceleration, pose = (ax, ay, az), kernel.pose_at(poses, index)
+@compiled
+def _take(linear, nonlinear, store, dt, acceleration, yaw, pose, first, row):  # type: ignore[no-untyped-def]
+    checks = store.view(CHECKS)[0]
     if first:
-        memory[SLOW:] = 0.0
-    inside = _heights(linear, dt, acceleration, yaw, pose, limits, memory, row, 0)
-    inside &= _heights(nonlinear, dt, acceleration, yaw, pose, limits, memory, row, 1)
+        checks["reading_memory"][:] = 0.0
+    inside = _heights(linear, dt, acceleration, yaw, pose, checks, row, 0)
+    inside &= _heights(nonlinear, dt, acceleration, yaw, pose, checks, row, 1)
     if not inside:
         row[FLAGS] = LEFT_RANGE
         return
     height = max(row[0], row[4])
-    row[JERK], row[FLAGS] = _validity(memory, limits, dt, acceleration, height, first)
+    row[JERK], row[FLAGS] = _validity(checks, dt, acceleration, height, first)
 
 
-@njit(cache=True, error_model="numpy")
+@entry_point(
+    void(
+        CHANGED_1, CHANGED_1, CHANGED_1, CHANGED_1, GIVEN_2,
+        float64, float64, float64, float64, float64, boolean,
+    )
+)  # fmt: skip
+def step(  # type: ignore[no-untyped-def]
+    linear, nonlinear, checks, row, poses, dt, ax, ay, az, yaw, first
+):
+    """Takes one sample.
+
+    Args:
+        linear, nonlinear: each model's store, as `slosh_model.layout` has it; changed.
+        checks: a flat array of CHECKS; changed.
+        row: (ROW + 2 modes MODAL,) receives the answers; see ROW.
+        poses: (1, POSE_COUNT), or (0, POSE_COUNT) for an upright container; see
+            slosh_model.effects.base.
+        dt: time since the sample before [s]; 0 for the first.
+        ax, ay, az: acceleration [m/s²].
+        yaw: [rad].
+        first: whether nothing links the sample to those before.
+    """
+    pose = kernel.pose_at(poses, 0)
+    _take(linear, nonlinear, checks, dt, (ax, ay, az), yaw, pose, first, row)
+
+
+@entry_point(
+    int64(
+        CHANGED_1, CHANGED_1, CHANGED_1, CHANGED_2, GIVEN_2, GIVEN_1, GIVEN_2, GIVEN_1
+    )
+)  # fmt: skip
 def steps(  # type: ignore[no-untyped-def]
-    linear, nonlinear, memory, limits, intervals, accelerations, yaws, poses, rows, modal
+    linear, nonlinear, checks, rows, poses, intervals, accelerations, yaws
 ):
     """`step` over samples that follow each other without a break.
 
     Args:
+        linear, nonlinear, checks: as in `step`.
+        rows: (N, ROW + 2 modes MODAL) receives the answers.
+        poses: (N, POSE_COUNT), or (0, POSE_COUNT) for an upright container.
         intervals: (N,) time since the sample before each [s].
         accelerations: (N, 3) [m/s²].
         yaws: (N,) [rad].
-        poses: (N, POSE_COUNT), or (0, POSE_COUNT) for an upright container.
-        rows: (N, ROW) receives the answers.
-        modal: (N, 2, modes, 4) receives both models' modal states.
 
     Returns:
         how many samples were taken: fewer than N where a model left the physical range with the
         next one, which then was taken too.
     """
     for i in range(intervals.shape[0]):
-        ax, ay, az = accelerations[i, 0], accelerations[i, 1], accelerations[i, 2]
-        step(
-            linear, nonlinear, memory, limits, intervals[i], ax, ay, az, yaws[i], poses, i, False,
-            rows[i],
-        )  # fmt: skip
+        acceleration = (accelerations[i, 0], accelerations[i, 1], accelerations[i, 2])
+        pose = kernel.pose_at(poses, i)
+        _take(linear, nonlinear, checks, intervals[i], acceleration, yaws[i], pose, False, rows[i])
         if rows[i, FLAGS] == LEFT_RANGE:
             return i
-        for n in range(modal.shape[2]):
-            for k in range(4):
-                modal[i, 0, n, k] = linear[0][n, k]
-                modal[i, 1, n, k] = nonlinear[0][n, k]
     return intervals.shape[0]

@@ -9,10 +9,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_estimator import estimate_kernel
-from slosh_estimator.estimate_kernel import FLAGS, JERK, LEFT_RANGE, READINGS, ROW
+from slosh_estimator.estimate_kernel import (
+    CHECKS,
+    FLAGS,
+    JERK,
+    LEFT_RANGE,
+    MODAL,
+    READINGS,
+    ROW,
+    new_checks,
+)
 from slosh_estimator.sample import Sample, Samples
+from slosh_estimator.self_test import check_model
 from slosh_estimator.validity import EstimateFlag, validity_limits
 from slosh_model import kernel
+from slosh_model.layout import divided
 from slosh_model.measure import delay
 from slosh_model.model import Model
 from slosh_model.simulate import Simulator
@@ -37,7 +48,7 @@ class ModelState(NamedTuple):
     Attributes:
         msh, azimuth: maximum sloshing height and where it is.
         sh_x, sh_y: signed height at the container's +x and +y side.
-        modal: x, y, vx, vy of each mode's mass, in the sample's axes.
+        modal: x, y, vx, vy of each mode's mass, one mode after the other, in the sample's axes.
         reading: what a sensor reads of the msh; the msh where the model has no effect on the
             measurement.
     """
@@ -46,7 +57,7 @@ class ModelState(NamedTuple):
     azimuth: float
     sh_x: float
     sh_y: float
-    modal: list[list[float]]
+    modal: list[float]
     reading: float
 
 
@@ -114,21 +125,26 @@ class Estimator:
         self.load_model(model)
 
     def load_model(self, model: Model) -> None:
-        """Replaces the model; it starts from rest with the next sample."""
+        """Replaces the model; it starts from rest with the next sample.
+
+        Raises:
+            SloshModelError: the compiled code does not do what the model's equations say.
+        """
+        check_model(model)
         max_step = estimate_kernel.MAX_STEP
         linear = Simulator(model.linear(), max_step=max_step)
         nonlinear = Simulator(model.nonlinear(), max_step=max_step)
         self.model, self._linear, self._nonlinear = model, linear, nonlinear
         self.reading_delay = delay(model)
-        self._limits = np.array(
-            [
-                *validity_limits(model),
-                RUNAWAY * model.container.radius,
-                float(bool(model.uses("reading"))),
-            ]
-        )
-        self._memory = np.zeros(estimate_kernel.MEMORY)
-        self._row = np.zeros(ROW)
+        self._checks = new_checks()
+        checks = self._checks.view(CHECKS)
+        for name, limit in validity_limits(model).items():
+            checks[name] = limit
+        checks["runaway"] = RUNAWAY * model.container.radius
+        checks["reads"] = float(bool(model.uses("reading")))
+        self._modes = len(linear.modal)
+        self._row = np.zeros(ROW + 2 * MODAL * self._modes)
+        self._step_kernel = estimate_kernel.step.load()
         # Only what changes the input looks at the attitude.
         self._pose = np.zeros((1, kernel.POSE_COUNT)) if model.uses("drive") else None
         first = model.mode_constants()[0]
@@ -153,19 +169,15 @@ class Estimator:
         """Takes a sample and returns both models' answers to it."""
         flags = self._take(sample)
         row: list[float] = self._row.tolist()
-        modal, others = self._linear.modal.tolist(), self._nonlinear.modal.tolist()
-        linear = ModelState(row[0], row[1], row[2], row[3], modal, row[READINGS])
-        nonlinear = ModelState(row[4], row[5], row[6], row[7], others, row[READINGS + 1])
+        middle = ROW + MODAL * self._modes
+        linear = ModelState(row[0], row[1], row[2], row[3], row[ROW:middle], row[READINGS])
+        nonlinear = ModelState(row[4], row[5], row[6], row[7], row[middle:], row[READINGS + 1])
         return Estimate(sample, linear, nonlinear, row[JERK], flags)
 
     def update_many(self, samples: Samples) -> Estimates:
         """Takes N samples; the bits that `update` gives, in a small part of the time."""
-        count, modes = len(samples.stamps), len(self._linear.modal)
-        batch = _Batch(
-            np.empty((count, ROW)),
-            np.empty((count, 2, modes, 4)),
-            np.zeros(count, dtype=np.int64),
-        )
+        count = len(samples.stamps)
+        batch = _Batch(np.empty((count, len(self._row))), np.zeros(count, dtype=np.int64))
         breaks = np.flatnonzero(samples.restarted).tolist()
         at = 0
         while at < count:
@@ -177,9 +189,10 @@ class Estimator:
                 end = breaks[following] if following < len(breaks) else count
                 at = self._take_unbroken(batch, samples, at, end)
         heights = batch.rows[:, :8].reshape(-1, 2, 4)
+        modal = batch.rows[:, ROW:].reshape(count, 2, self._modes, MODAL)
         return Estimates(
-            samples.stamps, heights, batch.modal, batch.rows[:, JERK], batch.flags,
-            samples.accelerations, samples.yaws, batch.rows[:, READINGS:],
+            samples.stamps, heights, modal, batch.rows[:, JERK], batch.flags,
+            samples.accelerations, samples.yaws, batch.rows[:, READINGS:ROW],
         )  # fmt: skip
 
     def _take(self, sample: Sample) -> int:
@@ -206,16 +219,14 @@ class Estimator:
         stamps = samples.stamps[part]
         last = stamps[0] if self._last_ns is None else self._last_ns
         count: int = estimate_kernel.steps(
-            self._linear.arrays,
-            self._nonlinear.arrays,
-            self._memory,
-            self._limits,
+            self._linear.store,
+            self._nonlinear.store,
+            self._checks,
+            batch.rows[part],
+            _UPRIGHT if self._pose is None or samples.poses is None else samples.poses[part],
             (stamps - np.concatenate(([last], stamps[:-1]))) / 1e9,
             samples.accelerations[part],
             samples.yaws[part],
-            _UPRIGHT if self._pose is None or samples.poses is None else samples.poses[part],
-            batch.rows[part],
-            batch.modal[part],
         )
         done = slice(start, start + count)
         batch.flags[done] = batch.rows[done, FLAGS].astype(np.int64)
@@ -231,28 +242,16 @@ class Estimator:
 
     def _note(self, batch: _Batch, index: int, flags: int) -> None:
         batch.rows[index], batch.flags[index] = self._row, flags
-        batch.modal[index, 0], batch.modal[index, 1] = self._linear.modal, self._nonlinear.modal
 
     def _step(self, dt: float, sample: Sample, first: bool) -> None:
         poses = _UPRIGHT
         if self._pose is not None and sample.pose is not None:
             poses = self._pose
             poses[0] = sample.pose
-        estimate_kernel.step(
-            self._linear.arrays,
-            self._nonlinear.arrays,
-            self._memory,
-            self._limits,
-            dt,
-            float(sample.ax),  # a whole number would be compiled for anew
-            float(sample.ay),
-            float(sample.az),
-            float(sample.yaw),
-            poses,
-            0,
-            first,
-            self._row,
-        )
+        self._step_kernel(
+            self._linear.store, self._nonlinear.store, self._checks, self._row, poses,
+            dt, sample.ax, sample.ay, sample.az, sample.yaw, first,
+        )  # fmt: skip
 
     def _diverged(self, sample: Sample) -> int:
         """Starts anew from rest with the sample that led out of the range; returns the flag."""
@@ -269,7 +268,7 @@ class Estimator:
         self._nonlinear.reset()
         since = stamp_ns if self._first_ns is None else self._first_ns
         for model in (self._linear, self._nonlinear):
-            model.arrays[3][kernel.ELAPSED] = max(stamp_ns - since, 0) / 1e9
+            divided(model.store)[0]["elapsed"] = max(stamp_ns - since, 0) / 1e9
         self._settled_ns = stamp_ns + self._settling_ns
 
 
@@ -277,5 +276,4 @@ class _Batch(NamedTuple):
     """The places of the answers of `update_many`."""
 
     rows: Array
-    modal: Array
     flags: Integers

@@ -17,15 +17,14 @@ from collections import deque
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
+from numba.types import UniTuple, float64
 
 from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.gate import GateSettings, SampleGate, Verdict
 from slosh_estimator.rotation import Vector, yaw_of_quaternion
 from slosh_estimator.sample import SECONDS, Sample
-from slosh_model.compile_cache import use_compile_cache
-
-use_compile_cache()
+from slosh_model.compilation import compiled, entry_point
+from slosh_model.layout import GIVEN_1, GIVEN_2
 
 MINIMUM_WINDOW = 5
 MAXIMUM_SPEED = 20.0
@@ -62,10 +61,7 @@ class PoseInput:
         self._attitudes = np.zeros((window, 4))
         self._attitudes[:, 3] = 1.0
         self._restarted = True
-        # Compiles the filter, or loads it from the disk's cache, before a pose waits for it.
-        ticks = np.arange(float(window))
-        second_derivative(ticks, self._positions)
-        turning(ticks, self._attitudes)
+        self._second_derivative, self._turning = second_derivative.load(), turning.load()
 
     def update(
         self,
@@ -97,8 +93,8 @@ class PoseInput:
             return None
         centre = self._window[len(self._window) // 2]
         self._fill(centre.stamp_ns)
-        ax, ay, az = second_derivative(self._tau, self._positions)
-        pose = turning(self._tau, self._attitudes)
+        ax, ay, az = self._second_derivative(self._tau, self._positions)
+        pose = self._turning(self._tau, self._attitudes)
         yaw = yaw_of_quaternion(*centre.attitude)
         restarted, self._restarted = self._restarted, False
         return Sample(centre.stamp_ns, ax, ay, az, yaw, restarted, pose)
@@ -125,7 +121,25 @@ class PoseInput:
             attitudes[row] = pose.attitude
 
 
-@njit(cache=True)
+@compiled
+def _cubic(tau: Any, scale: float, values: Any) -> Any:
+    """Coefficients (4, 3) of the least-squares cubic in tau/scale, about the centre's value."""
+    centre = values[len(tau) // 2]
+    normal = np.zeros((4, 4))
+    right = np.zeros((4, 3))
+    powers = np.ones(4)
+    for i in range(len(tau)):
+        for p in range(1, 4):
+            powers[p] = powers[p - 1] * tau[i] / scale
+        for p in range(4):
+            for q in range(4):
+                normal[p, q] += powers[p] * powers[q]
+            for axis in range(3):
+                right[p, axis] += powers[p] * (values[i, axis] - centre[axis])
+    return np.linalg.solve(normal, right)
+
+
+@entry_point(UniTuple(float64, 3)(GIVEN_1, GIVEN_2))
 def second_derivative(tau: Any, positions: Any) -> Any:
     """Second derivative at tau = 0 of the least-squares cubic.
 
@@ -142,7 +156,7 @@ def second_derivative(tau: Any, positions: Any) -> Any:
     return solution[2, 0] * factor, solution[2, 1] * factor, solution[2, 2] * factor
 
 
-@njit(cache=True)
+@entry_point(UniTuple(float64, 10)(GIVEN_1, GIVEN_2))
 def turning(tau: Any, attitudes: Any) -> Any:
     """How a container stands and turns at tau = 0; see `slosh_estimator.sample.Pose`.
 
@@ -174,21 +188,3 @@ def turning(tau: Any, attitudes: Any) -> Any:
     solution = _cubic(tau, scale, rotations)
     first, second = solution[1] / scale, solution[2] * (2.0 / (scale * scale))
     return x, y, z, w, first[0], first[1], first[2], second[0], second[1], second[2]
-
-
-@njit(cache=True)
-def _cubic(tau: Any, scale: float, values: Any) -> Any:
-    """Coefficients (4, 3) of the least-squares cubic in tau/scale, about the centre's value."""
-    centre = values[len(tau) // 2]
-    normal = np.zeros((4, 4))
-    right = np.zeros((4, 3))
-    powers = np.ones(4)
-    for i in range(len(tau)):
-        for p in range(1, 4):
-            powers[p] = powers[p - 1] * tau[i] / scale
-        for p in range(4):
-            for q in range(4):
-                normal[p, q] += powers[p] * powers[q]
-            for axis in range(3):
-                right[p, axis] += powers[p] * (values[i, axis] - centre[axis])
-    return np.linalg.solve(normal, right)

@@ -22,21 +22,16 @@ class EstimateFlag(IntFlag):
     DIVERGED = 64
 
 
-def validity_limits(model: Model) -> tuple[float, float, float, float, float]:
-    """What the motion is judged by (DL22, §4.2).
-
-    Returns:
-        acceleration [m/s²] and jerk [m/s³] beyond which the surface is no plane, those beyond the
-        validated range, and the height from the still surface to the rim [m].
-    """
+def validity_limits(model: Model) -> dict[str, float]:
+    """What the motion is judged by (DL22, §4.2), by its name in `estimate_kernel.CHECKS`."""
     limits, freeboard = model.limits, model.container.freeboard
-    return (
-        limits.planar_acceleration,
-        limits.planar_jerk,
-        limits.acceleration,
-        limits.jerk,
-        math.inf if freeboard is None else freeboard,
-    )
+    return {
+        "planar_acceleration": limits.planar_acceleration,
+        "planar_jerk": limits.planar_jerk,
+        "acceleration": limits.acceleration,
+        "jerk": limits.jerk,
+        "freeboard": math.inf if freeboard is None else freeboard,
+    }
 
 
 def attitude_warning(model: Model, kind: str) -> str:

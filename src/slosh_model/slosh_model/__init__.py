@@ -3,6 +3,8 @@
 Pure physics: no ROS, no files, no clock. SI units throughout.
 """
 
+from slosh_model import self_test as self_test  # its checks belong to the compiled functions
+from slosh_model.batch import wall_heights
 from slosh_model.containers import Cylinder
 from slosh_model.errors import SloshModelError
 from slosh_model.liquid import Liquid
@@ -27,4 +29,5 @@ __all__ = [
     "parse_model",
     "predicted_heights",
     "simulate",
+    "wall_heights",
 ]

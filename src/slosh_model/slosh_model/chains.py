@@ -1,115 +1,107 @@
-"""Chains the compiled hooks of all effects at import; switches say which of them are on.
+"""The hooks of all effects, one after the other, as one compiled function for each hook.
 
-One compiled function serves every model: a switch in the flat parameter array stands before each
-effect's parameters. An effect that is off costs one comparison.
+Their source is generated, flat: a switch in the flat parameter array stands before each effect's
+parameters, and an effect that is off costs one comparison. So one compiled kernel serves every
+model. `print(slosh_model.chains.SOURCE)` shows it.
 """
 
 from __future__ import annotations
 
+import linecache
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
-from slosh_model.effects.base import compiled
+from slosh_model.compilation import compiled
+from slosh_model.effects.base import Effect
 from slosh_model.effects.registry import BY_HOOK, DRIVE_MEMORY, READING_MEMORY, SLOTS
 
 
-@compiled
-def _no_parameters(parameters):  # type: ignore[no-untyped-def]
-    return ()
+def compile_generated(
+    module: str, source: str, hooks: Iterable[str]
+) -> dict[str, Callable[..., Any]]:
+    """Compiles the functions of a generated source, by their names.
+
+    Args:
+        module: name of the module that generated it.
+        source: functions whose names begin with `all_`; they call an effect's hook by the names
+            of both, joined by an underscore.
+        hooks: the hooks that it calls.
+    """
+    file = f"<{module}, generated>"
+    names: dict[str, Any] = {"__name__": module}
+    for hook in hooks:
+        names |= {f"{effect.name}_{hook}": getattr(effect, hook) for effect in BY_HOOK[hook]}
+    # So that an error in it shows the line.
+    linecache.cache[file] = (len(source), None, source.splitlines(keepends=True), file)
+    exec(compile(source, file, "exec"), names)
+    return {name: compiled(names[name]) for name in names if name.startswith("all_")}
 
 
-def _reader(first: int, count: int) -> Any:
-    """A compiled function that takes `count` parameters from the flat array, as a tuple."""
-    if count == 0:
-        return _no_parameters
-    others = _reader(first + 1, count - 1)
-
-    @compiled
-    def read(parameters):  # type: ignore[no-untyped-def]
-        return (parameters[first], *others(parameters))
-
-    return read
+def own_memory(effect: Effect, hook: str, memory: Mapping[str, int], array: str) -> str:
+    """An effect's part of an array of memories; an empty tuple where it remembers nothing."""
+    start, count = memory[effect.name], getattr(effect, f"{hook}_memory")
+    return f"{array}{start}:{start + count}]" if count else "()"
 
 
-@compiled
-def _no_term(mode, elapsed, q, inputs, parameters):  # type: ignore[no-untyped-def]
-    return 0.0, 0.0, 0.0, 0.0, 0.0
+def _call(effect: Effect, hook: str, arguments: str) -> str:
+    first = SLOTS[effect.name] + 1
+    taken = "".join(f"p[{first + k}], " for k in range(len(effect.parameters)))
+    return f"{effect.name}_{hook}({arguments}, ({taken}))"
 
 
-def _add_term(before: Any, term: Any, slot: int, read: Any) -> Any:
-    @compiled
-    def chained(mode, elapsed, q, inputs, parameters):  # type: ignore[no-untyped-def]
-        fx, fy, mxx, mxy, myy = before(mode, elapsed, q, inputs, parameters)
-        if parameters[slot] == 0.0:
-            return fx, fy, mxx, mxy, myy
-        gx, gy, nxx, nxy, nyy = term(mode, elapsed, q, inputs, read(parameters))
-        return fx + gx, fy + gy, mxx + nxx, mxy + nxy, myy + nyy
-
-    return chained
+def _switched(effect: Effect, *lines: str) -> list[str]:
+    return [
+        f"    if p[{SLOTS[effect.name]}] != 0.0:",
+        *(f"        {line}" for line in lines),
+    ]
 
 
-@compiled
-def _same_mode(mode, elapsed, parameters):  # type: ignore[no-untyped-def]
-    return mode
+def _terms() -> list[str]:
+    lines = [
+        "def all_terms(mode, elapsed, q, inputs, p):",
+        "    fx = fy = mxx = mxy = myy = 0.0",
+    ]
+    for effect in BY_HOOK["term"]:
+        lines += _switched(
+            effect,
+            f"gx, gy, nxx, nxy, nyy = {_call(effect, 'term', 'mode, elapsed, q, inputs')}",
+            "fx, fy, mxx, mxy, myy = fx + gx, fy + gy, mxx + nxx, mxy + nxy, myy + nyy",
+        )
+    return [*lines, "    return fx, fy, mxx, mxy, myy"]
 
 
-def _add_modulation(before: Any, modulation: Any, slot: int, read: Any) -> Any:
-    @compiled
-    def chained(mode, elapsed, parameters):  # type: ignore[no-untyped-def]
-        changed = before(mode, elapsed, parameters)
-        if parameters[slot] == 0.0:
-            return changed
-        return modulation(changed, elapsed, read(parameters))
-
-    return chained
+def _modulations() -> list[str]:
+    lines = ["def all_modulations(mode, elapsed, p):"]
+    for effect in BY_HOOK["modulation"]:
+        lines += _switched(effect, f"mode = {_call(effect, 'modulation', 'mode, elapsed')}")
+    return [*lines, "    return mode"]
 
 
-@compiled
-def _same_inputs(dt, inputs, pose, memory, parameters):  # type: ignore[no-untyped-def]
-    return inputs
-
-
-def _add_drive(before: Any, drive: Any, slot: int, read: Any, first: int, count: int) -> Any:
-    end = first + count
-
-    @compiled
-    def chained(dt, inputs, pose, memory, parameters):  # type: ignore[no-untyped-def]
-        changed = before(dt, inputs, pose, memory, parameters)
-        if parameters[slot] == 0.0:
-            return changed
-        return drive(dt, changed, pose, memory[first:end], read(parameters))
-
-    return chained
-
-
-@compiled
-def _same_height(dt, eta, wall, memory, parameters):  # type: ignore[no-untyped-def]
-    return eta
-
-
-def _add_reading(before: Any, reading: Any, slot: int, read: Any, first: int, count: int) -> Any:
-    end = first + count
-
-    @compiled
-    def chained(dt, eta, wall, memory, parameters):  # type: ignore[no-untyped-def]
-        changed = before(dt, eta, wall, memory, parameters)
-        if parameters[slot] == 0.0:
-            return changed
-        return reading(dt, changed, wall, memory[first:end], read(parameters))
-
-    return chained
-
-
-def _chain(hook: str, start: Any, add: Any, memory: Any = None) -> Any:
-    total = start
+def _changes(hook: str, around: str, memory: Mapping[str, int]) -> list[str]:
+    """For the hooks that change a value as it passes, and may remember."""
+    lines = [f"def all_{hook}s(dt, value, {around}, memory, p):"]
     for effect in BY_HOOK[hook]:
-        slot = SLOTS[effect.name]
-        read = _reader(slot + 1, len(effect.parameters))
-        place = (memory[effect.name], getattr(effect, f"{hook}_memory")) if memory else ()
-        total = add(total, getattr(effect, hook), slot, read, *place)
-    return total
+        own = own_memory(effect, hook, memory, "memory[")
+        lines += _switched(effect, f"value = {_call(effect, hook, f'dt, value, {around}, {own}')}")
+    return [*lines, "    return value"]
 
 
-all_terms = _chain("term", _no_term, _add_term)
-all_modulations = _chain("modulation", _same_mode, _add_modulation)
-all_drives = _chain("drive", _same_inputs, _add_drive, DRIVE_MEMORY)
-all_readings = _chain("reading", _same_height, _add_reading, READING_MEMORY)
+SOURCE = "\n".join(
+    [
+        *_terms(),
+        "",
+        *_modulations(),
+        "",
+        *_changes("drive", "pose", DRIVE_MEMORY),
+        "",
+        *_changes("reading", "wall", READING_MEMORY),
+        "",
+    ]
+)
+"""What is compiled; p is the flat array of switches and parameters."""
+
+_functions = compile_generated(__name__, SOURCE, ("term", "modulation", "drive", "reading"))
+all_terms = _functions["all_terms"]
+all_modulations = _functions["all_modulations"]
+all_drives = _functions["all_drives"]
+all_readings = _functions["all_readings"]

@@ -1,15 +1,14 @@
-"""Where compiled functions are kept between processes.
-
-Numba notices an edit of the module that holds a cached function, but not of the modules whose
-functions it calls or the tables it takes from them. So the folder carries a hash of all sources of
-the package, and of this one: an edit anywhere compiles anew instead of running old code.
-"""
+"""Where compiled functions are kept between processes, and what tells one code from another."""
 
 from __future__ import annotations
 
+import atexit
+import contextlib
+import functools
 import hashlib
 import os
 import platform
+import shutil
 import stat
 import tempfile
 from pathlib import Path
@@ -25,26 +24,35 @@ def use_compile_cache(package: Path = _THIS_PACKAGE) -> None:
     Args:
         package: folder of the package whose functions are compiled.
     """
-    numba.config.CACHE_DIR = str(cache_folder(package))
+    folder = cache_folder() / f"{package.name}-{sources_digest(package)}"
+    folder.mkdir(mode=0o700, exist_ok=True)
+    numba.config.CACHE_DIR = str(folder)
 
 
-def cache_folder(package: Path = _THIS_PACKAGE) -> Path:
-    """The folder for these sources, this Numba and this Python; made if it can be."""
+def cache_folder() -> Path:
+    """The folder for compiled code: NUMBA_CACHE_DIR, XDG_CACHE_HOME, ~/.cache, or a temporary one.
+
+    It is made where that is possible. A folder that others may write to is not taken: what lies
+    there is run. Where nothing can be kept from process to process, it goes with this one.
+    """
     base = os.environ.get("NUMBA_CACHE_DIR") or os.environ.get("XDG_CACHE_HOME")
     root = Path(base) if base else Path(os.path.expanduser("~/.cache"))
     folders = [Path(tempfile.gettempdir()) / f"slosh-{os.getuid()}"]
     if root.is_absolute():  # without a home '~' stays
         folders.insert(0, root / "slosh")
     for folder in folders:
-        candidate = folder / f"{package.name}-{sources_digest(package)}"
-        try:
+        with contextlib.suppress(OSError):
             folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-            candidate.mkdir(mode=0o700, exist_ok=True)
-        except OSError:
-            continue
-        if _ours_alone(folder) and _ours_alone(candidate):
-            return candidate
-    return Path(tempfile.mkdtemp(prefix="slosh-"))
+            if _ours_alone(folder):
+                return folder
+    return _folder_of_this_process()
+
+
+@functools.cache
+def _folder_of_this_process() -> Path:
+    folder = tempfile.mkdtemp(prefix="slosh-")
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    return Path(folder)
 
 
 def _ours_alone(folder: Path) -> bool:

@@ -3,22 +3,20 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
-import numpy as np
-from numba import njit
+from numba.types import Tuple, float64, void
 
 from slosh_model.chains import all_drives, all_modulations, all_readings, all_terms
-from slosh_model.compile_cache import use_compile_cache
-from slosh_model.effects.base import SETTLING, compiled
-from slosh_model.effects.registry import DRIVE_MEMORY_COUNT
-
-use_compile_cache()
-
-# What is held from sample to sample.
-ELAPSED, STARTED, TURN, YAW, MEMORY = 3, 4, 5, 6, 7
-HELD_COUNT = MEMORY + DRIVE_MEMORY_COUNT
-INPUT_COUNT = 4  # of HELD_COUNT: the last input's acceleration and the time since rest
+from slosh_model.compilation import compiled, entry_point
+from slosh_model.effects.base import SETTLING
+from slosh_model.layout import (
+    CHANGED_1,
+    CHANGED_2,
+    CHANGED_3,
+    GIVEN_1,
+    GIVEN_2,
+    records,
+)
 
 UPRIGHT = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 """The pose of a container that stands upright and does not turn; see effects.base."""
@@ -80,14 +78,21 @@ def _runge_kutta_step(mode, q, u0, u1, step, elapsed, parameters):  # type: igno
 
 
 @compiled
-def _constants(modes, n):  # type: ignore[no-untyped-def]
+def constants_of(mode):  # type: ignore[no-untyped-def]
+    """A mode's constants as the effects' hooks take them."""
     return (
-        modes[n, 0], modes[n, 1], modes[n, 2], modes[n, 3], modes[n, 4], modes[n, 5], modes[n, 6],
+        mode["natural_frequency"], mode["damping_ratio"], mode["curvature"], mode["radius"],
+        mode["height_gain"], mode["xi"], mode["fill_height"],
     )  # fmt: skip
 
 
 @compiled
-def _settle(modal, modes, parameters, held, yaw, pose):  # type: ignore[no-untyped-def]
+def _hold(run, inputs):  # type: ignore[no-untyped-def]
+    run["ax"], run["ay"], run["az"], run["turn"] = inputs
+
+
+@compiled
+def _settle(run, modes, pose):  # type: ignore[no-untyped-def]
     """Puts the liquid to where it rests while the container stands as in the first sample.
 
     That is the origin but for a container that is tilted. The container stands: whatever it does
@@ -95,63 +100,71 @@ def _settle(modal, modes, parameters, held, yaw, pose):  # type: ignore[no-untyp
     spring alone would hold the rest of the force.
     """
     still = (pose[0], pose[1], pose[2], pose[3], 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    inputs = all_drives(SETTLING, (0.0, 0.0, 0.0, yaw), still, held[MEMORY:], parameters)
-    held[0], held[1], held[2], held[TURN] = inputs
+    parameters = run["parameters"]
+    inputs = all_drives(
+        SETTLING, (0.0, 0.0, 0.0, run["yaw"]), still, run["drive_memory"], parameters
+    )
+    _hold(run, inputs)
     if inputs[0] == 0.0 and inputs[1] == 0.0:
         return
-    for n in range(modal.shape[0]):
-        mode = _constants(modes, n)
-        x, y, stiffness = 0.0, 0.0, mode[0] * mode[0]
+    for n in range(modes.shape[0]):
+        mode, constants = modes[n], constants_of(modes[n])
+        x, y, stiffness = 0.0, 0.0, constants[0] * constants[0]
         for _ in range(_SETTLING_TURNS):
-            ax, ay = _acceleration(mode, held[ELAPSED], (x, y, 0.0, 0.0), inputs, parameters)
+            q = (x, y, 0.0, 0.0)
+            ax, ay = _acceleration(constants, run["elapsed"], q, inputs, parameters)
             x += ax / stiffness
             y += ay / stiffness
-        modal[n, 0], modal[n, 1] = x, y
+        mode["x"], mode["y"] = x, y
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
-def advance(  # type: ignore[no-untyped-def]
-    modal, modes, parameters, held, ax, ay, az, yaw, pose, dt, max_step
-):
+@compiled
+def unwrapped(angle, before):  # type: ignore[no-untyped-def]
+    """The same angle, less than half a turn from the one before [rad]."""
+    return angle + _TWO_PI * math.floor((before - angle) / _TWO_PI + 0.5)
+
+
+@compiled
+def advance(run, modes, ax, ay, az, yaw, pose, dt):  # type: ignore[no-untyped-def]
     """Integrates all modes from the held input to the new one, in place.
 
     Args:
-        modal: (modes, 4) x, y, vx, vy [m, m/s]; changed.
-        modes: (modes, 7) ω [rad/s], ζ, C, R [m], wall height per displacement [1], ξ, h [m].
-        parameters: (PARAMETER_COUNT,) switches and parameters of the effects.
-        held: (HELD_COUNT,) the last input's ax, ay, az [m/s²], the time since rest [s], and what
-            the effects remember; changed. Zeros before the first sample.
+        run: the model, a record of `layout.RUN`; changed.
+        modes: (modes,) records of `layout.MODE`; changed.
         ax, ay, az: the new input [m/s²].
         yaw: angle of the container's x axis in the input's axes [rad].
         pose: see effects.base.
         dt: time between the two inputs [s]; 0 only takes the new input. Ignored at the first.
-        max_step: longest sub-step [s].
 
     Returns:
         wall height along the modal x and y axes [m], and the angle of the container's x axis in
         them [rad].
     """
-    if held[STARTED] == 0.0:
-        held[STARTED], held[YAW] = 1.0, yaw
-        _settle(modal, modes, parameters, held, yaw, pose)
+    if run["started"] == 0.0:
+        run["started"], run["yaw"] = 1.0, yaw
+        _settle(run, modes, pose)
         dt = 0.0
-    yaw += _TWO_PI * math.floor((held[YAW] - yaw) / _TWO_PI + 0.5)
-    held[YAW] = yaw
-    old, elapsed = (held[0], held[1], held[2], held[TURN]), held[ELAPSED]
-    new = all_drives(max(dt, 0.0), (ax, ay, az, yaw), pose, held[MEMORY:], parameters)
-    held[0], held[1], held[2], held[TURN] = new
-    held[ELAPSED] = elapsed + dt
-    count = math.ceil(dt / max_step) if dt > 0.0 else 0
+    if yaw != run["yaw"]:
+        yaw = unwrapped(yaw, run["yaw"])
+        run["yaw"] = yaw
+    parameters, elapsed = run["parameters"], run["elapsed"]
+    old = (run["ax"], run["ay"], run["az"], run["turn"])
+    new = all_drives(max(dt, 0.0), (ax, ay, az, yaw), pose, run["drive_memory"], parameters)
+    _hold(run, new)
+    run["elapsed"] = elapsed + dt
+    count = math.ceil(dt / run["max_step"]) if dt > 0.0 else 0
     height_x = height_y = 0.0
-    for n in range(modal.shape[0]):
-        mode = _constants(modes, n)
-        q = (modal[n, 0], modal[n, 1], modal[n, 2], modal[n, 3])
+    for n in range(modes.shape[0]):
+        mode, constants = modes[n], constants_of(modes[n])
+        q = (mode["x"], mode["y"], mode["vx"], mode["vy"])
+        u0 = old
         for i in range(count):
-            u0, u1 = _between(old, new, i / count), _between(old, new, (i + 1) / count)
+            u1 = _between(old, new, (i + 1) / count)
             moment = elapsed + dt * (i / count)
-            q = _runge_kutta_step(mode, q, u0, u1, dt / count, moment, parameters)
-        modal[n, 0], modal[n, 1], modal[n, 2], modal[n, 3] = q
-        gain = all_modulations(mode, held[ELAPSED], parameters)[4]
+            q = _runge_kutta_step(constants, q, u0, u1, dt / count, moment, parameters)
+            u0 = u1
+        mode["x"], mode["y"], mode["vx"], mode["vy"] = q
+        gain = all_modulations(constants, run["elapsed"], parameters)[4]
         height_x += gain * q[0]
         height_y += gain * q[1]
     return height_x, height_y, new[3]
@@ -175,13 +188,22 @@ def pose_at(poses, i):  # type: ignore[no-untyped-def]
     return (row[0], row[1], row[2], row[3], row[4], row[5], row[6], row[7], row[8], row[9])
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@entry_point(Tuple((float64, float64))(CHANGED_1, float64, float64, float64, float64))
+def step(store, dt, ax, ay, az):  # type: ignore[no-untyped-def]
+    """`advance` by one input of a container that stands upright; returns its wall heights [m]."""
+    runs, modes = records(store)
+    height_x, height_y, angle = advance(runs[0], modes, ax, ay, az, 0.0, UPRIGHT, dt)
+    return turned(height_x, height_y, angle)
+
+
+@entry_point(void(CHANGED_1, GIVEN_1, GIVEN_2, GIVEN_1, GIVEN_2, CHANGED_3, CHANGED_2))
 def advance_many(  # type: ignore[no-untyped-def]
-    modal, modes, parameters, held, intervals, inputs, yaws, poses, max_step, history, heights
+    store, intervals, inputs, yaws, poses, history, heights
 ):
     """`advance` over many inputs.
 
     Args:
+        store: the model, as `layout.records` divides it; changed.
         intervals: (N,) time from the input before [s].
         inputs: (N, 3) acceleration [m/s²].
         yaws: (N,) [rad].
@@ -189,19 +211,20 @@ def advance_many(  # type: ignore[no-untyped-def]
         history: (N, modes, 4) receives the modal state after each input.
         heights: (N, 2) receives the wall heights at the container's +x and +y [m].
     """
+    runs, modes = records(store)
     for i in range(intervals.shape[0]):
         ax, ay, az = inputs[i, 0], inputs[i, 1], inputs[i, 2]
-        height_x, height_y, turn = advance(
-            modal, modes, parameters, held, ax, ay, az, yaws[i], pose_at(poses, i), intervals[i],
-            max_step,
-        )  # fmt: skip
-        heights[i, 0], heights[i, 1] = turned(height_x, height_y, turn)
-        for n in range(modal.shape[0]):
-            for k in range(4):
-                history[i, n, k] = modal[n, k]
+        height_x, height_y, angle = advance(
+            runs[0], modes, ax, ay, az, yaws[i], pose_at(poses, i), intervals[i]
+        )
+        heights[i, 0], heights[i, 1] = turned(height_x, height_y, angle)
+        for n in range(modes.shape[0]):
+            mode = modes[n]
+            history[i, n, 0], history[i, n, 1] = mode["x"], mode["y"]
+            history[i, n, 2], history[i, n, 3] = mode["vx"], mode["vy"]
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@entry_point(void(GIVEN_1, float64, GIVEN_2, float64, float64, GIVEN_1, CHANGED_1, CHANGED_1))
 def read_many(  # type: ignore[no-untyped-def]
     t, started, heights, azimuth, radius, parameters, memory, read
 ):
@@ -226,8 +249,3 @@ def read_many(  # type: ignore[no-untyped-def]
         dt = t[i] - t[i - 1] if i > 0 else 0.0
         wall = (height_x, height_y, azimuth, radius, started + t[i] - t[0])
         read[i] = all_readings(dt, eta, wall, memory, parameters)
-
-
-def held_at_rest() -> np.ndarray[Any, np.dtype[np.float64]]:
-    """What is held before the first sample."""
-    return np.zeros(HELD_COUNT)

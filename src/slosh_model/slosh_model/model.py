@@ -173,10 +173,14 @@ class Model:
                 modes = tuple(replace(mode, damping_ratio=formula) for mode in modes)
         return modes
 
-    def height_gains(self) -> tuple[float, ...]:
-        """Wall height per displacement of each mode's mass [1] (DL22, Tables 1, 2)."""
+    def height_gains(self, modes: tuple[Mode, ...] | None = None) -> tuple[float, ...]:
+        """Wall height per displacement of each mode's mass [1] (DL22, Tables 1, 2).
+
+        Args:
+            modes: what `mode_constants` gives; None: computed.
+        """
         gains = []
-        for mode in self.mode_constants():
+        for mode in self.mode_constants() if modes is None else modes:
             gain = mode.linear_gain
             for effect, parameters in self.uses("height_gain"):
                 gain = effect.height_gain(mode, parameters)  # type: ignore[misc]

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from slosh_model.interpolation import columns_at
 from slosh_model.kernel import POSE_COUNT
 
 Array = NDArray[np.float64]
@@ -62,7 +63,7 @@ def _rates(t: Array, quaternion: Array) -> Array:
     turns = (attitude[:-1].inv() * attitude[1:]).as_rotvec()
     rates = turns / np.diff(t)[:, np.newaxis]
     middles = 0.5 * (t[1:] + t[:-1])
-    return np.column_stack([np.interp(t, middles, rates[:, axis]) for axis in range(3)])
+    return columns_at(t, middles, rates)
 
 
 def _slope(t: Array, values: Array) -> Array:

@@ -20,6 +20,8 @@ from slosh_model.effects.registry import (
     SLOTS,
 )
 from slosh_model.errors import SloshModelError
+from slosh_model.interpolation import columns_at
+from slosh_model.layout import MODAL, RUN, back_to_rest, divided, new_store
 from slosh_model.model import Model
 from slosh_model.pose import pose_rows
 
@@ -29,6 +31,9 @@ MAXIMUM_STEP = 0.002
 """Default bound of the sub-step [s]: relative error below 1e-6 for modes up to 10 Hz."""
 MAXIMUM_GAP = 3600.0
 """Longest time between two samples [s]; more is a clock that jumped, not a motion."""
+_HELD = ("ax", "ay", "az", "elapsed")
+_REMEMBERED = ("started", "turn", "yaw")
+_MEMORY_COUNT = len(_REMEMBERED) + RUN["drive_memory"].shape[0]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -87,10 +92,10 @@ class Inputs:
             acceleration: (M, 3) [m/s²]; None: interpolated.
         """
         if acceleration is None:
-            acceleration = _columns_at(t, self.t, self.acceleration)
+            acceleration = columns_at(t, self.t, self.acceleration)
         if len(self.poses) == 0:
             return Inputs(t, acceleration)
-        poses = _columns_at(t, self.t, self.poses)
+        poses = columns_at(t, self.t, self.poses)
         poses[:, :4] /= np.linalg.norm(poses[:, :4], axis=1, keepdims=True)
         other = Inputs(t, acceleration, poses[:, :4], poses[:, 4:7])
         yaws = np.interp(t, self.t, self.yaws)
@@ -124,12 +129,12 @@ class State:
             raise SloshModelError(f"the state's t = {self.t!r} s is not finite")
         modal = _frozen("modal", self.modal, (len(self.modal), 4))
         object.__setattr__(self, "modal", modal)
-        object.__setattr__(self, "held", _frozen("held", self.held, (kernel.INPUT_COUNT,)))
-        rest = kernel.HELD_COUNT - kernel.INPUT_COUNT
-        started = np.zeros(rest)
-        started[kernel.STARTED - kernel.INPUT_COUNT] = 1.0
-        memory = started if self.memory is None else self.memory
-        object.__setattr__(self, "memory", _frozen("memory", memory, (rest,)))
+        object.__setattr__(self, "held", _frozen("held", self.held, (len(_HELD),)))
+        memory = self.memory
+        if memory is None:
+            memory = np.zeros(_MEMORY_COUNT)
+            memory[_REMEMBERED.index("started")] = 1.0
+        object.__setattr__(self, "memory", _frozen("memory", memory, (_MEMORY_COUNT,)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -167,45 +172,29 @@ class Simulator:
     Args:
         model: the model.
         max_step: longest sub-step [s].
+
+    Attributes:
+        model: the model.
+        store: all that runs, as the kernel takes it; see `layout`.
     """
 
     __slots__ = (
-        "_held",
-        "_max_step",
-        "_modal",
         "_modes",
-        "_parameters",
+        "_run",
+        "_step",
         "model",
+        "store",
     )
 
     def __init__(self, model: Model, *, max_step: float = MAXIMUM_STEP) -> None:
-        if not (math.isfinite(max_step) and max_step > 0.0):
-            raise SloshModelError(f"max_step = {max_step!r} s must be positive")
         self.model = model
-        self._max_step = float(max_step)
-        constants = model.mode_constants()
-        self._modes = np.array(
-            [
-                (
-                    mode.natural_frequency,
-                    mode.damping_ratio,
-                    mode.curvature,
-                    mode.container.radius,
-                    gain,
-                    mode.xi,
-                    mode.container.fill_height,
-                )
-                for mode, gain in zip(constants, model.height_gains(), strict=True)
-            ]
-        )
-        self._parameters = effect_parameters(model)
-        self._modal = np.zeros((len(constants), 4))
-        self._held = kernel.held_at_rest()
+        self.store = store_of(model, max_step)
+        self._run, self._modes = divided(self.store)
+        self._step = kernel.step.load()
 
     def reset(self) -> None:
         """Back to rest; the next step's input starts anew."""
-        self._modal[:] = 0.0
-        self._held[:] = 0.0
+        back_to_rest(self.store)
 
     def step(self, dt: float, ax: float, ay: float, az: float) -> tuple[float, float]:
         """Takes an input sample of a container that stands upright.
@@ -219,52 +208,26 @@ class Simulator:
             sh_x, sh_y: signed height on the wall at +x and +y [m]; not finite where the solution
                 has left the finite numbers, until `reset`.
         """
-        height_x, height_y, _ = kernel.advance(
-            self._modal, self._modes, self._parameters, self._held, ax, ay, az, 0.0,
-            kernel.UPRIGHT, dt, self._max_step,
-        )  # fmt: skip
-        return height_x, height_y
-
-    @property
-    def arrays(self) -> tuple[Array, Array, Array, Array]:
-        """Modal state, modes, parameters and held input, as `kernel.advance` takes them.
-
-        The simulator's own arrays.
-        """
-        return self._modal, self._modes, self._parameters, self._held
+        heights: tuple[float, float] = self._step(self.store, dt, ax, ay, az)
+        return heights
 
     @property
     def modal(self) -> Array:
-        """(modes, 4) x, y, vx, vy [m, m/s]; the simulator's own array, to read at once."""
-        return self._modal
+        """(modes, 4) x, y, vx, vy [m, m/s]."""
+        return np.column_stack([self._modes[name] for name in MODAL])
 
     def run(self, inputs: Inputs, state: State | None = None) -> tuple[Response, State]:
         """Simulates a whole motion from a state; see `simulate`."""
         self.reset()
-        start = inputs.t[0] if state is None else state.t
+        start = float(inputs.t[0])
         if state is not None:
-            if state.modal.shape != self._modal.shape:
-                raise SloshModelError(
-                    f"the state has {len(state.modal)} modes, the model {len(self._modal)}"
-                )
-            if start > inputs.t[0]:
-                raise SloshModelError(
-                    f"the motion starts at {inputs.t[0]:.9g} s, before the state's {start:.9g} s"
-                )
-            if inputs.t[0] - start > MAXIMUM_GAP:
-                raise SloshModelError(
-                    f"the motion starts at {inputs.t[0]:.9g} s, more than {MAXIMUM_GAP:g} s "
-                    f"after the state's {start:.9g} s"
-                )
-            self._modal[:] = state.modal
-            self._held[: kernel.INPUT_COUNT] = state.held
-            self._held[kernel.INPUT_COUNT :] = state.memory
-        intervals = np.diff(inputs.t, prepend=start)
-        history = np.empty((len(inputs.t), *self._modal.shape))
+            self._continue(state, start)
+            start = state.t
         heights = np.empty((len(inputs.t), 2))
+        history = np.empty((len(inputs.t), len(self._modes), len(MODAL)))
         kernel.advance_many(
-            self._modal, self._modes, self._parameters, self._held, intervals,
-            inputs.acceleration, inputs.yaws, inputs.poses, self._max_step, history, heights,
+            self.store, np.diff(inputs.t, prepend=start), inputs.acceleration, inputs.yaws,
+            inputs.poses, history, heights,
         )  # fmt: skip
         bad = np.flatnonzero(~np.isfinite(heights).all(axis=1))
         if len(bad):
@@ -272,11 +235,44 @@ class Simulator:
                 f"the solution left the finite numbers at t = {inputs.t[bad[0]]:g} s: the motion "
                 "is far outside the model's range, or max_step is too long"
             )
-        held, memory = np.split(self._held, [kernel.INPUT_COUNT])
-        end = State(float(inputs.t[-1]), self._modal, held, memory)
         for array in (heights, history):
             array.setflags(write=False)
-        return Response(inputs.t, heights[:, 0], heights[:, 1], history), end
+        response = Response(inputs.t, heights[:, 0], heights[:, 1], history)
+        return response, self._state(float(inputs.t[-1]))
+
+    def _continue(self, state: State, start: float) -> None:
+        """Takes up a state.
+
+        Raises:
+            SloshModelError: another model's state, or one that does not lead to the start.
+        """
+        if len(state.modal) != len(self._modes):
+            raise SloshModelError(
+                f"the state has {len(state.modal)} modes, the model {len(self._modes)}"
+            )
+        if state.t > start:
+            raise SloshModelError(
+                f"the motion starts at {start:.9g} s, before the state's {state.t:.9g} s"
+            )
+        if start - state.t > MAXIMUM_GAP:
+            raise SloshModelError(
+                f"the motion starts at {start:.9g} s, more than {MAXIMUM_GAP:g} s "
+                f"after the state's {state.t:.9g} s"
+            )
+        for name, column in zip(MODAL, state.modal.T, strict=True):
+            self._modes[name] = column
+        memory = state.memory
+        assert memory is not None
+        values = [*state.held, *memory]
+        for name, value in zip((*_HELD, *_REMEMBERED), values, strict=False):
+            self._run[name] = value
+        self._run["drive_memory"] = memory[len(_REMEMBERED) :]
+
+    def _state(self, t: float) -> State:
+        run = self._run[0]
+        held = np.array([run[name] for name in _HELD])
+        memory = np.array([*(run[name] for name in _REMEMBERED), *run["drive_memory"]])
+        return State(t, self.modal, held, memory)
 
 
 def simulate(
@@ -298,6 +294,28 @@ def simulate(
             model's, or the solution left the finite numbers.
     """
     return Simulator(model, max_step=max_step).run(inputs, state)
+
+
+def store_of(model: Model, max_step: float = MAXIMUM_STEP) -> Array:
+    """A model before its first sample, as the kernel takes it; see `layout`.
+
+    Raises:
+        SloshModelError: max_step is not positive.
+    """
+    if not (math.isfinite(max_step) and max_step > 0.0):
+        raise SloshModelError(f"max_step = {max_step!r} s must be positive")
+    constants = model.mode_constants()
+    store = new_store(len(constants))
+    run, modes = divided(store)
+    run["max_step"] = float(max_step)
+    run["parameters"] = effect_parameters(model)
+    for n, (mode, gain) in enumerate(zip(constants, model.height_gains(constants), strict=True)):
+        cup = mode.container
+        modes[n] = (
+            mode.natural_frequency, mode.damping_ratio, mode.curvature, cup.radius, gain, mode.xi,
+            cup.fill_height, 0.0, 0.0, 0.0, 0.0,
+        )  # fmt: skip
+    return store
 
 
 def effect_parameters(model: Model) -> Array:
@@ -332,10 +350,6 @@ def _frozen(name: str, value: Any, shape: tuple[int, ...], columns: str = "") ->
         axis = f".{columns[place[1]]}" if columns else "".join(f"[{i}]" for i in place[1:])
         raise SloshModelError(f"{name}[{place[0]}]{axis} = {array[place]} is not finite")
     return array
-
-
-def _columns_at(moments: Array, t: Array, columns: Array) -> Array:
-    return np.column_stack([np.interp(moments, t, column) for column in columns.T])
 
 
 def _check_times(t: Array) -> None:

@@ -239,7 +239,7 @@ print(json.dumps({
     "height_gain": bool(np.array_equal(run(PLAIN.with_effect("tall"), Inputs(t, push)).sh_x,
                                        2.0 * run(PLAIN, Inputs(t, push)).sh_x)),
     "off": same(PLAIN, PLAIN.with_effect("a_drag", k=2.0).without_effect("a_drag")),
-    "hits": sum(kernel.advance_many.stats.cache_hits.values()),
+    "hits": sum(kernel.advance_many.load().stats.cache_hits.values()),
 }))
 """
 

@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation, Slerp
 from slosh_bag.motion_table import MotionTable, read_motion_table
 from slosh_bringup.cell.motions import Motion, make_motion
 from slosh_bringup.errors import SloshBringupError
+from slosh_model.interpolation import columns_at
 
 Array = NDArray[np.float64]
 
@@ -57,13 +58,13 @@ def motion_from_table(name: str, table: MotionTable, rate: float) -> Motion:
     # A hair of tolerance: (0.3 - 0.1) * 10 must count as two whole steps.
     t = np.arange(math.floor((table.t[-1] - table.t[0]) * rate + 1e-6) + 1) / rate
     moments = np.minimum(table.t[0] + t, table.t[-1])
-    acceleration = _sampled(moments, table.t, table.acceleration)
+    acceleration = columns_at(moments, table.t, table.acceleration)
     velocity = cumulative_trapezoid(acceleration, t, axis=0, initial=0.0)
     position = cumulative_trapezoid(velocity, t, axis=0, initial=0.0)
     turn = None if table.attitude is None else _attitude(name, table, moments)
     rate_of_turn = None if turn is None else _angular_velocity(turn, rate)
     if table.angular_velocity is not None:
-        rate_of_turn = _sampled(moments, table.t, table.angular_velocity)
+        rate_of_turn = columns_at(moments, table.t, table.angular_velocity)
     quaternion = None if turn is None else turn.as_quat()
     return Motion(name, t, position, acceleration, quaternion, rate_of_turn)
 
@@ -75,10 +76,6 @@ def _attitude(name: str, table: MotionTable, moments: Array) -> Rotation:
             f"{name}: qx, qy, qz, qw: all zero at t = {table.t[zero[0]]:g} s, no rotation"
         )
     return Slerp(table.t, Rotation.from_quat(table.attitude))(moments)
-
-
-def _sampled(moments: Array, t: Array, values: Array) -> Array:
-    return np.stack([np.interp(moments, t, column) for column in values.T], axis=1)
 
 
 def _angular_velocity(turn: Rotation, rate: float) -> Array:

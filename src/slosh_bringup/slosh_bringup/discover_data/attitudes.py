@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from slosh_bag.interchange.bag_motion import FRAME, Motion
 from slosh_bag.replay.inputs import STAMP, stamps_of
+from slosh_model.interpolation import columns_at
 
 Array = NDArray[np.float64]
 Stamps = NDArray[np.int64]
@@ -62,7 +63,7 @@ class PoseAttitudes:
         at = np.clip(motion.stamps, stamps[0], stamps[-1]) - stamps[0]
         since = stamps - stamps[0]
         attitude = Slerp(since, Rotation.from_quat(turns))(at).as_quat()
-        rates = np.column_stack([np.interp(at, since, turning[:, axis]) for axis in range(3)])
+        rates = columns_at(at, since, turning)
         return replace(motion, attitude=attitude, angular_velocity=rates)
 
 

@@ -52,12 +52,10 @@ def slipped_offsets(one: Fit, motions: Sequence[PreparedMotion]) -> list[float] 
     Heights that sway make many offsets look nearly right, one each half period. With the fitted
     explanation all of them are tried; None: the fit's own are the best.
     """
-    evaluator = Evaluator(one.explanation, motions)
     found, better = list(one.clock_offsets), False
-    for index, (motion, answer) in enumerate(
-        zip(motions, evaluator.answers(one.vector), strict=True)
-    ):
-        if motion.motion.same_clock or answer is None:
+    for index, motion in enumerate(motions):
+        answer = None if motion.motion.same_clock else motion.simulate(one.model)
+        if answer is None:
             continue
         tried = found[index] + np.arange(-SLIP, SLIP, LAG)
         costs = [float(np.sum(Evaluator.part(motion, answer, o) ** 2)) for o in tried.tolist()]

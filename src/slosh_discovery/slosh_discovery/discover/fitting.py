@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from slosh_discovery.discover.explanation import Explanation
-from slosh_discovery.discover.problem import Answer, PreparedMotion
+from slosh_discovery.discover.problem import Answer, PreparedMotion, simulate_all
+from slosh_model.model import Model
 
 Array = NDArray[np.float64]
 
@@ -56,6 +57,13 @@ class Fit:
         object.__setattr__(self, "chi_square", float(self.residual @ self.residual))
         object.__setattr__(self, "information", self.jacobian.T @ self.jacobian)
 
+    @property
+    def model(self) -> Model:
+        """The base with the effects as fitted."""
+        model = self.explanation.model(self.vector)
+        assert model is not None  # a fit ends within its bounds
+        return model
+
 
 @dataclass(slots=True)
 class Evaluator:
@@ -65,11 +73,15 @@ class Evaluator:
     motions: Sequence[PreparedMotion]
 
     def answers(self, vector: Array) -> list[Answer | None]:
-        """Every motion's heights on the answer of its inputs."""
-        model = self.explanation.model(vector)
-        if model is None:
-            return [None] * len(self.motions)
-        return [motion.simulate(model) for motion in self.motions]
+        """The model's answer to every motion."""
+        return self.answers_to([vector])[0]
+
+    def answers_to(self, vectors: Sequence[Array]) -> list[list[Answer | None]]:
+        """For each vector the model's answer to every motion."""
+        models = [self.explanation.model(vector) for vector in vectors]
+        found = iter(simulate_all(self.motions, [model for model in models if model is not None]))
+        nothing: list[Answer | None] = [None] * len(self.motions)
+        return [nothing if model is None else next(found) for model in models]
 
     def residual(self, answers: Sequence[Answer | None], clock_offsets: Array) -> Array:
         """(N,) measured minus predicted in units of the noise, without unknown still levels."""
@@ -96,20 +108,16 @@ class Evaluator:
     def derivative(self, vector: Array, clock_offsets: Array, residual: Array) -> Array:
         """(N, P) of the residual by the free parameters, by forward or backward differences."""
         _, upper = self.explanation.bounds
-        columns = []
-        for index, width in enumerate(self.explanation.widths.tolist()):
-            step = STEP * width
-            if vector[index] + step > upper[index]:
-                step = -step
-            moved = vector.copy()
-            moved[index] += step
-            columns.append((self.residual(self.answers(moved), clock_offsets) - residual) / step)
-        return np.column_stack(columns) if columns else np.zeros((len(residual), 0))
+        steps = STEP * self.explanation.widths
+        steps[vector + steps > upper] *= -1.0
+        if not len(steps):
+            return np.zeros((len(residual), 0))
+        moved = self.answers_to(list(vector + np.diag(steps)))
+        residuals = [self.residual(answers, clock_offsets) for answers in moved]
+        return (np.column_stack(residuals) - residual[:, np.newaxis]) / steps
 
-    def clock_derivative(
-        self, answers: Sequence[Answer | None], clock_offsets: Array
-    ) -> tuple[list[int], Array]:
-        """Motions whose offset is free, and (N, C) of the residual by them."""
+    def clock_derivative(self, answers: Sequence[Answer | None], clock_offsets: Array) -> Array:
+        """(N, C) of the residual by the offsets of those motions whose clocks are not one."""
         lengths = [int(motion.kept.sum()) for motion in self.motions]
         ends = np.cumsum(lengths)
         free = [i for i, motion in enumerate(self.motions) if not motion.motion.same_clock]
@@ -118,7 +126,7 @@ class Evaluator:
             ahead = self.part(self.motions[i], answers[i], clock_offsets[i] + CLOCK_STEP)
             behind = self.part(self.motions[i], answers[i], clock_offsets[i] - CLOCK_STEP)
             columns[ends[i] - lengths[i] : ends[i], column] = (ahead - behind) / (2 * CLOCK_STEP)
-        return free, columns
+        return columns
 
 
 def fit(
@@ -204,7 +212,7 @@ class _Fitting:
         residual, answers = self._evaluate(vector)
         offsets = self._all_offsets(vector)
         shared = self._evaluator.derivative(vector[: self._count], offsets, residual)
-        _, clocks = self._evaluator.clock_derivative(answers, offsets)
+        clocks = self._evaluator.clock_derivative(answers, offsets)
         prior = np.zeros((self._count, len(vector)))
         prior[:, : self._count] = np.diag(1.0 / self._evaluator.explanation.widths)
         return np.vstack([np.hstack([shared, clocks]), prior])

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from slosh_model.interpolation import columns_at
 from slosh_model.simulate import Inputs
 
 Array = NDArray[np.float64]
@@ -50,10 +51,10 @@ class InputSeries:
         return cls(
             times,
             motion_span(inputs),
-            _columns_at(times, inputs.t, acceleration),
-            _columns_at(times, inputs.t, jerk),
+            columns_at(times, inputs.t, acceleration),
+            columns_at(times, inputs.t, jerk),
             np.interp(times, inputs.t, _tilt(inputs)),
-            _columns_at(times, inputs.t, angular_velocity(inputs)),
+            columns_at(times, inputs.t, angular_velocity(inputs)),
         )
 
     def quantities(self) -> dict[str, Array]:
@@ -93,7 +94,3 @@ def _tilt(inputs: Inputs) -> Array:
         return np.zeros(len(inputs.t))
     axis = Rotation.from_quat(inputs.poses[:, :4]).as_matrix()[:, :, 2]
     return np.asarray(np.arctan2(np.hypot(axis[:, 0], axis[:, 1]), axis[:, 2]))
-
-
-def _columns_at(times: Array, t: Array, columns: Array) -> Array:
-    return np.column_stack([np.interp(times, t, column) for column in columns.T])

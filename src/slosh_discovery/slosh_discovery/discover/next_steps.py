@@ -12,7 +12,6 @@ from slosh_discovery.discover.separate import separating_motion
 from slosh_discovery.discover.verdict import RIVAL, Judgement
 from slosh_discovery.errors import SloshDiscoveryError
 from slosh_model.errors import SloshModelError
-from slosh_model.model import Model
 
 MOST_RIVALS = 2
 
@@ -28,7 +27,7 @@ def separating_motions(
     azimuths = motions[0].azimuths
     found = []
     for rival in rivals[:MOST_RIVALS]:
-        first, second = _model(best), _model(rival)
+        first, second = best.model, rival.model
         try:
             motion = separating_motion(
                 first,
@@ -50,15 +49,9 @@ def proposal(judgement: Judgement, motions: Sequence[PreparedMotion]) -> Proposa
         return None
     return propose(
         [one.motion for one in motions],
-        _model(judgement.chosen),
+        judgement.chosen.model,
         clock_offsets=judgement.chosen.clock_offsets,
     )
-
-
-def _model(one: Fit) -> Model:
-    model = one.explanation.model(one.vector)
-    assert model is not None  # a fit ends within its bounds
-    return model
 
 
 def _name(one: Fit) -> str:

@@ -15,15 +15,18 @@ from numpy.typing import NDArray
 
 from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_discovery.discover.noise import estimate_noise
-from slosh_model.errors import SloshModelError
+from slosh_model.batch import wall_heights
+from slosh_model.interpolation import columns_at
 from slosh_model.measure import delay, measured_heights, remembers
 from slosh_model.model import Model
-from slosh_model.simulate import Inputs, Response, simulate
+from slosh_model.simulate import Inputs, Response
 
 Array = NDArray[np.float64]
 
 SPACING = 0.0042
-"""Longest time between two inputs, and step of the integrator [s]."""
+"""Longest time between two inputs [s]."""
+LONGEST_STEP = SPACING * (1.0 + 1e-6)
+"""Of the integrator: one step leads from input to input, however their spacing is rounded."""
 FINE_SPACING = 0.0021
 """The same where heights are read between the inputs [s]."""
 SAMPLE_SPACING = 0.0075
@@ -59,20 +62,24 @@ class PreparedMotion:
 
     def simulate(self, model: Model) -> Answer | None:
         """The model's answer; None where its solution left the finite numbers."""
-        late = delay(model)
-        shifted = not self.motion.same_clock or late != 0.0
-        inputs = self.fine if shifted else self.coarse
-        try:
-            response, _ = simulate(model, inputs, max_step=SPACING)
-        except SloshModelError:
+        return simulate_all([self], [model])[0][0]
+
+    def inputs_for(self, model: Model) -> Inputs:
+        """The inputs at which the model's answer is computed."""
+        shifted = not self.motion.same_clock or delay(model) != 0.0
+        return self.fine if shifted else self.coarse
+
+    def answer(self, model: Model, inputs: Inputs, heights: Array) -> Answer | None:
+        """What the liquid's heights (N, 2) at the inputs say of the measured ones."""
+        if not np.isfinite(heights).all():
             return None
+        read: _Reader | None = _Reader(model, self.azimuths, float(inputs.t[0]))
         if remembers(model):
-            heights = measured_heights(model, response, self.azimuths)
-            read = None
-        else:
-            heights = np.column_stack([response.sh_x, response.sh_y])
-            read = _Reader(model, self.azimuths, float(inputs.t[0]))
-        return Answer(inputs.t, heights, None if shifted else self.rows, late, read)
+            response = Response(inputs.t, heights[:, 0], heights[:, 1], np.empty((0, 0, 4)))
+            heights, read = measured_heights(model, response, self.azimuths), None
+        return Answer(
+            inputs.t, heights, self.rows if inputs is self.coarse else None, delay(model), read
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -111,10 +118,32 @@ class Answer:
         """(M, K) the heights at times on the measured clock [m]."""
         moments = times - clock_offset - self.delay
         if self.rows is None:
-            taken = np.column_stack([np.interp(moments, self.t, row) for row in self.heights.T])
+            taken = columns_at(moments, self.t, self.heights)
         else:
             taken = self.heights[self.rows]
         return taken if self.read is None else self.read(moments, taken)
+
+
+def simulate_all(
+    motions: Sequence[PreparedMotion], models: Sequence[Model]
+) -> list[list[Answer | None]]:
+    """Each model's answers to all motions."""
+    pairs = [(model, motion, motion.inputs_for(model)) for model in models for motion in motions]
+    if not pairs:
+        return []
+    # The search runs a fit per thread already.
+    heights = wall_heights(
+        [model for model, _, _ in pairs],
+        [inputs for _, _, inputs in pairs],
+        max_step=LONGEST_STEP,
+        threads=1,
+    )
+    answers = [
+        motion.answer(model, inputs, row)
+        for (model, motion, inputs), row in zip(pairs, heights, strict=True)
+    ]
+    count = len(motions)
+    return [answers[at : at + count] for at in range(0, len(answers), count)]
 
 
 def prepare(
@@ -160,9 +189,8 @@ def _thinned(t: Array, present: NDArray[np.bool_]) -> NDArray[np.int64]:
 def _resampled(inputs: Inputs, moments: Array, spacing: float) -> Inputs:
     """The inputs at given moments and on a grid between them."""
     end = max(float(inputs.t[-1]), float(moments[-1]) if len(moments) else -np.inf)
-    count = max(int(np.ceil((end - inputs.t[0]) / spacing)), 1)
-    marks = np.unique(np.concatenate([moments, [inputs.t[0], end]]))
     if len(moments) > 1:
+        marks = np.unique(np.concatenate([moments, [inputs.t[0], end]]))
         # As many between two marks as keep the spacing.
         counts = np.maximum(np.ceil(np.diff(marks) / spacing).astype(np.int64), 1)
         parts = [
@@ -171,15 +199,15 @@ def _resampled(inputs: Inputs, moments: Array, spacing: float) -> Inputs:
         ]
         t = np.concatenate([*parts, [end]])
     else:
+        count = max(int(np.ceil((end - inputs.t[0]) / spacing)), 1)
         t = np.linspace(inputs.t[0], end, count + 1)
-
     return inputs.resampled(t, _averaged(inputs.t, inputs.acceleration, t, spacing))
 
 
 def _averaged(t: Array, values: Array, moments: Array, width: float) -> Array:
     """Values at moments; averaged over a width where they are sampled more densely than that."""
     if len(t) < 3 or float(np.median(np.diff(t))) > 0.5 * width:
-        return np.column_stack([np.interp(moments, t, column) for column in values.T])
+        return columns_at(moments, t, values)
     steps = np.diff(t)[:, np.newaxis]
     integral = np.vstack(
         [np.zeros(3), np.cumsum(0.5 * (values[1:] + values[:-1]) * steps, axis=0)]
@@ -187,9 +215,6 @@ def _averaged(t: Array, values: Array, moments: Array, width: float) -> Array:
     low = np.clip(moments - 0.5 * width, t[0], t[-1])
     high = np.clip(moments + 0.5 * width, t[0], t[-1])
     span = np.maximum(high - low, 1e-9)
-    means = [
-        (np.interp(high, t, column) - np.interp(low, t, column)) / span for column in integral.T
-    ]
-    averaged = np.column_stack(means)
+    averaged = (columns_at(high, t, integral) - columns_at(low, t, integral)) / span[:, np.newaxis]
     averaged[high - low < 0.25 * width] = values[-1]
     return averaged

@@ -79,14 +79,26 @@ class Pool:
         return temperature(best, self.motions)
 
 
-def adequate(one: Fit, motions: Sequence[PreparedMotion]) -> bool:
-    """Whether a fit leaves hardly more than noise, or nothing that is surely more."""
-    mean_square, stddev = leftover(one, motions)
-    return mean_square < max(ADEQUATE**2, SURE * stddev)
+@dataclass(frozen=True, slots=True)
+class Leftover:
+    """The correlated part of a fit's residual.
+
+    Attributes:
+        mean_square: its mean square, in squares of the noise.
+        stddev: standard deviation of that.
+    """
+
+    mean_square: float
+    stddev: float
+
+    @property
+    def adequate(self) -> bool:
+        """Whether it is hardly more than noise, or nothing that is surely more."""
+        return self.mean_square < max(ADEQUATE**2, SURE * self.stddev)
 
 
-def leftover(one: Fit, motions: Sequence[PreparedMotion]) -> tuple[float, float]:
-    """Mean square of the residual's correlated part and its standard deviation, in noise²."""
+def leftover(one: Fit, motions: Sequence[PreparedMotion]) -> Leftover:
+    """What a fit leaves beside noise."""
     parts = [
         removable(motion.t, series)
         for motion, series in zip(motions, residual_series(one.residual, motions), strict=True)
@@ -95,7 +107,7 @@ def leftover(one: Fit, motions: Sequence[PreparedMotion]) -> tuple[float, float]
     weights = counts / counts.sum()
     mean = float(weights @ np.array([part.mean_square for part in parts]))
     spread = weights * np.array([part.mean_square_stddev for part in parts])
-    return mean, float(np.sqrt(spread @ spread))
+    return Leftover(mean, float(np.sqrt(spread @ spread)))
 
 
 class Search:
@@ -133,17 +145,15 @@ class Search:
             self._progress("single effects", 0.05)
             self._extend(pool, base, len(EFFECTS), STARTS_FITTED)
             for size in range(1, MOST_EFFECTS):
-                beam = [one for one in pool.ranked() if len(one.explanation.effects) == size]
-                if not beam or self._enough(pool):
+                ranked = pool.ranked()
+                beam = [one for one in ranked if len(one.explanation.effects) == size]
+                if not beam or leftover(ranked[0], self._motions).adequate:
                     break
                 self._progress(f"{size + 1} effects", 0.1 + 0.3 * size)
                 for one in beam[: BEAM if size == 1 else BEAM // 2]:
                     self._extend(pool, one, PROMISING, 1)
             self._refine(pool)
         return pool
-
-    def _enough(self, pool: Pool) -> bool:
-        return adequate(pool.ranked()[0], self._motions)
 
     def _refine(self, pool: Pool) -> None:
         """Fits the best explanations to the end, and each of them with one effect less."""

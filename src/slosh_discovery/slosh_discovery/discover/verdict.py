@@ -20,7 +20,7 @@ from slosh_discovery.discover.finding import Verdict
 from slosh_discovery.discover.fitting import Fit
 from slosh_discovery.discover.noise import removable
 from slosh_discovery.discover.problem import PreparedMotion
-from slosh_discovery.discover.search import Pool, adequate, leftover
+from slosh_discovery.discover.search import Leftover, Pool, leftover
 
 Array = NDArray[np.float64]
 
@@ -62,6 +62,7 @@ class Judgement:
         held_out: by effects: how well explanations predict motions left out of their fit.
         temperature: of the data; see `evidence`.
         trust: probability that the cause is a listed one, from what is left.
+        unseen: whether the measured heights hardly move while the base says that the liquid does.
     """
 
     verdict: Verdict
@@ -73,6 +74,7 @@ class Judgement:
     held_out: Mapping[tuple[str, ...], HeldOut]
     temperature: float
     trust: float
+    unseen: bool
 
 
 def judge(pool: Pool, motions: Sequence[PreparedMotion]) -> Judgement:
@@ -82,19 +84,14 @@ def judge(pool: Pool, motions: Sequence[PreparedMotion]) -> Judgement:
     more, every explanation is wrong, and better ones than others are those that predict motions
     which they were not fitted to.
     """
-    heat = pool.temperature
-    worthy = [one for one in pool.ranked() if not _negligible_part(one, pool, NEGLIGIBLE_SHARE)]
-    if unseen(pool.fits[()], motions):
-        worthy = [pool.fits[()]]
+    heat, base = pool.temperature, pool.fits[()]
+    unseen = _unseen(base, motions)
+    worthy = [base] if unseen else _worthy(pool.ranked(), pool, NEGLIGIBLE_SHARE)
     logs = {one.explanation.effects: log_evidence(one, heat) for one in worthy}
     tabled: dict[tuple[str, ...], HeldOut] = {}
-    if not adequate(worthy[0], motions):
-        worthy = [one for one in worthy if not _negligible_part(one, pool, COSMETIC_SHARE)]
-        contenders = [
-            one
-            for one in _contenders(worthy, pool)
-            if not _negligible_part(one, pool, COSMETIC_SHARE)
-        ]
+    if not leftover(worthy[0], motions).adequate:
+        likeliest = _worthy(worthy, pool, COSMETIC_SHARE)
+        contenders = _worthy(_contenders(likeliest, pool), pool, COSMETIC_SHARE)
         tabled = {one.explanation.effects: held_out(one, motions) for one in contenders}
         logs = {
             one.explanation.effects: -0.5 * tabled[one.explanation.effects].chi_square / heat
@@ -102,12 +99,15 @@ def judge(pool: Pool, motions: Sequence[PreparedMotion]) -> Judgement:
             for one in contenders
         }
     ranked = _ranked(pool, logs)
-    best, base = ranked[0][0], pool.fits[()]
-    trust = _trust(best, base, motions)
+    best = ranked[0][0]
+    before, after = leftover(base, motions), leftover(best, motions)
+    trust = _trust(before, after)
     effects = set(best.explanation.effects)
     likely = sum(share for one, share in ranked if effects <= set(one.explanation.effects))
     likely = likely if effects else ranked[0][1]
-    verdict, added = _verdict(best, base, likely, motions)
+    verdict, added = (
+        _verdict(likely, before, after) if effects else (_without_effects(before), False)
+    )
     names = best.explanation.effects if added else ()
     return Judgement(
         verdict=verdict,
@@ -122,6 +122,7 @@ def judge(pool: Pool, motions: Sequence[PreparedMotion]) -> Judgement:
         held_out=tabled,
         temperature=heat,
         trust=trust,
+        unseen=unseen,
     )
 
 
@@ -143,37 +144,40 @@ def _ranked(pool: Pool, logs: Mapping[tuple[str, ...], float]) -> tuple[tuple[Fi
     return tuple(sorted(pairs, key=lambda pair: (-pair[1], pair[0].chi_square)))
 
 
-def _verdict(
-    best: Fit, base: Fit, likely: float, motions: Sequence[PreparedMotion]
-) -> tuple[Verdict, bool]:
+def _without_effects(before: Leftover) -> Verdict:
+    """The verdict where no explanation is better than the base."""
+    return Verdict.NONE if before.adequate else Verdict.UNEXPLAINED
+
+
+def _verdict(likely: float, before: Leftover, after: Leftover) -> tuple[Verdict, bool]:
     """The verdict, and whether the best explanation goes into the model."""
-    if not best.explanation.effects:
-        return (Verdict.NONE if adequate(base, motions) else Verdict.UNEXPLAINED), False
-    if not adequate(best, motions):
-        closed = 1.0 - leftover(best, motions)[0] / leftover(base, motions)[0]
+    if not after.adequate:
+        closed = 1.0 - after.mean_square / before.mean_square
         if closed < CLOSED:
             return Verdict.UNEXPLAINED, closed >= PARTLY
     return (Verdict.NAMED if likely >= SURE_ENOUGH else Verdict.AMBIGUOUS), True
 
 
-def _negligible_part(one: Fit, pool: Pool, share: float) -> bool:
-    """Whether one of its effects could go, and no more than a share of the gap would come back."""
-    base = pool.fits[()]
-    count = len(one.residual)
+def _worthy(fits: Sequence[Fit], pool: Pool, share: float) -> list[Fit]:
+    """The fits none of whose effects could go with no more than a share of the gap coming back."""
+    count = len(pool.fits[()].residual)
     # What chi² per sample is noise, as far as the best fit tells.
-    noise = min(fit.chi_square for fit in pool.fits.values()) / count
-    gap = max(base.chi_square / count - noise, 0.0)
+    noise = min(one.chi_square for one in pool.fits.values()) / count
+    gap = max(pool.fits[()].chi_square / count - noise, 0.0)
     least = max(NEGLIGIBLE * noise, share * gap) * count
-    for name in one.explanation.effects:
-        smaller = pool.fits.get(
-            tuple(effect for effect in one.explanation.effects if effect != name)
-        )
-        if smaller is not None and smaller.chi_square - one.chi_square < least:
-            return True
-    return False
+
+    def comes_back(one: Fit, name: str) -> float:
+        smaller = pool.fits.get(one.explanation.without(name).effects)
+        return np.inf if smaller is None else smaller.chi_square - one.chi_square
+
+    return [
+        one
+        for one in fits
+        if all(comes_back(one, name) >= least for name in one.explanation.effects)
+    ]
 
 
-def unseen(base: Fit, motions: Sequence[PreparedMotion]) -> bool:
+def _unseen(base: Fit, motions: Sequence[PreparedMotion]) -> bool:
     """Whether the measured heights hardly move while the base says that the liquid does.
 
     A flat line is what many an effect can make of any wave, and none is the reason.
@@ -194,14 +198,12 @@ def _without_mean(heights: Array) -> Array:
     return centred
 
 
-def _trust(best: Fit, base: Fit, motions: Sequence[PreparedMotion]) -> float:
+def _trust(before: Leftover, after: Leftover) -> float:
     """Probability that the cause is a listed one, from the share of the gap that is left."""
-    after, stddev = leftover(best, motions)
-    before = leftover(base, motions)[0]
-    sure_rest = max(after - 2.0 * stddev, 0.0)
-    if before <= 0.0 or sure_rest == 0.0 or adequate(best, motions):
+    sure_rest = max(after.mean_square - 2.0 * after.stddev, 0.0)
+    if before.mean_square <= 0.0 or sure_rest == 0.0 or after.adequate:
         return 1.0
-    share = min(sure_rest / before, 1.0)
+    share = min(sure_rest / before.mean_square, 1.0)
     return float(max(1.0 - TRUST * np.sqrt(share), LEAST_TRUST * (1.0 - share)))
 
 

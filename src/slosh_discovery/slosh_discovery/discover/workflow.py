@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,8 +26,8 @@ from slosh_discovery.discover.fitting import Fit, fit
 from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_discovery.discover.next_steps import proposal, separating_motions
 from slosh_discovery.discover.problem import PreparedMotion, prepare
-from slosh_discovery.discover.search import Search
-from slosh_discovery.discover.verdict import Judgement, judge, unseen
+from slosh_discovery.discover.search import Progress, Search
+from slosh_discovery.discover.verdict import Judgement, judge
 from slosh_discovery.discover.where import where, worst_moments
 from slosh_discovery.errors import SloshDiscoveryError
 from slosh_discovery.metrics import (
@@ -39,7 +39,6 @@ from slosh_model.measure import predicted_heights
 from slosh_model.model import Model
 
 Array = NDArray[np.float64]
-Progress = Callable[[str, float], None]
 NAN = float("nan")
 
 LEAST_GAP = 0.3
@@ -89,7 +88,7 @@ def discover(
     return Finding(
         verdict=judgement.verdict,
         base=base,
-        model=_model_of(judgement.chosen),
+        model=judgement.chosen.model,
         effects=_effects(judgement, base),
         confidence=judgement.confidence,
         gap=_gap(cases),
@@ -99,14 +98,8 @@ def discover(
         candidates=candidates,
         separating=separating,
         proposal=proposed,
-        remarks=_remarks(judgement, unseen=unseen(pool.fits[()], prepared)),
+        remarks=_remarks(judgement),
     )
-
-
-def _model_of(one: Fit) -> Model:
-    model = one.explanation.model(one.vector)
-    assert model is not None  # a fit ends within its bounds
-    return model
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -126,7 +119,7 @@ def _cases(
     base: Model,
     judgement: Judgement,
 ) -> tuple[MotionFinding, ...]:
-    after_model = _model_of(judgement.chosen)
+    after_model = judgement.chosen.model
     known = dict(zip(map(id, motions), prepared, strict=True))
     starts = dict(zip(map(id, motions), judgement.chosen.clock_offsets, strict=True))
     roles = [(motion, Role.FIT) for motion in motions]
@@ -256,9 +249,9 @@ def _pooled(values: Sequence[float], cases: Sequence[MotionFinding]) -> float:
     return float(np.sqrt(np.average(np.square(values), weights=weights)))
 
 
-def _remarks(judgement: Judgement, *, unseen: bool) -> tuple[str, ...]:
+def _remarks(judgement: Judgement) -> tuple[str, ...]:
     remarks = []
-    if unseen:
+    if judgement.unseen:
         remarks.append(
             "The measured heights hardly move while the model says that the liquid does: look at "
             "the camera first."

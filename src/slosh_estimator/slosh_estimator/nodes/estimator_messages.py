@@ -52,11 +52,11 @@ def _fill_model(message: ModelEstimate, state: ModelState) -> None:
     message.sh_x = state.sh_x
     message.sh_y = state.sh_y
     position, velocity = message.modal_position, message.modal_velocity
-    if len(position) != 2 * len(state.modal):
-        message.modal_position = position = array("d", bytes(16 * len(state.modal)))
-        message.modal_velocity = velocity = array("d", bytes(16 * len(state.modal)))
-    at = 0
-    for x, y, vx, vy in state.modal:
-        position[at], position[at + 1] = x, y
-        velocity[at], velocity[at + 1] = vx, vy
-        at += 2
+    modal = state.modal
+    if 2 * len(position) != len(modal):
+        # The message copies what it is given: what is written to is its own array.
+        message.modal_position = array("d", bytes(4 * len(modal)))
+        message.modal_velocity = array("d", bytes(4 * len(modal)))
+        position, velocity = message.modal_position, message.modal_velocity
+    for at in range(0, len(position), 2):
+        position[at], position[at + 1], velocity[at], velocity[at + 1] = modal[2 * at : 2 * at + 4]

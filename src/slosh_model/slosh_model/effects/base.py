@@ -7,15 +7,13 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import Enum
 
-from numba import njit
-
+from slosh_model.compilation import compiled
 from slosh_model.errors import SloshModelError
 from slosh_model.modes import Mode
 
 Parameters = Mapping[str, float]
 
-compiled = njit(error_model="numpy")
-"""Compiles a term; a division by zero gives inf or NaN, whose check would double the cost."""
+__all__ = ["SETTLING", "Effect", "Parameter", "Parameters", "Stage", "compiled"]
 
 # The compiled hooks. Whatever they read comes in tuples, so that what a later effect needs can be
 # appended without a change to the others; p: the effect's parameters in their order.

@@ -10,40 +10,40 @@ _STEP = 0.1  # of 1/ω; the error per step is below 1e-7 of the signal
 
 
 @compiled
-def _follow(y, v, u0, u1, dt, omega, zeta):  # type: ignore[no-untyped-def]
-    """One axis of the arm over one sample, by Runge-Kutta steps; u0, u1: command at its ends."""
-    count = max(math.ceil(dt * omega / _STEP), 1)
-    h = dt / count
-    for i in range(count):
-        a = u0 + (u1 - u0) * (i / count)
-        b = u0 + (u1 - u0) * ((i + 1) / count)
-        m = 0.5 * (a + b)
-        k1 = omega * omega * (a - y) - 2.0 * zeta * omega * v
-        v2 = v + 0.5 * h * k1
-        k2 = omega * omega * (m - y - 0.5 * h * v) - 2.0 * zeta * omega * v2
-        v3 = v + 0.5 * h * k2
-        k3 = omega * omega * (m - y - 0.5 * h * v2) - 2.0 * zeta * omega * v3
-        v4 = v + h * k3
-        k4 = omega * omega * (b - y - h * v3) - 2.0 * zeta * omega * v4
-        y += h / 6.0 * (v + 2.0 * v2 + 2.0 * v3 + v4)
-        v += h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+def _follow(y, v, a, m, b, h, omega, zeta):  # type: ignore[no-untyped-def]
+    """One axis of the arm over one Runge-Kutta step; a, m, b: command at begin, middle, end."""
+    k1 = omega * omega * (a - y) - 2.0 * zeta * omega * v
+    v2 = v + 0.5 * h * k1
+    k2 = omega * omega * (m - y - 0.5 * h * v) - 2.0 * zeta * omega * v2
+    v3 = v + 0.5 * h * k2
+    k3 = omega * omega * (m - y - 0.5 * h * v2) - 2.0 * zeta * omega * v3
+    v4 = v + h * k3
+    k4 = omega * omega * (b - y - h * v3) - 2.0 * zeta * omega * v4
+    y += h / 6.0 * (v + 2.0 * v2 + 2.0 * v3 + v4)
+    v += h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
     return y, v
 
 
 @compiled
 def _drive(dt, inputs, pose, memory, p):  # type: ignore[no-untyped-def]
-    # memory: for each axis the command, the arm's acceleration and its rate of change.
+    # memory: the command, the arm's acceleration and its rate of change, of each axis.
+    if dt == SETTLING:
+        for axis in range(3):
+            memory[3 + axis], memory[6 + axis] = inputs[axis], 0.0
+    elif dt > 0.0:
+        count = max(math.ceil(dt * p[0] / _STEP), 1)
+        h = dt / count
+        for i in range(count):
+            begin, end = i / count, (i + 1) / count
+            for axis in range(3):  # side by side: none waits for the others
+                u0, u1 = memory[axis], inputs[axis]
+                a, b = u0 + (u1 - u0) * begin, u0 + (u1 - u0) * end
+                memory[3 + axis], memory[6 + axis] = _follow(
+                    memory[3 + axis], memory[6 + axis], a, 0.5 * (a + b), b, h, p[0], p[1]
+                )
     for axis in range(3):
-        command = inputs[axis]
-        place = 3 * axis
-        if dt == SETTLING:
-            memory[place + 1], memory[place + 2] = command, 0.0
-        elif dt > 0.0:
-            memory[place + 1], memory[place + 2] = _follow(
-                memory[place + 1], memory[place + 2], memory[place], command, dt, p[0], p[1]
-            )
-        memory[place] = command
-    return memory[1], memory[4], memory[7], inputs[3]
+        memory[axis] = inputs[axis]
+    return memory[3], memory[4], memory[5], inputs[3]
 
 
 EFFECT = Effect(

@@ -4,24 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
-from numba import njit
+from numba.types import boolean, float64, int64
 from numpy.typing import NDArray
 
 from slosh_discovery.discover.generic.terms import Term, term_value
 from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_model import kernel
-from slosh_model.compile_cache import use_compile_cache
+from slosh_model.compilation import compiled, entry_point
 from slosh_model.errors import SloshModelError
+from slosh_model.layout import CHANGED_1, CHANGED_2, GIVEN_1, GIVEN_2, records
 from slosh_model.measure import delay, measured_heights, with_moments
 from slosh_model.model import Model
 from slosh_model.simulate import Inputs, Response, Simulator
 
 Array = NDArray[np.float64]
-
-use_compile_cache(Path(__file__).resolve().parent)
 
 GRID = 0.005
 """Longest time between the samples at which the terms are evaluated [s]."""
@@ -78,23 +76,26 @@ class Setting:
         return squares, float(np.sum((stiffness * states[:, :2]) ** 2))
 
     def _run(self, terms: Sequence[Term], coefficients: Sequence[float]) -> tuple[Array, Array]:
-        simulator = Simulator(self.model)
-        modal, modes, parameters, held = simulator.arrays
+        simulator = Simulator(self.model, max_step=GRID)
         inputs = self.inputs
         heights, states = np.empty((len(inputs.t), 2)), np.empty((len(inputs.t), 4))
         finite = _advance_with_terms(
-            modal, modes, parameters, held, inputs.t, inputs.acceleration, inputs.yaws,
-            inputs.poses, np.array([[term.scalar, term.vector] for term in terms]).reshape(-1, 2),
-            np.array(coefficients, dtype=np.float64), heights, states,
+            simulator.store, inputs.t, inputs.acceleration, inputs.yaws, inputs.poses,
+            _codes(terms), np.array(coefficients, dtype=np.float64), heights, states,
         )  # fmt: skip
         if not (finite and np.isfinite(heights).all()):
             raise SloshModelError("the model with generic terms has no bounded solution")
         return heights, states
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
-def _force(codes, coefficients, t, modal, acceleration):  # type: ignore[no-untyped-def]
-    q = (modal[0, 0], modal[0, 1], modal[0, 2], modal[0, 3])
+def _codes(terms: Sequence[Term]) -> NDArray[np.int64]:
+    codes = np.array([[term.scalar, term.vector] for term in terms], dtype=np.int64)
+    return codes.reshape(-1, 2)
+
+
+@compiled
+def _force(codes, coefficients, t, mode, acceleration):  # type: ignore[no-untyped-def]
+    q = (mode["x"], mode["y"], mode["vx"], mode["vy"])
     a = (acceleration[0], acceleration[1], acceleration[2])
     fx = fy = 0.0
     for k in range(codes.shape[0]):
@@ -104,18 +105,23 @@ def _force(codes, coefficients, t, modal, acceleration):  # type: ignore[no-unty
     return fx, fy
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@entry_point(
+    boolean(
+        CHANGED_1, GIVEN_1, GIVEN_2, GIVEN_1, GIVEN_2, int64[:, ::1], GIVEN_1, CHANGED_2, CHANGED_2
+    )
+)
 def _advance_with_terms(  # type: ignore[no-untyped-def]
-    modal, modes, parameters, held, t, acceleration, yaws, poses, codes, coefficients, heights,
-    states,
-):  # fmt: skip
+    store, t, acceleration, yaws, poses, codes, coefficients, heights, states
+):
     """The model's own integration; the terms' force acts as the container's acceleration.
 
     Each sample is taken twice: with the force that the last two samples foretell, then with the
     one of the state that it leads to. False: the force has run away.
     """
-    saved_modal, saved_held = modal.copy(), held.copy()
-    fx, fy = _force(codes, coefficients, 0.0, modal, acceleration[0])
+    saved = store.copy()
+    runs, modes = records(store)
+    run, first = runs[0], modes[0]
+    fx, fy = _force(codes, coefficients, 0.0, first, acceleration[0])
     old_x, old_y = fx, fy
     for i in range(t.shape[0]):
         dt = t[i] - t[i - 1] if i > 0 else 0.0
@@ -123,28 +129,25 @@ def _advance_with_terms(  # type: ignore[no-untyped-def]
         pose = kernel.pose_at(poses, i)
         next_x, next_y = 2.0 * fx - old_x, 2.0 * fy - old_y
         old_x, old_y = fx, fy
-        saved_modal[:] = modal
-        saved_held[:] = held
+        saved[:] = store
         height_x = height_y = turn = 0.0
         for turn_of_two in range(2 if codes.shape[0] > 0 else 1):
             if turn_of_two == 1:
-                next_x, next_y = _force(codes, coefficients, t[i] - t[0], modal, acceleration[i])
-                modal[:] = saved_modal
-                held[:] = saved_held
+                next_x, next_y = _force(codes, coefficients, t[i] - t[0], first, acceleration[i])
+                store[:] = saved
             height_x, height_y, turn = kernel.advance(
-                modal, modes, parameters, held, ax - next_x, ay - next_y, az, yaws[i], pose, dt,
-                GRID,
-            )  # fmt: skip
+                run, modes, ax - next_x, ay - next_y, az, yaws[i], pose, dt
+            )
         fx, fy = next_x, next_y
         if not abs(fx) + abs(fy) < STRONGEST:
             return False
         heights[i, 0], heights[i, 1] = kernel.turned(height_x, height_y, turn)
-        for k in range(4):
-            states[i, k] = modal[0, k]
+        states[i, 0], states[i, 1] = first["x"], first["y"]
+        states[i, 2], states[i, 3] = first["vx"], first["vy"]
     return True
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@entry_point(float64(int64, int64, GIVEN_1, GIVEN_2, GIVEN_2))
 def _square_sum(scalar, vector, t, states, acceleration):  # type: ignore[no-untyped-def]
     total = 0.0
     for i in range(t.shape[0]):

@@ -9,14 +9,8 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from pathlib import Path
 
-from numba import njit
-
-from slosh_model.compile_cache import use_compile_cache
-from slosh_model.effects.base import compiled
-
-use_compile_cache(Path(__file__).resolve().parent)
+from slosh_model.compilation import compiled
 
 # label, exponents of the unit in m and s; the place is the code in `_scalar` and `_vector`.
 _SCALARS = (
@@ -149,7 +143,7 @@ def _cube(code, q):  # type: ignore[no-untyped-def]
     return (q[2] ** 3, 0.0) if code == 14 else (0.0, q[3] ** 3)
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@compiled
 def term_value(scalar, vector, t, q, a):  # type: ignore[no-untyped-def]
     """A term's two components.
 

@@ -1,0 +1,261 @@
+"""The kernel for many trajectories at once: the same equations, a vector of trajectories each.
+
+A block of trajectories, one to a lane, goes through time together. Each quantity is a row with a
+value per lane; all rows lie in one flat array, each at a place that is known when the code is
+compiled, so that the loops over the lanes become vector instructions without checks for overlap.
+The operations and their order are those of `slosh_model.kernel`: the answers are the same bits.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba.types import boolean, int64, void
+
+from slosh_model.compilation import compiled, entry_point
+from slosh_model.effects.registry import DRIVE_MEMORY_COUNT, PARAMETER_COUNT
+from slosh_model.kernel import POSE_COUNT, constants_of, pose_at, turned, unwrapped
+from slosh_model.lane_chains import all_lane_drives, all_lane_modulations, all_lane_terms
+from slosh_model.lane_rows import (
+    ACCELERATION,
+    BEGIN,
+    CONSTANTS,
+    ELAPSED,
+    HEIGHTS,
+    INPUTS,
+    INTERVAL,
+    LANES,
+    LEFT_INPUTS,
+    LENGTH,
+    MODE,
+    MOMENT,
+    NEW_INPUTS,
+    OLD_INPUTS,
+    PARAMETERS,
+    POSE,
+    RIGHT_INPUTS,
+    START,
+    STATE,
+    STEP,
+    SUMS,
+    TOTAL,
+    YAW,
+)
+from slosh_model.layout import CHANGED_2, CHANGED_STRIDED_3, STRIDED_2, STRIDED_3, records
+
+_STAGE_WEIGHTS = (1.0, 2.0, 2.0, 1.0)
+_STAGE_SHARES = (0.0, 0.5, 0.5, 1.0)
+
+
+@compiled
+def _copy(lanes, w, source, target, count):  # type: ignore[no-untyped-def]
+    for row in range(count):
+        for k in range(lanes):
+            w[target + row * LANES + k] = w[source + row * LANES + k]
+
+
+@compiled
+def _blend(lanes, w, left, right, share, target):  # type: ignore[no-untyped-def]
+    """The inputs at a share of the way from left to right."""
+    for row in range(4):
+        at = row * LANES
+        for k in range(lanes):
+            u0, u1 = w[left + at + k], w[right + at + k]
+            w[target + at + k] = u0 + share * (u1 - u0)
+
+
+@compiled
+def _accelerate(lanes, w):  # type: ignore[no-untyped-def]
+    """q̈ of one mode in each lane; see kernel._acceleration."""
+    all_lane_terms(lanes, w)
+    for k in range(lanes):
+        omega, zeta = w[MODE + k], w[MODE + LANES + k]
+        x, y = w[STATE + k], w[STATE + LANES + k]
+        vx, vy = w[STATE + 2 * LANES + k], w[STATE + 3 * LANES + k]
+        fx = w[SUMS + k] - 2.0 * zeta * omega * vx - omega * omega * x - w[INPUTS + k]
+        fy = w[SUMS + LANES + k] - 2.0 * zeta * omega * vy - omega * omega * y
+        fy -= w[INPUTS + LANES + k]
+        mxx, mxy = w[SUMS + 2 * LANES + k] + 1.0, w[SUMS + 3 * LANES + k]
+        myy = w[SUMS + 4 * LANES + k] + 1.0
+        inverse = 1.0 / (mxx * myy - mxy * mxy)
+        w[ACCELERATION + k] = inverse * (myy * fx - mxy * fy)
+        w[ACCELERATION + LANES + k] = inverse * (mxx * fy - mxy * fx)
+
+
+@compiled
+def _take_slope(lanes, w, weight, share):  # type: ignore[no-untyped-def]
+    """Adds a stage's slope, (vx, vy, ax, ay), to the sums; goes a share of the step along it."""
+    for row in range(4):
+        at = row * LANES
+        slope = at + (STATE + 2 * LANES if row < 2 else ACCELERATION - 2 * LANES)
+        for k in range(lanes):
+            value = w[slope + k]
+            w[TOTAL + at + k] += weight * value
+            w[STATE + at + k] = w[START + at + k] + share * w[STEP + k] * value
+
+
+@compiled
+def _step(lanes, w, modulated):  # type: ignore[no-untyped-def]
+    """One classical Runge-Kutta step of a mode, the inputs going from left to right."""
+    for row in range(4):
+        for k in range(lanes):
+            w[START + row * LANES + k] = w[STATE + row * LANES + k]
+            # Minus zero: the first slope stays what it is, its sign included.
+            w[TOTAL + row * LANES + k] = -0.0
+    for stage in range(4):
+        share = _STAGE_SHARES[stage]
+        for k in range(lanes):
+            w[MOMENT + k] = w[BEGIN + k] + share * w[STEP + k]
+        if modulated:
+            all_lane_modulations(lanes, w)
+        if stage == 3:
+            _copy(lanes, w, RIGHT_INPUTS, INPUTS, 4)
+        elif stage != 2:
+            _blend(lanes, w, LEFT_INPUTS, RIGHT_INPUTS, share, INPUTS)
+        _accelerate(lanes, w)
+        following = _STAGE_SHARES[stage + 1] if stage < 3 else 0.0
+        _take_slope(lanes, w, _STAGE_WEIGHTS[stage], following)
+    for row in range(4):
+        at = row * LANES
+        for k in range(lanes):
+            w[STATE + at + k] = w[START + at + k] + w[STEP + k] / 6.0 * w[TOTAL + at + k]
+
+
+@compiled
+def _take_inputs(lanes, w, intervals, inputs, yaws, i):  # type: ignore[no-untyped-def]
+    """The given inputs of sample i; see kernel.advance."""
+    for k in range(lanes):
+        w[INTERVAL + k] = intervals[k, i]
+        w[NEW_INPUTS + k], w[NEW_INPUTS + LANES + k] = inputs[k, i, 0], inputs[k, i, 1]
+        w[NEW_INPUTS + 2 * LANES + k] = inputs[k, i, 2]
+        yaw, before = yaws[k, i], w[YAW + k]
+        if yaw != before:
+            yaw = w[YAW + k] = unwrapped(yaw, before)
+        w[NEW_INPUTS + 3 * LANES + k] = yaw
+
+
+@compiled
+def _take_poses(lanes, w, poses, i):  # type: ignore[no-untyped-def]
+    for k in range(lanes):
+        pose = pose_at(poses[k], i)
+        for row in range(POSE_COUNT):
+            w[POSE + row * LANES + k] = pose[row]
+
+
+@compiled
+def _load_runs(lanes, w, stores, memory):  # type: ignore[no-untyped-def]
+    """The last inputs, the effects' parameters and what they remember of the inputs."""
+    for k in range(lanes):
+        runs, _ = records(stores[k])
+        run, at = runs[0], NEW_INPUTS + k
+        w[at], w[at + LANES], w[at + 2 * LANES] = run["ax"], run["ay"], run["az"]
+        w[at + 3 * LANES], w[YAW + k], w[ELAPSED + k] = run["turn"], run["yaw"], run["elapsed"]
+        memory[k] = run["drive_memory"]
+        for slot in range(PARAMETER_COUNT):
+            w[PARAMETERS + slot * LANES + k] = run["parameters"][slot]
+
+
+@compiled
+def _load_mode(lanes, w, stores, n):  # type: ignore[no-untyped-def]
+    for k in range(lanes):
+        _, modes = records(stores[k])
+        mode = modes[n]
+        constants = constants_of(mode)
+        for row in range(len(constants)):
+            w[CONSTANTS + row * LANES + k] = constants[row]
+            w[MODE + row * LANES + k] = constants[row]
+        w[STATE + k], w[STATE + LANES + k] = mode["x"], mode["y"]
+        w[STATE + 2 * LANES + k], w[STATE + 3 * LANES + k] = mode["vx"], mode["vy"]
+
+
+@compiled
+def _save_mode(lanes, w, stores, n):  # type: ignore[no-untyped-def]
+    for k in range(lanes):
+        _, modes = records(stores[k])
+        mode = modes[n]
+        mode["x"], mode["y"] = w[STATE + k], w[STATE + LANES + k]
+        mode["vx"], mode["vy"] = w[STATE + 2 * LANES + k], w[STATE + 3 * LANES + k]
+
+
+@compiled
+def _advance_mode(lanes, w, count, modulated):  # type: ignore[no-untyped-def]
+    """Integrates a mode from the old inputs to the new ones, and adds its heights."""
+    _copy(lanes, w, OLD_INPUTS, LEFT_INPUTS, 4)
+    for part in range(count):
+        for k in range(lanes):
+            w[BEGIN + k] = w[ELAPSED + k] + w[INTERVAL + k] * (part / count)
+            w[STEP + k] = w[INTERVAL + k] / count
+        _blend(lanes, w, OLD_INPUTS, NEW_INPUTS, (part + 1) / count, RIGHT_INPUTS)
+        _step(lanes, w, modulated)
+        _copy(lanes, w, RIGHT_INPUTS, LEFT_INPUTS, 4)
+    for k in range(lanes):
+        w[MOMENT + k] = w[ELAPSED + k] + w[INTERVAL + k]
+    if modulated:
+        all_lane_modulations(lanes, w)
+    for k in range(lanes):
+        gain = w[MODE + 4 * LANES + k]
+        w[HEIGHTS + k] += gain * w[STATE + k]
+        w[HEIGHTS + LANES + k] += gain * w[STATE + LANES + k]
+
+
+@compiled
+def _write_heights(lanes, w, heights, i):  # type: ignore[no-untyped-def]
+    for k in range(lanes):
+        height_x, height_y = w[HEIGHTS + k], w[HEIGHTS + LANES + k]
+        turn = w[NEW_INPUTS + 3 * LANES + k]
+        heights[k, i, 0], heights[k, i, 1] = turned(height_x, height_y, turn)
+        w[HEIGHTS + k] = w[HEIGHTS + LANES + k] = 0.0
+        w[ELAPSED + k] += w[INTERVAL + k]
+
+
+@entry_point(
+    void(
+        CHANGED_2,
+        int64[::1],
+        STRIDED_2,
+        STRIDED_3,
+        STRIDED_2,
+        STRIDED_3,
+        boolean,
+        boolean,
+        CHANGED_STRIDED_3,
+    )
+)
+def advance_block(  # type: ignore[no-untyped-def]
+    stores, counts, intervals, inputs, yaws, poses, driven, modulated, heights
+):
+    """`kernel.advance_many` for up to LANES models that have taken their first sample.
+
+    Args:
+        stores: (K, …) their stores, with the same effects switched on and as many modes.
+        counts: (N,) how many sub-steps lead to each input, at least 1.
+        intervals: (K, N) time from the input before [s]; 0 where a trajectory has ended.
+        inputs: (K, N, 3) acceleration [m/s²].
+        yaws: (K, N) [rad].
+        poses: (K, N, POSE_COUNT), or (K, 0, POSE_COUNT) for upright containers.
+        driven, modulated: whether the models have effects on the input, and on the modes'
+            constants with time.
+        heights: (K, N, 2) receives the wall heights at the containers' +x and +y [m].
+    """
+    lanes = stores.shape[0]
+    w = np.zeros(LENGTH)
+    memory = np.empty((lanes, max(DRIVE_MEMORY_COUNT, 1)))
+    turning = poses.shape[1] > 0
+    _load_runs(lanes, w, stores, memory)
+    _take_poses(lanes, w, poses, 0)
+    mode_count = records(stores[0])[1].shape[0]
+    if mode_count == 1:
+        _load_mode(lanes, w, stores, 0)
+    for i in range(counts.shape[0]):
+        _copy(lanes, w, NEW_INPUTS, OLD_INPUTS, 4)
+        _take_inputs(lanes, w, intervals, inputs, yaws, i)
+        if driven:
+            if turning:
+                _take_poses(lanes, w, poses, i)
+            all_lane_drives(lanes, w, memory)
+        for n in range(mode_count):
+            if mode_count > 1:
+                _load_mode(lanes, w, stores, n)
+            _advance_mode(lanes, w, counts[i], modulated)
+            if mode_count > 1:
+                _save_mode(lanes, w, stores, n)
+        _write_heights(lanes, w, heights, i)

@@ -1,0 +1,23 @@
+"""Linear interpolation of several columns at once."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Times = NDArray[np.float64] | NDArray[np.int64]
+
+
+def columns_at(moments: Times, t: Times, columns: Array) -> Array:
+    """Columns at other moments; beyond the samples the end values stay.
+
+    Args:
+        moments: (M,) in any unit.
+        t: (N,) rising, in the same unit.
+        columns: (N, K).
+
+    Returns:
+        (M, K).
+    """
+    return np.column_stack([np.interp(moments, t, column) for column in columns.T])

@@ -1,0 +1,57 @@
+"""Where a block of trajectories holds its quantities; see `batch_kernel`.
+
+Each name is the place of a quantity's first row in a flat array; row r of it, in lane k, is at
+`place + r LANES + k`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from slosh_model.effects.registry import PARAMETER_COUNT
+
+LANES = 32
+"""Trajectories of a block, at most: what they need lies in the processor's first cache."""
+
+
+def _places(**rows: int) -> tuple[Mapping[str, int], int]:
+    places, end = {}, 0
+    for name, count in rows.items():
+        places[name] = end
+        end += count * LANES
+    return places, end
+
+
+_PLACES, LENGTH = _places(
+    mode=7,  # at the moment: ω, ζ, C, R, wall height per displacement, ξ, h
+    constants=7,  # the same without what changes them with time
+    state=4,  # x, y, vx, vy, where the slope is taken
+    start=4,  # the same at the begin of a Runge-Kutta step
+    total=4,  # the method's sum of slopes
+    sums=5,  # fx, fy, mxx, mxy, myy of the effects' terms
+    acceleration=2,  # of the mass
+    inputs=4,  # ax, ay, az, turn at the moment
+    left_inputs=4,  # the same at the ends of the step
+    right_inputs=4,
+    old_inputs=4,  # and of the last two samples
+    new_inputs=4,
+    pose=10,  # of the last sample
+    yaw=1,
+    elapsed=1,  # time since rest, at the last sample but one
+    interval=1,  # from there to the last one
+    begin=1,  # time since rest at the begin of the Runge-Kutta step
+    step=1,  # its length
+    moment=1,  # time since rest where the slope is taken
+    heights=2,  # at +x and +y
+    parameters=PARAMETER_COUNT,  # the effects' switches and parameters
+)
+
+MODE, CONSTANTS = _PLACES["mode"], _PLACES["constants"]
+STATE, START, TOTAL = _PLACES["state"], _PLACES["start"], _PLACES["total"]
+SUMS, ACCELERATION = _PLACES["sums"], _PLACES["acceleration"]
+INPUTS, POSE, YAW = _PLACES["inputs"], _PLACES["pose"], _PLACES["yaw"]
+LEFT_INPUTS, RIGHT_INPUTS = _PLACES["left_inputs"], _PLACES["right_inputs"]
+OLD_INPUTS, NEW_INPUTS = _PLACES["old_inputs"], _PLACES["new_inputs"]
+HEIGHTS, PARAMETERS = _PLACES["heights"], _PLACES["parameters"]
+ELAPSED, INTERVAL = _PLACES["elapsed"], _PLACES["interval"]
+BEGIN, STEP, MOMENT = _PLACES["begin"], _PLACES["step"], _PLACES["moment"]

@@ -1,0 +1,155 @@
+"""Compares compiled code with a plain Python evaluation of the same equations, in milliseconds.
+
+Whatever a cache, a compiler or a processor has made of the kernel: the first time that a process
+loads a compiled function, it runs it beside its own source, with every effect, and does not work
+where the two differ.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_model import batch_kernel, kernel
+from slosh_model.compilation import EntryPoint, uncompiled
+from slosh_model.compile_cache import cache_folder
+from slosh_model.containers import Cylinder
+from slosh_model.effects.base import Effect
+from slosh_model.effects.registry import BY_HOOK, READING_MEMORY_COUNT
+from slosh_model.errors import SloshModelError
+from slosh_model.model import Model
+from slosh_model.simulate import Inputs, effect_parameters, store_of
+
+Array = NDArray[np.float64]
+
+TOLERANCE = 1e-9
+"""Relative to the largest value. The elementary functions of two libraries differ by 1e-16."""
+SAMPLES = 24
+REFERENCE = Model(Cylinder(0.05, 0.07))
+
+
+def compare(entry: EntryPoint, *arguments: Any) -> None:
+    """Calls a compiled function and the same as plain Python, on copies of the arguments.
+
+    Raises:
+        SloshModelError: they return, or leave in the arguments, different numbers.
+    """
+    compiled, plain = (
+        _outcome(function, arguments) for function in (entry.load(), uncompiled(entry))
+    )
+    for one, other in zip(compiled, plain, strict=True):
+        _check_equal(entry, one.ravel(), other.ravel())
+
+
+def reference_models(model: Model = REFERENCE) -> tuple[Model, Model]:
+    """A model, and the same with every effect that acts on the liquid."""
+    every = model
+    for effect in _effects("drive", "modulation", "term"):
+        if not model.has(effect.name):
+            every = every.with_effect(effect.name, **example_parameters(effect))
+    return model, every
+
+
+def example_parameters(effect: Effect) -> dict[str, float]:
+    """Parameters with which an effect does something."""
+    values = {}
+    for parameter in effect.parameters:
+        lower, upper = parameter.plausible or (parameter.lower, parameter.upper)
+        value = lower + 0.6 * (upper - lower)
+        values[parameter.name] = value if parameter.choices is None else parameter.choices[-1]
+    return values
+
+
+@cache
+def reference_motion() -> Inputs:
+    """A short motion in which everything changes: acceleration, tilt, yaw, spacing."""
+    rows = np.arange(SAMPLES)
+    t = 0.003 * rows + 0.001 * np.sin(rows)
+    acceleration = np.column_stack([2.0 * np.sin(40 * t), 1.5 - 30.0 * t, np.cos(50 * t) - 0.5])
+    attitude = np.column_stack(
+        [0.1 * np.sin(30 * t), 0.2 * np.cos(20 * t), 3.0 * t, np.ones(SAMPLES)]
+    )
+    return Inputs(t, acceleration, attitude)
+
+
+def _check_advance_many() -> None:
+    motion = reference_motion()
+    for model in reference_models():
+        store, modes = store_of(model), len(model.mode_constants())
+        compare(
+            kernel.advance_many, store, np.diff(motion.t, prepend=motion.t[0]),
+            motion.acceleration, motion.yaws, motion.poses, np.zeros((SAMPLES, modes, 4)),
+            np.zeros((SAMPLES, 2)),
+        )  # fmt: skip
+
+
+def _check_step() -> None:
+    for model in reference_models():
+        compare(kernel.step, store_of(model), 0.002, 1.0, -2.0, 0.5)
+
+
+def _check_read_many() -> None:
+    t, radius = reference_motion().t, REFERENCE.container.radius
+    heights = 0.01 * np.column_stack([np.sin(60 * t), np.cos(45 * t)])
+    for effect in _effects("reading"):
+        parameters = effect_parameters(
+            REFERENCE.with_effect(effect.name, **example_parameters(effect))
+        )
+        for azimuth in (np.nan, 0.4):
+            memory, read = np.zeros(max(READING_MEMORY_COUNT, 1)), np.zeros(len(t))
+            compare(kernel.read_many, t, 0.5, heights, azimuth, radius, parameters, memory, read)
+
+
+def _check_advance_block() -> None:
+    motion, lanes, count = reference_motion(), 2, 6
+    part = slice(1, 1 + count)
+    for model in reference_models():
+        stores = np.stack([store_of(model)] * lanes)
+        compare(
+            batch_kernel.advance_block, stores, np.full(count, 2),
+            *(
+                np.stack([array] * lanes)
+                for array in (
+                    np.diff(motion.t)[:count], motion.acceleration[part], motion.yaws[part],
+                    motion.poses[part],
+                )
+            ),
+            bool(model.uses("drive")), bool(model.uses("modulation")),
+            np.zeros((lanes, count, 2)),
+        )  # fmt: skip
+
+
+kernel.advance_many.check_with(_check_advance_many)
+kernel.step.check_with(_check_step)
+kernel.read_many.check_with(_check_read_many)
+batch_kernel.advance_block.check_with(_check_advance_block)
+
+
+def _outcome(function: Callable[..., Any], arguments: Sequence[Any]) -> list[Array]:
+    """What a function returns and what it leaves in its arguments."""
+    given = [one.copy() if isinstance(one, np.ndarray) else one for one in arguments]
+    with np.errstate(all="ignore"):
+        returned = function(*given)
+    values = [] if returned is None else [np.asarray(returned, dtype=np.float64)]
+    return [*values, *(one for one in given if isinstance(one, np.ndarray))]
+
+
+def _effects(*hooks: str) -> Iterator[Effect]:
+    named = {effect.name: effect for hook in hooks for effect in BY_HOOK[hook]}
+    return iter(named.values())
+
+
+def _check_equal(entry: EntryPoint, compiled: Array, plain: Array) -> None:
+    scale = float(np.nanmax(np.abs(plain), initial=1e-12))
+    close = np.isclose(compiled, plain, rtol=0.0, atol=TOLERANCE * scale, equal_nan=True)
+    if not close.all():
+        at = int(np.argmin(close))
+        raise SloshModelError(
+            f"self-test: the compiled {entry.name} gives {compiled[at]:.9g} where its equations "
+            f"give {plain[at]:.9g}: the compiled code in {cache_folder()} is not this program's; "
+            "delete that folder and start again"
+        )

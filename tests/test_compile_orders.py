@@ -1,0 +1,118 @@
+"""In whichever order processes compile, live estimates, replays and simulations are the same bits.
+
+Every process finds in the cache what those before it compiled, each in an order of its own.
+"""
+
+from __future__ import annotations
+
+import functools
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Sequence
+from itertools import permutations
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from slosh_bag.definitions import find_interfaces
+
+PROGRAM = Path(__file__).with_name("compiled_work.py")
+WORKS = ("live", "simulate", "replay", "detect", "discover")
+PATIENCE = 600.0
+needs_interfaces = pytest.mark.skipif(
+    find_interfaces("slosh_msgs") is None, reason="the interfaces are not built"
+)
+
+
+def start(work: str, folder: Path, cache: Path | None) -> subprocess.Popen[str]:
+    """A work in a process of its own, with a compile cache of its own or the usual one."""
+    own = {} if cache is None else {"NUMBA_CACHE_DIR": str(cache)}
+    place = folder / f"{work}_{len(list(folder.iterdir()))}"
+    place.mkdir()
+    return subprocess.Popen(
+        [sys.executable, str(PROGRAM), work, str(place)],
+        env={**os.environ, **own},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+def finish(process: subprocess.Popen[str]) -> str:
+    """What it printed; it ended well."""
+    output, errors = process.communicate(timeout=PATIENCE)
+    assert process.returncode == 0, errors
+    return output
+
+
+def compare(folder: Path, cache: Path | None) -> dict[str, Any]:
+    """By effect: what differs, and a digest of all bits."""
+    found: dict[str, Any] = json.loads(finish(start("compare", folder, cache)))
+    return found
+
+
+@functools.cache
+def expected_bits(folder: Path) -> dict[str, Any]:
+    """The bits with the cache that the set-up filled."""
+    return compare(folder, None)
+
+
+def check(folder: Path, cache: Path) -> None:
+    """Every effect gives the expected bits with this cache."""
+    found, expected = compare(folder, cache), expected_bits(folder)
+    assert {name: one["differ"] for name, one in found.items()} == {name: [] for name in expected}
+    assert found == expected
+
+
+def work_in_turn(works: Sequence[str], folder: Path, cache: Path) -> None:
+    """One work after the other."""
+    for work in works:
+        finish(start(work, folder, cache))
+
+
+@pytest.mark.timeout(PATIENCE)
+def test_the_estimator_before_a_simulation(tmp_path: Path) -> None:
+    """The order of a demo: names that were numbered in it once stood for other effects."""
+    work_in_turn(("live", "simulate"), tmp_path, tmp_path / "cache")
+    check(tmp_path, tmp_path / "cache")
+
+
+@pytest.mark.timeout(PATIENCE)
+def test_several_at_once(tmp_path: Path) -> None:
+    running = [start(work, tmp_path, tmp_path / "cache") for work in ("step", "live", "simulate")]
+    for process in running:
+        finish(process)
+    check(tmp_path, tmp_path / "cache")
+
+
+@needs_interfaces
+@pytest.mark.long
+@pytest.mark.timeout(4 * PATIENCE)
+@pytest.mark.parametrize(("first", "second"), list(permutations(WORKS, 2)))
+def test_every_pair_in_both_orders(first: str, second: str, tmp_path: Path) -> None:
+    work_in_turn((first, second), tmp_path, tmp_path / "cache")
+    check(tmp_path, tmp_path / "cache")
+
+
+@needs_interfaces
+@pytest.mark.long
+@pytest.mark.timeout(4 * PATIENCE)
+@pytest.mark.parametrize("turn", range(len(WORKS)))
+@pytest.mark.parametrize("backwards", [False, True])
+def test_all_of_them_in_turn(turn: int, backwards: bool, tmp_path: Path) -> None:
+    works = (*WORKS[turn:], *WORKS[:turn])
+    work_in_turn(works[::-1] if backwards else works, tmp_path, tmp_path / "cache")
+    check(tmp_path, tmp_path / "cache")
+
+
+@needs_interfaces
+@pytest.mark.long
+@pytest.mark.timeout(4 * PATIENCE)
+def test_all_of_them_at_once(tmp_path: Path) -> None:
+    running = [start(work, tmp_path, tmp_path / "cache") for work in ("step", *WORKS)]
+    for process in running:
+        finish(process)
+    check(tmp_path, tmp_path / "cache")
