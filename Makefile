@@ -5,6 +5,9 @@ MOTION ?= c3
 OUT ?= out/demo
 export ROS_PYTHON_CHECK_FIELDS ?= 1
 TESTS := $(wildcard src/*/test) tests
+# One worker per core; `make test WORKERS=0` runs all in one process, as a debugger wants it.
+WORKERS ?= logical
+PYTEST := tools/run python -m pytest -n $(WORKERS) --no-loadscope-reorder
 
 .PHONY: help setup demo test test-all lint bench docs tables clean
 
@@ -25,10 +28,10 @@ demo: setup
 	@ROS_PYTHON_CHECK_FIELDS=0 tools/run slosh demo --motion $(MOTION) -o $(OUT)
 
 test: setup
-	@tools/run python -m pytest -m "not long" $(TESTS)
+	@$(PYTEST) -m "not long" $(TESTS)
 
 test-all: setup
-	@tools/run python -m pytest $(TESTS)
+	@$(PYTEST) $(TESTS)
 
 lint: setup
 	@tools/run ruff format --check .

@@ -33,6 +33,7 @@ from slosh_bringup.processes import NodeGroup, NodeProcess, node_environment
 from slosh_camera.calibration import format_calibration
 from slosh_msgs.msg import FreeSurface
 from slosh_msgs_py import images, qos, topics
+from slosh_msgs_py.node.domain import own_domain
 from slosh_msgs_py.node.run import make_executor
 from slosh_msgs_py.stamps import to_nanoseconds, to_time
 
@@ -129,8 +130,8 @@ def run(kind: str, rates: list[float], seconds: float) -> list[dict[str, Any]]:
     calibration, (still, *pictures) = rendered(kind, FRAMES)
     encoding = "mono8" if kind == "grey" else "bgr8"
     messages = [images.image_message(picture, encoding, 0, "camera") for picture in pictures]
-    os.environ.update(node_environment(1 + os.getpid() % 100))
-    with tempfile.TemporaryDirectory() as name:
+    with own_domain() as domain, tempfile.TemporaryDirectory() as name:
+        os.environ.update(node_environment(domain))
         folder = Path(name)
         (folder / "camera.yaml").write_text(format_calibration(calibration), encoding="utf-8")
         (folder / "model.yaml").write_text(MODEL, encoding="utf-8")

@@ -29,7 +29,7 @@ import sys
 import tempfile
 import time
 import unittest.mock
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -52,6 +52,7 @@ from slosh_bag.reader import BagMessage, BagReader
 from slosh_bag.recorder import Recorder
 from slosh_bringup.processes import node_environment
 from slosh_msgs_py import images, qos
+from slosh_msgs_py.node.domain import own_domain
 from slosh_msgs_py.node.run import make_executor
 from slosh_msgs_py.stamps import to_time
 
@@ -276,13 +277,19 @@ def main() -> int:
         send(given.send)
     if given.receive or given.callbacks:
         receive(given.receive or given.callbacks, bool(given.receive), Path(given.mark))
-    os.environ.update(node_environment(1 + os.getpid() % 100))
+    with own_domain() as domain:
+        os.environ.update(node_environment(domain))
+        return compare(given.kinds, given.rounds, given.seconds)
+
+
+def compare(kinds: Sequence[str], count: int, seconds: float) -> int:
+    """Prints each kind's medians; exit code 1 where the goal is missed."""
     reached = True
-    for kind in given.kinds:
+    for kind in kinds:
         rounds = []
-        for _ in range(given.rounds):
+        for _ in range(count):
             with tempfile.TemporaryDirectory() as folder:
-                rounds.append(measure(kind, given.seconds, Path(folder)))
+                rounds.append(measure(kind, seconds, Path(folder)))
         shares = {name: statistics.median(r[name] for r in rounds) for name in rounds[0]}
         ratios = {
             f"{name}/mcap": statistics.median(r[name] / r["mcap"] for r in rounds)

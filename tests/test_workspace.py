@@ -12,6 +12,7 @@ import yaml
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = sorted(path.parent for path in ROOT.glob("src/*/package.xml"))
 PYTHON = [package for package in PACKAGES if (package / "setup.py").exists()]
+LOCKS = ("ros", "runtime", "development")
 DIRECT = {"numpy": "python3-numpy", "scipy": "python3-scipy", "cv2": "python3-opencv"}
 
 
@@ -90,8 +91,17 @@ def test_the_parameter_file_names_only_parameters_that_exist():
         assert set(content["ros__parameters"]) <= known
 
 
-def test_every_requirement_has_one_exact_version():
-    for name in ("ros", "runtime", "development"):
-        lines = (ROOT / "requirements" / f"{name}.txt").read_text().splitlines()[1:]
-        for line in lines:
-            assert re.fullmatch(r'[\w.-]+==[\w.]+( ; python_version (<|>=) "3\.12")?', line), line
+def locked(name):
+    return (ROOT / "requirements" / f"{name}.txt").read_text().splitlines()[1:]
+
+
+@pytest.mark.parametrize("name", LOCKS)
+def test_every_requirement_has_one_exact_version(name):
+    for line in locked(name):
+        assert re.fullmatch(r'[\w.-]+==[\w.]+( ; python_version (<|>=) "3\.12")?', line), line
+
+
+def test_no_requirement_is_in_two_locks():
+    """They are installed side by side."""
+    names = [{line.split("==")[0] for line in locked(lock)} for lock in LOCKS]
+    assert len(set().union(*names)) == sum(map(len, names))

@@ -21,6 +21,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -132,8 +133,8 @@ def install_environment(python: Path) -> None:
         inputs = [REQUIREMENTS / "runtime.in", REQUIREMENTS / "development.in"]
         run([*pip, *constraint, *flatten("-r", inputs)])
         return
-    # The locks are complete, so nothing is left for pip to resolve.
-    run([*pip, "--no-deps", *flatten("-r", requirement_files())])
+    # The locks are complete, so nothing is left for pip to resolve, and no two name the same.
+    together([[*pip, "--no-deps", "-r", str(path)] for path in requirement_files()])
     if version := os.environ.get("SLOSH_NUMPY"):
         run([*pip, "--no-deps", f"numpy=={version}"])
     mend_wheels()
@@ -213,6 +214,9 @@ def compiled_inputs() -> list[bytes]:
 
 def compile_functions() -> None:
     """Compiles all functions that run compiled, so that no node has to wait for them later."""
+    # To bytecode first: where Python may write nothing, each process would do it anew.
+    folders = [*(ROOT / "src").glob("*/slosh_*"), *(WORKSPACE / "install").glob("lib/python3*")]
+    run([str(VENV / "bin/python"), "-m", "compileall", "-q", *map(str, folders)])
     command = [str(ROOT / "tools" / "run"), "python", "-m", "slosh_bringup.compiling"]
     done = subprocess.run(command, cwd=ROOT, check=False)
     if done.returncode != 0:
@@ -281,6 +285,13 @@ def new_entries(after: str, before: str) -> str:
     return ":".join(
         dict.fromkeys(entry for entry in after.split(":") if entry and entry not in known)
     )
+
+
+def together(commands: list[list[str]]) -> None:
+    """Runs commands side by side; raises BootstrapError, once all have ended, where one failed."""
+    with ThreadPoolExecutor(len(commands)) as pool:
+        for done in [pool.submit(run, command) for command in commands]:
+            done.result()
 
 
 def run(command: list[str]) -> None:

@@ -19,6 +19,7 @@ from pathlib import Path
 
 from slosh_bringup.cell_setup import default_setup
 from slosh_bringup.processes import NodeGroup, NodeProcess, config_folder, node_environment
+from slosh_msgs_py.node.domain import own_domain
 
 BAGS = Path(__file__).resolve().parents[1] / "bags"
 # What a replay needs and gives, and the truth; no images, no other sensors.
@@ -90,7 +91,8 @@ def record(name: str, recording: Recording, folder: Path) -> None:
     given = {"recorder": {"exclude": EXCLUDED}, **recording.parameters}
     with (
         tempfile.TemporaryDirectory() as logs,
-        NodeGroup(setup.namespace, Path(logs), node_environment(1 + os.getpid() % 100)) as nodes,
+        own_domain() as domain,
+        NodeGroup(setup.namespace, Path(logs), node_environment(domain)) as nodes,
     ):
         for process in (*setup.processes(folder / name), cell):
             own = {**process.parameters, **given.get(process.name, {})}

@@ -289,8 +289,8 @@ class Recorder:
         # At once for a limit on the file alone; where that fails too, once a period.
         self._retry_at = now + RETRY if now - self._failed_at < RETRY else now
         self._failed_at = now
+        self._measure()  # first: whoever reads of the failure reads how much room there is, too
         self._failure = f"{self._failed_path}: {_reason(error)}"
-        self._measure()
 
     def _try_again(self) -> None:
         """Goes on in a new file where there is room for what waits."""

@@ -33,7 +33,6 @@ from slosh_msgs_py import qos
 from slosh_msgs_py.node.run import make_executor
 from slosh_msgs_py.stamps import to_nanoseconds, to_time
 
-DOMAIN = "44"
 PATIENCE = 30.0
 BEGIN = 1_700_000_000_123_456_789
 MS = 1_000_000
@@ -131,13 +130,7 @@ def prefix(request):
 
 
 @pytest.fixture
-def environment(monkeypatch):
-    monkeypatch.setenv("ROS_DOMAIN_ID", DOMAIN)
-    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-
-
-@pytest.fixture
-def graph(environment, prefix):
+def graph(prefix):
     graph = Graph(prefix)
     yield graph
     graph.close()
@@ -268,7 +261,7 @@ def run_thread(plan, subscribers=1):
     return thread, out, warnings
 
 
-def test_the_time_is_out_before_each_message(environment, tmp_path):
+def test_the_time_is_out_before_each_message(tmp_path):
     folder = write_bag(tmp_path / "bag", "/x", 0.3)
     stored = list(BagReader(folder).messages())
     thread, out, warnings = run_thread(make_plan(PlayRequest(folder, PlaybackSettings(rate=10.0))))
@@ -289,7 +282,7 @@ def test_the_time_is_out_before_each_message(environment, tmp_path):
     assert not thread.failure
 
 
-def test_nobody_listening_is_told_and_does_not_stop_it(environment, tmp_path):
+def test_nobody_listening_is_told_and_does_not_stop_it(tmp_path):
     thread, _, warnings = run_thread(
         make_plan(PlayRequest(write_bag(tmp_path / "bag", "/x", 0.05))), subscribers=0
     )
@@ -297,7 +290,7 @@ def test_nobody_listening_is_told_and_does_not_stop_it(environment, tmp_path):
     assert warnings == ["0 subscribers after 0.0 s: playing all the same"]
 
 
-def test_a_damaged_bag_ends_it_with_one_line(environment, tmp_path):
+def test_a_damaged_bag_ends_it_with_one_line(tmp_path):
     folder = write_bag(tmp_path / "bag", "/x", 0.05)
     plan = make_plan(PlayRequest(folder))
     file = folder / "bag_0.mcap"
@@ -309,7 +302,7 @@ def test_a_damaged_bag_ends_it_with_one_line(environment, tmp_path):
     assert "\n" not in thread.failure
 
 
-def test_of_a_cut_bag_is_played_what_is_there(environment, tmp_path):
+def test_of_a_cut_bag_is_played_what_is_there(tmp_path):
     folder = write_bag(tmp_path / "bag", "/x", 0.05)
     file = folder / "bag_0.mcap"
     data = file.read_bytes()
@@ -350,7 +343,7 @@ def test_an_interrupt_ends_it_cleanly(graph, prefix, tmp_path):
         (["-p", "rate:=5000.0"], "parameter rate must lie in"),
     ],
 )
-def test_a_wrong_request_is_one_line(environment, tmp_path, more, said):
+def test_a_wrong_request_is_one_line(tmp_path, more, said):
     process = run_program(write_bag(tmp_path / "bag", "/x", 0.01), *more)
     _, told = process.communicate(timeout=PATIENCE)
     assert process.returncode == 2

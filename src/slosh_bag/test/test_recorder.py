@@ -5,6 +5,7 @@ import errno
 import itertools
 import os
 import resource
+import threading
 import time
 
 import pytest
@@ -210,6 +211,28 @@ def test_a_recording_that_ends_on_a_full_disk_keeps_what_was_written(started):
         started.close()
     assert (started.status().lost, started.status().lost_meanwhile) == (50, 50)
     assert contents(started.path.parent) == list(range(100))
+
+
+def test_a_failure_is_told_together_with_the_room_that_is_left(tmp_path):
+    asked, answered = threading.Event(), threading.Event()
+
+    def left():
+        yield 6
+        asked.set()
+        assert answered.wait(PATIENCE)
+        yield from itertools.repeat(5)
+
+    free = left()
+    recorder = Recorder(tmp_path / "run", clock=lambda: 0.0, free=lambda _: next(free))
+    recorder.add_topic("/h", HEADER, Qos())
+    recorder.add("/h", noise(0), -1)  # cannot be written
+    assert asked.wait(PATIENCE)
+    meanwhile = recorder.status()
+    answered.set()
+    assert not meanwhile.failure
+    until(lambda: recorder.status().failure)
+    assert recorder.status().free == 5
+    recorder.close()
 
 
 def test_a_new_file_waits_until_there_is_room_for_what_waits(tmp_path):

@@ -25,7 +25,6 @@ from slosh_msgs_py.errors import SloshMessageError
 from slosh_msgs_py.node.diagnostics import WARN
 from slosh_msgs_py.node.run import make_executor
 
-DOMAIN = "31"
 PATIENCE = 20.0
 BEST_EFFORT = QoSProfile(depth=10, reliability=Reliability.BEST_EFFORT)
 
@@ -92,8 +91,6 @@ class Graph:
 @pytest.fixture(params=["events", pytest.param("single", marks=pytest.mark.long)])
 def graph(request, tmp_path, monkeypatch):
     monkeypatch.setenv("SLOSH_EXECUTOR", request.param)
-    monkeypatch.setenv("ROS_DOMAIN_ID", DOMAIN)
-    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     graph = Graph(tmp_path / "bag", "/" + re.sub(r"\W", "_", request.node.name))
     yield graph
     graph.close()

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import json
 import math
-import os
 import shutil
 import time
 from collections.abc import Callable
+from contextlib import nullcontext
 from pathlib import Path
 
 from slosh_bag.errors import SloshBagError
@@ -22,6 +22,7 @@ from slosh_bringup.run_result import RunResult, evaluate
 from slosh_camera.calibration import read_any_calibration
 from slosh_discovery.report import Fact, KeyFigure, render_report, report_document
 from slosh_estimator.model_file import read_model
+from slosh_msgs_py.node.domain import own_domain
 
 POLL = 0.1
 # What a run writes into its folder; only these are replaced by the next run.
@@ -70,10 +71,12 @@ def run_nodes(
         SloshBringupError: a node ended with an error.
     """
     # A demonstration keeps to itself; a cell talks to the robot on the user's domain.
-    domain = 1 + os.getpid() % 100 if simulated else None
-    environment = node_environment(domain)
+    claim = own_domain() if simulated else nullcontext()
     processes = setup.processes(folder / BAG) + ([simulated] if simulated else [])
-    with NodeGroup(setup.namespace, folder / LOGS, environment) as group:
+    with (
+        claim as domain,
+        NodeGroup(setup.namespace, folder / LOGS, node_environment(domain)) as group,
+    ):
         for process in processes:
             group.start(process)
         started = time.monotonic()

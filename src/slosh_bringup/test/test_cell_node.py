@@ -29,7 +29,6 @@ from slosh_msgs.msg import FreeSurface, SloshEstimate  # noqa: E402
 from slosh_msgs_py import qos, topics  # noqa: E402
 from slosh_msgs_py.stamps import to_nanoseconds  # noqa: E402
 
-DOMAIN = 33
 PATIENCE = 30.0
 KINDS = {
     topics.ACCEL: AccelStamped,
@@ -52,7 +51,7 @@ def play(**parameters):
     words = ["--ros-args"]
     for name, value in parameters.items():
         words += ["-p", f"{name}:={value}"]
-    rclpy.init(args=words, domain_id=DOMAIN)
+    rclpy.init(args=words)
     nodes = []
     try:
         probe = Node("probe")

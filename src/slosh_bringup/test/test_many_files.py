@@ -247,18 +247,22 @@ def test_an_interrupt_ends_all_of_it_without_a_word(work, tmp_path, moment):
         start_new_session=True,
         cwd=tmp_path,
     )
-    ours = psutil.Process(process.pid)
-    deadline = time.monotonic() + PATIENCE
-    while not (
-        workers_of(ours) if moment == "starting" else len(list(tmp_path.glob("[abcd]"))) == 2
-    ):
-        assert time.monotonic() < deadline, "the workers did not start to work"
-        time.sleep(0.02)
-    children = ours.children(recursive=True)
-    # It reaches the whole group, as a terminal's does, but the first process alone acts on it.
-    assert all(holds_back(worker, signal.SIGINT) for worker in workers_of(ours))
-    os.killpg(process.pid, signal.SIGINT)
-    said, _ = process.communicate(timeout=PATIENCE)
-    assert said == "stopped\n"
-    _, alive = psutil.wait_procs(children, timeout=PATIENCE)
-    assert not alive
+    try:
+        ours = psutil.Process(process.pid)
+        deadline = time.monotonic() + PATIENCE
+        while not (
+            workers_of(ours) if moment == "starting" else len(list(tmp_path.glob("[abcd]"))) == 2
+        ):
+            assert time.monotonic() < deadline, "the workers did not start to work"
+            time.sleep(0.02)
+        children = ours.children(recursive=True)
+        # It reaches the whole group, as a terminal's does, but the first process alone acts on it.
+        assert all(holds_back(worker, signal.SIGINT) for worker in workers_of(ours))
+        os.killpg(process.pid, signal.SIGINT)
+        said, _ = process.communicate(timeout=PATIENCE)
+        assert said == "stopped\n"
+        _, alive = psutil.wait_procs(children, timeout=PATIENCE)
+        assert not alive
+    finally:
+        with suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)

@@ -18,8 +18,7 @@ BEGIN = 1_700_000_000_000_000_000
 
 
 @pytest.fixture
-def bag(tmp_path, monkeypatch):
-    monkeypatch.setenv("ROS_DOMAIN_ID", "44")
+def bag(tmp_path):
     folder = tmp_path / "bag"
     with BagWriter(folder) as writer:
         for topic in ("/slosh/accel", "/slosh/other"):

@@ -27,7 +27,6 @@ from slosh_msgs_py.errors import SloshMessageError  # noqa: E402
 from slosh_msgs_py.node.run import make_executor  # noqa: E402
 from slosh_msgs_py.stamps import to_nanoseconds  # noqa: E402
 
-DOMAIN = "31"
 PATIENCE = 20.0
 FRAME = SECOND // 60
 # A height of the surface at the wall, towards the right of the image [m].
@@ -104,9 +103,7 @@ class Rig:
 
 
 @pytest.fixture
-def make_rig(tmp_path, monkeypatch, make_scene):
-    monkeypatch.setenv("ROS_DOMAIN_ID", DOMAIN)
-    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+def make_rig(tmp_path, make_scene):
     scene = make_scene(camera_height=0.08)
     rotation, translation = scene.extrinsics()
     calibration = tmp_path / "camera.yaml"

@@ -102,7 +102,7 @@ def rms(values):
 @pytest.mark.parametrize("name", NAMES)
 def test_msh_against_truth(name, height, still, grey, record_property):
     error = np.array([pair.error(height) for pair in measured(name, still, grey) if not pair.cut])
-    record_property("rms_mm", rms(error) / MM)
+    record_property("rms_mm", float(rms(error) / MM))
     assert error.size >= 13
     assert rms(error) < 0.3 * MM
     assert np.max(np.abs(error)) < 1.0 * MM

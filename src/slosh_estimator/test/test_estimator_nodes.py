@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -40,7 +39,6 @@ from slosh_msgs_py import qos, topics  # noqa: E402
 from slosh_msgs_py.errors import SloshMessageError  # noqa: E402
 from slosh_msgs_py.stamps import to_nanoseconds, to_time  # noqa: E402
 
-DOMAIN = 32
 PATIENCE = 20.0
 MS = 1_000_000
 TEXT = """
@@ -106,8 +104,7 @@ def start(tmp_path: Path) -> Iterator[Callable[..., Cell]]:
         arguments = ["--ros-args"]
         for name, value in {"model": str(model), **parameters}.items():
             arguments += ["-p", f"{name}:={value}"]
-        os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
-        rclpy.init(args=arguments, domain_id=DOMAIN)
+        rclpy.init(args=arguments)
         cells.append(Cell())
         return cells[-1]
 

@@ -29,9 +29,7 @@ SPECS = (
 
 
 @pytest.fixture
-def make_node(monkeypatch):
-    monkeypatch.setenv("ROS_DOMAIN_ID", str(1 + os.getpid() % 100))
-    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+def make_node():
     rclpy.init()
     nodes = []
 
@@ -176,7 +174,7 @@ sys.exit(run_node(Plain))
 @pytest.mark.parametrize("executor", ["events", "single"])
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_ends_a_node_cleanly(executor, number):
-    environment = {**os.environ, "SLOSH_EXECUTOR": executor, "ROS_DOMAIN_ID": "61"}
+    environment = {**os.environ, "SLOSH_EXECUTOR": executor}
     with subprocess.Popen(
         [sys.executable, "-c", NODE], stdout=subprocess.PIPE, text=True, env=environment
     ) as process:
@@ -242,7 +240,7 @@ def test_a_process_without_its_shared_memory_port_is_deaf(tmp_path, targets, dea
 
 
 def test_a_living_process_is_not_deaf():
-    rclpy.init(domain_id=33)
+    rclpy.init()
     node = rclpy.create_node("hears")
     assert not is_deaf()
     node.destroy_node()

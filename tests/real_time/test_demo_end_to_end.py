@@ -2,6 +2,7 @@
 
 import json
 import math
+import os
 import subprocess
 import sys
 
@@ -17,10 +18,17 @@ from slosh_bringup.processes import config_folder
 
 @pytest.fixture(scope="module")
 def demo(tmp_path_factory):
+    """A run as a user starts it: in a domain that it claims itself."""
     folder = tmp_path_factory.mktemp("demo")
+    environment = {name: value for name, value in os.environ.items() if name != "ROS_DOMAIN_ID"}
     command = [sys.executable, "-m", "slosh_bringup.cli", "demo", "--motion", "l", "--json"]
     done = subprocess.run(
-        [*command, "-o", str(folder)], capture_output=True, text=True, timeout=100, check=False
+        [*command, "-o", str(folder)],
+        capture_output=True,
+        text=True,
+        timeout=250,
+        check=False,
+        env=environment,
     )
     assert done.returncode == 0, done.stderr
     return folder, json.loads(done.stdout)

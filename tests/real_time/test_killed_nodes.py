@@ -77,7 +77,8 @@ def test_the_others_go_on(listener, domain, tmp_path):
         "cell",
         [setup.parameters],
         {
-            "motion": "l", "repeat": "20", "model": str(config_folder() / "truth.yaml"),
+            "motion": "l", "repeat": "20", "fps": "20.0",
+            "model": str(config_folder() / "truth.yaml"),
             "calibration": str(setup.calibration),
         },
     )  # fmt: skip

@@ -1,0 +1,41 @@
+"""What the tests of all packages share."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+from slosh_msgs_py.node.domain import own_domain
+
+REAL_TIME = "tests/real_time/"
+"""Tests of processes that must keep pace: one worker runs them all, one after the other."""
+
+
+@pytest.fixture(scope="session", autouse=True)
+def domain() -> Iterator[int]:
+    """The DDS domain of this run, or of this worker of it, alone; every test speaks in it."""
+    with own_domain() as number, pytest.MonkeyPatch.context() as environment:
+        environment.setenv("ROS_DOMAIN_ID", str(number))
+        environment.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+        yield number
+
+
+@pytest.fixture(scope="session", autouse=True)
+def interrupts() -> None:
+    """Workers ignore Ctrl-C, and what a test starts would inherit that."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """Hands the tests to the workers file by file, so that what a file prepares is made once."""
+    from xdist.scheduler import LoadFileScheduling
+
+    class ByFile(LoadFileScheduling):
+        def _split_scope(self, nodeid: str) -> str:
+            return REAL_TIME if nodeid.startswith(REAL_TIME) else super()._split_scope(nodeid)
+
+    return ByFile(config, log)

@@ -1,0 +1,69 @@
+"""A DDS domain that nobody else on this machine speaks in.
+
+A demonstration, a recording, a test must not hear the one beside it. What is claimed is a name
+in the kernel: two processes cannot hold it, and it is free when its holder has ended, however.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import socket
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from slosh_msgs_py.errors import SloshMessageError
+
+DOMAINS = range(1, 102)
+"""0 is everybody's default; above 101 the ports run into those that the system gives away."""
+_FIRST_PORT, _PORTS = 7400, 250
+"""RTPS: the ports of domain d are 7400 + 250 d and those up to the next domain's."""
+
+
+@contextmanager
+def own_domain() -> Iterator[int]:
+    """Claims a domain for as long as the context lasts.
+
+    Yields:
+        its number, for ROS_DOMAIN_ID; no other process has claimed it, and none speaks in it.
+
+    Raises:
+        SloshMessageError: all are taken.
+    """
+    spoken = spoken_domains()
+    first = os.getpid() % len(DOMAINS)
+    for number in (*DOMAINS[first:], *DOMAINS[:first]):
+        # An abstract address: seen by whoever can be heard, a container's network or the machine.
+        with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as claim:
+            if number not in spoken and _bound(claim, f"\0slosh_domain_{number}"):
+                yield number
+                return
+    raise SloshMessageError(
+        f"no DDS domain from {DOMAINS[0]} to {DOMAINS[-1]} is free here: end a run, "
+        "or share one's domain by ROS_DOMAIN_ID"
+    )
+
+
+def _bound(claim: socket.socket, address: str) -> bool:
+    try:
+        claim.bind(address)
+    except OSError as error:
+        if error.errno != errno.EADDRINUSE:
+            raise
+        return False
+    return True
+
+
+def spoken_domains(table: Path = Path("/proc/net/udp")) -> set[int]:
+    """Domains in which some process of this machine takes part already.
+
+    Args:
+        table: the kernel's list of UDP sockets; where there is none, nothing is known.
+    """
+    try:
+        lines = table.read_text().splitlines()[1:]
+    except OSError:
+        return set()
+    ports = (int(line.split()[1].rpartition(":")[2], 16) for line in lines)
+    return {(port - _FIRST_PORT) // _PORTS for port in ports} & {*DOMAINS}

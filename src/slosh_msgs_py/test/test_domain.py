@@ -1,0 +1,64 @@
+"""A domain of one's own: no two runs have the same, and a run that died leaves none behind."""
+
+import subprocess
+import sys
+
+import rclpy
+
+from slosh_msgs_py.errors import SloshMessageError
+from slosh_msgs_py.node import domain
+from slosh_msgs_py.node.domain import DOMAINS, own_domain, spoken_domains
+
+HOLDER = """
+import time
+from slosh_msgs_py.node.domain import own_domain
+with own_domain() as number:
+    print(number, flush=True)
+    time.sleep(60.0)
+"""
+
+
+def refused(monkeypatch, *numbers):
+    """Whether no domain is found among these."""
+    monkeypatch.setattr(domain, "DOMAINS", numbers)
+    try:
+        with own_domain() as number:
+            assert number in numbers
+            return False
+    except SloshMessageError as error:
+        assert "\n" not in str(error)
+        return True
+
+
+def test_no_two_have_the_same(monkeypatch):
+    with own_domain() as one, own_domain() as other:
+        assert one != other
+        assert {one, other} <= {*DOMAINS}
+        assert refused(monkeypatch, one, other)
+
+
+def test_another_process_has_its_own_until_it_is_killed(monkeypatch):
+    with subprocess.Popen([sys.executable, "-c", HOLDER], stdout=subprocess.PIPE) as holder:
+        number = int(holder.stdout.readline())
+        try:
+            assert refused(monkeypatch, number)
+        finally:
+            holder.kill()
+    assert not refused(monkeypatch, number)
+
+
+def test_where_somebody_speaks_already_is_left_to_them(monkeypatch):
+    with own_domain() as number:
+        assert number not in spoken_domains()
+    rclpy.init(domain_id=number)
+    node = rclpy.create_node("speaker")
+    try:
+        assert number in spoken_domains()
+        assert refused(monkeypatch, number)
+    finally:
+        node.destroy_node()
+        rclpy.shutdown()
+
+
+def test_where_the_kernel_tells_nothing_nothing_is_known(tmp_path):
+    assert spoken_domains(tmp_path / "none") == set()
