@@ -6,8 +6,9 @@ import json
 import math
 import os
 import shutil
+import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from slosh_bag.errors import SloshBagError
@@ -19,6 +20,7 @@ from slosh_bringup.processes import NodeGroup, NodeProcess, node_environment
 from slosh_bringup.replay_page import make_report
 from slosh_bringup.run_data import read_run
 from slosh_bringup.run_result import RunResult, evaluate
+from slosh_bringup.stop_request import StopRequest
 from slosh_camera.calibration import read_any_calibration
 from slosh_discovery.report import Fact, KeyFigure, render_report, report_document
 from slosh_estimator.model_file import read_model
@@ -56,14 +58,16 @@ def run_nodes(
     setup: CellSetup,
     folder: Path,
     progress: Progress,
+    stop: StopRequest,
     simulated: NodeProcess | None = None,
 ) -> None:
-    """Runs the nodes until the simulated cell is through or Ctrl-C.
+    """Runs the nodes until the simulated cell is through or a stop is asked for.
 
     Args:
         setup: the cell.
         folder: where the bag and the logs go.
         progress: told the elapsed time [s] and what is going on, ten times a second.
+        stop: asks for the end.
         simulated: the simulated cell; None: a robot speaks.
 
     Raises:
@@ -73,18 +77,19 @@ def run_nodes(
     domain = 1 + os.getpid() % 100 if simulated else None
     environment = node_environment(domain)
     processes = setup.processes(folder / BAG) + ([simulated] if simulated else [])
+    tell = stop.guarded(progress)
     with NodeGroup(setup.namespace, folder / LOGS, environment) as group:
         for process in processes:
             group.start(process)
         started = time.monotonic()
-        try:
-            while simulated is None or "cell" not in group.ended():
-                group.check()
-                progress(time.monotonic() - started, "running")
-                time.sleep(POLL)
+        while not stop.reason and (simulated is None or "cell" not in group.ended()):
             group.check()
-        except KeyboardInterrupt:
-            progress(time.monotonic() - started, "stopping")
+            tell(time.monotonic() - started, "running")
+            time.sleep(POLL)
+        if stop.reason:
+            tell(time.monotonic() - started, "stopping")
+        else:
+            group.check()
 
 
 def write_results(folder: Path, title: str) -> tuple[RunResult, ReplayResult]:
@@ -102,10 +107,34 @@ def write_results(folder: Path, title: str) -> tuple[RunResult, ReplayResult]:
     lost = Fact("messages lost on the way to the bag", str(sum(run.lost.values())))
     around = Surroundings(title=title, key_figures=(latency_figure(run),), facts=(lost,))
     report = make_report(bag, replayed, around)
-    (folder / REPORT).write_text(render_report(report), encoding="utf-8")
     document = {**run.document(), **report_document(report)}
-    (folder / RESULT).write_text(json.dumps(document, indent=2) + "\n")
+    texts = {REPORT: render_report(report), RESULT: json.dumps(document, indent=2) + "\n"}
+    write_whole({folder / name: text for name, text in texts.items()})
     return run, replayed
+
+
+def without_report(command: str, folder: Path) -> int:
+    """Says where a run is whose report the user did not wait for; returns the exit code."""
+    bag = folder / BAG
+    print(
+        f"slosh {command}: no report, as asked; the recording is whole: "
+        f"slosh replay {bag} -o {folder}",
+        file=sys.stderr,
+    )
+    return 1
+
+
+def write_whole(texts: Mapping[Path, str]) -> None:
+    """Writes files that are there whole or not at all, whenever the process ends."""
+    parts = {path: path.with_name(f".{path.name}.part") for path in texts}
+    try:
+        for path, part in parts.items():
+            part.write_text(texts[path], encoding="utf-8")
+        for path, part in parts.items():
+            part.replace(path)
+    finally:
+        for part in parts.values():
+            part.unlink(missing_ok=True)
 
 
 def latency_figure(run: RunResult) -> KeyFigure:

@@ -13,9 +13,11 @@ from slosh_bringup.live_run import (
     check_files,
     prepare_folder,
     run_nodes,
+    without_report,
     write_results,
 )
 from slosh_bringup.run_result import print_replay, table
+from slosh_bringup.stop_request import StopRequest
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -27,14 +29,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Runs the nodes until Ctrl-C, then prints the figures and where the results are."""
+    """Runs the nodes until it is told to end; prints the figures and where the results are."""
     setup = read_setup(arguments.config)
     check_files(setup)
     folder: Path = arguments.output
     prepare_folder(folder)
-    with clock("recording, Ctrl-C to stop") as progress:
-        run_nodes(setup, folder, progress)
-    run, replayed = write_results(folder, f"Cell {arguments.config.stem}")
+    with StopRequest() as stop:
+        with clock("recording, Ctrl-C to stop") as progress:
+            run_nodes(setup, folder, progress, stop)
+        try:
+            with stop.finishing():
+                run, replayed = write_results(folder, f"Cell {arguments.config.stem}")
+        except KeyboardInterrupt:
+            return without_report("cell", folder)
     print(table(run))
     print_replay(replayed)
     print(f"bag                 {folder / BAG}")

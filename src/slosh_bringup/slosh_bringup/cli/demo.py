@@ -15,10 +15,12 @@ from slosh_bringup.live_run import (
     check_files,
     prepare_folder,
     run_nodes,
+    without_report,
     write_results,
 )
 from slosh_bringup.processes import NodeProcess, config_folder
 from slosh_bringup.run_result import print_replay, table
+from slosh_bringup.stop_request import StopRequest
 
 STARTING = 4.0  # s; what the nodes take to find each other, for the progress bar
 
@@ -51,9 +53,14 @@ def run(arguments: argparse.Namespace) -> int:
         },
     )
     length = STARTING + arguments.repeat * motion.duration
-    with progress_bar(f"motion {motion.name}", length, quiet=arguments.json) as progress:
-        run_nodes(setup, folder, progress, simulated)
-    run, replayed = write_results(folder, f"Simulated cell, motion {motion.name}")
+    with StopRequest() as stop:
+        with progress_bar(f"motion {motion.name}", length, quiet=arguments.json) as progress:
+            run_nodes(setup, folder, progress, stop, simulated)
+        try:
+            with stop.finishing():
+                run, replayed = write_results(folder, f"Simulated cell, motion {motion.name}")
+        except KeyboardInterrupt:
+            return without_report("demo", folder)
     if arguments.json:
         print(json.dumps({**run.document(), "replay": json.loads(replayed.to_json())}))
         return 0

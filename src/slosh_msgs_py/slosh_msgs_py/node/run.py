@@ -18,6 +18,7 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from slosh_msgs_py.errors import SloshMessageError
+from slosh_msgs_py.node.lifeline import watch_lifelines
 from slosh_msgs_py.node.shared_memory import is_deaf
 
 EXIT_DONE, EXIT_WRONG_INPUT = 0, 2
@@ -31,7 +32,7 @@ def run_node(
     arguments: Sequence[str] | None = None,
     finished: Callable[[Any], bool] = lambda node: False,
 ) -> int:
-    """Runs a node until SIGINT, SIGTERM or its own end.
+    """Runs a node until SIGINT, SIGTERM, SIGHUP, its own end or that of whoever started it.
 
     Args:
         factory: makes the node; a ValueError of ours is a wrong parameter or file.
@@ -42,6 +43,7 @@ def run_node(
         exit code: 0 done, 2 a wrong parameter or file (one line on stderr).
     """
     stop = _StopFlag()
+    watch_lifelines(stop.starter_ended)
     try:
         _initialise(arguments)
         executor = make_executor()
@@ -96,12 +98,22 @@ def _make(factory: Callable[[], Node]) -> Node:
 
 
 class _StopFlag:
-    """Set by SIGINT or SIGTERM; the node ends between two callbacks, never inside one."""
+    """Set from outside; the node ends between two callbacks, never inside one."""
 
     def __init__(self) -> None:
         self.requested = False
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, self._set)
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            # nohup has SIGHUP ignored, and means it.
+            if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:
+                signal.signal(number, self._set)
+
+    def starter_ended(self) -> None:
+        """The process that started this one has ended, and said nothing."""
+        self.requested = True
+        with contextlib.suppress(OSError):  # it may have been the reader
+            print(
+                "the process that started this node has ended: so does the node", file=sys.stderr
+            )
 
     def _set(self, number: int, frame: FrameType | None) -> None:
         self.requested = True
