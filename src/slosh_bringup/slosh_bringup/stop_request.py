@@ -7,9 +7,8 @@ import math
 import os
 import select
 import signal
-import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from types import FrameType, TracebackType
 from typing import Any
 
@@ -56,39 +55,24 @@ class StopRequest:
         """
         self._finishing = True
         try:
-            if self.reason:
-                print(f"{self.reason}: writing the report; once more: without it", file=sys.stderr)
             yield
         finally:
             self._finishing = False
 
-    def guarded(self, tell: Callable[[float, str], None]) -> Callable[[float, str], None]:
-        """A progress whose reader may go: that is a wish to end, as SIGHUP is.
-
-        Over ssh without a terminal no signal tells it.
-        """
-
-        def guarded(elapsed: float, text: str) -> None:
-            try:
-                tell(elapsed, text)
-            except OSError:
-                self._hang_up()
-
-        return guarded
+    def hang_up(self) -> None:
+        """The terminal has gone: SIGHUP tells it, or, over ssh without one, a failing write."""
+        self.reason = self.reason or signal.SIGHUP.name
+        forget_readers()
 
     def _take(self, number: int, frame: FrameType | None) -> None:
         asked = bool(self.reason)
         if number == signal.SIGHUP:
             before, self._hung_up = self._hung_up, time.monotonic()
             asked = asked and self._hung_up - before > _SAME_HANG_UP
-            self._hang_up()
+            self.hang_up()
         self.reason = self.reason or signal.Signals(number).name
         if self._finishing and asked:
             raise KeyboardInterrupt
-
-    def _hang_up(self) -> None:
-        self.reason = self.reason or signal.SIGHUP.name
-        forget_readers()
 
 
 def forget_readers() -> None:

@@ -64,6 +64,13 @@ def test_defaults_and_overrides(make_node):
     assert values == {"size": 1.5, "count": 3, "kind": "b", "place": [0.0, 0.0], "fixed": 1.0}
 
 
+def test_a_parameter_that_nobody_has_is_named(make_node, capfd):
+    declare(make_node(size=1.5, sise=1.0, use_sim_time=False), SPECS)
+    said = capfd.readouterr().err
+    assert "parameter sise is unknown to this node" in said
+    assert said.count("is unknown to this node") == 1
+
+
 @pytest.mark.parametrize(
     ("override", "match"),
     [

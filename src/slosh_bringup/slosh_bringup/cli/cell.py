@@ -6,18 +6,9 @@ import argparse
 from pathlib import Path
 
 from slosh_bringup.cell_setup import read_setup
+from slosh_bringup.cli.live import run_live
 from slosh_bringup.cli.progress import clock
-from slosh_bringup.live_run import (
-    BAG,
-    REPORT,
-    check_files,
-    prepare_folder,
-    run_nodes,
-    without_report,
-    write_results,
-)
-from slosh_bringup.run_result import print_replay, table
-from slosh_bringup.stop_request import StopRequest
+from slosh_bringup.live_run import LiveRun
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -30,20 +21,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Runs the nodes until it is told to end; prints the figures and where the results are."""
-    setup = read_setup(arguments.config)
-    check_files(setup)
-    folder: Path = arguments.output
-    prepare_folder(folder)
-    with StopRequest() as stop:
-        with clock("recording, Ctrl-C to stop") as progress:
-            run_nodes(setup, folder, progress, stop)
-        try:
-            with stop.finishing():
-                run, replayed = write_results(folder, f"Cell {arguments.config.stem}")
-        except KeyboardInterrupt:
-            return without_report("cell", folder)
-    print(table(run))
-    print_replay(replayed)
-    print(f"bag                 {folder / BAG}")
-    print(f"report              {folder / REPORT}")
-    return 0
+    config: Path = arguments.config
+    run = LiveRun("cell", read_setup(config), arguments.output, f"Cell {config.stem}")
+    return run_live(run, clock("recording, Ctrl-C to stop"))

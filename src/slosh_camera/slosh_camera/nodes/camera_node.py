@@ -60,9 +60,12 @@ class CameraNode(Node):
         self._frame = given["container_frame"]
         calibration = read_any_calibration(given["calibration"])
         self._detector = learnt_detector(calibration, given["still_image"] or None)
+        is_raw = given["transport"] == "raw"
+        image = topics.IMAGE if is_raw else topics.IMAGE_COMPRESSED
         settings = SettingsPublisher(
-            self, sources_digest(PACKAGE), arithmetic_fingerprint(), given
-        )
+            self, sources_digest(PACKAGE), arithmetic_fingerprint(), given,
+            (image, topics.FREE_SURFACE),
+        )  # fmt: skip
         settings.publish({"calibration": Path(given["calibration"]).read_text(encoding="utf-8")})
         self._publisher = self.create_publisher(FreeSurface, topics.FREE_SURFACE, qos.STREAM_OUT)
         self._gaps = FrameGaps(given["frame_rate"])
@@ -71,12 +74,10 @@ class CameraNode(Node):
         self._images = self._reported = self._refused = 0
         self._complaints = Complaints(self.get_logger().error)
         self._report = DiagnosticsReporter(self, self._health, self._facts)
-        if given["transport"] == "raw":
-            self._input = NewestImage(self, Image, topics.IMAGE, self._on_image)
+        if is_raw:
+            self._input = NewestImage(self, Image, image, self._on_image)
         else:
-            self._input = NewestImage(
-                self, CompressedImage, topics.IMAGE_COMPRESSED, self._on_compressed
-            )
+            self._input = NewestImage(self, CompressedImage, image, self._on_compressed)
 
     def _on_image(self, message: Image) -> None:
         self._measure(

@@ -75,8 +75,9 @@ class EstimatorNode(Node):
         self._kind = values["input"]
         self._set_names()
         self._last_stamp = 0
+        names = (values["input"], topics.ESTIMATE)
         self._settings = SettingsPublisher(
-            self, sources_digest(PACKAGE), arithmetic_fingerprint(), values
+            self, sources_digest(PACKAGE), arithmetic_fingerprint(), values, names
         )
         self._announce_start()
         self._publisher = self.create_publisher(SloshEstimate, topics.ESTIMATE, qos.STREAM_OUT)

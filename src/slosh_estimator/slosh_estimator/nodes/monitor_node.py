@@ -33,8 +33,8 @@ from slosh_msgs_py.stamps import to_nanoseconds
 PACKAGE = Path(__file__).parents[1]
 CHECK_PERIOD = 0.1
 PARAMETERS = (
-    ParameterSpec("measured_limit", 0.03, "limit of the measured height [m]", (0.0, 10.0)),
-    ParameterSpec("estimated_limit", 0.03, "limit of the NL model's height [m]", (0.0, 10.0)),
+    ParameterSpec("measured_limit", 0.02, "limit of the measured height [m]", (0.0, 10.0)),
+    ParameterSpec("estimated_limit", 0.02, "limit of the NL model's height [m]", (0.0, 10.0)),
     ParameterSpec("disagreement_limit", 0.01, "limit of |measured - NL| [m]", (0.0, 10.0)),
     ParameterSpec("warn_share", 0.8, "share of a limit from which the state is WARN", (0.01, 1.0)),
     ParameterSpec("release", 0.9, "share of a limit below which an excess ends", (0.01, 1.0)),
@@ -52,8 +52,9 @@ class MonitorNode(Node):
         super().__init__("monitor")
         given = declare(self, PARAMETERS)
         self._frame = given["container_frame"]
+        names = (topics.ESTIMATE, topics.FREE_SURFACE, topics.COMPARISON, topics.LIMIT_EVENT)
         settings = SettingsPublisher(
-            self, sources_digest(PACKAGE), arithmetic_fingerprint(), given
+            self, sources_digest(PACKAGE), arithmetic_fingerprint(), given, names
         )
         settings.publish({})
         self._core = Monitor(
