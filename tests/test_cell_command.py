@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 from contextlib import contextmanager
+from pathlib import Path
 
 import pytest
 import yaml
@@ -14,6 +15,7 @@ from slosh_bringup.in_force import in_force, recorded_starts
 from slosh_bringup.processes import NodeProcess, config_folder, node_environment
 from tests.live_processes import PATIENCE, live_process
 
+BAG = Path(__file__).resolve().parents[1] / "bags" / "l"
 pytestmark = pytest.mark.timeout(200)
 
 
@@ -101,3 +103,86 @@ def test_a_mistyped_parameter_starts_nothing(tmp_path, write_cell):
     (line,) = done.stderr.strip().splitlines()
     assert "bad.yaml:1: /**/monitor: unknown parameter 'measured_limt'" in line
     assert not (tmp_path / "out").exists()
+
+
+def test_a_cell_without_input_says_so_and_ends_with_a_report(domain, tmp_path, write_cell):
+    path = write_cell(remap={"accel": "/arm/acceleration"})
+    folder = tmp_path / "out"
+    with cell(tmp_path, path) as running:
+        for said in (
+            "estimator: no usable input for ",
+            "nobody publishes /arm/acceleration",
+            "camera: no image for ",
+            "nobody publishes /slosh/camera/image_raw",
+            "monitor: STALE: no free_surface and no estimate",
+        ):
+            running.wait_for(lambda said=said: said in running.said, said)
+        running.process.terminate()
+        assert running.end() == 1
+    reasons = [
+        "no message came on /arm/acceleration, which drives the models",
+        "no image came on /slosh/camera/image_raw",
+    ]
+    assert f"slosh cell: nothing was measured, because {'; '.join(reasons)}" in running.said
+    assert "Traceback" not in running.said
+    assert json.loads((folder / "result.json").read_text())["nothing_because"] == reasons
+    assert reasons[0] in (folder / "report.html").read_text()
+
+
+@pytest.mark.long
+def test_a_recording_that_is_played_without_its_clock_is_recognised(domain, tmp_path, write_cell):
+    """Its stamps are those of the day when it was recorded."""
+    path = write_cell()
+    with cell(tmp_path, path) as running:
+        running.wait_for(lambda: "nobody publishes /slosh/accel" in running.said, "the estimator")
+        play = [
+            sys.executable,
+            "-m",
+            "slosh_bringup.cli",
+            "play",
+            str(BAG),
+            "--inputs",
+            "--rate",
+            "10",
+            "--loop",
+        ]
+        with subprocess.Popen(play, stderr=subprocess.DEVNULL) as player:
+            try:
+                stale = "are stale: older than max_age by their stamps"
+                running.wait_for(lambda: stale in running.said, stale)
+                running.process.terminate()
+                assert running.end() == 1
+            finally:
+                player.terminate()
+    assert "messages came on /slosh/accel, and none could be used: stale " in running.said
+    assert "s behind this machine's clock" in running.said
+
+
+@pytest.mark.long
+def test_a_node_that_dies_ends_the_cell_with_its_name_and_a_report(domain, tmp_path, write_cell):
+    folder = tmp_path / "out"
+    with (
+        cell(tmp_path, write_cell()) as running,
+        robot(domain, motion="l", repeat="20"),
+    ):
+        running.wait_for_recording(folder / "bag", 2_000_000)
+        os.kill(running.nodes()["camera"], signal.SIGKILL)
+        assert running.end() == 1
+    assert "slosh cell: node camera ended with exit code -9" in running.said
+    assert "3D-NL / camera" in running.said
+    result = json.loads((folder / "result.json").read_text())
+    assert result["problems"][0].startswith("node camera ended with exit code -9")
+    assert "node camera ended with exit code -9" in (folder / "report.html").read_text()
+
+
+def test_a_node_that_refuses_its_parameters_ends_the_cell_with_its_words(
+    domain, tmp_path, write_cell
+):
+    (tmp_path / "bad.yaml").write_text("/**/monitor: {ros__parameters: {measured_limit: 1}}")
+    folder = tmp_path / "out"
+    words = ("cell", "--config", str(write_cell(parameters="bad.yaml")), "-o", str(folder))
+    with live_process(*words, output=tmp_path / "words") as running:
+        assert running.end() == 2
+    assert "measured_limit: a double is needed; write 1.0 for 1" in running.said
+    assert "no message came" not in running.said
+    assert "measured_limit" in (folder / "report.html").read_text()

@@ -36,7 +36,8 @@ def assert_gone(nodes):
 
 def reports(folder):
     """Files of a report, whole or not."""
-    return {path.name for path in folder.iterdir() if path.name not in ("bag", "logs")}
+    others = ("bag", "logs", "settings.yaml")
+    return {path.name for path in folder.iterdir() if path.name not in others}
 
 
 @pytest.fixture
@@ -91,13 +92,15 @@ def test_a_signal_while_the_report_is_written_lets_it_finish(tmp_path):
 
 
 @pytest.mark.parametrize("number", EACH)
-def test_a_signal_during_the_start_leaves_no_node(tmp_path, number):
+def test_a_signal_during_the_start_leaves_no_node_and_gives_a_report(tmp_path, number):
     folder = tmp_path / "out"
     with live_process("demo", "-o", str(folder), output=tmp_path / "words") as running:
         running.wait_for_nodes(1)
         running.process.send_signal(number)
-        running.end()
+        assert running.end() == 1
         assert_gone(running.nodes())
+        assert reports(folder) == REPORT
+        assert f"the run was stopped ({number.name}) before all nodes were" in running.said
         assert "Traceback" not in running.said
 
 

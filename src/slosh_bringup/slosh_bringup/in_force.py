@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import contextlib
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -41,25 +42,14 @@ def in_force(starts: Starts) -> dict[str, str]:
     """What is in force, for people: a text by what it is about.
 
     Args:
-        starts: of the nodes that have told; what the others would tell is left out.
+        starts: of the nodes that have told; what they do not tell is left out.
     """
     rows: dict[str, str] = {}
-    if "monitor" in starts:
-        rows["limits"] = _limits(starts["monitor"].parameters)
-    if "estimator" in starts:
-        kind = starts["estimator"].parameters["input"]
-        rows["input"] = f"{kind} from {topic_of(starts, 'estimator', kind)}"
-    if "camera" in starts:
-        transport = starts["camera"].parameters["transport"]
-        rows["images"] = f"{transport} from {topic_of(starts, 'camera', image_topic(transport))}"
-    answers = ", ".join(starts["monitor"].topics.values()) if "monitor" in starts else ""
-    if answers:
-        rows["answers"] = answers
-    if "estimator" in starts:
-        rows["model"] = _model(starts["estimator"])
-    if "camera" in starts:
-        rows["calibration"] = _calibration(starts["camera"])
-    return rows
+    for label, (node, text_of) in _ROWS.items():
+        # A recording of old may lack a value; a report comes all the same.
+        with contextlib.suppress(KeyError, TypeError, ValueError):
+            rows[label] = text_of(starts[node])
+    return {label: text for label, text in rows.items() if text}
 
 
 def in_force_lines(starts: Starts) -> list[str]:
@@ -77,48 +67,66 @@ def settings_document(starts: Starts) -> str:
     return text
 
 
-def topic_of(starts: Starts, node: str, name: str) -> str:
+def topic_of(start: NodeStart | None, name: str) -> str:
     """The full name of a topic as a node has it; the name itself where it does not tell."""
-    return starts[node].topics.get(name, name) if node in starts else name
+    return start.topics.get(name, name) if start else name
 
 
-def image_topic(transport: str) -> str:
-    """The topic of the camera node's parameter `transport`."""
-    return topics.IMAGE if transport == "raw" else topics.IMAGE_COMPRESSED
+def input_topic(estimator: NodeStart | None) -> str:
+    """What drives the models."""
+    kind = estimator.parameters["input"] if estimator else topics.ACCEL
+    return topic_of(estimator, kind)
 
 
-def _limits(parameters: Mapping[str, Any]) -> str:
+def image_topic(camera: NodeStart | None) -> str:
+    """What the camera node reads."""
+    is_raw = camera is None or camera.parameters["transport"] == "raw"
+    return topic_of(camera, topics.IMAGE if is_raw else topics.IMAGE_COMPRESSED)
+
+
+def _limits(monitor: NodeStart) -> str:
     named = (
         ("measured", "measured_limit"),
         ("estimated", "estimated_limit"),
         ("disagreement", "disagreement_limit"),
     )
-    return ", ".join(f"{name} {1e3 * parameters[key]:g} mm" for name, key in named)
+    return ", ".join(f"{name} {1e3 * monitor.parameters[key]:g} mm" for name, key in named)
 
 
-def _model(start: NodeStart) -> str:
-    model = parse_model(start.files["model"], "the estimator's model")
+def _model(estimator: NodeStart) -> str:
+    model = parse_model(estimator.files["model"], "the estimator's model")
     effects = ", ".join(use.name for use in model.effects) or "no effects"
     cup = model.container
     # One that was loaded since has no file that the parameters name.
-    path = "as loaded" if start.stamp_ns else start.parameters["model"]
+    path = "as loaded" if estimator.stamp_ns else estimator.parameters["model"]
     return (
-        f"{path}: radius {1e3 * cup.radius:g} mm, "
-        f"filled to {1e3 * cup.fill_height:g} mm; {effects}"
+        f"{path}: radius {1e3 * cup.radius:g} mm, filled to {1e3 * cup.fill_height:g} mm; "
+        f"{effects}"
     )
 
 
-def _calibration(start: NodeStart) -> str:
-    calibration = parse_any_calibration(start.files["calibration"], "the calibration", None)
-    camera = calibration.view.camera
+def _calibration(camera: NodeStart) -> str:
+    calibration = parse_any_calibration(camera.files["calibration"], "the calibration", None)
+    size = calibration.view.camera
     if isinstance(calibration, Calibration):
         cup = calibration.view.cup
         container = f"radius {1e3 * cup.radius:g} mm, filled to {1e3 * cup.fill_height:g} mm"
     else:
         box = calibration.view.box
         container = f"width {1e3 * box.width:g} mm, filled to {1e3 * box.fill_height:g} mm"
-    path = start.parameters["calibration"]
-    return f"{path}: {camera.width} x {camera.height} pixels; {container}"
+    path = camera.parameters["calibration"]
+    return f"{path}: {size.width} x {size.height} pixels; {container}"
+
+
+_ROWS: Mapping[str, tuple[str, Callable[[NodeStart], str]]] = {
+    "limits": ("monitor", _limits),
+    "input": ("estimator", lambda node: f"{node.parameters['input']} from {input_topic(node)}"),
+    "images": ("camera", lambda node: f"{node.parameters['transport']} from {image_topic(node)}"),
+    "answers": ("monitor", lambda node: ", ".join(node.topics.values())),
+    "model": ("estimator", _model),
+    "calibration": ("camera", _calibration),
+}
+"""Which node tells it, and how it is put."""
 
 
 def _plain(value: Any) -> Any:

@@ -14,6 +14,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
+from typing import NamedTuple
 
 from ament_index_python.packages import get_package_share_directory
 
@@ -29,6 +30,8 @@ NODES: Mapping[str, str] = {
     "player": "slosh_bag.nodes.player_node",
     "recorder": "slosh_bag.nodes.recorder_node",
 }
+# Those that end by themselves.
+ENDING = ("cell", "player")
 # What it records must have ended before it does.
 LAST = "recorder"
 # Long enough for the recorder to finish its last chunk on a busy machine.
@@ -62,6 +65,14 @@ class NodeProcess:
         for name, topic in self.remappings.items():
             words += ["-r", f"{name}:={topic}"]
         return words
+
+
+class NodeEnd(NamedTuple):
+    """A node that has ended: its name, its exit code, and both in a line with its last words."""
+
+    name: str
+    code: int
+    text: str
 
 
 def node_environment(domain_id: int | None = None) -> dict[str, str]:
@@ -136,14 +147,20 @@ class NodeGroup:
         """Process id of a running node."""
         return self._running[name].pid
 
-    def check(self) -> None:
-        """Raises SloshBringupError for the first node that has ended with an error."""
+    def failed(self) -> NodeEnd | None:
+        """The first node that has ended and should not have; None: all is well."""
         for name, code in self.ended().items():
-            if code != 0:
+            if code != 0 or name not in ENDING:
                 log = self._log_folder / f"{name}.log"
-                raise SloshBringupError(
-                    f"node {name} ended with exit code {code}: {last_line(log)} (see {log})"
-                )
+                said = f"{last_line(log)} (see {log})"
+                return NodeEnd(name, code, f"node {name} ended with exit code {code}: {said}")
+        return None
+
+    def check(self) -> None:
+        """Raises SloshBringupError for the first node that has ended and should not have."""
+        end = self.failed()
+        if end is not None:
+            raise SloshBringupError(end.text)
 
     def stop(self) -> dict[str, int]:
         """Stops all nodes: the others together, then the recorder.

@@ -6,19 +6,13 @@ import json
 import sys
 from collections.abc import Callable
 from contextlib import AbstractContextManager
+from pathlib import Path
 
 from tqdm import tqdm
 
 from slosh_bringup.cli.progress import Progress
-from slosh_bringup.live_run import (
-    BAG,
-    REPORT,
-    LiveRun,
-    check_files,
-    prepare_folder,
-    run_nodes,
-    write_results,
-)
+from slosh_bringup.live_report import REPORT, LiveResult, write_results
+from slosh_bringup.live_run import BAG, LiveRun, check_files, prepare_folder, run_nodes
 from slosh_bringup.run_result import print_replay, table
 from slosh_bringup.stop_request import StopRequest
 
@@ -59,30 +53,48 @@ def run_live(run: LiveRun, bar: AbstractContextManager[Progress], *, as_json: bo
         as_json: print the figures as JSON.
 
     Returns:
-        exit code.
+        exit code: 0; 1 where nothing was compared or a node ended; 2 where one refused its input.
     """
     check_files(run.setup)
     prepare_folder(run.folder)
     with StopRequest() as stop:
         with bar as progress:
             screen = LiveScreen(progress, stop)
-            run_nodes(run, screen, stop)
+            outcome = run_nodes(run, screen, stop)
         if stop.reason:
             screen.tell(f"{stop.reason}: writing the report; once more: without it")
+        problems = tuple(filter(None, (outcome.problem,)))
         try:
             with stop.finishing():
-                result, replayed = write_results(run.folder, run.title)
+                result = write_results(
+                    run.folder, run.folder / BAG, run.title, problems, began=outcome.began
+                )
         except KeyboardInterrupt:
             screen.tell(
                 f"slosh {run.command}: no report, as asked; the recording is whole: "
                 f"slosh replay {run.folder / BAG} -o {run.folder}"
             )
             return 1
-    if as_json:
-        print(json.dumps({**result.document(), "replay": json.loads(replayed.to_json())}))
-        return 0
-    print(table(result))
-    print_replay(replayed)
-    print(f"bag                 {run.folder / BAG}")
-    print(f"report              {run.folder / REPORT}")
-    return 0
+    print_json(result) if as_json else print_result(result, run.folder)
+    for line in (result.nothing,) if result.reasons else result.warnings:
+        print(f"slosh {run.command}: {line}", file=sys.stderr)
+    return outcome.exit_code or int(bool(result.reasons))
+
+
+def print_result(result: LiveResult, folder: Path) -> None:
+    """Prints the figures, and where the results are."""
+    if result.figures is not None:
+        print(table(result.figures))
+    if result.replayed is not None:
+        print_replay(result.replayed)
+    for label, text in result.in_force.items():
+        print(f"{label:<20}{text}")
+    if (folder / BAG).exists():
+        print(f"bag                 {folder / BAG}")
+    print(f"report              {folder / REPORT}")
+
+
+def print_json(result: LiveResult) -> None:
+    """Prints the same for programs."""
+    replay = json.loads(result.replayed.to_json()) if result.replayed else None
+    print(json.dumps({**result.document(), "replay": replay}))

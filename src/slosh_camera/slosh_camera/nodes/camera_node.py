@@ -30,6 +30,7 @@ from slosh_msgs_py.node.diagnostics import ERROR, OK, STALE, WARN, DiagnosticsRe
 from slosh_msgs_py.node.parameters import ParameterSpec, declare
 from slosh_msgs_py.node.run import run_node
 from slosh_msgs_py.node.settings import SettingsPublisher
+from slosh_msgs_py.node.silence import SilentTopic
 from slosh_msgs_py.stamps import MAXIMUM, to_nanoseconds
 
 PACKAGE = Path(__file__).parents[1]
@@ -74,6 +75,8 @@ class CameraNode(Node):
         self._images = self._reported = self._refused = 0
         self._complaints = Complaints(self.get_logger().error)
         self._report = DiagnosticsReporter(self, self._health, self._facts)
+        kind = "Image" if is_raw else "CompressedImage"
+        self._topic = SilentTopic(self, image, f"sensor_msgs/msg/{kind}")
         if is_raw:
             self._input = NewestImage(self, Image, image, self._on_image)
         else:
@@ -125,7 +128,8 @@ class CameraNode(Node):
         silent, self._reported = self._images == self._reported, self._images
         recent, self._recent = self._recent, Flag.NONE
         if silent:
-            return STALE, "no images since the last report"
+            return STALE, f"no image for {self._topic.seconds:.0f} s: {self._topic.reason()}"
+        self._topic.heard()
         if Flag.BAD_IMAGE in recent:
             return ERROR, self._complaints.last
         if recent:

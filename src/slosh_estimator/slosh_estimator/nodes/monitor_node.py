@@ -19,6 +19,7 @@ from slosh_estimator.monitor import (
     Monitor,
     MonitorSettings,
 )
+from slosh_estimator.nodes.match_health import MatchHealth
 from slosh_estimator.readings import Reading, ReadingJoiner
 from slosh_model.arithmetic import arithmetic_fingerprint
 from slosh_model.compile_cache import sources_digest
@@ -83,13 +84,16 @@ class MonitorNode(Node):
         )
         self.create_service(Trigger, f"monitor/{topics.RESET}", self._on_reset)
         self._reported = -1
+        self._match = MatchHealth()
+        self._measured = 0
         self._report = DiagnosticsReporter(self, self._health, self._facts)
         self.create_timer(CHECK_PERIOD, self._on_check, clock=self._steady)
 
     def _on_estimate(self, message: SloshEstimate) -> None:
         self._report.count("estimate")
+        self._match.estimated_ns = stamp_ns = to_nanoseconds(message.header.stamp)
         point = EstimatePoint(
-            to_nanoseconds(message.header.stamp),
+            stamp_ns,
             message.linear.msh,
             message.nonlinear.msh,
             message.flags,
@@ -112,9 +116,9 @@ class MonitorNode(Node):
 
     def _on_free_surface(self, message: FreeSurface) -> None:
         self._report.count("free_surface")
-        point = MeasuredPoint(
-            to_nanoseconds(message.header.stamp), message.msh, message.msh_stddev, message.flags
-        )
+        self._measured += 1
+        self._match.measured_ns = stamp_ns = to_nanoseconds(message.header.stamp)
+        point = MeasuredPoint(stamp_ns, message.msh, message.msh_stddev, message.flags)
         self._publish(self._core.add_measurement(point, self._arrival()))
 
     def _on_check(self) -> None:
@@ -165,6 +169,9 @@ class MonitorNode(Node):
             if stale
         ]
         condition = self._core.condition(measured_stale, estimate_stale)
+        mismatch = self._match.look(self._measured, self._core.unmatched)
+        if condition is Condition.OK and mismatch is not None:
+            return mismatch
         last = self._core.motions.last
         if condition is Condition.OK and last is not None and last.disagrees:
             return WARN, last.sentence
