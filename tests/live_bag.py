@@ -71,6 +71,8 @@ class LiveBag:
         height: measured height over what the model expects the camera to read.
         attitude: quaternion by the index of the pose.
         kind: what drives the estimator: 'accel', 'imu' or 'pose'.
+        image_flags: of every measurement.
+        image_ahead: by how much the camera's clock is ahead [ns].
         image_lag, estimate_lag: from an index to the time until the recorder hears of it [ns].
         topics: those that are written; None: all.
         namespace: of the cell.
@@ -87,6 +89,7 @@ class LiveBag:
         self.attitude: Callable[[int], Quaternion] = lambda index: (0.0, 0.0, 0.0, 1.0)
         self.model = MODEL
         self.kind = kind
+        self.image_flags = self.image_ahead = 0
         self.image_lag: Callable[[int], int] = lambda index: 20 * MS
         self.estimate_lag: Callable[[int], int] = lambda index: 0
         self.topics: Collection[str] | None = None
@@ -141,7 +144,10 @@ class LiveBag:
             if index % 8 == 0 and not self.camera_gap[0] <= second < self.camera_gap[1]:
                 height = self.height * estimate.nonlinear.reading
                 shown = sample.stamp_ns + round(1e9 * estimator.reading_delay)
-                self._surface(shown, height, estimate, self.image_lag(index))
+                self._surface(
+                    shown + self.image_ahead, height, estimate,
+                    self.image_lag(index) - self.image_ahead,
+                )  # fmt: skip
 
     def _input(self, source, index: int, stamp: int, a: list[float], position: list[float]):
         """Records an input; returns the sample that the estimator makes of it, if it gets it."""
@@ -170,7 +176,9 @@ class LiveBag:
         parameters = dict(PARAMETERS[node])
         if node == "estimator":
             parameters["input"] = self.kind
-        document = yaml.safe_dump({"parameters": parameters, "files": files})
+        names = (self.kind, "free_surface", "estimate")
+        full = {name: f"{self.namespace}/{name}" for name in names}
+        document = yaml.safe_dump({"parameters": parameters, "topics": full, "files": files})
         self._put(
             "settings", stamp, log_ns, node=node, code="0123", document=document,
             arithmetic=arithmetic_fingerprint(),
@@ -229,7 +237,7 @@ class LiveBag:
         given = {"msh": height, "azimuth": estimate.nonlinear.azimuth}
         self._put(
             "free_surface", stamp, stamp + lag, **{**unknown, **given},
-            profile_azimuth=none, profile_height=none, peak_side=0, flags=0,
+            profile_azimuth=none, profile_height=none, peak_side=0, flags=self.image_flags,
         )  # fmt: skip
 
     def _put(self, topic: str, stamp: int, log_ns: int | None = None, **fields) -> None:

@@ -82,13 +82,22 @@ def test_the_launch_file_starts_programs_that_exist():
         assert program in scripts(ROOT / "src" / package)
 
 
-def test_the_parameter_file_names_only_parameters_that_exist():
+def test_the_parameter_file_states_the_defaults():
+    """So a file that sets two parameters changes two, and no other comes to lie elsewhere."""
     text = (ROOT / "src/slosh_bringup/config/cell.yaml").read_text()
     from slosh_bringup.processes import NODES
 
     for node, content in yaml.safe_load(text)["/**"].items():
-        known = {spec.name for spec in importlib.import_module(NODES[node]).PARAMETERS}
-        assert set(content["ros__parameters"]) <= known
+        specs = importlib.import_module(NODES[node]).PARAMETERS
+        defaults = {spec.name: spec.default for spec in specs}
+        stated = content["ros__parameters"]
+        assert stated == {name: defaults[name] for name in stated}
+
+
+def test_the_launch_file_checks_the_parameter_file():
+    text = (ROOT / "src/slosh_bringup/launch/cell.launch.py").read_text()
+    assert "check_parameter_file(Path(parameters), namespace)" in text
+    assert text.index("OpaqueFunction(function=check)") < text.index('node("slosh_bag"')
 
 
 def locked(name):

@@ -5,12 +5,24 @@ ros2 launch slosh_bringup cell.launch.py simulate:=true
 ros2 launch slosh_bringup cell.launch.py model:=/path/model.yaml calibration:=/path/camera.yaml
 """
 
-from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument
+from pathlib import Path
+
+from launch import LaunchContext, LaunchDescription
+from launch.actions import DeclareLaunchArgument, OpaqueFunction
 from launch.conditions import IfCondition
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.substitutions import FindPackageShare
+
+from slosh_bringup.parameter_file import check_parameter_file
+
+
+def check(context: LaunchContext) -> None:
+    """Refuses a parameter file with names that no node has: ROS would say nothing of them."""
+    parameters, namespace = (
+        LaunchConfiguration(name).perform(context) for name in ("parameters", "namespace")
+    )
+    check_parameter_file(Path(parameters), namespace)
 
 
 def generate_launch_description() -> LaunchDescription:
@@ -20,7 +32,11 @@ def generate_launch_description() -> LaunchDescription:
         DeclareLaunchArgument(name, default_value=default, description=description)
         for name, default, description in (
             ("namespace", "/slosh", "namespace of all nodes and topics"),
-            ("parameters", [config, "/cell.yaml"], "ROS parameter file of all nodes"),
+            (
+                "parameters",
+                [config, "/cell.yaml"],
+                "ROS parameter file: what differs from the defaults",
+            ),
             ("model", [config, "/model.yaml"], "model of the container and its liquid"),
             ("calibration", [config, "/camera.yaml"], "calibration of the camera"),
             ("output", "bag", "folder of the recorded bag"),
@@ -51,6 +67,7 @@ def generate_launch_description() -> LaunchDescription:
     return LaunchDescription(
         [
             *arguments,
+            OpaqueFunction(function=check),
             node("slosh_bag", "recorder", record, output=LaunchConfiguration("output")),
             node("slosh_camera", "camera", calibration=calibration),
             node("slosh_estimator", "estimator", model=model),

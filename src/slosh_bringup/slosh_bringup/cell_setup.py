@@ -11,8 +11,23 @@ import yaml
 
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.processes import NodeProcess, config_folder
+from slosh_msgs_py import topics
 
 NAMESPACE = "/slosh"
+REMAPPABLE = (
+    topics.ACCEL,
+    topics.IMU,
+    topics.POSE,
+    topics.IMAGE,
+    topics.IMAGE_COMPRESSED,
+    topics.FREE_SURFACE,
+    topics.ESTIMATE,
+    topics.EXPECTED_READING,
+    topics.COMPARISON,
+    topics.LIMIT_EVENT,
+    topics.DIAGNOSTICS,
+)
+"""Topics that the nodes read or publish, by the names that `remap` knows."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,7 +37,7 @@ class CellSetup:
     Attributes:
         model: model file of the container and its liquid.
         calibration: camera.yaml.
-        parameters: ROS parameter file of all nodes.
+        parameters: ROS parameter file of all nodes; what it does not set is as the nodes have it.
         namespace: of all nodes.
         remap: relative topic -> the robot's topic.
     """
@@ -72,12 +87,13 @@ def read_setup(path: Path) -> CellSetup:
         if key not in known:
             raise SloshBringupError(f"{path}: unknown key {key!r} (known: {', '.join(known)})")
     default = default_setup()
+    namespace = _namespace(path, document.get("namespace", NAMESPACE))
     return CellSetup(
         model=_file(path, document, "model"),
         calibration=_file(path, document, "calibration"),
         parameters=_file(path, document, "parameters", default.parameters),
-        namespace=_namespace(path, document.get("namespace", NAMESPACE)),
-        remap=_remap(path, document.get("remap") or {}),
+        namespace=namespace,
+        remap=_remap(path, namespace, document.get("remap") or {}),
     )
 
 
@@ -99,9 +115,14 @@ def _namespace(source: Path, value: Any) -> str:
     return value
 
 
-def _remap(source: Path, value: Any) -> dict[str, str]:
+def _remap(source: Path, namespace: str, value: Any) -> dict[str, str]:
     if not isinstance(value, dict) or not all(
         isinstance(word, str) for pair in value.items() for word in pair
     ):
         raise SloshBringupError(f"{source}: remap must map topic names to topic names")
+    for name in value:
+        relative = name.removeprefix(f"{namespace.rstrip('/')}/")
+        if relative not in REMAPPABLE:
+            known = ", ".join(REMAPPABLE)
+            raise SloshBringupError(f"{source}: remap: no such topic: {name!r} (known: {known})")
     return dict(value)

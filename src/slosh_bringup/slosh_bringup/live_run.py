@@ -1,34 +1,27 @@
-"""Runs a cell's nodes, records, and reports: the body of `slosh demo` and `slosh cell`."""
+"""Runs a cell's nodes and records: the body of `slosh demo` and `slosh cell`."""
 
 from __future__ import annotations
 
-import json
-import math
+import os
 import shutil
-import time
-from collections.abc import Callable
-from contextlib import nullcontext
+from contextlib import ExitStack, nullcontext
+from dataclasses import dataclass
 from pathlib import Path
 
-from slosh_bag.errors import SloshBagError
-from slosh_bag.replay import ReplayResult, replay_bag
-from slosh_bag.replay.report import Surroundings
 from slosh_bringup.cell_setup import CellSetup
 from slosh_bringup.errors import SloshBringupError
+from slosh_bringup.live_report import REPORT, RESULT
+from slosh_bringup.live_watch import LiveWatch, Screen
+from slosh_bringup.parameter_file import check_parameter_file
 from slosh_bringup.processes import NodeGroup, NodeProcess, node_environment
-from slosh_bringup.replay_page import make_report
-from slosh_bringup.run_data import read_run
-from slosh_bringup.run_result import RunResult, evaluate
+from slosh_bringup.stop_request import StopRequest
 from slosh_camera.calibration import read_any_calibration
-from slosh_discovery.report import Fact, KeyFigure, render_report, report_document
 from slosh_estimator.model_file import read_model
 from slosh_msgs_py.node.domain import own_domain
 
 POLL = 0.1
 # What a run writes into its folder; only these are replaced by the next run.
-BAG, LOGS, REPORT, RESULT = "bag", "logs", "report.html", "result.json"
-
-Progress = Callable[[float, str], None]
+BAG, LOGS, SETTINGS = "bag", "logs", "settings.yaml"
 
 
 def prepare_folder(folder: Path) -> None:
@@ -41,80 +34,92 @@ def prepare_folder(folder: Path) -> None:
         folder.mkdir(parents=True, exist_ok=True)
         for name in (BAG, LOGS):
             shutil.rmtree(folder / name, ignore_errors=True)
-        for name in (REPORT, RESULT):
+        for name in (REPORT, RESULT, SETTINGS):
             (folder / name).unlink(missing_ok=True)
     except OSError as error:
         raise SloshBringupError(f"{folder}: {error.strerror}") from None
 
 
 def check_files(setup: CellSetup) -> None:
-    """Reads the cell's files once, so that a mistake is told before any process starts."""
+    """Reads the cell's files once, so that a mistake is told before any process starts.
+
+    Raises:
+        ValueError: of the package that reads the file; one line.
+    """
     read_model(setup.model)
     read_any_calibration(setup.calibration)
+    check_parameter_file(setup.parameters, setup.namespace)
 
 
-def run_nodes(
-    setup: CellSetup,
-    folder: Path,
-    progress: Progress,
-    simulated: NodeProcess | None = None,
-) -> None:
-    """Runs the nodes until the simulated cell is through or Ctrl-C.
+@dataclass(frozen=True, slots=True)
+class LiveRun:
+    """What is run.
+
+    Attributes:
+        command: the subcommand.
+        setup: the cell.
+        folder: where the results go.
+        title: of the report.
+        simulated: the simulated cell; None: a robot speaks.
+    """
+
+    command: str
+    setup: CellSetup
+    folder: Path
+    title: str
+    simulated: NodeProcess | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """How the nodes ended.
+
+    Attributes:
+        problem: what ended the run before its time; empty: nothing did.
+        exit_code: 0, or the one that fits the problem.
+        began: whether all nodes were at work before.
+    """
+
+    problem: str = ""
+    exit_code: int = 0
+    began: bool = True
+
+
+def run_nodes(run: LiveRun, screen: Screen, stop: StopRequest) -> Outcome:
+    """Runs the nodes until the simulated cell is through or a stop is asked for.
 
     Args:
-        setup: the cell.
-        folder: where the bag and the logs go.
-        progress: told the elapsed time [s] and what is going on, ten times a second.
-        simulated: the simulated cell; None: a robot speaks.
-
-    Raises:
-        SloshBringupError: a node ended with an error.
+        run: the cell, and where the bag, the logs and what is in force go.
+        screen: of whoever watches.
+        stop: asks for the end.
     """
+    # With ROS, which a wrong option need not wait for.
+    from slosh_bringup.nodes.cell_listener import CellListener
+
     # A demonstration keeps to itself; a cell talks to the robot on the user's domain.
-    claim = own_domain() if simulated else nullcontext()
-    processes = setup.processes(folder / BAG) + ([simulated] if simulated else [])
-    with (
-        claim as domain,
-        NodeGroup(setup.namespace, folder / LOGS, node_environment(domain)) as group,
-    ):
+    claim = own_domain() if run.simulated else nullcontext()
+    processes = run.setup.processes(run.folder / BAG)
+    watch = LiveWatch(run.folder / SETTINGS, [process.name for process in processes], screen)
+    with ExitStack() as stack:
+        environment = node_environment(stack.enter_context(claim))
+        # The listener below speaks as the nodes do.
+        os.environ.update(environment)
+        group = stack.enter_context(NodeGroup(run.setup.namespace, run.folder / LOGS, environment))
+        listener = stack.enter_context(
+            CellListener(run.setup.namespace, watch.take_settings, watch.take_report)
+        )
         for process in processes:
             group.start(process)
-        started = time.monotonic()
-        try:
-            while simulated is None or "cell" not in group.ended():
-                group.check()
-                progress(time.monotonic() - started, "running")
-                time.sleep(POLL)
-            group.check()
-        except KeyboardInterrupt:
-            progress(time.monotonic() - started, "stopping")
-
-
-def write_results(folder: Path, title: str) -> tuple[RunResult, ReplayResult]:
-    """Reads and replays the bag, and writes the report and the figures.
-
-    Raises:
-        SloshBringupError: what was recorded cannot be replayed.
-    """
-    bag = folder / BAG
-    try:
-        run = evaluate(read_run(bag))
-        replayed = replay_bag(bag)
-    except SloshBagError as error:
-        raise SloshBringupError(f"no report: {error} (logs in {folder / LOGS})") from None
-    lost = Fact("messages lost on the way to the bag", str(sum(run.lost.values())))
-    around = Surroundings(title=title, key_figures=(latency_figure(run),), facts=(lost,))
-    report = make_report(bag, replayed, around)
-    (folder / REPORT).write_text(render_report(report), encoding="utf-8")
-    document = {**run.document(), **report_document(report)}
-    (folder / RESULT).write_text(json.dumps(document, indent=2) + "\n")
-    return run, replayed
-
-
-def latency_figure(run: RunResult) -> KeyFigure:
-    """From an image's exposure to its comparison, which only a live run has."""
-    median, greatest = run.latency.get("monitor", (math.nan, math.nan))
-    note = "image to comparison, median"
-    if math.isfinite(greatest):
-        note += f"; at most {1e3 * greatest:.0f} ms"
-    return KeyFigure("latency", median, "ms", note)
+        if run.simulated is not None:
+            group.start(run.simulated)
+        while not stop.reason and not group.failed() and "cell" not in group.ended():
+            watch.look()
+            listener.listen(POLL)
+        end = None if stop.reason else group.failed()
+    if end is not None:
+        return Outcome(end.text, end.code if end.code == 2 else 1, watch.began)
+    if not watch.began:
+        return Outcome(
+            f"the run was stopped ({stop.reason}) before all nodes were there", 1, False
+        )
+    return Outcome()

@@ -9,14 +9,17 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
+from typing import NamedTuple
 
 from ament_index_python.packages import get_package_share_directory
 
 from slosh_bringup.errors import SloshBringupError
+from slosh_msgs_py.node.lifeline import Lifelines
 
 # Node name -> module with its main().
 NODES: Mapping[str, str] = {
@@ -27,6 +30,10 @@ NODES: Mapping[str, str] = {
     "player": "slosh_bag.nodes.player_node",
     "recorder": "slosh_bag.nodes.recorder_node",
 }
+# Those that end by themselves.
+ENDING = ("cell", "player")
+# What it records must have ended before it does.
+LAST = "recorder"
 # Long enough for the recorder to finish its last chunk on a busy machine.
 STOP_TIMEOUT = 20.0
 
@@ -60,6 +67,14 @@ class NodeProcess:
         return words
 
 
+class NodeEnd(NamedTuple):
+    """A node that has ended: its name, its exit code, and both in a line with its last words."""
+
+    name: str
+    code: int
+    text: str
+
+
 def node_environment(domain_id: int | None = None) -> dict[str, str]:
     """The environment of the nodes: this machine only, shared memory sized for images."""
     environment = dict(os.environ)
@@ -81,6 +96,8 @@ def config_folder() -> Path:
 class NodeGroup:
     """Node processes that live and die together; a context manager.
 
+    They end with this process, too, where it is killed.
+
     Args:
         namespace: ROS namespace of all nodes.
         log_folder: each node's output goes to <log_folder>/<name>.log.
@@ -95,6 +112,7 @@ class NodeGroup:
 
     def __enter__(self) -> NodeGroup:
         self._log_folder.mkdir(parents=True, exist_ok=True)
+        self._lifelines = Lifelines()
         return self
 
     def __exit__(
@@ -104,16 +122,19 @@ class NodeGroup:
         trace: TracebackType | None,
     ) -> None:
         self.stop()
+        self._lifelines.close()
 
     def start(self, process: NodeProcess) -> None:
         """Starts a node."""
+        inherited = self._lifelines.of_node(last=process.name == LAST)
         with (self._log_folder / f"{process.name}.log").open("wb") as log:
             # Its own session: Ctrl-C reaches this process alone, which stops the nodes in order.
             self._running[process.name] = subprocess.Popen(
                 process.command(self._namespace),
                 stdout=log,
                 stderr=subprocess.STDOUT,
-                env=self._environment,
+                env={**self._environment, **inherited.environment},
+                pass_fds=inherited.descriptors,
                 start_new_session=True,
             )
 
@@ -126,36 +147,48 @@ class NodeGroup:
         """Process id of a running node."""
         return self._running[name].pid
 
-    def check(self) -> None:
-        """Raises SloshBringupError for the first node that has ended with an error."""
+    def failed(self) -> NodeEnd | None:
+        """The first node that has ended and should not have; None: all is well."""
         for name, code in self.ended().items():
-            if code != 0:
+            if code != 0 or name not in ENDING:
                 log = self._log_folder / f"{name}.log"
-                raise SloshBringupError(
-                    f"node {name} ended with exit code {code}: {last_line(log)} (see {log})"
-                )
+                said = f"{last_line(log)} (see {log})"
+                return NodeEnd(name, code, f"node {name} ended with exit code {code}: {said}")
+        return None
+
+    def check(self) -> None:
+        """Raises SloshBringupError for the first node that has ended and should not have."""
+        end = self.failed()
+        if end is not None:
+            raise SloshBringupError(end.text)
 
     def stop(self) -> dict[str, int]:
-        """Stops all nodes in the order of their start, the recorder last.
+        """Stops all nodes: the others together, then the recorder.
 
         Returns:
             exit code by node; a node that had to be killed has -9.
         """
-        names = sorted(self._running, key=lambda name: name == "recorder")
-        codes = {name: stop_process(self._running[name]) for name in names}
-        self._running.clear()
-        return codes
+        running, self._running = self._running, {}
+        others = {name: process for name, process in running.items() if name != LAST}
+        last = {name: process for name, process in running.items() if name == LAST}
+        return stop_processes(others) | stop_processes(last)
 
 
-def stop_process(process: subprocess.Popen[bytes]) -> int:
-    """Asks a process to end as Ctrl-C does, and kills it where it does not listen."""
-    if process.poll() is None:
-        process.send_signal(signal.SIGINT)
+def stop_processes(processes: Mapping[str, subprocess.Popen[bytes]]) -> dict[str, int]:
+    """Asks processes to end as Ctrl-C does, and kills those that do not listen.
+
+    Returns:
+        exit code by name.
+    """
+    for process in processes.values():
+        process.send_signal(signal.SIGINT)  # not sent to one that has ended
+    deadline = time.monotonic() + STOP_TIMEOUT
+    for process in processes.values():
         try:
-            process.wait(STOP_TIMEOUT)
+            process.wait(max(deadline - time.monotonic(), 0.0))
         except subprocess.TimeoutExpired:
             process.kill()
-    return process.wait()
+    return {name: process.wait() for name, process in processes.items()}
 
 
 def last_line(log: Path) -> str:

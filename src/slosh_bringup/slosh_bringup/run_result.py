@@ -54,6 +54,11 @@ class RunResult:
     dropped: Mapping[str, int]
     events: int
 
+    @property
+    def compared(self) -> int:
+        """Images at which the model and the camera are known."""
+        return self.agreements[0].count
+
     def document(self) -> dict[str, Any]:
         """For JSON; a number that is not known is null."""
         return {
@@ -103,25 +108,30 @@ def evaluate(data: RunData) -> RunResult:
 
 
 def agreement(name: str, reference: Array, series: Array) -> Agreement:
-    """How well a series follows its reference, where both are known."""
+    """How well a series follows its reference, where both are known; NaN where they never are."""
+    count = int(np.count_nonzero(np.isfinite(reference) & np.isfinite(series)))
+    if not count:
+        return Agreement(name, math.nan, math.nan, math.nan, 0)
     return Agreement(
         name,
         mean_absolute_error(reference, series),
         peak_error(reference, series),
         rms_error(reference, series),
-        int(np.count_nonzero(np.isfinite(reference) & np.isfinite(series))),
+        count,
     )
 
 
 def table(result: RunResult) -> str:
     """The figures as a table for the screen."""
-    lines = [f"{'':<18}{'σ [mm]':>8}{'ε [%]':>8}{'rms [mm]':>10}{'images':>8}"]
-    lines += [
+    lines = [
         f"{row.name:<18}{1e3 * row.sigma:8.2f}{1e2 * row.epsilon:8.1f}{1e3 * row.rms:10.2f}"
         f"{row.count:8d}"
         for row in result.agreements
+        if row.count
     ]
-    lines.append("")
+    if lines:
+        heads = f"{'':<18}{'σ [mm]':>8}{'ε [%]':>8}{'rms [mm]':>10}{'images':>8}"
+        lines = [heads, *lines, ""]
     for node, (median, greatest) in sorted(result.latency.items()):
         lines.append(
             f"latency {node:<11} median {1e3 * median:6.1f} ms   maximum {1e3 * greatest:6.1f} ms"

@@ -1,9 +1,12 @@
 """`slosh play`: what it refuses in one line, and that it ends as it should."""
 
+import fcntl
 import os
+import pty
 import signal
 import subprocess
 import sys
+import termios
 import time
 
 import pytest
@@ -85,14 +88,30 @@ def test_it_plays_to_the_end_with_a_bar(start):
     assert "play bag: 100%" in told
 
 
-def test_an_interrupt_ends_it_without_a_traceback(start):
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGHUP])
+def test_an_interrupt_ends_it_without_a_traceback(start, number):
     process, words = start("--wait", "0", "--loop")
     deadline = time.monotonic() + PATIENCE
     while "playing all the same" not in words.read_text():
         assert time.monotonic() < deadline, "it did not begin to play"
         time.sleep(0.02)
-    os.killpg(process.pid, signal.SIGINT)
+    os.killpg(process.pid, number)
     assert process.wait(PATIENCE) == 0
     told = words.read_text()
     assert "messages played" in told
     assert "Traceback" not in told
+
+
+def test_a_closed_terminal_ends_it(bag):
+    """The kernel sends SIGHUP, and every write to the terminal fails."""
+    keyboard, screen = pty.openpty()
+    process = subprocess.Popen(
+        [sys.executable, "-m", "slosh_bringup.cli", "play", str(bag), "--wait", "0", "--loop"],
+        stdin=screen, stdout=screen, stderr=screen,
+        start_new_session=True,
+        preexec_fn=lambda: fcntl.ioctl(0, termios.TIOCSCTTY, 0),
+    )  # fmt: skip
+    os.close(screen)
+    os.read(keyboard, 1)
+    os.close(keyboard)
+    assert process.wait(PATIENCE) == 0

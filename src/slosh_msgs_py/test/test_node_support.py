@@ -4,6 +4,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 
 import pytest
@@ -15,6 +16,7 @@ from std_msgs.msg import Header
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.errors import SloshMessageError
 from slosh_msgs_py.node.diagnostics import WARN, DiagnosticsReporter
+from slosh_msgs_py.node.lifeline import VARIABLE, watch_lifelines
 from slosh_msgs_py.node.parameters import ParameterSpec, declare
 from slosh_msgs_py.node.run import make_executor
 from slosh_msgs_py.node.shared_memory import is_deaf
@@ -58,6 +60,13 @@ def spin_until(node, condition, patience=20.0):
 def test_defaults_and_overrides(make_node):
     values = declare(make_node(size=1.5, kind="b"), SPECS)
     assert values == {"size": 1.5, "count": 3, "kind": "b", "place": [0.0, 0.0], "fixed": 1.0}
+
+
+def test_a_parameter_that_nobody_has_is_named(make_node, capfd):
+    declare(make_node(size=1.5, sise=1.0, use_sim_time=False), SPECS)
+    said = capfd.readouterr().err
+    assert "parameter sise is unknown to this node" in said
+    assert said.count("is unknown to this node") == 1
 
 
 @pytest.mark.parametrize(
@@ -172,7 +181,7 @@ sys.exit(run_node(Plain))
 
 
 @pytest.mark.parametrize("executor", ["events", "single"])
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_a_signal_ends_a_node_cleanly(executor, number):
     environment = {**os.environ, "SLOSH_EXECUTOR": executor}
     with subprocess.Popen(
@@ -183,6 +192,72 @@ def test_a_signal_ends_a_node_cleanly(executor, number):
         rest = process.stdout.read()
         assert process.wait(20) == 0
     assert rest.endswith("closed\n")
+
+
+def test_a_hang_up_that_was_to_be_ignored_is_ignored():
+    """`nohup` has it so."""
+    command = ["nohup", sys.executable, "-c", NODE]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout.readline() == "alive\n"
+        process.send_signal(signal.SIGHUP)
+        assert all(process.stdout.readline() == "alive\n" for _ in range(50))
+        process.terminate()
+        assert process.stdout.read().endswith("closed\n")
+
+
+STARTER = """
+import os, subprocess, sys, time
+from slosh_msgs_py.node.lifeline import Lifelines
+
+lifelines = Lifelines()
+for last in (True, False):
+    inherited = lifelines.of_node(last=last)
+    command = [sys.executable, "-c", sys.argv[1]]
+    with open(sys.argv[2 + last], "w") as words:
+        subprocess.Popen(command, stdout=words, stderr=words, pass_fds=inherited.descriptors,
+                         env={**os.environ, **inherited.environment})
+# Something else that is started, and holds nothing open.
+subprocess.Popen(["sleep", "40"], stdout=subprocess.DEVNULL)
+print("started", flush=True)
+time.sleep(1000)
+"""
+
+
+def test_nodes_end_with_a_killed_starter_and_the_last_one_last(tmp_path):
+    """The wheels start the interpreter a second time: the pipes outlive that."""
+    words = [tmp_path / "first", tmp_path / "last"]
+
+    def ended():
+        return [word.exists() and word.read_text().endswith("closed\n") for word in words]
+
+    slow = NODE.replace('print("closed"', 'import time; time.sleep(1.0); print("closed"')
+    command = [sys.executable, "-c", STARTER, slow, *map(str, words)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as starter:
+        assert starter.stdout.readline() == "started\n"
+        wait_until(lambda: all("alive" in word.read_text() for word in words))
+        starter.kill()
+    seen = []
+    wait_until(lambda: seen.append(ended()) or all(seen[-1]))
+    assert [False, True] not in seen
+    assert [True, False] in seen
+    for word in words:
+        assert "the process that started this node has ended" in word.read_text()
+
+
+def wait_until(condition, patience=30.0):
+    deadline = time.monotonic() + patience
+    while not condition():
+        assert time.monotonic() < deadline, "what was awaited did not come"
+        time.sleep(0.02)
+
+
+def test_files_that_are_no_pipe_are_not_watched(monkeypatch):
+    """A variable that comes from elsewhere ends nobody."""
+    for text in ("", "x", "0,a", "1048575", str(os.open(os.devnull, os.O_RDONLY))):
+        monkeypatch.setenv(VARIABLE, text)
+        watch_lifelines(lambda: pytest.fail("nobody has ended"))
+        assert VARIABLE not in os.environ
+    assert not [thread for thread in threading.enumerate() if thread.name == "lifeline"]
 
 
 def test_a_signal_during_the_start_ends_a_node_cleanly_too():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import yaml
@@ -28,6 +29,8 @@ class NodeStart(NamedTuple):
         code, arithmetic: digests of its sources and of how its machine rounds.
         parameters: its parameters by name.
         files: texts of its files by parameter.
+        topics: full names of those that it reads and publishes, by their names in this product;
+            none in recordings of old.
     """
 
     node: str
@@ -37,6 +40,7 @@ class NodeStart(NamedTuple):
     arithmetic: str
     parameters: Mapping[str, Any]
     files: Mapping[str, str]
+    topics: Mapping[str, str] = MappingProxyType({})
 
 
 def read_starts(reader: BagReader, topic: str) -> list[NodeStart]:
@@ -45,10 +49,12 @@ def read_starts(reader: BagReader, topic: str) -> list[NodeStart]:
     Raises:
         SloshBagError: one cannot be read.
     """
+    source = f"{reader.path}: {topic}"
     return [
-        _start(
-            reader,
-            BagMessage(topic, MESSAGE_TYPE, log_ns, log_ns, block.data(index)),
+        node_start(
+            reader.decode(BagMessage(topic, MESSAGE_TYPE, log_ns, log_ns, block.data(index))),
+            log_ns,
+            source,
         )
         for block in reader.blocks([topic])
         for index, log_ns in enumerate(block.log_ns.tolist())
@@ -123,18 +129,28 @@ def _flat(document: Any, prefix: str = "") -> dict[str, Any]:
     return flat
 
 
-def _start(reader: BagReader, entry: Any) -> NodeStart:
-    message = reader.decode(entry)
+def node_start(message: Any, log_ns: int, source: str) -> NodeStart:
+    """What a NodeSettings message says.
+
+    Args:
+        message: as any middleware or reader decodes it.
+        log_ns: when it was heard [ns].
+        source: where it comes from, for the error.
+
+    Raises:
+        SloshBagError: its document cannot be read.
+    """
     stamp = message.header.stamp
     try:
         document = yaml.safe_load(message.document)
         parameters, files = dict(document["parameters"]), dict(document["files"])
-    except (yaml.YAMLError, KeyError, TypeError, ValueError):
+        topics = dict(document.get("topics", {}))
+    except (yaml.YAMLError, AttributeError, KeyError, TypeError, ValueError):
         raise SloshBagError(
-            f"{reader.path}: {entry.topic} of node {message.node!r}: its document is not "
+            f"{source} of node {message.node!r}: its document is not "
             "YAML with parameters and files"
         ) from None
     return NodeStart(
-        message.node, stamp.sec * 1_000_000_000 + stamp.nanosec, entry.log_ns, message.code,
-        message.arithmetic, parameters, files,
+        message.node, stamp.sec * 1_000_000_000 + stamp.nanosec, log_ns, message.code,
+        message.arithmetic, parameters, files, topics,
     )  # fmt: skip

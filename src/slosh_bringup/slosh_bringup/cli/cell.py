@@ -6,16 +6,9 @@ import argparse
 from pathlib import Path
 
 from slosh_bringup.cell_setup import read_setup
+from slosh_bringup.cli.live import run_live
 from slosh_bringup.cli.progress import clock
-from slosh_bringup.live_run import (
-    BAG,
-    REPORT,
-    check_files,
-    prepare_folder,
-    run_nodes,
-    write_results,
-)
-from slosh_bringup.run_result import print_replay, table
+from slosh_bringup.live_run import LiveRun
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -27,16 +20,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Runs the nodes until Ctrl-C, then prints the figures and where the results are."""
-    setup = read_setup(arguments.config)
-    check_files(setup)
-    folder: Path = arguments.output
-    prepare_folder(folder)
-    with clock("recording, Ctrl-C to stop") as progress:
-        run_nodes(setup, folder, progress)
-    run, replayed = write_results(folder, f"Cell {arguments.config.stem}")
-    print(table(run))
-    print_replay(replayed)
-    print(f"bag                 {folder / BAG}")
-    print(f"report              {folder / REPORT}")
-    return 0
+    """Runs the nodes until it is told to end; prints the figures and where the results are."""
+    config: Path = arguments.config
+    run = LiveRun("cell", read_setup(config), arguments.output, f"Cell {config.stem}")
+    return run_live(run, clock("recording, Ctrl-C to stop"))

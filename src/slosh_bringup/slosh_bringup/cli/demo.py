@@ -3,22 +3,14 @@
 from __future__ import annotations
 
 import argparse
-import json
 from pathlib import Path
 
 from slosh_bringup.cell.motions import MOTIONS, make_motion
 from slosh_bringup.cell_setup import default_setup
+from slosh_bringup.cli.live import run_live
 from slosh_bringup.cli.progress import progress_bar
-from slosh_bringup.live_run import (
-    BAG,
-    REPORT,
-    check_files,
-    prepare_folder,
-    run_nodes,
-    write_results,
-)
+from slosh_bringup.live_run import LiveRun
 from slosh_bringup.processes import NodeProcess, config_folder
-from slosh_bringup.run_result import print_replay, table
 
 STARTING = 4.0  # s; what the nodes take to find each other, for the progress bar
 
@@ -37,9 +29,6 @@ def run(arguments: argparse.Namespace) -> int:
     """Runs the demonstration; prints the figures and where the results are."""
     motion = make_motion(arguments.motion, 100.0)
     setup = default_setup()
-    check_files(setup)
-    folder: Path = arguments.output
-    prepare_folder(folder)
     simulated = NodeProcess(
         "cell",
         [setup.parameters],
@@ -51,14 +40,7 @@ def run(arguments: argparse.Namespace) -> int:
         },
     )
     length = STARTING + arguments.repeat * motion.duration
-    with progress_bar(f"motion {motion.name}", length, quiet=arguments.json) as progress:
-        run_nodes(setup, folder, progress, simulated)
-    run, replayed = write_results(folder, f"Simulated cell, motion {motion.name}")
-    if arguments.json:
-        print(json.dumps({**run.document(), "replay": json.loads(replayed.to_json())}))
-        return 0
-    print(table(run))
-    print_replay(replayed)
-    print(f"bag                 {folder / BAG}")
-    print(f"report              {folder / REPORT}")
-    return 0
+    title = f"Simulated cell, motion {motion.name}"
+    run = LiveRun("demo", setup, arguments.output, title, simulated)
+    bar = progress_bar(f"motion {motion.name}", length, quiet=arguments.json)
+    return run_live(run, bar, as_json=arguments.json)

@@ -35,7 +35,14 @@ EXIT_DONE, EXIT_FAILED, EXIT_WRONG_INPUT = 0, 1, 2
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Runs the command line; returns the exit code."""
-    words = list(sys.argv[1:] if arguments is None else arguments)
+    try:
+        return _run(list(sys.argv[1:] if arguments is None else arguments))
+    except KeyboardInterrupt:
+        print("slosh: stopped", file=sys.stderr)
+        return EXIT_FAILED
+
+
+def _run(words: list[str]) -> int:
     name = next((word for word in words if not word.startswith("-")), None)
     parser = build_parser(name)
     parsed = parser.parse_args(words)
@@ -78,9 +85,6 @@ def run_guarded(parsed: argparse.Namespace) -> int:
         # The reader of our output has gone (`slosh … | head`); say nothing more to it.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return EXIT_DONE
-    except KeyboardInterrupt:
-        print("slosh: stopped", file=sys.stderr)
-        return EXIT_FAILED
     except OSError as error:
         where = f"{error.filename}: " if error.filename else ""
         print(f"slosh {parsed.command}: {where}{error.strerror or error}", file=sys.stderr)

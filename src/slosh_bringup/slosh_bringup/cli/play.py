@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import signal
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from slosh_bag.playing.playback import PlaybackSettings
 from slosh_bringup.cli.progress import clock, progress_bar
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.processes import node_environment
+from slosh_bringup.stop_request import forget_readers
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -78,6 +80,10 @@ def run(arguments: argparse.Namespace) -> int:
     with bar as progress:
 
         def watch(node: Any) -> None:
-            progress(node.played, "")
+            try:
+                progress(node.played, "")
+            except OSError:  # its reader has gone without a word: as a closed terminal
+                forget_readers()
+                signal.raise_signal(signal.SIGHUP)
 
         return play(plan, ros, watch)

@@ -30,6 +30,7 @@ from slosh_msgs_py.node.diagnostics import ERROR, OK, STALE, WARN, DiagnosticsRe
 from slosh_msgs_py.node.parameters import ParameterSpec, declare
 from slosh_msgs_py.node.run import run_node
 from slosh_msgs_py.node.settings import SettingsPublisher
+from slosh_msgs_py.node.silence import SilentTopic
 from slosh_msgs_py.stamps import MAXIMUM, to_nanoseconds
 
 PACKAGE = Path(__file__).parents[1]
@@ -60,9 +61,12 @@ class CameraNode(Node):
         self._frame = given["container_frame"]
         calibration = read_any_calibration(given["calibration"])
         self._detector = learnt_detector(calibration, given["still_image"] or None)
+        is_raw = given["transport"] == "raw"
+        image = topics.IMAGE if is_raw else topics.IMAGE_COMPRESSED
         settings = SettingsPublisher(
-            self, sources_digest(PACKAGE), arithmetic_fingerprint(), given
-        )
+            self, sources_digest(PACKAGE), arithmetic_fingerprint(), given,
+            (image, topics.FREE_SURFACE),
+        )  # fmt: skip
         settings.publish({"calibration": Path(given["calibration"]).read_text(encoding="utf-8")})
         self._publisher = self.create_publisher(FreeSurface, topics.FREE_SURFACE, qos.STREAM_OUT)
         self._gaps = FrameGaps(given["frame_rate"])
@@ -71,12 +75,12 @@ class CameraNode(Node):
         self._images = self._reported = self._refused = 0
         self._complaints = Complaints(self.get_logger().error)
         self._report = DiagnosticsReporter(self, self._health, self._facts)
-        if given["transport"] == "raw":
-            self._input = NewestImage(self, Image, topics.IMAGE, self._on_image)
+        kind = "Image" if is_raw else "CompressedImage"
+        self._topic = SilentTopic(self, image, f"sensor_msgs/msg/{kind}")
+        if is_raw:
+            self._input = NewestImage(self, Image, image, self._on_image)
         else:
-            self._input = NewestImage(
-                self, CompressedImage, topics.IMAGE_COMPRESSED, self._on_compressed
-            )
+            self._input = NewestImage(self, CompressedImage, image, self._on_compressed)
 
     def _on_image(self, message: Image) -> None:
         self._measure(
@@ -124,7 +128,8 @@ class CameraNode(Node):
         silent, self._reported = self._images == self._reported, self._images
         recent, self._recent = self._recent, Flag.NONE
         if silent:
-            return STALE, "no images since the last report"
+            return STALE, f"no image for {self._topic.seconds:.0f} s: {self._topic.reason()}"
+        self._topic.heard()
         if Flag.BAD_IMAGE in recent:
             return ERROR, self._complaints.last
         if recent:

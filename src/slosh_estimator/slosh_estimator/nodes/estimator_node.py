@@ -20,6 +20,7 @@ from slosh_estimator.gate import DROPPED, GateSettings
 from slosh_estimator.imu_input import ImuInput, SensorTransform
 from slosh_estimator.model_file import read_model
 from slosh_estimator.nodes.estimator_messages import fill, fill_reading, imu_sample
+from slosh_estimator.nodes.input_health import InputHealth
 from slosh_estimator.pose_input import PoseInput
 from slosh_estimator.readings import has_readings
 from slosh_estimator.sample import Sample
@@ -37,11 +38,17 @@ from slosh_msgs_py.node.settings import SettingsPublisher
 from slosh_msgs_py.stamps import to_nanoseconds
 
 PACKAGE = Path(__file__).parents[1]
+KINDS = {
+    topics.ACCEL: "geometry_msgs/msg/AccelStamped",
+    topics.IMU: "sensor_msgs/msg/Imu",
+    topics.POSE: "geometry_msgs/msg/PoseStamped",
+}
+"""What drives the models: topics and their types."""
 LATENCY_EVERY = 10
 """Messages per measured latency: enough for percentiles, and nothing to be felt."""
 PARAMETERS = (
     ParameterSpec("model", "", "model file of the container and its liquid (model.yaml)"),
-    ParameterSpec("input", "accel", "what drives the models", choices=("accel", "imu", "pose")),
+    ParameterSpec("input", "accel", "what drives the models", choices=tuple(KINDS)),
     ParameterSpec("world_frame", "world", "frame of accelerations along the world's axes"),
     ParameterSpec("container_frame", "container", "the container's frame, on all output"),
     ParameterSpec("max_gap", 0.05, "longest gap in the input integrated across [s]", (1e-3, 1.0)),
@@ -75,8 +82,9 @@ class EstimatorNode(Node):
         self._kind = values["input"]
         self._set_names()
         self._last_stamp = 0
+        names = (values["input"], topics.ESTIMATE)
         self._settings = SettingsPublisher(
-            self, sources_digest(PACKAGE), arithmetic_fingerprint(), values
+            self, sources_digest(PACKAGE), arithmetic_fingerprint(), values, names
         )
         self._announce_start()
         self._publisher = self.create_publisher(SloshEstimate, topics.ESTIMATE, qos.STREAM_OUT)
@@ -87,10 +95,10 @@ class EstimatorNode(Node):
         self.create_service(LoadModel, topics.LOAD_MODEL, self._on_load_model)
         self.create_service(Trigger, topics.RESET, self._on_reset)
         self._flags = 0
-        self._reported_used = self._reported_dropped = 0
         self._report = DiagnosticsReporter(self, self._health, self._facts)
 
     def _subscribe(self, values: dict[str, Any]) -> AccelInput | ImuInput | PoseInput:
+        self._input_health = InputHealth(self, values["input"], KINDS[values["input"]])
         gate = GateSettings(max_gap=values["max_gap"], max_age=values["max_age"])
         if values["input"] == "accel":
             accel = AccelInput(gate, (values["world_frame"], values["container_frame"]))
@@ -184,20 +192,16 @@ class EstimatorNode(Node):
         self._unfelt = attitude_warning(self._estimator.model, self._kind)
 
     def _health(self) -> Health:
-        gate = self._input.gate
-        silent = gate.used == self._reported_used
-        self._reported_used = gate.used
-        dropped = gate.dropped - self._reported_dropped
-        self._reported_dropped = gate.dropped
+        fault = self._input_health.look(self._input.gate)
         warning = self._input.warning()
         if warning:
             return ERROR, warning
+        if fault is not None and fault[0] == STALE:
+            return fault
         if self._unfelt:
             return WARN, self._unfelt
-        if silent:
-            return STALE, "no usable input since the last report"
-        if dropped:
-            return WARN, f"{dropped} input samples dropped since the last report, see below"
+        if fault is not None:
+            return fault
         flags, self._flags = self._flags, 0
         if flags:
             return WARN, f"validity flags {flags:#x}"

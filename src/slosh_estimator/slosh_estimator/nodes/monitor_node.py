@@ -19,6 +19,7 @@ from slosh_estimator.monitor import (
     Monitor,
     MonitorSettings,
 )
+from slosh_estimator.nodes.match_health import MatchHealth
 from slosh_estimator.readings import Reading, ReadingJoiner
 from slosh_model.arithmetic import arithmetic_fingerprint
 from slosh_model.compile_cache import sources_digest
@@ -33,8 +34,8 @@ from slosh_msgs_py.stamps import to_nanoseconds
 PACKAGE = Path(__file__).parents[1]
 CHECK_PERIOD = 0.1
 PARAMETERS = (
-    ParameterSpec("measured_limit", 0.03, "limit of the measured height [m]", (0.0, 10.0)),
-    ParameterSpec("estimated_limit", 0.03, "limit of the NL model's height [m]", (0.0, 10.0)),
+    ParameterSpec("measured_limit", 0.02, "limit of the measured height [m]", (0.0, 10.0)),
+    ParameterSpec("estimated_limit", 0.02, "limit of the NL model's height [m]", (0.0, 10.0)),
     ParameterSpec("disagreement_limit", 0.01, "limit of |measured - NL| [m]", (0.0, 10.0)),
     ParameterSpec("warn_share", 0.8, "share of a limit from which the state is WARN", (0.01, 1.0)),
     ParameterSpec("release", 0.9, "share of a limit below which an excess ends", (0.01, 1.0)),
@@ -52,8 +53,9 @@ class MonitorNode(Node):
         super().__init__("monitor")
         given = declare(self, PARAMETERS)
         self._frame = given["container_frame"]
+        names = (topics.ESTIMATE, topics.FREE_SURFACE, topics.COMPARISON, topics.LIMIT_EVENT)
         settings = SettingsPublisher(
-            self, sources_digest(PACKAGE), arithmetic_fingerprint(), given
+            self, sources_digest(PACKAGE), arithmetic_fingerprint(), given, names
         )
         settings.publish({})
         self._core = Monitor(
@@ -82,13 +84,16 @@ class MonitorNode(Node):
         )
         self.create_service(Trigger, f"monitor/{topics.RESET}", self._on_reset)
         self._reported = -1
+        self._match = MatchHealth()
+        self._measured = 0
         self._report = DiagnosticsReporter(self, self._health, self._facts)
         self.create_timer(CHECK_PERIOD, self._on_check, clock=self._steady)
 
     def _on_estimate(self, message: SloshEstimate) -> None:
         self._report.count("estimate")
+        self._match.estimated_ns = stamp_ns = to_nanoseconds(message.header.stamp)
         point = EstimatePoint(
-            to_nanoseconds(message.header.stamp),
+            stamp_ns,
             message.linear.msh,
             message.nonlinear.msh,
             message.flags,
@@ -111,9 +116,9 @@ class MonitorNode(Node):
 
     def _on_free_surface(self, message: FreeSurface) -> None:
         self._report.count("free_surface")
-        point = MeasuredPoint(
-            to_nanoseconds(message.header.stamp), message.msh, message.msh_stddev, message.flags
-        )
+        self._measured += 1
+        self._match.measured_ns = stamp_ns = to_nanoseconds(message.header.stamp)
+        point = MeasuredPoint(stamp_ns, message.msh, message.msh_stddev, message.flags)
         self._publish(self._core.add_measurement(point, self._arrival()))
 
     def _on_check(self) -> None:
@@ -164,6 +169,9 @@ class MonitorNode(Node):
             if stale
         ]
         condition = self._core.condition(measured_stale, estimate_stale)
+        mismatch = self._match.look(self._measured, self._core.unmatched)
+        if condition is Condition.OK and mismatch is not None:
+            return mismatch
         last = self._core.motions.last
         if condition is Condition.OK and last is not None and last.disagrees:
             return WARN, last.sentence

@@ -100,6 +100,7 @@ def declare(
         SloshMessageError: a start-up value is refused; the text says which and why.
     """
     values = {spec.name: _declare_one(node, spec) for spec in specs}
+    _name_unknown(node)
     by_name = {spec.name: spec for spec in specs}
 
     def check(changes: list[Parameter]) -> SetParametersResult:
@@ -113,6 +114,18 @@ def declare(
 
     node.add_on_set_parameters_callback(check)
     return values
+
+
+def _name_unknown(node: Node) -> None:
+    """Names what was given and is no parameter of the node: ROS drops it without a word.
+
+    It is no error: a file for several nodes may set, for all of them, what only one has.
+    """
+    # rclpy has no other way to ask.
+    given = getattr(node, "_parameter_overrides", {})
+    for name in given:
+        if not node.has_parameter(name) and not name.startswith("qos_overrides."):
+            node.get_logger().warning(f"parameter {name} is unknown to this node: it does nothing")
 
 
 def _declare_one(node: Node, spec: ParameterSpec) -> Any:

@@ -10,7 +10,7 @@ import sys
 import time
 from collections.abc import Callable, Sequence
 from types import FrameType
-from typing import Any
+from typing import Any, TypeVar
 
 import rclpy
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
@@ -18,11 +18,13 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from slosh_msgs_py.errors import SloshMessageError
+from slosh_msgs_py.node.lifeline import watch_lifelines
 from slosh_msgs_py.node.shared_memory import is_deaf
 
 EXIT_DONE, EXIT_WRONG_INPUT = 0, 2
 EXECUTORS = ("events", "single")
 ATTEMPTS, PAUSE = 20, 0.25  # s; what holds a dead port open is found out within a second or two
+_Node = TypeVar("_Node", bound=Node)
 _POLL = 0.1  # s; how long an idle executor waits before it looks whether to stop
 
 
@@ -31,7 +33,7 @@ def run_node(
     arguments: Sequence[str] | None = None,
     finished: Callable[[Any], bool] = lambda node: False,
 ) -> int:
-    """Runs a node until SIGINT, SIGTERM or its own end.
+    """Runs a node until SIGINT, SIGTERM, SIGHUP, its own end or that of whoever started it.
 
     Args:
         factory: makes the node; a ValueError of ours is a wrong parameter or file.
@@ -42,10 +44,11 @@ def run_node(
         exit code: 0 done, 2 a wrong parameter or file (one line on stderr).
     """
     stop = _StopFlag()
+    watch_lifelines(stop.starter_ended)
     try:
-        _initialise(arguments)
+        initialise(arguments)
         executor = make_executor()
-        node = _make(factory)
+        node = make_heard(factory)
     except (ValueError, OSError) as error:
         rclpy.try_shutdown()
         if not isinstance(error, OSError) and not type(error).__module__.startswith("slosh_"):
@@ -67,8 +70,12 @@ def run_node(
     return EXIT_DONE
 
 
-def _initialise(arguments: Sequence[str] | None) -> None:
-    """Starts ROS; a command line or parameter file that it cannot read is a wrong input."""
+def initialise(arguments: Sequence[str] | None) -> None:
+    """Starts ROS, and leaves the signals to the process.
+
+    Raises:
+        SloshMessageError: a command line or parameter file that it cannot read.
+    """
     try:
         rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
     except RuntimeError as error:
@@ -78,8 +85,8 @@ def _initialise(arguments: Sequence[str] | None) -> None:
         raise SloshMessageError(f"ROS cannot start: {reason}") from None
 
 
-def _make(factory: Callable[[], Node]) -> Node:
-    """The node, in a process that the others reach; see `shared_memory`."""
+def make_heard(factory: Callable[[], _Node]) -> _Node:
+    """The first node of a process that the others reach; see `shared_memory`."""
     # What hears is the participant: it lives from the first node of the process to the last.
     first = rclpy.create_node(f"_start_{os.getpid()}", start_parameter_services=False)
     for _ in range(ATTEMPTS):
@@ -96,12 +103,22 @@ def _make(factory: Callable[[], Node]) -> Node:
 
 
 class _StopFlag:
-    """Set by SIGINT or SIGTERM; the node ends between two callbacks, never inside one."""
+    """Set from outside; the node ends between two callbacks, never inside one."""
 
     def __init__(self) -> None:
         self.requested = False
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, self._set)
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            # nohup has SIGHUP ignored, and means it.
+            if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:
+                signal.signal(number, self._set)
+
+    def starter_ended(self) -> None:
+        """The process that started this one has ended, and said nothing."""
+        self.requested = True
+        with contextlib.suppress(OSError):  # it may have been the reader
+            print(
+                "the process that started this node has ended: so does the node", file=sys.stderr
+            )
 
     def _set(self, number: int, frame: FrameType | None) -> None:
         self.requested = True

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import yaml
@@ -21,14 +21,21 @@ class SettingsPublisher:
         code: digest of its package's sources.
         arithmetic: how this machine rounds.
         parameters: values by name, as `declare` gives them.
+        names: topics that the node reads and publishes, as its code has them.
     """
 
     def __init__(
-        self, node: Node, code: str, arithmetic: str, parameters: Mapping[str, Any]
+        self,
+        node: Node,
+        code: str,
+        arithmetic: str,
+        parameters: Mapping[str, Any],
+        names: Sequence[str] = (),
     ) -> None:
         self._name = node.get_name()
         self._code, self._arithmetic = code, arithmetic
         self._parameters = dict(parameters)
+        self._topics = {name: node.resolve_topic_name(name) for name in names}
         self._publisher = node.create_publisher(NodeSettings, topics.SETTINGS, qos.EVENT)
 
     def publish(self, files: Mapping[str, str], stamp_ns: int = 0) -> None:
@@ -41,6 +48,10 @@ class SettingsPublisher:
         message = NodeSettings()
         message.header.stamp = to_time(stamp_ns)
         message.node, message.code, message.arithmetic = self._name, self._code, self._arithmetic
-        document = {"parameters": self._parameters, "files": dict(files)}
+        document = {
+            "parameters": self._parameters,
+            "topics": self._topics,
+            "files": dict(files),
+        }
         message.document = yaml.safe_dump(document, sort_keys=True, allow_unicode=True)
         self._publisher.publish(message)

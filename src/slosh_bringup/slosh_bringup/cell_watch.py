@@ -1,0 +1,76 @@
+"""What the nodes of a running cell say of their health, and what of that is told."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+OK, WARN, ERROR, STALE = range(4)
+"""Levels of diagnostic_msgs/DiagnosticStatus."""
+SILENT = 5.0
+"""A node that reports once a second has not done so for this long [s]."""
+_NUMBER = re.compile(r"\d+(\.\d+)?")
+
+
+class NodeReport(NamedTuple):
+    """A node's diagnostics.
+
+    Attributes:
+        node: its name, without namespace.
+        level: OK, WARN, ERROR or STALE.
+        sentence: on its health.
+        facts: the rest.
+    """
+
+    node: str
+    level: int
+    sentence: str
+    facts: Mapping[str, str]
+
+
+class _Heard:
+    """What a node has said so far."""
+
+    def __init__(self, now: float) -> None:
+        self.at = now
+        self.newest = self.told = ""
+        self.silent = False
+
+
+class CellWatch:
+    """Takes reports and gives the lines that whoever watches the cell should read.
+
+    A change of health is told once two reports in a row agree on it, whatever their numbers: what
+    comes and goes within a second fills screens and helps nobody.
+
+    Args:
+        nodes: names of those that are expected.
+        now: steady time [s].
+    """
+
+    def __init__(self, nodes: Sequence[str], now: float) -> None:
+        self._heard = {node: _Heard(now) for node in nodes}
+
+    def take(self, report: NodeReport, now: float) -> list[str]:
+        """Takes a report at a moment of the steady clock [s]; returns what is to be told."""
+        heard = self._heard.get(report.node)
+        if heard is None:
+            return []
+        heard.at, heard.silent = now, False
+        # Health that is good has many sentences, and none is news.
+        kind = "" if report.level == OK else _NUMBER.sub("#", f"{report.level} {report.sentence}")
+        before, heard.newest = heard.newest, kind
+        if kind != before or kind == heard.told:
+            return []
+        heard.told = kind
+        return [f"{report.node}: {report.sentence if kind else f'well again: {report.sentence}'}"]
+
+    def look(self, now: float) -> list[str]:
+        """Returns what is to be told of nodes that say nothing."""
+        lines = []
+        for node, heard in self._heard.items():
+            if not heard.silent and now - heard.at > SILENT:
+                heard.silent = True
+                lines.append(f"{node}: has said nothing for {now - heard.at:.0f} s")
+        return lines

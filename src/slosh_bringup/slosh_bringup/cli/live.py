@@ -1,0 +1,100 @@
+"""What `slosh demo` and `slosh cell` have in common: run, report, print."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from pathlib import Path
+
+from tqdm import tqdm
+
+from slosh_bringup.cli.progress import Progress
+from slosh_bringup.live_report import REPORT, LiveResult, write_results
+from slosh_bringup.live_run import BAG, LiveRun, check_files, prepare_folder, run_nodes
+from slosh_bringup.run_result import print_replay, table
+from slosh_bringup.stop_request import StopRequest
+
+
+class LiveScreen:
+    """The terminal of a run, which may be closed before the run ends.
+
+    Args:
+        progress: shows the elapsed time.
+        stop: hears of a terminal that has gone.
+    """
+
+    def __init__(self, progress: Progress, stop: StopRequest) -> None:
+        self._progress = progress
+        self._stop = stop
+
+    def show(self, elapsed: float, text: str) -> None:
+        """Shows how long it has taken [s] and what is going on, in place of what was shown."""
+        self._try(lambda: self._progress(elapsed, text))
+
+    def tell(self, line: str) -> None:
+        """Prints a line that stays."""
+        self._try(lambda: tqdm.write(line, file=sys.stderr))
+
+    def _try(self, write: Callable[[], object]) -> None:
+        try:
+            write()
+        except OSError:
+            self._stop.hang_up()
+
+
+def run_live(run: LiveRun, bar: AbstractContextManager[Progress], *, as_json: bool = False) -> int:
+    """Runs a cell to its end, writes the report and prints the figures.
+
+    Args:
+        run: what is run.
+        bar: shows the elapsed time while it runs.
+        as_json: print the figures as JSON.
+
+    Returns:
+        exit code: 0; 1 where nothing was compared or a node ended; 2 where one refused its input.
+    """
+    check_files(run.setup)
+    prepare_folder(run.folder)
+    with StopRequest() as stop:
+        with bar as progress:
+            screen = LiveScreen(progress, stop)
+            outcome = run_nodes(run, screen, stop)
+        if stop.reason:
+            screen.tell(f"{stop.reason}: writing the report; once more: without it")
+        problems = tuple(filter(None, (outcome.problem,)))
+        try:
+            with stop.finishing():
+                result = write_results(
+                    run.folder, run.folder / BAG, run.title, problems, began=outcome.began
+                )
+        except KeyboardInterrupt:
+            screen.tell(
+                f"slosh {run.command}: no report, as asked; the recording is whole: "
+                f"slosh replay {run.folder / BAG} -o {run.folder}"
+            )
+            return 1
+    print_json(result) if as_json else print_result(result, run.folder)
+    for line in (result.nothing,) if result.reasons else result.warnings:
+        print(f"slosh {run.command}: {line}", file=sys.stderr)
+    return outcome.exit_code or int(bool(result.reasons))
+
+
+def print_result(result: LiveResult, folder: Path) -> None:
+    """Prints the figures, and where the results are."""
+    if result.figures is not None:
+        print(table(result.figures))
+    if result.replayed is not None:
+        print_replay(result.replayed)
+    for label, text in result.in_force.items():
+        print(f"{label:<20}{text}")
+    if (folder / BAG).exists():
+        print(f"bag                 {folder / BAG}")
+    print(f"report              {folder / REPORT}")
+
+
+def print_json(result: LiveResult) -> None:
+    """Prints the same for programs."""
+    replay = json.loads(result.replayed.to_json()) if result.replayed else None
+    print(json.dumps({**result.document(), "replay": replay}))

@@ -1,0 +1,133 @@
+"""What a cell works with: limits, topics, model and calibration, as its nodes tell it."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from slosh_bag.reader import BagReader
+from slosh_bag.replay import settings
+from slosh_bag.replay.cells import CellTopics
+from slosh_bag.replay.settings import NodeStart
+from slosh_camera.calibration import Calibration, parse_any_calibration
+from slosh_model.model_text import parse_model
+from slosh_msgs_py import topics
+
+TELLING = ("estimator", "camera", "monitor")
+"""The nodes that publish their settings."""
+_FIELDS = ("parameters", "topics", "files", "code", "arithmetic")
+
+Starts = Mapping[str, NodeStart]
+"""The last start of each node, by its name."""
+
+
+def recorded_starts(bag: Path) -> dict[str, NodeStart]:
+    """What the nodes of a recorded cell worked with; empty where the bag does not tell.
+
+    Raises:
+        SloshBagError: the bag or what a node says in it cannot be read.
+    """
+    reader = BagReader(bag)
+    topic = CellTopics(reader.topics()).topic(settings.TOPIC, settings.MESSAGE_TYPE)
+    if topic is None:
+        return {}
+    return {start.node: start for start in settings.read_starts(reader, topic)}
+
+
+def in_force(starts: Starts) -> dict[str, str]:
+    """What is in force, for people: a text by what it is about.
+
+    Args:
+        starts: of the nodes that have told; what they do not tell is left out.
+    """
+    rows: dict[str, str] = {}
+    for label, (node, text_of) in _ROWS.items():
+        # A recording of old may lack a value; a report comes all the same.
+        with contextlib.suppress(KeyError, TypeError, ValueError):
+            rows[label] = text_of(starts[node])
+    return {label: text for label, text in rows.items() if text}
+
+
+def in_force_lines(starts: Starts) -> list[str]:
+    """The same as lines for the screen."""
+    return [f"{label:<20}{text}" for label, text in in_force(starts).items()]
+
+
+def settings_document(starts: Starts) -> str:
+    """All that the nodes have told, as YAML."""
+    document = {
+        name: {field: _plain(getattr(start, field)) for field in _FIELDS}
+        for name, start in starts.items()
+    }
+    text: str = yaml.safe_dump(document, sort_keys=True, allow_unicode=True)
+    return text
+
+
+def topic_of(start: NodeStart | None, name: str) -> str:
+    """The full name of a topic as a node has it; the name itself where it does not tell."""
+    return start.topics.get(name, name) if start else name
+
+
+def input_topic(estimator: NodeStart | None) -> str:
+    """What drives the models."""
+    kind = estimator.parameters["input"] if estimator else topics.ACCEL
+    return topic_of(estimator, kind)
+
+
+def image_topic(camera: NodeStart | None) -> str:
+    """What the camera node reads."""
+    is_raw = camera is None or camera.parameters["transport"] == "raw"
+    return topic_of(camera, topics.IMAGE if is_raw else topics.IMAGE_COMPRESSED)
+
+
+def _limits(monitor: NodeStart) -> str:
+    named = (
+        ("measured", "measured_limit"),
+        ("estimated", "estimated_limit"),
+        ("disagreement", "disagreement_limit"),
+    )
+    return ", ".join(f"{name} {1e3 * monitor.parameters[key]:g} mm" for name, key in named)
+
+
+def _model(estimator: NodeStart) -> str:
+    model = parse_model(estimator.files["model"], "the estimator's model")
+    effects = ", ".join(use.name for use in model.effects) or "no effects"
+    cup = model.container
+    # One that was loaded since has no file that the parameters name.
+    path = "as loaded" if estimator.stamp_ns else estimator.parameters["model"]
+    return (
+        f"{path}: radius {1e3 * cup.radius:g} mm, filled to {1e3 * cup.fill_height:g} mm; "
+        f"{effects}"
+    )
+
+
+def _calibration(camera: NodeStart) -> str:
+    calibration = parse_any_calibration(camera.files["calibration"], "the calibration", None)
+    size = calibration.view.camera
+    if isinstance(calibration, Calibration):
+        cup = calibration.view.cup
+        container = f"radius {1e3 * cup.radius:g} mm, filled to {1e3 * cup.fill_height:g} mm"
+    else:
+        box = calibration.view.box
+        container = f"width {1e3 * box.width:g} mm, filled to {1e3 * box.fill_height:g} mm"
+    path = camera.parameters["calibration"]
+    return f"{path}: {size.width} x {size.height} pixels; {container}"
+
+
+_ROWS: Mapping[str, tuple[str, Callable[[NodeStart], str]]] = {
+    "limits": ("monitor", _limits),
+    "input": ("estimator", lambda node: f"{node.parameters['input']} from {input_topic(node)}"),
+    "images": ("camera", lambda node: f"{node.parameters['transport']} from {image_topic(node)}"),
+    "answers": ("monitor", lambda node: ", ".join(node.topics.values())),
+    "model": ("estimator", _model),
+    "calibration": ("camera", _calibration),
+}
+"""Which node tells it, and how it is put."""
+
+
+def _plain(value: Any) -> Any:
+    return dict(value) if isinstance(value, Mapping) else value

@@ -1,0 +1,177 @@
+"""The report of a live run: always one, whatever became of the run."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from slosh_bag.errors import SloshBagError
+from slosh_bag.replay import ReplayResult, replay_bag
+from slosh_bag.replay.report import Surroundings
+from slosh_bringup.in_force import in_force, recorded_starts
+from slosh_bringup.replay_frames import bag_topics
+from slosh_bringup.replay_page import make_report
+from slosh_bringup.run_data import HEIGHTS, RunData, read_run
+from slosh_bringup.run_result import RunResult, evaluate
+from slosh_bringup.shortfall import shortfall
+from slosh_discovery.report import (
+    Fact,
+    KeyFigure,
+    RunReport,
+    Status,
+    Verdict,
+    render_report,
+    report_document,
+)
+
+REPORT, RESULT = "report.html", "result.json"
+NOTHING = "nothing was measured, because "
+
+
+@dataclass(frozen=True, slots=True)
+class LiveResult:
+    """What a run came to.
+
+    Attributes:
+        figures: of what was recorded; None: the bag cannot be read.
+        replayed: the recording through the cores; None: it cannot be.
+        reasons: why nothing was compared, one line each; empty: something was.
+        warnings: what went wrong beside that, one line each.
+        in_force: limits, topics, model and calibration, as text by what it is about.
+    """
+
+    figures: RunResult | None = None
+    replayed: ReplayResult | None = None
+    reasons: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
+    in_force: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def nothing(self) -> str:
+        """The reasons in one sentence; empty: there are none."""
+        return NOTHING + "; ".join(self.reasons) if self.reasons else ""
+
+    def document(self) -> dict[str, Any]:
+        """For JSON."""
+        figures = self.figures.document() if self.figures else {}
+        return {
+            **figures,
+            "nothing_because": list(self.reasons),
+            "problems": list(self.warnings),
+            "in_force": dict(self.in_force),
+        }
+
+
+def write_results(
+    folder: Path, bag: Path, title: str, problems: tuple[str, ...] = (), *, began: bool = True
+) -> LiveResult:
+    """Reads and replays the bag, and writes the report and the figures.
+
+    Args:
+        folder: where they go.
+        bag: what was recorded, if anything was.
+        title: of the report.
+        problems: what went wrong while it ran, one line each; of a run without measurements they
+            are the first reasons.
+        began: whether the nodes were ready; if not, the problems are the only reasons.
+    """
+    result, report = _evaluated(bag, title, problems, began)
+    document = {**result.document(), **report_document(report)}
+    texts = {REPORT: render_report(report), RESULT: json.dumps(document, indent=2) + "\n"}
+    write_whole({folder / name: text for name, text in texts.items()})
+    return result
+
+
+def write_whole(texts: Mapping[Path, str]) -> None:
+    """Writes files that are there whole or not at all, whenever the process ends."""
+    parts = {path: path.with_name(f".{path.name}.part") for path in texts}
+    try:
+        for path, part in parts.items():
+            part.write_text(texts[path], encoding="utf-8")
+        for path, part in parts.items():
+            part.replace(path)
+    finally:
+        for part in parts.values():
+            part.unlink(missing_ok=True)
+
+
+def latency_figure(run: RunResult) -> KeyFigure:
+    """From an image's exposure to its comparison, which only a live run has."""
+    median, greatest = run.latency.get("monitor", (math.nan, math.nan))
+    note = "image to comparison, median"
+    if math.isfinite(greatest):
+        note += f"; at most {1e3 * greatest:.0f} ms"
+    return KeyFigure("latency", median, "ms", note)
+
+
+def _evaluated(
+    bag: Path, title: str, problems: tuple[str, ...], began: bool
+) -> tuple[LiveResult, RunReport]:
+    try:
+        data, starts = read_run(bag), recorded_starts(bag)
+    except SloshBagError as error:
+        unread = (f"nothing was recorded: {error}",) if began else ()
+        result = LiveResult(reasons=(*problems, *unread))
+        return result, _recorded_report(title, None, result)
+    figures = evaluate(data)
+    reasons: tuple[str, ...] = ()
+    if not figures.compared:
+        reasons = (*problems, *shortfall(data, starts)) if began else problems
+    result = LiveResult(figures, None, reasons, problems, in_force(starts))
+    try:
+        replayed = replay_bag(bag)
+    except SloshBagError as error:
+        if not reasons:  # they tell that nothing drove the models
+            result = replace(result, warnings=(*problems, f"not replayed: {error}"))
+        return result, _recorded_report(title, data, result)
+    return replace(result, replayed=replayed), _replayed_report(title, bag, result, replayed)
+
+
+def _replayed_report(
+    title: str, bag: Path, result: LiveResult, replayed: ReplayResult
+) -> RunReport:
+    """The page of the replay, with what only the live run tells."""
+    around = Surroundings(title=title, facts=_facts(result))
+    if result.figures is not None:
+        figures = (latency_figure(result.figures),)
+        around = replace(around, key_figures=figures)
+    report = make_report(bag, replayed, around)
+    warnings = (*result.warnings, *report.warnings)
+    return replace(report, warnings=warnings, status=_status(result, report.status))
+
+
+def _recorded_report(title: str, data: RunData | None, result: LiveResult) -> RunReport:
+    """A page of what the monitor said live, if it said anything."""
+    stamps = data.stamps if data else np.empty(0, dtype=np.int64)
+    columns = data.columns if data else dict.fromkeys(HEIGHTS, np.empty(0))
+    order = np.argsort(stamps)
+    t = np.asarray((stamps[order] - stamps[order[:1]]) * 1e-9, dtype=np.float64)
+    return RunReport(
+        title=title,
+        t=t,
+        measured=columns["measured"][order],
+        linear=columns["estimated_linear"][order],
+        nonlinear=columns["estimated_nonlinear"][order],
+        status=_status(result, Status()),
+        facts=_facts(result),
+        topics=bag_topics(data.bag, float(t[-1]) if len(t) else 0.0) if data else (),
+        warnings=(*result.warnings, *(data.warnings if data else ())),
+    )
+
+
+def _status(result: LiveResult, otherwise: Status) -> Status:
+    return Status(Verdict.FAILED, (result.nothing,)) if result.reasons else otherwise
+
+
+def _facts(result: LiveResult) -> tuple[Fact, ...]:
+    facts = [Fact(label, text) for label, text in result.in_force.items()]
+    if result.figures is not None:
+        lost = str(sum(result.figures.lost.values()))
+        facts.append(Fact("messages lost on the way to the bag", lost))
+    return tuple(facts)

@@ -1,0 +1,130 @@
+"""A ROS parameter file against the nodes that are to read it.
+
+ROS ignores what fits no node and no parameter. A limit that is mistyped would be no limit.
+"""
+
+from __future__ import annotations
+
+import difflib
+import importlib
+import re
+from collections.abc import Collection, Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import yaml
+
+from slosh_bringup.errors import SloshBringupError
+from slosh_bringup.processes import NODES
+
+LEAF = "ros__parameters"
+OF_EVERY_NODE = ("use_sim_time", "start_type_description_service")
+"""What rclpy itself reads, beside `qos_overrides`."""
+GIVEN_ELSEWHERE = {
+    "camera": ("calibration",),
+    "estimator": ("model",),
+    "recorder": ("output",),
+}
+"""What `slosh cell`, `slosh demo` and the launch file give the nodes over any file."""
+_WILDCARDS = {"**": r"(/\w+)*", "*": r"/\w+"}
+
+
+class _Entry(NamedTuple):
+    """A parameter as a file sets it: where, for which nodes, its name."""
+
+    line: int
+    pattern: str
+    name: str
+
+
+def check_parameter_file(path: Path, namespace: str) -> None:
+    """Checks that everything in a file comes to a parameter of one of this product's nodes.
+
+    Args:
+        path: the file.
+        namespace: of the nodes.
+
+    Raises:
+        SloshBringupError: no such file, no parameter file, a node or a parameter that nobody has,
+            or one that is given elsewhere; one line.
+    """
+    nodes = {f"{namespace.rstrip('/')}/{name}": name for name in NODES}
+    for line, pattern, parameter in _entries(path):
+        reached = [name for full, name in nodes.items() if _fits(pattern, full)]
+        if not reached:
+            raise SloshBringupError(
+                f"{path}:{line}: {pattern}: no such node (known: {', '.join(nodes)}; "
+                "/**/NAME fits in every namespace)"
+            )
+        if any(parameter in GIVEN_ELSEWHERE.get(name, ()) for name in reached):
+            raise SloshBringupError(
+                f"{path}:{line}: {pattern}: {parameter} has no effect here: it comes from the "
+                "cell file, the command line or the launch file's arguments"
+            )
+        known = set().union(*map(parameter_names, reached))
+        if parameter not in known and not parameter.startswith("qos_overrides."):
+            raise SloshBringupError(
+                f"{path}:{line}: {pattern}: unknown parameter {parameter!r} "
+                f"({_suggestion(parameter, known)})"
+            )
+
+
+def parameter_names(node: str) -> set[str]:
+    """The parameters of one of NODES."""
+    specs = importlib.import_module(NODES[node]).PARAMETERS
+    return {*OF_EVERY_NODE, *(spec.name for spec in specs)}
+
+
+def _entries(path: Path) -> Iterator[_Entry]:
+    """What a file sets, with names that are given in parts put together."""
+    try:
+        # Not as a dictionary: that forgets the first of two equal keys, ROS does not.
+        root = yaml.compose(path.read_text(encoding="utf-8"), Loader=yaml.SafeLoader)
+    except OSError as error:
+        raise SloshBringupError(f"{path}: {error.strerror}") from None
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise SloshBringupError(f"{path}: not YAML: {' '.join(str(error).split())}") from None
+    if root is not None:  # an empty file sets nothing
+        yield from _of_nodes(path, root, "")
+
+
+def _of_nodes(path: Path, node: yaml.Node, prefix: str) -> Iterator[_Entry]:
+    for key, value in _items(path, node, f"node names with {LEAF}"):
+        if key.value != LEAF:
+            yield from _of_nodes(path, value, f"{prefix}/{key.value.strip('/')}")
+        elif prefix:
+            yield from _of_parameters(path, value, prefix, "")
+        else:
+            raise SloshBringupError(f"{path}:{_line(key)}: {LEAF} needs a node's name above it")
+
+
+def _of_parameters(path: Path, node: yaml.Node, pattern: str, prefix: str) -> Iterator[_Entry]:
+    for key, value in _items(path, node, "names of parameters"):
+        if isinstance(value, yaml.MappingNode):
+            yield from _of_parameters(path, value, pattern, f"{prefix}{key.value}.")
+        else:
+            yield _Entry(_line(key), pattern, f"{prefix}{key.value}")
+
+
+def _items(path: Path, node: yaml.Node, wanted: str) -> list[tuple[yaml.Node, yaml.Node]]:
+    if not isinstance(node, yaml.MappingNode) or not all(
+        isinstance(key, yaml.ScalarNode) for key, _ in node.value
+    ):
+        raise SloshBringupError(f"{path}:{_line(node)}: a mapping from {wanted} is needed here")
+    return list(node.value)
+
+
+def _line(node: yaml.Node) -> int:
+    return int(node.start_mark.line) + 1
+
+
+def _fits(pattern: str, node: str) -> bool:
+    """Whether a pattern of ROS fits a full name: ** stands for any namespaces, * for one."""
+    words = pattern[1:].split("/")
+    expression = "".join(_WILDCARDS.get(word, "/" + re.escape(word)) for word in words)
+    return re.fullmatch(expression, node) is not None
+
+
+def _suggestion(name: str, known: Collection[str]) -> str:
+    near = difflib.get_close_matches(name, known, 1)
+    return f"meant {near[0]}?" if near else f"known: {', '.join(sorted(known))}"

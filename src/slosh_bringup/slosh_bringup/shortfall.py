@@ -1,0 +1,157 @@
+"""Why a recorded run holds no moment at which the measured and the estimated height are known."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_bag.reader import BagReader, TopicInfo
+from slosh_bag.replay.cells import ESTIMATE, SURFACE, CellTopics
+from slosh_bag.replay.inputs import STAMP, stamps_of
+from slosh_bringup.in_force import Starts, image_topic, input_topic
+from slosh_bringup.run_data import RunData
+from slosh_camera.measurement import Flag
+from slosh_estimator.monitor import UNUSABLE
+
+MANY = 3
+"""So many causes of one kind are named."""
+LATE = 0.5
+"""Stamps that lie this far behind the recorder's clock are old [s]."""
+
+
+class Seen(NamedTuple):
+    """Messages of a topic in a bag.
+
+    Attributes:
+        stamps: (N,) theirs [ns].
+        age: by how much the stamps lie behind the recorder's clock, median [s]; NaN: no message.
+    """
+
+    stamps: NDArray[np.int64]
+    age: float
+
+
+def shortfall(data: RunData, starts: Starts) -> tuple[str, ...]:
+    """What was missing, one line each, the first cause first.
+
+    Args:
+        data: the run.
+        starts: what the nodes worked with, as far as they told.
+
+    Raises:
+        SloshBagError: the bag cannot be read.
+    """
+    found = [line for line in (_input(data, starts), _images(data, starts)) if line]
+    return tuple(found) or (_apart(data),)
+
+
+def _input(data: RunData, starts: Starts) -> str:
+    """What is wrong with the estimator's input."""
+    facts = _facts(data, "estimator")
+    topic = input_topic(starts.get("estimator"))
+    recorded = _count(data.topics, topic)
+    came = max(int(facts.get("input total", 0)), recorded)
+    if not came:
+        return f"no message came on {topic}, which drives the models"
+    if _count(data.topics, _own(data, "estimate", ESTIMATE)):
+        return ""
+    reasons = _named(facts, "dropped: ")
+    age = _seen(data.bag, topic).age if recorded else float("nan")
+    old = f"; their stamps lie {age:.1f} s behind this machine's clock" if age > LATE else ""
+    return (
+        f"{came} messages came on {topic}, and none could be used{reasons and f': {reasons}'}{old}"
+    )
+
+
+def _images(data: RunData, starts: Starts) -> str:
+    """What is wrong with the camera's images."""
+    facts = _facts(data, "camera")
+    topic = image_topic(starts.get("camera"))
+    came = max(int(facts.get("image total", 0)), _count(data.topics, topic))
+    surface = _own(data, "free_surface", SURFACE)
+    if not came and not _count(data.topics, surface):
+        return f"no image came on {topic}"
+    measured, flags = _surfaces(data.bag, surface)
+    if not measured:
+        return f"{came} images came on {topic}, and none was measured in time"
+    if not (flags & UNUSABLE == 0).any():
+        names = ", ".join(
+            f"{flag.name} {count}"
+            for flag in Flag
+            if (count := int(np.count_nonzero(flags & flag)))
+        )
+        return f"no free surface was found in any of {measured} images on {topic}: {names}"
+    return ""
+
+
+def _apart(data: RunData) -> str:
+    """Both sides have spoken, and not of the same moments."""
+    measured, estimated = (
+        _seen(data.bag, _own(data, name, kind))
+        for name, kind in (("free_surface", SURFACE), ("estimate", ESTIMATE))
+    )
+    ahead = (measured.stamps.min() - estimated.stamps.max()) * 1e-9
+    behind = (estimated.stamps.min() - measured.stamps.max()) * 1e-9
+    if max(ahead, behind) > 0.0:
+        way = "ahead of" if ahead > 0.0 else "behind"
+        return (
+            f"the stamps of the images lie {max(ahead, behind):.1f} s {way} those of the input: "
+            "both must come from one clock"
+        )
+    count = len(measured.stamps)
+    if measured.age > LATE:
+        late = f"{measured.age:.1f} s after their images"
+        return f"{count} heights were measured, most of them {late}: too late to be compared"
+    return f"{count} heights were measured and estimated, and the monitor compared none of them"
+
+
+def _facts(data: RunData, node: str) -> Mapping[str, str]:
+    """What a node last said in the diagnostics."""
+    found = (facts for name, facts in data.diagnostics.items() if name.endswith(f"/{node}"))
+    return next(found, {})
+
+
+def _named(facts: Mapping[str, str], prefix: str) -> str:
+    """The greatest counts under a prefix, e.g. 'stale 120, repeated 3'."""
+    counts = {
+        key.removeprefix(prefix): int(value)
+        for key, value in facts.items()
+        if key.startswith(prefix)
+    }
+    greatest = sorted(counts.items(), key=lambda item: -item[1])[:MANY]
+    return ", ".join(f"{name} {count}" for name, count in greatest if count)
+
+
+def _own(data: RunData, name: str, kind: str) -> str:
+    """The cell's topic of that last name; empty: it has none with messages."""
+    return CellTopics(data.topics).topic(name, kind) or ""
+
+
+def _count(known: Mapping[str, TopicInfo], topic: str) -> int:
+    return (known[topic].count or 0) if topic in known else 0
+
+
+def _seen(bag: Path, topic: str) -> Seen:
+    reader = BagReader(bag)
+    stamps, logs = [np.empty(0, dtype=np.int64)], [np.empty(0, dtype=np.int64)]
+    for block in reader.blocks([topic]):
+        stamps.append(stamps_of(reader.columns(block, STAMP)))
+        logs.append(np.asarray(block.log_ns, dtype=np.int64))
+    found = np.concatenate(stamps)
+    age = float(np.median(np.concatenate(logs) - found)) * 1e-9 if len(found) else float("nan")
+    return Seen(found, age)
+
+
+def _surfaces(bag: Path, topic: str) -> tuple[int, NDArray[np.int64]]:
+    """How many images were measured, and their flags."""
+    reader = BagReader(bag)
+    flags = [
+        reader.columns(block, ("flags",))["flags"].astype(np.int64)
+        for block in (reader.blocks([topic]) if topic else ())
+    ]
+    found = np.concatenate([np.empty(0, dtype=np.int64), *flags])
+    return len(found), found

@@ -1,0 +1,92 @@
+"""SIGINT, SIGTERM and SIGHUP as the wish that a run ends well: nodes stopped, report written."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import os
+import select
+import signal
+import time
+from collections.abc import Iterator
+from types import FrameType, TracebackType
+from typing import Any
+
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+_STREAMS = (0, 1, 2)
+_GONE = select.POLLHUP | select.POLLERR | select.POLLNVAL
+_SAME_HANG_UP = 1.0  # s; a closed terminal is told by the kernel and again by the shell
+
+
+class StopRequest:
+    """Takes the signals while its context is open; they interrupt nothing, the run asks.
+
+    Attributes:
+        reason: what asked for the end, as a user knows it; empty: nothing yet.
+    """
+
+    def __init__(self) -> None:
+        self.reason = ""
+        self._finishing = False
+        self._hung_up = -math.inf
+        self._before: dict[signal.Signals, Any] = {}
+
+    def __enter__(self) -> StopRequest:
+        for number in SIGNALS:
+            # nohup has SIGHUP ignored, and means it.
+            if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:
+                self._before[number] = signal.signal(number, self._take)
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        for number, handler in self._before.items():
+            signal.signal(number, handler)
+
+    @contextlib.contextmanager
+    def finishing(self) -> Iterator[None]:
+        """While the report is written: who asks again means at once.
+
+        A second signal raises KeyboardInterrupt in here.
+        """
+        self._finishing = True
+        try:
+            yield
+        finally:
+            self._finishing = False
+
+    def hang_up(self) -> None:
+        """The terminal has gone: SIGHUP tells it, or, over ssh without one, a failing write."""
+        self.reason = self.reason or signal.SIGHUP.name
+        forget_readers()
+
+    def _take(self, number: int, frame: FrameType | None) -> None:
+        asked = bool(self.reason)
+        if number == signal.SIGHUP:
+            before, self._hung_up = self._hung_up, time.monotonic()
+            asked = asked and self._hung_up - before > _SAME_HANG_UP
+            self.hang_up()
+        self.reason = self.reason or signal.Signals(number).name
+        if self._finishing and asked:
+            raise KeyboardInterrupt
+
+
+def forget_readers() -> None:
+    """Leads the standard streams whose terminal or reader has gone to nowhere.
+
+    Writing to them fails from then on, and a run must not end by its last words.
+    """
+    poll = select.poll()
+    for stream in _STREAMS:
+        poll.register(stream, 0)
+    gone = [stream for stream, event in poll.poll(0) if event & _GONE]
+    if not gone:
+        return
+    nowhere = os.open(os.devnull, os.O_RDWR)
+    for stream in gone:
+        os.dup2(nowhere, stream)
+    os.close(nowhere)

@@ -1,0 +1,188 @@
+"""`slosh cell` on a robot's topics: what it works with, what it misses, what it ends with."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+import yaml
+
+from slosh_bringup.in_force import in_force, recorded_starts
+from slosh_bringup.processes import NodeProcess, config_folder, node_environment
+from tests.live_processes import PATIENCE, live_process
+
+BAG = Path(__file__).resolve().parents[1] / "bags" / "l"
+pytestmark = pytest.mark.timeout(200)
+
+
+@pytest.fixture
+def write_cell(tmp_path):
+    """Writes a cell file; keys replace those of the shipped cell."""
+
+    def write(**keys):
+        config = config_folder()
+        document = {
+            "model": str(config / "model.yaml"),
+            "calibration": str(config / "camera.yaml"),
+        }
+        path = tmp_path / "robot.yaml"
+        path.write_text(yaml.safe_dump({**document, **keys}))
+        return path
+
+    return write
+
+
+@contextmanager
+def robot(domain, **parameters):
+    """The simulated cell in the place of a robot and its camera; gives its process."""
+    given = {"model": str(config_folder() / "truth.yaml"), **parameters}
+    process = subprocess.Popen(
+        NodeProcess("cell", parameters=given).command("/slosh"), env=node_environment(domain)
+    )
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.wait()
+
+
+@contextmanager
+def cell(tmp_path, path):
+    """`slosh cell` on a cell file; its results go to tmp_path/out."""
+    words = ("cell", "--config", str(path), "-o", str(tmp_path / "out"))
+    with live_process(*words, output=tmp_path / "words") as running:
+        running.wait_for_nodes(4)
+        yield running
+
+
+def test_a_file_with_two_parameters_keeps_the_limits_and_the_cell_says_so(
+    domain, tmp_path, write_cell
+):
+    parameters = tmp_path / "two.yaml"
+    parameters.write_text(
+        "/**/estimator: {ros__parameters: {max_gap: 0.04}}\n"
+        "/slosh/monitor: {ros__parameters: {warn_share: 0.7}}\n"
+    )
+    path = write_cell(parameters="two.yaml")
+    folder = tmp_path / "out"
+    with cell(tmp_path, path) as running, robot(domain, motion="l") as source:
+        running.wait_for(lambda: source.poll() is not None, "the motion's end")
+        running.process.send_signal(signal.SIGINT)
+        assert running.end() == 0, running.said
+    assert (
+        "limits              measured 20 mm, estimated 20 mm, disagreement 10 mm" in running.said
+    )
+    result = json.loads((folder / "result.json").read_text())
+    assert len(result["events"]) >= 1
+    kept = yaml.safe_load((folder / "settings.yaml").read_text())
+    assert kept["monitor"]["parameters"]["measured_limit"] == 0.02
+    assert kept["monitor"]["parameters"]["warn_share"] == 0.7
+    assert kept["estimator"]["parameters"]["max_gap"] == 0.04
+    assert kept["estimator"]["topics"]["accel"] == "/slosh/accel"
+    assert "radius" in kept["estimator"]["files"]["model"]
+    recorded = in_force(recorded_starts(folder / "bag"))
+    assert recorded == result["in_force"]
+    for label, text in recorded.items():
+        assert f"{label:<20}{text}" in running.said
+    assert str((config_folder() / "camera.yaml").resolve()) in recorded["calibration"]
+
+
+def test_a_mistyped_parameter_starts_nothing(tmp_path, write_cell):
+    (tmp_path / "bad.yaml").write_text("/**/monitor: {ros__parameters: {measured_limt: 0.01}}")
+    path = write_cell(parameters="bad.yaml")
+    command = [sys.executable, "-m", "slosh_bringup.cli", "cell", "--config", str(path)]
+    done = subprocess.run(
+        [*command, "-o", str(tmp_path / "out")],
+        capture_output=True, text=True, timeout=PATIENCE, check=False, env=os.environ,
+    )  # fmt: skip
+    assert done.returncode == 2
+    (line,) = done.stderr.strip().splitlines()
+    assert "bad.yaml:1: /**/monitor: unknown parameter 'measured_limt'" in line
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_cell_without_input_says_so_and_ends_with_a_report(domain, tmp_path, write_cell):
+    path = write_cell(remap={"accel": "/arm/acceleration"})
+    folder = tmp_path / "out"
+    with cell(tmp_path, path) as running:
+        for said in (
+            "estimator: no usable input for ",
+            "nobody publishes /arm/acceleration",
+            "camera: no image for ",
+            "nobody publishes /slosh/camera/image_raw",
+            "monitor: STALE: no free_surface and no estimate",
+        ):
+            running.wait_for(lambda said=said: said in running.said, said)
+        running.process.terminate()
+        assert running.end() == 1
+    reasons = [
+        "no message came on /arm/acceleration, which drives the models",
+        "no image came on /slosh/camera/image_raw",
+    ]
+    assert f"slosh cell: nothing was measured, because {'; '.join(reasons)}" in running.said
+    assert "Traceback" not in running.said
+    assert json.loads((folder / "result.json").read_text())["nothing_because"] == reasons
+    assert reasons[0] in (folder / "report.html").read_text()
+
+
+@pytest.mark.long
+def test_a_recording_that_is_played_without_its_clock_is_recognised(domain, tmp_path, write_cell):
+    """Its stamps are those of the day when it was recorded."""
+    path = write_cell()
+    with cell(tmp_path, path) as running:
+        running.wait_for(lambda: "nobody publishes /slosh/accel" in running.said, "the estimator")
+        play = [
+            sys.executable,
+            "-m",
+            "slosh_bringup.cli",
+            "play",
+            str(BAG),
+            "--inputs",
+            "--rate",
+            "10",
+            "--loop",
+        ]
+        with subprocess.Popen(play, stderr=subprocess.DEVNULL) as player:
+            try:
+                stale = "are stale: older than max_age by their stamps"
+                running.wait_for(lambda: stale in running.said, stale)
+                running.process.terminate()
+                assert running.end() == 1
+            finally:
+                player.terminate()
+    assert "messages came on /slosh/accel, and none could be used: stale " in running.said
+    assert "s behind this machine's clock" in running.said
+
+
+@pytest.mark.long
+def test_a_node_that_dies_ends_the_cell_with_its_name_and_a_report(domain, tmp_path, write_cell):
+    folder = tmp_path / "out"
+    with (
+        cell(tmp_path, write_cell()) as running,
+        robot(domain, motion="l", repeat="20"),
+    ):
+        running.wait_for_recording(folder / "bag", 2_000_000)
+        os.kill(running.nodes()["camera"], signal.SIGKILL)
+        assert running.end() == 1
+    assert "slosh cell: node camera ended with exit code -9" in running.said
+    assert "3D-NL / camera" in running.said
+    result = json.loads((folder / "result.json").read_text())
+    assert result["problems"][0].startswith("node camera ended with exit code -9")
+    assert "node camera ended with exit code -9" in (folder / "report.html").read_text()
+
+
+def test_a_node_that_refuses_its_parameters_ends_the_cell_with_its_words(
+    domain, tmp_path, write_cell
+):
+    (tmp_path / "bad.yaml").write_text("/**/monitor: {ros__parameters: {measured_limit: 1}}")
+    folder = tmp_path / "out"
+    words = ("cell", "--config", str(write_cell(parameters="bad.yaml")), "-o", str(folder))
+    with live_process(*words, output=tmp_path / "words") as running:
+        assert running.end() == 2
+    assert "measured_limit: a double is needed; write 1.0 for 1" in running.said
+    assert "no message came" not in running.said
+    assert "measured_limit" in (folder / "report.html").read_text()

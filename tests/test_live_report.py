@@ -1,0 +1,97 @@
+"""A run always ends with a report; one without measurements says why there are none."""
+
+import json
+import math
+
+import pytest
+
+from slosh_bringup.live_report import REPORT, RESULT, write_results
+from tests.live_bag import MS, LiveBag
+
+
+def results(tmp_path, bag, problems=(), began=True):
+    bag.write(tmp_path / "bag")
+    found = write_results(tmp_path, tmp_path / "bag", "Cell", problems, began=began)
+    return found, json.loads((tmp_path / RESULT).read_text()), (tmp_path / REPORT).read_text()
+
+
+def live_bag(*without, **attributes):
+    bag = LiveBag()
+    bag.topics = {"accel", "estimate", "free_surface", "settings"} - set(without)
+    for name, value in attributes.items():
+        setattr(bag, name, value)
+    return bag
+
+
+@pytest.mark.parametrize(
+    ("bag", "reasons"),
+    [
+        (
+            live_bag("accel", "estimate", "free_surface"),
+            ["no message came on /slosh/accel, which drives", "no image came on camera/image_raw"],
+        ),
+        (live_bag("free_surface"), ["no image came on camera/image_raw"]),
+        (
+            live_bag("accel", "estimate"),
+            ["no message came on /slosh/accel, which drives the models"],
+        ),
+        (live_bag("estimate"), ["2500 messages came on /slosh/accel, and none could be used"]),
+        (
+            live_bag(image_flags=32),
+            ["no free surface was found in any of 313 images on camera/image_raw: NOT_FOUND 313"],
+        ),
+        (
+            live_bag(image_ahead=100_000 * MS),
+            ["the stamps of the images lie 95.0 s ahead of those of the input: both must come"],
+        ),
+        (
+            live_bag(image_ahead=-100_000 * MS),
+            ["the stamps of the images lie 95.0 s behind those of the input: both must come"],
+        ),
+        (
+            live_bag(image_lag=lambda index: 3_000 * MS),
+            ["313 heights were measured, most of them 3.0 s after their images: too late"],
+        ),
+        (live_bag(), ["313 heights were measured and estimated, and the monitor compared none"]),
+    ],
+)
+def test_a_run_without_measurements_says_why(tmp_path, bag, reasons):
+    found, document, page = results(tmp_path, bag)
+    assert len(found.reasons) == len(reasons)
+    for told, reason in zip(found.reasons, reasons, strict=True):
+        assert told.startswith(reason)
+    assert document["nothing_because"] == list(found.reasons)
+    assert document["status"]["verdict"] == "failed"
+    assert "nothing was measured, because " + reasons[0].split(",")[0] in page
+    assert found.figures.compared == 0
+    assert math.isnan(found.figures.agreements[0].sigma)
+
+
+def test_old_stamps_are_named(tmp_path):
+    """A bag that is played to nodes without use_sim_time, or a robot with another clock."""
+    bag = live_bag("estimate", "free_surface")
+    entries = bag.entries
+    hour = 3_600_000 * MS
+    bag.entries = lambda seconds: [(log + hour, *rest) for log, *rest in entries(seconds)]
+    found, *_ = results(tmp_path, bag)
+    assert found.reasons[0].endswith("their stamps lie 3600.0 s behind this machine's clock")
+
+
+def test_no_bag_at_all_is_a_report_too(tmp_path):
+    found = write_results(tmp_path, tmp_path / "bag", "Cell", ("node recorder ended",))
+    assert found.reasons[0] == "node recorder ended"
+    assert found.reasons[1].startswith("nothing was recorded: ")
+    assert "node recorder ended" in (tmp_path / REPORT).read_text()
+    assert json.loads((tmp_path / RESULT).read_text())["nothing_because"] == list(found.reasons)
+
+
+def test_a_run_that_never_began_has_one_reason(tmp_path):
+    found, *_ = results(
+        tmp_path, live_bag("accel", "estimate", "free_surface"), ("monitor refused",), began=False
+    )
+    assert found.reasons == ("monitor refused",)
+
+
+def test_no_part_of_a_report_is_left(tmp_path):
+    results(tmp_path, live_bag("free_surface"))
+    assert {path.name for path in tmp_path.iterdir()} == {"bag", REPORT, RESULT}

@@ -1,0 +1,169 @@
+"""However `slosh demo` and `slosh cell` are ended: no node stays, the bag is whole."""
+
+import fcntl
+import os
+import pty
+import select
+import signal
+import subprocess
+import sys
+import termios
+import time
+
+import pytest
+
+from slosh_bag.reader import BagReader
+from tests.live_processes import PATIENCE, alive, live_process, recorded
+
+REPORT = {"report.html", "result.json"}
+EACH = [
+    signal.SIGTERM,
+    pytest.param(signal.SIGINT, marks=pytest.mark.long),
+    pytest.param(signal.SIGHUP, marks=pytest.mark.long),
+]
+
+
+def assert_sealed(bag):
+    """The recorder has finished the bag."""
+    reader = BagReader(bag)
+    assert sum(1 for _ in reader.messages(["/slosh/estimate"])) > 100
+    assert reader.warnings == []
+
+
+def assert_gone(nodes):
+    assert not [name for name, pid in nodes.items() if alive(pid)]
+
+
+def reports(folder):
+    """Files of a report, whole or not."""
+    others = ("bag", "logs", "settings.yaml")
+    return {path.name for path in folder.iterdir() if path.name not in others}
+
+
+@pytest.fixture
+def demo(tmp_path):
+    """A demonstration in motion that would go on for minutes, and its folder."""
+    folder = tmp_path / "out"
+    words = ("demo", "--motion", "l", "--repeat", "100", "-o", str(folder))
+    with live_process(*words, output=tmp_path / "words") as running:
+        running.wait_for_nodes(5)
+        running.wait_for_recording(folder / "bag")
+        yield running, folder
+
+
+@pytest.mark.parametrize("number", EACH)
+def test_a_signal_ends_all_nodes_and_gives_the_report(demo, number):
+    running, folder = demo
+    nodes = running.nodes()
+    running.process.send_signal(number)
+    running.process.send_signal(number)  # as systemd and shells may
+    assert running.end() == 0, running.said
+    assert_gone(nodes)
+    assert_sealed(folder / "bag")
+    assert reports(folder) == REPORT
+    assert (folder / "report.html").read_text().rstrip().endswith("</html>")
+    assert "limit events" in running.said
+    assert "Traceback" not in running.said
+
+
+def test_a_second_signal_ends_the_report_at_once(demo):
+    running, folder = demo
+    running.process.send_signal(signal.SIGTERM)
+    running.wait_for(lambda: "writing the report" in running.said, "the report")
+    assert_gone(running.nodes())
+    running.process.send_signal(signal.SIGTERM)
+    assert running.end() == 1
+    assert_sealed(folder / "bag")
+    assert reports(folder) == set()
+    assert "no report, as asked" in running.said
+    assert "Traceback" not in running.said
+
+
+@pytest.mark.long
+def test_a_signal_while_the_report_is_written_lets_it_finish(tmp_path):
+    folder = tmp_path / "out"
+    words = ("demo", "--motion", "l", "-o", str(folder))
+    with live_process(*words, output=tmp_path / "words") as running:
+        nodes = running.wait_for_nodes(5)
+        running.wait_for(lambda: not any(map(alive, nodes.values())), "the nodes' end")
+        running.process.send_signal(signal.SIGTERM)
+        assert running.end() == 0, running.said
+        assert reports(folder) == REPORT
+
+
+@pytest.mark.parametrize("number", EACH)
+def test_a_signal_during_the_start_leaves_no_node_and_gives_a_report(tmp_path, number):
+    folder = tmp_path / "out"
+    with live_process("demo", "-o", str(folder), output=tmp_path / "words") as running:
+        running.wait_for_nodes(1)
+        running.process.send_signal(number)
+        assert running.end() == 1
+        assert_gone(running.nodes())
+        assert reports(folder) == REPORT
+        assert f"the run was stopped ({number.name}) before all nodes were" in running.said
+        assert "Traceback" not in running.said
+
+
+def test_the_nodes_of_a_killed_command_end_and_the_recorder_last(demo):
+    running, folder = demo
+    nodes = dict(running.nodes())
+    recorder = nodes.pop("recorder")
+    running.process.kill()
+    deadline = time.monotonic() + PATIENCE
+    while alive(recorder):
+        assert time.monotonic() < deadline, f"still there: {[n for n in nodes if alive(nodes[n])]}"
+        time.sleep(0.005)
+    assert_gone(nodes)
+    assert_sealed(folder / "bag")
+    for log in (folder / "logs").glob("*.log"):
+        assert "the process that started this node has ended" in log.read_text(), log.name
+
+
+def command_for_minutes(folder):
+    command = [sys.executable, "-m", "slosh_bringup.cli", "demo", "--motion", "l"]
+    return [*command, "--repeat", "100", "-o", str(folder)]
+
+
+def read_until_recording(descriptor, bag):
+    """Reads what a command prints, so that it never waits for room, until it records."""
+    deadline = time.monotonic() + PATIENCE
+    while recorded(bag) < 400_000:
+        assert time.monotonic() < deadline, "nothing is recorded"
+        if select.select([descriptor], [], [], 0.02)[0]:
+            os.read(descriptor, 65536)
+
+
+def test_a_closed_terminal_ends_all_nodes_and_gives_the_report(tmp_path):
+    """The kernel sends SIGHUP, and every write to the terminal fails."""
+    folder = tmp_path / "out"
+    keyboard, screen = pty.openpty()
+    process = subprocess.Popen(
+        command_for_minutes(folder),
+        stdin=screen, stdout=screen, stderr=screen,
+        start_new_session=True,
+        preexec_fn=lambda: fcntl.ioctl(0, termios.TIOCSCTTY, 0),
+    )  # fmt: skip
+    try:
+        os.close(screen)
+        read_until_recording(keyboard, folder / "bag")
+    finally:
+        os.close(keyboard)
+    assert process.wait(PATIENCE) == 0
+    assert_sealed(folder / "bag")
+    assert reports(folder) == REPORT
+
+
+@pytest.mark.long
+def test_a_reader_that_goes_without_a_word_is_as_a_closed_terminal(tmp_path):
+    """So does ssh without a terminal: no signal, the pipes break."""
+    folder = tmp_path / "out"
+    reader, writer = os.pipe()
+    process = subprocess.Popen(command_for_minutes(folder), stdout=writer, stderr=writer)
+    os.close(writer)
+    try:
+        read_until_recording(reader, folder / "bag")
+    finally:
+        os.close(reader)
+    assert process.wait(PATIENCE) == 0
+    assert_sealed(folder / "bag")
+    assert reports(folder) == REPORT
