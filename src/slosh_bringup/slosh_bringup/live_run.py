@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 import os
-import shutil
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -22,28 +21,13 @@ from slosh_bringup.run_result import RunResult, evaluate
 from slosh_camera.calibration import read_any_calibration
 from slosh_discovery.report import Fact, KeyFigure, render_report, report_document
 from slosh_estimator.model_file import read_model
+from slosh_files import write_text
 
 POLL = 0.1
-# What a run writes into its folder; only these are replaced by the next run.
+# What a run writes into its folder.
 BAG, LOGS, REPORT, RESULT = "bag", "logs", "report.html", "result.json"
 
 Progress = Callable[[float, str], None]
-
-
-def prepare_folder(folder: Path) -> None:
-    """Makes room for a run: removes an earlier run's own files, nothing else.
-
-    Raises:
-        SloshBringupError: the folder cannot be used.
-    """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        for name in (BAG, LOGS):
-            shutil.rmtree(folder / name, ignore_errors=True)
-        for name in (REPORT, RESULT):
-            (folder / name).unlink(missing_ok=True)
-    except OSError as error:
-        raise SloshBringupError(f"{folder}: {error.strerror}") from None
 
 
 def check_files(setup: CellSetup) -> None:
@@ -102,9 +86,9 @@ def write_results(folder: Path, title: str) -> tuple[RunResult, ReplayResult]:
     lost = Fact("messages lost on the way to the bag", str(sum(run.lost.values())))
     around = Surroundings(title=title, key_figures=(latency_figure(run),), facts=(lost,))
     report = make_report(bag, replayed, around)
-    (folder / REPORT).write_text(render_report(report), encoding="utf-8")
+    write_text(folder / REPORT, render_report(report))
     document = {**run.document(), **report_document(report)}
-    (folder / RESULT).write_text(json.dumps(document, indent=2) + "\n")
+    write_text(folder / RESULT, json.dumps(document, indent=2) + "\n")
     return run, replayed
 
 

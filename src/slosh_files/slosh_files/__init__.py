@@ -7,8 +7,8 @@ messages' package would bring ROS into the pure cores.
 
 from slosh_files.apart import check_apart, check_outside
 from slosh_files.errors import SloshFileError
-from slosh_files.new_file import NewFile, new_text, write_bytes, write_text
-from slosh_files.new_folder import check_free, is_unfinished, new_folder
+from slosh_files.new_file import NewFile, naming, new_link, new_text, write_bytes, write_text
+from slosh_files.new_folder import check_free, is_unfinished, new_folder, remove_unfinished
 
 __all__ = [
     "NewFile",
@@ -17,8 +17,11 @@ __all__ = [
     "check_free",
     "check_outside",
     "is_unfinished",
+    "naming",
     "new_folder",
+    "new_link",
     "new_text",
+    "remove_unfinished",
     "write_bytes",
     "write_text",
 ]

@@ -155,6 +155,22 @@ def write_text(path: Path, text: str, *, sync: bool = True) -> None:
     write_bytes(path, text.encode(), sync=sync)
 
 
+def new_link(path: Path, target: Path) -> None:
+    """Makes a symbolic link, or points the one that is there elsewhere, in one step.
+
+    Raises:
+        OSError: it cannot be made; it bears the path.
+    """
+    aside = path.with_name(unfinished_name())
+    with naming(path):
+        aside.symlink_to(target)
+        try:
+            os.replace(aside, path)
+        except BaseException:
+            aside.unlink()
+            raise
+
+
 @contextmanager
 def naming(path: Path) -> Iterator[None]:
     """Errors of the system bear the path that the user knows."""

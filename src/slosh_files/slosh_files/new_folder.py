@@ -67,6 +67,24 @@ def is_unfinished(path: Path) -> bool:
     return path.name.startswith(PREFIX)
 
 
+def remove_unfinished(folder: Path, suffixes: tuple[str, ...] = ("",)) -> None:
+    """Removes from a folder what writers that were killed have left; nobody may be writing now.
+
+    Args:
+        folder: where they wrote.
+        suffixes: of the files that were to be written; '': folders, and files without a suffix.
+    """
+    if not folder.is_dir():
+        return
+    for path in filter(is_unfinished, folder.iterdir()):
+        if path.suffix not in suffixes:
+            continue
+        if path.is_dir() and not path.is_symlink():
+            shutil.rmtree(path, ignore_errors=True)
+        else:
+            path.unlink(missing_ok=True)
+
+
 def _check_empty(folder: Path, content: list[Path]) -> None:
     if content:
         names = sorted(path.name for path in content)

@@ -6,6 +6,7 @@ import signal
 import stat
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 import pytest
@@ -144,17 +145,20 @@ def test_mode_and_owner_of_an_old_file_are_kept(file, mode):
 
 
 @pytest.mark.skipif(os.getuid() != 0, reason="needs root, to become somebody else")
-def test_a_read_only_file_is_not_replaced(file):
-    file.chmod(0o444)
-    os.chmod(file.parent, 0o777)
-    for folder in file.parents:
-        if folder.stat().st_uid == os.getuid() and folder != folder.parent:
-            folder.chmod(folder.stat().st_mode | 0o011)
-    program = "os.setuid(12345)\nwrite_text(Path(sys.argv[1]), 'new')"
-    told = python(program, file).communicate()[1]
-    assert f"PermissionError: [Errno 13] Permission denied: '{file}'" in told
-    assert file.read_bytes() == OLD
-    assert alone(file)
+@pytest.mark.parametrize("mode", [0o444, 0o644])
+def test_what_one_may_not_write_is_not_replaced(mode):
+    # Beside pytest's folders, which nobody else may enter.
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "table.csv"
+        file.write_bytes(OLD)
+        file.chmod(mode)
+        file.parent.chmod(0o777)
+        told = python(
+            "os.setuid(12345)\nwrite_text(Path(sys.argv[1]), 'new')", file
+        ).communicate()[1]
+        assert f"PermissionError: [Errno 13] Permission denied: '{file}'" in told
+        assert file.read_bytes() == OLD
+        assert alone(file)
 
 
 def test_a_link_stays_a_link_and_its_target_is_replaced(file, tmp_path):
@@ -198,8 +202,9 @@ def test_devices_stay_devices():
 def test_standard_output_in_a_file_takes_what_is_written_between_what_is_printed(tmp_path, name):
     log = tmp_path / "log"
     program = "print('before')\nwrite_text(Path(sys.argv[1]), 'table\\n')\nprint('after')"
+    buffered = {key: value for key, value in os.environ.items() if key != "PYTHONUNBUFFERED"}
     with log.open("w") as stream:
-        process = python(program, name, stdout=stream)
+        process = python(program, name, stdout=stream, env=buffered)
         process.communicate()
     assert log.read_text() == "before\ntable\nafter\n"
     assert alone(log)

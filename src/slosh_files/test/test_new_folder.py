@@ -7,7 +7,14 @@ import sys
 
 import pytest
 
-from slosh_files import SloshFileError, check_apart, check_free, check_outside, new_folder
+from slosh_files import (
+    SloshFileError,
+    check_apart,
+    check_free,
+    check_outside,
+    new_folder,
+    remove_unfinished,
+)
 
 
 def fill(room, names=("bag_0.mcap", "metadata.yaml")):
@@ -121,6 +128,16 @@ def test_two_that_replace_leave_the_work_of_the_last(tmp_path):
             fill(second, ["bag_0.mcap", "second"])
         fill(first)
     assert set(names(tmp_path)) >= {"bag_0.mcap", "metadata.yaml"}
+
+
+def test_what_killed_writers_left_is_removed_and_nothing_else(tmp_path):
+    fill(tmp_path, ["bag_0.mcap", ".slosh-1.csv", ".slosh-2", ".hidden"])
+    (tmp_path / ".slosh-3" / "bag").mkdir(parents=True)
+    remove_unfinished(tmp_path)
+    assert names(tmp_path) == [".hidden", ".slosh-1.csv", "bag_0.mcap"]
+    remove_unfinished(tmp_path, (".csv",))
+    remove_unfinished(tmp_path / "none")
+    assert names(tmp_path) == [".hidden", "bag_0.mcap"]
 
 
 def test_errors_of_the_system_name_the_folder(tmp_path):

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
+from datetime import datetime
 from pathlib import Path
 
 from slosh_bringup.cell.motions import MOTIONS, make_motion
@@ -13,11 +15,11 @@ from slosh_bringup.live_run import (
     BAG,
     REPORT,
     check_files,
-    prepare_folder,
     run_nodes,
     write_results,
 )
 from slosh_bringup.processes import NodeProcess, config_folder
+from slosh_bringup.run_folder import new_run
 from slosh_bringup.run_result import print_replay, table
 
 STARTING = 4.0  # s; what the nodes take to find each other, for the progress bar
@@ -27,8 +29,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declares the subcommand's options."""
     parser.add_argument("--motion", default="c3", help=f"one of {', '.join(sorted(MOTIONS))}")
     parser.add_argument(
-        "-o", "--output", type=Path, default=Path("out/demo"), help="result folder"
-    )
+        "-o", "--output", type=Path, default=Path("out/demo"),
+        help="gets a dated folder for each run, and the link latest to the newest one",
+    )  # fmt: skip
     parser.add_argument("--repeat", type=int, default=1, help="how often the motion is played")
     parser.add_argument("--json", action="store_true", help="print the figures as JSON")
 
@@ -38,8 +41,8 @@ def run(arguments: argparse.Namespace) -> int:
     motion = make_motion(arguments.motion, 100.0)
     setup = default_setup()
     check_files(setup)
-    folder: Path = arguments.output
-    prepare_folder(folder)
+    folder = new_run(arguments.output, datetime.now(), tell)
+    tell(f"this run is in {folder}")
     simulated = NodeProcess(
         "cell",
         [setup.parameters],
@@ -55,10 +58,19 @@ def run(arguments: argparse.Namespace) -> int:
         run_nodes(setup, folder, progress, simulated)
     run, replayed = write_results(folder, f"Simulated cell, motion {motion.name}")
     if arguments.json:
-        print(json.dumps({**run.document(), "replay": json.loads(replayed.to_json())}))
+        print(
+            json.dumps(
+                {"folder": str(folder), **run.document(), "replay": json.loads(replayed.to_json())}
+            )
+        )
         return 0
     print(table(run))
     print_replay(replayed)
     print(f"bag                 {folder / BAG}")
     print(f"report              {folder / REPORT}")
     return 0
+
+
+def tell(line: str) -> None:
+    """Tells the user where the run is."""
+    print(f"slosh demo: {line}", file=sys.stderr)
