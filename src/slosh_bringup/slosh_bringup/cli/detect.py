@@ -11,10 +11,8 @@ import sys
 from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
 from pathlib import Path
-from typing import Any
 
-from tqdm import tqdm
-
+from slosh_bringup.cli.progress import Progress, Unit, say
 from slosh_bringup.detect.measuring import Detection, Result, measure_all
 from slosh_bringup.detect.pictures import (
     WORST_LENGTH,
@@ -124,7 +122,8 @@ def _write_table(
 ) -> Summary:
     """Writes one line for each image as soon as it is measured."""
     summary, first_ns = Summary(), None
-    with output.open("w", newline="") as file, _bar(source) as bar:
+    progress = Progress("detect", source.total, Unit("images"))
+    with output.open("w", newline="") as file, progress:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(COLUMNS)
         for result in results:
@@ -136,19 +135,14 @@ def _write_table(
                 _tell(result.problem)
             for sink in sinks:
                 sink.add(result)
-            bar.update()
+            progress.add()
     if summary.problems > _TOLD_PROBLEMS:
         _tell(f"{summary.problems - _TOLD_PROBLEMS} more images like these, see the table's flags")
     return summary
 
 
-def _bar(source: FrameSource) -> Any:
-    """The progress bar, which other lines do not tear apart."""
-    return tqdm(total=source.total, desc="detect", unit="image", file=sys.stderr)
-
-
 def _tell(sentence: str) -> None:
-    tqdm.write(f"slosh detect: {sentence}", file=sys.stderr)
+    say(f"slosh detect: {sentence}")
 
 
 def _print(

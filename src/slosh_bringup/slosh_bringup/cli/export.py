@@ -8,13 +8,12 @@ import sys
 from collections.abc import Iterable
 from pathlib import Path
 
-from tqdm import tqdm
-
 from slosh_bag.interchange.bag_table import NO_HEIGHTS, TableSettings, read_bag_table
 from slosh_bag.interchange.export import check_targets, export_targets, export_topics
 from slosh_bag.motion_table import write_motion_table
 from slosh_bag.reader import BagReader, TopicInfo
 from slosh_bag.replay.inputs import KINDS
+from slosh_bringup.cli.progress import Progress, Unit
 from slosh_bringup.errors import SloshBringupError
 
 TABLE_SUFFIXES = (".csv", ".csv.gz")
@@ -87,8 +86,8 @@ def export_motion(arguments: argparse.Namespace) -> int:
     settings = TableSettings(
         kind=arguments.input, measured=arguments.measured, absolute=arguments.absolute
     )
-    with tqdm(desc="export", unit=" messages", delay=1.0) as bar:
-        given = read_bag_table(arguments.bag, settings, bar.update)
+    with Progress("export", None, Unit("messages")) as progress:
+        given = read_bag_table(arguments.bag, settings, progress.add)
     write_motion_table(output, given.table)
     tell(given.notes)
     heights = f", heights from {given.measured}" if given.measured else ", no heights"
@@ -106,8 +105,10 @@ def export_tables(arguments: argparse.Namespace) -> int:
         arguments.bag, reader, arguments.topics, arguments.output, arguments.format
     )
     total = sum(target.messages for target in targets.values())
-    with tqdm(total=total, desc="export", unit=" messages", delay=1.0) as bar:
-        result = export_topics(reader, targets, overwrite=arguments.overwrite, progress=bar.update)
+    with Progress("export", total, Unit("messages")) as progress:
+        result = export_topics(
+            reader, targets, overwrite=arguments.overwrite, progress=progress.add
+        )
     tell(result.notes)
     for path, rows in result.rows.items():
         print(f"{path}: {rows} rows")

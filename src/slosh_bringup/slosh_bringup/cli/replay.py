@@ -109,10 +109,10 @@ def replay_all(
     jobs = arguments.jobs
     if jobs is None and arguments.scheduler is None and _size(tasks) < WORTH_PROCESSES:
         jobs = 1
-    with item_progress("replay", len(tasks), "bag") as progress:
+    with item_progress("replay", len(tasks), "bags") as progress:
         for outcome in map_files(replay_task, tasks, jobs=jobs, scheduler=arguments.scheduler):
             outcomes.append(outcome)
-            progress.update()
+            progress.add()
     return sorted(outcomes, key=lambda outcome: outcome.index)
 
 
