@@ -12,6 +12,7 @@ from slosh_bag.interchange.rosbag_import import RosbagImport, find_rosbags, impo
 from slosh_bag.interchange.table_bag import import_table
 from slosh_bringup.cli.progress import Progress, Unit
 from slosh_bringup.errors import SloshBringupError
+from slosh_files import check_free
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -96,6 +97,7 @@ def bag_folders(sources: Sequence[Path], output: Path) -> dict[Path, Path]:
 
     Raises:
         SloshBringupError: two sources have one name.
+        SloshFileError: a folder is not free.
     """
     folders: dict[Path, Path] = {}
     for source in sources:
@@ -106,6 +108,7 @@ def bag_folders(sources: Sequence[Path], output: Path) -> dict[Path, Path]:
         folder = output / name
         if folder in folders.values():
             raise SloshBringupError(f"{source}: another source would also become {folder}")
+        check_free(folder)
         folders[source] = folder
     return folders
 
