@@ -15,7 +15,6 @@ from slosh_bag.definitions import find_interfaces
 from slosh_bag.reader import BagReader
 from slosh_bringup.cli import replay as replay_command
 from slosh_bringup.cli.main import main
-from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.junit import Case, Suite, write_junit
 from slosh_bringup.replaying import new_bag, unique_names
 from slosh_bringup.stated_bags import find_bags
@@ -240,10 +239,7 @@ def test_a_recording_is_never_taken_for_an_old_output(bags, capsys):
     before = {path: path.read_bytes() for path in (bags / "a").iterdir()}
     code, _, errors = replay(capsys, bags / "a", "-o", bags)
     assert code == 2
-    assert errors == [
-        f"slosh replay: {bags / 'a'}: holds something else than a replay's output; "
-        "choose another folder (-o)"
-    ]
+    assert errors == [f"slosh replay: {bags / 'a'}: is the input; choose another folder"]
     assert {path: path.read_bytes() for path in (bags / "a").iterdir()} == before
 
 
@@ -353,7 +349,7 @@ def test_junit_takes_any_text(tmp_path):
 
 def test_junit_that_cannot_be_written_is_told(tmp_path):
     (tmp_path / "file").write_text("")
-    with pytest.raises(SloshBringupError, match="file"):
+    with pytest.raises(OSError, match="file"):
         write_junit(tmp_path / "file" / "junit.xml", "t", [])
 
 

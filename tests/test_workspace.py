@@ -37,9 +37,9 @@ def imported(package):
     return names
 
 
-def test_all_eight_packages_are_there():
+def test_all_nine_packages_are_there():
     assert {package.name.removeprefix("slosh_") for package in PACKAGES} == {
-        "msgs", "msgs_py", "model", "camera", "estimator", "bag", "discovery", "bringup",
+        "files", "msgs", "msgs_py", "model", "camera", "estimator", "bag", "discovery", "bringup",
     }  # fmt: skip
 
 

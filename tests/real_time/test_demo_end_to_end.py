@@ -15,12 +15,19 @@ from rosbags.typesys import Stores, get_typestore
 from slosh_bringup.cli.main import main
 from slosh_bringup.processes import config_folder
 
+RESULTS = ("bag/bag_0.mcap", "bag/metadata.yaml", "logs/cell.log", "report.html", "result.json")
+EARLIER = [f"{run}{name}" for run in ("", "2026-11-22T10-15-00/") for name in RESULTS]
+"""Of a version that wrote directly into the output folder, and of a run before this one."""
+
 
 @pytest.fixture(scope="module")
 def demo(tmp_path_factory):
     """A run as a user starts it: in a domain that it claims itself."""
     folder = tmp_path_factory.mktemp("demo")
     environment = {name: value for name, value in os.environ.items() if name != "ROS_DOMAIN_ID"}
+    for name in EARLIER:
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text(name)
     command = [sys.executable, "-m", "slosh_bringup.cli", "demo", "--motion", "l", "--json"]
     done = subprocess.run(
         [*command, "-o", str(folder)],
@@ -31,7 +38,17 @@ def demo(tmp_path_factory):
         env=environment,
     )
     assert done.returncode == 0, done.stderr
-    return folder, json.loads(done.stdout)
+    figures = json.loads(done.stdout)
+    assert figures["folder"] == str((folder / "latest").resolve())
+    return folder / "latest", figures
+
+
+def test_earlier_runs_stay_as_they_are(demo):
+    latest, _ = demo
+    folder = latest.parent
+    assert {name: (folder / name).read_text() for name in EARLIER} == {n: n for n in EARLIER}
+    assert os.readlink(latest) == latest.resolve().name != "2026-11-22T10-15-00"
+    assert all((latest / name).is_file() for name in RESULTS)
 
 
 def test_nothing_is_lost(demo):

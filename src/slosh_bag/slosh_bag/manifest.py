@@ -29,6 +29,7 @@ from typing import Any
 import yaml
 
 from slosh_bag.errors import SloshBagError
+from slosh_files import write_text
 
 NAME = "manifest.yaml"
 EXACT = "exact"
@@ -125,7 +126,8 @@ def write_manifest(path: Path, bags: Mapping[str, Expectation]) -> None:
         bags: what their replays must give, by name.
 
     Raises:
-        SloshBagError: the file that is there is no manifest, or it cannot be written.
+        SloshBagError: the file that is there is no manifest.
+        OSError: it cannot be written; what was there is as it was.
     """
     old = read_manifest(path) if path.is_file() else {}
     merged = {**old, **{name: _kept(old.get(name), new) for name, new in bags.items()}}
@@ -133,10 +135,7 @@ def write_manifest(path: Path, bags: Mapping[str, Expectation]) -> None:
     text = yaml.safe_dump(
         document, sort_keys=False, allow_unicode=True, width=99, default_flow_style=None
     )
-    try:
-        path.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise SloshBagError(f"{path}: {error.strerror}") from None
+    write_text(path, text)
 
 
 def _kept(old: Expectation | None, new: Expectation) -> Expectation:

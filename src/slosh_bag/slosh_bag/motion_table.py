@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_bag.errors import SloshBagError
+from slosh_files import NewFile
 
 Array = NDArray[np.float64]
 
@@ -93,19 +94,17 @@ def write_motion_table(path: Path, table: MotionTable) -> None:
         table: the table.
 
     Raises:
-        SloshBagError: the file cannot be written, or a measured azimuth is no whole degree.
+        SloshBagError: a measured azimuth is no whole degree.
+        OSError: the file cannot be written; what was there is as it was.
     """
     names, columns = _columns(path, table)
     data = np.column_stack(columns)
-    try:
-        with path.open("wb") as file, _text_stream(path, file) as text:
-            writer = csv.writer(text, lineterminator="\n")
-            writer.writerow(names)
-            for start in range(0, len(data), _BATCH):
-                # The csv module writes floats by repr: to the same bits when read.
-                writer.writerows(data[start : start + _BATCH].tolist())
-    except OSError as error:
-        raise SloshBagError(f"{path}: cannot be written: {error.strerror}") from None
+    with NewFile(path) as new, new.open() as file, _text_stream(path, file) as text:
+        writer = csv.writer(text, lineterminator="\n")
+        writer.writerow(names)
+        for start in range(0, len(data), _BATCH):
+            # The csv module writes floats by repr: to the same bits when read.
+            writer.writerows(data[start : start + _BATCH].tolist())
 
 
 def column_names(path: Path, table: MotionTable) -> list[str]:

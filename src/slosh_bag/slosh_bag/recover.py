@@ -14,7 +14,6 @@ from mcap.records import Channel, Schema
 from slosh_bag.bag_writer import BagWriter
 from slosh_bag.definitions import Definitions
 from slosh_bag.errors import SloshBagError
-from slosh_bag.interchange.whole_bag import removed_on_failure
 from slosh_bag.mcap_files.bag_facts import NAME as FACTS
 from slosh_bag.mcap_files.bag_folder import folder_facts, ordered_files
 from slosh_bag.mcap_files.bag_metadata import Qos
@@ -23,6 +22,7 @@ from slosh_bag.mcap_files.chunks import Piece
 from slosh_bag.mcap_files.mcap_walk import McapWalk
 from slosh_bag.mcap_files.seal import SEAL, seal_of
 from slosh_bag.reader import DAMAGE
+from slosh_files import check_outside, new_folder
 
 Progress = Callable[[int], object]
 
@@ -110,15 +110,18 @@ def recover_bag(path: Path, folder: Path, progress: Progress = lambda size: None
 
     Args:
         path: the bag's folder, or one MCAP file.
-        folder: the new bag's folder; it must not hold a bag already.
+        folder: the new bag's folder; it must be new or empty.
         progress: is told how many bytes were read since it was told last.
 
     Raises:
-        SloshBagError: nothing in the bag can be read, or the new one cannot be written.
+        SloshBagError: nothing in the bag can be read.
+        SloshFileError: the folder holds something, or lies in the bag.
+        OSError: the new bag cannot be written.
     """
     files, notes = ordered_files(path, damaged=True)
-    with removed_on_failure(folder):
-        copy = _Copy(folder, _facts(path, files, notes), notes)
+    check_outside(folder, [path])
+    with new_folder(folder) as room:
+        copy = _Copy(room, _facts(path, files, notes), notes)
         with copy.writer as writer:
             for file in files:
                 copy.add(file, progress)

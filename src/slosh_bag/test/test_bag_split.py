@@ -125,7 +125,7 @@ def test_a_half_written_metadata_never_replaces_a_whole_one(tmp_path, monkeypatc
     before = information(tmp_path / "run")
     writer.add_topic("/h", HEADER)
     writer.write("/h", DATA, 0)
-    monkeypatch.setattr("pathlib.Path.replace", lambda *_: (_ for _ in ()).throw(OSError("cut")))
+    monkeypatch.setattr("os.replace", lambda *_: (_ for _ in ()).throw(OSError(5, "cut")))
     with pytest.raises(OSError, match="cut"):
         writer.flush()
     assert information(tmp_path / "run") == before

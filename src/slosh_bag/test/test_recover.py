@@ -13,6 +13,7 @@ from slosh_bag.errors import SloshBagError
 from slosh_bag.mcap_files.bag_metadata import Qos
 from slosh_bag.reader import BagReader
 from slosh_bag.recover import recover_bag
+from slosh_files import SloshFileError
 
 HEADER = "std_msgs/msg/Header"
 DEFINITIONS = Definitions()
@@ -210,9 +211,12 @@ def test_what_is_no_bag_gives_one_line_and_no_folder(tmp_path):
 
 
 def test_an_existing_folder_is_not_touched(bag, tmp_path):
-    with pytest.raises(SloshBagError, match="exists already"):
+    with pytest.raises(SloshFileError, match="is the input"):
         recover_bag(bag, bag)
-    assert len(entries(bag)) == 50
+    recover_bag(bag, tmp_path / "new")
+    with pytest.raises(SloshFileError, match="exists already"):
+        recover_bag(bag, tmp_path / "new")
+    assert len(entries(bag)) == len(entries(tmp_path / "new")) == 50
 
 
 def test_progress_is_the_files_size(bag, tmp_path):

@@ -29,6 +29,7 @@ from slosh_bag.motion_table import MotionTable, read_motion_table, write_motion_
 from slosh_bag.reader import BagReader
 from slosh_bag.replay.inputs import InputSettings
 from slosh_estimator.gate import GateSettings
+from slosh_files import SloshFileError
 from slosh_model.constants import GRAVITY
 
 pytestmark = pytest.mark.skipif(
@@ -144,7 +145,7 @@ def test_a_file_goes_through_a_bag_to_the_same_bytes(tmp_path: Path):
 def test_an_existing_bag_is_left_alone(tmp_path: Path):
     (tmp_path / "bag").mkdir()
     (tmp_path / "bag" / "kept").write_text("x")
-    with pytest.raises(SloshBagError, match="exists already"):
+    with pytest.raises(SloshFileError, match="exists already"):
         write_table_bag(NOWHERE, MotionTable(np.zeros(1), np.zeros((1, 3))), tmp_path / "bag")
     assert (tmp_path / "bag" / "kept").read_text() == "x"
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 import shlex
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
@@ -30,6 +29,7 @@ from slosh_discovery.discovery_report import (
     render_discovery,
 )
 from slosh_estimator.model_file import read_model
+from slosh_files import check_outside, write_text
 from slosh_model.model import Model
 from slosh_model.model_text import format_model
 from slosh_model.simulate import Inputs
@@ -83,20 +83,18 @@ class Prepared:
 
 
 def prepare(request: Request, tell: Tell) -> Prepared:
-    """Reads the model and the motions; the output folder is there after it.
+    """Reads the model and the motions.
 
     Args:
         request: what is asked.
         tell: is told what the reader must know of the data, one line each.
 
     Raises:
-        SloshBringupError: a file stands for two things, or the folder cannot be written.
+        SloshBringupError: a file stands for two things.
         SloshBagError, SloshDiscoveryError, SloshEstimatorError, SloshModelError: a file is not
             usable.
     """
-    check_paths(request)
     base = recorded_model(request.data[0]) if request.model is None else read_model(request.model)
-    make_folder(request.output)
     notes: list[str] = []
 
     def note(line: str) -> None:
@@ -138,20 +136,14 @@ def write_results(folder: Path, report: DiscoveryReport) -> str:
     """Writes model, document, page and the separating motions; returns the document's text.
 
     Raises:
-        SloshBringupError: a file cannot be written.
-        SloshBagError: likewise, a separating motion.
+        OSError: a file cannot be written.
     """
     text = discovery_json(report)
-    try:
-        for stale in _own_tables(folder) - set(report.separating_files):
-            (folder / stale).unlink(missing_ok=True)
-        (folder / MODEL).write_text(format_model(report.finding.model), encoding="utf-8")
-        (folder / PAGE).write_text(render_discovery(report), encoding="utf-8")
-        for name, motion in zip(report.separating_files, report.finding.separating, strict=True):
-            write_motion_table(folder / name, _table(motion))
-        (folder / DOCUMENT).write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise SloshBringupError(f"{error.filename or folder}: {error.strerror}") from None
+    write_text(folder / MODEL, format_model(report.finding.model))
+    write_text(folder / PAGE, render_discovery(report))
+    for name, motion in zip(report.separating_files, report.finding.separating, strict=True):
+        write_motion_table(folder / name, _table(motion))
+    write_text(folder / DOCUMENT, text)
     return text
 
 
@@ -159,7 +151,8 @@ def check_paths(request: Request) -> None:
     """Refuses files that stand for two things.
 
     Raises:
-        SloshBringupError: a path is named twice, or a result would replace an input.
+        SloshBringupError: a path is named twice.
+        SloshFileError: the results would lie in a bag.
     """
     seen: dict[Path, str] = {}
     for kind, paths in (("DATA", request.data), ("--holdout", request.holdout)):
@@ -169,32 +162,8 @@ def check_paths(request: Request) -> None:
                 where = f"in {kind} twice" if seen[real] == kind else "in both DATA and --holdout"
                 raise SloshBringupError(f"{path}: is {where}; name it once")
             seen[real] = kind
-    folder = request.output.resolve()
-    if request.model is not None and request.model.resolve() == folder / MODEL:
-        raise SloshBringupError(
-            f"{request.model}: would be replaced by the result; choose another folder (-o)"
-        )
-    for path in (*request.data, *request.holdout):
-        real = path.resolve()
-        if real.parent == folder and re.fullmatch(r"separating_\d+\.csv", real.name):
-            raise SloshBringupError(
-                f"{path}: would be replaced by the result; choose another folder (-o)"
-            )
-
-
-def make_folder(folder: Path) -> None:
-    """Makes the folder of the results; long work must not end at a folder that takes no file.
-
-    Raises:
-        SloshBringupError: it cannot be written.
-    """
-    probe = folder / ".discovery.part"
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        probe.write_bytes(b"")
-        probe.unlink()
-    except OSError as error:
-        raise SloshBringupError(f"{folder}: {error.strerror}; choose another (-o)") from None
+    bags = [path for path in (*request.data, *request.holdout) if any(path.glob("*.mcap"))]
+    check_outside(request.output, bags)
 
 
 def recorded_model(bag: Path) -> Model:
@@ -309,16 +278,6 @@ def _read(paths: Iterable[Path], base: Model, tell: Tell, *, shift: bool) -> Mot
 def _print(motion: MeasuredMotion) -> tuple[bytes, bytes]:
     """What tells a motion's measurements from another's."""
     return motion.t.tobytes(), motion.heights.tobytes()
-
-
-def _own_tables(folder: Path) -> set[str]:
-    """Tables that an earlier discovery wrote to this folder, by what its document says."""
-    try:
-        rows = json.loads((folder / DOCUMENT).read_text(encoding="utf-8"))["separating"]
-        names = {str(row["file"]) for row in rows}
-    except (OSError, ValueError, LookupError, TypeError):
-        return set()
-    return {name for name in names if re.fullmatch(r"separating_\d+\.csv", name)}
 
 
 def _table(motion: SeparatingMotion) -> MotionTable:

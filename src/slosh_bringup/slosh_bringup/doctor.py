@@ -17,6 +17,7 @@ ROS = Path("/opt/ros/jazzy")
 MINIMUM_SHARED_MEMORY = 128 * 2**20  # five participants with a 32 MiB segment each, in part
 MINIMUM_DISK = 2 * 2**30
 OWN_PACKAGES = (
+    "slosh_files",
     "slosh_msgs_py",
     "slosh_model",
     "slosh_camera",

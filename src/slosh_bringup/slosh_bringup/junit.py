@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import NamedTuple
 from xml.etree import ElementTree
 
-from slosh_bringup.errors import SloshBringupError
+from slosh_files import NewFile
 
 _ILLEGAL = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 """What XML 1.0 does not allow: control characters, half surrogate pairs, two non-characters."""
@@ -51,7 +51,7 @@ def write_junit(path: Path, title: str, suites: Sequence[Suite]) -> None:
         suites: what was looked at.
 
     Raises:
-        SloshBringupError: it cannot be written.
+        OSError: it cannot be written; what was there is as it was.
     """
     root = ElementTree.Element("testsuites", {"name": _legal(title), **_totals(suites)})
     for suite in suites:
@@ -62,11 +62,9 @@ def write_junit(path: Path, title: str, suites: Sequence[Suite]) -> None:
             seconds = suite.seconds if number == 0 else 0.0
             _add_case(element, name, case, seconds)
     ElementTree.indent(root)
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        ElementTree.ElementTree(root).write(path, encoding="utf-8", xml_declaration=True)
-    except OSError as error:
-        raise SloshBringupError(f"{path}: {error.strerror}") from None
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with NewFile(path) as new, new.open() as stream:
+        ElementTree.ElementTree(root).write(stream, encoding="utf-8", xml_declaration=True)
 
 
 def _add_case(suite: ElementTree.Element, class_name: str, case: Case, seconds: float) -> None:

@@ -29,6 +29,7 @@ from slosh_discovery.report import (
     render_report,
     report_document,
 )
+from slosh_files import write_text
 
 REPORT, RESULT = "report.html", "result.json"
 NOTHING = "nothing was measured, because "
@@ -83,22 +84,9 @@ def write_results(
     """
     result, report = _evaluated(bag, title, problems, began)
     document = {**result.document(), **report_document(report)}
-    texts = {REPORT: render_report(report), RESULT: json.dumps(document, indent=2) + "\n"}
-    write_whole({folder / name: text for name, text in texts.items()})
+    write_text(folder / REPORT, render_report(report))
+    write_text(folder / RESULT, json.dumps(document, indent=2) + "\n")
     return result
-
-
-def write_whole(texts: Mapping[Path, str]) -> None:
-    """Writes files that are there whole or not at all, whenever the process ends."""
-    parts = {path: path.with_name(f".{path.name}.part") for path in texts}
-    try:
-        for path, part in parts.items():
-            part.write_text(texts[path], encoding="utf-8")
-        for path, part in parts.items():
-            part.replace(path)
-    finally:
-        for part in parts.values():
-            part.unlink(missing_ok=True)
 
 
 def latency_figure(run: RunResult) -> KeyFigure:

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import os
-import shutil
 from contextlib import ExitStack, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 
 from slosh_bringup.cell_setup import CellSetup
-from slosh_bringup.errors import SloshBringupError
-from slosh_bringup.live_report import REPORT, RESULT
 from slosh_bringup.live_watch import LiveWatch, Screen
 from slosh_bringup.parameter_file import check_parameter_file
 from slosh_bringup.processes import NodeGroup, NodeProcess, node_environment
@@ -20,24 +17,8 @@ from slosh_estimator.model_file import read_model
 from slosh_msgs_py.node.domain import own_domain
 
 POLL = 0.1
-# What a run writes into its folder; only these are replaced by the next run.
+# What a run writes into its folder.
 BAG, LOGS, SETTINGS = "bag", "logs", "settings.yaml"
-
-
-def prepare_folder(folder: Path) -> None:
-    """Makes room for a run: removes an earlier run's own files, nothing else.
-
-    Raises:
-        SloshBringupError: the folder cannot be used.
-    """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        for name in (BAG, LOGS):
-            shutil.rmtree(folder / name, ignore_errors=True)
-        for name in (REPORT, RESULT, SETTINGS):
-            (folder / name).unlink(missing_ok=True)
-    except OSError as error:
-        raise SloshBringupError(f"{folder}: {error.strerror}") from None
 
 
 def check_files(setup: CellSetup) -> None:
@@ -58,7 +39,7 @@ class LiveRun:
     Attributes:
         command: the subcommand.
         setup: the cell.
-        folder: where the results go.
+        folder: its own; the results go there.
         title: of the report.
         simulated: the simulated cell; None: a robot speaks.
     """

@@ -10,7 +10,7 @@ from typing import Protocol
 from slosh_bag.replay.settings import NodeStart
 from slosh_bringup.cell_watch import CellWatch, NodeReport
 from slosh_bringup.in_force import TELLING, in_force_lines, settings_document
-from slosh_bringup.live_report import write_whole
+from slosh_files import write_text
 
 
 class Screen(Protocol):
@@ -51,7 +51,7 @@ class LiveWatch:
     def take_settings(self, start: NodeStart) -> None:
         """Takes what a node works with, at its start or later."""
         began, self._starts[start.node] = self.began, start
-        write_whole({self._file: settings_document(self._starts)})
+        write_text(self._file, settings_document(self._starts))
         if self.began and not began:
             self._screen.tell("in force:")
             for line in in_force_lines(self._starts):

@@ -13,7 +13,7 @@ import os
 import signal
 import traceback
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass
 from itertools import chain, count, islice
@@ -71,7 +71,7 @@ def map_files(
     *,
     jobs: int | None = None,
     scheduler: str | None = None,
-) -> Iterator[Outcome[Item, Value]]:
+) -> Generator[Outcome[Item, Value]]:
     """Calls a function with each item; one that fails does not stop the others.
 
     A single item, or one job, is worked on in this process. Otherwise function and items must be
@@ -102,7 +102,7 @@ def _map(
     items: Iterator[Item],
     jobs: int | None,
     scheduler: str | None,
-) -> Iterator[Outcome[Item, Value]]:
+) -> Generator[Outcome[Item, Value]]:
     first = list(islice(items, 2))
     everything = chain(first, items)
     workers = jobs or len(os.sched_getaffinity(0))
@@ -124,6 +124,8 @@ def attempt(function: Callable[[Item], Value], item: Item) -> tuple[Value | None
 
 def reason(error: BaseException) -> str:
     """One line: our packages' own text, of anything else its kind and its place too."""
+    if isinstance(error, OSError) and error.filename:
+        return f"{error.filename}: {error.strerror}"
     text = " ".join(str(error).split())
     if type(error).__module__.startswith("slosh_"):
         return text

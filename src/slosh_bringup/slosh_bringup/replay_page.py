@@ -12,6 +12,7 @@ from slosh_bag.replay.report import Surroundings, replay_report
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.replay_frames import bag_pictures, bag_topics
 from slosh_discovery.report import RunReport, render_report, report_document
+from slosh_files import write_text
 
 
 def write_page(folder: Path, bag: Path, result: ReplayResult, checked: Checked | None) -> None:
@@ -29,10 +30,10 @@ def write_page(folder: Path, bag: Path, result: ReplayResult, checked: Checked |
     report = make_report(bag, result, Surroundings(checked=checked))
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        (folder / f"{result.name}.html").write_text(render_report(report), encoding="utf-8")
-        (folder / f"{result.name}.json").write_text(figures(report, result))
+        write_text(folder / f"{result.name}.html", render_report(report))
+        write_text(folder / f"{result.name}.json", figures(report, result))
     except OSError as error:
-        raise SloshBringupError(f"{folder}: {error.strerror}") from None
+        raise SloshBringupError(f"{error.filename or folder}: {error.strerror}") from None
 
 
 def figures(report: RunReport, result: ReplayResult) -> str:

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import json
-import shutil
 import time
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from itertools import chain, count
 from pathlib import Path
 from typing import Any
 
+import slosh_files
 from slosh_bag.errors import SloshBagError
 from slosh_bag.manifest import Expectation
 from slosh_bag.mcap_files.bag_facts import read_facts
@@ -31,9 +31,12 @@ from slosh_bag.replay.result import ModelAccuracy
 from slosh_bag.replay.verification import Verification
 from slosh_bringup.errors import SloshBringupError
 from slosh_estimator.model_file import read_model
+from slosh_files import is_unfinished, new_folder
 
 RECORDED = Expectation(tolerance=0.0)
 """What a bag without a manifest must give: its own estimates again."""
+PAGES = (".html", ".json")
+"""What there is of a replay beside its bag of outputs."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,6 +115,7 @@ def replay_task(task: Task) -> Replayed:
     if task.output is None:
         result = replay_bag(task.bag, model, cell=task.cell)
     else:
+        _check_pages(task.output / task.name)
         with new_bag(task.output / task.name) as outputs:
             result = replay_bag(task.bag, model, outputs=outputs, cell=task.cell)
     result = replace(result, name=task.name)
@@ -203,18 +207,36 @@ def new_bag(folder: Path) -> Iterator[OutputBag]:
         raise SloshBringupError(
             f"{folder}: holds something else than a replay's output; choose another folder (-o)"
         )
-    # The files of a bag bear its folder's name: the new one lies in a folder of its own.
-    beside = folder.parent / f".{folder.name}.part"
     try:
-        shutil.rmtree(beside, ignore_errors=True)
-        with OutputBag(beside / folder.name) as outputs:
+        with new_folder(folder, replace=True) as room, OutputBag(room) as outputs:
             yield outputs
-        shutil.rmtree(folder, ignore_errors=True)
-        (beside / folder.name).rename(folder)
     except OSError as error:
-        raise SloshBringupError(f"{folder}: {error.strerror}") from None
-    finally:
-        shutil.rmtree(beside, ignore_errors=True)
+        raise SloshBringupError(f"{error.filename or folder}: {error.strerror}") from None
+
+
+def remove_unfinished(tasks: Sequence[Task]) -> None:
+    """Removes what processes that were killed at their work have left in the folder of results."""
+    for task in tasks:
+        if task.output is not None:
+            slosh_files.remove_unfinished(task.output, PAGES)
+            slosh_files.remove_unfinished(task.output / task.name)
+            with suppress(OSError):  # not empty: it holds a whole bag
+                (task.output / task.name).rmdir()
+
+
+def _check_pages(bag: Path) -> None:
+    """Refuses to replace a page and figures that belong to no earlier replay's bag.
+
+    Raises:
+        SloshBringupError: they would be replaced.
+    """
+    if (bag / METADATA).is_file():
+        return
+    for page in (bag.with_name(f"{bag.name}{suffix}") for suffix in PAGES):
+        if page.exists():
+            raise SloshBringupError(
+                f"{page}: is of no replay, its bag is not there; choose another folder (-o)"
+            )
 
 
 def _may_replace(folder: Path) -> bool:
@@ -223,7 +245,8 @@ def _may_replace(folder: Path) -> bool:
         return True
     if not folder.is_dir() or folder.is_symlink():
         return False
-    files = [path for path in folder.iterdir() if path.name != METADATA]
+    content = [path for path in folder.iterdir() if not is_unfinished(path)]
+    files = [path for path in content if path.name != METADATA]
     if not files:
         return not (folder / METADATA).exists()
     return all(path.suffix == ".mcap" and path.is_file() and _is_output(path) for path in files)

@@ -103,8 +103,9 @@ def test_it_writes_model_document_page_and_prints_the_verdict(capsys, discovery,
 
 
 def test_json_is_all_that_is_printed(capsys, discovery, tables, tmp_path):
-    assert main(["discover", *tables, "--model", MODEL, "-o", str(tmp_path), "--json"]) == 0
-    assert capsys.readouterr().out == (tmp_path / "discovery.json").read_text()
+    output = tmp_path / "o"
+    assert main(["discover", *tables, "--model", MODEL, "-o", str(output), "--json"]) == 0
+    assert capsys.readouterr().out == (output / "discovery.json").read_text()
 
 
 def test_every_third_motion_is_held_out_and_the_reader_is_told(
@@ -159,15 +160,25 @@ def test_the_separating_motion_is_a_table_that_can_be_played(capsys, discovery, 
     assert f"slosh simulate '{output}/model.yaml' '{output}/separating_1.csv'" in text
 
 
-def test_tables_of_an_earlier_discovery_go_and_others_stay(discovery, tables, tmp_path):
+def test_an_earlier_discovery_stays(capsys, discovery, tables, tmp_path):
     discovery.verdict, output = Verdict.AMBIGUOUS, tmp_path / "o"
-    words = ["discover", tables[0], "--model", MODEL, "-o", str(output)]
-    assert main(words) == 0
-    (output / "separating_2.csv").write_text("mine")
+    words = [tables[0], "--model", MODEL, "-o", str(output)]
+    assert main(["discover", *words]) == 0
+    before = {path: path.read_bytes() for path in output.iterdir()}
+    capsys.readouterr()
     discovery.verdict = Verdict.NAMED
-    assert main(words) == 0
-    assert not (output / "separating_1.csv").exists()
-    assert (output / "separating_2.csv").read_text() == "mine"
+    line = fails_with(capsys, *words)
+    assert line.startswith(f"slosh discover: {output}: exists already and holds discovery.json")
+    assert {path: path.read_bytes() for path in output.iterdir()} == before
+    assert len(discovery.calls) == 1
+
+
+def test_a_discovery_that_fails_leaves_no_folder(capsys, discovery, tables, tmp_path):
+    output = tmp_path / "a" / "o"
+    broken = tmp_path / "broken.csv"
+    broken.write_text("t,ax\n")
+    fails_with(capsys, tables[0], broken, "--model", MODEL, "-o", output)
+    assert not output.parent.exists()
 
 
 def test_the_commands_are_those_of_the_data(capsys, discovery, tables, tmp_path):
@@ -303,10 +314,9 @@ def test_a_folder_that_takes_no_file_is_told_before_the_work(capsys, discovery, 
 def test_inputs_are_never_replaced(capsys, discovery, tables, tmp_path):
     shutil.copy(MODEL, tmp_path / "model.yaml")
     line = fails_with(capsys, tables[0], "--model", tmp_path / "model.yaml", "-o", tmp_path)
-    assert "would be replaced by the result" in line
-    shutil.copy(tables[0], tmp_path / "separating_1.csv")
-    words = [tmp_path / "separating_1.csv", "--model", MODEL, "-o", tmp_path]
-    assert "would be replaced by the result" in fails_with(capsys, *words)
+    assert "exists already and holds model.yaml, ..." in line
+    assert (tmp_path / "model.yaml").read_text() == Path(MODEL).read_text()
+    assert discovery.calls == []
 
 
 def test_motions_of_one_name_are_told_apart():

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from slosh_bag.bag_writer import BagWriter
 from slosh_bag.definitions import Definitions
 from slosh_bag.errors import SloshBagError
+from slosh_files import check_free, new_folder
 
 Array = NDArray[np.float64]
 
@@ -63,9 +64,14 @@ def import_antisloshing(
 
     Raises:
         SloshBagError: a file is missing or broken; one line that names it.
+        SloshFileError: a run's folder holds something.
+        OSError: a bag cannot be written.
     """
     bags = []
-    for run, heights, poses in find_runs(folder):
+    runs = find_runs(folder)
+    for run, _, _ in runs:
+        check_free(output / run)
+    for run, heights, poses in runs:
         bag = output / run
         import_run(heights, poses, bag, run)
         progress(run)
@@ -98,12 +104,15 @@ def import_run(heights: Path, poses: Path, bag: Path, run: str) -> None:
     """Writes one run's bag.
 
     Raises:
-        SloshBagError: a file is broken, or the bag exists.
+        SloshBagError: a file is broken.
+        SloshFileError: the bag's folder holds something.
+        OSError: the bag cannot be written.
     """
     times, measured = read_heights(heights)
     motion = read_poses(poses)
     definitions = Definitions()
-    with BagWriter(bag, definitions, {**METADATA, "run": run}) as writer:
+    facts = {**METADATA, "run": run}
+    with new_folder(bag) as room, BagWriter(room, definitions, facts) as writer:
         writer.add_topic(POSE_TOPIC, POSE_TYPE)
         writer.add_topic(SURFACE_TOPIC, SURFACE_TYPE)
         store = definitions.typestore

@@ -14,9 +14,11 @@ from slosh_bag.errors import SloshBagError
 from slosh_bag.interchange.export_rows import RowReader
 from slosh_bag.interchange.export_sinks import Sink, load_pyarrow, make_sink
 from slosh_bag.interchange.topic_choice import find_topic
+from slosh_bag.mcap_files.bag_folder import files_of
 from slosh_bag.mcap_files.chunks import MessageBlock
 from slosh_bag.mcap_files.mcap_walk import is_in_order
 from slosh_bag.reader import BagMessage, BagReader
+from slosh_files import check_apart
 
 Form = Literal["csv", "parquet"]
 SUFFIXES: Final = (".csv", ".csv.gz", ".parquet")
@@ -105,10 +107,14 @@ def export_topics(
         progress: is told how many messages were read since it was told last.
 
     Raises:
-        SloshBagError: a file exists or cannot be written, pyarrow is missing, or the bag is
-            damaged; no file is left then.
+        SloshBagError: a file exists, pyarrow is missing, or the bag is damaged.
+        SloshFileError: a file is one of the bag's.
+        OSError: a file cannot be written.
+            After any of these all files are as they were.
     """
-    check_targets([target.path for target in targets.values()], overwrite=overwrite)
+    paths = [target.path for target in targets.values()]
+    check_apart(paths, files_of(reader.path))
+    check_targets(paths, overwrite=overwrite)
     facts = reader.metadata()
     tables: dict[str, _Table] = {}
     try:
@@ -125,13 +131,11 @@ def export_topics(
                 progress(1)
         for table in tables.values():
             table.close()
-    except OSError as error:
-        _discard(tables)
-        raise SloshBagError(
-            f"{error.filename or ''}: cannot be written: {error.strerror}"
-        ) from None
+        for table in tables.values():
+            table.keep()
     except BaseException:
-        _discard(tables)
+        for table in tables.values():
+            table.discard()
         raise
     notes = [note for table in tables.values() for note in table.notes]
     rows = {targets[topic].path: table.rows for topic, table in tables.items()}
@@ -155,11 +159,6 @@ def check_targets(paths: Any, *, overwrite: bool) -> None:
             path.parent.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise SloshBagError(f"{path.parent}: {error.strerror}") from None
-
-
-def _discard(tables: dict[str, _Table]) -> None:
-    for table in tables.values():
-        table.discard()
 
 
 class _Table:
@@ -197,9 +196,13 @@ class _Table:
             self._flush()
 
     def close(self) -> None:
-        """Finishes the file; a topic without messages gets its heading alone."""
+        """Writes what is left; a topic without messages gets its heading alone."""
         self._flush()
         self._sink.close()
+
+    def keep(self) -> None:
+        """Gives the file its name."""
+        self._sink.keep()
 
     def discard(self) -> None:
         """Removes what was written."""

@@ -1,7 +1,4 @@
-"""Where exported rows go: CSV and Parquet files, written batch by batch.
-
-A file appears under its name when it is whole; until then it has `.part` behind it.
-"""
+"""Where exported rows go: CSV and Parquet files, written batch by batch."""
 
 from __future__ import annotations
 
@@ -10,9 +7,8 @@ import gzip
 import importlib
 import io
 import json
-import os
 from collections.abc import Mapping, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Any, Final, Protocol
 
@@ -21,6 +17,7 @@ import numpy as np
 from slosh_bag.errors import SloshBagError
 from slosh_bag.interchange.export_fields import Leaf, Node, plain_list
 from slosh_bag.interchange.export_rows import Times, Values
+from slosh_files import NewFile
 
 LONGEST_BYTES: Final = 1024
 """Longest array of bytes that is written into a cell of a CSV file."""
@@ -52,24 +49,13 @@ class Sink(Protocol):
         """
 
     def close(self) -> None:
-        """Finishes the file and gives it its name."""
+        """Writes what is left to write."""
+
+    def keep(self) -> None:
+        """Gives the file its name."""
 
     def discard(self) -> None:
         """Removes what was written."""
-
-
-class _Target:
-    """A file that appears under its name when it is whole."""
-
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        self.part = path.with_name(f"{path.name}.part")
-
-    def finish(self) -> None:
-        os.replace(self.part, self.path)
-
-    def discard(self) -> None:
-        self.part.unlink(missing_ok=True)
 
 
 class CsvSink:
@@ -83,11 +69,11 @@ class CsvSink:
 
     def __init__(self, path: Path, times: Sequence[str], fields: Sequence[Leaf]) -> None:
         self.notes: list[str] = []
-        self._target = _Target(path)
+        self._file = NewFile(path)
         self._fields = fields
         self._too_long: dict[str, int] = {}
         self._open = ExitStack()
-        binary: Any = self._open.enter_context(self._target.part.open("wb"))
+        binary: Any = self._open.enter_context(self._file.open())
         if path.suffix == ".gz":
             binary = self._open.enter_context(
                 gzip.GzipFile(filename="", mode="wb", fileobj=binary, mtime=0)
@@ -114,19 +100,23 @@ class CsvSink:
         writer.writerows(zip(*columns, strict=True))
 
     def close(self) -> None:
-        """Finishes the file."""
+        """Writes what is left to write."""
         self._open.close()
-        self._target.finish()
         for name, count in self._too_long.items():
             self.notes.append(
-                f"{self._target.path}: {count} cells of {name} are empty: more than "
+                f"{self._file.path}: {count} cells of {name} are empty: more than "
                 f"{LONGEST_BYTES} bytes; Parquet files hold them"
             )
 
+    def keep(self) -> None:
+        """Gives the file its name."""
+        self._file.finish()
+
     def discard(self) -> None:
         """Removes what was written."""
-        self._open.close()
-        self._target.discard()
+        with suppress(OSError):  # where the disk is full, nor does the rest go to it
+            self._open.close()
+        self._file.discard()
 
     def _cells(self, leaf: Leaf, values: Any) -> list[Sequence[Any]]:
         """The cells of a leaf's columns."""
@@ -173,13 +163,14 @@ class ParquetSink:
     ) -> None:
         self.notes: list[str] = []
         self._arrow, parquet = load_pyarrow()
-        self._target = _Target(path)
+        self._file = NewFile(path)
+        self._stream = self._file.open()
         self._fields = fields
         entries = [(name, self._arrow.int64()) for name in times]
         for leaf in fields:
             entries += [(name, self._column_type(leaf)) for name in leaf.columns]
         self._schema = self._arrow.schema(entries, metadata=dict(facts))
-        self._writer = parquet.ParquetWriter(self._target.part, self._schema, compression="zstd")
+        self._writer = parquet.ParquetWriter(self._stream, self._schema, compression="zstd")
         self._batches: list[Any] = []
         self._size = 0
 
@@ -199,15 +190,22 @@ class ParquetSink:
             self._write_group()
 
     def close(self) -> None:
-        """Finishes the file."""
+        """Writes what is left to write."""
         self._write_group()
         self._writer.close()
-        self._target.finish()
+        self._stream.close()
+
+    def keep(self) -> None:
+        """Gives the file its name."""
+        self._file.finish()
 
     def discard(self) -> None:
         """Removes what was written."""
-        self._writer.close()
-        self._target.discard()
+        with suppress(OSError, ValueError):  # a full disk, or a writer that is in disorder
+            self._writer.close()
+        with suppress(OSError):
+            self._stream.close()
+        self._file.discard()
 
     def _cells(self, leaf: Leaf, values: Any) -> list[Any]:
         """What pyarrow takes for a leaf's columns."""

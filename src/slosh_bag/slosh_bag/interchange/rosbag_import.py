@@ -22,7 +22,7 @@ from slosh_bag.definitions import Definitions
 from slosh_bag.errors import SloshBagError
 from slosh_bag.interchange.rosbag_types import Convert, message_converter
 from slosh_bag.interchange.topic_choice import find_topic
-from slosh_bag.interchange.whole_bag import removed_on_failure
+from slosh_files import check_outside, new_folder
 
 ROS1_SUFFIX = ".bag"
 SUFFIXES = (ROS1_SUFFIX, ".db3", ".mcap")
@@ -90,8 +90,11 @@ def import_rosbag(
 
     Raises:
         SloshBagError: the source is damaged or no bag, a topic is not in it, nothing in it can be
-            converted, or the bag exists.
+            converted.
+        SloshFileError: the bag's folder holds something, or lies in the source.
+        OSError: the bag cannot be written.
     """
+    check_outside(bag, [source])
     definitions = Definitions()
     with _opened(source) as reader:
         names = _new_names(source, reader.connections, topics, rename or {})
@@ -101,7 +104,7 @@ def import_rosbag(
                 "; ".join([f"{source}: holds no topic that can be converted", *notes])
             )
         facts = {**_facts(reader), "imported_from": source.name}
-        with removed_on_failure(bag), BagWriter(bag, definitions, facts) as writer:
+        with new_folder(bag) as room, BagWriter(room, definitions, facts) as writer:
             for route in routes.values():
                 writer.add_topic(route.topic, route.message_type, route.qos)
             failures = _copy(source, reader, routes, writer, progress)

@@ -27,8 +27,8 @@ from numpy.typing import NDArray
 from slosh_bag.bag_writer import BagWriter
 from slosh_bag.definitions import Definitions
 from slosh_bag.errors import SloshBagError
-from slosh_bag.interchange.whole_bag import removed_on_failure
 from slosh_bag.motion_table import MotionTable, column_names, read_motion_table
+from slosh_files import new_folder
 from slosh_model.constants import GRAVITY
 
 Array = NDArray[np.float64]
@@ -75,11 +75,13 @@ def import_table(
 
     Args:
         path: the `.csv` or `.csv.gz` file.
-        bag: the bag's folder; it must not hold a bag already.
+        bag: the bag's folder; it must be new or empty.
         progress: is told the number of rows so far and in all.
 
     Raises:
-        SloshBagError: the table is broken, does not fit into messages, or the bag exists.
+        SloshBagError: the table is broken, or does not fit into messages.
+        SloshFileError: the bag's folder holds something.
+        OSError: the bag cannot be written.
     """
     return write_table_bag(path, read_motion_table(path), bag, progress=progress)
 
@@ -103,7 +105,9 @@ def write_table_bag(
         progress: is told the number of rows so far and in all.
 
     Raises:
-        SloshBagError: a time or an attitude does not fit into a message, or the bag exists.
+        SloshBagError: a time or an attitude does not fit into a message.
+        SloshFileError: the bag's folder holds something.
+        OSError: the bag cannot be written.
     """
     origin_ns, stamps = table_stamps(path, table.t)
     messages = _TableMessages(path, table, definitions or Definitions())
@@ -113,7 +117,7 @@ def write_table_bag(
         COLUMNS_KEY: columns,
         ORIGIN_KEY: str(origin_ns),
     }
-    with removed_on_failure(bag), BagWriter(bag, messages.definitions, facts) as writer:
+    with new_folder(bag) as room, BagWriter(room, messages.definitions, facts) as writer:
         for topic, message_type in messages.topics().items():
             writer.add_topic(f"{namespace}/{topic}", message_type)
         for row, stamp in enumerate(stamps.tolist()):

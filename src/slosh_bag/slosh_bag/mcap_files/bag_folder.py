@@ -33,6 +33,11 @@ def bag_files(path: Path) -> list[Path]:
     return ordered_files(path)[0]
 
 
+def files_of(path: Path) -> list[Path]:
+    """All files of a bag, whether it can be read or not; of one MCAP file this."""
+    return [*path.glob("*.mcap"), path / METADATA] if path.is_dir() else [path]
+
+
 def ordered_files(path: Path, *, damaged: bool = False) -> tuple[list[Path], list[str]]:
     """The files as `bag_files` gives them, and what is odd about the folder.
 

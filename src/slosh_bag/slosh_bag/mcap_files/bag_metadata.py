@@ -9,6 +9,8 @@ from typing import Any
 
 import yaml
 
+from slosh_files import write_text
+
 NAME = "metadata.yaml"
 VERSION = 9
 SERIALIZATION = "cdr"
@@ -99,13 +101,13 @@ def save(
 ) -> None:
     """Writes a bag's metadata.yaml; at no moment is there half a file.
 
+    Messages wait meanwhile: it does not wait for the disk, nor do the files that it describes.
+
     Raises:
         OSError: it cannot be written.
     """
     information = _information(list(topics), list(files), custom)
-    part = folder / f"{NAME}.part"
-    part.write_text(_text({"rosbag2_bagfile_information": information}), encoding="utf-8")
-    part.replace(folder / NAME)
+    write_text(folder / NAME, _text({"rosbag2_bagfile_information": information}), sync=False)
 
 
 def _information(

@@ -17,6 +17,7 @@ from slosh_bag.replay.verification import Verification
 from slosh_discovery.alignment import ClockOffset, StillLevel
 from slosh_estimator.limits import Event
 from slosh_estimator.monitor import MonitorSettings
+from slosh_files import write_text
 from slosh_model.model import Model
 
 Array = NDArray[np.float64]
@@ -211,7 +212,7 @@ def update_table(page: Path, name: str, results: Sequence[Judged]) -> None:
         text = page.read_text(encoding="utf-8")
         head, rest = text.split(start)
         _, tail = rest.split(end)
-        page.write_text(f"{head}{start}\n{accuracy_table(results)}\n{end}{tail}", encoding="utf-8")
+        write_text(page, f"{head}{start}\n{accuracy_table(results)}\n{end}{tail}")
     except OSError as error:
         raise SloshBagError(f"{page}: {error.strerror}") from None
     except ValueError:

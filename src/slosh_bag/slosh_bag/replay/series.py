@@ -7,9 +7,13 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+
+from slosh_files import naming
 
 BLOCK = 65_536
 """Rows that are in memory at once."""
@@ -49,6 +53,7 @@ class Series:
         self.dtype = row_type(models)
         self._block = block
         self._file = tempfile.TemporaryFile(prefix="slosh-")  # noqa: SIM115 - closed by close()
+        self._place = Path(tempfile.gettempdir())  # the file itself has no name
         self._count = 0
 
     def __enter__(self) -> Series:
@@ -62,8 +67,9 @@ class Series:
 
     def append(self, rows: NDArray[np.void]) -> None:
         """Adds rows of `dtype`."""
-        self._file.seek(0, 2)
-        self._file.write(rows.tobytes())
+        with naming(self._place):
+            self._file.seek(0, 2)
+            self._file.write(rows.tobytes())
         self._count += len(rows)
 
     def blocks(self) -> Iterator[NDArray[np.void]]:
@@ -73,16 +79,18 @@ class Series:
 
     def read(self, start: int, end: int) -> NDArray[np.void]:
         """Rows start … end-1."""
-        self._file.seek(start * self.dtype.itemsize)
-        return np.frombuffer(
-            self._file.read((end - start) * self.dtype.itemsize), dtype=self.dtype
-        )
+        with naming(self._place):
+            self._file.seek(start * self.dtype.itemsize)
+            content = self._file.read((end - start) * self.dtype.itemsize)
+        return np.frombuffer(content, dtype=self.dtype)
 
     def replace(self, start: int, rows: NDArray[np.void]) -> None:
         """Writes rows in place of those from `start` on."""
-        self._file.seek(start * self.dtype.itemsize)
-        self._file.write(rows.tobytes())
+        with naming(self._place):
+            self._file.seek(start * self.dtype.itemsize)
+            self._file.write(rows.tobytes())
 
     def close(self) -> None:
         """Removes the file."""
-        self._file.close()
+        with suppress(OSError):  # what it has not written yet is not needed
+            self._file.close()

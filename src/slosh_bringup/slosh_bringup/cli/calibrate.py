@@ -30,6 +30,7 @@ from slosh_camera.calibrate.still import StillFit, calibrate_by_edges, check_pos
 from slosh_camera.calibration import Calibration, format_calibration, parse_calibration
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.geometry import Cup, CupView, Pose, Wall
+from slosh_files import check_apart, write_bytes, write_text
 
 Image = NDArray[np.uint8]
 
@@ -90,6 +91,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Finds the pose, writes camera.yaml and says how good it is."""
+    check_apart([arguments.output, arguments.picture], [arguments.still, arguments.camera])
     image = _read_image(arguments.still)
     known = _known_camera(arguments, image)
     cup = _cup(arguments, known)
@@ -100,7 +102,7 @@ def run(arguments: argparse.Namespace) -> int:
     text = _camera_yaml(arguments, fit, known)
     if arguments.picture is not None:
         _write_picture(arguments.picture, draw_calibration(image, fit, board))
-    arguments.output.write_text(text, encoding="utf-8")
+    write_text(arguments.output, text)
     print(_as_json(arguments, fit, board) if arguments.json else _as_text(arguments, fit, board))
     return 0
 
@@ -186,7 +188,7 @@ def _camera_yaml(arguments: argparse.Namespace, fit: StillFit, known: KnownCamer
 def _write_picture(path: Path, picture: Image) -> None:
     if path.suffix.lower() not in (".png", ".jpg", ".jpeg"):
         raise SloshBringupError(f"{path}: pictures are written as .png or .jpg")
-    path.write_bytes(cv2.imencode(path.suffix, picture)[1].tobytes())
+    write_bytes(path, cv2.imencode(path.suffix, picture)[1].tobytes())
 
 
 def _as_json(arguments: argparse.Namespace, fit: StillFit, board: BoardFit | None) -> str:

@@ -15,8 +15,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declares the subcommand's options."""
     parser.add_argument("--config", type=Path, required=True, help="cell file, see docs/robot.md")
     parser.add_argument(
-        "-o", "--output", type=Path, default=Path("out/cell"), help="result folder"
-    )
+        "-o", "--output", type=Path, default=Path("out/cell"),
+        help="gets a dated folder for each run, and the link latest to the newest one",
+    )  # fmt: skip
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -19,8 +19,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declares the subcommand's options."""
     parser.add_argument("--motion", default="c3", help=f"one of {', '.join(sorted(MOTIONS))}")
     parser.add_argument(
-        "-o", "--output", type=Path, default=Path("out/demo"), help="result folder"
-    )
+        "-o", "--output", type=Path, default=Path("out/demo"),
+        help="gets a dated folder for each run, and the link latest to the newest one",
+    )  # fmt: skip
     parser.add_argument("--repeat", type=int, default=1, help="how often the motion is played")
     parser.add_argument("--json", action="store_true", help="print the figures as JSON")
 

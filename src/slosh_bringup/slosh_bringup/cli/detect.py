@@ -9,12 +9,10 @@ import math
 import os
 import sys
 from collections.abc import Iterator, Sequence
-from contextlib import closing, contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
-from typing import Any
 
-from tqdm import tqdm
-
+from slosh_bringup.cli.progress import Progress, Unit, say
 from slosh_bringup.detect.measuring import Detection, Result, measure_all
 from slosh_bringup.detect.pictures import (
     WORST_LENGTH,
@@ -27,6 +25,7 @@ from slosh_bringup.detect.source import FOLDER_RATE, FrameSource, open_source
 from slosh_bringup.detect.table import COLUMNS, Summary, row
 from slosh_bringup.errors import SloshBringupError
 from slosh_camera.calibration import AnyCalibration, read_any_calibration
+from slosh_files import check_apart, new_text
 
 WORST_LIMIT = 60
 # Starting a process takes as long as measuring so many images.
@@ -66,21 +65,30 @@ def run(arguments: argparse.Namespace) -> int:
         raise SloshBringupError(f"--rate {arguments.rate:g}: must be positive, at most 1e6 Hz")
     calibration = read_any_calibration(arguments.camera)
     detection = Detection(calibration, arguments.still)
-    with _quiet_decoders():
+    with _quiet_decoders(), ExitStack() as unfinished:
         source = open_source(arguments.source, arguments.rate)
+        _check_outputs(arguments, [*source.files, calibration.still_image])
         sinks = _sinks(arguments, calibration, source)
+        for sink in sinks:
+            unfinished.callback(sink.discard)
         if source.note:
             _tell(f"{source.name}: {source.note}")
         jobs = _jobs(arguments.jobs, source.total)
         with closing(measure_all(detection, source.frames, jobs)) as results:
             summary = _write_table(arguments.output, source, results, sinks)
-        for warning in source.warnings:
-            _tell(f"warning: {warning}")
-        if not summary.frames:
-            raise SloshBringupError(f"{source.name}: no image could be read")
         pictures = [sink.finish() for sink in sinks]
     _print(arguments, summary, source, pictures)
     return 0 if summary.measured else 1
+
+
+def _check_outputs(arguments: argparse.Namespace, images: Sequence[Path | None]) -> None:
+    """Refuses results that would replace what is measured or with what."""
+    inputs = [*images, arguments.camera, arguments.still]
+    worst = Path(arguments.worst[0]) if arguments.worst else None
+    check_apart([arguments.output, arguments.video, arguments.strip, worst], inputs)
+    if arguments.video is not None:
+        # Where no codec works, a sheet takes the video's place.
+        check_apart([arguments.video.with_suffix(".png")], inputs)
 
 
 def _sinks(
@@ -122,9 +130,14 @@ def _jobs(wanted: int | None, total: int | None) -> int:
 def _write_table(
     output: Path, source: FrameSource, results: Iterator[Result], sinks: Sequence[Sink]
 ) -> Summary:
-    """Writes one line for each image as soon as it is measured."""
+    """Writes one line for each image.
+
+    Raises:
+        SloshBringupError: there are none; the old table stays.
+    """
     summary, first_ns = Summary(), None
-    with output.open("w", newline="") as file, _bar(source) as bar:
+    progress = Progress("detect", source.total, Unit("images"))
+    with new_text(output) as file, progress:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(COLUMNS)
         for result in results:
@@ -136,19 +149,18 @@ def _write_table(
                 _tell(result.problem)
             for sink in sinks:
                 sink.add(result)
-            bar.update()
+            progress.add()
+        for warning in source.warnings:
+            _tell(f"warning: {warning}")
+        if not summary.frames:
+            raise SloshBringupError(f"{source.name}: no image could be read")
     if summary.problems > _TOLD_PROBLEMS:
         _tell(f"{summary.problems - _TOLD_PROBLEMS} more images like these, see the table's flags")
     return summary
 
 
-def _bar(source: FrameSource) -> Any:
-    """The progress bar, which other lines do not tear apart."""
-    return tqdm(total=source.total, desc="detect", unit="image", file=sys.stderr)
-
-
 def _tell(sentence: str) -> None:
-    tqdm.write(f"slosh detect: {sentence}", file=sys.stderr)
+    say(f"slosh detect: {sentence}")
 
 
 def _print(

@@ -7,10 +7,18 @@ import sys
 from pathlib import Path
 
 from slosh_bringup.cli.progress import share_bar
-from slosh_bringup.discovering import PAGE, Request, make_report, prepare, write_results
+from slosh_bringup.discovering import (
+    PAGE,
+    Request,
+    check_paths,
+    make_report,
+    prepare,
+    write_results,
+)
 from slosh_bringup.errors import SloshBringupError
 from slosh_discovery.discover import discover
 from slosh_discovery.discovery_report import discovery_text
+from slosh_files import new_folder
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -38,7 +46,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--jobs", type=int, metavar="N", help="threads; without it one per core")
     parser.add_argument(
         "-o", "--output", type=Path, required=True,
-        help="gets model.yaml, discovery.json, report.html and separating motions",
+        help="new or empty; gets model.yaml, discovery.json, report.html, separating motions",
     )  # fmt: skip
     parser.add_argument("--json", action="store_true", help="print discovery.json, not the text")
 
@@ -46,14 +54,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Discovers, writes the results and prints them; the verdict does not change the exit code."""
     request = make_request(arguments)
-    prepared = prepare(request, tell)
-    with share_bar("discover") as progress:
-        finding = discover(
-            prepared.fit, prepared.base, prepared.holdout,
-            progress=progress, threads=arguments.jobs,
-        )  # fmt: skip
-    report = make_report(request, prepared, finding)
-    document = write_results(request.output, report)
+    check_paths(request)
+    # Made before the work: long work must not end at a folder that takes no file.
+    with new_folder(request.output) as folder:
+        prepared = prepare(request, tell)
+        with share_bar("discover") as progress:
+            finding = discover(
+                prepared.fit, prepared.base, prepared.holdout,
+                progress=progress, threads=arguments.jobs,
+            )  # fmt: skip
+        report = make_report(request, prepared, finding)
+        document = write_results(folder, report)
     if arguments.json:
         print(document, end="")
     else:

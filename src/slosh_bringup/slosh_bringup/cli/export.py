@@ -8,14 +8,15 @@ import sys
 from collections.abc import Iterable
 from pathlib import Path
 
-from tqdm import tqdm
-
 from slosh_bag.interchange.bag_table import NO_HEIGHTS, TableSettings, read_bag_table
-from slosh_bag.interchange.export import check_targets, export_targets, export_topics
+from slosh_bag.interchange.export import check_targets, export_targets, export_topics, is_table
+from slosh_bag.mcap_files.bag_folder import files_of
 from slosh_bag.motion_table import write_motion_table
 from slosh_bag.reader import BagReader, TopicInfo
 from slosh_bag.replay.inputs import KINDS
+from slosh_bringup.cli.progress import Progress, Unit
 from slosh_bringup.errors import SloshBringupError
+from slosh_files import check_apart, check_outside
 
 TABLE_SUFFIXES = (".csv", ".csv.gz")
 
@@ -83,12 +84,13 @@ def export_motion(arguments: argparse.Namespace) -> int:
     output: Path = arguments.output
     if not output.name.endswith(TABLE_SUFFIXES):
         raise SloshBringupError(f"{output}: a motion table is {' or '.join(TABLE_SUFFIXES)}")
+    check_apart([output], files_of(arguments.bag))
     check_targets([output], overwrite=arguments.overwrite)
     settings = TableSettings(
         kind=arguments.input, measured=arguments.measured, absolute=arguments.absolute
     )
-    with tqdm(desc="export", unit=" messages", delay=1.0) as bar:
-        given = read_bag_table(arguments.bag, settings, bar.update)
+    with Progress("export", None, Unit("messages")) as progress:
+        given = read_bag_table(arguments.bag, settings, progress.add)
     write_motion_table(output, given.table)
     tell(given.notes)
     heights = f", heights from {given.measured}" if given.measured else ", no heights"
@@ -101,13 +103,17 @@ def export_motion(arguments: argparse.Namespace) -> int:
 
 def export_tables(arguments: argparse.Namespace) -> int:
     """Writes one file per topic."""
+    if not is_table(arguments.output):
+        check_outside(arguments.output, [arguments.bag])
     reader = BagReader(arguments.bag)
     targets = export_targets(
         arguments.bag, reader, arguments.topics, arguments.output, arguments.format
     )
     total = sum(target.messages for target in targets.values())
-    with tqdm(total=total, desc="export", unit=" messages", delay=1.0) as bar:
-        result = export_topics(reader, targets, overwrite=arguments.overwrite, progress=bar.update)
+    with Progress("export", total, Unit("messages")) as progress:
+        result = export_topics(
+            reader, targets, overwrite=arguments.overwrite, progress=progress.add
+        )
     tell(result.notes)
     for path, rows in result.rows.items():
         print(f"{path}: {rows} rows")

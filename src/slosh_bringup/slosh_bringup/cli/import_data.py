@@ -7,12 +7,12 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
-from tqdm import tqdm
-
 from slosh_bag.interchange.antisloshing import find_runs, import_antisloshing
 from slosh_bag.interchange.rosbag_import import RosbagImport, find_rosbags, import_rosbag
 from slosh_bag.interchange.table_bag import import_table
+from slosh_bringup.cli.progress import Progress, Unit
 from slosh_bringup.errors import SloshBringupError
+from slosh_files import check_free
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -56,10 +56,8 @@ def run(arguments: argparse.Namespace) -> int:
 def import_runs(arguments: argparse.Namespace) -> int:
     """`slosh import antisloshing`."""
     count = len(find_runs(arguments.folder))
-    with tqdm(total=count, desc="import", unit="run") as bar:
-        bags = import_antisloshing(
-            arguments.folder, arguments.output, lambda run: bar.update() and None
-        )
+    with Progress("import", count, Unit("runs")) as progress:
+        bags = import_antisloshing(arguments.folder, arguments.output, lambda run: progress.add())
     print(f"{len(bags)} bags in {arguments.output}")
     return 0
 
@@ -67,8 +65,8 @@ def import_runs(arguments: argparse.Namespace) -> int:
 def import_tables(arguments: argparse.Namespace) -> int:
     """`slosh import table`."""
     for source, bag in bag_folders(arguments.sources, arguments.output).items():
-        with tqdm(desc=source.name, unit=" rows", delay=1.0) as bar:
-            told = import_table(source, bag, show_on(bar))
+        with Progress(source.name, None, Unit("rows")) as progress:
+            told = import_table(source, bag, progress.of)
         rounded = f", {told.rounded} times rounded to whole nanoseconds" if told.rounded else ""
         print(f"{told.bag}: {told.rows} rows{rounded}")
     return 0
@@ -79,22 +77,12 @@ def import_rosbags(arguments: argparse.Namespace) -> int:
     rename = renamed(arguments.rename)
     sources = [bag for path in arguments.sources for bag in find_rosbags(path)]
     for source, bag in bag_folders(sources, arguments.output).items():
-        with tqdm(desc=source.name, unit=" messages", delay=1.0) as bar:
-            told = import_rosbag(source, bag, arguments.topics, rename, show_on(bar))
+        with Progress(source.name, None, Unit("messages")) as progress:
+            told = import_rosbag(source, bag, arguments.topics, rename, progress.of)
         for note in told.notes:
             print(f"slosh import: {source}: {note}", file=sys.stderr)
         print(summary(told))
     return 0
-
-
-def show_on(bar: tqdm) -> Callable[[int, int], object]:
-    """Shows how many of how many messages are done."""
-
-    def show(done: int, total: int) -> None:
-        bar.total = total
-        bar.update(done - bar.n)
-
-    return show
 
 
 def summary(told: RosbagImport) -> str:
@@ -109,6 +97,7 @@ def bag_folders(sources: Sequence[Path], output: Path) -> dict[Path, Path]:
 
     Raises:
         SloshBringupError: two sources have one name.
+        SloshFileError: a folder is not free.
     """
     folders: dict[Path, Path] = {}
     for source in sources:
@@ -119,6 +108,7 @@ def bag_folders(sources: Sequence[Path], output: Path) -> dict[Path, Path]:
         folder = output / name
         if folder in folders.values():
             raise SloshBringupError(f"{source}: another source would also become {folder}")
+        check_free(folder)
         folders[source] = folder
     return folders
 

@@ -6,13 +6,14 @@ import json
 import sys
 from collections.abc import Callable
 from contextlib import AbstractContextManager
+from dataclasses import replace
+from datetime import datetime
 from pathlib import Path
 
-from tqdm import tqdm
-
-from slosh_bringup.cli.progress import Progress
+from slosh_bringup.cli.progress import Tell, say
 from slosh_bringup.live_report import REPORT, LiveResult, write_results
-from slosh_bringup.live_run import BAG, LiveRun, check_files, prepare_folder, run_nodes
+from slosh_bringup.live_run import BAG, LiveRun, check_files, run_nodes
+from slosh_bringup.run_folder import new_run
 from slosh_bringup.run_result import print_replay, table
 from slosh_bringup.stop_request import StopRequest
 
@@ -25,7 +26,7 @@ class LiveScreen:
         stop: hears of a terminal that has gone.
     """
 
-    def __init__(self, progress: Progress, stop: StopRequest) -> None:
+    def __init__(self, progress: Tell, stop: StopRequest) -> None:
         self._progress = progress
         self._stop = stop
 
@@ -35,7 +36,7 @@ class LiveScreen:
 
     def tell(self, line: str) -> None:
         """Prints a line that stays."""
-        self._try(lambda: tqdm.write(line, file=sys.stderr))
+        self._try(lambda: say(line))
 
     def _try(self, write: Callable[[], object]) -> None:
         try:
@@ -44,11 +45,11 @@ class LiveScreen:
             self._stop.hang_up()
 
 
-def run_live(run: LiveRun, bar: AbstractContextManager[Progress], *, as_json: bool = False) -> int:
+def run_live(run: LiveRun, bar: AbstractContextManager[Tell], *, as_json: bool = False) -> int:
     """Runs a cell to its end, writes the report and prints the figures.
 
     Args:
-        run: what is run.
+        run: what is run; its own folder is made below the one that it names.
         bar: shows the elapsed time while it runs.
         as_json: print the figures as JSON.
 
@@ -56,7 +57,9 @@ def run_live(run: LiveRun, bar: AbstractContextManager[Progress], *, as_json: bo
         exit code: 0; 1 where nothing was compared or a node ended; 2 where one refused its input.
     """
     check_files(run.setup)
-    prepare_folder(run.folder)
+    folder = new_run(run.folder, datetime.now(), lambda line: _say(run, line))
+    run = replace(run, folder=folder)
+    _say(run, f"this run is in {folder}")
     with StopRequest() as stop:
         with bar as progress:
             screen = LiveScreen(progress, stop)
@@ -75,9 +78,9 @@ def run_live(run: LiveRun, bar: AbstractContextManager[Progress], *, as_json: bo
                 f"slosh replay {run.folder / BAG} -o {run.folder}"
             )
             return 1
-    print_json(result) if as_json else print_result(result, run.folder)
+    print_json(result, folder) if as_json else print_result(result, folder)
     for line in (result.nothing,) if result.reasons else result.warnings:
-        print(f"slosh {run.command}: {line}", file=sys.stderr)
+        _say(run, line)
     return outcome.exit_code or int(bool(result.reasons))
 
 
@@ -94,7 +97,11 @@ def print_result(result: LiveResult, folder: Path) -> None:
     print(f"report              {folder / REPORT}")
 
 
-def print_json(result: LiveResult) -> None:
+def print_json(result: LiveResult, folder: Path) -> None:
     """Prints the same for programs."""
     replay = json.loads(result.replayed.to_json()) if result.replayed else None
-    print(json.dumps({**result.document(), "replay": replay}))
+    print(json.dumps({"folder": str(folder), **result.document(), "replay": replay}))
+
+
+def _say(run: LiveRun, line: str) -> None:
+    print(f"slosh {run.command}: {line}", file=sys.stderr)

@@ -1,55 +1,268 @@
-"""Progress on the terminal."""
+"""Progress of long work, on standard error.
+
+A terminal gets a bar, whose numbers and unit stay whole on narrow ones. A pipe, a file and a dumb
+terminal get a plain line now and then: they keep all that they are told.
+"""
 
 from __future__ import annotations
 
+import math
+import os
+import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any, TextIO
 
 from tqdm import tqdm
+from tqdm.std import Bar
+from tqdm.utils import disp_len, disp_trim
 
-Progress = Callable[[float, str], None]
+LINE_PERIOD = 10.0
+"""Seconds from one plain line to the next, at least."""
+LINE_SHARE = 0.1
+"""And so much is done between them, of the whole or, where it is not known, of what was done."""
+SHORT = 1.0
+"""What ends or fails within so many seconds needs no progress."""
+STOPPING = "stopping"
+_DRAW_PERIOD = 0.1
+_LONGEST_BAR, _SHORTEST_BAR = 30, 3
+_COLUMNS = 80
+
+Tell = Callable[[float, str], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Unit:
+    """How an amount is told.
+
+    Attributes:
+        name: e.g. 's'; empty: only the share is told.
+        digits: behind the point.
+        scale: of the number that is told to the amount.
+    """
+
+    name: str
+    digits: int = 0
+    scale: float = 1.0
+
+    def amount(self, done: float, total: float | None) -> str:
+        """E.g. '2.0/13.4 s'; of an unknown total '2.0 s'."""
+        if not self.name:
+            return ""
+        numbers = [done] if total is None else [done, total]
+        told = "/".join(f"{number * self.scale:.{self.digits}f}" for number in numbers)
+        return f"{told} {self.name}"
+
+
+SECONDS, MEGABYTES, SHARE = Unit("s", 1), Unit("MB", 1, 1e-6), Unit("")
+
+
+class Progress:
+    """How far some work is; a context manager.
+
+    Args:
+        title: what is done.
+        total: the amount in all; None: not known.
+        unit: of the amount.
+        delay: nothing is shown before so many seconds.
+        quiet: nothing is shown at all.
+
+    Attributes:
+        done: the amount so far.
+        text: what is being done, beside the title.
+    """
+
+    def __init__(
+        self,
+        title: str,
+        total: float | None,
+        unit: Unit,
+        *,
+        delay: float = SHORT,
+        quiet: bool = False,
+    ) -> None:
+        self.title, self.total, self.unit = title, total, unit
+        self.done, self.text = 0.0, ""
+        self._view: _Bar | _Lines | None = None
+        if not quiet:
+            draws = can_draw(sys.stderr)
+            self._view = _Bar(self, delay) if draws else _Lines(self, sys.stderr, delay)
+
+    def __enter__(self) -> Progress:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *rest: object) -> None:
+        if self._view is not None:
+            self._view.end(failed=kind is not None)
+
+    def add(self, amount: float = 1.0) -> None:
+        """Tells that so much more is done."""
+        self.reach(self.done + amount)
+
+    def reach(self, done: float, text: str = "") -> None:
+        """Tells how much is done by now, and what is being done."""
+        changed, self.done, self.text = text != self.text, done, text
+        if self._view is not None:
+            self._view.show(at_once=changed)
+
+    def of(self, done: float, total: float) -> None:
+        """Tells how much is done, and of how much."""
+        self.total = total
+        self.reach(done)
+
+    @property
+    def share(self) -> float | None:
+        """What is done of the total, at most 1; None: it is not known."""
+        if self.total is None:
+            return None
+        return min(max(self.done / self.total, 0.0), 1.0) if self.total else 1.0
+
+    @property
+    def head(self) -> str:
+        """The title and what is being done."""
+        return f"{self.title}: {self.text}" if self.text else self.title
+
+    @property
+    def numbers(self) -> list[str]:
+        """Share and amount, those that are known."""
+        # Rounded down: what says 100% is done.
+        share = [] if self.share is None else [f"{math.floor(100.0 * self.share + 1e-9):3}%"]
+        amount = self.unit.amount(self.done, self.total)
+        return [*share, amount] if amount else share
+
+
+def can_draw(stream: TextIO) -> bool:
+    """Whether a bar can be drawn: a terminal that can go back in its line."""
+    return stream.isatty() and os.environ.get("TERM", "dumb") != "dumb"
+
+
+def say(line: str) -> None:
+    """Prints a line on standard error that does not tear a bar apart."""
+    tqdm.write(line, file=sys.stderr)
+
+
+class _Bar(tqdm):
+    """Draws a bar anew in the same line; when and how it gives way to lines is tqdm's."""
+
+    def __init__(self, progress: Progress, delay: float) -> None:
+        self._progress = progress
+        super().__init__(file=sys.stderr, mininterval=_DRAW_PERIOD, miniters=0, delay=delay)
+
+    def show(self, *, at_once: bool) -> None:
+        self.update(self._progress.done - self.n)
+        if at_once:
+            self.refresh()
+
+    def end(self, *, failed: bool) -> None:
+        self.n = self._progress.done
+        self.close()
+
+    def __str__(self) -> str:
+        progress = self._progress
+        charset = Bar.ASCII if self.ascii else Bar.UTF
+        # In the last column a terminal may break the line.
+        columns = _columns(self.fp) - 1
+        return bar_line(progress.head, progress.share, progress.numbers, columns, charset)
+
+
+def bar_line(
+    head: str, share: float | None, numbers: list[str], columns: int, charset: str = Bar.UTF
+) -> str:
+    """A line of at most so many columns: what gives way is the bar, then the head.
+
+    Args:
+        head: what is done.
+        share: for the bar; None: there is none.
+        numbers: stand behind the head and behind the bar.
+        columns: of the terminal.
+        charset: what a bar is made of, from empty to full.
+    """
+    first, *rest = numbers
+    room = columns - disp_len(": ".join([head, " ".join(numbers)]))
+    bar = ""
+    if share is not None and room >= _SHORTEST_BAR + 2:
+        bar = f"|{Bar(share, min(_LONGEST_BAR, room - 2), charset)}|"
+    told = " ".join([first + bar, *rest])
+    head_room = max(columns - disp_len(told) - 2, 0)
+    if disp_len(head) > head_room:
+        head = disp_trim(head, head_room - 2) + ".." if head_room > 2 else ""
+    return str(disp_trim(f"{head}: {told}" if head else told, max(columns, 1)))
+
+
+class _Lines:
+    """Prints a plain line now and then: at the start, at the end, and between them rarely."""
+
+    def __init__(self, progress: Progress, stream: TextIO, delay: float) -> None:
+        self._progress, self._stream = progress, stream
+        self._due = time.monotonic() + delay
+        self._told: tuple[str, float] | None = None
+        if not delay:
+            self._print()
+
+    def show(self, *, at_once: bool) -> None:
+        # At once: what is being done has changed, which it does a few times at most.
+        due = time.monotonic() >= self._due
+        if at_once or (due and (self._told is None or self._has_grown(self._told[1]))):
+            self._print()
+
+    def end(self, *, failed: bool) -> None:
+        if self._told is not None and not failed and self._line() != self._told[0]:
+            self._print()
+
+    def _has_grown(self, before: float) -> bool:
+        progress = self._progress
+        whole = before if progress.total is None else progress.total
+        return abs(progress.done - before) >= LINE_SHARE * whole
+
+    def _print(self) -> None:
+        self._told = self._line(), self._progress.done
+        self._due = time.monotonic() + LINE_PERIOD
+        print(self._told[0], file=self._stream, flush=True)
+
+    def _line(self) -> str:
+        told = ", ".join(number.strip() for number in self._progress.numbers)
+        return f"{self._progress.head}: {told}"
+
+
+def _columns(stream: Any) -> int:
+    try:
+        return os.get_terminal_size(stream.fileno()).columns or _COLUMNS
+    except (OSError, ValueError):
+        return _COLUMNS
 
 
 @contextmanager
-def progress_bar(title: str, length: float, *, quiet: bool = False) -> Iterator[Progress]:
-    """A bar over a known length [s]; what is told last stays on the screen."""
-    form = "{desc}: {percentage:3.0f}%|{bar:30}| {n:.0f}/{total:.0f} s"
-    with tqdm(total=length, desc=title, bar_format=form, disable=quiet) as bar:
+def progress_bar(title: str, length: float, *, quiet: bool = False) -> Iterator[Tell]:
+    """Progress over about so many seconds; what ends without being stopped was all of it."""
+    stopped = False
+    with Progress(title, length, SECONDS, delay=0.0, quiet=quiet) as progress:
 
         def tell(elapsed: float, text: str) -> None:
-            bar.n = min(elapsed, length)
-            bar.refresh()
+            nonlocal stopped
+            stopped = text == STOPPING
+            progress.reach(min(elapsed, length))
 
         yield tell
-        bar.n = length
+        if not stopped:
+            progress.reach(length)
 
 
 @contextmanager
-def clock(title: str) -> Iterator[Progress]:
+def clock(title: str) -> Iterator[Tell]:
     """The elapsed time of something without a known end."""
-    with tqdm(desc=title, bar_format="{desc}: {n:.0f} s") as bar:
-
-        def tell(elapsed: float, text: str) -> None:
-            bar.n = elapsed
-            bar.refresh()
-
-        yield tell
+    with Progress(title, None, Unit("s"), delay=0.0) as progress:
+        yield lambda elapsed, text: progress.reach(elapsed)
 
 
 @contextmanager
 def share_bar(title: str) -> Iterator[Callable[[str, float], None]]:
-    """A bar over a share in [0, 1], with what is being done beside it."""
-    with tqdm(total=1.0, desc=title, bar_format="{desc}: {percentage:3.0f}%|{bar:30}|") as bar:
-
-        def tell(text: str, share: float) -> None:
-            bar.n = min(max(share, 0.0), 1.0)
-            bar.set_description_str(f"{title}: {text}" if text else title, refresh=True)
-
-        yield tell
+    """Progress over a share in [0, 1], with what is being done beside it."""
+    with Progress(title, 1.0, SHARE, delay=0.0) as progress:
+        yield lambda text, share: progress.reach(share, text)
 
 
-@contextmanager
-def item_progress(title: str, count: int, unit: str) -> Iterator[tqdm]:
-    """A bar over a number of items; none for a single one."""
-    with tqdm(desc=title, total=count, unit=unit, disable=count <= 1) as bar:
-        yield bar
+def item_progress(title: str, count: int, unit: str) -> Progress:
+    """Progress over a number of items; none for a single one."""
+    return Progress(title, count, Unit(unit), quiet=count <= 1)

@@ -7,25 +7,29 @@ import json
 import sys
 from pathlib import Path
 
-from tqdm import tqdm
-
 from slosh_bag.mcap_files.bag_folder import ordered_files
 from slosh_bag.recover import Recovery, recover_bag
+from slosh_bringup.cli.progress import MEGABYTES, Progress
+from slosh_files import check_free, check_outside
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declares the subcommand's options."""
     parser.add_argument("bag", type=Path, metavar="BAG", help="bag's folder, or MCAP file")
-    parser.add_argument("-o", "--output", type=Path, required=True, help="the new bag's folder")
+    parser.add_argument(
+        "-o", "--output", type=Path, required=True, help="new bag's folder, new or empty"
+    )
     parser.add_argument("--json", action="store_true", help="print what was recovered as JSON")
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Writes the new bag; what could not be recovered is told on stderr."""
     files, _ = ordered_files(arguments.bag, damaged=True)
+    check_outside(arguments.output, [arguments.bag])
+    check_free(arguments.output)
     size = sum(file.stat().st_size for file in files)
-    with tqdm(desc="recover", total=size, unit="B", unit_scale=True) as bar:
-        recovery = recover_bag(arguments.bag, arguments.output, bar.update)
+    with Progress("recover", size, MEGABYTES) as progress:
+        recovery = recover_bag(arguments.bag, arguments.output, progress.add)
     for note in recovery.notes:
         print(f"slosh recover: {note}", file=sys.stderr)
     print(as_json(recovery) if arguments.json else as_text(recovery))

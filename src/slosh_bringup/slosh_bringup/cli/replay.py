@@ -6,18 +6,29 @@ import argparse
 import json
 import sys
 from collections.abc import Sequence
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
 from slosh_bag.manifest import Expectation, write_manifest
+from slosh_bag.mcap_files.bag_folder import files_of
 from slosh_bringup.cli.progress import item_progress
 from slosh_bringup.junit import Case, Suite, write_junit
 from slosh_bringup.many_files import Outcome, map_files
 from slosh_bringup.replay_tables import accuracy_lines
-from slosh_bringup.replaying import RECORDED, Replayed, Task, replay_task, unique_names
+from slosh_bringup.replaying import (
+    PAGES,
+    RECORDED,
+    Replayed,
+    Task,
+    remove_unfinished,
+    replay_task,
+    unique_names,
+)
 from slosh_bringup.stated_bags import StatedBag, find_bags
 from slosh_discovery.text_table import aligned
 from slosh_estimator.model_file import read_model
+from slosh_files import check_apart, check_outside
 
 DONE, FAILED, WRONG_INPUT = 0, 1, 2
 WORTH_PROCESSES = 100_000_000
@@ -62,9 +73,11 @@ def run(arguments: argparse.Namespace) -> int:
     stated = find_bags(arguments.bags, arguments.output)
     if arguments.model:
         read_model(arguments.model)  # a mistake in it is told once, not once per bag
+    tasks = make_tasks(stated, arguments)
+    check_outputs(stated, tasks, arguments.junit)
     if arguments.output:
         arguments.output.mkdir(parents=True, exist_ok=True)
-    outcomes = replay_all(make_tasks(stated, arguments), arguments)
+    outcomes = replay_all(tasks, arguments)
     tell(outcomes)
     if arguments.json:
         print(json.dumps([_document(outcome) for outcome in outcomes], indent=2))
@@ -101,6 +114,24 @@ def make_tasks(stated: Sequence[StatedBag], arguments: argparse.Namespace) -> li
     return tasks
 
 
+def check_outputs(stated: Sequence[StatedBag], tasks: Sequence[Task], junit: Path | None) -> None:
+    """Refuses results that would replace a bag, a model or a manifest.
+
+    Raises:
+        SloshFileError: one would.
+    """
+    bags = [task.bag for task in tasks]
+    outputs = [junit]
+    for task in tasks:
+        if task.output is not None:
+            check_outside(task.output / task.name, bags)
+            outputs += [task.output / f"{task.name}{suffix}" for suffix in PAGES]
+    models = [task.model for task in tasks]
+    manifests = [bag.manifest for bag in stated]
+    files = [file for bag in bags for file in files_of(bag)]
+    check_apart(outputs, [*files, *models, *manifests])
+
+
 def replay_all(
     tasks: Sequence[Task], arguments: argparse.Namespace
 ) -> list[Outcome[Task, Replayed]]:
@@ -109,10 +140,16 @@ def replay_all(
     jobs = arguments.jobs
     if jobs is None and arguments.scheduler is None and _size(tasks) < WORTH_PROCESSES:
         jobs = 1
-    with item_progress("replay", len(tasks), "bag") as progress:
-        for outcome in map_files(replay_task, tasks, jobs=jobs, scheduler=arguments.scheduler):
-            outcomes.append(outcome)
-            progress.update()
+    work = map_files(replay_task, tasks, jobs=jobs, scheduler=arguments.scheduler)
+    try:
+        with item_progress("replay", len(tasks), "bags") as progress, closing(work):
+            for outcome in work:
+                outcomes.append(outcome)
+                progress.add()
+    except BaseException:
+        if arguments.scheduler is None:  # the processes of a cluster finish what they are at
+            remove_unfinished(tasks)
+        raise
     return sorted(outcomes, key=lambda outcome: outcome.index)
 
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from slosh_bag.motion_table import read_motion_table
 from slosh_estimator.model_file import read_model
+from slosh_files import check_apart, new_text
 from slosh_model.measure import predicted_heights
 from slosh_model.simulate import Inputs, Response, simulate
 
@@ -40,6 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Simulates and writes the table; prints the peak."""
+    check_apart([arguments.output], [arguments.model, arguments.motion])
     model = read_model(arguments.model)
     motion = read_motion_table(arguments.motion)
     inputs = Inputs(
@@ -64,7 +66,7 @@ def write_response(path: Path, response: Response, msh: NDArray[np.float64]) -> 
         msh: (N,) what a sensor would read of its maximum [m].
     """
     columns = (response.t, msh, response.azimuth, response.sh_x, response.sh_y)
-    with path.open("w", newline="") as file:
+    with new_text(path) as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(COLUMNS)
         writer.writerows(

@@ -20,6 +20,7 @@ from slosh_camera.calibration import AnyCalibration
 from slosh_camera.drawing import captions, draw_detail, draw_measurement, put_text
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.measurement import Measurement
+from slosh_files import NewFile, write_bytes
 
 Image = NDArray[np.uint8]
 
@@ -55,6 +56,10 @@ class Sink(Protocol):
 
     def finish(self) -> str:
         """Writes what is not yet written; returns a sentence about it."""
+
+    def discard(self) -> None:
+        """Removes what is not finished; most have nothing on the disk before."""
+        return
 
 
 def judge(measurement: Measurement) -> Doubt:
@@ -122,7 +127,7 @@ class Sheet:
         return tile
 
 
-class Strip:
+class Strip(Sink):
     """A sheet of images chosen evenly; of a source of any length it holds a few.
 
     Args:
@@ -153,7 +158,7 @@ class Strip:
         return self._sheet.write([(self._kept[place], "") for place in places])
 
 
-class Worst:
+class Worst(Sink):
     """A sheet of the most doubtful images, the worst first, each with what is wrong.
 
     Args:
@@ -187,7 +192,7 @@ class Worst:
         )
 
 
-class AnnotatedVideo:
+class AnnotatedVideo(Sink):
     """All images with their marks as a video; a strip where no codec works.
 
     Args:
@@ -198,6 +203,7 @@ class AnnotatedVideo:
 
     def __init__(self, path: Path, calibration: AnyCalibration, rate: float | None) -> None:
         self._path, self._calibration, self._rate = path, calibration, rate
+        self._file: NewFile | None = None
         camera = calibration.view.camera
         self._size = (camera.width, camera.height)
         self._early: list[Result] = []
@@ -224,16 +230,30 @@ class AnnotatedVideo:
         if self._writer is None:
             return f"no images for {self._path}"
         self._writer.release()
+        if self._file is not None:
+            if not _is_whole(self._file.part, self._count):
+                raise SloshBringupError(f"{self._path}: cannot be written, is the disk full?")
+            self._file.finish()
         return f"{self._count} images in {self._path}"
+
+    def discard(self) -> None:
+        """Removes the video where it is not finished."""
+        if self._writer is not None:
+            self._writer.release()
+        if self._file is not None:
+            self._file.discard()
 
     def _open(self) -> None:
         """Begins the file as soon as the rate is known, with the images that have waited."""
         rate = self._rate or _rate_of([result.frame for result in self._early])
         codec = _VIDEO_CODECS.get(self._path.suffix.lower(), _USUAL_CODEC)
-        writer = cv2.VideoWriter(str(self._path), cv2.VideoWriter.fourcc(*codec), rate, self._size)
+        self._file = NewFile(self._path)
+        name = str(self._file.part)
+        writer = cv2.VideoWriter(name, cv2.VideoWriter.fourcc(*codec), rate, self._size)
         if writer.isOpened():
             self._writer = writer
         else:
+            self._file.discard()
             self._strip = Strip(self._path.with_suffix(".png"), self._calibration)
         early, self._early = self._early, []
         for result in early:
@@ -296,4 +316,20 @@ def _write(path: Path, picture: Image) -> None:
         data = cv2.imencode(path.suffix, picture)[1]
     except cv2.error as error:
         raise SloshBringupError(f"{path}: cannot be written: {error.err}") from None
-    path.write_bytes(data.tobytes())
+    write_bytes(path, data.tobytes())
+
+
+def _is_whole(video: Path, count: int) -> bool:
+    """Whether all images of a video can be read: OpenCV tells of no error in writing."""
+    if not video.is_file():
+        return True  # a pipe
+    capture = cv2.VideoCapture(str(video))
+    try:
+        capture.set(cv2.CAP_PROP_POS_FRAMES, count - 1)
+        if capture.read()[0]:
+            return True
+        # Not every codec finds the last image: then one after another.
+        capture.set(cv2.CAP_PROP_POS_FRAMES, 0)
+        return all(capture.grab() for _ in range(count))
+    finally:
+        capture.release()

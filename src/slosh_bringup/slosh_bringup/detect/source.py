@@ -12,6 +12,7 @@ from typing import Any
 import cv2
 
 from slosh_bag.errors import SloshBagError
+from slosh_bag.mcap_files.bag_folder import files_of
 from slosh_bag.reader import BagMessage, BagReader
 from slosh_bringup.detect.frame import CompressedMessage, NoImage, RawMessage, SourceFrame
 from slosh_bringup.detect.series import IMAGE_ENDINGS, images_in, longest_series, natural_order
@@ -33,6 +34,7 @@ class FrameSource:
         frames: the images, decoded by who needs them.
         total: how many there are; None: not known.
         rate: images per second [Hz]; None: as their stamps say.
+        files: that hold them, and images of the same folder that were left out.
         note: what was left out, in words; empty: nothing.
         warnings: what went wrong on the way, complete when the frames are at their end.
     """
@@ -41,6 +43,7 @@ class FrameSource:
     frames: Iterator[SourceFrame]
     total: int | None = None
     rate: float | None = None
+    files: Sequence[Path] = ()
     note: str = ""
     warnings: list[str] = field(default_factory=list)
 
@@ -72,7 +75,7 @@ def open_source(sources: Sequence[str], rate: float = FOLDER_RATE) -> FrameSourc
                 f"{path}: no images ({', '.join(IMAGE_ENDINGS)}) in this folder"
             )
         series, note = longest_series(files)
-        return _file_source(name, series, rate, note)
+        return _file_source(name, series, rate, files, note)
     if path.suffix.lower() in IMAGE_ENDINGS:
         return _file_source(name, [path], rate)
     return _video_source(path)
@@ -116,12 +119,18 @@ def _matching(pattern: str) -> list[Path]:
     return sorted(files, key=natural_order)
 
 
-def _file_source(name: str, files: Sequence[Path], rate: float, note: str = "") -> FrameSource:
+def _file_source(
+    name: str,
+    files: Sequence[Path],
+    rate: float,
+    present: Sequence[Path] = (),
+    note: str = "",
+) -> FrameSource:
     frames = (
         SourceFrame(round(index * _SECOND / rate), file.name, file)
         for index, file in enumerate(files)
     )
-    return FrameSource(name, frames, len(files), rate, note)
+    return FrameSource(name, frames, len(files), rate, present or files, note)
 
 
 def _video_source(path: Path) -> FrameSource:
@@ -136,7 +145,7 @@ def _video_source(path: Path) -> FrameSource:
     announced = max(round(capture.get(cv2.CAP_PROP_FRAME_COUNT)), 0)
     rate = capture.get(cv2.CAP_PROP_FPS)
     rate = rate if 0.0 < rate < 1e5 else FOLDER_RATE
-    source = FrameSource(str(path), iter(()), announced or None, rate)
+    source = FrameSource(str(path), iter(()), announced or None, rate, [path])
     source.frames = _captured(capture, source)
     return source
 
@@ -179,7 +188,9 @@ def _bag_source(path: Path) -> FrameSource:
     # Nothing was lost in raw images.
     chosen, *others = sorted(topics, key=lambda topic: topics[topic].message_type != RAW)
     note = f"measuring topic {chosen}; left out: {', '.join(others)}" if others else ""
-    source = FrameSource(str(path), iter(()), topics[chosen].count, None, note)
+    source = FrameSource(
+        str(path), iter(()), topics[chosen].count, files=files_of(path), note=note
+    )
     source.frames = _recorded(reader, chosen, source)
     return source
 

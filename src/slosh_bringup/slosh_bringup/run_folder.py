@@ -1,0 +1,50 @@
+"""A folder of its own for each run of a cell: a run never touches an earlier one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from datetime import datetime
+from itertools import chain, count
+from pathlib import Path
+
+from slosh_files import new_link
+
+LATEST = "latest"
+"""Link to the newest run, beside the runs."""
+
+
+def new_run(output: Path, now: datetime, tell: Callable[[str], object]) -> Path:
+    """Makes the folder of a run, below the output folder, and points the link to it.
+
+    Args:
+        output: where the runs lie; made where it is missing.
+        now: the run's start, local time; its folder is named after it.
+        tell: gets a line where the link cannot be made.
+
+    Returns:
+        the folder, new and empty: of runs that start at once each has its own.
+
+    Raises:
+        OSError: it cannot be made.
+    """
+    output.mkdir(parents=True, exist_ok=True)
+    name = f"{now:%Y-%m-%dT%H-%M-%S}"
+    for suffix in chain([""], (f"-{number}" for number in count(2))):
+        run = output / f"{name}{suffix}"
+        try:
+            run.mkdir()
+        except FileExistsError:
+            continue
+        break
+    _point(output / LATEST, run, tell)
+    return run
+
+
+def _point(link: Path, run: Path, tell: Callable[[str], object]) -> None:
+    if link.exists() and not link.is_symlink():
+        tell(f"{link}: is no link and stays as it is")
+        return
+    try:
+        new_link(link, Path(run.name))
+    except OSError as error:
+        tell(f"{link}: cannot be a link to the newest run here: {error.strerror}")

@@ -1,0 +1,23 @@
+"""Installs slosh_files as an ament package."""
+
+from setuptools import find_packages, setup
+
+PACKAGE = "slosh_files"
+
+setup(
+    name=PACKAGE,
+    version="0.1.0",
+    packages=find_packages(exclude=["test"]),
+    package_data={PACKAGE: ["py.typed"]},
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
+        (f"share/{PACKAGE}", ["package.xml"]),
+    ],
+    install_requires=["setuptools"],
+    zip_safe=False,
+    maintainer="Slosh Monitor maintainers",
+    maintainer_email="slosh-monitor@users.noreply.github.com",
+    description="Writes files and folders so that nothing which was there is destroyed.",
+    license="Apache-2.0",
+    entry_points={"console_scripts": []},
+)

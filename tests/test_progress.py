@@ -1,0 +1,288 @@
+"""Progress: a bar on a terminal, whole at any width; a line now and then elsewhere."""
+
+import fcntl
+import json
+import os
+import pty
+import re
+import struct
+import subprocess
+import sys
+import termios
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from tqdm.utils import disp_len
+
+from slosh_bag.bag_writer import BagWriter
+from slosh_bag.motion_table import MotionTable, write_motion_table
+from slosh_bringup.cell.renderer import CupRenderer
+from slosh_bringup.cli import progress as module
+from slosh_bringup.cli.progress import SECONDS, Progress, Unit, bar_line, progress_bar
+from slosh_bringup.processes import config_folder
+from slosh_camera.calibration import read_calibration
+
+ROOT = Path(__file__).parents[1]
+CAMERA = config_folder() / "camera.yaml"
+PATIENCE = 100.0
+HEADER, DATA = "std_msgs/msg/Header", bytes.fromhex("000100000000000000000000020000006100")
+SECOND = 1_000_000_000
+LONGEST_LOG = 12
+"""Lines of progress that a command of some seconds may leave in a log: fewer than one per 10 %."""
+
+
+@pytest.fixture(scope="module")
+def inputs(tmp_path_factory):
+    """What commands work on for two seconds or so."""
+    folder = tmp_path_factory.mktemp("inputs")
+    with BagWriter(folder / "played") as writer:
+        writer.add_topic("/header", HEADER)
+        for number in range(241):
+            writer.write("/header", DATA, SECOND + number * 10_000_000)
+    with BagWriter(folder / "bag") as writer:
+        writer.add_topic("/header", HEADER)
+        for number in range(300_000):
+            writer.write("/header", DATA, number)
+    (folder / "images").mkdir()
+    image = CupRenderer(read_calibration(CAMERA).view).render_colour(0.0, 0.006)
+    for number in range(60):
+        cv2.imwrite(str(folder / "images" / f"frame_{number}.jpg"), image)
+    t = np.arange(60_000) * 0.002
+    write_motion_table(folder / "run.csv", MotionTable(t, np.zeros((len(t), 3))))
+    return folder
+
+
+# The command; what its progress says; the end of each line, with the unit.
+COMMANDS = {
+    "play": ("play IN/played --wait 0", "play played", r"\d+\.\d/2\.4 s"),
+    "detect": (
+        f"detect IN/images --camera {CAMERA} --jobs 1 -o OUT/a.csv", "detect", r"\d+/60 images"
+    ),
+    "import": ("import table IN/run.csv -o OUT/new", "run.csv", r"\d+/60000 rows"),
+    "export": (
+        "export IN/bag --topic header -o OUT/a.csv", "export", r"\d+/300000 messages"
+    ),
+    "recover": ("recover IN/bag -o OUT/new", "recover", r"\d+\.\d/\d+\.\d MB"),
+    "replay": (f"replay {ROOT / 'bags'} --jobs 1", "replay", r"\d/9 bags"),
+}  # fmt: skip
+QUICK, LONG = ("play", "import"), pytest.mark.long
+commands = pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=() if name in QUICK else LONG) for name in COMMANDS]
+)
+# What it does takes seconds by the clock; the others show nothing where a machine is fast.
+ALWAYS = "play"
+
+
+def command_of(name, inputs, output):
+    line, title, unit = COMMANDS[name]
+    words = line.replace("IN", str(inputs)).replace("OUT", str(output)).split()
+    return [sys.executable, "-m", "slosh_bringup.cli", *words], title, unit
+
+
+def on_terminal(command, columns, term="xterm"):
+    """Runs a command on a terminal; returns what came there."""
+    ours, theirs = pty.openpty()
+    fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("HHHH", 24, columns, 0, 0))
+    environment = {**os.environ, "TERM": term}
+    process = subprocess.Popen(
+        command, stdin=theirs, stdout=theirs, stderr=theirs, env=environment
+    )
+    os.close(theirs)
+    seen = b""
+    try:
+        while piece := os.read(ours, 65536):
+            seen += piece
+    except OSError:  # the other end is closed
+        pass
+    os.close(ours)
+    assert process.wait(PATIENCE) == 0, seen.decode()
+    return seen.decode()
+
+
+def in_pipe(command):
+    done = subprocess.run(
+        command, capture_output=True, text=True, timeout=PATIENCE, check=False,
+        env={**os.environ, "TERM": "xterm"},
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    return done
+
+
+def frames(seen, title):
+    """What a terminal showed of the progress, one picture after another."""
+    return [frame.rstrip() for frame in re.split(r"[\r\n]+", seen) if frame.startswith(title[:6])]
+
+
+@commands
+def test_in_a_pipe_it_is_a_few_whole_lines(inputs, tmp_path, domain, name):
+    command, title, unit = command_of(name, inputs, tmp_path)
+    done = in_pipe(command)
+    assert "\r" not in done.stderr
+    assert "█" not in done.stderr
+    lines = [line for line in done.stderr.splitlines() if line.startswith(title)]
+    assert (name == ALWAYS) <= len(lines) <= LONGEST_LOG
+    assert all(re.fullmatch(rf"{title}: \d+%, {unit}", line) for line in lines), lines
+    assert all(line.startswith(f"{title}: 100%, ") for line in lines[-1:])
+    assert title + ":" not in done.stdout
+
+
+@pytest.mark.parametrize("columns", [100, 40])
+@commands
+def test_on_a_terminal_bar_and_unit_are_whole(inputs, tmp_path, domain, name, columns):
+    command, title, unit = command_of(name, inputs, tmp_path)
+    seen = frames(on_terminal(command, columns), title)
+    drawn = [frame for frame in seen if "[" not in frame]  # the player's own words begin with it
+    assert name != ALWAYS or len(drawn) > 2
+    shape = rf"{title[:6]}.*: +\d+%(\|.+\|)? {unit}"
+    assert all(re.fullmatch(shape, frame) for frame in drawn), drawn
+    assert all(disp_len(frame) < columns for frame in drawn)
+    assert all(re.match(rf"{title[:6]}.*: 100%", frame) for frame in drawn[-1:])
+    assert columns < 100 or all("█" * 30 in frame for frame in drawn[-1:])
+
+
+def test_a_dumb_terminal_gets_lines(inputs, tmp_path, domain):
+    command, title, unit = command_of("play", inputs, tmp_path)
+    seen = on_terminal(command, 80, term="dumb")
+    assert "█" not in seen
+    assert "\r" not in seen.replace("\r\n", "\n")
+    lines = [line for line in seen.splitlines() if line.startswith(title)]
+    assert 1 <= len(lines) <= LONGEST_LOG
+    assert re.fullmatch(rf"{title}: 100%, {unit}", lines[-1])
+
+
+@pytest.mark.parametrize("name", ["detect", "recover", "replay"])
+def test_json_is_all_of_standard_output(inputs, tmp_path, name):
+    command, _, _ = command_of(name, inputs, tmp_path)
+    assert json.loads(in_pipe([*command, "--json"]).stdout)
+
+
+@pytest.mark.long
+def test_a_demos_log_is_short(tmp_path):
+    command = [sys.executable, "-m", "slosh_bringup.cli", "demo", "--motion", "l", "-o", "out"]
+    with (tmp_path / "log").open("w") as log:
+        subprocess.run(command, cwd=tmp_path, stdout=log, stderr=log, timeout=200, check=True)
+    lines = (tmp_path / "log").read_text().splitlines()
+    told = [line for line in lines if line.startswith("motion l: ")]
+    assert told[0] == "motion l: 0%, 0.0/10.5 s"
+    assert told[-1] == "motion l: 100%, 10.5/10.5 s"
+    assert len(told) <= LONGEST_LOG
+    assert sum(map(len, lines)) < 2000
+
+
+# --- when lines come, by a clock of the test's own ---------------------------------------------
+
+
+class Clock:
+    now = 0.0
+
+    def monotonic(self):
+        return self.now
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    clock = Clock()
+    monkeypatch.setattr(module, "time", clock)
+    return clock
+
+
+@pytest.fixture
+def told(capsys):
+    """All plain lines that came."""
+    return lambda: capsys.readouterr().err.splitlines()
+
+
+def test_ten_seconds_and_ten_percent_pass_between_two_lines(clock, told):
+    with Progress("work", 3600.0, SECONDS, delay=0.0) as progress:
+        for tick in range(36_001):
+            clock.now = 0.1 * tick
+            progress.reach(clock.now)
+    lines = told()
+    assert len(lines) == 11
+    assert lines[0] == "work: 0%, 0.0/3600.0 s"
+    assert lines[-1] == "work: 100%, 3600.0/3600.0 s"
+
+
+def test_a_fast_one_says_little(clock, told):
+    with Progress("work", 1e6, Unit("rows"), delay=0.0) as progress:
+        for tick in range(1000):
+            clock.now = 0.009 * tick
+            progress.add(1000.0)
+    assert told() == ["work: 0%, 0/1000000 rows", "work: 100%, 1000000/1000000 rows"]
+
+
+def test_one_that_takes_a_second_begins_to_tell_then(clock, told):
+    with Progress("work", 10.0, Unit("rows")) as progress:
+        for tick in range(11):
+            clock.now = 0.3 * tick
+            progress.reach(float(tick))
+    assert told() == ["work: 40%, 4/10 rows", "work: 100%, 10/10 rows"]
+
+
+def test_one_that_ends_within_a_second_says_nothing(clock, told):
+    with Progress("work", 10.0, Unit("rows")) as progress:
+        for tick in range(11):
+            clock.now = 0.09 * tick
+            progress.reach(float(tick))
+    assert told() == []
+
+
+def test_without_a_known_end_lines_become_rarer(clock, told):
+    day = 86_400
+    with module.clock("recording") as tell:
+        for second in range(day + 1):
+            clock.now = float(second)
+            tell(clock.now, "running")
+    lines = told()
+    assert len(lines) < 100
+    assert lines[:3] == ["recording: 0 s", "recording: 10 s", "recording: 20 s"]
+    assert lines[-1] == f"recording: {day} s"
+
+
+def test_a_new_stage_is_told_at_once(told):
+    with module.share_bar("discover") as tell:
+        tell("single effects", 0.05)
+        tell("single effects", 0.06)
+        tell("comparing", 0.9)
+        tell("done", 1.0)
+    assert told() == [
+        "discover: 0%", "discover: single effects: 5%", "discover: comparing: 90%",
+        "discover: done: 100%",
+    ]  # fmt: skip
+
+
+def test_what_fails_or_is_stopped_is_not_told_as_done(told):
+    def fail():
+        with progress_bar("motion", 10.0) as tell:
+            tell(3.0, "running")
+            raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        fail()
+    with progress_bar("motion", 10.0) as tell:
+        tell(3.0, "running")
+        tell(3.1, "stopping")
+    with progress_bar("motion", 10.0) as tell:
+        tell(9.0, "running")
+    begun = "motion: 0%, 0.0/10.0 s"
+    assert told() == [
+        begun, begun, "motion: 31%, 3.1/10.0 s", begun, "motion: 100%, 10.0/10.0 s"
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("columns", "shape"),
+    [
+        (80, r"play shift_1\.mcap:  50%\|.{30}\| 6\.7/13\.4 s"),
+        (45, r"play shift_1\.mcap:  50%\|.{9}\| 6\.7/13\.4 s"),
+        (36, r"play shift_1\.mcap:  50% 6\.7/13\.4 s"),
+        (30, r"play shift_\.\.:  50% 6\.7/13\.4 s"),
+        (15, r" 50% 6\.7/13\.4 s"),
+    ],
+)
+def test_on_a_narrow_terminal_the_bar_gives_way_first_then_the_title(columns, shape):
+    line = bar_line("play shift_1.mcap", 0.5, [" 50%", "6.7/13.4 s"], columns)
+    assert re.fullmatch(shape, line)
+    assert disp_len(line) <= columns

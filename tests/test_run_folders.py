@@ -1,0 +1,184 @@
+"""Runs of a cell: each has a folder of its own, and no run touches an earlier one's."""
+
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from datetime import datetime
+
+import pytest
+
+from slosh_bag.reader import BagReader
+from slosh_bringup.cli.main import main
+from slosh_bringup.processes import config_folder
+from slosh_bringup.run_folder import new_run
+
+PATIENCE = 60.0
+NOW = datetime(2026, 11, 22, 10, 15, 0)
+NAME = re.compile(r"\d{4}-\d\d-\d\dT\d\d-\d\d-\d\d(-\d+)?")
+
+
+@pytest.fixture
+def cell(tmp_path, domain, monkeypatch):
+    """Starts `slosh cell` in a folder; it is ended with the test."""
+    monkeypatch.chdir(tmp_path)
+    for name in ("model.yaml", "camera.yaml"):
+        shutil.copy(config_folder() / name, tmp_path / name)
+    (tmp_path / "robot.yaml").write_text("{model: model.yaml, calibration: camera.yaml}")
+    processes = []
+
+    def start(**environment):
+        processes.append(
+            subprocess.Popen(
+                [sys.executable, "-m", "slosh_bringup.cli", "cell", "--config", "robot.yaml"],
+                stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+                env={**os.environ, **environment},
+            )
+        )  # fmt: skip
+        return processes[-1]
+
+    yield start
+    for process in processes:
+        if process.poll() is None:
+            process.send_signal(signal.SIGINT)
+        process.communicate(timeout=PATIENCE)
+
+
+def until(condition, what):
+    deadline = time.monotonic() + PATIENCE
+    while not condition():
+        assert time.monotonic() < deadline, f"waited in vain for {what}"
+        time.sleep(0.02)
+
+
+def runs(output):
+    return sorted(path for path in output.glob("*") if NAME.fullmatch(path.name))
+
+
+def contents(folder):
+    return {path: path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()}
+
+
+def recorded(run):
+    """Whether a run's bag holds a message that is on the disk."""
+    files = list((run / "bag").glob("*.mcap"))
+    return bool(files) and any(info.count for info in BagReader(run / "bag").topics().values())
+
+
+def stop(process):
+    process.send_signal(signal.SIGINT)
+    return process.communicate(timeout=PATIENCE)
+
+
+def test_a_second_cell_leaves_the_first_ones_recording(cell, tmp_path):
+    output = tmp_path / "out" / "cell"
+    first = cell()
+    until(lambda: len(runs(output)) == 1, "the run's folder")
+    (run,) = runs(output)
+    until(lambda: recorded(run), "the nodes' diagnostics in the bag")
+    _, told = stop(first)
+    assert f"slosh cell: this run is in {run.relative_to(tmp_path)}\n" in told
+    before = contents(run)
+    assert any(path.suffix == ".mcap" for path in before)
+    assert (output / "latest").resolve() == run
+    second = cell()
+    until(lambda: len(runs(output)) == 2, "the second run's folder")
+    until(lambda: list((runs(output)[1] / "bag").glob("*.mcap")), "the second bag")
+    assert contents(run) == before
+    stop(second)
+    assert contents(run) == before
+    assert (output / "latest").resolve() == runs(output)[1]
+    assert os.readlink(output / "latest") == runs(output)[1].name
+
+
+@pytest.mark.long
+def test_two_that_start_at_once_share_nothing(cell, tmp_path, domain):
+    both = [cell(ROS_DOMAIN_ID=str(number)) for number in (domain, domain + 100)]
+    output = tmp_path / "out" / "cell"
+    until(lambda: len(runs(output)) == 2, "two folders")
+    until(lambda: all(list((run / "bag").glob("*.mcap")) for run in runs(output)), "two bags")
+    told = [stop(process)[1] for process in both]
+    for run in runs(output):
+        assert sum(f"in {run.relative_to(tmp_path)}\n" in line for line in told) == 1
+    assert (output / "latest").resolve() in runs(output)
+
+
+def test_starts_in_one_second_have_folders_of_their_own(tmp_path):
+    """Processes that all ask at the same moment."""
+    program = """
+import sys
+from datetime import datetime
+from pathlib import Path
+from slosh_bringup.run_folder import new_run
+sys.stdin.read()
+print(new_run(Path(sys.argv[1]), datetime(2026, 11, 22, 10, 15), print))
+"""
+    command = [sys.executable, "-c", program, str(tmp_path / "out")]
+    processes = [
+        subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+        for _ in range(6)
+    ]
+    for process in processes:
+        process.stdin.close()
+    found = {process.stdout.read().strip() for process in processes}
+    assert all(process.wait(PATIENCE) == 0 for process in processes)
+    names = ["2026-11-22T10-15-00", *(f"2026-11-22T10-15-00-{n}" for n in range(2, 7))]
+    assert found == {str(tmp_path / "out" / name) for name in names}
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == sorted([*names, "latest"])
+    assert (tmp_path / "out" / "latest").is_dir()
+
+
+@pytest.mark.parametrize("what", ["folder", "file"])
+def test_what_is_no_link_but_called_latest_stays(tmp_path, what):
+    latest, told = tmp_path / "latest", []
+    mine = latest / "mine" if what == "folder" else latest
+    mine.parent.mkdir(exist_ok=True)
+    mine.write_text("precious")
+    run = new_run(tmp_path, NOW, told.append)
+    assert run.is_dir()
+    assert told == [f"{latest}: is no link and stays as it is"]
+    assert mine.read_text() == "precious"
+    assert sorted(tmp_path.iterdir()) == [run, latest]
+
+
+def test_a_link_goes_from_run_to_run(tmp_path):
+    (tmp_path / "latest").symlink_to("gone")
+    for number in ("", "-2", "-3"):
+        run = new_run(tmp_path, NOW, print)
+        assert run.name == f"2026-11-22T10-15-00{number}"
+        assert os.readlink(tmp_path / "latest") == run.name
+
+
+def test_without_links_the_run_goes_on_and_says_so(tmp_path):
+    """A file system that has room for the run's folder and not for a link beside it."""
+    output = tmp_path / "disk"
+    output.mkdir()
+    command = ["mount", "-t", "tmpfs", "-o", "nr_inodes=2", "tmpfs", str(output)]
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+    except FileNotFoundError:
+        pytest.skip("no mount command here")
+    if done.returncode:
+        pytest.skip(f"a file system of a given size is needed: {done.stderr.strip()}")
+    told = []
+    try:
+        run = new_run(output, NOW, told.append)
+        assert run.is_dir()
+        assert [path.name for path in output.iterdir()] == [run.name]
+    finally:
+        subprocess.run(["umount", "-l", str(output)], check=True)
+    (line,) = told
+    assert line.startswith(
+        f"{output / 'latest'}: cannot be a link to the newest run here: No space"
+    )
+
+
+def test_an_output_that_is_no_folder_is_one_line(tmp_path, capsys):
+    (tmp_path / "file").write_text("mine")
+    assert main(["demo", "-o", str(tmp_path / "file")]) == 2
+    told = capsys.readouterr()
+    assert (told.out, told.err) == ("", f"slosh demo: {tmp_path / 'file'}: File exists\n")
+    assert (tmp_path / "file").read_text() == "mine"
