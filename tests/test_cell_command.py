@@ -68,7 +68,7 @@ def test_a_file_with_two_parameters_keeps_the_limits_and_the_cell_says_so(
         "/slosh/monitor: {ros__parameters: {warn_share: 0.7}}\n"
     )
     path = write_cell(parameters="two.yaml")
-    folder = tmp_path / "out"
+    folder = tmp_path / "out" / "latest"
     with cell(tmp_path, path) as running, robot(domain, motion="l") as source:
         running.wait_for(lambda: source.poll() is not None, "the motion's end")
         running.process.send_signal(signal.SIGINT)
@@ -107,7 +107,7 @@ def test_a_mistyped_parameter_starts_nothing(tmp_path, write_cell):
 
 def test_a_cell_without_input_says_so_and_ends_with_a_report(domain, tmp_path, write_cell):
     path = write_cell(remap={"accel": "/arm/acceleration"})
-    folder = tmp_path / "out"
+    folder = tmp_path / "out" / "latest"
     with cell(tmp_path, path) as running:
         for said in (
             "estimator: no usable input for ",
@@ -160,7 +160,7 @@ def test_a_recording_that_is_played_without_its_clock_is_recognised(domain, tmp_
 
 @pytest.mark.long
 def test_a_node_that_dies_ends_the_cell_with_its_name_and_a_report(domain, tmp_path, write_cell):
-    folder = tmp_path / "out"
+    folder = tmp_path / "out" / "latest"
     with (
         cell(tmp_path, write_cell()) as running,
         robot(domain, motion="l", repeat="20"),
@@ -179,8 +179,8 @@ def test_a_node_that_refuses_its_parameters_ends_the_cell_with_its_words(
     domain, tmp_path, write_cell
 ):
     (tmp_path / "bad.yaml").write_text("/**/monitor: {ros__parameters: {measured_limit: 1}}")
-    folder = tmp_path / "out"
-    words = ("cell", "--config", str(write_cell(parameters="bad.yaml")), "-o", str(folder))
+    folder = tmp_path / "out" / "latest"
+    words = ("cell", "--config", str(write_cell(parameters="bad.yaml")), "-o", str(folder.parent))
     with live_process(*words, output=tmp_path / "words") as running:
         assert running.end() == 2
     assert "measured_limit: a double is needed; write 1.0 for 1" in running.said

@@ -43,8 +43,8 @@ def reports(folder):
 @pytest.fixture
 def demo(tmp_path):
     """A demonstration in motion that would go on for minutes, and its folder."""
-    folder = tmp_path / "out"
-    words = ("demo", "--motion", "l", "--repeat", "100", "-o", str(folder))
+    folder = tmp_path / "out" / "latest"
+    words = ("demo", "--motion", "l", "--repeat", "100", "-o", str(folder.parent))
     with live_process(*words, output=tmp_path / "words") as running:
         running.wait_for_nodes(5)
         running.wait_for_recording(folder / "bag")
@@ -81,8 +81,8 @@ def test_a_second_signal_ends_the_report_at_once(demo):
 
 @pytest.mark.long
 def test_a_signal_while_the_report_is_written_lets_it_finish(tmp_path):
-    folder = tmp_path / "out"
-    words = ("demo", "--motion", "l", "-o", str(folder))
+    folder = tmp_path / "out" / "latest"
+    words = ("demo", "--motion", "l", "-o", str(folder.parent))
     with live_process(*words, output=tmp_path / "words") as running:
         nodes = running.wait_for_nodes(5)
         running.wait_for(lambda: not any(map(alive, nodes.values())), "the nodes' end")
@@ -93,8 +93,8 @@ def test_a_signal_while_the_report_is_written_lets_it_finish(tmp_path):
 
 @pytest.mark.parametrize("number", EACH)
 def test_a_signal_during_the_start_leaves_no_node_and_gives_a_report(tmp_path, number):
-    folder = tmp_path / "out"
-    with live_process("demo", "-o", str(folder), output=tmp_path / "words") as running:
+    folder = tmp_path / "out" / "latest"
+    with live_process("demo", "-o", str(folder.parent), output=tmp_path / "words") as running:
         running.wait_for_nodes(1)
         running.process.send_signal(number)
         assert running.end() == 1
@@ -121,7 +121,7 @@ def test_the_nodes_of_a_killed_command_end_and_the_recorder_last(demo):
 
 def command_for_minutes(folder):
     command = [sys.executable, "-m", "slosh_bringup.cli", "demo", "--motion", "l"]
-    return [*command, "--repeat", "100", "-o", str(folder)]
+    return [*command, "--repeat", "100", "-o", str(folder.parent)]
 
 
 def read_until_recording(descriptor, bag):
@@ -135,7 +135,7 @@ def read_until_recording(descriptor, bag):
 
 def test_a_closed_terminal_ends_all_nodes_and_gives_the_report(tmp_path):
     """The kernel sends SIGHUP, and every write to the terminal fails."""
-    folder = tmp_path / "out"
+    folder = tmp_path / "out" / "latest"
     keyboard, screen = pty.openpty()
     process = subprocess.Popen(
         command_for_minutes(folder),
@@ -156,7 +156,7 @@ def test_a_closed_terminal_ends_all_nodes_and_gives_the_report(tmp_path):
 @pytest.mark.long
 def test_a_reader_that_goes_without_a_word_is_as_a_closed_terminal(tmp_path):
     """So does ssh without a terminal: no signal, the pipes break."""
-    folder = tmp_path / "out"
+    folder = tmp_path / "out" / "latest"
     reader, writer = os.pipe()
     process = subprocess.Popen(command_for_minutes(folder), stdout=writer, stderr=writer)
     os.close(writer)
