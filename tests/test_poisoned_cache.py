@@ -49,8 +49,8 @@ def poisoned(tmp_path_factory: pytest.TempPathFactory) -> Path:
     fill(folder, "wrong", checked=False)
     effect.write_text(text)
     os.utime(effect, ns=(kept.st_atime_ns, kept.st_mtime_ns))
-    wrong = {name_of(file): file for file in (folder / "wrong").rglob("*.nbc")}
-    for file in (folder / "cache").rglob("*.nbc"):
+    wrong = {name_of(file): file for file in (folder / "wrong").rglob("*.code")}
+    for file in (folder / "cache").rglob("*.code"):
         shutil.copyfile(wrong[name_of(file)], file)
     return folder
 

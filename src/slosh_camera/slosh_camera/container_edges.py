@@ -7,17 +7,13 @@ exactly a side is seen, at the outer or the inner face of the wall, does not cou
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import cv2
 import numpy as np
-from numba import njit
+from numba.types import float32, float64
 from numpy.typing import NDArray
 
 from slosh_camera.geometry import CupView
-from slosh_model.compile_cache import use_compile_cache
-
-use_compile_cache(Path(__file__).resolve().parent)
+from slosh_model.compilation import entry_point, given
 
 Image = NDArray[np.uint8]
 FloatArray = NDArray[np.float64]
@@ -104,7 +100,7 @@ def _side(view: CupView, left: bool) -> FloatArray:
     return np.asarray(pixels[inside])
 
 
-@njit(cache=True, nogil=True)
+@entry_point(float64[::1](given(float32, 2), *3 * [given(float64, 1)]))
 def _agreement(strips, height, turns, shifts):  # type: ignore[no-untyped-def]
     """Mean of how marked the edges on turned and shifted sides are.
 

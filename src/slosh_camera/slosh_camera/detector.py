@@ -115,25 +115,6 @@ class FreeSurfaceDetector:
         """Height of the still level against the calibration, subtracted from heights [m]."""
         return float(self._zero[0])
 
-    def warm_up(self) -> None:
-        """Load or compile all that is compiled, so that the first image does not wait for it."""
-        dark, bright = np.uint8(50), np.uint8(200)
-        above, below = bright, dark
-        if self._settings.liquid is Liquid.LIGHTER:
-            above, below = below, above
-        rows = np.arange(self._grid.shape[0])[:, np.newaxis]
-        picture = np.where(rows < self._grid.still_row, above, below)
-        picture = np.repeat(picture, self._grid.shape[1], axis=1)
-        self._edges.turn(np.zeros((self._view.camera.height, self._view.camera.width), np.uint8))
-        seen = self._front_line(picture, self._all_bodies[0])
-        if seen is None:
-            return
-        self._chooser.fit_still(*seen, self._at_rest)
-        self._chooser.fit_best(*seen, self._prior)
-        fit = self._chooser.fit_certain(*seen, self._prior)
-        if fit is not None:
-            self._read(0, _Found(seen[0], fit, self._flags(fit, seen[0])))
-
     def learn_still(self, image: Image) -> float:
         """Take an image of the liquid at rest as the zero of all heights.
 

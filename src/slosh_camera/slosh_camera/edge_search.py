@@ -6,17 +6,13 @@ wall, 1 is background. Rows are counted from the top.
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
-from numba import njit
-from numpy.typing import NDArray
+from numba.types import Tuple, UniTuple, float32, float64, int64
 
-from slosh_model.compile_cache import use_compile_cache
+from slosh_model.compilation import compiled, entry_point, given
 
-FloatArray = NDArray[np.float64]
-
-use_compile_cache(Path(__file__).resolve().parent)
+GIVEN_1, GIVEN_2, GIVEN_3 = (given(float64, axes) for axes in (1, 2, 3))
+PICTURE, ROWS = given(float32, 2), given(int64, 1)
 
 # Bins of a histogram of what may be liquid, its ends, and samples that tell a line's level.
 _LOWEST, _TOP = -0.3, 0.5
@@ -48,7 +44,7 @@ _BRIGHT_SURFACE = 0.45, 0.65
 _LIKE_LIQUID = 0.15
 
 
-@njit(cache=True, nogil=True)
+@entry_point(float64[::1](PICTURE, int64, int64, float64))
 def liquid_levels(picture, top, bottom, reach):  # type: ignore[no-untyped-def]
     """The liquid's level on each line, from what is mostly liquid.
 
@@ -93,7 +89,8 @@ def liquid_levels(picture, top, bottom, reach):  # type: ignore[no-untyped-def]
     return levels
 
 
-@njit(cache=True, nogil=True, fastmath=True)
+# No NaN and no sign of zero counts here: a third faster, with the very same sums on every machine.
+@entry_point(int64[::1](PICTURE, PICTURE, GIVEN_1, float64), fastmath={"nnan", "nsz"})
 def liquid_tops(picture, inside, level, tolerance):  # type: ignore[no-untyped-def]
     """Row of the liquid's upper end on each line.
 
@@ -129,7 +126,7 @@ def liquid_tops(picture, inside, level, tolerance):  # type: ignore[no-untyped-d
     return row.astype(np.int64)
 
 
-@njit(cache=True, nogil=True)
+@entry_point(float64(PICTURE, GIVEN_1, int64, int64))
 def usual_deviation(picture, level, top, bottom):  # type: ignore[no-untyped-def]
     """Median of the samples' deviations from their line's level between two rows."""
     counts = np.zeros(_BINS, np.int64)
@@ -144,7 +141,29 @@ def usual_deviation(picture, level, top, bottom):  # type: ignore[no-untyped-def
     return (b + half / max(counts[b], 1)) / _BINS
 
 
-@njit(cache=True, nogil=True)
+@compiled
+def _steepest(line, row, sign, first):  # type: ignore[no-untyped-def]
+    """Largest fall of a step whose lower end is at a row, and the row above it."""
+    steepest, place = 0.0, row - 1
+    for j in range(row + 1, max(row - 1 - _SOFT, first) - 1, -1):
+        slope = sign * (line[j] - line[j + 1])
+        if slope > steepest:
+            steepest, place = slope, j
+        elif j < row - 1 and slope < _ENDED * steepest:
+            break
+    return steepest, place
+
+
+@compiled
+def _crossing(line, top, bottom, middle, sign):  # type: ignore[no-untyped-def]
+    """Row between two at which a line of samples crosses a level; NaN where it does not."""
+    for j in range(top, bottom):
+        if sign * (line[j] - middle) >= 0.0 > sign * (line[j + 1] - middle):
+            return j + (line[j] - middle) / (line[j] - line[j + 1])
+    return np.nan
+
+
+@entry_point(UniTuple(float64[::1], 2)(PICTURE, ROWS, ROWS, ROWS))
 def refine_edges(picture, row, first, last):  # type: ignore[no-untyped-def]
     """Edges to a fraction of a sample: where the picture crosses the middle of the step.
 
@@ -187,29 +206,29 @@ def refine_edges(picture, row, first, last):  # type: ignore[no-untyped-def]
     return place, width
 
 
-@njit(cache=True, nogil=True)
-def _steepest(line, row, sign, first):  # type: ignore[no-untyped-def]
-    """Largest fall of a step whose lower end is at a row, and the row above it."""
-    steepest, place = 0.0, row - 1
-    for j in range(row + 1, max(row - 1 - _SOFT, first) - 1, -1):
-        slope = sign * (line[j] - line[j + 1])
-        if slope > steepest:
-            steepest, place = slope, j
-        elif j < row - 1 and slope < _ENDED * steepest:
-            break
-    return steepest, place
+@compiled
+def _gains(picture, guess, reach, floor, first, reversed_weight):  # type: ignore[no-untyped-def]
+    """Slopes (M, 2 reach + 1) around a guessed curve; -inf where there is no edge to look for."""
+    rows, lines = picture.shape
+    offsets = 2 * reach + 1
+    gain = np.full((lines, offsets), -np.inf)
+    for i in range(lines):
+        if np.isnan(guess[i]):
+            continue
+        centre = int(np.rint(guess[i]))
+        for o in range(offsets):
+            j = centre + o - reach
+            if j - 2 < first[i] or j + 1 >= rows or j > floor[i]:
+                continue
+            above = picture[j - 1, i] + picture[j - 2, i]
+            below = picture[j, i] + picture[j + 1, i]
+            step = 0.5 * (above - below)
+            step = step if step > 0.0 else -reversed_weight * step
+            gain[i, o] = step
+    return gain
 
 
-@njit(cache=True, nogil=True)
-def _crossing(line, top, bottom, middle, sign):  # type: ignore[no-untyped-def]
-    """Row between two at which a line of samples crosses a level; NaN where it does not."""
-    for j in range(top, bottom):
-        if sign * (line[j] - middle) >= 0.0 > sign * (line[j + 1] - middle):
-            return j + (line[j] - middle) / (line[j] - line[j + 1])
-    return np.nan
-
-
-@njit(cache=True, nogil=True)
+@entry_point(Tuple((int64[::1], float64[::1]))(PICTURE, GIVEN_1, int64, GIVEN_1, ROWS, float64))
 def follow_edge(picture, guess, reach, floor, first, reversed_weight):  # type: ignore[no-untyped-def]
     """The most marked edge near a guessed curve, continuous from line to line.
 
@@ -254,7 +273,7 @@ def follow_edge(picture, guess, reach, floor, first, reversed_weight):  # type: 
     return row, slope
 
 
-@njit(cache=True, nogil=True)
+@entry_point(float64[::1](GIVEN_2, GIVEN_1))
 def rows_of_heights(table, level):  # type: ignore[no-untyped-def]
     """Rows at which lines up the wall reach given heights.
 
@@ -287,29 +306,29 @@ def rows_of_heights(table, level):  # type: ignore[no-untyped-def]
     return found
 
 
-@njit(cache=True, nogil=True)
-def _gains(picture, guess, reach, floor, first, reversed_weight):  # type: ignore[no-untyped-def]
-    """Slopes (M, 2 reach + 1) around a guessed curve; -inf where there is no edge to look for."""
-    rows, lines = picture.shape
-    offsets = 2 * reach + 1
-    gain = np.full((lines, offsets), -np.inf)
-    for i in range(lines):
-        if np.isnan(guess[i]):
-            continue
-        centre = int(np.rint(guess[i]))
-        for o in range(offsets):
-            j = centre + o - reach
-            if j - 2 < first[i] or j + 1 >= rows or j > floor[i]:
-                continue
-            above = picture[j - 1, i] + picture[j - 2, i]
-            below = picture[j, i] + picture[j + 1, i]
-            step = 0.5 * (above - below)
-            step = step if step > 0.0 else -reversed_weight * step
-            gain[i, o] = step
-    return gain
+@compiled
+def _edge_at(picture, row, line, first, last, reversed_weight):  # type: ignore[no-untyped-def]
+    """How marked the edge next to a row is, and how near: between 0 and 1."""
+    best = 0.0
+    place = row
+    centre = int(np.rint(row + 0.5))
+    for j in range(max(centre - _BESIDE, first + 2), min(centre + _BESIDE + 1, last)):
+        above = picture[j - 1, line] + picture[j - 2, line]
+        below = picture[j, line] + picture[j + 1, line]
+        step = 0.5 * (above - below)
+        step = step if step > 0.0 else -reversed_weight * step
+        if step > best:
+            best, place = step, j - 0.5
+    off = (place - row) / _BESIDE
+    return best / (best + _HALF_EDGE) * max(1.0 - off * off, 0.0)
 
 
-@njit(cache=True, nogil=True)
+@entry_point(
+    float64(
+        given(float32, 2, "A"), float64, given(float64, 1, "A"), GIVEN_1,
+        given(int64, 1, "A"), given(int64, 1, "A"),
+    )
+)  # fmt: skip
 def surface_score(picture, surface, front, upper, first, last):  # type: ignore[no-untyped-def]
     """How well a picture agrees with a surface's front line and upper edge.
 
@@ -353,24 +372,7 @@ def surface_score(picture, surface, front, upper, first, last):  # type: ignore[
     return total / lines
 
 
-@njit(cache=True, nogil=True)
-def _edge_at(picture, row, line, first, last, reversed_weight):  # type: ignore[no-untyped-def]
-    """How marked the edge next to a row is, and how near: between 0 and 1."""
-    best = 0.0
-    place = row
-    centre = int(np.rint(row + 0.5))
-    for j in range(max(centre - _BESIDE, first + 2), min(centre + _BESIDE + 1, last)):
-        above = picture[j - 1, line] + picture[j - 2, line]
-        below = picture[j, line] + picture[j + 1, line]
-        step = 0.5 * (above - below)
-        step = step if step > 0.0 else -reversed_weight * step
-        if step > best:
-            best, place = step, j - 0.5
-    off = (place - row) / _BESIDE
-    return best / (best + _HALF_EDGE) * max(1.0 - off * off, 0.0)
-
-
-@njit(cache=True, nogil=True)
+@entry_point(float64[:, ::1](GIVEN_3, GIVEN_1))
 def table_at(table, rows):  # type: ignore[no-untyped-def]
     """Values (M, 3) of a table (J, M, 3) at rows (M,) between samples; NaN where there is none."""
     values = np.full((rows.size, 3), np.nan)
@@ -383,7 +385,7 @@ def table_at(table, rows):  # type: ignore[no-untyped-def]
     return values
 
 
-@njit(cache=True, nogil=True)
+@entry_point(float64[::1](GIVEN_1, int64, int64))
 def between_lines(rows, skip, lines):  # type: ignore[no-untyped-def]
     """Rows (lines,) from those of every `skip`th line; NaN and -1 hold up to the next line."""
     full = np.empty(lines)

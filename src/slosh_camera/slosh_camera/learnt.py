@@ -9,6 +9,7 @@ from slosh_camera.calibration import AnyCalibration, read_still_image
 from slosh_camera.detector import FreeSurfaceDetector
 from slosh_camera.detectors import SurfaceDetector, detector_for
 from slosh_camera.errors import SloshCameraError
+from slosh_model.compilation import load_all
 
 
 def learnt_detector(
@@ -31,7 +32,7 @@ def learnt_detector(
         calibration = replace(calibration, still_image=Path(still_image))
     detector = detector_for(calibration)
     if isinstance(detector, FreeSurfaceDetector):
-        detector.warm_up()
+        load_all(package="slosh_camera")  # so that the first image does not wait for it
     if calibration.still_image is None:
         return detector
     image = read_still_image(calibration)

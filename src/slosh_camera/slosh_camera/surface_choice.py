@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_camera import edge_search, surface_solver
+from slosh_camera.first_modes import first_mode_candidates
 from slosh_camera.surface_evidence import SurfaceFit, Unrolled, WallPoints
 from slosh_camera.surface_fit import SurfaceFitter
 from slosh_camera.surface_modes import SHAPES
@@ -172,7 +173,7 @@ class SurfaceChooser:
         offset = surface_solver.wall_shapes_of(azimuth) @ prior.centre
         known = np.where(bound | np.isnan(azimuth), np.nan, height - offset)
         agree, highest = _AGREE * self._wall.footprint, HIGHEST * self._wall.radius
-        first, shares = surface_solver.first_mode_candidates(
+        first, shares = first_mode_candidates(
             azimuth, known, agree, self._pairs, _CANDIDATES, highest
         )
         starts = np.tile(prior.centre, (len(first), 1))

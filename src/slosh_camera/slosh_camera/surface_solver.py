@@ -15,16 +15,13 @@ neighbourhood of w rows further down, s'^2 = s^2 + 2 k w for a curvature k, the 
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
-from numba import njit
+from numba.types import Tuple, boolean, float64, int64
 
 from slosh_camera.surface_modes import RADIAL_STEPS, RADIAL_TABLE
-from slosh_model.compile_cache import use_compile_cache
+from slosh_model.compilation import compiled, entry_point, given
 
-use_compile_cache(Path(__file__).resolve().parent)
-
+GIVEN_1, GIVEN_2, GIVEN_3 = (given(float64, axes) for axes in (1, 2, 3))
 _TABLE = RADIAL_TABLE
 _PER_UNIT = float(RADIAL_STEPS)
 
@@ -48,7 +45,7 @@ _FADE = 1.0
 _FADE_DOUBT = 0.35
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _radial(square):  # type: ignore[no-untyped-def]
     """Radial parts of first, second, mean and double shape, by ρ²."""
     place = square * _PER_UNIT
@@ -62,7 +59,7 @@ def _radial(square):  # type: ignore[no-untyped-def]
     )
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _shapes(x, y, out):  # type: ignore[no-untyped-def]
     """All shapes' heights at a place in radii."""
     first, second, mean, double = _radial(x * x + y * y)
@@ -76,7 +73,7 @@ def _shapes(x, y, out):  # type: ignore[no-untyped-def]
     out[7] = double * 2.0 * x * y
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _clearance(near, far, part, heights):  # type: ignore[no-untyped-def]
     """Surface above the ray at a part of the way from the front to the rear wall [m]."""
     x = near[0] + part * (far[0] - near[0])
@@ -89,13 +86,13 @@ def _clearance(near, far, part, heights):  # type: ignore[no-untyped-def]
     return height - near[2] - part * (far[2] - near[2])
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _shapes_on_ray(near, far, part, out):  # type: ignore[no-untyped-def]
     """All shapes' heights at a part of the way."""
     _shapes(near[0] + part * (far[0] - near[0]), near[1] + part * (far[1] - near[1]), out)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def touch(near, far, radius, fade, heights):  # type: ignore[no-untyped-def]
     """Where the surface comes closest to a ray from below, or rises most above it.
 
@@ -133,7 +130,7 @@ def touch(near, far, radius, fade, heights):  # type: ignore[no-untyped-def]
     return part, _clearance(near, far, part, heights), hidden
 
 
-@njit(cache=True, nogil=True)
+@entry_point(float64[::1](GIVEN_3, GIVEN_3, given(int64, 1), float64, float64, GIVEN_1))
 def silhouette_rows(near, far, bottom, radius, fade, heights):  # type: ignore[no-untyped-def]
     """Row on each line at which the surface of given heights ends against the background.
 
@@ -173,14 +170,14 @@ def silhouette_rows(near, far, bottom, radius, fade, heights):  # type: ignore[n
     return rows
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _tukey(ratio, limit):  # type: ignore[no-untyped-def]
     if abs(ratio) >= limit:
         return 0.0
     return (1.0 - (ratio / limit) ** 2) ** 2
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _dot(shapes, heights):  # type: ignore[no-untyped-def]
     """Height of a surface; for so few numbers a library call would cost more than the sum."""
     total = 0.0
@@ -189,7 +186,7 @@ def _dot(shapes, heights):  # type: ignore[no-untyped-def]
     return total
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _usual_ratio(near, far, ray_scale, radius, fade, heights):  # type: ignore[no-untyped-def]
     """One and a half times the rays' median deviation from a surface; 0 where they are few.
 
@@ -206,72 +203,37 @@ def _usual_ratio(near, far, ray_scale, radius, fade, heights):  # type: ignore[n
     return 1.5 * np.median(ratios[:count]) if count >= _MANY_RAYS else 0.0
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _one_sided(ratio):  # type: ignore[no-untyped-def]
     """Weight of a height that the surface has at least."""
     return 1.0 if ratio < 0.0 else 0.0
 
 
-@njit(cache=True, nogil=True)
-def first_mode_candidates(azimuth, height, scale, pairs, count, highest):  # type: ignore[no-untyped-def]
-    """First modes through pairs of front points, those first that most other points agree with.
-
-    Args:
-        azimuth: (N,) [rad]. height: (N,) [m]; NaN where unknown.
-        scale: deviation beyond which a point does not agree; candidates differ by more [m].
-        pairs: (P, 2) indices of lines.
-        count: of candidates.
-        highest: first mode that liquid can have [m].
-
-    Returns:
-        (count, 2) heights at +x and at +y [m], and (count,) shares of points that agree; rest is
-        the one candidate where no pair gives another.
-    """
-    known = max(np.count_nonzero(~np.isnan(height)), 1)
-    cosine, sine = np.cos(azimuth), np.sin(azimuth)
-    tried = np.zeros((pairs.shape[0] + 1, 2))
-    score = np.full(pairs.shape[0] + 1, -1.0)
-    score[0] = _agreement(cosine, sine, height, scale, 0.0, 0.0)
-    for p in range(pairs.shape[0]):
-        i, j = pairs[p]
-        if np.isnan(height[i]) or np.isnan(height[j]):
-            continue
-        ci, si, cj, sj = cosine[i], sine[i], cosine[j], sine[j]
-        determinant = ci * sj - cj * si
-        if abs(determinant) < 0.3:
-            continue
-        x = (height[i] * sj - height[j] * si) / determinant
-        y = (ci * height[j] - cj * height[i]) / determinant
-        if np.hypot(x, y) > highest:
-            continue
-        tried[p + 1] = x, y
-        score[p + 1] = _agreement(cosine, sine, height, scale, x, y)
-    best = np.zeros((count, 2))
-    share = np.zeros(count)
-    for c in range(count):
-        top = int(np.argmax(score))
-        if score[top] < 0.0:
-            return best[:c], share[:c]
-        best[c] = tried[top]
-        share[c] = score[top] / known
-        for p in range(score.size):
-            if np.hypot(tried[p, 0] - best[c, 0], tried[p, 1] - best[c, 1]) < scale:
-                score[p] = -1.0
-    return best, share
+@compiled
+def _add(normal, right, shapes, error, weight):  # type: ignore[no-untyped-def]
+    """One observation's part of the normal equations, the lower triangle."""
+    for k in range(_SHAPES):
+        scaled = weight * shapes[k]
+        right[k] -= scaled * error
+        for j in range(k + 1):
+            normal[k, j] += scaled * shapes[j]
 
 
-@njit(cache=True, nogil=True)
-def _agreement(cosine, sine, height, scale, x, y):  # type: ignore[no-untyped-def]
-    """Number of points that agree with a first mode, counted on every third."""
-    total = 0.0
-    for k in range(0, height.size, 3):
-        if not np.isnan(height[k]):
-            error = x * cosine[k] + y * sine[k] - height[k]
-            total += 3.0 * max(0.0, 1.0 - abs(error) / scale)
-    return total
+@compiled
+def _whole(lower):  # type: ignore[no-untyped-def]
+    """The symmetric matrix of a lower triangle, in place."""
+    for k in range(_SHAPES):
+        for j in range(k):
+            lower[j, k] = lower[k, j]
+    return lower
 
 
-@njit(cache=True, nogil=True)
+@entry_point(
+    Tuple((float64[::1], float64[::1, :], *5 * [float64[::1]]))(
+        GIVEN_2, GIVEN_1, GIVEN_1, given(boolean, 1), GIVEN_2, GIVEN_2, GIVEN_1, float64, float64,
+        GIVEN_1, GIVEN_1, GIVEN_2, float64,
+    )
+)  # fmt: skip
 def solve(  # type: ignore[no-untyped-def]
     front, front_height, front_scale, front_bound, near, far, ray_scale, radius, fade,
     start, centre, precision, coarse,
@@ -334,26 +296,7 @@ def solve(  # type: ignore[no-untyped-def]
     return heights, np.linalg.inv(normal), front_error, front_weight, ray_error, ray_weight, part
 
 
-@njit(cache=True, nogil=True)
-def _add(normal, right, shapes, error, weight):  # type: ignore[no-untyped-def]
-    """One observation's part of the normal equations, the lower triangle."""
-    for k in range(_SHAPES):
-        scaled = weight * shapes[k]
-        right[k] -= scaled * error
-        for j in range(k + 1):
-            normal[k, j] += scaled * shapes[j]
-
-
-@njit(cache=True, nogil=True)
-def _whole(lower):  # type: ignore[no-untyped-def]
-    """The symmetric matrix of a lower triangle, in place."""
-    for k in range(_SHAPES):
-        for j in range(k):
-            lower[j, k] = lower[k, j]
-    return lower
-
-
-@njit(cache=True, nogil=True)
+@entry_point(float64[:, ::1](GIVEN_2))
 def shapes_of(near):  # type: ignore[no-untyped-def]
     """Heights (N, SHAPES) of all shapes at places (N, 3), x and y in radii."""
     shapes = np.empty((near.shape[0], _SHAPES))
@@ -362,7 +305,7 @@ def shapes_of(near):  # type: ignore[no-untyped-def]
     return shapes
 
 
-@njit(cache=True, nogil=True)
+@entry_point(float64[:, ::1](GIVEN_1))
 def wall_shapes_of(azimuth):  # type: ignore[no-untyped-def]
     """Heights (N, SHAPES) of all shapes on the wall, by azimuth (N,) [rad]."""
     shapes = np.empty((azimuth.size, _SHAPES))
@@ -371,7 +314,7 @@ def wall_shapes_of(azimuth):  # type: ignore[no-untyped-def]
     return shapes
 
 
-@njit(cache=True, nogil=True)
+@entry_point(boolean[::1](GIVEN_2, GIVEN_2, float64, float64, GIVEN_1))
 def above_ray(near, far, radius, fade, heights):  # type: ignore[no-untyped-def]
     """Whether a surface is seen above each ray (M, 3) to (M, 3); not where there is none."""
     above = np.zeros(near.shape[0], np.bool_)
@@ -382,7 +325,11 @@ def above_ray(near, far, radius, fade, heights):  # type: ignore[no-untyped-def]
     return above
 
 
-@njit(cache=True, nogil=True)
+@entry_point(
+    Tuple((float64[::1], float64[::1], boolean[::1]))(
+        given(int64, 1), GIVEN_1, GIVEN_1, int64, GIVEN_1, int64
+    )
+)
 def around_the_wall(index, residual, trust, bins, kernel, near):  # type: ignore[no-untyped-def]
     """Residuals of points on a closed curve, spread over their neighbourhood.
 

@@ -57,7 +57,7 @@ class WallGeometry:
         self.lines = lines
         self.near = grid.front / (radius, radius, 1.0)
         self.far = grid.rear / (radius, radius, 1.0)
-        self.inside = grid.inside.astype(np.float32)
+        self.inside = np.ascontiguousarray(grid.inside, dtype=np.float32)
         self.first_row: IntArray = np.argmax(grid.inside, axis=0)
         self.last_row: IntArray = rows - 1 - np.argmax(grid.inside[::-1], axis=0)
         self._may_be_cut = bool(np.any(self.first_row > 0))
@@ -86,7 +86,8 @@ class WallGeometry:
         azimuth = np.arctan2(points[:, 1], points[:, 0])
         shapes = surface_solver.shapes_of(points)
         scale = np.full(rows.size, np.hypot(SYSTEMATIC, _FRONT_ROWS * self.footprint))
-        return WallPoints(rows, azimuth, points[:, 2], shapes, at_border, width, scale)
+        height = points[:, 2].copy()
+        return WallPoints(rows, azimuth, height, shapes, at_border, width, scale)
 
     def fade(self, softness: float) -> float:
         """Height on the rear wall over which a crest fades in, by the edges' width [rows]."""

@@ -1,3 +1,6 @@
+import pickle
+import subprocess
+import sys
 from dataclasses import replace
 
 import cv2
@@ -274,21 +277,27 @@ def test_repeated_image_is_flagged_once_it_repeats(make_scene):
     assert flags == [Flag.NONE, Flag.FROZEN, Flag.NONE]
 
 
-@pytest.mark.parametrize("liquid", [Liquid.ANY, Liquid.LIGHTER])
-def test_warming_up_changes_nothing(make_scene, liquid):
-    scene = make_scene(liquid=220, surface=150, background=40, **PITCHED)
-    settings = DetectionSettings(liquid=liquid)
-    detector = FreeSurfaceDetector(scene.calibration(settings))
-    image = scene.draw(0.012, 0.7)
-    before = detector.measure(0, image)
-    detector.warm_up()
-    after = detector.measure(0, image)
-    assert (after.msh, after.fitted_msh, after.flags) == (
-        before.msh,
-        before.fitted_msh,
-        before.flags,
-    )
-    assert detector.still_offset == 0.0
+def test_a_detector_that_starts_to_work_has_compiled_all_that_it_needs(make_scene, tmp_path):
+    scene = make_scene()
+    image = scene.draw(0.01)
+    (tmp_path / "given").write_bytes(pickle.dumps((scene.calibration(), image)))
+    program = """
+import pickle, sys
+from slosh_camera.learnt import learnt_detector
+from slosh_model.compilation import EntryPoint, entry_points
+calibration, image = pickle.load(sys.stdin.buffer)
+detector = learnt_detector(calibration)
+def fail(self): raise AssertionError(self.name + " is compiled while an image waits")
+EntryPoint._compile = fail
+print(detector.measure(0, image).msh)
+print([one.name for one in entry_points() if one.loaded and "slosh_camera" not in one.name])
+"""
+    command = [sys.executable, "-c", program]
+    with (tmp_path / "given").open("rb") as given:
+        done = subprocess.run(command, stdin=given, check=True, capture_output=True, text=True)
+    height, others = done.stdout.splitlines()
+    assert float(height) == measure(scene, image).msh
+    assert others == "[]"
 
 
 def test_same_images_same_numbers(make_scene):

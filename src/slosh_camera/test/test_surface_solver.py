@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from slosh_camera import surface_solver
+from slosh_camera.first_modes import first_mode_candidates
 from slosh_camera.scan_grid import build_scan_grid
 from slosh_camera.surface_modes import SHAPES, Shape, shapes_at, wall_shapes
 from slosh_camera.wall_geometry import WallGeometry
@@ -411,9 +412,7 @@ def pairs_of(count):
 
 
 def candidates(azimuth, height, count=5, highest=0.9 * RADIUS):
-    return surface_solver.first_mode_candidates(
-        azimuth, height, 2.0 * MM, pairs_of(azimuth.size), count, highest
-    )
+    return first_mode_candidates(azimuth, height, 2.0 * MM, pairs_of(azimuth.size), count, highest)
 
 
 def test_most_points_agree_with_the_first_guess():

@@ -2,10 +2,10 @@
 
 Numba names what it compiles after the function's module and qualified name and a number that each
 process counts for itself; of two equal names the linker keeps the first, silently. So here every
-qualified name ends in a digest of all that the machine code comes from: the function's own code,
-the constants that it reads and the compiled functions that it calls. Whichever process compiled
-a function, and in whichever order, a name can mean one thing only; and an edit anywhere is
-another name, so that no cached code outlives its source.
+qualified name ends in a digest of all that the machine code comes from, and the numbers, which
+tell Numba's own functions apart, begin somewhere else in each process. Whichever process compiled
+a function, and in whichever order, a name can mean one thing only; and an edit anywhere is another
+name, so that no cached code outlives its source.
 
 `compiled` makes a part, which is inlined where it is called. `entry_point` makes a function that
 Python calls: it has one signature, is compiled or loaded when it is first needed, and cached.
@@ -14,30 +14,28 @@ Python calls: it has one signature, is compiled or loaded when it is first neede
 from __future__ import annotations
 
 import builtins
-import contextlib
-import dis
-import fcntl
 import functools
-import hashlib
-import logging
+import itertools
+import os
+import secrets
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping
-from pathlib import Path
-from types import CodeType, FunctionType, ModuleType
+from collections.abc import Callable, Mapping
+from types import FunctionType, ModuleType
 from typing import Any, NamedTuple
 
 import numba
 import numpy as np
-from numba.core.errors import NumbaError
+from numba.core.bytecode import FunctionIdentity
+from numba.types import Array
 
-from slosh_model.compile_cache import cache_folder
+from slosh_model.code_digest import DIGEST, called, digest, paths, written
+from slosh_model.compile_cache import CodeFile
 
 OPTIONS: Mapping[str, Any] = {"error_model": "numpy"}
 """A division by zero gives inf or NaN, whose check would double the cost of a step."""
-_DIGEST = "compiled_digest"  # attribute of a function that went through `compiled`
-_DIGITS = 16
-_LOG = logging.getLogger(__name__)
+_INLINED = {"forceinline": True, **OPTIONS}
+_OPTIONS = "compiled_with"  # attribute of compiled functions: their options
 _LOCK = threading.RLock()
 _NAMES: dict[str, str] = {}
 _ENTRY_POINTS: dict[str, EntryPoint] = {}
@@ -45,18 +43,27 @@ _ENTRY_POINTS: dict[str, EntryPoint] = {}
 Function = Callable[..., Any]
 
 
+def _number_anew() -> None:
+    FunctionIdentity._unique_ids = itertools.count(secrets.randbits(60))
+
+
+_number_anew()
+os.register_at_fork(after_in_child=_number_anew)
+
+
 def compiled(function: Function) -> Any:
     """Makes a part of compiled functions of a function; it is inlined wherever it is called.
 
     Raises:
         TypeError: another function of the same qualified name was compiled before, or the
-            function uses a name that is not defined yet.
+            function is a closure, uses a name that is not defined yet, or something that is
+            neither compiled nor a constant.
     """
-    _name(function, OPTIONS)
-    return numba.njit(forceinline=True, **OPTIONS)(function)
+    _name(function, _INLINED)
+    return numba.njit(**_INLINED)(function)
 
 
-def entry_point(signature: str | Any, **options: Any) -> Callable[[Function], EntryPoint]:
+def entry_point(signature: Any, **options: Any) -> Callable[[Function], EntryPoint]:
     """Makes a compiled function for Python to call; see `EntryPoint`.
 
     Args:
@@ -73,17 +80,29 @@ def entry_point(signature: str | Any, **options: Any) -> Callable[[Function], En
     return decorate
 
 
+def given(dtype: Any, axes: int, layout: str = "C") -> Any:
+    """Numba's type of an array that is only read.
+
+    Args:
+        dtype: Numba's type of its numbers.
+        axes: how many.
+        layout: "C": contiguous; "A": of any strides.
+    """
+    return Array(dtype, axes, layout, readonly=True)
+
+
 class EntryPoint:
     """A function that is compiled, or loaded from the cache, when it is first needed.
+
+    It takes what its signature says. Arrays of another type are refused; numbers are converted
+    as C converts them, so that a float given for an integer loses its fraction.
 
     Attributes:
         name: module and name, for people.
         function: the function as it was written.
     """
 
-    def __init__(
-        self, function: Function, signature: str | Any, options: Mapping[str, Any]
-    ) -> None:
+    def __init__(self, function: Function, signature: Any, options: Mapping[str, Any]) -> None:
         self.name = f"{function.__module__}.{function.__qualname__}"
         self.function = function
         self.__doc__ = function.__doc__
@@ -96,7 +115,11 @@ class EntryPoint:
         _ENTRY_POINTS[self.name] = self
 
     def __call__(self, *arguments: Any) -> Any:
-        """Calls the compiled function."""
+        """Calls the compiled function.
+
+        Raises:
+            TypeError: the arguments are not those of the signature.
+        """
         return self.load()(*arguments)
 
     @property
@@ -107,10 +130,14 @@ class EntryPoint:
     @property
     def cached(self) -> bool:
         """Whether the cache holds it."""
-        return any(self._files(cache_folder(), ".nbi"))
+        return self._file().path.exists()
 
     def load(self) -> Function:
-        """The compiled function itself: compiled, or loaded from the cache, and checked."""
+        """The compiled function itself: compiled, or loaded from the cache, and checked.
+
+        Raises:
+            TypeError: what it is compiled from was changed since it was defined.
+        """
         call = self._call
         if call is None:
             with _LOCK:
@@ -134,48 +161,31 @@ class EntryPoint:
     def _compile(self) -> Function:
         if numba.config.DISABLE_JIT:
             return self.function
-        folder = cache_folder()
-        with _one_at_a_time(folder / f"{self.function.__qualname__}.lock"):
-            try:
-                return self._compile_to(folder)
-            except NumbaError:
-                raise
-            except Exception as error:  # whatever damaged bytes make of a pickle
-                _LOG.warning("%s: the cached code cannot be used: %r", self.name, error)
-                for file in self._files(folder):
-                    file.unlink(missing_ok=True)
-        return self._fixed(numba.njit(**self._options)(self.function))
-
-    def _compile_to(self, folder: Path) -> Function:
-        before = numba.config.CACHE_DIR
-        numba.config.CACHE_DIR = str(folder)
-        try:
-            dispatcher = numba.njit(cache=True, **self._options)(self.function)
-        finally:
-            numba.config.CACHE_DIR = before
-        try:
-            return self._fixed(dispatcher)
-        except OSError as error:
-            if not dispatcher.overloads:
-                raise
-            # A full disk, say: what was compiled works, the next process compiles anew.
-            _LOG.warning("%s: compiled, but not kept in %s: %s", self.name, folder, error)
-            return self._closed(dispatcher)
-
-    def _fixed(self, dispatcher: Any) -> Function:
-        dispatcher.compile(self._signature)
-        return self._closed(dispatcher)
-
-    @staticmethod
-    def _closed(dispatcher: Any) -> Function:
-        """The dispatcher without leave to compile: no second signature, no second code."""
+        dispatcher = numba.njit(**self._options)(self.function)
+        dispatcher._cache = file = self._file()
+        with file.locked():
+            if not file.path.exists():
+                _check_unchanged(self.function)
+            dispatcher.compile(self._signature)
+        # No second signature, no second code.
         dispatcher.disable_compile()
+        dispatcher._explain_matching_error = self._refuse
         call: Function = dispatcher
         return call
 
-    def _files(self, folder: Path, ending: str = "") -> Iterator[Path]:
-        module = self.function.__module__.rpartition(".")[2]
-        return folder.glob(f"*/{module}.{self.function.__qualname__}-*{ending}")
+    def _file(self) -> CodeFile:
+        return CodeFile(self.name, getattr(self.function, DIGEST))
+
+    def _refuse(self, *arguments: Any) -> None:
+        given_now = ", ".join(map(_described, arguments))
+        raise TypeError(f"{self.name} takes {self._signature}, not ({given_now})")
+
+
+def _described(value: Any) -> str:
+    if not isinstance(value, np.ndarray):
+        return type(value).__name__
+    strides = "" if value.flags.c_contiguous else ", with strides"
+    return f"array({value.dtype}, {value.ndim}d{strides})"
 
 
 class Progress(NamedTuple):
@@ -198,18 +208,20 @@ def entry_points() -> tuple[EntryPoint, ...]:
     return tuple(_ENTRY_POINTS.values())
 
 
-def load_all(progress: Callable[[Progress], None] | None = None) -> float:
-    """Compiles, or loads from the cache, every entry point that this process has imported.
+def load_all(progress: Callable[[Progress], None] | None = None, package: str = "") -> float:
+    """Compiles, or loads from the cache, the entry points that this process has imported.
 
     Args:
         progress: told before each of them, and at the end.
+        package: only those of this package; empty: of all.
 
     Returns:
         how long it took [s].
     """
     tell = progress or (lambda step: None)
     started = time.monotonic()
-    wanted = [one for one in entry_points() if not one.loaded]
+    inside = f"{package}." if package else ""
+    wanted = [one for one in entry_points() if not one.loaded and one.name.startswith(inside)]
     for done, one in enumerate(wanted):
         tell(Progress(one.name, done, len(wanted), one.cached))
         one.load()
@@ -229,103 +241,52 @@ def uncompiled(function: Any) -> Function:
 
 
 def _plain(value: Any, known: dict[int, Any]) -> Any:
-    function = (
-        value.function if isinstance(value, EntryPoint) else getattr(value, "py_func", value)
-    )
-    if not (isinstance(function, FunctionType) and hasattr(function, _DIGEST)):
+    function = value.function if isinstance(value, EntryPoint) else written(value)
+    if isinstance(value, tuple) and type(value) is tuple:
+        return tuple(_plain(one, known) for one in value)
+    if not (isinstance(function, FunctionType) and hasattr(function, DIGEST)):
         return value
     if id(function) not in known:
-        surroundings: dict[str, Any] = {}
-        copy = FunctionType(
-            function.__code__, surroundings, function.__name__, function.__defaults__
-        )
+        around: dict[str, Any] = {"__builtins__": builtins}
+        copy = FunctionType(function.__code__, around, function.__name__, function.__defaults__)
+        copy.__kwdefaults__ = function.__kwdefaults__
         known[id(function)] = copy
-        surroundings["__builtins__"] = builtins
-        for name in _names(function.__code__):
-            if name in function.__globals__:
-                surroundings[name] = _plain_global(function.__globals__[name], known)
+        for head, *rest in set(paths(function.__code__)):
+            if head in function.__globals__:
+                around[head] = _plain_global(
+                    function.__globals__[head], rest, known, around.get(head)
+                )
     return known[id(function)]
 
 
-def _plain_global(value: Any, known: dict[int, Any]) -> Any:
-    if isinstance(value, ModuleType) and value.__name__.startswith("slosh_"):
-        plain = ModuleType(value.__name__)
-        plain.__dict__.update({name: _plain(one, known) for name, one in vars(value).items()})
-        return plain
-    return _plain(value, known)
+def _plain_global(value: Any, path: list[str], known: dict[int, Any], begun: Any) -> Any:
+    """A global as plain code may use it; of a module only what is on the path, and was before."""
+    if not (isinstance(value, ModuleType) and path):
+        return _plain(value, known)
+    module = ModuleType(value.__name__) if begun is None else begun
+    head, *rest = path
+    inside = _plain_global(getattr(value, head), rest, known, getattr(module, head, None))
+    setattr(module, head, inside)
+    return module
 
 
 def _name(function: Function, options: Mapping[str, Any]) -> None:
     """Appends the digest to the function's qualified name, by which Numba names its code."""
     full = f"{function.__module__}.{function.__qualname__}"
-    digest = _digest(function, options)
-    if _NAMES.setdefault(full, digest) != digest:
+    own = digest(function, options)
+    if _NAMES.setdefault(full, own) != own:
         raise TypeError(f"{full}: a second compiled function of this name; names must be unique")
-    setattr(function, _DIGEST, digest)
-    function.__qualname__ = f"{function.__qualname__}_{digest}"
+    setattr(function, DIGEST, own)
+    setattr(function, _OPTIONS, options)
+    function.__qualname__ = f"{function.__qualname__}_{own}"
 
 
-def _digest(function: Any, options: Mapping[str, Any]) -> str:
-    if function.__closure__:
-        raise TypeError(f"{function.__qualname__}: compiled functions cannot be closures")
-    digest = hashlib.sha256(repr(sorted(options.items(), key=str)).encode())
-    names = _names(function.__code__)
-    for code in _codes(function.__code__):
-        constants = [one for one in code.co_consts if not isinstance(one, CodeType)]
-        digest.update(code.co_code)
-        digest.update(repr((constants, code.co_names, code.co_varnames)).encode())
-    for name in sorted(_global_names(function.__code__)):
-        if name in function.__globals__:
-            digest.update(f"{name}={_fact(function.__globals__[name], names)};".encode())
-        elif not hasattr(builtins, name):
-            raise TypeError(f"{function.__qualname__}: {name} is not defined before it")
-    return digest.hexdigest()[:_DIGITS]
-
-
-def _fact(value: Any, names: set[str]) -> str:
-    """What a name that compiled code reads stands for, as text."""
-    if isinstance(value, ModuleType):
-        inside = sorted(name for name in names if name in vars(value))
-        return f"{value.__name__}({[_fact(vars(value)[name], set()) for name in inside]})"
-    function = getattr(value, "py_func", value)
-    if hasattr(function, _DIGEST):
-        return str(getattr(function, _DIGEST))
-    if isinstance(value, np.ndarray):
-        return f"{value.dtype}{value.shape}{hashlib.sha256(value.tobytes()).hexdigest()}"
-    if callable(value):
-        name = getattr(value, "__qualname__", type(value).__qualname__)
-        return f"{getattr(value, '__module__', '')}.{name}"
-    return repr(value)
-
-
-def _codes(code: CodeType) -> Iterator[CodeType]:
-    yield code
-    for constant in code.co_consts:
-        if isinstance(constant, CodeType):
-            yield from _codes(constant)
-
-
-def _names(code: CodeType) -> set[str]:
-    return {name for one in _codes(code) for name in one.co_names}
-
-
-def _global_names(code: CodeType) -> set[str]:
-    return {
-        step.argval
-        for one in _codes(code)
-        for step in dis.get_instructions(one)
-        if step.opname == "LOAD_GLOBAL"
-    }
-
-
-@contextlib.contextmanager
-def _one_at_a_time(path: Path) -> Iterator[None]:
-    """Among all processes: the second one finds what the first has compiled.
-
-    The lock goes with the process, however it ends; where none can be had, both compile.
-    """
-    with contextlib.ExitStack() as stack:
-        with contextlib.suppress(OSError):
-            lock = stack.enter_context(path.open("w"))
-            fcntl.flock(lock, fcntl.LOCK_EX)
-        yield
+def _check_unchanged(function: Any) -> None:
+    """What is compiled now must be what the names say: constants may have been set anew."""
+    if digest(function, getattr(function, _OPTIONS)) != getattr(function, DIGEST):
+        raise TypeError(
+            f"{function.__module__}.{function.__name__}: a constant that it reads was changed "
+            "after its definition"
+        )
+    for part in called(function):
+        _check_unchanged(part)

@@ -1,21 +1,148 @@
-"""Where compiled functions are kept between processes, and what tells one code from another."""
+"""Where compiled functions are kept between processes, and what tells one code from another.
+
+Numba's own cache keeps an index per function beside the machine code, with a stamp of the source
+file. Here the file's name alone says what is in it (`slosh_model.code_digest`), so that checkouts,
+branches and environments share what is equal and never take turns in throwing each other's away;
+and a checksum stands before the code, since the processor runs whatever it is given.
+"""
 
 from __future__ import annotations
 
 import atexit
 import contextlib
+import fcntl
 import functools
 import hashlib
+import logging
 import os
+import pickle
 import platform
 import shutil
 import stat
 import tempfile
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numba
+from numba.core.caching import _Cache
+from numba.core.compiler import CompileResult
+from numba.core.registry import cpu_target
+from numba.core.serialize import dumps
 
 _THIS_PACKAGE = Path(__file__).resolve().parent
+_LOG = logging.getLogger(__name__)
+_KEPT = 8
+"""Versions of a function that stay: those that ran last."""
+
+
+class CodeFile(_Cache):
+    """The cache of one compiled function with one signature, as Numba asks for it.
+
+    Damaged code is thrown away with a warning; a disk that takes no more costs a warning and the
+    next process a compilation.
+
+    Args:
+        name: of the function.
+        digest: of all that its code comes from.
+    """
+
+    def __init__(self, name: str, digest: str) -> None:
+        self._name = name
+        self.path = cache_folder() / f"{name}_{digest}-{_processor()}.code"
+
+    @property
+    def cache_path(self) -> str:
+        """The folder."""
+        return str(self.path.parent)
+
+    @contextlib.contextmanager
+    def locked(self) -> Iterator[None]:
+        """Among all processes: the second one finds what the first has compiled.
+
+        The lock goes with the process, however it ends; where none can be had, both compile.
+        """
+        with contextlib.ExitStack() as stack:
+            with contextlib.suppress(OSError):
+                lock = stack.enter_context(self.path.with_suffix(".lock").open("w"))
+                fcntl.flock(lock, fcntl.LOCK_EX)
+                # A child that was forked meanwhile holds the file open, but not the lock.
+                stack.callback(fcntl.flock, lock, fcntl.LOCK_UN)
+            yield
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """The function with its machine code; None: there is none that can be used."""
+        target_context.refresh()
+        try:
+            data = self.path.read_bytes()
+        except FileNotFoundError:
+            return None
+        except OSError as error:
+            _LOG.warning("%s: compiled anew, the kept code cannot be read: %s", self._name, error)
+            return None
+        with contextlib.suppress(OSError):
+            os.utime(self.path)
+        try:
+            return CompileResult._rebuild(target_context, *pickle.loads(_unsealed(data)))
+        except Exception as error:  # whatever a pickle may raise
+            _LOG.warning("%s: compiled anew, %s is damaged: %s", self._name, self.path, error)
+            with contextlib.suppress(OSError):
+                self.path.unlink()
+            return None
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Keeps a function that was compiled.
+
+        Raises:
+            TypeError: the code is of no use to another process.
+        """
+        if data.library.has_dynamic_globals or data.lifted:
+            raise TypeError(f"{self._name}: code that holds addresses of this process")
+        new = self.path.with_suffix(".new")
+        try:
+            new.write_bytes(_sealed(dumps(data._reduce())))
+            new.replace(self.path)
+        except OSError as error:
+            _LOG.warning("%s: compiled, but not kept: %s", self._name, error)
+            with contextlib.suppress(OSError):
+                new.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):  # another process may be at it
+            self._prune()
+
+    def _prune(self) -> None:
+        """Removes the versions that have not run for longest."""
+        versions = [*self.path.parent.glob(f"{self._name}_{'?' * 16}-*.code")]
+        versions.sort(key=lambda path: path.stat().st_mtime)
+        for path in versions[:-_KEPT]:
+            path.unlink(missing_ok=True)
+            path.with_suffix(".lock").unlink(missing_ok=True)
+
+    def enable(self) -> None:
+        """Always on."""
+
+    def disable(self) -> None:
+        """Always on."""
+
+    def flush(self) -> None:
+        """Nothing waits to be written."""
+
+
+def _sealed(code: bytes) -> bytes:
+    return hashlib.sha256(code).digest() + code
+
+
+def _unsealed(data: bytes) -> bytes:
+    size = hashlib.sha256().digest_size
+    if hashlib.sha256(data[size:]).digest() != data[:size]:
+        raise ValueError("wrong checksum")
+    return data[size:]
+
+
+@functools.cache
+def _processor() -> str:
+    """What code for this processor has in its name; a home may be shared by several."""
+    traits = repr(cpu_target.target_context.codegen().magic_tuple())
+    return hashlib.sha256(traits.encode()).hexdigest()[:8]
 
 
 def use_compile_cache(package: Path = _THIS_PACKAGE) -> None:

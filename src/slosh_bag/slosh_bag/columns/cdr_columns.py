@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
+from numba.types import Tuple, boolean, int64, uint8
 from numpy.typing import NDArray
 from rosbags.typesys.store import Typestore
 
 from slosh_bag.columns.cdr_layout import Layout, kind_of, layout_of
 from slosh_bag.errors import SloshBagError
 from slosh_bag.mcap_files.chunks import Bytes, Integers, MessageBlock
-from slosh_model.compile_cache import use_compile_cache
+from slosh_model.compilation import entry_point, given
 
-use_compile_cache(Path(__file__).resolve().parent)
+BYTES, INTEGERS = given(uint8, 1), given(int64, 1)
 
 Columns = dict[str, NDArray[Any]]
 _REMEMBERED = 64
@@ -243,7 +242,9 @@ def _strings(stored: NDArray[Any], name: str) -> NDArray[Any]:
     return texts
 
 
-@njit(cache=True, nogil=True)
+@entry_point(
+    Tuple((boolean[::1], uint8[:, ::1]))(BYTES, INTEGERS, INTEGERS, int64, INTEGERS, BYTES)
+)
 def _pack(buffer, start, length, size, fixed, values):  # type: ignore[no-untyped-def]
     """Copies the messages that have a layout; every place is held against the buffer's end.
 

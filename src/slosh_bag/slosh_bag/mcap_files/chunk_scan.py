@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
-from numba import njit
+from numba.types import Tuple, boolean, int64, uint8
 
-from slosh_model.compile_cache import use_compile_cache
+from slosh_model.compilation import compiled, entry_point, given
 
-use_compile_cache(Path(__file__).resolve().parent)
+BYTES = given(uint8, 1)
 
 # What a scan says of the bytes.
 WHOLE, CUT, BAD_LENGTH, BAD_TIME, BAD_RECORD, OTHER = 0, 1, 2, 3, 4, 5
 
 
-@njit(cache=True, inline="always")
+@compiled
 def _u32(buffer, at):  # type: ignore[no-untyped-def]
     return (
         np.int64(buffer[at])
@@ -25,13 +23,13 @@ def _u32(buffer, at):  # type: ignore[no-untyped-def]
     )
 
 
-@njit(cache=True, inline="always")
+@compiled
 def _u64(buffer, at):  # type: ignore[no-untyped-def]
     """As int64: negative from 2⁶³ on."""
     return _u32(buffer, at) | _u32(buffer, at + 4) << 32
 
 
-@njit(cache=True, inline="always")
+@compiled
 def _state(buffer, at, opcode, length):  # type: ignore[no-untyped-def]
     """What is to say of a record that fits into the buffer."""
     if opcode == 5:
@@ -44,7 +42,7 @@ def _state(buffer, at, opcode, length):  # type: ignore[no-untyped-def]
     return WHOLE
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _survey(buffer, loose):  # type: ignore[no-untyped-def]
     """Walks over the records; every length is held against the buffer's end.
 
@@ -68,7 +66,7 @@ def _survey(buffer, loose):  # type: ignore[no-untyped-def]
     return messages, others, at, WHOLE
 
 
-@njit(cache=True, nogil=True)
+@entry_point(Tuple((int64[:, ::1], int64[:, ::1], int64, int64))(BYTES, boolean))
 def scan(buffer, loose):  # type: ignore[no-untyped-def]
     """Finds the messages, schemas and channels in a buffer of records.
 
@@ -103,7 +101,7 @@ def scan(buffer, loose):  # type: ignore[no-untyped-def]
     return messages, definitions, end, state
 
 
-@njit(cache=True, nogil=True)
+@entry_point(int64(BYTES, int64))
 def find_chunk(buffer, start):  # type: ignore[no-untyped-def]
     """Where the next bytes that look like a chunk's header are; -1: nowhere.
 
