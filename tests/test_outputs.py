@@ -357,6 +357,7 @@ def start(words, limit=FULL):
     """Starts the command; no file can become larger than the limit, or than the disk allows."""
 
     def limited():
+        os.nice(5)  # who watches it is to see what it does
         if limit != FULL:
             resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
 
