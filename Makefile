@@ -36,6 +36,7 @@ test-all: setup
 lint: setup
 	@tools/run ruff format --check .
 	@tools/run ruff check .
+	@tools/run ruff check --config tools/compiled_code.toml .
 	@tools/run python tools/typecheck.py
 
 bench: setup

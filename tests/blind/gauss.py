@@ -14,12 +14,14 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
+from numba.types import float64
 from numpy.typing import NDArray
 
+from slosh_model.compilation import compiled, entry_point, given
 from tests.blind.theory import GRAVITY
 
 Array = NDArray[np.float64]
+GIVEN_1, GIVEN_3 = given(float64, 1), given(float64, 3)
 
 # Columns of a node: the inputs and coefficients at one instant.
 COMMAND, ADDED, FRAME, SPIN, HEADING, MODE = 0, 3, 6, 15, 16, 17
@@ -50,7 +52,7 @@ MAXIMUM_ITERATIONS = 40
 TOLERANCE = 1e-13
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def mode_slope(
     q: Array, node: Array, mode: int, const: Array, ax: float, ay: float, az: float, out: Array
 ) -> None:
@@ -88,7 +90,7 @@ def mode_slope(
     out[first + 3] = fy + spin * px
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def slope(q: Array, node: Array, const: Array, out: Array) -> None:
     """Slopes of the whole state."""
     a = np.empty(3)
@@ -117,7 +119,7 @@ def slope(q: Array, node: Array, const: Array, out: Array) -> None:
             out[4 * mode : 4 * mode + 4] = 0.0
 
 
-@njit(cache=True, error_model="numpy")
+@entry_point(float64[:, ::1](GIVEN_1, GIVEN_1, GIVEN_3, GIVEN_1))
 def integrate(start: Array, steps: Array, nodes: Array, const: Array) -> Array:
     """(S + 1, 14) states at the ends of S steps.
 

@@ -145,17 +145,6 @@ def _processor() -> str:
     return hashlib.sha256(traits.encode()).hexdigest()[:8]
 
 
-def use_compile_cache(package: Path = _THIS_PACKAGE) -> None:
-    """Points Numba's disk cache to a folder for these sources; call it before the first njit.
-
-    Args:
-        package: folder of the package whose functions are compiled.
-    """
-    folder = cache_folder() / f"{package.name}-{sources_digest(package)}"
-    folder.mkdir(mode=0o700, exist_ok=True)
-    numba.config.CACHE_DIR = str(folder)
-
-
 def cache_folder() -> Path:
     """The folder for compiled code: NUMBA_CACHE_DIR, XDG_CACHE_HOME, ~/.cache, or a temporary one.
 
