@@ -21,6 +21,7 @@ import secrets
 import threading
 import time
 from collections.abc import Callable, Mapping
+from functools import partial
 from types import FunctionType, ModuleType
 from typing import Any, NamedTuple
 
@@ -164,8 +165,6 @@ class EntryPoint:
         dispatcher = numba.njit(**self._options)(self.function)
         dispatcher._cache = file = self._file()
         with file.locked():
-            if not file.path.exists():
-                _check_unchanged(self.function)
             dispatcher.compile(self._signature)
         # No second signature, no second code.
         dispatcher.disable_compile()
@@ -174,7 +173,9 @@ class EntryPoint:
         return call
 
     def _file(self) -> CodeFile:
-        return CodeFile(self.name, getattr(self.function, DIGEST))
+        return CodeFile(
+            self.name, getattr(self.function, DIGEST), partial(_check_unchanged, self.function)
+        )
 
     def _refuse(self, *arguments: Any) -> None:
         given_now = ", ".join(map(_described, arguments))

@@ -20,7 +20,7 @@ import platform
 import shutil
 import stat
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -45,10 +45,12 @@ class CodeFile(_Cache):
     Args:
         name: of the function.
         digest: of all that its code comes from.
+        check: called where there is no code that can be used, before it is compiled.
     """
 
-    def __init__(self, name: str, digest: str) -> None:
+    def __init__(self, name: str, digest: str, check: Callable[[], None]) -> None:
         self._name = name
+        self._check = check
         self.path = cache_folder() / f"{name}_{digest}-{_processor()}.code"
 
     @property
@@ -73,6 +75,12 @@ class CodeFile(_Cache):
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """The function with its machine code; None: there is none that can be used."""
         target_context.refresh()
+        found = self._load(target_context)
+        if found is None:
+            self._check()
+        return found
+
+    def _load(self, target_context: Any) -> Any:
         try:
             data = self.path.read_bytes()
         except FileNotFoundError:

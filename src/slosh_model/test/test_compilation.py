@@ -101,7 +101,7 @@ def top(x):
     """What it does."""
     if x in (1.0, 2.0):
         return x
-    return part(x) + TABLE[0] + PAIR[0] + math.pi + Side.RIGHT
+    return part(x) + TABLE[0] + PAIR[0] + math.pi + Side.RIGHT.value
 '''
 EDITS = {
     "own code": ("return x\n", "return -x\n"),
@@ -286,7 +286,18 @@ def test_the_same_function_may_be_defined_again(define):
 def test_a_constant_that_is_set_anew_is_not_compiled_under_the_old_name(define, name):
     module = define(BASE)
     setattr(module, name, np.array([5.0, 6.0]) if name == "TABLE" else 5.0)
-    with pytest.raises(TypeError, match="constant that it reads was changed after its definition"):
+    for _ in range(2):
+        with pytest.raises(TypeError, match=r"(top|part): a constant that it reads was changed"):
+            module.top(3.0)
+
+
+def test_nor_in_place_of_damaged_code(define, tmp_path):
+    define(BASE, "twice").top.load()
+    module = define(BASE, "twice")
+    for path in (tmp_path / "cache").rglob("*.code"):
+        path.write_bytes(b"")
+    module.K = 5.0
+    with pytest.raises(TypeError, match="part: a constant that it reads was changed"):
         module.top(3.0)
 
 
