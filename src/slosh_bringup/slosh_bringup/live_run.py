@@ -12,7 +12,7 @@ from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.live_report import REPORT, RESULT
 from slosh_bringup.live_watch import LiveWatch, Screen
 from slosh_bringup.parameter_file import check_parameter_file
-from slosh_bringup.processes import NodeGroup, NodeProcess, node_environment
+from slosh_bringup.processes import NodeEnd, NodeGroup, NodeProcess, node_environment
 from slosh_bringup.stop_request import StopRequest
 from slosh_camera.calibration import read_any_calibration
 from slosh_estimator.model_file import read_model
@@ -98,23 +98,30 @@ def run_nodes(run: LiveRun, screen: Screen, stop: StopRequest) -> Outcome:
     environment = node_environment(1 + os.getpid() % 100 if run.simulated else None)
     os.environ.update(environment)
     processes = run.setup.processes(run.folder / BAG)
-    watch = LiveWatch(run.folder / SETTINGS, [process.name for process in processes], screen)
+    ready = f"ready: recording to {run.folder / BAG}"
+    if run.simulated is not None:
+        processes.append(run.simulated)
+        ready += ", the motion begins"
+    names = [process.name for process in processes]
+    watch = LiveWatch(run.folder / SETTINGS, names, screen, ready)
     with (
         NodeGroup(run.setup.namespace, run.folder / LOGS, environment) as group,
         CellListener(run.setup.namespace, watch.take_settings, watch.take_report) as listener,
     ):
         for process in processes:
             group.start(process)
-        if run.simulated is not None:
-            group.start(run.simulated)
-        while not stop.reason and not group.failed() and "cell" not in group.ended():
+        while not (stop.reason or watch.given_up or group.failed() or "cell" in group.ended()):
             watch.look()
             listener.listen(POLL)
-        end = None if stop.reason else group.failed()
+        return _outcome(stop, watch, None if stop.reason else group.failed())
+
+
+def _outcome(stop: StopRequest, watch: LiveWatch, end: NodeEnd | None) -> Outcome:
     if end is not None:
         return Outcome(end.text, end.code if end.code == 2 else 1, watch.began)
-    if not watch.began:
-        return Outcome(
-            f"the run was stopped ({stop.reason}) before all nodes were there", 1, False
-        )
-    return Outcome()
+    if watch.began:
+        return Outcome()
+    if watch.given_up:
+        return Outcome(f"not all nodes got ready: {watch.given_up}", 1, began=False)
+    problem = f"the run was stopped ({stop.reason}) before all nodes were ready"
+    return Outcome(f"{problem}: {watch.waits_for}", 1, began=False)

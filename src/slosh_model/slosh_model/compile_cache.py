@@ -47,6 +47,11 @@ def cache_folder(package: Path = _THIS_PACKAGE) -> Path:
     return Path(tempfile.mkdtemp(prefix="slosh-"))
 
 
+def holds_code(package: Path = _THIS_PACKAGE) -> bool:
+    """Whether compiled functions of a package's present sources are kept there."""
+    return any(cache_folder(package).rglob("*.nbi"))
+
+
 def _ours_alone(folder: Path) -> bool:
     """True where we can write and no stranger can have put code there for us to run."""
     facts = folder.stat()

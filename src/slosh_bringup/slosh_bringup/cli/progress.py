@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from tqdm import tqdm
 
 Progress = Callable[[float, str], None]
+WORDS = "{desc}"
 
 
 @contextmanager
@@ -17,23 +19,30 @@ def progress_bar(title: str, length: float, *, quiet: bool = False) -> Iterator[
     with tqdm(total=length, desc=title, bar_format=form, disable=quiet) as bar:
 
         def tell(elapsed: float, text: str) -> None:
-            bar.n = min(elapsed, length)
-            bar.refresh()
+            _show(bar, min(elapsed, length), text or title, WORDS if text else form)
 
         yield tell
         bar.n = length
+        bar.set_description_str(title, refresh=False)
 
 
 @contextmanager
 def clock(title: str) -> Iterator[Progress]:
     """The elapsed time of something without a known end."""
-    with tqdm(desc=title, bar_format="{desc}: {n:.0f} s") as bar:
+    form = "{desc}: {n:.0f} s"
+    with tqdm(desc=title, bar_format=form) as bar:
 
         def tell(elapsed: float, text: str) -> None:
-            bar.n = elapsed
-            bar.refresh()
+            _show(bar, elapsed, text or title, WORDS if text else form)
 
         yield tell
+
+
+def _show(bar: tqdm, elapsed: float, text: str, form: str) -> None:
+    """Shows a moment: with words of its own it is those alone, in one line."""
+    columns = shutil.get_terminal_size().columns
+    bar.n, bar.bar_format = elapsed, form
+    bar.set_description_str(text if len(text) < columns else f"{text[: columns - 2]}…")
 
 
 @contextmanager

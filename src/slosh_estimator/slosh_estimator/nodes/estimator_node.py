@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 from geometry_msgs.msg import AccelStamped, PoseStamped
-from rclpy.node import Node
 from sensor_msgs.msg import Imu
 from std_srvs.srv import Trigger
 
@@ -26,13 +25,15 @@ from slosh_estimator.readings import has_readings
 from slosh_estimator.sample import Sample
 from slosh_estimator.validity import attitude_warning
 from slosh_model.arithmetic import arithmetic_fingerprint
-from slosh_model.compile_cache import sources_digest
+from slosh_model.compile_cache import holds_code, sources_digest
 from slosh_model.model_text import format_model, parse_model
 from slosh_msgs.msg import ExpectedReading, SloshEstimate
 from slosh_msgs.srv import LoadModel
 from slosh_msgs_py import qos, topics
-from slosh_msgs_py.node.diagnostics import ERROR, OK, STALE, WARN, DiagnosticsReporter, Health
+from slosh_msgs_py.node.diagnostics import ERROR, OK, STALE, WARN, Health
 from slosh_msgs_py.node.parameters import ParameterSpec, declare
+from slosh_msgs_py.node.prepared import PreparedNode
+from slosh_msgs_py.node.readiness import Progress
 from slosh_msgs_py.node.run import run_node
 from slosh_msgs_py.node.settings import SettingsPublisher
 from slosh_msgs_py.stamps import to_nanoseconds
@@ -66,15 +67,18 @@ PARAMETERS = (
 )  # fmt: skip
 
 
-class EstimatorNode(Node):
-    """Converts, calls the core, publishes."""
+class EstimatorNode(PreparedNode):
+    """Converts, calls the core, publishes.
 
-    def __init__(self) -> None:
+    Args:
+        later: it gets ready by `run_node`.
+    """
+
+    def __init__(self, *, later: bool = False) -> None:
         super().__init__("estimator")
-        values = declare(self, PARAMETERS)
+        self._values = values = declare(self, PARAMETERS)
         self._clock = self.get_clock()
         self._estimator = Estimator(read_model(values["model"]))
-        warm_up(self._estimator)
         self._message = SloshEstimate()
         self._reading = ExpectedReading()
         self._message.header.frame_id = values["container_frame"]
@@ -91,11 +95,23 @@ class EstimatorNode(Node):
         self._readings = self.create_publisher(
             ExpectedReading, topics.EXPECTED_READING, qos.STREAM_OUT
         )
-        self._input = self._subscribe(values)
+        self._flags = 0
+        self._watch(self._health, self._facts)
+        self._get_ready(later=later)
+
+    def prepare(self, progress: Progress) -> None:
+        """Compiles or loads the models' kernel, and what reads the input."""
+        if not holds_code():
+            progress("no compiled code of the models found; half a minute or so")
+        warm_up(self._estimator)
+        if self._kind == "pose":
+            warm_up_poses(self._values["pose_window"])
+
+    def begin(self) -> None:
+        """Listens from now on."""
+        self._input = self._subscribe(self._values)
         self.create_service(LoadModel, topics.LOAD_MODEL, self._on_load_model)
         self.create_service(Trigger, topics.RESET, self._on_reset)
-        self._flags = 0
-        self._report = DiagnosticsReporter(self, self._health, self._facts)
 
     def _subscribe(self, values: dict[str, Any]) -> AccelInput | ImuInput | PoseInput:
         self._input_health = InputHealth(self, values["input"], KINDS[values["input"]])
@@ -220,9 +236,16 @@ def warm_up(estimator: Estimator) -> None:
     estimator.reset()
 
 
+def warm_up_poses(window: int) -> None:
+    """The same for what differentiates poses."""
+    poses = PoseInput(GateSettings(), window)
+    for index in range(window + 1):
+        poses.update(1_000_000 * (index + 1), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+
+
 def main() -> int:
     """Runs the node."""
-    return run_node(EstimatorNode)
+    return run_node(lambda: EstimatorNode(later=True))
 
 
 if __name__ == "__main__":
