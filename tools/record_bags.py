@@ -17,7 +17,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from slosh_bringup.cell_setup import default_setup
+from slosh_bringup.cell_setup import NODES_OF_A_CELL, default_setup
 from slosh_bringup.processes import NodeGroup, NodeProcess, config_folder, node_environment
 from slosh_msgs_py.node.domain import own_domain
 
@@ -86,6 +86,8 @@ def record(name: str, recording: Recording, folder: Path) -> None:
             "rate": "500.0",
             "model": str(config_folder() / "truth.yaml"),
             "calibration": str(setup.calibration),
+            "wait_for": ",".join(NODES_OF_A_CELL),
+            "readers": "1",  # images are not recorded
         },
     )
     given = {"recorder": {"exclude": EXCLUDED}, **recording.parameters}

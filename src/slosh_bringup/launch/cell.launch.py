@@ -7,10 +7,10 @@ ros2 launch slosh_bringup cell.launch.py model:=/path/model.yaml calibration:=/p
 
 from pathlib import Path
 
-from launch import LaunchContext, LaunchDescription
+from launch import LaunchContext, LaunchDescription, Substitution
 from launch.actions import DeclareLaunchArgument, OpaqueFunction
 from launch.conditions import IfCondition
-from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
+from launch.substitutions import LaunchConfiguration, PathJoinSubstitution, PythonExpression
 from launch_ros.actions import Node
 from launch_ros.substitutions import FindPackageShare
 
@@ -49,8 +49,14 @@ def generate_launch_description() -> LaunchDescription:
     simulate = IfCondition(LaunchConfiguration("simulate"))
     record = IfCondition(LaunchConfiguration("record"))
 
+    # The motion begins when those that are started are ready.
+    is_recorded = ["'", LaunchConfiguration("record"), "'.lower() in ('true', '1')"]
+    others = "estimator,camera,monitor"
+    wait_for = PythonExpression([f"'recorder,{others}' if ", *is_recorded, f" else '{others}'"])
+    readers = PythonExpression(["2 if ", *is_recorded, " else 1"])
+
     def node(
-        package: str, name: str, condition: IfCondition | None = None, **own: LaunchConfiguration
+        package: str, name: str, condition: IfCondition | None = None, **own: Substitution
     ) -> Node:
         return Node(
             package=package,
@@ -78,6 +84,8 @@ def generate_launch_description() -> LaunchDescription:
                 simulate,
                 motion=LaunchConfiguration("motion"),
                 calibration=calibration,
+                wait_for=wait_for,
+                readers=readers,
             ),
         ]
     )

@@ -14,6 +14,8 @@ from slosh_bringup.processes import NodeProcess, config_folder
 from slosh_msgs_py import topics
 
 NAMESPACE = "/slosh"
+NODES_OF_A_CELL = ("recorder", "estimator", "camera", "monitor")
+"""In the order of their start: what the recorder records must not have begun."""
 REMAPPABLE = (
     topics.ACCEL,
     topics.IMU,
@@ -49,7 +51,7 @@ class CellSetup:
     remap: Mapping[str, str] = field(default_factory=dict)
 
     def processes(self, bag: Path) -> list[NodeProcess]:
-        """The four nodes, the recorder first: what it records must not have begun."""
+        """The nodes of NODES_OF_A_CELL."""
         own: dict[str, dict[str, str]] = {
             "recorder": {"output": str(bag)},
             "estimator": {"model": str(self.model)},
@@ -57,8 +59,7 @@ class CellSetup:
             "monitor": {},
         }
         return [
-            NodeProcess(name, [self.parameters], parameters, self.remap)
-            for name, parameters in own.items()
+            NodeProcess(name, [self.parameters], own[name], self.remap) for name in NODES_OF_A_CELL
         ]
 
 

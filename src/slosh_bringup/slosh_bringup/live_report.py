@@ -20,6 +20,7 @@ from slosh_bringup.replay_page import make_report
 from slosh_bringup.run_data import HEIGHTS, RunData, read_run
 from slosh_bringup.run_result import RunResult, evaluate
 from slosh_bringup.shortfall import shortfall
+from slosh_bringup.slowness import slowness
 from slosh_discovery.report import (
     Fact,
     KeyFigure,
@@ -108,6 +109,7 @@ def _evaluated(
         result = LiveResult(reasons=(*problems, *unread))
         return result, _recorded_report(title, None, result)
     figures = evaluate(data)
+    problems = tuple(filter(None, (*problems, slowness(data))))
     reasons: tuple[str, ...] = ()
     if not figures.compared:
         reasons = (*problems, *shortfall(data, starts)) if began else problems

@@ -10,7 +10,7 @@ from pathlib import Path
 from slosh_bringup.cell_setup import CellSetup
 from slosh_bringup.live_watch import LiveWatch, Screen
 from slosh_bringup.parameter_file import check_parameter_file
-from slosh_bringup.processes import NodeGroup, NodeProcess, node_environment
+from slosh_bringup.processes import NodeEnd, NodeGroup, NodeProcess, node_environment
 from slosh_bringup.stop_request import StopRequest
 from slosh_camera.calibration import read_any_calibration
 from slosh_estimator.model_file import read_model
@@ -80,7 +80,12 @@ def run_nodes(run: LiveRun, screen: Screen, stop: StopRequest) -> Outcome:
     # A demonstration keeps to itself; a cell talks to the robot on the user's domain.
     claim = own_domain() if run.simulated else nullcontext()
     processes = run.setup.processes(run.folder / BAG)
-    watch = LiveWatch(run.folder / SETTINGS, [process.name for process in processes], screen)
+    ready = f"ready: recording to {run.folder / BAG}"
+    if run.simulated is not None:
+        processes.append(run.simulated)
+        ready += ", the motion begins"
+    names = [process.name for process in processes]
+    watch = LiveWatch(run.folder / SETTINGS, names, screen, ready)
     with ExitStack() as stack:
         environment = node_environment(stack.enter_context(claim))
         # The listener below speaks as the nodes do.
@@ -91,16 +96,18 @@ def run_nodes(run: LiveRun, screen: Screen, stop: StopRequest) -> Outcome:
         )
         for process in processes:
             group.start(process)
-        if run.simulated is not None:
-            group.start(run.simulated)
-        while not stop.reason and not group.failed() and "cell" not in group.ended():
+        while not (stop.reason or watch.given_up or group.failed() or "cell" in group.ended()):
             watch.look()
             listener.listen(POLL)
-        end = None if stop.reason else group.failed()
+        return _outcome(stop, watch, None if stop.reason else group.failed())
+
+
+def _outcome(stop: StopRequest, watch: LiveWatch, end: NodeEnd | None) -> Outcome:
     if end is not None:
         return Outcome(end.text, end.code if end.code == 2 else 1, watch.began)
-    if not watch.began:
-        return Outcome(
-            f"the run was stopped ({stop.reason}) before all nodes were there", 1, False
-        )
-    return Outcome()
+    if watch.began:
+        return Outcome()
+    if watch.given_up:
+        return Outcome(f"not all nodes got ready: {watch.given_up}", 1, began=False)
+    problem = f"the run was stopped ({stop.reason}) before all nodes were ready"
+    return Outcome(f"{problem}: {watch.waits_for}", 1, began=False)

@@ -10,7 +10,9 @@ from typing import Protocol
 from slosh_bag.replay.settings import NodeStart
 from slosh_bringup.cell_watch import CellWatch, NodeReport
 from slosh_bringup.in_force import TELLING, in_force_lines, settings_document
+from slosh_bringup.ready_wait import ReadyWait, sentence
 from slosh_files import write_text
+from slosh_msgs_py.node.readiness import COMPILING, READY, STATE
 
 
 class Screen(Protocol):
@@ -26,46 +28,86 @@ class Screen(Protocol):
 class LiveWatch:
     """Takes what the nodes say.
 
+    Before all are ready it tells who is waited for; from then on how their health changes.
+
     Args:
         settings: file of what the nodes work with, written anew whenever one tells.
-        nodes: names of those that are expected to report.
+        nodes: names of those that must be ready.
         screen: of whoever watches.
+        ready: what to tell when they are.
     """
 
-    def __init__(self, settings: Path, nodes: Sequence[str], screen: Screen) -> None:
-        self._file, self._screen = settings, screen
-        self._started = time.monotonic()
-        self._watch = CellWatch(nodes, self._started)
+    def __init__(self, settings: Path, nodes: Sequence[str], screen: Screen, ready: str) -> None:
+        self._file, self._screen, self._ready = settings, screen, ready
+        self._started = self._began = time.monotonic()
+        self._nodes = nodes
+        self._wait = ReadyWait(nodes, self._started)
+        self._health: CellWatch | None = None
         self._starts: dict[str, NodeStart] = {}
-
-    @property
-    def elapsed(self) -> float:
-        """Since the start [s]."""
-        return time.monotonic() - self._started
+        self._told: dict[str, str] = {}
 
     @property
     def began(self) -> bool:
         """Whether all nodes are at work."""
-        return self._starts.keys() >= set(TELLING)
+        return self._health is not None
+
+    @property
+    def waits_for(self) -> str:
+        """Who is waited for, and why."""
+        return f"waiting for {sentence(self._wait.missing()) or 'what the nodes work with'}"
+
+    @property
+    def given_up(self) -> str:
+        """Why there is no sense in waiting longer; empty: there is."""
+        return "" if self.began else self._wait.given_up(time.monotonic())
 
     def take_settings(self, start: NodeStart) -> None:
         """Takes what a node works with, at its start or later."""
-        began, self._starts[start.node] = self.began, start
-        write_text(self._file, settings_document(self._starts))
-        if self.began and not began:
-            self._screen.tell("in force:")
-            for line in in_force_lines(self._starts):
-                self._screen.tell(f"  {line}")
+        self._starts[start.node] = start
+        try:
+            write_text(self._file, settings_document(self._starts))
+        except OSError as error:  # a full disk ends no run: the recorder waits for room, too
+            self._tell([f"{self._file}: {error.strerror}"])
+        self._begin()
 
     def take_report(self, report: NodeReport) -> None:
-        """Takes what a node says of its health."""
-        self._tell(self._watch.take(report, time.monotonic()))
+        """Takes what a node says of itself."""
+        now = time.monotonic()
+        if self._health is not None:
+            self._tell(self._health.take(report, now))
+            return
+        self._wait.take(report, now)
+        self._tell_readiness(report)
+        self._begin()
 
     def look(self) -> None:
         """Looks at the clock; several times a second."""
-        self._tell(self._watch.look(time.monotonic()))
-        self._screen.show(self.elapsed, "")
+        now = time.monotonic()
+        if self._health is None:
+            self._screen.show(0.0, f"{now - self._started:.0f} s, {self.waits_for}")
+            return
+        self._tell(self._health.look(now))
+        self._screen.show(now - self._began, "")
+
+    def _tell_readiness(self, report: NodeReport) -> None:
+        """Tells who takes long, and when it does no more."""
+        state = report.facts.get(STATE, READY)
+        text = report.sentence if state == COMPILING else ""
+        before, self._told[report.node] = self._told.get(report.node, ""), text
+        if text != before:
+            self._tell([f"{report.node}: {text or 'ready'}"])
+
+    def _begin(self) -> None:
+        """Tells what is in force once all are ready."""
+        if self.began or self._wait.missing() or not self._starts.keys() >= set(TELLING):
+            return
+        self._began = time.monotonic()
+        self._health = CellWatch(self._nodes, self._began)
+        self._screen.tell("in force:")
+        for line in in_force_lines(self._starts):
+            self._screen.tell(f"  {line}")
+        self._tell([self._ready])
 
     def _tell(self, lines: Sequence[str]) -> None:
         for line in lines:
-            self._screen.tell(f"{self.elapsed:7.1f} s  {line}")
+            self._screen.tell(f"{time.monotonic() - self._started:7.1f} s  {line}")

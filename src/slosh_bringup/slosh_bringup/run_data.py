@@ -133,6 +133,17 @@ def read_run(bag: Path) -> RunData:
     )
 
 
+def facts_of(data: RunData, node: str) -> Mapping[str, str]:
+    """What a node of the cell last said in the diagnostics; empty: nothing.
+
+    Args:
+        data: the run.
+        node: its name, without namespace.
+    """
+    found = (facts for name, facts in data.diagnostics.items() if name.endswith(f"/{node}"))
+    return next(found, {})
+
+
 def stamp_ns(message: Any) -> int:
     """The header's stamp [ns]."""
     stamp = message.header.stamp

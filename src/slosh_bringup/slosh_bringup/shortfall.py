@@ -13,7 +13,7 @@ from slosh_bag.reader import BagReader, TopicInfo
 from slosh_bag.replay.cells import ESTIMATE, SURFACE, CellTopics
 from slosh_bag.replay.inputs import STAMP, stamps_of
 from slosh_bringup.in_force import Starts, image_topic, input_topic
-from slosh_bringup.run_data import RunData
+from slosh_bringup.run_data import RunData, facts_of
 from slosh_camera.measurement import Flag
 from slosh_estimator.monitor import UNUSABLE
 
@@ -51,7 +51,7 @@ def shortfall(data: RunData, starts: Starts) -> tuple[str, ...]:
 
 def _input(data: RunData, starts: Starts) -> str:
     """What is wrong with the estimator's input."""
-    facts = _facts(data, "estimator")
+    facts = facts_of(data, "estimator")
     topic = input_topic(starts.get("estimator"))
     recorded = _count(data.topics, topic)
     came = max(int(facts.get("input total", 0)), recorded)
@@ -69,7 +69,7 @@ def _input(data: RunData, starts: Starts) -> str:
 
 def _images(data: RunData, starts: Starts) -> str:
     """What is wrong with the camera's images."""
-    facts = _facts(data, "camera")
+    facts = facts_of(data, "camera")
     topic = image_topic(starts.get("camera"))
     came = max(int(facts.get("image total", 0)), _count(data.topics, topic))
     surface = _own(data, "free_surface", SURFACE)
@@ -107,12 +107,6 @@ def _apart(data: RunData) -> str:
         late = f"{measured.age:.1f} s after their images"
         return f"{count} heights were measured, most of them {late}: too late to be compared"
     return f"{count} heights were measured and estimated, and the monitor compared none of them"
-
-
-def _facts(data: RunData, node: str) -> Mapping[str, str]:
-    """What a node last said in the diagnostics."""
-    found = (facts for name, facts in data.diagnostics.items() if name.endswith(f"/{node}"))
-    return next(found, {})
 
 
 def _named(facts: Mapping[str, str], prefix: str) -> str:

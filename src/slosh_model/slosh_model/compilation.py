@@ -230,6 +230,21 @@ def load_all(progress: Callable[[Progress], None] | None = None, package: str = 
     return time.monotonic() - started
 
 
+def load_telling(tell: Callable[[str], None], package: str) -> None:
+    """`load_all` for a node: tells in words what is compiled; nothing where all of it is kept.
+
+    Args:
+        tell: is told before each function that has to be compiled.
+        package: as in `load_all`; a module, too.
+    """
+
+    def told(step: Progress) -> None:
+        if step.name and not step.cached:
+            tell(f"compiling {step.name}, {step.done + 1} of {step.total}")
+
+    load_all(told, package)
+
+
 @functools.cache
 def uncompiled(function: Any) -> Function:
     """The same function and all that it calls as plain Python, for a second opinion.

@@ -15,7 +15,7 @@ from std_msgs.msg import Header
 
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.errors import SloshMessageError
-from slosh_msgs_py.node.diagnostics import WARN, DiagnosticsReporter
+from slosh_msgs_py.node.diagnostics import OK, WARN, DiagnosticsReporter
 from slosh_msgs_py.node.lifeline import VARIABLE, watch_lifelines
 from slosh_msgs_py.node.parameters import ParameterSpec, declare
 from slosh_msgs_py.node.run import make_executor
@@ -271,6 +271,101 @@ def test_a_wrong_start_is_one_line_and_exit_code_two():
     done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
     assert done.returncode == 2
     assert done.stderr.strip() == "SloshMessageError: parameter size = 5 is wrong"
+
+
+SLOW = """
+import sys
+import time
+from slosh_msgs_py.errors import SloshMessageError
+from slosh_msgs_py.node.diagnostics import OK
+from slosh_msgs_py.node.prepared import PreparedNode
+from slosh_msgs_py.node.run import run_node
+
+class Slow(PreparedNode):
+    def __init__(self):
+        super().__init__("slow")
+        self._watch(lambda: (OK, "works"), dict)
+        self._get_ready(later=True)
+
+    def prepare(self, progress):
+        progress("the first of two")
+        progress("the second of two")
+        print("prepares", flush=True)
+        sys.stdin.readline()
+        if "wrong" in sys.argv:
+            raise SloshMessageError("the still image shows no liquid")
+
+    def begin(self):
+        print("begins", flush=True)
+
+    def close(self):
+        print("closed", flush=True)
+
+sys.exit(run_node(Slow))
+"""
+
+
+@pytest.fixture
+def slow():
+    """Starts a node that gets ready once it reads a line."""
+    processes = []
+
+    def start(*words):
+        processes.append(
+            subprocess.Popen(
+                [sys.executable, "-c", SLOW, *words],
+                text=True,
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.PIPE,
+            )
+        )
+        assert processes[-1].stdout.readline() == "prepares\n"
+        return processes[-1]
+
+    yield start
+    for process in processes:
+        process.kill()
+        process.communicate()
+
+
+def test_a_node_tells_that_it_compiles_and_that_it_is_ready(make_node, slow):
+    node = make_node()
+    told = []
+
+    def take(message):
+        for status in message.status:
+            facts = {pair.key: pair.value for pair in status.values}
+            told.append((facts["state"], status.level, status.message))
+
+    node.create_subscription(DiagnosticArray, topics.DIAGNOSTICS, take, qos.DIAGNOSTICS)
+    process = slow()
+    compiling = ("compiling", WARN, "not ready, compiling: the second of two")
+    spin_until(node, lambda: told.count(compiling) >= 3)
+    process.stdin.write("\n")
+    process.stdin.flush()
+    spin_until(node, lambda: told[-1] == ("ready", OK, "works"))
+    assert process.stdout.readline() == "begins\n"
+    process.terminate()
+    said = process.stderr.read()
+    assert "not ready yet: the first of two" in said
+    assert "compiled; ready" in said
+
+
+def test_a_stop_does_not_wait_for_a_compiler(slow):
+    process = slow()
+    process.terminate()
+    assert process.wait(20) == 0
+    assert process.stdout.read() == "closed\n"
+
+
+def test_what_fails_while_it_is_prepared_is_one_line(slow):
+    process = slow("wrong")
+    process.stdin.write("\n")
+    process.stdin.flush()
+    assert process.wait(20) == 2
+    last = process.stderr.read().strip().splitlines()[-1]
+    assert last == "SloshMessageError: the still image shows no liquid"
 
 
 @pytest.mark.parametrize(

@@ -58,6 +58,8 @@ class PlayerNode(Node):
         plan: what is played; None: what the parameters say.
     """
 
+    failure_code = EXIT_WRONG_INPUT
+
     def __init__(self, plan: PlayPlan | None = None) -> None:
         super().__init__("player")
         given = declare(self, PARAMETERS)
@@ -167,21 +169,12 @@ def play(
     Returns:
         exit code: 0 done or stopped, 2 a wrong parameter or bag (one line on stderr).
     """
-    nodes: list[PlayerNode] = []
-
-    def make() -> PlayerNode:
-        nodes.append(PlayerNode(plan))
-        return nodes[0]
 
     def finished(node: PlayerNode) -> bool:
         watch(node)
         return node.finished
 
-    code = run_node(make, arguments, finished)
-    if nodes and nodes[0].failure:
-        print(f"player: {nodes[0].failure}", file=sys.stderr)
-        return EXIT_WRONG_INPUT
-    return code
+    return run_node(lambda: PlayerNode(plan), arguments, finished)
 
 
 def main() -> int:

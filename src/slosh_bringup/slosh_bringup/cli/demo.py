@@ -6,13 +6,13 @@ import argparse
 from pathlib import Path
 
 from slosh_bringup.cell.motions import MOTIONS, make_motion
-from slosh_bringup.cell_setup import default_setup
+from slosh_bringup.cell_setup import NODES_OF_A_CELL, default_setup
 from slosh_bringup.cli.live import run_live
 from slosh_bringup.cli.progress import progress_bar
 from slosh_bringup.live_run import LiveRun
 from slosh_bringup.processes import NodeProcess, config_folder
 
-STARTING = 4.0  # s; what the nodes take to find each other, for the progress bar
+STARTING = 3.0  # s; from ready nodes to the motion and behind its end, for the progress bar
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -38,6 +38,7 @@ def run(arguments: argparse.Namespace) -> int:
             "repeat": str(arguments.repeat),
             "model": str(config_folder() / "truth.yaml"),
             "calibration": str(setup.calibration),
+            "wait_for": ",".join(NODES_OF_A_CELL),
         },
     )
     length = STARTING + arguments.repeat * motion.duration

@@ -64,11 +64,12 @@ def run_live(run: LiveRun, bar: AbstractContextManager[Tell], *, as_json: bool =
         with bar as progress:
             screen = LiveScreen(progress, stop)
             outcome = run_nodes(run, screen, stop)
-        if stop.reason:
-            screen.tell(f"{stop.reason}: writing the report; once more: without it")
         problems = tuple(filter(None, (outcome.problem,)))
         try:
             with stop.finishing():
+                why = f"{stop.reason}, " if stop.reason else ""
+                again = "; once more: without it" if stop.reason else ""
+                screen.tell(f"{why}all nodes have ended: writing the report{again}")
                 result = write_results(
                     run.folder, run.folder / BAG, run.title, problems, began=outcome.began
                 )
@@ -90,8 +91,6 @@ def print_result(result: LiveResult, folder: Path) -> None:
         print(table(result.figures))
     if result.replayed is not None:
         print_replay(result.replayed)
-    for label, text in result.in_force.items():
-        print(f"{label:<20}{text}")
     if (folder / BAG).exists():
         print(f"bag                 {folder / BAG}")
     print(f"report              {folder / REPORT}")

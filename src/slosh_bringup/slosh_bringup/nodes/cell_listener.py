@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import time
 from collections.abc import Callable, Iterator
@@ -12,6 +13,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
+from slosh_bag.errors import SloshBagError
 from slosh_bag.replay.settings import NodeStart, node_start
 from slosh_bringup.cell_watch import NodeReport
 from slosh_msgs.msg import NodeSettings
@@ -84,7 +86,8 @@ class CellListener:
             self._on_report(report)
 
     def _take_settings(self, message: NodeSettings) -> None:
-        self._on_settings(node_start(message, time.time_ns(), topics.SETTINGS))
+        with contextlib.suppress(SloshBagError):  # a stranger's; ours can be read
+            self._on_settings(node_start(message, time.time_ns(), topics.SETTINGS))
 
 
 def reports(message: DiagnosticArray, namespace: str) -> Iterator[NodeReport]:

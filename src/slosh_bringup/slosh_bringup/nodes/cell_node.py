@@ -10,7 +10,6 @@ from typing import Any
 
 import cv2
 import numpy as np
-from rclpy.node import Node
 from std_msgs.msg import String
 
 from slosh_bringup.cell.motion_source import load_motion
@@ -26,17 +25,23 @@ from slosh_bringup.nodes.cell_messages import (
     pose_message,
     truth_message,
 )
+from slosh_bringup.nodes.ready_cell import ReadyCell
 from slosh_bringup.processes import config_folder
+from slosh_bringup.ready_wait import PATIENCE
 from slosh_camera.calibration import read_calibration
 from slosh_estimator.model_file import read_model
+from slosh_model.compilation import load_telling
 from slosh_msgs_py import images, topics
-from slosh_msgs_py.node.diagnostics import OK, DiagnosticsReporter, Health
+from slosh_msgs_py.node.diagnostics import OK, WARN, Health
 from slosh_msgs_py.node.parameters import ParameterSpec, declare
+from slosh_msgs_py.node.prepared import PreparedNode
+from slosh_msgs_py.node.readiness import Progress
 from slosh_msgs_py.node.run import run_node
 from slosh_msgs_py.stamps import to_time
 
 TICK = 0.002  # s; samples that fall due within it go out together
 JPEG_QUALITY = 90
+LATE = 0.1  # s; a sample that is later than that tells of a machine that is too slow
 LINGER = 1.0  # s; the last messages are delivered before the process ends
 PARAMETERS = (
     ParameterSpec("motion", "c3", "motion by name, or a motion table (.csv, .csv.gz)"),
@@ -51,22 +56,28 @@ PARAMETERS = (
     ParameterSpec("image_noise", 2.5, "standard deviation, of 255", (0.0, 50.0)),
     ParameterSpec("seed", 1, "of all noise", (0, 2**31 - 1)),
     ParameterSpec("repeat", 1, "how often the motion is played", (1, 10000)),
-    ParameterSpec("readers", 2, "start once all topics have so many readers; 0: now", (0, 100)),
-    ParameterSpec("patience", 30.0, "start anyway after so long [s]", (0.0, 3600.0)),
+    ParameterSpec("wait_for", "", "names of nodes that must be ready before it starts, by commas"),
+    ParameterSpec("readers", 2, "start once so many nodes read each topic; 0: now", (0, 100)),
+    ParameterSpec(
+        "patience", PATIENCE, "end after so long without news of who is awaited [s]", (0.0, 3600.0)
+    ),
 )
 
 
-class CellNode(Node):
-    """Plays a motion in real time: samples from one thread, images from another."""
+class CellNode(PreparedNode):
+    """Plays a motion in real time: samples from one thread, images from another.
 
-    def __init__(self) -> None:
+    Args:
+        later: it gets ready by `run_node`.
+    """
+
+    def __init__(self, *, later: bool = False) -> None:
         super().__init__("cell")
         self._given = given = declare(self, PARAMETERS)
         config = config_folder()
         calibration = read_calibration(given["calibration"] or config / "camera.yaml")
-        model = read_model(given["model"] or config / "truth.yaml")
+        self._model = read_model(given["model"] or config / "truth.yaml")
         self._motion = load_motion(given["motion"], given["rate"]).repeated(given["repeat"])
-        self._truth = integrate_truth(model, self._motion)
         self._readings = read_sensors(self._motion, given["acceleration_noise"], given["seed"])
         look = Appearance(noise=given["image_noise"], seed=given["seed"])
         self._renderer = CupRenderer(calibration.view, look)
@@ -76,17 +87,31 @@ class CellNode(Node):
         }
         self._counts = dict.fromkeys(self._pub, 0)
         self._info = camera_info(calibration)
-        self._report = DiagnosticsReporter(self, self._health, lambda: self._counts)
+        names = [name.strip() for name in given["wait_for"].split(",") if name.strip()]
+        self._others = ReadyCell(self, names, given["readers"], given["patience"])
+        self.failure = ""
+        self._latest = 0.0
         self._playing = False
         self._stop = threading.Event()
         self._finished = threading.Event()
         self._player = threading.Thread(target=self._play, name="player", daemon=True)
+        self._watch(self._health, self._facts)
+        self._get_ready(later=later)
+
+    def prepare(self, progress: Progress) -> None:
+        """Compiles or loads the liquid's equations, and solves them."""
+        load_telling(progress, "slosh_model.kernel")
+        self._truth = integrate_truth(self._model, self._motion)
+
+    def begin(self) -> None:
+        """Plays as soon as the others are ready."""
         self._player.start()
 
     def close(self) -> None:
         """Ends the threads."""
         self._stop.set()
-        self._player.join(timeout=5.0)
+        if self._player.is_alive():
+            self._player.join(timeout=5.0)
 
     @property
     def finished(self) -> bool:
@@ -94,8 +119,16 @@ class CellNode(Node):
         return self._finished.is_set()
 
     def _health(self) -> Health:
-        doing = "playing" if self._playing else "waiting for readers to play"
-        return OK, f"{doing} {self._motion.name}, {self._motion.duration:.1f} s"
+        what = f"{self._motion.name}, {self._motion.duration:.1f} s"
+        if not self._playing:
+            return OK, f"waits to play {what}, for {self._others.waits_for}"
+        if self._latest > LATE:
+            return WARN, f"plays {what}, up to {self._latest:.1f} s late: this machine is too slow"
+        return OK, f"plays {what}"
+
+    def _facts(self) -> dict[str, Any]:
+        late = f"{1e3 * self._latest:.0f}"
+        return {"playing": self._playing, "late maximum [ms]": late, **self._counts}
 
     def _publish(self, topic: str, message: Any) -> None:
         self._pub[topic].publish(message)
@@ -104,20 +137,13 @@ class CellNode(Node):
     def _play(self) -> None:
         """Plays the motion; the node ends with it, also where that fails."""
         try:
-            self._wait_for_readers()
-            self._perform()
+            given_up = self._others.wait(self._stop)
+            if given_up:
+                self.failure = f"nothing is played: {given_up}"
+            elif not self._stop.is_set():
+                self._perform()
         finally:
             self._finished.set()
-
-    def _wait_for_readers(self) -> None:
-        deadline = time.monotonic() + self._given["patience"]
-        while (
-            self._readers() < self._given["readers"]
-            and time.monotonic() < deadline
-            and not self._stop.wait(0.05)
-        ):
-            pass
-        self._stop.wait(0.5)  # the slowest reader's other topics are matched too
 
     def _perform(self) -> None:
         """Runs both threads to the end of the motion and says what was published."""
@@ -129,14 +155,8 @@ class CellNode(Node):
         self._move(start_ns)
         camera.join()
         self._publish(topics.SUMMARY, String(data=json.dumps(self._summary())))
+        self._report.report()
         self._stop.wait(LINGER)
-
-    def _readers(self) -> int:
-        """Fewest readers of any topic of the cell: not before that is every node there to see."""
-        either = (topics.IMAGE, topics.IMAGE_COMPRESSED)
-        others = (topics.ACCEL, topics.ESTIMATE, topics.FREE_SURFACE)
-        counts = [int(self.count_subscribers(topic)) for topic in others]
-        return min(sum(int(self.count_subscribers(topic)) for topic in either), *counts)
 
     def _summary(self) -> dict[str, Any]:
         prefix = self.get_namespace().rstrip("/")
@@ -156,6 +176,7 @@ class CellNode(Node):
         every = self._given["imu_every"]
         while due < len(t) and self._wait_until(t[due] + TICK):
             now = time.monotonic() - self._start
+            self._latest = max(self._latest, now - t[due] - TICK)
             while due < len(t) and t[due] <= now:
                 stamp = to_time(int(stamps[due]))
                 self._publish(topics.ACCEL, accel_message(stamp, readings.acceleration[due]))
@@ -190,7 +211,7 @@ class CellNode(Node):
 def main() -> int:
     """Runs the node."""
     cv2.setNumThreads(1)  # small images; the other core belongs to the nodes
-    return run_node(CellNode, finished=lambda node: node.finished)
+    return run_node(lambda: CellNode(later=True), finished=lambda node: node.finished)
 
 
 if __name__ == "__main__":

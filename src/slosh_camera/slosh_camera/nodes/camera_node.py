@@ -9,7 +9,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from rclpy.node import Node
 from sensor_msgs.msg import CompressedImage, Image
 
 from slosh_camera.calibration import read_any_calibration
@@ -22,12 +21,15 @@ from slosh_camera.nodes.complaints import Complaints
 from slosh_camera.nodes.frame_gaps import FrameGaps
 from slosh_camera.nodes.newest_image import NewestImage
 from slosh_model.arithmetic import arithmetic_fingerprint
+from slosh_model.compilation import load_telling
 from slosh_model.compile_cache import sources_digest
 from slosh_msgs.msg import FreeSurface
 from slosh_msgs_py import conversions, qos, topics, values
 from slosh_msgs_py.images import image_bytes
-from slosh_msgs_py.node.diagnostics import ERROR, OK, STALE, WARN, DiagnosticsReporter, Health
+from slosh_msgs_py.node.diagnostics import ERROR, OK, STALE, WARN, Health
 from slosh_msgs_py.node.parameters import ParameterSpec, declare
+from slosh_msgs_py.node.prepared import PreparedNode
+from slosh_msgs_py.node.readiness import Progress
 from slosh_msgs_py.node.run import run_node
 from slosh_msgs_py.node.settings import SettingsPublisher
 from slosh_msgs_py.node.silence import SilentTopic
@@ -52,20 +54,23 @@ PARAMETERS = (
 )
 
 
-class CameraNode(Node):
-    """Decodes, calls the core, publishes. Of the images that wait, only the newest counts."""
+class CameraNode(PreparedNode):
+    """Decodes, calls the core, publishes. Of the images that wait, only the newest counts.
 
-    def __init__(self) -> None:
+    Args:
+        later: it gets ready by `run_node`.
+    """
+
+    def __init__(self, *, later: bool = False) -> None:
         super().__init__("camera")
-        given = declare(self, PARAMETERS)
+        self._given = given = declare(self, PARAMETERS)
         self._frame = given["container_frame"]
-        calibration = read_any_calibration(given["calibration"])
-        self._detector = learnt_detector(calibration, given["still_image"] or None)
-        is_raw = given["transport"] == "raw"
-        image = topics.IMAGE if is_raw else topics.IMAGE_COMPRESSED
+        self._calibration = read_any_calibration(given["calibration"])
+        self._is_raw = given["transport"] == "raw"
+        self._image = topics.IMAGE if self._is_raw else topics.IMAGE_COMPRESSED
         settings = SettingsPublisher(
             self, sources_digest(PACKAGE), arithmetic_fingerprint(), given,
-            (image, topics.FREE_SURFACE),
+            (self._image, topics.FREE_SURFACE),
         )  # fmt: skip
         settings.publish({"calibration": Path(given["calibration"]).read_text(encoding="utf-8")})
         self._publisher = self.create_publisher(FreeSurface, topics.FREE_SURFACE, qos.STREAM_OUT)
@@ -74,13 +79,22 @@ class CameraNode(Node):
         self._recent = Flag.NONE
         self._images = self._reported = self._refused = 0
         self._complaints = Complaints(self.get_logger().error)
-        self._report = DiagnosticsReporter(self, self._health, self._facts)
-        kind = "Image" if is_raw else "CompressedImage"
-        self._topic = SilentTopic(self, image, f"sensor_msgs/msg/{kind}")
-        if is_raw:
-            self._input = NewestImage(self, Image, image, self._on_image)
-        else:
-            self._input = NewestImage(self, CompressedImage, image, self._on_compressed)
+        self._watch(self._health, self._facts)
+        self._get_ready(later=later)
+
+    def prepare(self, progress: Progress) -> None:
+        """Compiles or loads the detector, and learns from the still image."""
+        load_telling(progress, "slosh_camera")
+        still_image = self._given["still_image"] or None
+        self._detector = learnt_detector(self._calibration, still_image)
+
+    def begin(self) -> None:
+        """Listens from now on."""
+        kind, use = (Image, self._on_image)
+        if not self._is_raw:
+            kind, use = (CompressedImage, self._on_compressed)
+        self._topic = SilentTopic(self, self._image, f"sensor_msgs/msg/{kind.__name__}")
+        self._input = NewestImage(self, kind, self._image, use)
 
     def _on_image(self, message: Image) -> None:
         self._measure(
@@ -174,7 +188,7 @@ def to_value(measurement: Measurement, frame: str) -> values.FreeSurface:
 
 def main() -> int:
     """Runs the node."""
-    return run_node(CameraNode)
+    return run_node(lambda: CameraNode(later=True))
 
 
 if __name__ == "__main__":

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 from geometry_msgs.msg import AccelStamped, PoseStamped
-from rclpy.node import Node
 from sensor_msgs.msg import Imu
 from std_srvs.srv import Trigger
 
@@ -26,13 +25,16 @@ from slosh_estimator.readings import has_readings
 from slosh_estimator.sample import Sample
 from slosh_estimator.validity import attitude_warning
 from slosh_model.arithmetic import arithmetic_fingerprint
+from slosh_model.compilation import load_telling
 from slosh_model.compile_cache import sources_digest
 from slosh_model.model_text import format_model, parse_model
 from slosh_msgs.msg import ExpectedReading, SloshEstimate
 from slosh_msgs.srv import LoadModel
 from slosh_msgs_py import qos, topics
-from slosh_msgs_py.node.diagnostics import ERROR, OK, STALE, WARN, DiagnosticsReporter, Health
+from slosh_msgs_py.node.diagnostics import ERROR, OK, STALE, WARN, Health
 from slosh_msgs_py.node.parameters import ParameterSpec, declare
+from slosh_msgs_py.node.prepared import PreparedNode
+from slosh_msgs_py.node.readiness import Progress
 from slosh_msgs_py.node.run import run_node
 from slosh_msgs_py.node.settings import SettingsPublisher
 from slosh_msgs_py.stamps import to_nanoseconds
@@ -66,36 +68,48 @@ PARAMETERS = (
 )  # fmt: skip
 
 
-class EstimatorNode(Node):
-    """Converts, calls the core, publishes."""
+class EstimatorNode(PreparedNode):
+    """Converts, calls the core, publishes.
 
-    def __init__(self) -> None:
+    Args:
+        later: it gets ready by `run_node`.
+    """
+
+    def __init__(self, *, later: bool = False) -> None:
         super().__init__("estimator")
-        values = declare(self, PARAMETERS)
+        self._values = values = declare(self, PARAMETERS)
         self._clock = self.get_clock()
-        self._estimator = Estimator(read_model(values["model"]))
-        warm_up(self._estimator)
+        self._model = read_model(values["model"])
         self._message = SloshEstimate()
         self._reading = ExpectedReading()
         self._message.header.frame_id = values["container_frame"]
         self._reading.header.frame_id = values["container_frame"]
         self._kind = values["input"]
-        self._set_names()
         self._last_stamp = 0
         names = (values["input"], topics.ESTIMATE)
         self._settings = SettingsPublisher(
             self, sources_digest(PACKAGE), arithmetic_fingerprint(), values, names
         )
-        self._announce_start()
         self._publisher = self.create_publisher(SloshEstimate, topics.ESTIMATE, qos.STREAM_OUT)
         self._readings = self.create_publisher(
             ExpectedReading, topics.EXPECTED_READING, qos.STREAM_OUT
         )
-        self._input = self._subscribe(values)
+        self._flags = 0
+        self._watch(self._health, self._facts)
+        self._get_ready(later=later)
+
+    def prepare(self, progress: Progress) -> None:
+        """Compiles or loads the models' kernel and what reads the input, and checks them."""
+        load_telling(progress, "slosh_estimator")
+        self._estimator = Estimator(self._model)
+
+    def begin(self) -> None:
+        """Listens from now on."""
+        self._set_names()
+        self._announce_start()
+        self._input = self._subscribe(self._values)
         self.create_service(LoadModel, topics.LOAD_MODEL, self._on_load_model)
         self.create_service(Trigger, topics.RESET, self._on_reset)
-        self._flags = 0
-        self._report = DiagnosticsReporter(self, self._health, self._facts)
 
     def _subscribe(self, values: dict[str, Any]) -> AccelInput | ImuInput | PoseInput:
         self._input_health = InputHealth(self, values["input"], KINDS[values["input"]])
@@ -213,16 +227,9 @@ class EstimatorNode(Node):
         return {**dropped, "gaps": gate.gaps, "divergences": self._estimator.divergences}
 
 
-def warm_up(estimator: Estimator) -> None:
-    """Compiles or loads the kernel before the first message comes."""
-    estimator.update(Sample(0, 0.0, 0.0, 0.0, 0.0, True))
-    estimator.update(Sample(1_000_000, 0.0, 0.0, 0.0))
-    estimator.reset()
-
-
 def main() -> int:
     """Runs the node."""
-    return run_node(EstimatorNode)
+    return run_node(lambda: EstimatorNode(later=True))
 
 
 if __name__ == "__main__":

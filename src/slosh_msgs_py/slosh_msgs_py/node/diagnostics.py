@@ -11,6 +11,7 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
 from slosh_msgs_py import qos, topics
+from slosh_msgs_py.node.readiness import READY, STATE, Readiness
 
 OK, WARN, ERROR, STALE = (
     DiagnosticStatus.OK,
@@ -33,6 +34,7 @@ class DiagnosticsReporter:
         node: the node.
         health: level and sentence at the moment of the report.
         facts: further key-value pairs at the moment of the report.
+        readiness: where the node stands; before it is ready neither of the others is asked.
     """
 
     def __init__(
@@ -40,10 +42,12 @@ class DiagnosticsReporter:
         node: Node,
         health: Callable[[], Health],
         facts: Callable[[], Mapping[str, Any]] = dict,
+        readiness: Readiness | None = None,
     ) -> None:
         self._node = node
         self._health = health
         self._facts = facts
+        self._readiness = readiness or Readiness()
         self._counts: dict[str, int] = {}
         self._reported: dict[str, int] = {}
         self._latencies: deque[int] = deque(maxlen=_KEPT)
@@ -71,10 +75,15 @@ class DiagnosticsReporter:
 
     def report(self) -> None:
         """Publishes the report."""
+        state = self._readiness.state
+        if state != READY:
+            sentence = f"not ready, {self._readiness.sentence}"
+            self._publisher.publish(self._array(WARN, sentence, {STATE: state}))
+            return
         level, sentence = self._health()
         now = self._steady.now().nanoseconds
         elapsed = max((now - self._last) * 1e-9, 1e-9)
-        pairs: dict[str, Any] = {}
+        pairs: dict[str, Any] = {STATE: state}
         for name, count in self._counts.items():
             pairs[f"{name} [Hz]"] = f"{(count - self._reported.get(name, 0)) / elapsed:.1f}"
             pairs[f"{name} total"] = count

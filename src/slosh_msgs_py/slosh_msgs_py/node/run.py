@@ -19,9 +19,11 @@ from rclpy.signals import SignalHandlerOptions
 
 from slosh_msgs_py.errors import SloshMessageError
 from slosh_msgs_py.node.lifeline import watch_lifelines
+from slosh_msgs_py.node.prepared import Preparation, PreparedNode
+from slosh_msgs_py.node.readiness import READY
 from slosh_msgs_py.node.shared_memory import is_deaf
 
-EXIT_DONE, EXIT_WRONG_INPUT = 0, 2
+EXIT_DONE, EXIT_FAILED, EXIT_WRONG_INPUT = 0, 1, 2
 EXECUTORS = ("events", "single")
 ATTEMPTS, PAUSE = 20, 0.25  # s; what holds a dead port open is found out within a second or two
 _Node = TypeVar("_Node", bound=Node)
@@ -35,27 +37,35 @@ def run_node(
 ) -> int:
     """Runs a node until SIGINT, SIGTERM, SIGHUP, its own end or that of whoever started it.
 
+    A node that has not got what it needs yet is prepared first; see `PreparedNode`. One that has
+    an attribute `failure` when it is finished, a text, has failed.
+
     Args:
         factory: makes the node; a ValueError of ours is a wrong parameter or file.
         arguments: the command line; None: the process's own.
         finished: asks the node whether its work is done.
 
     Returns:
-        exit code: 0 done, 2 a wrong parameter or file (one line on stderr).
+        exit code: 0 done; 2 a wrong parameter or file; where the node has failed its attribute
+        `failure_code`, or 1. All but 0 come with one line on stderr.
     """
     stop = _StopFlag()
     watch_lifelines(stop.starter_ended)
+    preparation = None
     try:
         initialise(arguments)
         executor = make_executor()
         node = make_heard(factory)
+        executor.add_node(node)
+        if isinstance(node, PreparedNode) and node.readiness.state != READY:
+            preparation = Preparation(node)
+            _prepare(node, preparation, executor, stop)
     except (ValueError, OSError) as error:
         rclpy.try_shutdown()
         if not isinstance(error, OSError) and not type(error).__module__.startswith("slosh_"):
             raise
         print(f"{type(error).__name__}: {error}", file=sys.stderr)
         return EXIT_WRONG_INPUT
-    executor.add_node(node)
     # A full collection takes 100 ms with SciPy, Numba and OpenCV loaded: exempt what is there.
     gc.collect()
     gc.freeze()
@@ -65,9 +75,35 @@ def run_node(
     close = getattr(node, "close", None)
     if close is not None:
         close()
+    code = _exit_code(node)
     node.destroy_node()
     rclpy.try_shutdown()
-    return EXIT_DONE
+    if preparation is not None and preparation.runs:
+        # A compiler cannot be interrupted, and whoever stops a node does not wait for one.
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(code)
+    return code
+
+
+def _prepare(node: PreparedNode, preparation: Preparation, executor: Any, stop: _StopFlag) -> None:
+    """Prepares a node while its diagnostics go out; a stop does not wait for it."""
+    with contextlib.suppress(ExternalShutdownException):
+        while preparation.runs and not stop.requested:
+            executor.spin_once(timeout_sec=_POLL)
+            node.tell_news()
+    if preparation.error is not None:
+        raise preparation.error
+    if not preparation.runs:
+        node.is_prepared()
+
+
+def _exit_code(node: Node) -> int:
+    failure = getattr(node, "failure", "")
+    if not failure:
+        return EXIT_DONE
+    print(f"{node.get_name()}: {failure}", file=sys.stderr)
+    return int(getattr(node, "failure_code", EXIT_FAILED))
 
 
 def initialise(arguments: Sequence[str] | None) -> None:

@@ -1,0 +1,100 @@
+"""Nodes that need compiled code before they can work."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from rclpy.node import Node
+
+from slosh_msgs_py.node.diagnostics import DiagnosticsReporter, Health
+from slosh_msgs_py.node.readiness import STARTING, Progress, Readiness
+
+
+class PreparedNode(Node):
+    """A node that is ready once what it needs is compiled.
+
+    The constructor does what is quick and what can be refused: parameters, files, publishers. All
+    that is compiled or loaded happens in `prepare`, while the diagnostics already go out; `begin`
+    takes up the work: what hears messages is made there, not before.
+
+    A node made by itself is ready when its constructor returns; with `later` it is so after
+    `run_node` has prepared it.
+    """
+
+    def __init__(self, name: str) -> None:
+        super().__init__(name)
+        self.readiness = Readiness(STARTING)
+
+    def prepare(self, progress: Progress) -> None:
+        """Compiles, or loads what is compiled, in a thread of its own.
+
+        Args:
+            progress: is told what is compiled, where something is.
+
+        Raises:
+            ValueError: of ours: what it was given cannot be used.
+        """
+        raise NotImplementedError
+
+    def begin(self) -> None:
+        """Takes up the work, in the executor's thread."""
+        raise NotImplementedError
+
+    def _watch(
+        self, health: Callable[[], Health], facts: Callable[[], Mapping[str, Any]]
+    ) -> DiagnosticsReporter:
+        """The node's diagnostics; `health` and `facts` are not asked before it is ready."""
+        self._report = DiagnosticsReporter(self, health, facts, self.readiness)
+        return self._report
+
+    def _get_ready(self, *, later: bool) -> None:
+        """Ends a constructor."""
+        if not later:
+            self.prepare(self.compiles)
+            self.is_prepared()
+
+    def compiles(self, what: str) -> None:
+        """Tells what is compiled; the first time in the log, too."""
+        if not self.readiness.doing:
+            self.get_logger().warning(f"not ready yet: {what}")
+        self.readiness.compiles(what)
+
+    def is_prepared(self) -> None:
+        """Takes up the work and tells so at once."""
+        self.begin()
+        if self.readiness.doing:
+            self.get_logger().info("compiled; ready")
+        self.readiness.is_ready()
+        self._report.report()
+
+    def tell_news(self) -> None:
+        """Reports at once where it stands, if that has changed."""
+        if self.readiness.news():
+            self._report.report()
+
+
+class Preparation:
+    """Prepares a node in a thread.
+
+    Attributes:
+        error: why it cannot be prepared; None: it can, or it is not known yet.
+    """
+
+    def __init__(self, node: PreparedNode) -> None:
+        self.error: BaseException | None = None
+        self._node = node
+        self._thread = threading.Thread(target=self._run, name="prepare", daemon=True)
+        self._thread.start()
+
+    @property
+    def runs(self) -> bool:
+        """Whether it is still at it."""
+        return self._thread.is_alive()
+
+    def _run(self) -> None:
+        try:
+            self._node.prepare(self._node.compiles)
+        except BaseException as error:
+            self.error = error

@@ -1,0 +1,47 @@
+"""How far a node is on its way to its work; its diagnostics tell, and others wait for it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Final
+
+STATE: Final = "state"
+"""The key in the diagnostics."""
+STARTING: Final = "starting"
+COMPILING: Final = "compiling"
+READY: Final = "ready"
+
+Progress = Callable[[str], None]
+"""Is told what is being compiled; not called where all of it is compiled already."""
+
+
+class Readiness:
+    """Where a node stands.
+
+    Attributes:
+        state: STARTING, COMPILING or READY.
+        doing: what takes so long, in words; empty: nothing does.
+    """
+
+    def __init__(self, state: str = READY) -> None:
+        self.state = state
+        self.doing = ""
+        self._told = state, ""
+
+    def compiles(self, doing: str) -> None:
+        """Something has to be compiled first."""
+        self.state, self.doing = COMPILING, doing
+
+    def is_ready(self) -> None:
+        """The node works from now on."""
+        self.state, self.doing = READY, ""
+
+    def news(self) -> bool:
+        """Whether something has changed since the last call."""
+        before, self._told = self._told, (self.state, self.doing)
+        return self._told != before
+
+    @property
+    def sentence(self) -> str:
+        """State and words in one."""
+        return f"{self.state}: {self.doing}" if self.doing else self.state
