@@ -34,6 +34,7 @@ from slosh_camera.calibration import format_calibration
 from slosh_msgs.msg import FreeSurface
 from slosh_msgs_py import images, qos, topics
 from slosh_msgs_py.node.domain import own_domain
+from slosh_msgs_py.node.readiness import READY, STATE
 from slosh_msgs_py.node.run import make_executor
 from slosh_msgs_py.stamps import to_nanoseconds, to_time
 
@@ -157,10 +158,14 @@ def measured_at(
     rclpy.init()
     rig, executor = Rig(), make_executor()
     executor.add_node(rig)
-    ready = wait(executor, lambda: {"camera", "estimator"} <= set(rig.facts), PATIENCE)
-    group.check()
-    if not ready:
-        raise SystemExit("the nodes did not start")
+
+    def ready() -> bool:
+        group.check()
+        states = [rig.facts.get(name, {}).get(STATE) for name in ("camera", "estimator")]
+        return states == [READY, READY]
+
+    if not wait(executor, ready, PATIENCE):
+        raise SystemExit("the nodes did not get ready")
     results = [measure(rig, executor, messages, rate, seconds) for rate in rates]
     rclpy.try_shutdown()
     return results

@@ -19,9 +19,9 @@ COMPILATION = 300.0
 
 @pytest.mark.timeout(2 * COMPILATION)
 def test_a_demo_without_compiled_code_waits_for_it_and_misses_nothing(tmp_path):
-    folder = tmp_path / "out"
+    folder = tmp_path / "out" / "latest"
     environment = {"NUMBA_CACHE_DIR": str(tmp_path / "cache")}
-    words = ("demo", "--motion", "l", "-o", str(folder))
+    words = ("demo", "--motion", "l", "-o", str(folder.parent))
     with live_process(*words, output=tmp_path / "words", environment=environment) as running:
         assert running.process.wait(COMPILATION) == 0, running.said
         said = running.said
@@ -71,8 +71,8 @@ def slowed(pids, share):
 
 @pytest.mark.timeout(2 * PATIENCE)
 def test_a_machine_that_is_too_slow_is_told_with_figures(tmp_path):
-    folder = tmp_path / "out"
-    words = ("demo", "--motion", "l", "-o", str(folder))
+    folder = tmp_path / "out" / "latest"
+    words = ("demo", "--motion", "l", "-o", str(folder.parent))
     with live_process(*words, output=tmp_path / "words") as running:
         nodes = running.wait_for_nodes(5)
         running.wait_for(lambda: "ready: recording" in running.said, "the nodes")
@@ -90,8 +90,8 @@ def test_a_machine_that_is_too_slow_is_told_with_figures(tmp_path):
 
 @pytest.mark.timeout(2 * PATIENCE)
 def test_a_node_that_never_gets_ready_ends_the_run_with_its_name(tmp_path):
-    folder = tmp_path / "out"
-    with live_process("demo", "-o", str(folder), output=tmp_path / "words") as running:
+    folder = tmp_path / "out" / "latest"
+    with live_process("demo", "-o", str(folder.parent), output=tmp_path / "words") as running:
         running.wait_for(lambda: "camera" in running.nodes(), "the camera")
         camera = running.nodes()["camera"]
         os.kill(camera, signal.SIGSTOP)

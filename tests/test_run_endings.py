@@ -9,6 +9,7 @@ import subprocess
 import sys
 import termios
 import time
+from pathlib import Path
 
 import pytest
 
@@ -102,6 +103,24 @@ def test_a_signal_during_the_start_leaves_no_node_and_gives_a_report(tmp_path, n
         assert reports(folder) == REPORT
         assert f"the run was stopped ({number.name}) before all nodes were" in running.said
         assert "Traceback" not in running.said
+
+
+def test_a_signal_in_the_very_first_moment_gives_a_report_too(tmp_path):
+    folder = tmp_path / "out" / "latest"
+    with live_process("demo", "-o", str(folder.parent), output=tmp_path / "words") as running:
+        running.wait_for(lambda: takes_signals(running.process.pid), "the signals' handlers")
+        running.process.terminate()
+        assert running.end() == 1, running.said
+        assert not running.nodes()
+    assert reports(folder) == REPORT
+    assert "stopped (SIGTERM) before any node was started" in running.said
+
+
+def takes_signals(pid):
+    """Whether a process has a handler for SIGTERM."""
+    status = Path(f"/proc/{pid}/status").read_text()
+    caught = next(line for line in status.splitlines() if line.startswith("SigCgt:"))
+    return int(caught.split()[1], 16) >> (signal.SIGTERM - 1) & 1
 
 
 def test_the_nodes_of_a_killed_command_end_and_the_recorder_last(demo):

@@ -28,8 +28,11 @@ REMAPPABLE = (
     topics.COMPARISON,
     topics.LIMIT_EVENT,
     topics.DIAGNOSTICS,
+    topics.LOAD_MODEL,
+    topics.RESET,
+    f"monitor/{topics.RESET}",
 )
-"""Topics that the nodes read or publish, by the names that `remap` knows."""
+"""Topics and services of the nodes, by the names that `remap` knows."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,6 +14,7 @@ from slosh_bringup.processes import NodeEnd, NodeGroup, NodeProcess, node_enviro
 from slosh_bringup.stop_request import StopRequest
 from slosh_camera.calibration import read_any_calibration
 from slosh_estimator.model_file import read_model
+from slosh_msgs_py import topics
 from slosh_msgs_py.node.domain import own_domain
 
 POLL = 0.1
@@ -74,6 +75,10 @@ def run_nodes(run: LiveRun, screen: Screen, stop: StopRequest) -> Outcome:
         screen: of whoever watches.
         stop: asks for the end.
     """
+    if stop.reason:
+        return Outcome(
+            f"the run was stopped ({stop.reason}) before any node was started", 1, False
+        )
     # With ROS, which a wrong option need not wait for.
     from slosh_bringup.nodes.cell_listener import CellListener
 
@@ -86,13 +91,15 @@ def run_nodes(run: LiveRun, screen: Screen, stop: StopRequest) -> Outcome:
         ready += ", the motion begins"
     names = [process.name for process in processes]
     watch = LiveWatch(run.folder / SETTINGS, names, screen, ready)
+    namespace, remap = run.setup.namespace, run.setup.remap
+    diagnostics = remap.get(topics.DIAGNOSTICS, topics.DIAGNOSTICS)
     with ExitStack() as stack:
         environment = node_environment(stack.enter_context(claim))
         # The listener below speaks as the nodes do.
         os.environ.update(environment)
-        group = stack.enter_context(NodeGroup(run.setup.namespace, run.folder / LOGS, environment))
+        group = stack.enter_context(NodeGroup(namespace, run.folder / LOGS, environment))
         listener = stack.enter_context(
-            CellListener(run.setup.namespace, watch.take_settings, watch.take_report)
+            CellListener(namespace, watch.take_settings, watch.take_report, diagnostics)
         )
         for process in processes:
             group.start(process)
@@ -107,7 +114,9 @@ def _outcome(stop: StopRequest, watch: LiveWatch, end: NodeEnd | None) -> Outcom
         return Outcome(end.text, end.code if end.code == 2 else 1, watch.began)
     if watch.began:
         return Outcome()
+    if stop.reason:
+        problem = f"the run was stopped ({stop.reason}) before all nodes were ready"
+        return Outcome(f"{problem}: {watch.waits_for}", 1, began=False)
     if watch.given_up:
         return Outcome(f"not all nodes got ready: {watch.given_up}", 1, began=False)
-    problem = f"the run was stopped ({stop.reason}) before all nodes were ready"
-    return Outcome(f"{problem}: {watch.waits_for}", 1, began=False)
+    return Outcome()  # the motion is over: it began, whatever was heard here

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import math
 import os
 import select
@@ -13,6 +14,8 @@ from types import FrameType, TracebackType
 from typing import Any
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+READER_GONE = (errno.EIO, errno.EPIPE, errno.EBADF)
+"""Errors of a write to a terminal or a pipe that has gone; a full disk is another matter."""
 _STREAMS = (0, 1, 2)
 _GONE = select.POLLHUP | select.POLLERR | select.POLLNVAL
 _SAME_HANG_UP = 1.0  # s; a closed terminal is told by the kernel and again by the shell
@@ -59,8 +62,15 @@ class StopRequest:
         finally:
             self._finishing = False
 
-    def hang_up(self) -> None:
-        """The terminal has gone: SIGHUP tells it, or, over ssh without one, a failing write."""
+    def written_in_vain(self, error: OSError) -> None:
+        """Words could not be written: where nobody reads any more, that is a wish to end.
+
+        Over ssh without a terminal there is no signal that tells it.
+        """
+        if error.errno in READER_GONE:
+            self._hang_up()
+
+    def _hang_up(self) -> None:
         self.reason = self.reason or signal.SIGHUP.name
         forget_readers()
 
@@ -69,7 +79,7 @@ class StopRequest:
         if number == signal.SIGHUP:
             before, self._hung_up = self._hung_up, time.monotonic()
             asked = asked and self._hung_up - before > _SAME_HANG_UP
-            self.hang_up()
+            self._hang_up()
         self.reason = self.reason or signal.Signals(number).name
         if self._finishing and asked:
             raise KeyboardInterrupt

@@ -208,6 +208,66 @@ def test_a_bad_parameter_is_refused_by_name(
         EstimatorNode()
 
 
+def test_the_estimator_says_why_nothing_drives_it(start: Callable[..., Cell]) -> None:
+    cell = start()
+    cell.add(EstimatorNode())
+    reports = cell.collect(DiagnosticArray, "/diagnostics")
+
+    def told(sentence: str) -> None:
+        def heard() -> bool:
+            words = [status.message for report in reports for status in report.status]
+            return any("no usable input for" in word and sentence in word for word in words)
+
+        cell.until(heard)
+
+    told("nobody publishes /accel")
+    # One process may not use a topic with two types; two may.
+    elsewhere = rclpy.Context()
+    rclpy.init(context=elsewhere, domain_id=int(os.environ["ROS_DOMAIN_ID"]))
+    other = Node("other", context=elsewhere)
+    other.create_publisher(Imu, topics.ACCEL, qos.STREAM_OUT)
+    told("/accel is published as sensor_msgs/msg/Imu, it must be geometry_msgs/msg/AccelStamped")
+    other.destroy_node()
+    rclpy.shutdown(context=elsewhere)
+    publisher = cell.publisher(AccelStamped, topics.ACCEL)
+    told("the publisher of /accel is silent")
+    cell.until(
+        lambda: publisher.publish(accel(cell.now() - 5000 * MS, 1.0)) or said_stale(reports)
+    )
+
+
+def said_stale(reports: list[Any]) -> bool:
+    words = [status.message for report in reports for status in report.status]
+    return any(
+        "messages on /accel" in word and "are stale: older than max_age" in word for word in words
+    )
+
+
+@pytest.mark.parametrize(("shift", "way"), [(-100.0, "behind"), (100.0, "ahead of")])
+def test_the_monitor_says_that_two_clocks_are_not_one(
+    start: Callable[..., Cell], shift: float, way: str
+) -> None:
+    cell = start()
+    cell.add(MonitorNode())
+    reports = cell.collect(DiagnosticArray, "/diagnostics")
+    estimates = cell.publisher(SloshEstimate, topics.ESTIMATE)
+    surfaces = cell.publisher(FreeSurface, topics.FREE_SURFACE)
+
+    def told() -> bool:
+        estimate, surface = SloshEstimate(), FreeSurface(msh=0.001)
+        estimate.header.stamp = to_time(cell.now())
+        surface.header.stamp = to_time(cell.now() + round(shift * 1e9))
+        estimates.publish(estimate)
+        surfaces.publish(surface)
+        return any(way in report.status[0].message for report in reports)
+
+    cell.until(told)
+    (status,) = next(r for r in reports if way in r.status[0].message).status
+    assert status.level == b"\x01"
+    assert "nothing is compared; both must come from one clock" in status.message
+    assert abs(float(status.message.split(" lie ")[1].split(" s ")[0]) - 100.0) < 5.0
+
+
 def test_the_monitor_compares_reports_events_and_tells_which_side_is_silent(
     start: Callable[..., Cell],
 ) -> None:

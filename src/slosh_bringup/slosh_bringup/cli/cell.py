@@ -24,4 +24,4 @@ def run(arguments: argparse.Namespace) -> int:
     """Runs the nodes until it is told to end; prints the figures and where the results are."""
     config: Path = arguments.config
     run = LiveRun("cell", read_setup(config), arguments.output, f"Cell {config.stem}")
-    return run_live(run, clock("recording, Ctrl-C to stop"))
+    return run_live(run, clock("recording, Ctrl-C to stop"), arguments.stop)

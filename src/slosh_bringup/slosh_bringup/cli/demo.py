@@ -45,4 +45,4 @@ def run(arguments: argparse.Namespace) -> int:
     title = f"Simulated cell, motion {motion.name}"
     run = LiveRun("demo", setup, arguments.output, title, simulated)
     bar = progress_bar(f"motion {motion.name}", length, quiet=arguments.json)
-    return run_live(run, bar, as_json=arguments.json)
+    return run_live(run, bar, arguments.stop, as_json=arguments.json)

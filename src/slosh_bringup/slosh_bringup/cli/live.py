@@ -41,16 +41,23 @@ class LiveScreen:
     def _try(self, write: Callable[[], object]) -> None:
         try:
             write()
-        except OSError:
-            self._stop.hang_up()
+        except OSError as error:
+            self._stop.written_in_vain(error)
 
 
-def run_live(run: LiveRun, bar: AbstractContextManager[Tell], *, as_json: bool = False) -> int:
+def run_live(
+    run: LiveRun,
+    bar: AbstractContextManager[Tell],
+    stop: StopRequest,
+    *,
+    as_json: bool = False,
+) -> int:
     """Runs a cell to its end, writes the report and prints the figures.
 
     Args:
         run: what is run; its own folder is made below the one that it names.
         bar: shows the elapsed time while it runs.
+        stop: asks for the end; it takes the signals from the command's first moment on.
         as_json: print the figures as JSON.
 
     Returns:
@@ -60,25 +67,24 @@ def run_live(run: LiveRun, bar: AbstractContextManager[Tell], *, as_json: bool =
     folder = new_run(run.folder, datetime.now(), lambda line: _say(run, line))
     run = replace(run, folder=folder)
     _say(run, f"this run is in {folder}")
-    with StopRequest() as stop:
-        with bar as progress:
-            screen = LiveScreen(progress, stop)
-            outcome = run_nodes(run, screen, stop)
-        problems = tuple(filter(None, (outcome.problem,)))
-        try:
-            with stop.finishing():
-                why = f"{stop.reason}, " if stop.reason else ""
-                again = "; once more: without it" if stop.reason else ""
-                screen.tell(f"{why}all nodes have ended: writing the report{again}")
-                result = write_results(
-                    run.folder, run.folder / BAG, run.title, problems, began=outcome.began
-                )
-        except KeyboardInterrupt:
-            screen.tell(
-                f"slosh {run.command}: no report, as asked; the recording is whole: "
-                f"slosh replay {run.folder / BAG} -o {run.folder}"
+    with bar as progress:
+        screen = LiveScreen(progress, stop)
+        outcome = run_nodes(run, screen, stop)
+    problems = tuple(filter(None, (outcome.problem,)))
+    try:
+        with stop.finishing():
+            why = f"{stop.reason}, " if stop.reason else ""
+            again = "; once more: without it" if stop.reason else ""
+            screen.tell(f"{why}all nodes have ended: writing the report{again}")
+            result = write_results(
+                run.folder, run.folder / BAG, run.title, problems, began=outcome.began
             )
-            return 1
+    except KeyboardInterrupt:
+        screen.tell(
+            f"slosh {run.command}: no report, as asked; the recording is whole: "
+            f"slosh replay {run.folder / BAG} -o {run.folder}"
+        )
+        return 1
     print_json(result, folder) if as_json else print_result(result, folder)
     for line in (result.nothing,) if result.reasons else result.warnings:
         _say(run, line)

@@ -10,6 +10,9 @@ import importlib
 import os
 import sys
 from collections.abc import Sequence
+from contextlib import nullcontext
+
+from slosh_bringup.stop_request import StopRequest
 
 # One module per subcommand, imported only when it runs: `slosh --help` stays instant.
 COMMANDS: dict[str, str] = {
@@ -29,21 +32,25 @@ COMMANDS: dict[str, str] = {
     "doctor": "what works here, what is missing, how to mend it",
 }
 LATER = ("identify", "predict")
+LIVE = ("demo", "cell")
 
 EXIT_DONE, EXIT_FAILED, EXIT_WRONG_INPUT = 0, 1, 2
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Runs the command line; returns the exit code."""
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    name = next((word for word in words if not word.startswith("-")), None)
     try:
-        return _run(list(sys.argv[1:] if arguments is None else arguments))
+        # What starts nodes ends them, and reports, whenever a signal comes.
+        with StopRequest() if name in LIVE else nullcontext() as stop:
+            return _run(words, name, stop)
     except KeyboardInterrupt:
         print("slosh: stopped", file=sys.stderr)
         return EXIT_FAILED
 
 
-def _run(words: list[str]) -> int:
-    name = next((word for word in words if not word.startswith("-")), None)
+def _run(words: list[str], name: str | None, stop: StopRequest | None) -> int:
     parser = build_parser(name)
     parsed = parser.parse_args(words)
     if parsed.command is None:
@@ -52,6 +59,7 @@ def _run(words: list[str]) -> int:
     if parsed.command in LATER:
         print(f"slosh {parsed.command}: not in this version; see docs/roadmap.md", file=sys.stderr)
         return EXIT_WRONG_INPUT
+    parsed.stop = stop
     return run_guarded(parsed)
 
 

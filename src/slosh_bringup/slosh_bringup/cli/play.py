@@ -13,7 +13,7 @@ from slosh_bag.playing.playback import PlaybackSettings
 from slosh_bringup.cli.progress import clock, progress_bar
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.processes import node_environment
-from slosh_bringup.stop_request import forget_readers
+from slosh_bringup.stop_request import READER_GONE, forget_readers
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -82,8 +82,9 @@ def run(arguments: argparse.Namespace) -> int:
         def watch(node: Any) -> None:
             try:
                 progress(node.played, "")
-            except OSError:  # its reader has gone without a word: as a closed terminal
-                forget_readers()
-                signal.raise_signal(signal.SIGHUP)
+            except OSError as error:
+                if error.errno in READER_GONE:  # without a word, as a terminal does with one
+                    forget_readers()
+                    signal.raise_signal(signal.SIGHUP)
 
         return play(plan, ros, watch)
