@@ -234,7 +234,7 @@ def test_without_a_known_end_lines_become_rarer(clock, told):
     with module.clock("recording") as tell:
         for second in range(day + 1):
             clock.now = float(second)
-            tell(clock.now, "running")
+            tell(clock.now, "")
     lines = told()
     assert len(lines) < 100
     assert lines[:3] == ["recording: 0 s", "recording: 10 s", "recording: 20 s"]
@@ -256,16 +256,16 @@ def test_a_new_stage_is_told_at_once(told):
 def test_what_fails_or_is_stopped_is_not_told_as_done(told):
     def fail():
         with progress_bar("motion", 10.0) as tell:
-            tell(3.0, "running")
+            tell(3.0, "")
             raise ZeroDivisionError
 
     with pytest.raises(ZeroDivisionError):
         fail()
     with progress_bar("motion", 10.0) as tell:
-        tell(3.0, "running")
+        tell(3.0, "")
         tell(3.1, "stopping")
     with progress_bar("motion", 10.0) as tell:
-        tell(9.0, "running")
+        tell(9.0, "")
     begun = "motion: 0%, 0.0/10.0 s"
     assert told() == [
         begun, begun, "motion: 31%, 3.1/10.0 s", begun, "motion: 100%, 10.0/10.0 s"

@@ -84,7 +84,7 @@ class LiveWatch:
         """Looks at the clock; several times a second."""
         now = time.monotonic()
         if self._health is None:
-            self._screen.show(0.0, f"{now - self._started:.0f} s, {self.waits_for}")
+            self._screen.show(0.0, self.waits_for)
             return
         self._tell(self._health.look(now))
         self._screen.show(now - self._began, "")

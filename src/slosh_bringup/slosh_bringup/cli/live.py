@@ -10,7 +10,7 @@ from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 
-from slosh_bringup.cli.progress import Tell, say
+from slosh_bringup.cli.progress import STOPPING, Tell, say
 from slosh_bringup.live_report import REPORT, LiveResult, write_results
 from slosh_bringup.live_run import BAG, LiveRun, check_files, run_nodes
 from slosh_bringup.run_folder import new_run
@@ -29,10 +29,16 @@ class LiveScreen:
     def __init__(self, progress: Tell, stop: StopRequest) -> None:
         self._progress = progress
         self._stop = stop
+        self._elapsed = 0.0
 
     def show(self, elapsed: float, text: str) -> None:
         """Shows how long it has taken [s] and what is going on, in place of what was shown."""
+        self._elapsed = elapsed
         self._try(lambda: self._progress(elapsed, text))
+
+    def stopped(self) -> None:
+        """What was shown last is all that there was."""
+        self.show(self._elapsed, STOPPING)
 
     def tell(self, line: str) -> None:
         """Prints a line that stays."""
@@ -70,6 +76,8 @@ def run_live(
     with bar as progress:
         screen = LiveScreen(progress, stop)
         outcome = run_nodes(run, screen, stop)
+        if stop.reason or outcome.problem:
+            screen.stopped()
     problems = tuple(filter(None, (outcome.problem,)))
     try:
         with stop.finishing():

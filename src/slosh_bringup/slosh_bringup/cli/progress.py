@@ -242,7 +242,7 @@ def progress_bar(title: str, length: float, *, quiet: bool = False) -> Iterator[
         def tell(elapsed: float, text: str) -> None:
             nonlocal stopped
             stopped = text == STOPPING
-            progress.reach(min(elapsed, length), text)
+            progress.reach(min(elapsed, length), "" if stopped else text)
 
         yield tell
         if not stopped:
@@ -253,7 +253,7 @@ def progress_bar(title: str, length: float, *, quiet: bool = False) -> Iterator[
 def clock(title: str) -> Iterator[Tell]:
     """The elapsed time of something without a known end."""
     with Progress(title, None, Unit("s"), delay=0.0) as progress:
-        yield lambda elapsed, text: progress.reach(elapsed, text)
+        yield lambda elapsed, text: progress.reach(elapsed, "" if text == STOPPING else text)
 
 
 @contextmanager
