@@ -40,7 +40,7 @@ lint: setup
 	@tools/run python tools/typecheck.py
 
 bench: setup
-	@for file in benchmarks/bench_*.py; do ROS_PYTHON_CHECK_FIELDS=0 tools/run python $$file || exit 1; done
+	@missed=0; for file in benchmarks/bench_*.py; do ROS_PYTHON_CHECK_FIELDS=0 tools/run python $$file || missed=1; done; exit $$missed
 
 tables: setup
 	@tools/run python tools/parameter_tables.py

@@ -100,7 +100,7 @@ def report(rounds: Sequence[Mapping[str, float]], scipy: float) -> int:
         name = claim.removesuffix(" / C")
         ratio = statistics.median(one[name] / one["C, -O3"] for one in rounds)
         missed |= ratio > goal
-        print(f"{claim:18s} {ratio:8.2f}   goal: at most {goal:.2f}")
+        print(f"{claim:18s} {ratio:8.2f}   goal: at most {goal:.2f}{', MISSED' * (ratio > goal)}")
     ratio = scipy / statistics.median(one["kernel"] for one in rounds)
     print(f"{'SciPy / kernel':18s} {ratio:8.0f}   goal: at least {SCIPY_GOAL:.0f}")
     return int(missed or ratio < SCIPY_GOAL)

@@ -42,7 +42,7 @@ from slosh_model.lane_rows import (
 )
 from slosh_model.layout import CHANGED_2, CHANGED_STRIDED_3, STRIDED_2, STRIDED_3, records
 
-_CHUNK = 64  # samples that are fetched, and answered, together
+_CHUNK = 16  # samples that are fetched, and answered, together
 _GIVEN, _ANSWERS = 5 * LANES, 3 * LANES  # numbers per sample of a chunk
 _STAGE_WEIGHTS = (1.0, 2.0, 2.0, 1.0)
 _STAGE_SHARES = (0.0, 0.5, 0.5, 1.0)
