@@ -17,6 +17,7 @@ from slosh_bag.recorder import Recorder
 from slosh_bringup.processes import node_environment
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.node.run import make_executor
+from tests.small_disk import small_disk
 
 PATIENCE = 30.0
 MEGABYTE = 2**20
@@ -32,25 +33,18 @@ def until(condition, what, act=lambda: time.sleep(0.01)):
 
 
 @pytest.fixture
-def small_disk(tmp_path):
+def disk(tmp_path):
     """A file system of 48 MB."""
     folder = tmp_path / "disk"
     folder.mkdir()
-    command = ["mount", "-t", "tmpfs", "-o", "size=48m", "tmpfs", str(folder)]
-    try:
-        done = subprocess.run(command, capture_output=True, text=True, check=False)
-    except FileNotFoundError:
-        pytest.skip("no mount command here")
-    if done.returncode:
-        pytest.skip(f"a file system of a given size is needed: {done.stderr.strip()}")
-    yield folder
-    subprocess.run(["umount", "-l", str(folder)], check=True)
+    with small_disk(folder, "size=48m"):
+        yield folder
 
 
-def test_a_small_disk_fills_up_and_recording_goes_on_when_there_is_room(small_disk):
-    ballast = small_disk / "ballast"
+def test_a_small_disk_fills_up_and_recording_goes_on_when_there_is_room(disk):
+    ballast = disk / "ballast"
     ballast.write_bytes(bytes(40 * MEGABYTE))
-    recorder = Recorder(small_disk / "bag")
+    recorder = Recorder(disk / "bag")
     recorder.add_topic("/h", "std_msgs/msg/Header", Qos())
     count = 0
 
@@ -63,7 +57,7 @@ def test_a_small_disk_fills_up_and_recording_goes_on_when_there_is_room(small_di
     status = recorder.status()
     assert "No space left on device" in status.failure
     assert status.free < MEGABYTE
-    kept = [numbered(message.data) for message in BagReader(small_disk / "bag").messages()]
+    kept = [numbered(message.data) for message in BagReader(disk / "bag").messages()]
     assert kept == list(range(len(kept)))
     assert len(kept) * 100_000 > 5 * MEGABYTE
     for _ in range(20):
@@ -74,7 +68,7 @@ def test_a_small_disk_fills_up_and_recording_goes_on_when_there_is_room(small_di
     recorder.close()
     status = recorder.status()
     assert (status.lost, status.interruptions) == (0, 1)
-    reader = BagReader(small_disk / "bag")
+    reader = BagReader(disk / "bag")
     assert [numbered(message.data) for message in reader.messages()] == list(range(count))
     assert reader.warnings == []
 

@@ -8,7 +8,7 @@ import signal
 import subprocess
 import sys
 import time
-from contextlib import contextmanager, nullcontext, suppress
+from contextlib import nullcontext, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -24,6 +24,7 @@ from slosh_bringup.cli.main import COMMANDS, LATER, main
 from slosh_bringup.processes import config_folder
 from slosh_camera.calibration import read_calibration
 from slosh_files import is_unfinished
+from tests.small_disk import small_disk
 
 ROOT = Path(__file__).parents[1]
 PATIENCE = 60.0
@@ -330,22 +331,6 @@ def place(tmp_path):
     return folder
 
 
-@contextmanager
-def small_disk(folder):
-    """A file system of 4 MB."""
-    command = ["mount", "-t", "tmpfs", "-o", "size=4m", "tmpfs", str(folder)]
-    try:
-        done = subprocess.run(command, capture_output=True, text=True, check=False)
-    except FileNotFoundError:
-        pytest.skip("no mount command here")
-    if done.returncode:
-        pytest.skip(f"a file system of a given size is needed: {done.stderr.strip()}")
-    try:
-        yield
-    finally:
-        subprocess.run(["umount", "-l", str(folder)], check=True)
-
-
 def fill(file):
     """Leaves no room on a disk."""
     with file.open("wb", buffering=0) as ballast, suppress(OSError):
@@ -380,7 +365,7 @@ def results_of_before(name, shop, place):
 @pytest.mark.parametrize("name", mostly_long(CASES, QUICK))
 def test_a_full_disk_leaves_what_was_there(shop, place, name):
     case = CASES[name]
-    with small_disk(place) if case.limit == FULL else nullcontext():
+    with small_disk(place, "size=4m") if case.limit == FULL else nullcontext():
         results_of_before(name, shop, place)
         if case.limit == FULL:
             fill(place / "ballast")

@@ -15,6 +15,7 @@ from slosh_bag.reader import BagReader
 from slosh_bringup.cli.main import main
 from slosh_bringup.processes import config_folder
 from slosh_bringup.run_folder import new_run
+from tests.small_disk import small_disk
 
 PATIENCE = 60.0
 NOW = datetime(2026, 11, 22, 10, 15, 0)
@@ -156,20 +157,11 @@ def test_without_links_the_run_goes_on_and_says_so(tmp_path):
     """A file system that has room for the run's folder and not for a link beside it."""
     output = tmp_path / "disk"
     output.mkdir()
-    command = ["mount", "-t", "tmpfs", "-o", "nr_inodes=2", "tmpfs", str(output)]
-    try:
-        done = subprocess.run(command, capture_output=True, text=True, check=False)
-    except FileNotFoundError:
-        pytest.skip("no mount command here")
-    if done.returncode:
-        pytest.skip(f"a file system of a given size is needed: {done.stderr.strip()}")
     told = []
-    try:
+    with small_disk(output, "nr_inodes=2"):
         run = new_run(output, NOW, told.append)
         assert run.is_dir()
         assert [path.name for path in output.iterdir()] == [run.name]
-    finally:
-        subprocess.run(["umount", "-l", str(output)], check=True)
     (line,) = told
     assert line.startswith(
         f"{output / 'latest'}: cannot be a link to the newest run here: No space"

@@ -9,10 +9,9 @@ from __future__ import annotations
 import numpy as np
 from numba.types import Tuple, UniTuple, float32, float64, int64
 
-from slosh_model.compilation import compiled, entry_point, given
+from slosh_model.compilation import GIVEN_1, GIVEN_2, GIVEN_3, compiled, entry_point, given
 
 # Numba's types of what the functions take.
-GIVEN_1, GIVEN_2, GIVEN_3 = (given(float64, axes) for axes in (1, 2, 3))
 PICTURE, ROWS = given(float32, 2), given(int64, 1)
 
 # Bins of a histogram of what may be liquid, its ends, and samples that tell a line's level.

@@ -19,9 +19,8 @@ import numpy as np
 from numba.types import Tuple, boolean, float64, int64
 
 from slosh_camera.surface_modes import RADIAL_STEPS, RADIAL_TABLE
-from slosh_model.compilation import compiled, entry_point, given
+from slosh_model.compilation import GIVEN_1, GIVEN_2, GIVEN_3, compiled, entry_point, given
 
-GIVEN_1, GIVEN_2, GIVEN_3 = (given(float64, axes) for axes in (1, 2, 3))
 _TABLE = RADIAL_TABLE
 _PER_UNIT = float(RADIAL_STEPS)
 

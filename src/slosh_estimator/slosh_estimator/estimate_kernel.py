@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from slosh_model import kernel
 from slosh_model.chains import all_readings
-from slosh_model.compilation import compiled, entry_point
+from slosh_model.compilation import CHANGED_1, CHANGED_2, GIVEN_1, GIVEN_2, compiled, entry_point
 from slosh_model.effects.registry import READING_MEMORY_COUNT
-from slosh_model.layout import CHANGED_1, CHANGED_2, GIVEN_1, GIVEN_2, records
+from slosh_model.layout import records
 
 MAX_STEP = 0.002
 JERK_FILTER = 0.02

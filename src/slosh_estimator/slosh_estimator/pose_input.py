@@ -23,8 +23,7 @@ from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.gate import GateSettings, SampleGate, Verdict
 from slosh_estimator.rotation import Vector, yaw_of_quaternion
 from slosh_estimator.sample import SECONDS, Sample
-from slosh_model.compilation import compiled, entry_point
-from slosh_model.layout import GIVEN_1, GIVEN_2
+from slosh_model.compilation import GIVEN_1, GIVEN_2, compiled, entry_point
 
 MINIMUM_WINDOW = 5
 MAXIMUM_SPEED = 20.0

@@ -59,8 +59,8 @@ def wall_heights(
     Raises:
         SloshModelError: numbers of models and inputs that do not fit.
     """
-    simulations = _simulations(models, inputs, max_step)
-    workers = threads or processors()
+    simulations = _simulations(models, inputs)
+    workers = threads or len(os.sched_getaffinity(0))
     share = -(-len(simulations) // workers)
     blocks = list(_blocks(simulations, min(LANES, max(share, VECTOR)), max_step))
     found: dict[int, Array] = {}
@@ -78,13 +78,8 @@ def wall_heights(
     return [found[place] for place in range(len(simulations))]
 
 
-def processors() -> int:
-    """Processors that this process may use."""
-    return len(os.sched_getaffinity(0))
-
-
 def _simulations(
-    models: Model | Sequence[Model], inputs: Inputs | Sequence[Inputs], max_step: float
+    models: Model | Sequence[Model], inputs: Inputs | Sequence[Inputs]
 ) -> list[_Simulation]:
     given_models = [models] if isinstance(models, Model) else list(models)
     given_inputs = [inputs] if isinstance(inputs, Inputs) else list(inputs)

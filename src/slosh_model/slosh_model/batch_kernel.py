@@ -11,7 +11,14 @@ from __future__ import annotations
 import numpy as np
 from numba.types import boolean, int64, void
 
-from slosh_model.compilation import compiled, entry_point
+from slosh_model.compilation import (
+    CHANGED_2,
+    CHANGED_PART_3,
+    GIVEN_2,
+    GIVEN_3,
+    compiled,
+    entry_point,
+)
 from slosh_model.effects.registry import DRIVE_MEMORY_COUNT, PARAMETER_COUNT
 from slosh_model.kernel import POSE_COUNT, constants_of, pose_at, turned, unwrapped
 from slosh_model.lane_chains import all_lane_drives, all_lane_modulations, all_lane_terms
@@ -40,7 +47,7 @@ from slosh_model.lane_rows import (
     TOTAL,
     YAW,
 )
-from slosh_model.layout import CHANGED_2, CHANGED_STRIDED_3, STRIDED_2, STRIDED_3, records
+from slosh_model.layout import records
 
 _CHUNK = 16  # samples that are fetched, and answered, together
 _GIVEN, _ANSWERS = 5 * LANES, 3 * LANES  # numbers per sample of a chunk
@@ -246,15 +253,7 @@ def _write_heights(lanes, answers, heights, first, count):  # type: ignore[no-un
 
 @entry_point(
     void(
-        CHANGED_2,
-        int64[::1],
-        STRIDED_2,
-        STRIDED_3,
-        STRIDED_2,
-        STRIDED_3,
-        boolean,
-        boolean,
-        CHANGED_STRIDED_3,
+        CHANGED_2, int64[::1], GIVEN_2, GIVEN_3, GIVEN_2, GIVEN_3, boolean, boolean, CHANGED_PART_3
     )
 )
 def advance_block(  # type: ignore[no-untyped-def]

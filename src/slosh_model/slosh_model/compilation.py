@@ -28,7 +28,7 @@ from typing import Any, NamedTuple
 import numba
 import numpy as np
 from numba.core.bytecode import FunctionIdentity
-from numba.types import Array
+from numba.types import Array, float64
 
 from slosh_model.code_digest import DIGEST, called, digest, paths, written
 from slosh_model.compile_cache import CodeFile
@@ -90,6 +90,13 @@ def given(dtype: Any, axes: int, layout: str = "C") -> Any:
         layout: "C": contiguous; "A": of any strides.
     """
     return Array(dtype, axes, layout, readonly=True)
+
+
+GIVEN_1, GIVEN_2, GIVEN_3 = (given(float64, axes) for axes in (1, 2, 3))
+CHANGED_1, CHANGED_2, CHANGED_3 = (Array(float64, axes, "C") for axes in (1, 2, 3))
+"""Contiguous arrays of floats with one, two and three axes that are read, or written to."""
+CHANGED_PART_3 = Array(float64, 3, "A")
+"""A part of an array with three axes that is written to."""
 
 
 class EntryPoint:

@@ -7,16 +7,17 @@ import math
 from numba.types import Tuple, float64, void
 
 from slosh_model.chains import all_drives, all_modulations, all_readings, all_terms
-from slosh_model.compilation import compiled, entry_point
-from slosh_model.effects.base import SETTLING
-from slosh_model.layout import (
+from slosh_model.compilation import (
     CHANGED_1,
     CHANGED_2,
     CHANGED_3,
     GIVEN_1,
     GIVEN_2,
-    records,
+    compiled,
+    entry_point,
 )
+from slosh_model.effects.base import SETTLING
+from slosh_model.layout import records
 
 UPRIGHT = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 """The pose of a container that stands upright and does not turn; see effects.base."""

@@ -7,7 +7,6 @@ two arrays, and in a quarter of that of arrays of records.
 from __future__ import annotations
 
 import numpy as np
-from numba.types import Array, float64
 from numpy.typing import NDArray
 
 from slosh_model.compilation import compiled
@@ -53,13 +52,6 @@ MODE = np.dtype(
 
 MODAL = ("x", "y", "vx", "vy")
 """The fields of MODE that hold its state."""
-
-GIVEN_1, GIVEN_2 = (Array(float64, n, "C", readonly=True) for n in (1, 2))
-CHANGED_1, CHANGED_2, CHANGED_3 = (Array(float64, n, "C") for n in (1, 2, 3))
-"""Numba's types of contiguous arrays of one, two and three axes that are read, or written to."""
-STRIDED_2, STRIDED_3 = (Array(float64, n, "A", readonly=True) for n in (2, 3))
-CHANGED_STRIDED_3 = Array(float64, 3, "A")
-"""The same of arrays that need not be contiguous."""
 
 _WORD = np.dtype(np.float64).itemsize
 _RUN_LENGTH = RUN.itemsize // _WORD

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -12,7 +13,7 @@ from slosh_msgs_py.node.diagnostics import DiagnosticsReporter, Health
 from slosh_msgs_py.node.readiness import STARTING, Progress, Readiness
 
 
-class PreparedNode(Node):
+class PreparedNode(Node, ABC):
     """A node that is ready once what it needs is compiled.
 
     The constructor does what is quick and what can be refused: parameters, files, publishers. All
@@ -27,6 +28,7 @@ class PreparedNode(Node):
         super().__init__(name)
         self.readiness = Readiness(STARTING)
 
+    @abstractmethod
     def prepare(self, progress: Progress) -> None:
         """Compiles, or loads what is compiled, in a thread of its own.
 
@@ -36,11 +38,10 @@ class PreparedNode(Node):
         Raises:
             ValueError: of ours: what it was given cannot be used.
         """
-        raise NotImplementedError
 
+    @abstractmethod
     def begin(self) -> None:
         """Takes up the work, in the executor's thread."""
-        raise NotImplementedError
 
     def _watch(
         self, health: Callable[[], Health], facts: Callable[[], Mapping[str, Any]]

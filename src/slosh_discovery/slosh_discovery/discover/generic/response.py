@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from slosh_discovery.discover.generic.terms import Term, term_value
 from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_model import kernel
-from slosh_model.compilation import compiled, entry_point
+from slosh_model.compilation import CHANGED_1, CHANGED_2, GIVEN_1, GIVEN_2, compiled, entry_point
 from slosh_model.errors import SloshModelError
-from slosh_model.layout import CHANGED_1, CHANGED_2, GIVEN_1, GIVEN_2, records
+from slosh_model.layout import records
 from slosh_model.measure import delay, measured_heights, with_moments
 from slosh_model.model import Model
 from slosh_model.simulate import Inputs, Response, Simulator
