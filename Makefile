@@ -4,7 +4,8 @@ SHELL := /bin/sh
 MOTION ?= c3
 OUT ?= out/demo
 export ROS_PYTHON_CHECK_FIELDS ?= 1
-TESTS := $(wildcard src/*/test) tests
+# The longest first, so that no worker is left with them in the end.
+TESTS := tests $(wildcard src/*/test)
 # What must keep pace with a camera and a robot has the machine to itself, in the end.
 REAL_TIME := tests/real_time src/slosh_bringup/test/test_cell_node.py
 # One worker per core; `make test WORKERS=0` runs all in one process, as a debugger wants it.

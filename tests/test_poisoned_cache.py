@@ -14,6 +14,7 @@ import pytest
 import slosh_estimator
 import slosh_model
 from slosh_bringup.processes import config_folder
+from slosh_model.compile_cache import cache_folder
 
 PACKAGES = [Path(str(module.__file__)).parent for module in (slosh_model, slosh_estimator)]
 MODEL = config_folder() / "model.yaml"
@@ -34,39 +35,45 @@ PROGRAMS: Mapping[str, tuple[str, ...]] = {
 }  # fmt: skip
 
 
+# What they load first of what computes heights.
+FIRST = ("slosh_model.kernel.advance_many", "slosh_estimator.estimate_kernel.step")
+
+
 @pytest.fixture(scope="module")
 def poisoned(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Copies of the packages, whose cache holds code of one effect with a wrong sign."""
     folder = tmp_path_factory.mktemp("poisoned")
     for package in PACKAGES:
         shutil.copytree(package, folder / package.name)
+    # What the set-up compiled serves here too: equal code has equal names.
+    shutil.copytree(cache_folder(), folder / "cache" / "slosh")
     (folder / "motion.csv").write_text(MOTION)
     effect = folder / "slosh_model" / "effects" / "gravity_tilt.py"
     kept, text = effect.stat(), effect.read_text()
-    fill(folder, "cache")
+    right = code_files(folder)
     effect.write_text(text.replace(RIGHT, WRONG))
     assert effect.read_text() != text
-    fill(folder, "wrong", checked=False)
+    wrong = code_files(folder, "one._checks.clear(); one.load()")
     effect.write_text(text)
     os.utime(effect, ns=(kept.st_atime_ns, kept.st_mtime_ns))
-    wrong = {name_of(file): file for file in (folder / "wrong").rglob("*.code")}
-    for file in (folder / "cache").rglob("*.code"):
-        shutil.copyfile(wrong[name_of(file)], file)
+    for name in FIRST:
+        assert wrong[name] != right[name]
+        wrong[name].replace(right[name])
     return folder
 
 
-def name_of(file: Path) -> str:
-    """The function's name, without the digest of its code."""
-    return file.name.rsplit("_", 1)[0]
-
-
-def fill(folder: Path, cache: str, *, checked: bool = True) -> None:
-    """Compiles all functions of the copies."""
-    program = "import slosh_estimator.estimator, slosh_model.compilation as c\n"
-    if not checked:
-        program += "[o._checks.clear() for o in c.entry_points()]\n"
-    done = run(folder, cache, "-c", program + "c.load_all()")
+def code_files(folder: Path, work: str = "pass") -> dict[str, Path]:
+    """Where the cache keeps, or would keep, each of the functions; after some work with it."""
+    program = f"""
+import slosh_estimator.estimator, slosh_model.compilation
+for one in slosh_model.compilation.entry_points():
+    if one.name in {FIRST}:
+        {work}
+        print(one.name, one._file().path)
+"""
+    done = run(folder, "cache", "-c", program)
     assert done.returncode == 0, done.stderr
+    return {name: Path(path) for name, path in map(str.split, done.stdout.splitlines())}
 
 
 def run(folder: Path, cache: str, *words: str) -> subprocess.CompletedProcess[str]:

@@ -9,8 +9,12 @@ where the cache is gone it compiles what it needs itself, and says so.
 from __future__ import annotations
 
 import importlib
+import multiprocessing
+import os
 import sys
 from collections.abc import Callable, Iterable
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 
 from slosh_model.compilation import Progress, entry_points, load_all
 from slosh_model.compile_cache import cache_folder
@@ -57,15 +61,46 @@ def load_everything(tell: Callable[[Progress], None] | None = None) -> str:
     )
 
 
+def compile_missing() -> None:
+    """Compiles what the cache lacks, package by package, on all processors.
+
+    The functions of a package share what they call: one process compiles that once.
+
+    Raises:
+        SloshModelError: one does not do what its source says, or a compiling process ended.
+    """
+    import_all()
+    missing = [one.name.partition(".")[0] for one in entry_points() if not one.cached]
+    workers = min(len(set(missing)), len(os.sched_getaffinity(0)))
+    if workers < 2:
+        return
+    # Not forked: a compiler that was copied in the middle of its work is in no known state.
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(workers, context, import_all) as executor:
+        packages = sorted(set(missing), key=missing.count, reverse=True)
+        try:
+            list(executor.map(_compile, packages))
+        except BrokenProcessPool:
+            raise SloshModelError(
+                "a compiling process was ended from outside, perhaps for want of memory; "
+                "start again, what is done is kept"
+            ) from None
+
+
+def _compile(package: str) -> None:
+    load_all(_tell, package)
+
+
+def _tell(step: Progress) -> None:
+    if step.name and not step.cached:
+        print(f"compiling {step.name}", flush=True)
+
+
 def main() -> int:
     """Compiles what is missing, a line for each function; returns the exit code."""
-
-    def tell(step: Progress) -> None:
-        if step.name and not step.cached:
-            print(f"compiling {step.done + 1} of {step.total}: {step.name}", flush=True)
-
     try:
-        print(f"compiled code: {load_everything(tell)}")
+        compile_missing()
+        print(f"compiled code: {load_everything(_tell)}")
     except SloshModelError as error:
         print(error, file=sys.stderr)
         return 1

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import math
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Hashable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import NamedTuple
+from itertools import accumulate, pairwise
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from slosh_model import batch_kernel, kernel
 from slosh_model.errors import SloshModelError
+from slosh_model.kernel import POSE_COUNT
 from slosh_model.lane_rows import LANES
 from slosh_model.layout import divided
 from slosh_model.model import Model
@@ -19,20 +22,36 @@ from slosh_model.simulate import MAXIMUM_STEP, Inputs, store_of
 
 Array = NDArray[np.float64]
 Counts = NDArray[np.int64]
+T = TypeVar("T")
 
 VECTOR = 8
 """Lanes that a processor works on at once, or a multiple of that."""
 FEWEST = 4
 """Fewer simulations are faster one by one."""
+_ZERO = np.zeros(1)
 
 
-class _Simulation(NamedTuple):
-    """One of many: its place among them, and the times between its inputs [s]."""
+class _Simulations(NamedTuple):
+    """What is simulated; each list has an entry for each simulation.
 
-    place: int
-    model: Model
-    inputs: Inputs
-    intervals: Array
+    Lists, not an object for each: thousands of those would wake the garbage collector.
+
+    Attributes:
+        models, inputs: as given.
+        intervals: (N - 1,) the times between the inputs [s], one array for motions of one pace.
+    """
+
+    models: list[Model]
+    inputs: list[Inputs]
+    intervals: list[Array]
+
+    def turn(self, place: int) -> bool:
+        """Whether the container of a simulation tilts or turns."""
+        return len(self.inputs[place].poses) > 0
+
+
+Block = list[int]
+"""Places of simulations that go through the kernel together."""
 
 
 def wall_heights(
@@ -60,40 +79,56 @@ def wall_heights(
         SloshModelError: numbers of models and inputs that do not fit.
     """
     simulations = _simulations(models, inputs)
+    total = len(simulations.models)
     workers = threads or len(os.sched_getaffinity(0))
-    share = -(-len(simulations) // workers)
+    share = -(-total // workers)
     blocks = list(_blocks(simulations, min(LANES, max(share, VECTOR)), max_step))
+    distinct = {id(one): one for one in simulations.models}
+    stores = {key: store_of(model, max_step) for key, model in distinct.items()}
     found: dict[int, Array] = {}
 
-    def run(block: list[_Simulation]) -> None:
-        for simulation, heights in zip(block, _run(block, max_step), strict=True):
-            found[simulation.place] = heights
+    def run(block: Block, room: Array) -> None:
+        packed = np.stack([stores[id(simulations.models[place])] for place in block])
+        _run(simulations, block, packed, max_step, room)
+        for place, heights in zip(block, room, strict=True):
+            found[place] = heights[: len(simulations.inputs[place].t)]
 
+    # One large array for all answers: the system hands out large pages, many times faster.
+    rooms = _rooms([(len(block), len(simulations.inputs[block[-1]].t), 2) for block in blocks])
     if workers == 1 or len(blocks) == 1:
-        for block in blocks:
-            run(block)
+        for block, room in zip(blocks, rooms, strict=True):
+            run(block, room)
     else:
         with ThreadPoolExecutor(workers) as executor:
-            list(executor.map(run, blocks))
-    return [found[place] for place in range(len(simulations))]
+            list(executor.map(run, blocks, rooms))
+    return [found[place] for place in range(total)]
 
 
 def _simulations(
     models: Model | Sequence[Model], inputs: Inputs | Sequence[Inputs]
-) -> list[_Simulation]:
+) -> _Simulations:
     given_models = [models] if isinstance(models, Model) else list(models)
     given_inputs = [inputs] if isinstance(inputs, Inputs) else list(inputs)
     total = max(len(given_models), len(given_inputs))
     for name, count in (("models", len(given_models)), ("inputs", len(given_inputs))):
         if count not in (1, total):
             raise SloshModelError(f"{count} {name} for {total} simulations: give one, or as many")
-    intervals = {id(one): np.diff(one.t) for one in given_inputs}
-    every_model = given_models * (total if len(given_models) == 1 else 1)
     every_input = given_inputs * (total if len(given_inputs) == 1 else 1)
-    return [
-        _Simulation(place, model, one, intervals[id(one)])
-        for place, (model, one) in enumerate(zip(every_model, every_input, strict=True))
-    ]
+    return _Simulations(
+        given_models * (total if len(given_models) == 1 else 1),
+        every_input,
+        list(_intervals(every_input)),
+    )
+
+
+def _intervals(inputs: Iterable[Inputs]) -> Iterator[Array]:
+    """Of each motion; the same array where it has the times of the motion before."""
+    t, intervals = np.empty(0), np.empty(0)
+    for one in inputs:
+        if one.t is not t and not (len(one.t) == len(t) and (one.t == t).all()):
+            intervals = np.diff(one.t)
+        t = one.t
+        yield intervals
 
 
 def _counts(intervals: Array, max_step: float) -> Counts:
@@ -101,71 +136,99 @@ def _counts(intervals: Array, max_step: float) -> Counts:
     return np.ceil(intervals / max_step).astype(np.int64)
 
 
-def _blocks(
-    simulations: Sequence[_Simulation], size: int, max_step: float
-) -> Iterator[list[_Simulation]]:
-    """Simulations that go through the kernel together: alike, and at most `size` of them."""
-    groups: dict[object, list[_Simulation]] = {}
-    for one in simulations:
-        effects = frozenset(use.name for use in one.model.effects)
-        # Where each input is one sub-step away, motions of any length and spacing are alike.
-        single = one.intervals.max(initial=0.0) <= max_step
-        counts = b"" if single else _counts(one.intervals, max_step).tobytes()
-        key = (effects, one.model.modes, len(one.inputs.poses) > 0, counts)
-        groups.setdefault(key, []).append(one)
+def _pace(intervals: Array, max_step: float) -> bytes:
+    """What motions that take equal sub-steps have in common.
+
+    Where each input is one sub-step away, motions of any length and spacing are alike.
+    """
+    single = intervals.max(initial=0.0) <= max_step
+    return b"" if single else _counts(intervals, max_step).tobytes()
+
+
+def _blocks(simulations: _Simulations, size: int, max_step: float) -> Iterator[Block]:
+    """Simulations that are alike, at most `size` of them, the longest motion last.
+
+    Blocks of some size are filled up to whole vectors, which are faster, with the last one.
+    """
+    effects = {
+        id(one): (frozenset(use.name for use in one.effects), one.modes)
+        for one in simulations.models
+    }
+    paces = {id(one): _pace(one, max_step) for one in simulations.intervals}
+    groups: dict[Hashable, Block] = {}
+    for place, (model, intervals) in enumerate(
+        zip(simulations.models, simulations.intervals, strict=True)
+    ):
+        key = (effects[id(model)], paces[id(intervals)], simulations.turn(place))
+        groups.setdefault(key, []).append(place)
     for group in groups.values():
-        group.sort(key=lambda one: len(one.intervals))
+        group.sort(key=lambda place: len(simulations.intervals[place]))
         for at in range(0, len(group), size):
-            yield group[at : at + size]
+            block = group[at : at + size]
+            yield block + block[-1:] * (-len(block) % VECTOR if len(block) >= FEWEST else 0)
 
 
-def _run(block: Sequence[_Simulation], max_step: float) -> list[Array]:
-    distinct = {id(one.model): one.model for one in block}
-    stores = {key: store_of(model, max_step) for key, model in distinct.items()}
+def _rooms(shapes: Sequence[tuple[int, ...]]) -> list[Array]:
+    """Arrays of these shapes, not filled, one behind the other."""
+    ends = [0, *accumulate(map(math.prod, shapes))]
+    whole = np.empty(ends[-1])
+    return [
+        whole[start:end].reshape(shape)
+        for (start, end), shape in zip(pairwise(ends), shapes, strict=True)
+    ]
+
+
+def _run(
+    simulations: _Simulations, block: Block, stores: Array, max_step: float, heights: Array
+) -> None:
+    """Heights of a block's simulations."""
+    motions = [simulations.inputs[place] for place in block]
+    intervals = [simulations.intervals[place] for place in block]
     if len(block) < FEWEST:
-        return [
-            _one_by_one(stores[id(one.model)].copy(), one.inputs, len(one.inputs.t))
-            for one in block
-        ]
-    # Lanes without a simulation of their own repeat the last one: whole vectors are faster.
-    lanes = [*block, *([block[-1]] * (-len(block) % VECTOR))]
-    packed = np.stack([stores[id(one.model)] for one in lanes])
-    longest = max(lanes, key=lambda one: len(one.intervals))
-    heights = np.empty((len(lanes), len(longest.inputs.t), 2))
-    for store, one, row in zip(packed, lanes, heights, strict=True):
-        row[:1] = _one_by_one(store, one.inputs, 1)
-    rows, model = len(longest.intervals), block[0].model
+        for lane, motion in enumerate(motions):
+            _one_by_one(stores[lane], intervals[lane], motion, heights[lane, : len(motion.t)])
+        return
+    nothing = np.empty(0)
+    for lane, motion in enumerate(motions):
+        _one_by_one(stores[lane], nothing, motion, heights[lane, :1])
+    model, count = simulations.models[block[0]], heights.shape[1]
+    spacings, interval_rows = _distinct(intervals)
+    moved, input_rows = _distinct(motions)
+    turned = moved if simulations.turn(block[0]) else []
     batch_kernel.advance_block(
-        packed,
-        _counts(longest.intervals, max_step),
-        _stacked([one.intervals for one in lanes], rows, last=False),
-        _stacked([one.inputs.acceleration[1:] for one in lanes], rows),
-        _stacked([one.inputs.yaws[1:] for one in lanes], rows),
-        _stacked([one.inputs.poses[1:] for one in lanes], rows if len(one.inputs.poses) else 0),
-        bool(model.uses("drive")),
-        bool(model.uses("modulation")),
-        heights[:, 1:],
-    )
-    return [row[: len(one.inputs.t)] for row, one in zip(heights, block, strict=False)]
-
-
-def _one_by_one(store: Array, motion: Inputs, count: int) -> Array:
-    """Heights (count, 2) of the first inputs; changes the store."""
-    heights = np.empty((count, 2))
-    kernel.advance_many(
-        store, np.diff(motion.t[:count], prepend=motion.t[:1]), motion.acceleration[:count],
-        motion.yaws[:count], motion.poses[:count],
-        np.empty((count, len(divided(store)[1]), 4)), heights,
+        stores, _counts(intervals[-1], max_step), interval_rows, input_rows,
+        _stacked(spacings, (count - 1,), last=False),
+        _stacked([one.acceleration for one in moved], (count, 3)),
+        _stacked([one.yaws for one in turned], (count,)),
+        _stacked([one.poses for one in turned], (count, POSE_COUNT)),
+        bool(model.uses("drive")), bool(model.uses("modulation")), heights,
     )  # fmt: skip
-    return heights
 
 
-def _stacked(arrays: Sequence[Array], rows: int, *, last: bool = True) -> Array:
-    """(K, rows, …): each array, then its last row (or zeros) again and again."""
-    padded = np.empty((len(arrays), rows, *arrays[0].shape[1:]))
+def _one_by_one(store: Array, intervals: Array, motion: Inputs, heights: Array) -> None:
+    """Heights of the first inputs, one more than there are intervals; changes the store."""
+    count = len(heights)
+    before = _ZERO if count == 1 else np.concatenate((_ZERO, intervals))
+    history = np.empty((count, len(divided(store)[1]), 4))
+    kernel.advance_many(
+        store, before, motion.acceleration[:count], motion.yaws[:count], motion.poses[:count],
+        history, heights,
+    )  # fmt: skip
+
+
+def _distinct(lanes: Sequence[T]) -> tuple[list[T], Counts]:
+    """The different objects among those of the lanes, and for each lane which is its own."""
+    rows: dict[int, int] = {}
+    which = [rows.setdefault(id(one), len(rows)) for one in lanes]
+    return [lanes[which.index(row)] for row in range(len(rows))], np.array(which)
+
+
+def _stacked(arrays: Sequence[Array], shape: tuple[int, ...], *, last: bool = True) -> Array:
+    """(K, …): each array, then its last row (or zeros) again and again up to the shape."""
+    padded = np.empty((len(arrays), *shape))
     for target, array in zip(padded, arrays, strict=True):
         count = len(array)
         target[:count] = array
-        if count < rows:
-            target[count:] = array[-1] if last and count else 0.0
+        if count < len(target):
+            target[count:] = array[-1] if last else 0.0
     return padded

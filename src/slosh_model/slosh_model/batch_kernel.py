@@ -13,14 +13,14 @@ from numba.types import boolean, int64, void
 
 from slosh_model.compilation import (
     CHANGED_2,
-    CHANGED_PART_3,
+    CHANGED_3,
     GIVEN_2,
     GIVEN_3,
     compiled,
     entry_point,
 )
 from slosh_model.effects.registry import DRIVE_MEMORY_COUNT, PARAMETER_COUNT
-from slosh_model.kernel import POSE_COUNT, constants_of, pose_at, turned, unwrapped
+from slosh_model.kernel import POSE_COUNT, UPRIGHT, constants_of, pose_at, turned, unwrapped
 from slosh_model.lane_chains import all_lane_drives, all_lane_modulations, all_lane_terms
 from slosh_model.lane_rows import (
     ACCELERATION,
@@ -130,21 +130,24 @@ def _step(lanes, w, modulated):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _fill(lanes, w, chunk, intervals, inputs, yaws, first, count):  # type: ignore[no-untyped-def]
+def _fill(lanes, w, chunk, motion, first, count):  # type: ignore[no-untyped-def]
     """Puts the given inputs of some samples side by side, each quantity a row of the lanes.
 
     Lane by lane: a lane's samples lie behind each other, those of the lanes far apart.
     """
+    interval_rows, input_rows, intervals, inputs, yaws = motion
+    turning = yaws.shape[0] > 0
     for k in range(lanes):
-        before = w[YAW + k]
+        spacing, row, before = interval_rows[k], input_rows[k], w[YAW + k]
         for j in range(count):
             i, at = first + j, j * _GIVEN + k
-            yaw = yaws[k, i]
+            chunk[at], chunk[at + LANES] = inputs[row, i + 1, 0], inputs[row, i + 1, 1]
+            chunk[at + 2 * LANES] = inputs[row, i + 1, 2]
+            chunk[at + 4 * LANES] = intervals[spacing, i]
+            yaw = yaws[row, i + 1] if turning else before
             if yaw != before:
                 yaw = before = unwrapped(yaw, before)
-            chunk[at], chunk[at + LANES] = inputs[k, i, 0], inputs[k, i, 1]
-            chunk[at + 2 * LANES], chunk[at + 3 * LANES] = inputs[k, i, 2], yaw
-            chunk[at + 4 * LANES] = intervals[k, i]
+            chunk[at + 3 * LANES] = yaw
         w[YAW + k] = before
 
 
@@ -157,9 +160,10 @@ def _take_inputs(lanes, w, chunk, j):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _take_poses(lanes, w, poses, i):  # type: ignore[no-untyped-def]
+def _take_poses(lanes, w, input_rows, poses, i):  # type: ignore[no-untyped-def]
+    """Each lane's pose with an input; upright where there are none."""
     for k in range(lanes):
-        pose = pose_at(poses[k], i)
+        pose = pose_at(poses[input_rows[k]], i) if poses.shape[0] > 0 else UPRIGHT
         for row in range(POSE_COUNT):
             w[POSE + row * LANES + k] = pose[row]
 
@@ -246,51 +250,56 @@ def _write_heights(lanes, answers, heights, first, count):  # type: ignore[no-un
     for k in range(lanes):
         for j in range(count):
             at = j * _ANSWERS + k
-            heights[k, first + j, 0], heights[k, first + j, 1] = turned(
+            heights[k, first + j + 1, 0], heights[k, first + j + 1, 1] = turned(
                 answers[at], answers[at + LANES], answers[at + 2 * LANES]
             )
 
 
 @entry_point(
     void(
-        CHANGED_2, int64[::1], GIVEN_2, GIVEN_3, GIVEN_2, GIVEN_3, boolean, boolean, CHANGED_PART_3
+        CHANGED_2, int64[::1], int64[::1], int64[::1], GIVEN_2, GIVEN_3, GIVEN_2, GIVEN_3,
+        boolean, boolean, CHANGED_3,
     )
-)
+)  # fmt: skip
 def advance_block(  # type: ignore[no-untyped-def]
-    stores, counts, intervals, inputs, yaws, poses, driven, modulated, heights
-):
+    stores, counts, interval_rows, input_rows, intervals, inputs, yaws, poses, driven, modulated,
+    heights,
+):  # fmt: skip
     """`kernel.advance_many` for up to LANES models that have taken their first sample.
 
     Args:
         stores: (K, …) their stores, with the same effects switched on and as many modes.
-        counts: (N,) how many sub-steps lead to each input, at least 1.
-        intervals: (K, N) time from the input before [s]; 0 where a trajectory has ended.
-        inputs: (K, N, 3) acceleration [m/s²].
-        yaws: (K, N) [rad].
-        poses: (K, N, POSE_COUNT), or (K, 0, POSE_COUNT) for upright containers.
+        counts: (N - 1,) how many sub-steps lead to each input but the first, at least 1.
+        interval_rows, input_rows: (K,) which row of the intervals, and which of the inputs, yaws
+            and poses, each lane takes.
+        intervals: (I, N - 1) time from the input before [s]; 0 where a trajectory has ended.
+        inputs: (M, N, 3) acceleration [m/s²].
+        yaws: (M, N) [rad], or (0, N) for upright containers.
+        poses: (M, N, POSE_COUNT), or (0, N, POSE_COUNT).
         driven, modulated: whether the models have effects on the input, and on the modes'
             constants with time.
-        heights: (K, N, 2) receives the wall heights at the containers' +x and +y [m].
+        heights: (K, N, 2) receives the wall heights at the containers' +x and +y [m], but for the
+            first input's.
     """
     lanes = stores.shape[0]
     w = np.zeros(LENGTH)
     memory = np.empty((lanes, max(DRIVE_MEMORY_COUNT, 1)))
-    turning = poses.shape[1] > 0
+    motion = (interval_rows, input_rows, intervals, inputs, yaws)
     _load_runs(lanes, w, stores, memory)
-    _take_poses(lanes, w, poses, 0)
+    _take_poses(lanes, w, input_rows, poses, 0)
     mode_count = records(stores[0])[1].shape[0]
     if mode_count == 1:
         _load_mode(lanes, w, stores, 0)
     chunk, answers = np.empty(_CHUNK * _GIVEN), np.empty(_CHUNK * _ANSWERS)
     for first in range(0, counts.shape[0], _CHUNK):
         count = min(_CHUNK, counts.shape[0] - first)
-        _fill(lanes, w, chunk, intervals, inputs, yaws, first, count)
+        _fill(lanes, w, chunk, motion, first, count)
         for j in range(count):
             _copy(lanes, w, NEW_INPUTS, OLD_INPUTS, 4)
             _take_inputs(lanes, w, chunk, j)
             if driven:
-                if turning:
-                    _take_poses(lanes, w, poses, first + j)
+                if poses.shape[0] > 0:
+                    _take_poses(lanes, w, input_rows, poses, first + j + 1)
                 all_lane_drives(lanes, w, memory)
             _advance_modes(lanes, w, stores, mode_count, counts[first + j], modulated)
             _finish_sample(lanes, w, answers, j)

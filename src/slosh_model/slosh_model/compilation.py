@@ -95,8 +95,6 @@ def given(dtype: Any, axes: int, layout: str = "C") -> Any:
 GIVEN_1, GIVEN_2, GIVEN_3 = (given(float64, axes) for axes in (1, 2, 3))
 CHANGED_1, CHANGED_2, CHANGED_3 = (Array(float64, axes, "C") for axes in (1, 2, 3))
 """Contiguous arrays of floats with one, two and three axes that are read, or written to."""
-CHANGED_PART_3 = Array(float64, 3, "A")
-"""A part of an array with three axes that is written to."""
 
 
 class EntryPoint:

@@ -109,17 +109,17 @@ def _check_read_many() -> None:
 
 
 def _check_advance_block() -> None:
-    motion, lanes, count = reference_motion(), 2, 6
-    part = slice(1, 1 + count)
+    motion, lanes, count = reference_motion(), 2, 7
+    once = np.zeros(lanes, dtype=np.int64)
     for model in reference_models():
         stores = np.stack([store_of(model)] * lanes)
         compare(
-            batch_kernel.advance_block, stores, np.full(count, 2),
+            batch_kernel.advance_block, stores, np.full(count - 1, 2), once, once,
             *(
-                np.stack([array] * lanes)
+                array[np.newaxis].copy()
                 for array in (
-                    np.diff(motion.t)[:count], motion.acceleration[part], motion.yaws[part],
-                    motion.poses[part],
+                    np.diff(motion.t)[: count - 1], motion.acceleration[:count],
+                    motion.yaws[:count], motion.poses[:count],
                 )
             ),
             bool(model.uses("drive")), bool(model.uses("modulation")),
