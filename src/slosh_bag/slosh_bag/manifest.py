@@ -30,6 +30,7 @@ import yaml
 
 from slosh_bag.errors import SloshBagError
 from slosh_files import write_text
+from slosh_model.bounded_yaml import load_yaml
 
 NAME = "manifest.yaml"
 EXACT = "exact"
@@ -102,7 +103,7 @@ def read_manifest(path: Path) -> dict[str, Expectation]:
             names the file, the bag and the key.
     """
     try:
-        document = yaml.load(path.read_text(encoding="utf-8"), Loader=_Loader)
+        document = load_yaml(path.read_text(encoding="utf-8"), _Loader)
     except OSError as error:
         raise SloshBagError(f"{path}: {error.strerror}") from None
     except (yaml.YAMLError, UnicodeDecodeError) as error:

@@ -23,6 +23,7 @@ from slosh_bag.mcap_files.mcap_walk import McapWalk
 from slosh_bag.mcap_files.seal import SEAL, seal_of
 from slosh_bag.reader import DAMAGE
 from slosh_files import check_outside, new_folder
+from slosh_model.bounded_yaml import load_yaml
 
 Progress = Callable[[int], object]
 
@@ -55,7 +56,7 @@ class NotedQos(Qos):
     def documents(self) -> list[dict[str, Any]]:
         """The keys and values; none where the text does not tell."""
         try:
-            documents = yaml.safe_load(self.noted)
+            documents = load_yaml(self.noted)
         except (yaml.YAMLError, RecursionError):
             documents = None
         whole = isinstance(documents, list) and all(isinstance(item, dict) for item in documents)

@@ -61,8 +61,8 @@ def tables(draw) -> MotionTable:
 
     degrees = draw(st.lists(st.integers(0, 359), min_size=1, max_size=4, unique=True))
     eta = draw(st.booleans())
-    # Tiny and huge numbers would only make the specific force overflow, which no column holds.
-    moderate = st.floats(-1e6, 1e6)
+    # Accelerations that can be; tiny numbers would only underflow.
+    moderate = st.floats(-2000.0, 2000.0)
     turning = moderate.filter(lambda value: abs(value) > 1e-6)
     return MotionTable(
         t=table_times(first + np.cumsum(steps)),

@@ -11,6 +11,7 @@ import yaml
 
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.processes import NodeProcess, config_folder
+from slosh_model.bounded_yaml import load_yaml
 from slosh_msgs_py import topics
 
 NAMESPACE = "/slosh"
@@ -79,7 +80,7 @@ def read_setup(path: Path) -> CellSetup:
         SloshBringupError: no such file, no YAML, an unknown key, a missing file; one line.
     """
     try:
-        document = yaml.safe_load(path.read_text())
+        document = load_yaml(path.read_text())
     except OSError as error:
         raise SloshBringupError(f"{path}: {error.strerror}") from None
     except (yaml.YAMLError, UnicodeDecodeError) as error:

@@ -16,6 +16,7 @@ import yaml
 
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.processes import NODES
+from slosh_model.bounded_yaml import check_yaml
 
 LEAF = "ros__parameters"
 OF_EVERY_NODE = ("use_sim_time", "start_type_description_service")
@@ -79,7 +80,9 @@ def _entries(path: Path) -> Iterator[_Entry]:
     """What a file sets, with names that are given in parts put together."""
     try:
         # Not as a dictionary: that forgets the first of two equal keys, ROS does not.
-        root = yaml.compose(path.read_text(encoding="utf-8"), Loader=yaml.SafeLoader)
+        text = path.read_text(encoding="utf-8")
+        check_yaml(text)
+        root = yaml.compose(text, Loader=yaml.SafeLoader)
     except OSError as error:
         raise SloshBringupError(f"{path}: {error.strerror}") from None
     except (yaml.YAMLError, UnicodeDecodeError) as error:

@@ -15,7 +15,7 @@ from slosh_bag.replay.inputs import STAMP, stamps_of
 from slosh_bringup.in_force import Starts, image_topic, input_topic
 from slosh_bringup.run_data import RunData, facts_of
 from slosh_camera.measurement import Flag
-from slosh_estimator.monitor import UNUSABLE
+from slosh_estimator.sight import UNUSABLE
 
 MANY = 3
 """So many causes of one kind are named."""

@@ -33,6 +33,7 @@ from slosh_model.constants import GRAVITY  # noqa: E402
 from slosh_msgs.msg import FreeSurface, SloshEstimate  # noqa: E402
 from slosh_msgs_py import qos, topics  # noqa: E402
 from slosh_msgs_py.node.diagnostics import OK, DiagnosticsReporter  # noqa: E402
+from slosh_msgs_py.node.guarded import GuardedNode  # noqa: E402
 from slosh_msgs_py.node.readiness import COMPILING, Readiness  # noqa: E402
 from slosh_msgs_py.stamps import to_nanoseconds  # noqa: E402
 
@@ -223,7 +224,7 @@ def test_without_the_others_it_plays_nothing_and_says_who_is_missing(table, para
 def test_it_waits_for_a_node_that_gets_ready_and_tells_for_whom(table):
     """The other node speaks as ours do; what the cell publishes nobody reads before."""
     rclpy.init(domain_id=38)
-    probe = Node("camera")
+    probe = GuardedNode("camera")
     said, accelerations = [], []
     readiness = Readiness(COMPILING)
     executor = SingleThreadedExecutor()

@@ -21,6 +21,7 @@ from slosh_camera.errors import SloshCameraError
 from slosh_camera.geometry import Cup, CupView, Pose
 from slosh_camera.settings import DetectionSettings, Liquid, RegionOfInterest
 from slosh_camera.yaml_fields import check_keys, integer, mapping, number, numbers
+from slosh_model.bounded_yaml import load_yaml
 
 _CYLINDER, _RECTANGLE = "cylinder", "rectangle"
 _WALL_KEYS = ("wall_thickness", "wall_refractive_index", "rim_height")
@@ -178,7 +179,7 @@ def parse_any_calibration(
         SloshCameraError: as read_any_calibration.
     """
     try:
-        document = yaml.safe_load(text)
+        document = load_yaml(text)
     except yaml.YAMLError as error:
         mark = getattr(error, "problem_mark", None)
         where = f" at line {mark.line + 1}" if mark is not None else ""

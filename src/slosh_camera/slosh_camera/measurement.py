@@ -24,6 +24,7 @@ class Flag(IntFlag):
     NOT_FOUND = 32
     FROZEN = 64
     BAD_IMAGE = 128
+    CONTESTED = 256
 
 
 class PeakSide(IntEnum):

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from math import isfinite
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -37,7 +35,7 @@ class AccelInput:
             self.gate.refuse(Verdict.WRONG_FRAME)
             self.strange_frame = frame
             return None
-        verdict = self.gate.judge(stamp_ns, isfinite(ax + ay + az), now_ns)
+        verdict = self.gate.judge(stamp_ns, (ax, ay, az), now_ns)
         if verdict is Verdict.USE:
             return Sample(stamp_ns, ax, ay, az)
         if verdict is Verdict.RESTART:
@@ -59,8 +57,7 @@ class AccelInput:
             self.gate.refuse(Verdict.WRONG_FRAME)
             self.strange_frame = frame
         stamps, accelerations = stamps[known], np.ascontiguousarray(accelerations[known])
-        finite = np.isfinite(accelerations.sum(axis=1))
-        used, restarted = self.gate.judge_many(stamps, finite)
+        used, restarted = self.gate.judge_many(stamps, accelerations)
         return Samples(
             stamps[used], accelerations[used], np.zeros(np.count_nonzero(used)), restarted[used]
         )

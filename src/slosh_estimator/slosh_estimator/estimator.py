@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from bisect import bisect_right
 from typing import NamedTuple
 
@@ -23,7 +24,7 @@ from slosh_estimator.sample import Sample, Samples
 from slosh_estimator.self_test import check_model
 from slosh_estimator.validity import EstimateFlag, validity_limits
 from slosh_model import kernel
-from slosh_model.layout import divided
+from slosh_model.layout import back_to_rest, divided
 from slosh_model.measure import delay
 from slosh_model.model import Model
 from slosh_model.simulate import Simulator
@@ -33,11 +34,14 @@ Integers = NDArray[np.int64]
 
 RUNAWAY = 5.0
 """A sloshing mass farther out than so many radii is no liquid any more."""
+STILL = 0.0005
+"""A wave of less height is none [m]: the camera's own noise."""
 SETTLED = 3.0
 """After so many time constants 1/(ζω) less than 5 % of an unknown initial state is left."""
 _SETTLING = int(EstimateFlag.SETTLING)
 _AFTER_GAP = int(EstimateFlag.AFTER_GAP)
 _DIVERGED = int(EstimateFlag.DIVERGED)
+_DOUBTFUL = int(EstimateFlag.INPUT_DOUBTFUL)
 _LONG_AGO = -(2**62)
 _UPRIGHT = np.empty((0, kernel.POSE_COUNT))
 
@@ -110,9 +114,14 @@ class Estimates(NamedTuple):
 class Estimator:
     """Runs a model's L and NL twin side by side.
 
-    The container counts as at rest, with still liquid, when the first sample comes. After a gap
-    the liquid's state is unknown: the models restart from rest, and the estimates carry a flag
-    until the unknown part has died out. What the container has lost of its liquid stays lost.
+    The container counts as at rest, with still liquid, when the first sample comes. After a gap,
+    and after a reset or another model in the middle of a motion, the liquid's state is unknown:
+    the models restart from rest, and the estimates carry a flag until the unknown part has died
+    out. What the container has lost of its liquid in a gap stays lost.
+
+    Args:
+        model: to run.
+        at_rest: whether the liquid is still when the first sample comes.
 
     Attributes:
         model: that runs.
@@ -120,16 +129,22 @@ class Estimator:
         divergences: how often a model left the physical range.
     """
 
-    def __init__(self, model: Model) -> None:
+    def __init__(self, model: Model, *, at_rest: bool = True) -> None:
         self.divergences = 0
-        self.load_model(model)
+        self._load(model)
+        self._start(at_rest=at_rest)
 
     def load_model(self, model: Model) -> None:
-        """Replaces the model; it starts from rest with the next sample.
+        """Replaces the model; it starts from rest with the next sample, as after `reset`.
 
         Raises:
             SloshModelError: the compiled code does not do what the model's equations say.
         """
+        at_rest = self._is_still()
+        self._load(model)
+        self._start(at_rest=at_rest)
+
+    def _load(self, model: Model) -> None:
         check_model(model)
         max_step = estimate_kernel.MAX_STEP
         linear = Simulator(model.linear(), max_step=max_step)
@@ -150,15 +165,43 @@ class Estimator:
         first = model.mode_constants()[0]
         rate = first.damping_ratio * first.natural_frequency
         self._settling_ns = round(SETTLED / rate * 1e9) if rate > 1e-6 else 2**62
-        self.reset()
 
     def reset(self) -> None:
-        """Back to rest; the next sample counts as the first."""
+        """Back to rest; the next sample counts as the first.
+
+        Where the liquid moves, or is not known to be still, it does not do so from now on because
+        the model does: the estimates carry the flag SETTLING until it is known again.
+        """
+        self._start(at_rest=self._is_still())
+
+    def _start(self, *, at_rest: bool) -> None:
         self._linear.reset()
         self._nonlinear.reset()
+        self._last: Sample | None = None
         self._last_ns: int | None = None
         self._first_ns: int | None = None
         self._settled_ns = _LONG_AGO
+        self._at_rest = at_rest
+
+    def _is_still(self) -> bool:
+        """Whether the liquid is known to be nearer than STILL to where it would rest now."""
+        last = self._last
+        if last is None or self._last_ns is None:
+            return self._at_rest
+        if self._last_ns < self._settled_ns:
+            return False
+        models = (self._linear, self._nonlinear)
+        resting = [model.store.copy() for model in models]
+        for store in resting:
+            back_to_rest(store)
+        self._step_kernel(
+            *resting, self._checks.copy(), self._row.copy(), self._poses(last), 0.0,
+            last.ax, last.ay, last.az, last.yaw, True,
+        )  # fmt: skip
+        return all(
+            _distance(divided(model.store)[1], divided(rest)[1]) < STILL
+            for model, rest in zip(models, resting, strict=True)
+        )
 
     @property
     def names(self) -> tuple[str, str]:
@@ -203,7 +246,9 @@ class Estimator:
             flags = _AFTER_GAP
             self._restart(sample.stamp_ns)
             last = None
-        self._last_ns = sample.stamp_ns
+        elif last is None and not self._at_rest:
+            self._settled_ns = sample.stamp_ns + self._settling_ns
+        self._last, self._last_ns = sample, sample.stamp_ns
         if self._first_ns is None or sample.stamp_ns < self._first_ns:
             self._first_ns = sample.stamp_ns
         # A quotient, not a product with 1e-9: correctly rounded, thus the same bits offline.
@@ -211,6 +256,8 @@ class Estimator:
         self._step(dt, sample, last is None)
         if self._row[FLAGS] == LEFT_RANGE:
             flags |= self._diverged(sample)
+        if sample.doubtful:
+            flags |= _DOUBTFUL
         return flags | self._settling(sample.stamp_ns) | int(self._row[FLAGS])
 
     def _take_unbroken(self, batch: _Batch, samples: Samples, start: int, end: int) -> int:
@@ -231,10 +278,13 @@ class Estimator:
         done = slice(start, start + count)
         batch.flags[done] = batch.rows[done, FLAGS].astype(np.int64)
         batch.flags[done][samples.stamps[done] < self._settled_ns] |= _SETTLING
+        if samples.doubtful is not None:
+            batch.flags[done][samples.doubtful[done]] |= _DOUBTFUL
         at = start + count
-        self._last_ns = int(samples.stamps[min(at, end - 1)])
+        self._last = samples.one(min(at, end - 1))
+        self._last_ns = self._last.stamp_ns
         if at < end:  # a model left the physical range with this sample
-            flags = self._diverged(samples.one(at))
+            flags = self._diverged(self._last) | (_DOUBTFUL if self._last.doubtful else 0)
             flags |= self._settling(self._last_ns) | int(self._row[FLAGS])
             self._note(batch, at, flags)
             at += 1
@@ -244,20 +294,25 @@ class Estimator:
         batch.rows[index], batch.flags[index] = self._row, flags
 
     def _step(self, dt: float, sample: Sample, first: bool) -> None:
-        poses = _UPRIGHT
-        if self._pose is not None and sample.pose is not None:
-            poses = self._pose
-            poses[0] = sample.pose
         self._step_kernel(
-            self._linear.store, self._nonlinear.store, self._checks, self._row, poses,
-            dt, sample.ax, sample.ay, sample.az, sample.yaw, first,
+            self._linear.store, self._nonlinear.store, self._checks, self._row,
+            self._poses(sample), dt, sample.ax, sample.ay, sample.az, sample.yaw, first,
         )  # fmt: skip
+
+    def _poses(self, sample: Sample) -> Array:
+        if self._pose is None or sample.pose is None:
+            return _UPRIGHT
+        self._pose[0] = sample.pose
+        return self._pose
 
     def _diverged(self, sample: Sample) -> int:
         """Starts anew from rest with the sample that led out of the range; returns the flag."""
         self.divergences += 1
         self._restart(sample.stamp_ns)
         self._step(0.0, sample, True)
+        if self._row[FLAGS] == LEFT_RANGE:  # with this input it rests out of the range, too
+            self._row[:] = math.nan
+            self._row[FLAGS] = 0.0
         return _DIVERGED
 
     def _settling(self, stamp_ns: int) -> int:
@@ -270,6 +325,14 @@ class Estimator:
         for model in (self._linear, self._nonlinear):
             divided(model.store)[0]["elapsed"] = max(stamp_ns - since, 0) / 1e9
         self._settled_ns = stamp_ns + self._settling_ns
+
+
+def _distance(modes: NDArray[np.void], others: NDArray[np.void]) -> float:
+    """How far the liquid is from another state: the highest wave that may come of it [m]."""
+    places = np.hypot(modes["x"] - others["x"], modes["y"] - others["y"])
+    speeds = np.hypot(modes["vx"] - others["vx"], modes["vy"] - others["vy"])
+    amplitudes = np.hypot(places, speeds / modes["natural_frequency"])
+    return float((modes["height_gain"] * amplitudes).sum())
 
 
 class _Batch(NamedTuple):

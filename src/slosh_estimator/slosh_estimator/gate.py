@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from enum import Enum
 
@@ -9,6 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_estimator.errors import SloshEstimatorError
+from slosh_estimator.rotation import Vector
+
+STRONGEST = 2000.0
+"""No arm moves a container with more, and no sensor on one shows more [m/s²]: 200 g."""
+_AGREEING = 5
+"""So many samples in a row that agree with each other make a jump a new motion."""
 
 
 class Verdict(Enum):
@@ -17,19 +24,16 @@ class Verdict(Enum):
     USE = "used"
     RESTART = "used after a gap"
     STALE = "stale"
+    AHEAD = "stamped in the future"
     REPEATED = "repeated"
     DISORDERED = "out of order"
     NOT_FINITE = "not finite"
+    IMPOSSIBLE = "beyond what can be"
+    JUMP = "a jump that no arm can make"
     WRONG_FRAME = "wrong frame"
 
 
-DROPPED = (
-    Verdict.STALE,
-    Verdict.REPEATED,
-    Verdict.DISORDERED,
-    Verdict.NOT_FINITE,
-    Verdict.WRONG_FRAME,
-)
+DROPPED = tuple(verdict for verdict in Verdict if verdict not in (Verdict.USE, Verdict.RESTART))
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,9 +42,15 @@ class GateSettings:
 
     Attributes:
         max_gap: longest time between two samples that is integrated across [s].
-        max_age: oldest sample that is used, against the time of its arrival [s].
-        restart_after: so many samples in order before the newest one mean that time itself was set
-            back, by a restarted simulation or a corrected clock: the gate starts anew with them.
+        max_age: how far a sample's stamp may lie before or after its arrival [s].
+        max_jump: largest change of an axis' acceleration from one sample to the next [m/s²]. What
+            changes by more is set aside, until samples in a row agree that it is so: then the
+            motion between is unknown, as after a gap.
+        restart_after: so many samples in order before the newest one mean that time itself was
+            set back, by a restarted simulation or a corrected clock: the gate starts anew with
+            them.
+        chosen: whether a gate has judged the samples before, and only those that it used come:
+            what jumps then follows what had been set aside.
 
     Raises:
         SloshEstimatorError: a limit is not positive.
@@ -48,16 +58,31 @@ class GateSettings:
 
     max_gap: float = 0.05
     max_age: float = 0.5
+    max_jump: float = 20.0
     restart_after: int = 20
+    chosen: bool = False
 
     def __post_init__(self) -> None:
-        for name in ("max_gap", "max_age", "restart_after"):
+        for name in ("max_gap", "max_age", "max_jump", "restart_after"):
             if not getattr(self, name) > 0:
                 raise SloshEstimatorError(f"{name} = {getattr(self, name)!r} must be positive")
 
 
+def fault_of(values: Vector, largest: float) -> Verdict | None:
+    """What is wrong with a vector; None: nothing.
+
+    Args:
+        values: its components.
+        largest: size up to which each of them is possible, in their unit.
+    """
+    x, y, z = values
+    if -largest <= x <= largest and -largest <= y <= largest and -largest <= z <= largest:
+        return None
+    return Verdict.IMPOSSIBLE if math.isfinite(x + y + z) else Verdict.NOT_FINITE
+
+
 class SampleGate:
-    """Judges samples by their stamps.
+    """Judges samples by their stamps, and by how the acceleration changes.
 
     Attributes:
         counts: samples by what became of them.
@@ -70,53 +95,72 @@ class SampleGate:
         self.used = self.dropped = 0
         self._max_gap_ns = round(settings.max_gap * 1e9)
         self._max_age_ns = round(settings.max_age * 1e9)
+        self._max_jump = settings.max_jump
+        self._agreeing = 1 if settings.chosen else _AGREEING
         self._restart_after = settings.restart_after
         self._last_ns: int | None = None
         self._early_ns: int | None = None
         self._early_count = 0
+        self._last: Vector = (0.0, 0.0, 0.0)
+        self._aside: Vector = (0.0, 0.0, 0.0)
+        self._aside_count = 0
 
     @property
     def gaps(self) -> int:
         """Restarts but the first."""
         return max(0, self.counts[Verdict.RESTART] - 1)
 
-    def judge(self, stamp_ns: int, finite: bool, now_ns: int | None = None) -> Verdict:
+    def judge(
+        self,
+        stamp_ns: int,
+        acceleration: Vector | None,
+        now_ns: int | None = None,
+        fault: Verdict | None = None,
+    ) -> Verdict:
         """Judges a sample.
 
         Args:
             stamp_ns: its stamp [ns].
-            finite: whether all its numbers are finite.
+            acceleration: that it tells [m/s²]; None: it tells none.
             now_ns: the time of its arrival, on the stamps' clock [ns]; None: age does not matter.
+            fault: what is wrong with what else it tells.
         """
-        verdict = self._judge(stamp_ns, finite, now_ns)
+        verdict = self._judge(stamp_ns, acceleration, now_ns, fault)
         self.counts[verdict] += 1
         if verdict is Verdict.USE or verdict is Verdict.RESTART:
             self.used += 1
+            self._last_ns, self._early_ns = stamp_ns, None
+            self._early_count = self._aside_count = 0
+            if acceleration is not None:
+                self._last = acceleration
         else:
             self.dropped += 1
         return verdict
 
     def judge_many(
-        self, stamps: NDArray[np.int64], finite: NDArray[np.bool_]
+        self, stamps: NDArray[np.int64], accelerations: NDArray[np.float64]
     ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         """Judges samples in the order in which they came, without regard to their age.
 
         Args:
             stamps: (N,) [ns].
-            finite: (N,) whether all numbers of a sample are finite.
+            accelerations: (N, 3) [m/s²].
 
         Returns:
             (N,) which of them are used, and (N,) which of these come after a gap.
         """
-        last = self._last_ns
-        if last is not None and len(stamps) and finite.all() and not self._early_count:
-            steps = np.diff(stamps, prepend=np.int64(last))
-            if steps.min() > 0 and steps.max() <= self._max_gap_ns:  # as nearly always
-                self._last_ns = int(stamps[-1])
-                self.counts[Verdict.USE] += len(stamps)
-                self.used += len(stamps)
-                return finite, np.zeros(len(stamps), dtype=bool)
-        verdicts = [self.judge(*row) for row in zip(stamps.tolist(), finite.tolist(), strict=True)]
+        count = len(stamps)
+        if count and self._all_follow(stamps, accelerations):  # as nearly always
+            self._last_ns, self._early_count, self._aside_count = int(stamps[-1]), 0, 0
+            ax, ay, az = accelerations[-1].tolist()
+            self._last = (ax, ay, az)
+            self.counts[Verdict.USE] += count
+            self.used += count
+            return np.ones(count, dtype=bool), np.zeros(count, dtype=bool)
+        verdicts = [
+            self.judge(stamp, (ax, ay, az))
+            for stamp, (ax, ay, az) in zip(stamps.tolist(), accelerations.tolist(), strict=True)
+        ]
         restarted = np.array([verdict is Verdict.RESTART for verdict in verdicts], dtype=bool)
         used = np.array([verdict is Verdict.USE for verdict in verdicts], dtype=bool)
         return used | restarted, restarted
@@ -126,11 +170,19 @@ class SampleGate:
         self.counts[verdict] += 1
         self.dropped += 1
 
-    def _judge(self, stamp_ns: int, finite: bool, now_ns: int | None) -> Verdict:
-        if not finite:
-            return Verdict.NOT_FINITE
-        if now_ns is not None and now_ns - stamp_ns > self._max_age_ns:
-            return Verdict.STALE
+    def _judge(
+        self,
+        stamp_ns: int,
+        acceleration: Vector | None,
+        now_ns: int | None,
+        fault: Verdict | None,
+    ) -> Verdict:
+        if fault is None and acceleration is not None:
+            fault = fault_of(acceleration, STRONGEST)
+        if fault is not None:
+            return fault
+        if now_ns is not None and not -self._max_age_ns <= now_ns - stamp_ns <= self._max_age_ns:
+            return Verdict.STALE if stamp_ns < now_ns else Verdict.AHEAD
         last = self._last_ns
         if last is not None and stamp_ns <= last:
             if stamp_ns == last:
@@ -138,10 +190,34 @@ class SampleGate:
             if not self._time_was_set_back(stamp_ns):
                 return Verdict.DISORDERED
             last = None
-        self._last_ns, self._early_ns, self._early_count = stamp_ns, None, 0
         if last is None or stamp_ns - last > self._max_gap_ns:
             return Verdict.RESTART
-        return Verdict.USE
+        if acceleration is None or self._near(acceleration, self._last):
+            return Verdict.USE
+        return self._jumped(acceleration)
+
+    def _jumped(self, acceleration: Vector) -> Verdict:
+        """What jumps is set aside until enough samples in a row agree."""
+        agrees = self._aside_count > 0 and self._near(acceleration, self._aside)
+        self._aside_count = self._aside_count + 1 if agrees else 1
+        self._aside = acceleration
+        return Verdict.RESTART if self._aside_count >= self._agreeing else Verdict.JUMP
+
+    def _near(self, one: Vector, other: Vector) -> bool:
+        bound = self._max_jump
+        dx, dy, dz = one[0] - other[0], one[1] - other[1], one[2] - other[2]
+        return -bound <= dx <= bound and -bound <= dy <= bound and -bound <= dz <= bound
+
+    def _all_follow(self, stamps: NDArray[np.int64], accelerations: NDArray[np.float64]) -> bool:
+        """Whether each sample simply follows the one before."""
+        if self._last_ns is None or self._early_count or self._aside_count:
+            return False
+        steps = np.diff(stamps, prepend=np.int64(self._last_ns))
+        if steps.min() <= 0 or steps.max() > self._max_gap_ns:
+            return False
+        changes = np.abs(np.diff(accelerations, axis=0, prepend=[self._last]))
+        # Written so that NaN fails too.
+        return bool(changes.max() <= self._max_jump and np.abs(accelerations).max() <= STRONGEST)
 
     def _time_was_set_back(self, stamp_ns: int) -> bool:
         """True once enough early samples follow each other in order."""

@@ -17,7 +17,7 @@ import math
 from dataclasses import dataclass
 
 from slosh_estimator.errors import SloshEstimatorError
-from slosh_estimator.gate import GateSettings, SampleGate, Verdict
+from slosh_estimator.gate import GateSettings, SampleGate, Verdict, fault_of
 from slosh_estimator.rotation import Vector, cross, matrix_from_rpy, rotate
 from slosh_estimator.sample import SECONDS, Sample
 from slosh_model.constants import GRAVITY
@@ -26,7 +26,9 @@ ANGULAR_FILTER = 0.01
 """Time constant of the low-pass behind ω̇ [s]."""
 GRAVITY_FILTER = 2.0
 """Time constant of the mean ‖f‖ by which a sensor without gravity is recognised [s]."""
-TOO_LIGHT = 0.5 * GRAVITY
+TOO_LIGHT, TOO_HEAVY = 0.5 * GRAVITY, 3.0 * GRAVITY
+FASTEST_TURN = 200.0
+"""No gyroscope on an arm shows more [rad/s]: 30 turns a second."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +64,7 @@ class ImuInput:
         self._slow_rate: Vector = (0.0, 0.0, 0.0)
         self._last_yaw_rate = 0.0
         self._yaw = 0.0
-        self._mean_force = GRAVITY
+        self._mean_force: float | None = None
         self._rate_missing = False
 
     def update(
@@ -76,8 +78,8 @@ class ImuInput:
             rate: angular velocity in the sensor's axes [rad/s]; None: the sensor reports none.
             now_ns: the time of arrival [ns].
         """
-        finite = math.isfinite(sum(force)) and (rate is None or math.isfinite(sum(rate)))
-        verdict = self.gate.judge(stamp_ns, finite, now_ns)
+        fault = None if rate is None else fault_of(rate, FASTEST_TURN)
+        verdict = self.gate.judge(stamp_ns, force, now_ns, fault)
         if verdict not in (Verdict.USE, Verdict.RESTART):
             return None
         restarted = verdict is Verdict.RESTART
@@ -97,19 +99,26 @@ class ImuInput:
         half = 0.5 * self._yaw
         return Sample(
             stamp_ns, c * fx - s * fy, s * fx + c * fy, fz - GRAVITY, self._yaw, restarted,
-            (0.0, 0.0, math.sin(half), math.cos(half), *omega, *change),
+            (0.0, 0.0, math.sin(half), math.cos(half), *omega, *change), self._doubtful,
         )  # fmt: skip
 
     def warning(self) -> str | None:
         """What the user should mend; None: nothing."""
-        if self._mean_force < TOO_LIGHT:
+        if self._doubtful and self._mean_force is not None:
+            light = self._mean_force < TOO_LIGHT
+            seems = "leave gravity out" if light else "have another unit, or a fault"
             return (
                 f"the sensor's mean specific force is {self._mean_force:.1f} m/s²: it seems to "
-                "leave gravity out; publish specific force as REP-145 says (+9.8 m/s² at rest)"
+                f"{seems}; publish specific force as REP-145 says (+9.8 m/s² at rest)"
             )
         if self._rate_missing and self._to_origin != (0.0, 0.0, 0.0):
             return "the sensor reports no angular velocity: its lever arm is not accounted for"
         return None
+
+    @property
+    def _doubtful(self) -> bool:
+        mean = self._mean_force
+        return mean is not None and not TOO_LIGHT <= mean <= TOO_HEAVY
 
     def _angular_acceleration(self, omega: Vector, dt: float) -> Vector:
         """From the low-passed angular velocity [rad/s²]."""
@@ -135,4 +144,5 @@ class ImuInput:
         )
 
     def _watch_gravity(self, magnitude: float, dt: float) -> None:
-        self._mean_force += dt / (GRAVITY_FILTER + dt) * (magnitude - self._mean_force)
+        mean = magnitude if self._mean_force is None else self._mean_force
+        self._mean_force = mean + dt / (GRAVITY_FILTER + dt) * (magnitude - mean)

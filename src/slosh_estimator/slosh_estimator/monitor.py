@@ -19,16 +19,13 @@ from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.limits import Event, Hysteresis, LimitTracker, Source
 from slosh_estimator.rotation import Vector
 from slosh_estimator.sample import SECONDS
-from slosh_estimator.validity import EstimateFlag
+from slosh_estimator.sight import SATURATED, UNUSABLE, Sight, obstacle
 
 NAN = float("nan")
 MAXIMUM_WAITING = 1000
 """Measurements that wait for an estimate; the oldest goes when there are more."""
-# Flags of FreeSurface.msg that matter here.
-SATURATED = 1
-UNUSABLE = 32 | 128  # no liquid found, image not decoded
-# An estimate that restarted from an unknown state says nothing about the model's accuracy.
-UNSETTLED = int(EstimateFlag.SETTLING | EstimateFlag.AFTER_GAP | EstimateFlag.DIVERGED)
+FAR = 2.0
+"""So far apart the two sides' newest stamps never lie where their clocks are one [s]."""
 
 
 class Condition(IntEnum):
@@ -38,6 +35,7 @@ class Condition(IntEnum):
     WARN = 1
     ERROR = 2
     STALE = 3
+    BLIND = 4
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,10 +130,13 @@ class Monitor:
     that of the liquid itself. A saturated measurement
     is a lower bound: it enters σ and ε only where it lies above the estimate, counts as
     disagreement only there, and does not end an excess of the measured height. Measurements
-    without a height, and estimates from an unknown state, are compared but do not enter σ and ε.
+    without a height, and estimates from an unknown state or a doubtful input, are compared but do
+    not enter σ and ε; where there is nothing else for too long, the monitor is blind.
 
     Attributes:
         motions: how well motion by motion agrees, where the estimates' acceleration is known.
+        obstruction: why nothing that comes can be believed, as the user of this object knows;
+            empty: no reason is known.
     """
 
     def __init__(self, settings: MonitorSettings) -> None:
@@ -153,6 +154,11 @@ class Monitor:
         self._estimated_at: int | None = None
         self._started_at: int | None = None
         self._last_measured = self._last_estimate_msh = NAN
+        self._measured_stamp = 0
+        self._sight = Sight(settings.timeout)
+        self._compared = 0
+        self._compared_before = 0
+        self.obstruction = ""
         limits = (settings.measured_limit, settings.estimated_limit, settings.disagreement_limit)
         self._trackers = {
             source: LimitTracker(source, limit, settings.hysteresis)
@@ -178,7 +184,7 @@ class Monitor:
         self._drop_old(point.stamp_ns)
         self._last_estimate_msh = point.nonlinear
         self._track(Source.ESTIMATED, point.stamp_ns, point.nonlinear)
-        found = list(self._ready()) if self._waiting else []
+        found = list(self._ready(arrival_ns)) if self._waiting else []
         if point.acceleration is not None:
             self.motions.add_acceleration(point.stamp_ns, point.acceleration)
         return found
@@ -201,21 +207,22 @@ class Monitor:
         self._measured_at = arrival_ns
         height = NAN if point.flags & UNUSABLE else point.msh
         point = point._replace(msh=height)
-        self._last_measured = height
+        self._last_measured, self._measured_stamp = height, point.stamp_ns
         self._track(Source.MEASURED, point.stamp_ns, self._bounded(point))
         if self._stale(self._estimated_at, arrival_ns):
-            return [self._compare(point, None, estimate_stale=True)]
+            return [self._compare(point, None, arrival_ns, estimate_stale=True)]
         self._waiting.append(point)
         if len(self._waiting) > MAXIMUM_WAITING:
             self._waiting.popleft()
             self.unmatched += 1
-        return list(self._ready())
+        return list(self._ready(arrival_ns))
 
     def check(self, now_ns: int) -> list[Comparison]:
         """Looks at the clock, several times within the timeout.
 
         Returns:
-            where a side is silent: what the other side still says, with the state STALE.
+            where a side is silent, or no measurement has met an estimate since the last look:
+            what the other side still says, with the state STALE or BLIND.
         """
         if self._started_at is None:
             self._started_at = now_ns
@@ -230,11 +237,16 @@ class Monitor:
         if estimate_stale:
             while self._waiting:
                 point = self._waiting.popleft()
-                comparisons.append(self._compare(point, None, estimate_stale=True))
-        if measured_stale and not estimate_stale and self._estimates:
+                comparisons.append(self._compare(point, None, now_ns, estimate_stale=True))
+        idle, self._compared_before = self._compared == self._compared_before, self._compared
+        speaks = bool(self._estimates) and not estimate_stale
+        if speaks and (measured_stale or (idle and self.blindness(now_ns))):
             newest = self._estimates[-1]
             missing = MeasuredPoint(newest.stamp_ns, NAN)
-            comparisons.append(self._compare(missing, _as_read(newest), measured_stale=True))
+            comparisons.append(
+                self._compare(missing, _as_read(newest), now_ns, measured_stale=True)
+            )
+            self._compared_before = self._compared
         return comparisons
 
     def silent_sides(self, now_ns: int) -> tuple[bool, bool]:
@@ -246,12 +258,30 @@ class Monitor:
         events, self._events = self._events, []
         return events
 
-    def condition(self, measured_stale: bool, estimate_stale: bool) -> Condition:
-        """The state: a limit that is exceeded weighs most, then a silent side."""
+    def blindness(self, now_ns: int) -> str:
+        """Why nothing could be compared for too long, though both sides speak; empty: it could."""
+        if self.obstruction:
+            return self.obstruction
+        blindness = self._sight.blindness(now_ns)
+        if not blindness or not self._measured_stamp or not self._estimates:
+            return blindness
+        apart = (self._measured_stamp - self._estimates[-1].stamp_ns) * SECONDS
+        if abs(apart) <= FAR:
+            return blindness
+        return (
+            f"the stamps of the measurements lie {abs(apart):.3f} s "
+            f"{'ahead of' if apart > 0.0 else 'behind'} those of the estimates: nothing is "
+            "compared; both must come from one clock"
+        )
+
+    def condition(self, now_ns: int) -> Condition:
+        """The state: an exceeded limit weighs most, then a silent side, then blindness."""
         if any(tracker.active for tracker in self._trackers.values()):
             return Condition.ERROR
-        if measured_stale or estimate_stale:
+        if any(self.silent_sides(now_ns)):
             return Condition.STALE
+        if self.blindness(now_ns):
+            return Condition.BLIND
         share = self.settings.warn_share
         near = (
             self._last_measured > share * self._trackers[Source.MEASURED].limit
@@ -308,7 +338,7 @@ class Monitor:
         for source in Source:
             self._close(source, stamp_ns, "time was set back")
 
-    def _ready(self) -> Iterator[Comparison]:
+    def _ready(self, now_ns: int) -> Iterator[Comparison]:
         """Comparisons of the waiting measurements that the estimates have reached."""
         if not self._estimates:
             return
@@ -323,7 +353,7 @@ class Monitor:
             estimate = self._interpolated(point.stamp_ns - delay)
             if estimate is None:
                 self.unmatched += 1
-            yield self._compare(point, estimate)
+            yield self._compare(point, estimate, now_ns)
 
     def _interpolated(self, stamp_ns: int) -> EstimatePoint | None:
         """The reading at a moment, linear between its neighbours; None outside the buffer."""
@@ -350,6 +380,7 @@ class Monitor:
         self,
         measured: MeasuredPoint,
         estimate: EstimatePoint | None,
+        now_ns: int,
         *,
         measured_stale: bool = False,
         estimate_stale: bool = False,
@@ -357,7 +388,13 @@ class Monitor:
         linear, nonlinear, flags = (
             (estimate.linear, estimate.nonlinear, estimate.flags) if estimate else (NAN, NAN, 0)
         )
-        self._judge(measured, linear, nonlinear, flags)
+        if not measured_stale:
+            self._compared += 1
+            found = obstacle(measured.msh, measured.flags, nonlinear, flags)
+            self._sight.look(now_ns, found)
+            if not found:
+                self._judge(measured, linear, nonlinear)
+        self._watch_disagreement(measured, nonlinear)
         return Comparison(
             measured.stamp_ns,
             measured.msh,
@@ -371,23 +408,25 @@ class Monitor:
             self.linear.epsilon,
             self.nonlinear.epsilon,
             self.nonlinear.count,
-            self.condition(measured_stale, estimate_stale),
+            self.condition(now_ns),
             measured_stale,
             estimate_stale,
             measured.flags,
             flags,
         )
 
-    def _judge(self, measured: MeasuredPoint, linear: float, nonlinear: float, flags: int) -> None:
-        """Takes a pair into σ and ε and watches the disagreement."""
+    def _judge(self, measured: MeasuredPoint, linear: float, nonlinear: float) -> None:
+        """Takes a pair into σ and ε; a lower bound only where it lies above the estimate."""
         bound = bool(measured.flags & SATURATED)
-        if not (flags & UNSETTLED) and not (bound and measured.msh <= nonlinear):
+        if not (bound and measured.msh <= nonlinear):
             self.motions.add_pair(measured.stamp_ns, measured.msh, measured.stddev, nonlinear)
         for accuracy, value in ((self.linear, linear), (self.nonlinear, nonlinear)):
-            if not (flags & UNSETTLED) and not (bound and measured.msh <= value):
+            if not (bound and measured.msh <= value):
                 accuracy.update(measured.msh, value)
+
+    def _watch_disagreement(self, measured: MeasuredPoint, nonlinear: float) -> None:
         difference = measured.msh - nonlinear
-        gap = max(difference, 0.0) if bound else abs(difference)
+        gap = max(difference, 0.0) if measured.flags & SATURATED else abs(difference)
         self._track(Source.DISAGREEMENT, measured.stamp_ns, gap)
 
 

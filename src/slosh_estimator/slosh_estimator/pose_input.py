@@ -20,7 +20,7 @@ import numpy as np
 from numba.types import UniTuple, float64
 
 from slosh_estimator.errors import SloshEstimatorError
-from slosh_estimator.gate import GateSettings, SampleGate, Verdict
+from slosh_estimator.gate import GateSettings, SampleGate, Verdict, fault_of
 from slosh_estimator.rotation import Vector, yaw_of_quaternion
 from slosh_estimator.sample import SECONDS, Sample
 from slosh_model.compilation import GIVEN_1, GIVEN_2, compiled, entry_point
@@ -28,6 +28,10 @@ from slosh_model.compilation import GIVEN_1, GIVEN_2, compiled, entry_point
 MINIMUM_WINDOW = 5
 MAXIMUM_SPEED = 20.0
 """A faster change between two poses is a jump of the tracker, not a motion [m/s]."""
+FARTHEST = 1e4
+"""No container is farther from the origin of its cell [m]."""
+LENGTHS = (1e-3, 1e3)
+"""Lengths that a quaternion may have."""
 
 
 class _Pose(NamedTuple):
@@ -74,12 +78,11 @@ class PoseInput:
         Args:
             stamp_ns: the moment [ns].
             position: the container's origin in the world [m].
-            quaternion: x, y, z, w, world ← container; of any length but zero.
+            quaternion: x, y, z, w, world ← container; of any length within LENGTHS.
             now_ns: the time of arrival [ns].
         """
-        length = math.hypot(*quaternion)
-        finite = math.isfinite(sum(position) + length) and length > 0.0
-        verdict = self.gate.judge(stamp_ns, finite, now_ns)
+        fault = fault_of(position, FARTHEST) or _fault_of_attitude(quaternion)
+        verdict = self.gate.judge(stamp_ns, None, now_ns, fault)
         if verdict not in (Verdict.USE, Verdict.RESTART):
             return None
         jumped = verdict is Verdict.USE and self._jumped(stamp_ns, position)
@@ -118,6 +121,13 @@ class PoseInput:
             tau[row] = (pose.stamp_ns - centre_ns) * SECONDS
             positions[row] = pose.position
             attitudes[row] = pose.attitude
+
+
+def _fault_of_attitude(quaternion: tuple[float, float, float, float]) -> Verdict | None:
+    length = math.hypot(*quaternion)
+    if LENGTHS[0] <= length <= LENGTHS[1]:
+        return None
+    return Verdict.IMPOSSIBLE if math.isfinite(length) else Verdict.NOT_FINITE
 
 
 @compiled

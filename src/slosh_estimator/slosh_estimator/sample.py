@@ -30,6 +30,7 @@ class Sample(NamedTuple):
         pose: how the container stands and turns; None: upright, and it does not turn. Where the
             acceleration holds gravity's share along a tilted floor already, the attitude is that
             of the yaw alone.
+        doubtful: whether what is measured cannot be what it is said to be.
     """
 
     stamp_ns: int
@@ -39,6 +40,7 @@ class Sample(NamedTuple):
     yaw: float = 0.0
     restarted: bool = False
     pose: Pose | None = None
+    doubtful: bool = False
 
 
 class Samples(NamedTuple):
@@ -50,6 +52,7 @@ class Samples(NamedTuple):
         yaws: (N,) [rad].
         restarted: (N,) whether nothing links a sample to those before.
         poses: (N, POSE_COUNT) as in Sample; None: upright throughout.
+        doubtful: (N,) as in Sample; None: none of them.
     """
 
     stamps: NDArray[np.int64]
@@ -57,6 +60,7 @@ class Samples(NamedTuple):
     yaws: NDArray[np.float64]
     restarted: NDArray[np.bool_]
     poses: NDArray[np.float64] | None = None
+    doubtful: NDArray[np.bool_] | None = None
 
     @classmethod
     def of(cls, samples: Sequence[Sample]) -> Samples:
@@ -68,6 +72,7 @@ class Samples(NamedTuple):
             values[:, 3].copy(),
             np.array([sample.restarted for sample in samples], dtype=bool),
             _poses(samples),
+            np.array([sample.doubtful for sample in samples], dtype=bool),
         )
 
     def one(self, index: int) -> Sample:
@@ -77,6 +82,7 @@ class Samples(NamedTuple):
             int(self.stamps[index]), ax, ay, az, float(self.yaws[index]),
             bool(self.restarted[index]),
             None if self.poses is None else tuple(self.poses[index].tolist()),
+            self.doubtful is not None and bool(self.doubtful[index]),
         )  # fmt: skip
 
 

@@ -20,6 +20,8 @@ class EstimateFlag(IntFlag):
     SETTLING = 16
     AFTER_GAP = 32
     DIVERGED = 64
+    INPUT_DOUBTFUL = 128
+    INPUT_CONTESTED = 256
 
 
 def validity_limits(model: Model) -> dict[str, float]:

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from slosh_estimator.estimator import Estimator
+from slosh_estimator.estimator import Estimate, Estimator
 from slosh_estimator.sample import Sample, Samples
 from slosh_estimator.validity import EstimateFlag
 from slosh_model.containers import Cylinder
@@ -122,6 +122,7 @@ def test_a_diverging_model_is_reset_flagged_and_counted() -> None:
     flags = run(estimator, 400, (1e5, 0.0, 0.0))
     assert flags & EstimateFlag.DIVERGED
     assert estimator.divergences > 0
+    assert 0 <= flags < 2**16
     calm = estimator.update(Sample(10**10, 0.0, 0.0, 0.0, 0.0, True))
     assert math.isfinite(calm.linear.msh)
     assert math.isfinite(calm.nonlinear.msh)
@@ -196,3 +197,52 @@ def test_reset_and_load_model_start_from_rest() -> None:
     estimator.load_model(MODEL.planar())
     assert estimator.names == ("2D-L", "2D-NL")
     assert estimator.update(Sample(201 * MS, 3.0, 0.0, 0.0)).linear.msh == 0.0
+
+
+def wave(estimator: Estimator, k: int) -> Estimate:
+    return estimator.update(Sample(k * MS, 4.0 * math.sin(0.0185 * k), 0.0, 0.0, 0.0, k == 0))
+
+
+@pytest.mark.parametrize("how", ["reset", "load_model"])
+def test_what_starts_anew_in_motion_settles(how: str) -> None:
+    """The liquid does not stop because its model does: heights are unknown until it would have."""
+    estimator = Estimator(MODEL)
+    for k in range(800):
+        assert not wave(estimator, k).flags & EstimateFlag.SETTLING
+    estimator.reset() if how == "reset" else estimator.load_model(MODEL.planar())
+    assert all(wave(estimator, k).flags & EstimateFlag.SETTLING for k in range(800, 900))
+    estimator.reset()  # and again while it settles
+    assert wave(estimator, 900).flags & EstimateFlag.SETTLING
+
+
+@pytest.mark.parametrize("how", ["reset", "load_model"])
+@pytest.mark.parametrize("tilt", [0.0, 0.1])
+def test_what_starts_anew_at_rest_is_known(how: str, tilt: float) -> None:
+    model = MODEL.with_effect("static_tilt", roll=tilt, pitch=0.0)
+    estimator = Estimator(model)
+    run(estimator, 50, (0.0, 0.0, 0.0))
+    estimator.reset() if how == "reset" else estimator.load_model(MODEL)
+    assert not run(estimator, 50, (0.0, 0.0, 0.0), first=50)
+
+
+def test_who_does_not_start_at_rest_settles() -> None:
+    estimator = Estimator(MODEL, at_rest=False)
+    assert run(estimator, 50, (0.0, 0.0, 0.0)) == EstimateFlag.SETTLING
+    estimator.reset()
+    assert run(estimator, 50, (0.0, 0.0, 0.0), first=50) == EstimateFlag.SETTLING
+
+
+def test_a_doubtful_sample_makes_a_doubtful_estimate() -> None:
+    estimator = Estimator(MODEL)
+    sample = Sample(0, 0.0, 0.0, 0.0, 0.0, True, None, True)
+    assert estimator.update(sample).flags == EstimateFlag.INPUT_DOUBTFUL
+
+
+def test_an_input_with_which_no_liquid_can_rest_gives_no_height() -> None:
+    model = MODEL.nonlinear().with_effect("static_tilt", roll=0.3, pitch=0.3)
+    estimator = Estimator(model.with_effect("accel_gain", gain=5.0))
+    for k in range(300):
+        estimate = estimator.update(Sample(k * MS, 2000.0, -2000.0, -2000.0, 0.0, k == 0))
+        assert 0 <= estimate.flags < 2**16
+        if estimate.flags & EstimateFlag.DIVERGED:
+            assert not 0.0 < estimate.nonlinear.msh < 1e-3

@@ -103,7 +103,8 @@ def samples_of(restarts: tuple[int, ...] = (0,)) -> Samples:
     for index in restarts:
         restarted[index] = True
         stamps[index:] += 500 * MS * (index > 0)
-    return Samples(stamps, motion.acceleration.copy(), yaws, restarted, poses)
+    doubtful = np.arange(len(stamps)) % 100 > 80
+    return Samples(stamps, motion.acceleration.copy(), yaws, restarted, poses, doubtful)
 
 
 def one_by_one(model: Model, samples: Samples) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -121,7 +122,8 @@ def in_parts(model: Model, samples: Samples, size: int) -> list[Estimates]:
     estimator, parts = Estimator(model), []
     for start in range(0, len(samples.stamps), size):
         rows = slice(start, start + size)
-        parts.append(estimator.update_many(Samples(*(column[rows] for column in samples))))  # type: ignore[index]
+        part = Samples(*(None if one is None else one[rows] for one in samples))  # type: ignore[arg-type]
+        parts.append(estimator.update_many(part))
     return parts
 
 

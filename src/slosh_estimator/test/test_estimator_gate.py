@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
@@ -7,55 +9,74 @@ from hypothesis import strategies as st
 from slosh_estimator.gate import GateSettings, SampleGate, Verdict
 
 MS = 1_000_000
+STILL, BAD = (0.0, 0.0, 0.0), (0.0, math.nan, 0.0)
 
 
 def gate(**settings: float) -> SampleGate:
     made = SampleGate(GateSettings(**settings))  # type: ignore[arg-type]
-    assert made.judge(1000 * MS, True) is Verdict.RESTART
+    assert made.judge(1000 * MS, STILL) is Verdict.RESTART
     return made
 
 
 def test_each_fault_is_dropped_and_counted_by_name() -> None:
     watched = gate()
-    assert watched.judge(1000 * MS, True) is Verdict.REPEATED
-    assert watched.judge(999 * MS, True) is Verdict.DISORDERED
-    assert watched.judge(1001 * MS, False) is Verdict.NOT_FINITE
-    assert watched.judge(1002 * MS, True, 1602 * MS) is Verdict.STALE
-    assert watched.judge(1003 * MS, True, 1004 * MS) is Verdict.USE
-    assert (watched.used, watched.dropped) == (2, 4)
+    assert watched.judge(1000 * MS, STILL) is Verdict.REPEATED
+    assert watched.judge(999 * MS, STILL) is Verdict.DISORDERED
+    assert watched.judge(1001 * MS, BAD) is Verdict.NOT_FINITE
+    assert watched.judge(1001 * MS, (0.0, 2001.0, 0.0)) is Verdict.IMPOSSIBLE
+    assert watched.judge(1002 * MS, STILL, 1602 * MS) is Verdict.STALE
+    assert watched.judge(1602 * MS, STILL, 1002 * MS) is Verdict.AHEAD
+    assert watched.judge(1003 * MS, (20.1, 0.0, 0.0), 1004 * MS) is Verdict.JUMP
+    assert watched.judge(1003 * MS, STILL, 1004 * MS, Verdict.IMPOSSIBLE) is Verdict.IMPOSSIBLE
+    assert watched.judge(1003 * MS, STILL, 1004 * MS) is Verdict.USE
+    assert (watched.used, watched.dropped) == (2, 8)
 
 
 def test_a_dropped_sample_leaves_no_trace() -> None:
     watched = gate()
-    watched.judge(5000 * MS, False)
-    assert watched.judge(1001 * MS, True) is Verdict.USE
+    watched.judge(5000 * MS, BAD)
+    assert watched.judge(1001 * MS, STILL) is Verdict.USE
 
 
 def test_a_gap_restarts_and_its_limit_does_not() -> None:
     watched = gate(max_gap=0.05)
-    assert watched.judge(1050 * MS, True) is Verdict.USE
-    assert watched.judge(1101 * MS, True) is Verdict.RESTART
+    assert watched.judge(1050 * MS, STILL) is Verdict.USE
+    assert watched.judge(1101 * MS, STILL) is Verdict.RESTART
     assert watched.gaps == 1
 
 
 def test_time_that_was_set_back_is_believed_after_some_samples() -> None:
     watched = gate(restart_after=5)
-    verdicts = [watched.judge(k * MS, True) for k in range(1, 8)]
+    verdicts = [watched.judge(k * MS, STILL) for k in range(1, 8)]
     assert verdicts == [Verdict.DISORDERED] * 4 + [Verdict.RESTART] + [Verdict.USE] * 2
 
 
 def test_one_stamp_far_in_the_future_does_not_block_for_ever() -> None:
     watched = gate(restart_after=5)
-    watched.judge(10**15, True)
-    verdicts = [watched.judge((1001 + k) * MS, True) for k in range(6)]
+    watched.judge(10**15, STILL)
+    verdicts = [watched.judge((1001 + k) * MS, STILL) for k in range(6)]
     assert verdicts[4:] == [Verdict.RESTART, Verdict.USE]
 
 
 def test_early_stragglers_between_good_samples_never_restart() -> None:
     watched = gate(restart_after=5)
     for k in range(1, 50):
-        assert watched.judge((1000 + k) * MS, True) is Verdict.USE
-        assert watched.judge((900 + k) * MS, True) is Verdict.DISORDERED
+        assert watched.judge((1000 + k) * MS, STILL) is Verdict.USE
+        assert watched.judge((900 + k) * MS, STILL) is Verdict.DISORDERED
+
+
+def test_a_spike_is_left_out_and_a_new_level_is_a_new_motion() -> None:
+    watched = gate()
+    spike, level = (0.0, 0.0, -200.0), (30.0, 1.0, 0.0)
+    given_now = [spike, STILL, spike, spike, STILL, *[level] * 6, STILL]
+    verdicts = [watched.judge((1001 + k) * MS, one) for k, one in enumerate(given_now)]
+    out, use = Verdict.JUMP, Verdict.USE
+    assert verdicts == [out, use, out, out, use, *[out] * 4, Verdict.RESTART, use, out]
+
+
+def test_of_chosen_samples_one_that_jumps_follows_a_break() -> None:
+    watched = gate(chosen=True)
+    assert watched.judge(1005 * MS, (30.0, 0.0, 0.0)) is Verdict.RESTART
 
 
 @given(
@@ -70,7 +91,9 @@ def test_every_sample_is_counted_once_and_used_ones_increase_but_for_restarts(
     watched = SampleGate(GateSettings(restart_after=3))
     last: int | None = None
     for stamp, finite, now in samples:
-        verdict = watched.judge(stamp * MS, finite, None if now is None else now * MS)
+        verdict = watched.judge(
+            stamp * MS, STILL if finite else BAD, None if now is None else now * MS
+        )
         if verdict is Verdict.USE:
             assert finite
             assert last is not None
@@ -81,17 +104,22 @@ def test_every_sample_is_counted_once_and_used_ones_increase_but_for_restarts(
 
 
 @given(
-    st.lists(st.tuples(st.integers(-30, 90), st.booleans(), st.booleans()), max_size=60),
+    st.lists(
+        st.tuples(
+            st.integers(-30, 90), st.booleans(), st.sampled_from([0.0, 5.0, 30.0, 3e3, math.nan])
+        ),
+        max_size=60,
+    ),
     st.integers(1, 60),
 )
 def test_many_samples_at_once_are_judged_as_one_by_one(
-    steps: list[tuple[int, bool, bool]], size: int
+    steps: list[tuple[int, bool, float]], size: int
 ) -> None:
-    """Most steps are of 1 ms; some go back, stand still or leave a gap."""
+    """Most steps are of 1 ms; some go back, stand still, jump or leave a gap."""
     stamp, rows = 10**9, []
-    for step, strange, finite in steps:
+    for step, strange, push in steps:
         stamp += step * MS if strange else MS
-        rows.append((stamp, finite or not strange))
+        rows.append((stamp, (0.0, push if strange else 0.0, 0.0)))
     single, many = gate(restart_after=3), gate(restart_after=3)
     expected = [single.judge(*row) for row in rows]
     used: list[bool] = []

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import math
+import os
 from pathlib import Path
 
 import numpy as np
@@ -88,6 +89,9 @@ def test_a_driver_that_removes_gravity_is_recognised() -> None:
     for k in range(3000):
         imu.update(k * MS, (0.01, 0.0, 0.0), (0.0, 0.0, 0.0))
     assert "gravity" in str(imu.warning())
+    sample = imu.update(3000 * MS, (0.01, 0.0, 0.0), (0.0, 0.0, 0.0))
+    assert sample is not None
+    assert sample.doubtful
 
 
 def test_a_sensor_that_moves_hard_is_not_taken_for_one_without_gravity() -> None:
@@ -96,6 +100,29 @@ def test_a_sensor_that_moves_hard_is_not_taken_for_one_without_gravity() -> None
         swing = 9.0 * math.sin(0.02 * k)
         imu.update(k * MS, (swing, 0.0, GRAVITY - 0.5 * swing), (0.0, 0.0, 0.0))
     assert imu.warning() is None
+    sample = imu.update(3000 * MS, (0.0, 0.0, GRAVITY), (0.0, 0.0, 0.0))
+    assert sample is not None
+    assert not sample.doubtful
+
+
+@pytest.mark.parametrize("rate", [1e300, 1.7e308, math.inf, math.nan, -201.0])
+def test_a_turn_that_no_arm_makes_is_dropped_and_leaves_no_trace(rate: float) -> None:
+    imu = ImuInput(GATE, SensorTransform())
+    still = ((0.0, 0.0, GRAVITY), (0.0, 0.0, 0.0))
+    assert imu.update(0, *still) is not None
+    assert imu.update(MS, still[0], (0.0, 0.0, rate)) is None
+    after = imu.update(2 * MS, *still)
+    assert after is not None
+    assert after.yaw == 0.0
+
+
+@pytest.mark.parametrize("size", [1e5, 1e160, 1.7e308])
+def test_poses_that_cannot_be_are_dropped(size: float) -> None:
+    poses = PoseInput(GATE, 5)
+    for k in range(20):
+        assert poses.update(k * MS, (size, -size, 0.0), (0.0, 0.0, 0.0, 1.0)) is None
+        assert poses.update(k * MS, (0.0, 0.0, 0.0), (0.0, 0.0, size, size)) is None
+    assert poses.gate.dropped == 40
 
 
 def test_a_missing_rate_matters_only_with_a_lever_arm() -> None:
@@ -196,6 +223,15 @@ def test_model_files_are_named_in_every_error(tmp_path: Path) -> None:
     binary.write_bytes(b"\xff\xfe\x00")
     with pytest.raises(SloshEstimatorError, match=r"binary\.yaml"):
         read_model(binary)
+    os.mkfifo(tmp_path / "pipe")
+    for place in (tmp_path, tmp_path / "pipe", Path("/dev/zero")):
+        with pytest.raises(SloshEstimatorError, match=r"regular file|directory"):
+            read_model(place)
+    with pytest.raises(SloshEstimatorError, match="null byte"):
+        read_model("a\0b")
+    (tmp_path / "large").write_bytes(b"#" * 100_000)
+    with pytest.raises(SloshEstimatorError, match="too large for a model"):
+        read_model(tmp_path / "large")
     wrong = tmp_path / "wrong.yaml"
     wrong.write_text("container: {shape: cylinder, radius: 0.05, fill_height: 0.07, colour: 1}")
     with pytest.raises(SloshModelError, match=r"wrong\.yaml.*colour"):

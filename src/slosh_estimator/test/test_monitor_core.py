@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import math
+import re
 
 import pytest
 from hypothesis import given
@@ -11,7 +12,6 @@ from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.limits import Event, Hysteresis, Kind, LimitTracker, Source
 from slosh_estimator.monitor import (
     MAXIMUM_WAITING,
-    SATURATED,
     Comparison,
     Condition,
     EstimatePoint,
@@ -19,6 +19,7 @@ from slosh_estimator.monitor import (
     Monitor,
     MonitorSettings,
 )
+from slosh_estimator.sight import FROZEN, SATURATED
 from slosh_estimator.validity import EstimateFlag
 
 MS = 1_000_000
@@ -296,3 +297,82 @@ def test_many_estimates_at_once_count_as_one_by_one(
     assert repr(answers[0]) == repr(answers[1])  # NaN is not equal to itself
     assert single.take_events() == many.take_events()
     assert single.unmatched == many.unmatched
+
+
+def both_speak(
+    monitor: Monitor,
+    *,
+    measured_flags: int = 0,
+    estimate_flags: int = 0,
+    shift: int = 0,
+    height: float = 0.001,
+) -> Comparison:
+    """A second in which camera and estimator speak; what the monitor says in its end."""
+    said: list[Comparison] = []
+    for at in range(10_000, 11_000, 10):
+        point = EstimatePoint(at * MS, height, height, estimate_flags)
+        said += monitor.add_estimate(point, at * MS)
+        if at % 20 == 0:
+            image = MeasuredPoint((at + shift) * MS, height, 1e-4, measured_flags)
+            said += monitor.add_measurement(image, at * MS)
+        if at % 100 == 0:
+            said += monitor.check(at * MS)
+    return said[-1]
+
+
+@pytest.mark.parametrize(
+    ("given", "reason"),
+    [
+        ({"measured_flags": BAD_IMAGE}, "BAD_IMAGE"),
+        ({"measured_flags": NOT_FOUND}, "is its lens covered"),
+        ({"measured_flags": FROZEN}, "FROZEN"),
+        ({"height": math.nan}, "measures no height"),
+        ({"shift": -10_000}, "10.0.0 s behind those of the estimates"),
+        ({"shift": 10_000}, "(9.99|10.0)0 s ahead of those of the estimates"),
+        ({"estimate_flags": int(EstimateFlag.SETTLING)}, "SETTLING"),
+        ({"estimate_flags": int(EstimateFlag.INPUT_DOUBTFUL)}, "sensor cannot mean what it says"),
+        ({"estimate_flags": int(EstimateFlag.INPUT_CONTESTED)}, "several publishers"),
+    ],
+)
+def test_who_cannot_compare_is_blind_and_says_why(given: dict[str, int], reason: str) -> None:
+    monitor = Monitor(MonitorSettings())
+    assert both_speak(monitor, **given).state is Condition.BLIND  # type: ignore[arg-type]
+    assert re.search(reason, monitor.blindness(11_000 * MS))
+    assert monitor.nonlinear.count == 0
+
+
+@pytest.mark.parametrize("flags", [0, SATURATED])
+def test_who_compares_sees(flags: int) -> None:
+    monitor = Monitor(MonitorSettings())
+    assert both_speak(monitor, measured_flags=flags).state is Condition.OK
+    assert monitor.blindness(11_000 * MS) == ""
+
+
+def test_a_short_moment_without_sight_is_no_blindness() -> None:
+    monitor = Monitor(MonitorSettings())
+    both_speak(monitor)
+    for at in (11_000, 11_100, 11_250):
+        estimate(monitor, at, 0.001)
+        (comparison,) = measure(monitor, at, 0.001, BAD_IMAGE)
+        assert comparison.state is Condition.OK
+    estimate(monitor, 11_300, 0.001)
+    (comparison,) = measure(monitor, 11_300, 0.001, BAD_IMAGE)
+    assert comparison.state is Condition.BLIND
+    (comparison,) = measure(monitor, 11_300, 0.001)
+    assert comparison.state is Condition.OK
+
+
+def test_an_exceeded_limit_weighs_more_than_blindness_and_a_silent_side_too() -> None:
+    monitor = Monitor(MonitorSettings(estimated_limit=0.02))
+    assert both_speak(monitor, measured_flags=BAD_IMAGE, height=0.03).state is Condition.ERROR
+    calm = Monitor(MonitorSettings())
+    both_speak(calm, measured_flags=BAD_IMAGE)
+    assert calm.condition(12_000 * MS) is Condition.STALE
+
+
+def test_what_is_known_of_its_inputs_blinds_it() -> None:
+    monitor = Monitor(MonitorSettings())
+    both_speak(monitor)
+    monitor.obstruction = "2 publishers on /slosh/free_surface"
+    assert monitor.condition(11_000 * MS) is Condition.BLIND
+    assert monitor.blindness(11_000 * MS) == monitor.obstruction

@@ -7,9 +7,9 @@ import math
 from slosh_model.errors import SloshModelError
 
 
-def positive(name: str, value: float, unit: str, upper: float) -> None:
-    """Raises SloshModelError unless 0 < value <= upper."""
-    if not (math.isfinite(value) and 0.0 < value <= upper):
+def within(name: str, value: float, unit: str, lower: float, upper: float) -> None:
+    """Raises SloshModelError unless lower <= value <= upper."""
+    if not (math.isfinite(value) and lower <= value <= upper):
         raise SloshModelError(
-            f"{name} = {value!r} {unit} must lie in (0, {upper:g}] {unit}".rstrip()
+            f"{name} = {value!r} {unit} must lie in [{lower:g}, {upper:g}] {unit}".rstrip()
         )

@@ -6,11 +6,11 @@ import math
 from dataclasses import dataclass
 
 from slosh_model.bessel import bessel_derivative_root
-from slosh_model.checks import positive
+from slosh_model.checks import within
 from slosh_model.constants import GRAVITY
 from slosh_model.errors import SloshModelError
 
-MAXIMUM_DIMENSION = 10.0  # m; a larger value is a unit mistaken for another
+DIMENSIONS = (1e-4, 10.0)  # m; any other value is a unit mistaken for another
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,7 +23,7 @@ class Cylinder:
         rim_height: height of the rim above the floor [m]; None: unknown.
 
     Raises:
-        SloshModelError: a dimension is not positive or finite, or the rim not above the liquid.
+        SloshModelError: a dimension is outside DIMENSIONS, or the rim not above the liquid.
     """
 
     radius: float
@@ -31,11 +31,11 @@ class Cylinder:
     rim_height: float | None = None
 
     def __post_init__(self) -> None:
-        positive("container.radius", self.radius, "m", MAXIMUM_DIMENSION)
-        positive("container.fill_height", self.fill_height, "m", MAXIMUM_DIMENSION)
+        within("container.radius", self.radius, "m", *DIMENSIONS)
+        within("container.fill_height", self.fill_height, "m", *DIMENSIONS)
         if self.rim_height is None:
             return
-        positive("container.rim_height", self.rim_height, "m", MAXIMUM_DIMENSION)
+        within("container.rim_height", self.rim_height, "m", *DIMENSIONS)
         if self.rim_height <= self.fill_height:
             raise SloshModelError(
                 f"container.rim_height = {self.rim_height:g} m must lie above "

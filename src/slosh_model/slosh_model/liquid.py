@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from slosh_model.checks import positive
+from slosh_model.checks import within
 from slosh_model.constants import GRAVITY
 from slosh_model.containers import Cylinder
 
@@ -26,8 +26,8 @@ class Liquid:
     kinematic_viscosity: float = 1.0e-6
 
     def __post_init__(self) -> None:
-        positive("liquid.density", self.density, "kg/m³", 3e4)
-        positive("liquid.kinematic_viscosity", self.kinematic_viscosity, "m²/s", 1.0)
+        within("liquid.density", self.density, "kg/m³", 1.0, 3e4)
+        within("liquid.kinematic_viscosity", self.kinematic_viscosity, "m²/s", 1e-9, 1.0)
 
 
 def cylinder_damping_ratio(container: Cylinder, liquid: Liquid) -> float:

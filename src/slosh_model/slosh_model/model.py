@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
 from slosh_model.bessel import MAXIMUM_MODE
-from slosh_model.checks import positive
+from slosh_model.checks import within
 from slosh_model.containers import Cylinder
 from slosh_model.effects.base import Effect, Parameters
 from slosh_model.effects.registry import BY_HOOK, find_effect
@@ -38,9 +38,9 @@ class ValidityLimits:
 
     def __post_init__(self) -> None:
         for name in ("acceleration", "planar_acceleration"):
-            positive(f"limits.{name}", getattr(self, name), "m/s²", 1e3)
+            within(f"limits.{name}", getattr(self, name), "m/s²", 1e-3, 1e3)
         for name in ("jerk", "planar_jerk"):
-            positive(f"limits.{name}", getattr(self, name), "m/s³", 1e5)
+            within(f"limits.{name}", getattr(self, name), "m/s³", 1e-3, 1e5)
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,9 +107,14 @@ class Model:
             if names.count(name) > 1:
                 raise SloshModelError(f"effect {name!r} is listed twice")
         try:
-            self.mode_constants()
+            modes = self.mode_constants()
         except SloshModelError as error:
             raise SloshModelError(f"with its effects the model has {error}") from None
+        if self.damping_ratio is None and not modes[0].damping_ratio < 1.0:
+            raise SloshModelError(
+                f"the damping ratio would be {modes[0].damping_ratio:.3g}: liquid that viscous, "
+                "in a container that small, does not slosh"
+            )
 
     @property
     def name(self) -> str:

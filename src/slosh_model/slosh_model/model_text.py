@@ -7,12 +7,13 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Hashable, Mapping
 from dataclasses import fields
 from typing import Any
 
 import yaml
 
+from slosh_model.bounded_yaml import load_yaml
 from slosh_model.containers import Cylinder
 from slosh_model.errors import SloshModelError
 from slosh_model.liquid import Liquid
@@ -22,6 +23,8 @@ INT_TAG, FLOAT_TAG = "tag:yaml.org,2002:int", "tag:yaml.org,2002:float"
 KEYS = ("container", "liquid", "damping_ratio", "modes", "limits", "effects")
 SHAPES = ("cylinder",)
 AUTO = "auto"
+LONGEST = 64_000
+"""Characters of a model, at most; it is a page of text."""
 # What PyYAML lets through where an explicit tag does not fit its value, as in `!!bool 5`.
 _YAML_FAILURES = (
     yaml.YAMLError, ArithmeticError, AttributeError, LookupError, RecursionError, TypeError,
@@ -38,9 +41,13 @@ class _Loader(yaml.SafeLoader):
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
         keys = [self.construct_object(key, deep=True) for key, _ in node.value]
-        for index, key in enumerate(keys):
-            if key in keys[:index]:
+        seen = set()
+        for key in keys:
+            if not isinstance(key, Hashable):
+                raise SloshModelError("a key is a collection; keys are names")
+            if key in seen:
                 raise SloshModelError(f"key {_shown(key)} stands twice")
+            seen.add(key)
         return super().construct_mapping(node, deep)
 
     def construct_whole(self, node: yaml.ScalarNode) -> int:
@@ -105,8 +112,7 @@ def _given_fields(value: Any) -> dict[str, float]:
 
 def _load(text: str) -> Mapping[str, Any]:
     try:
-        # The loader is a SafeLoader.
-        document = yaml.load(text, _Loader)
+        document = load_yaml(text, _Loader, LONGEST)
     except yaml.MarkedYAMLError as error:
         where = f"line {error.problem_mark.line + 1}: " if error.problem_mark else ""
         raise SloshModelError(f"not YAML: {where}{error.problem}") from None

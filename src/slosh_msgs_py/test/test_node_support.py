@@ -9,13 +9,16 @@ import time
 
 import pytest
 import rclpy
+from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.parameter import Parameter
 from std_msgs.msg import Header
+from std_srvs.srv import Trigger
 
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.errors import SloshMessageError
-from slosh_msgs_py.node.diagnostics import OK, WARN, DiagnosticsReporter
+from slosh_msgs_py.node.diagnostics import ERROR, OK, WARN, DiagnosticsReporter
+from slosh_msgs_py.node.guarded import GuardedNode
 from slosh_msgs_py.node.lifeline import VARIABLE, watch_lifelines
 from slosh_msgs_py.node.parameters import ParameterSpec, declare
 from slosh_msgs_py.node.run import make_executor
@@ -37,7 +40,7 @@ def make_node():
 
     def make(**overrides):
         given = [Parameter(name, value=value) for name, value in overrides.items()]
-        nodes.append(rclpy.create_node("tested", parameter_overrides=given))
+        nodes.append(GuardedNode("tested", parameter_overrides=given))
         return nodes[-1]
 
     yield make
@@ -85,6 +88,37 @@ def test_a_bad_start_value_is_refused_with_the_reason(make_node, override, match
     with pytest.raises(SloshMessageError, match=match) as caught:
         declare(make_node(**override), SPECS)
     assert "\n" not in str(caught.value)
+
+
+def test_a_callback_that_fails_loses_its_message_and_nothing_else(make_node, capfd):
+    node = make_node()
+    reports, heard = [], []
+    node.create_subscription(DiagnosticArray, topics.DIAGNOSTICS, reports.append, 10)
+    DiagnosticsReporter(node, lambda: (OK, "well"))
+    publisher = node.create_publisher(Header, "words", qos.EVENT)
+
+    def hear(message):
+        heard.append(1 / (message.stamp.sec - 3))
+
+    node.create_subscription(Header, "words", hear, qos.EVENT)
+    node.create_service(Trigger, "ask", lambda request, response: heard[99])
+    client = node.create_client(Trigger, "ask")
+    for number in range(6):
+        publisher.publish(Header(stamp=Time(sec=number)))
+    answer = client.call_async(Trigger.Request())
+    spin_until(node, lambda: len(heard) == 5 and answer.done())
+    spin_until(node, lambda: any(report.status[0].level == ERROR for report in reports))
+    (told,) = next(r for r in reports if r.status[0].level == ERROR).status
+    assert "ZeroDivisionError in test_node_support.py" in told.message or "ask" in told.message
+    assert {pair.key: pair.value for pair in told.values}[
+        "messages that could not be handled"
+    ] == "2"
+    assert not answer.result().success
+    assert "ask: a message could not be handled: IndexError" in answer.result().message
+    spin_until(node, lambda: reports[-1].status[0].level == OK)
+    said = capfd.readouterr().err
+    assert said.count("words: a message could not be handled: ZeroDivisionError") == 1
+    assert "Traceback" not in said
 
 
 def test_a_bad_later_value_is_refused_and_the_old_one_stays(make_node):

@@ -17,6 +17,7 @@ from slosh_bag.errors import SloshBagError
 from slosh_bag.mcap_files.mcap_summary import read_summary
 from slosh_bag.mcap_files.mcap_walk import McapWalk
 from slosh_bag.reader import bag_files
+from slosh_model.bounded_yaml import load_yaml
 
 # Numbers that rosbag2 wrote before it wrote words.
 _RELIABILITY = {1: "reliable", 2: "best_effort"}
@@ -134,7 +135,7 @@ def _add_channel(contents: BagContents, channel: Channel, schemas: Mapping[int, 
 def parse_offered(text: str) -> list[Qos]:
     """The profiles that rosbag2 noted of a topic's publishers, as words or as numbers."""
     try:
-        document = yaml.safe_load(text)
+        document = load_yaml(text)
     except yaml.YAMLError:
         return []
     entries = document if isinstance(document, list) else []

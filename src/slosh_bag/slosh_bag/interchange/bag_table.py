@@ -45,8 +45,8 @@ from slosh_bag.mcap_files.chunks import MessageBlock
 from slosh_bag.motion_table import MSH, MotionTable, eta_azimuths
 from slosh_bag.reader import BagMessage, BagReader, TopicInfo
 from slosh_bag.replay.bag import Sources, find_sources
-from slosh_bag.replay.inputs import STAMP, InputSettings, input_settings, stamps_of
-from slosh_estimator.monitor import SATURATED, UNUSABLE
+from slosh_bag.replay.inputs import STAMP, InputSettings, recorded_inputs, stamps_of
+from slosh_estimator.sight import SATURATED, UNUSABLE
 
 Array = NDArray[np.float64]
 Stamps = NDArray[np.int64]
@@ -110,7 +110,7 @@ def read_bag_table(
     chosen = settings or TableSettings()
     reader = BagReader(path)
     sources = find_sources(path, reader, chosen.kind)
-    how = chosen.inputs or _recorded_settings(sources)
+    how = chosen.inputs or recorded_inputs(sources.starts, sources.facts)
     topics, facts = reader.topics(), sources.facts
     columns = facts.get(COLUMNS_KEY, "").split(",") if chosen.measured is None else []
     surface = _surface(path, topics, chosen.measured, sources, MSH in columns)
@@ -325,12 +325,6 @@ def _decoded(reader: BagReader, block: MessageBlock) -> list[Any]:
         reader.decode(BagMessage(block.topic, block.message_type, log_ns, log_ns, block.data(row)))
         for row, log_ns in enumerate(block.log_ns.tolist())
     ]
-
-
-def _recorded_settings(sources: Sources) -> InputSettings:
-    """How the recorded estimator read its input."""
-    started = next((start for start in sources.starts if start.node == "estimator"), None)
-    return input_settings(started.parameters) if started else InputSettings()
 
 
 def _surface(

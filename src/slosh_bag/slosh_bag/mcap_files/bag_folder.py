@@ -10,6 +10,7 @@ import yaml
 
 from slosh_bag.errors import SloshBagError
 from slosh_bag.mcap_files.mcap_summary import MAGIC
+from slosh_model.bounded_yaml import load_yaml
 
 METADATA = "metadata.yaml"
 FOREIGN = (b"#ROSBAG", b"SQLite f")
@@ -18,7 +19,8 @@ IMPORT_HINT = "slosh import rosbag makes one of it"
 _UNREADABLE = (
     OSError, ValueError, TypeError, AttributeError, LookupError, RecursionError, yaml.YAMLError,
 )  # fmt: skip
-_Loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+LONGEST_METADATA = 20_000_000
+"""Characters; a bag of very many files notes each of them."""
 
 
 def bag_files(path: Path) -> list[Path]:
@@ -99,7 +101,7 @@ def folder_facts(path: Path) -> dict[str, str]:
 
 
 def _information(noted: Path) -> Any:
-    document = yaml.load(noted.read_bytes(), Loader=_Loader)
+    document = load_yaml(noted.read_bytes(), longest=LONGEST_METADATA)
     return document["rosbag2_bagfile_information"]
 
 

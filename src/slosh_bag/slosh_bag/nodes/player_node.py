@@ -8,7 +8,6 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from rclpy.node import Node
 from rclpy.qos import QoSDurabilityPolicy as Durability
 from rclpy.qos import QoSHistoryPolicy as History
 from rclpy.qos import QoSProfile
@@ -28,6 +27,7 @@ from slosh_bag.playing.play_plan import (
 )
 from slosh_bag.playing.playback import CLOCK_RATES, RATES, PlaybackSettings
 from slosh_msgs_py.node.diagnostics import ERROR, OK, WARN, DiagnosticsReporter, Health
+from slosh_msgs_py.node.guarded import GuardedNode
 from slosh_msgs_py.node.parameters import ParameterSpec, declare
 from slosh_msgs_py.node.run import EXIT_WRONG_INPUT, run_node
 
@@ -51,7 +51,7 @@ PARAMETERS = (
 )  # fmt: skip
 
 
-class PlayerNode(Node):
+class PlayerNode(GuardedNode):
     """Makes the publishers, starts the thread, tells how it goes.
 
     Args:

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 from rclpy.clock import Clock, ClockType
-from rclpy.node import Node
 from rclpy.subscription import Subscription
 
 from slosh_bag.bag_writer import Split
@@ -20,6 +19,7 @@ from slosh_bag.nodes.recorder_health import findings
 from slosh_bag.nodes.topic_input import Received, TopicInput, noted
 from slosh_bag.recorder import Recorder
 from slosh_msgs_py.node.diagnostics import DiagnosticsReporter, Health
+from slosh_msgs_py.node.guarded import GuardedNode
 from slosh_msgs_py.node.parameters import ParameterSpec, declare
 from slosh_msgs_py.node.run import run_node
 
@@ -52,7 +52,7 @@ PARAMETERS = (
 )
 
 
-class RecorderNode(Node):
+class RecorderNode(GuardedNode):
     """Discovers topics, takes their messages raw, hands the bytes to the core."""
 
     def __init__(self) -> None:

@@ -20,7 +20,7 @@ from slosh_bag.replay.result import ModelAccuracy, MotionAccuracy
 from slosh_bag.replay.series import Series
 from slosh_discovery.alignment import ClockOffset, find_spikes, spike_limit
 from slosh_discovery.metrics import relative_peak_error
-from slosh_estimator.monitor import SATURATED
+from slosh_estimator.sight import SATURATED
 
 Array = NDArray[np.float64]
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from slosh_estimator.monitor import UNSETTLED
+from slosh_estimator.sight import UNSOUND
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -80,4 +80,4 @@ def at_images(estimates: ModelHeights, stamps: Integers) -> AtImages:
     heights[none] = np.nan
     flags = estimates.flags[before] | estimates.flags[after]
     azimuth = np.where(none, np.nan, estimates.azimuth[before])
-    return AtImages(heights, azimuth, (flags & UNSETTLED) == 0)
+    return AtImages(heights, azimuth, (flags & UNSOUND) == 0)

@@ -20,7 +20,7 @@ from slosh_bag.replay import inputs, settings
 from slosh_bag.replay.bank import EstimatorBank
 from slosh_bag.replay.cells import COMPARISON, ESTIMATE, SURFACE, CellTopics
 from slosh_bag.replay.conclusion import Origin, conclude
-from slosh_bag.replay.inputs import STAMP, InputReader, InputSettings, stamps_of
+from slosh_bag.replay.inputs import STAMP, TABLE, InputReader, InputSettings, stamps_of
 from slosh_bag.replay.live_use import LiveUse
 from slosh_bag.replay.monitor_feed import Measurements, MonitorFeed
 from slosh_bag.replay.result import ReplayResult
@@ -39,8 +39,8 @@ from slosh_model.containers import Cylinder
 from slosh_model.model import Model
 from slosh_model.model_text import format_model
 
-TABLE, TABLE_ORIGIN = "table_columns", "table_origin_ns"
-"""Facts of a bag that was made of a motion table."""
+TABLE_ORIGIN = "table_origin_ns"
+"""A fact of a bag that was made of a motion table, beside TABLE."""
 _COMPARISON_FIELDS = (*STAMP, "measured_stale", *COMPARED)
 _SURFACE_FIELDS = (*STAMP, "msh", "flags", "msh_stddev", "azimuth")
 
@@ -94,11 +94,12 @@ def replay_bag(
     started = next((start for start in sources.starts if start.node == "estimator"), None)
     recorded = settings.model_of(started) if started else None
     used = model or recorded or _noted_model(path, sources.facts)
-    how = given or (inputs.input_settings(started.parameters) if started else InputSettings())
+    how = given or inputs.recorded_inputs(sources.starts, sources.facts)
     watched = monitor or _monitor_settings(sources)
     if _is_turning_table(sources, used):
         return _replay_table_bag(path, reader, sources, used, watched, outputs)
-    input_reader = InputReader(sources.kind, how)
+    follow = LiveUse() if sources.estimate and sources.kind != "pose" else None
+    input_reader = InputReader(sources.kind, how, chosen=follow is not None)
     if sources.facts.get("clocks") == "unrelated":
         parts = chain.from_iterable(feed(reader, sources))
         whole = whole_run(path, parts, sources, input_reader, used)
@@ -108,13 +109,13 @@ def replay_bag(
         return replace(result, counters=counters, warnings=warnings, model=used)
     with Series(4) as series:
         made_of = Parts(
-            EstimatorBank(used),
+            EstimatorBank(used, at_rest=settings.starts_at_rest(started)),
             input_reader,
             MonitorFeed(watched),
             series,
             verifier=Verifier(sources.estimate) if sources.estimate else None,
             comparisons=Verifier(sources.comparison) if sources.comparison else None,
-            follow=LiveUse() if sources.estimate and sources.kind != "pose" else None,
+            follow=follow,
             changes=_changes(sources, used, follow=model is None),
             outputs=outputs or Outputs(),
         )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from slosh_estimator.sample import Samples
 from slosh_model.model import Model
 
 _MSH, _AZIMUTH = 0, 1
+T = TypeVar("T")
 
 
 class BankEstimates(NamedTuple):
@@ -31,10 +32,12 @@ class EstimatorBank:
 
     Args:
         model: container, liquid and effects; the one that was or would be loaded live.
+        at_rest: whether the liquid is still at the first sample.
     """
 
-    def __init__(self, model: Model) -> None:
-        self._load(model)
+    def __init__(self, model: Model, *, at_rest: bool = True) -> None:
+        self._own = Estimator(model, at_rest=at_rest)
+        self._twin = Estimator(_twin(model), at_rest=at_rest)
 
     @property
     def model(self) -> Model:
@@ -44,40 +47,36 @@ class EstimatorBank:
     @property
     def names(self) -> tuple[str, ...]:
         """Of the models, in the order of the heights."""
-        pairs = [estimator.names for estimator in (self._planar, self._spatial)]
+        pairs = [estimator.names for estimator in self._in_order(self._own, self._twin)]
         return tuple(pair[surface] for surface in (0, 1) for pair in pairs)
 
     @property
     def own(self) -> tuple[int, int]:
         """Which of the heights are those of the loaded model's L and NL twin."""
-        return (1, 3) if self._own is self._spatial else (0, 2)
+        return (1, 3) if _is_spatial(self.model) else (0, 2)
 
     @property
     def own_names(self) -> tuple[str, str]:
         """Names of the loaded model's L and NL twin."""
         return self._own.names
 
-    def restart(self) -> None:
+    def restart(self, *, at_rest: bool = True) -> None:
         """A new estimator with the same model."""
-        self._load(self.model)
+        model = self.model
+        self._own = Estimator(model, at_rest=at_rest)
+        self._twin = Estimator(_twin(model), at_rest=at_rest)
 
     def load_model(self, model: Model) -> None:
-        """Replaces the model; the next sample starts from rest."""
-        own = self._own
-        if own.model == model:
-            own.reset()
-            self._twin.reset()
-            return
-        self._load(model)
+        """Replaces the model, as the node's service does; the same one: as its reset does."""
+        self._own.load_model(model)
+        self._twin.load_model(_twin(model))
 
     def update_many(self, samples: Samples) -> BankEstimates:
         """Takes samples."""
         own, twin = self._own.update_many(samples), self._twin.update_many(samples)
-        planar, spatial = (twin, own) if self._own is self._spatial else (own, twin)
-        columns = [
-            part.heights[:, surface, _MSH] for surface in (0, 1) for part in (planar, spatial)
-        ]
-        readings = [part.as_read[:, surface] for surface in (0, 1) for part in (planar, spatial)]
+        both = self._in_order(own, twin)
+        columns = [part.heights[:, surface, _MSH] for surface in (0, 1) for part in both]
+        readings = [part.as_read[:, surface] for surface in (0, 1) for part in both]
         delay_ns = round(self._own.reading_delay * 1e9)
         heights = ModelHeights(
             own.stamps,
@@ -89,10 +88,14 @@ class EstimatorBank:
         )
         return BankEstimates(own, heights)
 
-    def _load(self, model: Model) -> None:
-        spatial = model.has("vertical_acceleration")
-        self._own = Estimator(model)
-        self._twin = Estimator(model.planar() if spatial else model.spatial())
-        self._planar, self._spatial = (
-            (self._twin, self._own) if spatial else (self._own, self._twin)
-        )
+    def _in_order(self, own: T, twin: T) -> tuple[T, T]:
+        """What is the planar model's, then the spatial one's."""
+        return (twin, own) if _is_spatial(self.model) else (own, twin)
+
+
+def _is_spatial(model: Model) -> bool:
+    return model.has("vertical_acceleration")
+
+
+def _twin(model: Model) -> Model:
+    return model.planar() if _is_spatial(model) else model.spatial()

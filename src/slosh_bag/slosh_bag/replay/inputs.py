@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from slosh_bag.errors import SloshBagError
+from slosh_bag.replay.settings import NodeStart
 from slosh_estimator.accel_input import AccelInput
 from slosh_estimator.gate import GateSettings
 from slosh_estimator.imu_input import ImuInput, SensorTransform
@@ -56,6 +58,26 @@ class InputSettings(NamedTuple):
     frames: tuple[str, ...] = ("world", "container")
 
 
+TABLE = "table_columns"
+"""A fact of a bag that was made of a motion table."""
+
+
+def recorded_inputs(starts: Sequence[NodeStart], facts: Mapping[str, str]) -> InputSettings:
+    """How the input of a recording is read.
+
+    Args:
+        starts: of its nodes; the first estimator's parameters count.
+        facts: about the bag. Of a table everything that was put in comes out again.
+
+    Raises:
+        SloshBagError: as `input_settings`.
+    """
+    started = next((start for start in starts if start.node == "estimator"), None)
+    if started is not None:
+        return input_settings(started.parameters)
+    return InputSettings(gate=GateSettings(max_jump=math.inf) if TABLE in facts else GateSettings())
+
+
 def input_settings(parameters: Mapping[str, Any]) -> InputSettings:
     """The settings of a recorded estimator node.
 
@@ -69,7 +91,12 @@ def input_settings(parameters: Mapping[str, Any]) -> InputSettings:
         roll, pitch, yaw = parameters["sensor_rotation"]
         return InputSettings(
             parameters["input"],
-            GateSettings(max_gap=parameters["max_gap"], max_age=parameters["max_age"]),
+            GateSettings(
+                max_gap=parameters["max_gap"],
+                max_age=parameters["max_age"],
+                # Not set aside by the nodes of old.
+                max_jump=parameters.get("max_jump", math.inf),
+            ),
             SensorTransform(roll, pitch, yaw, tuple(parameters["sensor_to_origin"])),
             parameters["pose_window"],
             (parameters["world_frame"], parameters["container_frame"]),
@@ -89,11 +116,12 @@ class InputReader:
     Args:
         kind: 'accel', 'imu' or 'pose'.
         settings: of the node.
+        chosen: whether only messages come that the node used.
     """
 
-    def __init__(self, kind: str, settings: InputSettings) -> None:
+    def __init__(self, kind: str, settings: InputSettings, *, chosen: bool = False) -> None:
         self.kind = kind
-        self._settings = settings
+        self._settings = settings._replace(gate=replace(settings.gate, chosen=chosen))
         self._adapter = self._new_adapter()
         self._used_before = self._dropped_before = self._gaps_before = 0
 

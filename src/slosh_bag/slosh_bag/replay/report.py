@@ -27,7 +27,7 @@ from slosh_discovery.report import (
     Verification,
 )
 from slosh_estimator.limits import Event, Kind, Source
-from slosh_estimator.monitor import SATURATED
+from slosh_estimator.sight import SATURATED
 from slosh_model.model_text import format_model
 
 Array = NDArray[np.float64]

@@ -22,10 +22,12 @@ from slosh_bag.replay.monitor_feed import Heights, Measurements, MonitorFeed
 from slosh_bag.replay.motions import BIN_NS, MotionFinder
 from slosh_bag.replay.rows import chosen, joined
 from slosh_bag.replay.series import Series
-from slosh_bag.replay.settings import NodeStart, model_of
+from slosh_bag.replay.settings import NodeStart, model_of, starts_at_rest
 from slosh_bag.replay.verification import Verifier, comparison_columns, estimate_columns
 from slosh_estimator.limits import Event
-from slosh_estimator.monitor import UNUSABLE, Comparison
+from slosh_estimator.monitor import Comparison
+from slosh_estimator.sight import UNUSABLE
+from slosh_estimator.validity import EstimateFlag
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -38,6 +40,9 @@ KEPT_NS = 200_000_000
 """Estimates that are kept before the oldest that was released, to interpolate between."""
 AFTER_MOTION_NS = 1_000_000_000
 """How long after its end a motion's liquid still counts [ns]."""
+
+
+_UNRECORDED = np.uint16(EstimateFlag.INPUT_CONTESTED)
 
 
 class Outputs:
@@ -121,7 +126,9 @@ class ReplayRun:
         """Takes recorded estimates."""
         stamps = stamps_of(columns)
         if self._parts.verifier is not None:
-            self._parts.verifier.add_recorded(stamps, columns)
+            # Who else spoke on the input is in no recording.
+            told = {**columns, "flags": columns["flags"] & ~_UNRECORDED}
+            self._parts.verifier.add_recorded(stamps, told)
         if self._parts.follow is not None:
             self._parts.follow.add_recorded(stamps, columns["samples_used"].astype(np.int64))
 
@@ -225,9 +232,12 @@ class ReplayRun:
     def _restart(self) -> None:
         """The node's process was a new one from here on."""
         self._parts.reader.restart()
+        at_rest = True
         if self._changes and not self._changes[0].stamp_ns:
-            self._load(self._changes.pop(0))
-        self._parts.bank.restart()
+            change = self._changes.pop(0)
+            at_rest = starts_at_rest(change)
+            self._load(change)
+        self._parts.bank.restart(at_rest=at_rest)
 
     def _take(
         self, stamps: Integers, columns: Columns, used: NDArray[np.bool_], start: int, end: int

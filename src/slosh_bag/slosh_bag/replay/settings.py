@@ -12,6 +12,7 @@ from slosh_bag.errors import SloshBagError
 from slosh_bag.reader import BagMessage, BagReader
 from slosh_estimator.limits import Hysteresis
 from slosh_estimator.monitor import MonitorSettings
+from slosh_model.bounded_yaml import load_yaml
 from slosh_model.model import Model
 from slosh_model.model_text import format_model, parse_model
 
@@ -99,6 +100,11 @@ def model_of(start: NodeStart) -> Model:
     return parse_model(text, "the recorded model")
 
 
+def starts_at_rest(start: NodeStart | None) -> bool:
+    """Whether an estimator took the liquid for still when it started; those of old always did."""
+    return start is None or bool(start.parameters.get("starts_at_rest", True))
+
+
 def model_differences(recorded: Model, replayed: Model) -> list[str]:
     """How two models differ, one line each: where, and both values."""
     old = _flat(yaml.safe_load(format_model(recorded)))
@@ -142,7 +148,7 @@ def node_start(message: Any, log_ns: int, source: str) -> NodeStart:
     """
     stamp = message.header.stamp
     try:
-        document = yaml.safe_load(message.document)
+        document = load_yaml(message.document)
         parameters, files = dict(document["parameters"]), dict(document["files"])
         topics = dict(document.get("topics", {}))
     except (yaml.YAMLError, AttributeError, KeyError, TypeError, ValueError):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -36,7 +37,8 @@ class TableReader(InputReader):
     """Turns rows of a table into samples, with the container's attitude where the table has it."""
 
     def __init__(self) -> None:
-        super().__init__("accel", InputSettings("accel", GateSettings(max_gap=_LONGEST_STEP)))
+        gate = GateSettings(max_gap=_LONGEST_STEP, max_jump=math.inf)
+        super().__init__("accel", InputSettings("accel", gate))
 
     def samples(
         self, stamps: Integers, columns: Mapping[str, NDArray[Any]], rows: NDArray[Any]

@@ -27,7 +27,8 @@ from slosh_discovery.alignment import (
     onset_offset,
 )
 from slosh_discovery.errors import SloshDiscoveryError
-from slosh_estimator.monitor import UNUSABLE, MonitorSettings
+from slosh_estimator.monitor import MonitorSettings
+from slosh_estimator.sight import UNUSABLE
 
 Array = NDArray[np.float64]
 

@@ -27,9 +27,9 @@ from slosh_bag.interchange.bag_motion import AttitudeCollector, Motion, MotionCo
 from slosh_bag.interchange.table_bag import IMU, IMU_TYPE, SECOND
 from slosh_bag.reader import BagReader, TopicInfo
 from slosh_bag.replay.bag import Sources, find_sources
-from slosh_bag.replay.inputs import KINDS, STAMP, InputSettings, input_settings, stamps_of
+from slosh_bag.replay.inputs import KINDS, STAMP, InputSettings, recorded_inputs, stamps_of
 from slosh_bringup.discover_data.attitudes import PoseAttitudes, angular_velocity
-from slosh_estimator.monitor import SATURATED, UNUSABLE
+from slosh_estimator.sight import SATURATED, UNUSABLE
 
 Array = NDArray[np.float64]
 Stamps = NDArray[np.int64]
@@ -92,7 +92,7 @@ def read_recording(path: Path, reader: BagReader, sources: Sources, tell: Tell) 
     """
     if sources.surface is None:
         raise SloshBagError(f"{path}: holds no measured heights (free_surface)")
-    how = recorded_settings(sources)
+    how = recorded_inputs(sources.starts, sources.facts)
     container = _Container(sources, how)
     measured, compared = _Surfaces(), _Comparisons()
     takers = container.takers(reader.topics())
@@ -152,12 +152,6 @@ class _Container:
             return motion
         with_imu = self._imu.added_to(motion)
         return self._poses.added_to(motion) if with_imu.attitude is None else with_imu
-
-
-def recorded_settings(sources: Sources) -> InputSettings:
-    """How the recorded estimator read its input."""
-    started = next((start for start in sources.starts if start.node == "estimator"), None)
-    return input_settings(started.parameters) if started else InputSettings()
 
 
 class _Surfaces:

@@ -13,6 +13,7 @@ import yaml
 from slosh_camera.camera import PLUMB_BOB, PinholeCamera, camera_from_info
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.yaml_fields import integer, mapping, number, numbers
+from slosh_model.bounded_yaml import load_yaml
 
 _NEEDED = ("image_width", "image_height", "camera_matrix", "distortion_coefficients")
 
@@ -47,7 +48,7 @@ def read_known_camera(path: str | Path) -> KnownCamera:
     """
     source = str(path)
     try:
-        document = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
+        document = load_yaml(Path(path).read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or "is not UTF-8 text"
         raise SloshCameraError(f"{source}: cannot be read: {reason}") from error

@@ -6,6 +6,7 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +31,7 @@ from slosh_msgs_py.node.diagnostics import ERROR, OK, STALE, WARN, Health
 from slosh_msgs_py.node.parameters import ParameterSpec, declare
 from slosh_msgs_py.node.prepared import PreparedNode
 from slosh_msgs_py.node.readiness import Progress
+from slosh_msgs_py.node.rivals import Rivals
 from slosh_msgs_py.node.run import run_node
 from slosh_msgs_py.node.settings import SettingsPublisher
 from slosh_msgs_py.node.silence import SilentTopic
@@ -78,6 +80,7 @@ class CameraNode(PreparedNode):
         self._flags: Counter[Flag] = Counter()
         self._recent = Flag.NONE
         self._images = self._reported = self._refused = 0
+        self._contested = ""
         self._complaints = Complaints(self.get_logger().error)
         self._watch(self._health, self._facts)
         self._get_ready(later=later)
@@ -93,7 +96,9 @@ class CameraNode(PreparedNode):
         kind, use = (Image, self._on_image)
         if not self._is_raw:
             kind, use = (CompressedImage, self._on_compressed)
-        self._topic = SilentTopic(self, self._image, f"sensor_msgs/msg/{kind.__name__}")
+        type_name = f"sensor_msgs/msg/{kind.__name__}"
+        self._topic = SilentTopic(self, self._image, type_name)
+        self._rivals = Rivals(self, self._image, type_name)
         self._input = NewestImage(self, kind, self._image, use)
 
     def _on_image(self, message: Image) -> None:
@@ -129,6 +134,8 @@ class CameraNode(PreparedNode):
         except SloshCameraError as error:
             self._complain(str(error))
             measurement = bad_image(stamp_ns)
+        if self._contested:
+            measurement = replace(measurement, flags=measurement.flags | Flag.CONTESTED)
         self._recent |= measurement.flags
         self._flags.update(measurement.flags)
         self._publisher.publish(conversions.to_message(to_value(measurement, self._frame)))
@@ -144,6 +151,9 @@ class CameraNode(PreparedNode):
         if silent:
             return STALE, f"no image for {self._topic.seconds:.0f} s: {self._topic.reason()}"
         self._topic.heard()
+        self._contested = self._rivals.look()
+        if self._contested:
+            return ERROR, self._contested
         if Flag.BAD_IMAGE in recent:
             return ERROR, self._complaints.last
         if recent:

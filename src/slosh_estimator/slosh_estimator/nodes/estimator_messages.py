@@ -24,7 +24,7 @@ def imu_sample(
 
 
 def fill(message: SloshEstimate, estimate: Estimate) -> None:
-    """Writes an estimate into a message that is used again and again."""
+    """Writes an estimate, but for its flags, into a message that is used again and again."""
     sample = estimate.sample
     stamp = message.header.stamp
     stamp.sec, stamp.nanosec = divmod(sample.stamp_ns, 1_000_000_000)
@@ -34,7 +34,6 @@ def fill(message: SloshEstimate, estimate: Estimate) -> None:
     acceleration[0], acceleration[1], acceleration[2] = sample.ax, sample.ay, sample.az
     message.jerk = estimate.jerk
     message.yaw = sample.yaw
-    message.flags = estimate.flags
 
 
 def fill_reading(message: ExpectedReading, estimate: Estimate, delay: float) -> None:

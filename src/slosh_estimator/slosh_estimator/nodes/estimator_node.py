@@ -14,6 +14,7 @@ from sensor_msgs.msg import Imu
 from std_srvs.srv import Trigger
 
 from slosh_estimator.accel_input import AccelInput
+from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.estimator import Estimator
 from slosh_estimator.gate import DROPPED, GateSettings
 from slosh_estimator.imu_input import ImuInput, SensorTransform
@@ -23,10 +24,12 @@ from slosh_estimator.nodes.input_health import InputHealth
 from slosh_estimator.pose_input import PoseInput
 from slosh_estimator.readings import has_readings
 from slosh_estimator.sample import Sample
-from slosh_estimator.validity import attitude_warning
+from slosh_estimator.validity import EstimateFlag, attitude_warning
 from slosh_model.arithmetic import arithmetic_fingerprint
 from slosh_model.compilation import load_telling
 from slosh_model.compile_cache import sources_digest
+from slosh_model.errors import SloshModelError
+from slosh_model.model import Model
 from slosh_model.model_text import format_model, parse_model
 from slosh_msgs.msg import ExpectedReading, SloshEstimate
 from slosh_msgs.srv import LoadModel
@@ -35,6 +38,7 @@ from slosh_msgs_py.node.diagnostics import ERROR, OK, STALE, WARN, Health
 from slosh_msgs_py.node.parameters import ParameterSpec, declare
 from slosh_msgs_py.node.prepared import PreparedNode
 from slosh_msgs_py.node.readiness import Progress
+from slosh_msgs_py.node.rivals import Rivals
 from slosh_msgs_py.node.run import run_node
 from slosh_msgs_py.node.settings import SettingsPublisher
 from slosh_msgs_py.stamps import to_nanoseconds
@@ -54,7 +58,17 @@ PARAMETERS = (
     ParameterSpec("world_frame", "world", "frame of accelerations along the world's axes"),
     ParameterSpec("container_frame", "container", "the container's frame, on all output"),
     ParameterSpec("max_gap", 0.05, "longest gap in the input integrated across [s]", (1e-3, 1.0)),
-    ParameterSpec("max_age", 0.5, "oldest sample that is used [s]", (0.0, 3600.0)),
+    ParameterSpec(
+        "max_age", 0.5, "how far a sample's stamp may lie before or after its arrival [s]",
+        (1e-3, 3600.0),
+    ),
+    ParameterSpec(
+        "max_jump", 20.0, "largest change of an axis' acceleration between two samples [m/s^2]",
+        (0.1, 1e4),
+    ),
+    ParameterSpec(
+        "starts_at_rest", True, "whether the liquid is still when the node starts; else it settles"
+    ),
     ParameterSpec(
         "sensor_rotation", [0.0, 0.0, 0.0],
         "container <- IMU: roll, pitch, yaw about fixed axes [rad]", (-6.3, 6.3), length=3,
@@ -94,14 +108,14 @@ class EstimatorNode(PreparedNode):
         self._readings = self.create_publisher(
             ExpectedReading, topics.EXPECTED_READING, qos.STREAM_OUT
         )
-        self._flags = 0
+        self._flags = self._contested = 0
         self._watch(self._health, self._facts)
         self._get_ready(later=later)
 
     def prepare(self, progress: Progress) -> None:
         """Compiles or loads the models' kernel and what reads the input, and checks them."""
         load_telling(progress, "slosh_estimator")
-        self._estimator = Estimator(self._model)
+        self._estimator = Estimator(self._model, at_rest=self._values["starts_at_rest"])
 
     def begin(self) -> None:
         """Listens from now on."""
@@ -113,7 +127,8 @@ class EstimatorNode(PreparedNode):
 
     def _subscribe(self, values: dict[str, Any]) -> AccelInput | ImuInput | PoseInput:
         self._input_health = InputHealth(self, values["input"], KINDS[values["input"]])
-        gate = GateSettings(max_gap=values["max_gap"], max_age=values["max_age"])
+        self._rivals = Rivals(self, values["input"], KINDS[values["input"]])
+        gate = GateSettings(values["max_gap"], values["max_age"], values["max_jump"])
         if values["input"] == "accel":
             accel = AccelInput(gate, (values["world_frame"], values["container_frame"]))
             self._listen(AccelStamped, topics.ACCEL, partial(self._on_accel, accel))
@@ -156,9 +171,11 @@ class EstimatorNode(PreparedNode):
             return
         estimate = self._estimator.update(sample)
         self._last_stamp = sample.stamp_ns
-        self._flags |= estimate.flags
+        flags = estimate.flags | self._contested
+        self._flags |= flags
         gate = self._input.gate
         fill(self._message, estimate)
+        self._message.flags = flags
         self._message.samples_used = gate.used
         self._message.samples_dropped = gate.dropped
         if self._has_readings:
@@ -173,10 +190,7 @@ class EstimatorNode(PreparedNode):
         self, request: LoadModel.Request, response: LoadModel.Response
     ) -> LoadModel.Response:
         try:
-            if bool(request.path) == bool(request.text):
-                raise ValueError("give either a path or a text")
-            model = parse_model(request.text, "text") if request.text else read_model(request.path)
-            self._estimator.load_model(model)
+            self._estimator.load_model(self._requested_model(request))
             self._announce_start()
         except ValueError as error:
             response.success, response.message = False, str(error)
@@ -187,6 +201,20 @@ class EstimatorNode(PreparedNode):
             response.message = f"loaded; the models start from rest{remark}"
         response.models = ", ".join(self._estimator.names)
         return response
+
+    def _requested_model(self, request: LoadModel.Request) -> Model:
+        if bool(request.path) == bool(request.text):
+            raise SloshEstimatorError("give either a path or a text")
+        if request.text:
+            return parse_model(request.text, "text")
+        try:
+            return read_model(request.path)
+        except SloshModelError as error:
+            # Whoever asks may be a stranger, to whom the file's content is not to be told.
+            self.get_logger().warning(f"load_model: {error}")
+            raise SloshEstimatorError(
+                f"{request.path}: no model; the estimator's log tells the line and the key"
+            ) from None
 
     def _on_reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self._estimator.reset()
@@ -207,7 +235,9 @@ class EstimatorNode(PreparedNode):
 
     def _health(self) -> Health:
         fault = self._input_health.look(self._input.gate)
-        warning = self._input.warning()
+        rivals = self._rivals.look()
+        self._contested = int(EstimateFlag.INPUT_CONTESTED) if rivals else 0
+        warning = rivals or self._input.warning()
         if warning:
             return ERROR, warning
         if fault is not None and fault[0] == STALE:

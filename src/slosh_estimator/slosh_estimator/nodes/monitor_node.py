@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 from rclpy.clock import Clock, ClockType
-from rclpy.node import Node
 from std_srvs.srv import Trigger
 
 from slosh_estimator.limits import Event, Hysteresis
@@ -26,7 +25,9 @@ from slosh_model.compile_cache import sources_digest
 from slosh_msgs.msg import ExpectedReading, FreeSurface, LimitEvent, SloshComparison, SloshEstimate
 from slosh_msgs_py import conversions, qos, topics, values
 from slosh_msgs_py.node.diagnostics import ERROR, OK, STALE, WARN, DiagnosticsReporter, Health
+from slosh_msgs_py.node.guarded import GuardedNode
 from slosh_msgs_py.node.parameters import ParameterSpec, declare
+from slosh_msgs_py.node.rivals import Rivals
 from slosh_msgs_py.node.run import run_node
 from slosh_msgs_py.node.settings import SettingsPublisher
 from slosh_msgs_py.stamps import to_nanoseconds
@@ -46,7 +47,7 @@ PARAMETERS = (
 )
 
 
-class MonitorNode(Node):
+class MonitorNode(GuardedNode):
     """Converts, calls the core, publishes."""
 
     def __init__(self) -> None:
@@ -85,13 +86,20 @@ class MonitorNode(Node):
         self.create_service(Trigger, f"monitor/{topics.RESET}", self._on_reset)
         self._reported = -1
         self._match = MatchHealth()
+        self._rivals = [
+            Rivals(self, topic, f"slosh_msgs/msg/{kind.__name__}")
+            for topic, kind in (
+                (topics.ESTIMATE, SloshEstimate),
+                (topics.FREE_SURFACE, FreeSurface),
+            )
+        ]
         self._measured = 0
         self._report = DiagnosticsReporter(self, self._health, self._facts)
         self.create_timer(CHECK_PERIOD, self._on_check, clock=self._steady)
 
     def _on_estimate(self, message: SloshEstimate) -> None:
         self._report.count("estimate")
-        self._match.estimated_ns = stamp_ns = to_nanoseconds(message.header.stamp)
+        stamp_ns = to_nanoseconds(message.header.stamp)
         point = EstimatePoint(
             stamp_ns,
             message.linear.msh,
@@ -117,7 +125,7 @@ class MonitorNode(Node):
     def _on_free_surface(self, message: FreeSurface) -> None:
         self._report.count("free_surface")
         self._measured += 1
-        self._match.measured_ns = stamp_ns = to_nanoseconds(message.header.stamp)
+        stamp_ns = to_nanoseconds(message.header.stamp)
         point = MeasuredPoint(stamp_ns, message.msh, message.msh_stddev, message.flags)
         self._publish(self._core.add_measurement(point, self._arrival()))
 
@@ -168,7 +176,10 @@ class MonitorNode(Node):
             )
             if stale
         ]
-        condition = self._core.condition(measured_stale, estimate_stale)
+        self._core.obstruction = "; ".join(filter(None, (rival.look() for rival in self._rivals)))
+        condition = self._core.condition(now)
+        if condition is Condition.BLIND or self._core.obstruction:
+            return ERROR, f"{condition.name}: {self._core.blindness(now)}"
         mismatch = self._match.look(self._measured, self._core.unmatched)
         if condition is Condition.OK and mismatch is not None:
             return mismatch

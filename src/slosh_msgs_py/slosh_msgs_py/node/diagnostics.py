@@ -8,9 +8,9 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.clock import Clock, ClockType
-from rclpy.node import Node
 
 from slosh_msgs_py import qos, topics
+from slosh_msgs_py.node.guarded import GuardedNode
 from slosh_msgs_py.node.readiness import READY, STATE, Readiness
 
 OK, WARN, ERROR, STALE = (
@@ -39,7 +39,7 @@ class DiagnosticsReporter:
 
     def __init__(
         self,
-        node: Node,
+        node: GuardedNode,
         health: Callable[[], Health],
         facts: Callable[[], Mapping[str, Any]] = dict,
         readiness: Readiness | None = None,
@@ -80,7 +80,7 @@ class DiagnosticsReporter:
             sentence = f"not ready, {self._readiness.sentence}"
             self._publisher.publish(self._array(WARN, sentence, {STATE: state}))
             return
-        level, sentence = self._health()
+        level, sentence = self._judged()
         now = self._steady.now().nanoseconds
         elapsed = max((now - self._last) * 1e-9, 1e-9)
         pairs: dict[str, Any] = {STATE: state}
@@ -92,8 +92,19 @@ class DiagnosticsReporter:
             pairs["latency median [ms]"] = f"{1e3 * median:.2f}"
             pairs["latency maximum [ms]"] = f"{1e3 * greatest:.2f}"
         pairs.update(self._facts())
+        if self._node.faults.total:
+            pairs["messages that could not be handled"] = self._node.faults.total
         self._reported, self._last = dict(self._counts), now
         self._publisher.publish(self._array(level, sentence, pairs))
+
+    def _judged(self) -> Health:
+        """The node's own judgement, or what its callbacks stumbled over since the last one."""
+        try:
+            health = self._health()
+        except Exception as error:
+            health = (ERROR, self._node.faults.add("diagnostics", error))
+        news = self._node.faults.news()
+        return (ERROR, news) if news else health
 
     def _array(self, level: bytes, sentence: str, pairs: Mapping[str, Any]) -> DiagnosticArray:
         name = self._node.get_fully_qualified_name()

@@ -7,13 +7,12 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from rclpy.node import Node
-
 from slosh_msgs_py.node.diagnostics import DiagnosticsReporter, Health
+from slosh_msgs_py.node.guarded import GuardedNode
 from slosh_msgs_py.node.readiness import STARTING, Progress, Readiness
 
 
-class PreparedNode(Node, ABC):
+class PreparedNode(GuardedNode, ABC):
     """A node that is ready once what it needs is compiled.
 
     The constructor does what is quick and what can be refused: parameters, files, publishers. All

@@ -18,6 +18,7 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from slosh_msgs_py.errors import SloshMessageError
+from slosh_msgs_py.node.guarded import GuardedNode
 from slosh_msgs_py.node.lifeline import watch_lifelines
 from slosh_msgs_py.node.prepared import Preparation, PreparedNode
 from slosh_msgs_py.node.readiness import READY
@@ -71,7 +72,7 @@ def run_node(
     gc.freeze()
     with contextlib.suppress(ExternalShutdownException):
         while not (stop.requested or finished(node)):
-            executor.spin_once(timeout_sec=_POLL)
+            _spin_once(node, executor)
     close = getattr(node, "close", None)
     if close is not None:
         close()
@@ -96,6 +97,18 @@ def _prepare(node: PreparedNode, preparation: Preparation, executor: Any, stop: 
         raise preparation.error
     if not preparation.runs:
         node.is_prepared()
+
+
+def _spin_once(node: Node, executor: Any) -> None:
+    """Serves what waits. What fails outside of any callback, in decoding say, is told too."""
+    try:
+        executor.spin_once(timeout_sec=_POLL)
+    except ExternalShutdownException:
+        raise
+    except Exception as error:
+        if not isinstance(node, GuardedNode):
+            raise
+        node.faults.add("a message", error)
 
 
 def _exit_code(node: Node) -> int:

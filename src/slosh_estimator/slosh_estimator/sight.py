@@ -1,0 +1,81 @@
+"""What the monitor could compare, and why not where it could not.
+
+Two sides that speak are not enough: a covered lens, a clock that is wrong, an estimate from an
+unknown state give messages all the time, and nothing that could be believed. Sight is only what a
+sound measurement and a sound estimate of one moment have given.
+"""
+
+from __future__ import annotations
+
+import math
+
+from slosh_estimator.sample import SECONDS
+from slosh_estimator.validity import EstimateFlag
+
+# Flags of FreeSurface.msg that matter here.
+SATURATED, NOT_FOUND, FROZEN, BAD_IMAGE, CONTESTED = 1, 32, 64, 128, 256
+UNUSABLE = NOT_FOUND | BAD_IMAGE
+UNSETTLED = int(EstimateFlag.SETTLING | EstimateFlag.AFTER_GAP | EstimateFlag.DIVERGED)
+"""An estimate that restarted from an unknown state says nothing about the model's accuracy."""
+UNSOUND = UNSETTLED | int(EstimateFlag.INPUT_DOUBTFUL | EstimateFlag.INPUT_CONTESTED)
+"""Nor does one whose input is not what it is said to be."""
+_MEASURED = {
+    CONTESTED: "several publishers send images (CONTESTED)",
+    BAD_IMAGE: "the images cannot be decoded, or do not show the container (BAD_IMAGE)",
+    NOT_FOUND: "the camera finds no liquid (NOT_FOUND): is its lens covered?",
+    FROZEN: "the camera repeats one image again and again (FROZEN)",
+}
+_ESTIMATED = {
+    EstimateFlag.INPUT_CONTESTED: "several publishers speak on the estimator's input",
+    EstimateFlag.INPUT_DOUBTFUL: "the estimator's sensor cannot mean what it says",
+    EstimateFlag.DIVERGED: "the model has left the physical range (DIVERGED)",
+    EstimateFlag.AFTER_GAP: "the estimator's input had a gap (AFTER_GAP)",
+    EstimateFlag.SETTLING: "the estimator does not know the liquid's state yet (SETTLING)",
+}
+
+
+def obstacle(measured: float, measured_flags: int, estimate: float, estimate_flags: int) -> str:
+    """Why a measurement and an estimate cannot be compared; empty: they can.
+
+    Args:
+        measured, estimate: heights [m]; NaN: unknown.
+        measured_flags: of FreeSurface.msg.
+        estimate_flags: bits of EstimateFlag.
+    """
+    for flag, reason in _MEASURED.items():
+        if measured_flags & flag:
+            return reason
+    if not math.isfinite(measured):
+        return "the camera measures no height"
+    for bit, reason in _ESTIMATED.items():
+        if estimate_flags & bit:
+            return reason
+    return "" if math.isfinite(estimate) else "no estimate belongs to the moment of the image"
+
+
+class Sight:
+    """Remembers when something was compared last.
+
+    Args:
+        timeout: after so long without it the monitor is blind [s].
+    """
+
+    def __init__(self, timeout: float) -> None:
+        self._timeout = timeout
+        self._since_ns: int | None = None
+        self._reason = ""
+
+    def look(self, now_ns: int, obstacle: str) -> None:
+        """Takes an attempt to compare: at this moment [ns], with this obstacle or none."""
+        if not obstacle or self._since_ns is None:
+            self._since_ns = now_ns
+        self._reason = obstacle
+
+    def blindness(self, now_ns: int) -> str:
+        """Why nothing could be compared for too long; empty: it could."""
+        if self._since_ns is None:
+            self._since_ns = now_ns
+        seconds = (now_ns - self._since_ns) * SECONDS
+        if seconds <= self._timeout:
+            return ""
+        return f"nothing compared for {seconds:.1f} s: {self._reason or 'nothing to compare'}"

@@ -1,0 +1,114 @@
+"""Nodes that outlive what a callback stumbles over.
+
+Whatever others send, a node must not fall by it. What is known to be wrong is refused where it is
+read, with its reason; here is the last catch, for what nobody thought of: the message is lost, the
+node counts it, tells it and goes on.
+"""
+
+from __future__ import annotations
+
+import functools
+import traceback
+from collections import Counter
+from collections.abc import Callable
+from typing import Any
+
+from rclpy.node import Node
+
+Callback = Callable[..., Any]
+
+
+class Faults:
+    """What callbacks stumbled over.
+
+    Args:
+        tell: is given a line the first time, the tenth, the hundredth, and so on.
+    """
+
+    def __init__(self, tell: Callable[[str], None]) -> None:
+        self._tell = tell
+        self._counts: Counter[str] = Counter()
+        self._last = ""
+        self._reported = 0
+
+    @property
+    def total(self) -> int:
+        """How many so far."""
+        return self._counts.total()
+
+    def add(self, where: str, error: Exception) -> str:
+        """Takes one; returns it in a line.
+
+        Args:
+            where: the topic or service.
+            error: what was raised.
+        """
+        place = traceback.extract_tb(error.__traceback__)[-1]
+        file = place.filename.rpartition("/")[2]
+        what = f"{type(error).__name__} in {file}:{place.lineno}"
+        self._last = f"{where}: a message could not be handled: {what}"
+        self._counts[self._last] += 1
+        count = self._counts[self._last]
+        if str(count).strip("0") == "1":
+            # The error's own words may quote what a stranger sent; they stay in this log.
+            self._tell(f"{self._last}: {str(error)[:200]} ({count} so far); the node goes on")
+        return self._last
+
+    def news(self) -> str:
+        """What has come since the last call, in a line; empty: nothing."""
+        new, self._reported = self.total - self._reported, self.total
+        return f"{self._last} ({new} since the last report)" if new else ""
+
+
+class GuardedNode(Node):
+    """A node whose callbacks for messages, services and timers are guarded.
+
+    Attributes:
+        faults: what they stumbled over.
+    """
+
+    def __init__(self, name: str, **options: Any) -> None:
+        # Before the node, which makes services of its own.
+        self.faults = Faults(lambda line: self.get_logger().error(line))
+        super().__init__(name, **options)
+
+    def create_subscription(
+        self, msg_type: Any, topic: str, callback: Callback, *arguments: Any, **options: Any
+    ) -> Any:
+        """As Node's, with the callback guarded."""
+        guarded = self._guarded(callback, topic)
+        return super().create_subscription(msg_type, topic, guarded, *arguments, **options)
+
+    def create_timer(
+        self, timer_period_sec: float, callback: Callback, *arguments: Any, **options: Any
+    ) -> Any:
+        """As Node's, with the callback guarded."""
+        guarded = self._guarded(callback, "timer")
+        return super().create_timer(timer_period_sec, guarded, *arguments, **options)
+
+    def create_service(
+        self, srv_type: Any, srv_name: str, callback: Callback, *arguments: Any, **options: Any
+    ) -> Any:
+        """As Node's, with the callback guarded: who asks is told that it failed."""
+
+        @functools.wraps(callback)
+        def guarded(request: Any, response: Any) -> Any:
+            try:
+                return callback(request, response)
+            except Exception as error:
+                said = self.faults.add(srv_name, error)
+                if hasattr(response, "success"):
+                    response.success, response.message = False, said
+                return response
+
+        return super().create_service(srv_type, srv_name, guarded, *arguments, **options)
+
+    def _guarded(self, callback: Callback, where: str) -> Callback:
+        @functools.wraps(callback)
+        def guarded(*arguments: Any) -> None:
+            try:
+                callback(*arguments)
+            except Exception as error:
+                self.faults.add(where, error)
+
+        return guarded
