@@ -108,9 +108,11 @@ def workspace() -> Finding:
 
 def discovery() -> Finding:
     """Who can see this machine's topics."""
-    reach = os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "SUBNET")
+    network = importlib.import_module("slosh_msgs_py.node.network")
+    reach = network.network_environment(os.environ)[network.RANGE]
+    who = "this machine only" if reach in network.ALONE else "every network: see docs/security.md"
     domain = os.environ.get("ROS_DOMAIN_ID", "0")
-    return Finding("discovery", True, f"range {reach}, domain {domain}")
+    return Finding("discovery", True, f"range {reach}, {who}; domain {domain}")
 
 
 def library(module: str, name: str, minimum: str) -> Finding:

@@ -20,6 +20,7 @@ from ament_index_python.packages import get_package_share_directory
 
 from slosh_bringup.errors import SloshBringupError
 from slosh_msgs_py.node.lifeline import Lifelines
+from slosh_msgs_py.node.network import network_environment
 
 # Node name -> module with its main().
 NODES: Mapping[str, str] = {
@@ -76,12 +77,12 @@ class NodeEnd(NamedTuple):
 
 
 def node_environment(domain_id: int | None = None) -> dict[str, str]:
-    """The environment of the nodes: this machine only, shared memory sized for images."""
-    environment = dict(os.environ)
-    profile = str(config_folder() / "fastdds.xml")
-    environment.setdefault("FASTDDS_DEFAULT_PROFILES_FILE", profile)
-    environment.setdefault("FASTRTPS_DEFAULT_PROFILES_FILE", profile)
-    environment.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    """The environment of the nodes.
+
+    They hear this machine only, unless more is asked for, and import nothing from the folder that
+    they are started in.
+    """
+    environment = {**os.environ, **network_environment(os.environ), "PYTHONSAFEPATH": "1"}
     environment.setdefault("PYTHONUNBUFFERED", "1")
     if domain_id is not None:
         environment.setdefault("ROS_DOMAIN_ID", str(domain_id))

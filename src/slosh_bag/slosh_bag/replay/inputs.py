@@ -75,7 +75,9 @@ def recorded_inputs(starts: Sequence[NodeStart], facts: Mapping[str, str]) -> In
     started = next((start for start in starts if start.node == "estimator"), None)
     if started is not None:
         return input_settings(started.parameters)
-    return InputSettings(gate=GateSettings(max_jump=math.inf) if TABLE in facts else GateSettings())
+    return InputSettings(
+        gate=GateSettings(max_jump=math.inf) if TABLE in facts else GateSettings()
+    )
 
 
 def input_settings(parameters: Mapping[str, Any]) -> InputSettings:

@@ -10,6 +10,7 @@ import rclpy
 from rclpy.executors import SingleThreadedExecutor
 
 from slosh_msgs.msg import FreeSurface
+from slosh_msgs_py.node.run import initialise
 
 TOPIC = f"/slosh_loopback_{os.getpid()}"
 TIMEOUT = 15.0  # discovery alone takes a second or two on a busy machine
@@ -17,7 +18,7 @@ TIMEOUT = 15.0  # discovery alone takes a second or two on a busy machine
 
 def main() -> int:
     """Returns 0 once the message has come back, 1 after the timeout."""
-    rclpy.init()
+    initialise([])
     node = rclpy.create_node("loopback")
     received: list[float] = []
     node.create_subscription(FreeSurface, TOPIC, lambda message: received.append(message.msh), 10)

@@ -178,22 +178,22 @@ class MonitorNode(GuardedNode):
         ]
         self._core.obstruction = "; ".join(filter(None, (rival.look() for rival in self._rivals)))
         condition = self._core.condition(now)
-        if condition is Condition.BLIND or self._core.obstruction:
-            return ERROR, f"{condition.name}: {self._core.blindness(now)}"
         mismatch = self._match.look(self._measured, self._core.unmatched)
-        if condition is Condition.OK and mismatch is not None:
+        if silent:
+            level = ERROR if condition is Condition.ERROR else STALE
+            return level, f"{condition.name}: no {' and no '.join(silent)}"
+        blindness = self._core.blindness(now)
+        if blindness:
+            exceeded = "a limit is exceeded, and " if condition is Condition.ERROR else ""
+            return ERROR, f"{exceeded}BLIND: {blindness}"
+        if condition is not Condition.OK:
+            return (ERROR if condition is Condition.ERROR else WARN), condition.name
+        if mismatch is not None:
             return mismatch
         last = self._core.motions.last
-        if condition is Condition.OK and last is not None and last.disagrees:
+        if last is not None and last.disagrees:
             return WARN, last.sentence
-        sentence = f"{condition.name}" + (f": no {' and no '.join(silent)}" if silent else "")
-        levels = {
-            Condition.OK: OK,
-            Condition.WARN: WARN,
-            Condition.ERROR: ERROR,
-            Condition.STALE: STALE,
-        }
-        return levels[condition], sentence
+        return OK, condition.name
 
     def _facts(self) -> dict[str, Any]:
         core = self._core

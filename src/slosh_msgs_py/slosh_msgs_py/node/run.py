@@ -20,6 +20,7 @@ from rclpy.signals import SignalHandlerOptions
 from slosh_msgs_py.errors import SloshMessageError
 from slosh_msgs_py.node.guarded import GuardedNode
 from slosh_msgs_py.node.lifeline import watch_lifelines
+from slosh_msgs_py.node.network import bound
 from slosh_msgs_py.node.prepared import Preparation, PreparedNode
 from slosh_msgs_py.node.readiness import READY
 from slosh_msgs_py.node.shared_memory import is_deaf
@@ -120,11 +121,12 @@ def _exit_code(node: Node) -> int:
 
 
 def initialise(arguments: Sequence[str] | None) -> None:
-    """Starts ROS, and leaves the signals to the process.
+    """Starts ROS, on this machine only unless more is asked for; the signals stay the process's.
 
     Raises:
         SloshMessageError: a command line or parameter file that it cannot read.
     """
+    bound()
     try:
         rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
     except RuntimeError as error:

@@ -1,0 +1,262 @@
+"""Whatever others send: the cell does not lie, does not fall and tells what is wrong."""
+
+from __future__ import annotations
+
+import math
+import os
+import time
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+rclpy = pytest.importorskip("rclpy", reason="ROS 2 is not installed")
+
+from geometry_msgs.msg import PoseStamped  # noqa: E402
+from sensor_msgs.msg import Imu  # noqa: E402
+from std_srvs.srv import Trigger  # noqa: E402
+
+from slosh_bringup.processes import config_folder  # noqa: E402
+from slosh_camera.calibration import read_calibration  # noqa: E402
+from slosh_msgs.msg import SloshComparison, SloshEstimate  # noqa: E402
+from slosh_msgs.srv import LoadModel  # noqa: E402
+from slosh_msgs_py import topics  # noqa: E402
+from slosh_msgs_py.images import image_message  # noqa: E402
+from slosh_msgs_py.stamps import to_nanoseconds, to_time  # noqa: E402
+from tests.adversary import GRAVITY, Robot, nodes_and_robot, swing  # noqa: E402
+
+OK, BLIND = 0, 4
+ERROR = 2
+SETTLING = SloshEstimate.SETTLING
+pytestmark = pytest.mark.timeout(200)
+CUP = "container: {shape: cylinder, radius: 0.05, fill_height: 0.07}\n"
+
+
+@pytest.fixture(scope="module", autouse=True)
+def ros() -> Iterator[None]:
+    """ROS in this process, for all robots."""
+    rclpy.init()
+    yield
+    rclpy.shutdown()
+
+
+@pytest.fixture
+def cell(tmp_path: Path, domain: int) -> Iterator[Robot]:
+    """A robot beside estimator and monitor, all well."""
+    with nodes_and_robot(tmp_path, domain) as (_, robot):
+        wait_until_well(robot)
+        yield robot
+
+
+@pytest.fixture(scope="module")
+def calm_one(tmp_path_factory: pytest.TempPathFactory, domain: int) -> Iterator[Robot]:
+    """One for all tests that leave its liquid at rest."""
+    folder = tmp_path_factory.mktemp("calm")
+    with nodes_and_robot(folder, domain, namespace="/calm") as (_, robot):
+        yield robot
+
+
+@pytest.fixture
+def calm(calm_one: Robot) -> Robot:
+    """All is well with it."""
+    wait_until_well(calm_one)
+    return calm_one
+
+
+@pytest.fixture(scope="module")
+def rough(tmp_path_factory: pytest.TempPathFactory, domain: int) -> Iterator[Robot]:
+    """One for the tests that only want it to live."""
+    folder = tmp_path_factory.mktemp("rough")
+    with nodes_and_robot(folder, domain, namespace="/rough") as (_, robot):
+        yield robot
+
+
+@pytest.fixture(scope="module")
+def inertial_one(tmp_path_factory: pytest.TempPathFactory, domain: int) -> Iterator[Robot]:
+    """One with an inertial sensor."""
+    folder = tmp_path_factory.mktemp("inertial")
+    with nodes_and_robot(folder, domain, kind=topics.IMU, namespace="/imu") as (_, robot):
+        yield robot
+
+
+@pytest.fixture
+def inertial(inertial_one: Robot) -> Robot:
+    """All is well with it."""
+    wait_until_well(inertial_one)
+    return inertial_one
+
+
+def wait_until_well(robot: Robot) -> None:
+    """Waits until the monitor sees, and nothing is wrong."""
+    robot.until(lambda: robot.comparisons[-1].state == OK, "the state OK")
+
+
+def is_blind(robot: Robot, reason: str) -> bool:
+    """Whether the monitor says so on both of its topics."""
+    _, sentence = robot.health.get("monitor", (0, ""))
+    said = "BLIND" in sentence and reason in sentence
+    return said and robot.comparisons[-1].state == BLIND
+
+
+class TestBlind:
+    """The monitor never says OK where it cannot see."""
+
+    @pytest.mark.parametrize(("shift", "way"), [(-10.0, "behind"), (10.0, "ahead of")])
+    def test_a_camera_on_another_clock(self, calm: Robot, shift: float, way: str) -> None:
+        calm.camera_shift = shift
+        calm.until(lambda: is_blind(calm, f"s {way} those of the estimates"), "blindness")
+        calm.camera_shift = 0.0
+
+    def test_a_second_publisher_ahead(self, cell: Robot) -> None:
+        cell.push = swing(1.0)
+        due = time.monotonic()
+
+        def contested() -> bool:
+            nonlocal due
+            if time.monotonic() >= due:
+                due += 0.01
+                other.sample(ahead=5.0, ax=0.0)
+            level, sentence = cell.health["estimator"]
+            named = "/slosh/robot" in sentence and "/slosh/stranger" in sentence
+            return level == ERROR and named and is_blind(cell, "several publishers")
+
+        with closing(Robot("stranger", topics.ACCEL)) as other:
+            cell.until(contested, "both publishers' names")
+            cell.until(lambda: contested() and cell.estimates[-1].nonlinear.msh > 2e-3, "the wave")
+        apart = to_nanoseconds(cell.estimates[-1].header.stamp) - time.time_ns()
+        assert abs(apart) < 1_000_000_000
+        cell.until(lambda: cell.comparisons[-1].state != BLIND, "sight again")
+
+    def test_a_second_camera(self, calm: Robot) -> None:
+        with closing(Robot("stranger", topics.ACCEL, "/calm")) as other:
+            other.sees()
+            calm.until(lambda: is_blind(calm, "2 publishers on"), "names")
+        _, said = calm.health["monitor"]
+        assert "/calm/free_surface: " in said
+        assert "/calm/robot" in said
+        assert "/calm/stranger" in said
+
+    @pytest.mark.parametrize("gravity", [0.0, 1.0])
+    def test_a_sensor_without_gravity(self, inertial: Robot, gravity: float) -> None:
+        inertial.gravity = gravity
+        inertial.until(lambda: is_blind(inertial, "cannot mean what it says"), "blindness")
+        inertial.until(lambda: inertial.health["estimator"][0] == ERROR, "the reason")
+        inertial.gravity = GRAVITY
+
+    @pytest.mark.parametrize("lens", ["covered", "broken"])
+    def test_images_that_show_nothing(self, lens: str, tmp_path: Path, domain: int) -> None:
+        camera = read_calibration(config_folder() / "camera.yaml").view.camera
+        black = np.zeros((camera.height, camera.width), dtype=np.uint8)
+        picture = image_message(black, "mono8", 0, "camera")
+        if lens == "broken":
+            picture.encoding = "mono17"
+        with nodes_and_robot(tmp_path, domain, picture=picture) as (_, robot):
+            reason = "NOT_FOUND" if lens == "covered" else "BAD_IMAGE"
+            robot.until(lambda: is_blind(robot, reason), "blindness")
+            assert not robot.comparisons[-1].measured_stale
+
+
+class TestUnknown:
+    """Where the liquid's state is not known the estimates say so."""
+
+    def test_a_reset_in_motion(self, cell: Robot) -> None:
+        cell.push = swing(1.0)
+        cell.until(lambda: cell.estimates[-1].nonlinear.msh > 2e-3, "a wave")
+        assert cell.call(Trigger, "reset").success
+        assert all(cell.new_estimate().flags & SETTLING for _ in range(50))
+        cell.until(lambda: cell.comparisons[-1].state == BLIND, "blindness")
+
+    def test_a_reset_at_rest(self, calm: Robot) -> None:
+        assert calm.call(Trigger, "reset").success
+        assert not any(calm.new_estimate().flags & SETTLING for _ in range(50))
+
+    def test_a_spike(self, calm: Robot) -> None:
+        before = calm.new_estimate()
+        calm.sample(ax=200.0)
+        calm.until(lambda: "1 input samples dropped" in calm.health["estimator"][1], "the drop")
+        assert calm.estimates[-1].samples_dropped == before.samples_dropped + 1
+        worst = max(estimate.nonlinear.msh for estimate in calm.estimates)
+        assert worst < 1e-6
+
+    def test_a_jump_that_stays(self, cell: Robot) -> None:
+        cell.push = lambda t: 30.0
+        cell.until(lambda: cell.estimates[-1].acceleration[0] == 30.0, "the new level")
+        assert cell.estimates[-1].flags & SETTLING
+
+
+class TestNoFall:
+    """One message ends nothing."""
+
+    @pytest.mark.parametrize(
+        "text",
+        [
+            CUP.replace("0.05", "1e-300"),
+            CUP.replace("0.07", "1e-300"),
+            CUP + "liquid: {kinematic_viscosity: 1e-300}\n",
+            CUP + "effects: [{name: static_tilt, roll: 0.3, pitch: 0.3}, "
+            "{name: accel_gain, gain: 5}, {name: surface_nonlinearity, alpha: 50}]\n",
+            CUP + "".join(f"k{n}: 1\n" for n in range(30_000)),
+            "a0: &a0 [1, 1]\n" + "".join(f"a{n}: &a{n} [*a{n - 1}]\n" for n in range(1, 60)),
+            "\0\1",
+        ],
+    )
+    def test_a_strange_model(self, rough: Robot, text: str) -> None:
+        started = time.monotonic()
+        answer = rough.call(LoadModel, topics.LOAD_MODEL, text=text)
+        assert time.monotonic() - started < 5.0
+        assert "\n" not in answer.message
+        for push in (0.0, 1900.0, 0.0):
+            rough.push = lambda t, push=push: push  # type: ignore[misc]
+            rough.for_seconds(0.3)
+        assert 0 <= rough.new_estimate().flags < 2**16
+
+    def test_paths_that_are_no_models(self, calm: Robot, tmp_path: Path) -> None:
+        os.mkfifo(tmp_path / "pipe")
+        secret = tmp_path / "secret"
+        secret.write_text("root:x:0:0:root:/root:/bin/sh\nkey: hunter2\n")
+        for path in map(str, ("/dev/zero", "/dev/stdin", tmp_path / "pipe", tmp_path, secret)):
+            answer = calm.call(LoadModel, topics.LOAD_MODEL, path=path)
+            assert not answer.success
+            assert answer.message.startswith(path)
+            assert "root:x" not in answer.message
+            assert "hunter2" not in answer.message
+        calm.new_estimate()
+
+    @pytest.mark.parametrize("rate", [1.7e308, 1e300, math.inf, math.nan])
+    def test_a_strange_turn(self, inertial: Robot, rate: float) -> None:
+        message = Imu()
+        message.linear_acceleration.z = GRAVITY
+        message.angular_velocity.z = rate
+        for _ in range(5):
+            message.header.stamp = to_time(time.time_ns())
+            inertial.inputs[topics.IMU].publish(message)
+            inertial.for_seconds(0.05)
+        estimate = inertial.new_estimate()
+        assert estimate.yaw == 0.0
+        assert math.isfinite(estimate.nonlinear.msh)
+
+    def test_a_strange_pose(self, tmp_path: Path, domain: int) -> None:
+        with nodes_and_robot(tmp_path, domain, kind=topics.POSE) as (_, robot):
+            for size in (1e5, 1e160, 1.7e308, math.inf):
+                message = PoseStamped()
+                for vector in (message.pose.position, message.pose.orientation):
+                    vector.x = vector.y = size
+                for _ in range(30):
+                    message.header.stamp = to_time(time.time_ns())
+                    robot.inputs[topics.POSE].publish(message)
+                    robot.for_seconds(0.005)
+            robot.until(lambda: math.isfinite(robot.estimates[-1].nonlinear.msh), "a height")
+            robot.new_estimate()
+
+    def test_stamps_at_the_ends_of_time(self, calm: Robot) -> None:
+        for sec in (-(2**31), 2**31 - 1, 0):
+            calm.surface.header.stamp.sec = sec  # type: ignore[union-attr]
+            for ahead in (sec - time.time(), 0.0):
+                if abs(ahead + time.time()) < 2**31 - 1:
+                    calm.sample(ahead=ahead)
+            message = SloshEstimate()
+            message.header.stamp.sec = sec
+            calm.for_seconds(0.1)
+        calm.until(lambda: calm.comparisons[-1].state == SloshComparison.STATE_OK, "the state OK")
