@@ -11,11 +11,15 @@ from pathlib import Path
 import pytest
 import yaml
 
+from slosh_bag.reader import BagReader
+from slosh_bag.replay import replay_bag
 from slosh_bringup.in_force import in_force, recorded_starts
 from slosh_bringup.processes import NodeProcess, config_folder, node_environment
+from slosh_msgs.msg import SloshEstimate
 from tests.live_processes import PATIENCE, live_process
 
 BAG = Path(__file__).resolve().parents[1] / "bags" / "l"
+SETTLING = SloshEstimate.SETTLING
 pytestmark = pytest.mark.timeout(200)
 
 
@@ -158,21 +162,40 @@ def test_a_recording_that_is_played_without_its_clock_is_recognised(domain, tmp_
     assert "s behind this machine's clock" in running.said
 
 
-@pytest.mark.long
-def test_a_node_that_dies_ends_the_cell_with_its_name_and_a_report(domain, tmp_path, write_cell):
+def test_a_cell_goes_on_when_its_nodes_are_killed(domain, tmp_path, write_cell):
+    """Each is started again; the recorder into a bag of its own, so that the first one stays."""
     folder = tmp_path / "out" / "latest"
     with (
         cell(tmp_path, write_cell()) as running,
         robot(domain, motion="l", repeat="20"),
     ):
         running.wait_for_recording(folder / "bag", 2_000_000)
-        os.kill(running.nodes()["camera"], signal.SIGKILL)
+        for name in ("recorder", "estimator"):
+            before = running.nodes()[name]
+            os.kill(before, signal.SIGKILL)
+            running.wait_for(lambda: running.nodes()[name] != before, f"another {name}")  # noqa: B023
+        settles = "estimator: validity flags 0x10"
+        running.wait_for(lambda: settles in running.said, settles)
+        running.wait_for_recording(folder / "bag_2", 1_000_000)
+        running.process.terminate()
         assert running.end() == 1
-    assert "slosh cell: node camera ended with exit code -9" in running.said
-    assert "3D-NL / camera" in running.said
-    result = json.loads((folder / "result.json").read_text())
-    assert result["problems"][0].startswith("node camera ended with exit code -9")
-    assert "node camera ended with exit code -9" in (folder / "report.html").read_text()
+    ends = [f"node {name} ended with exit code -9: " for name in ("estimator", "recorder")]
+    for end in ends:
+        assert end in running.said
+        assert end in (folder / "report.html").read_text()
+        assert end in json.loads((folder / "result.json").read_text())["problems"][0]
+    assert f"it is started again, recording to {folder.resolve() / 'bag_2'}" in running.said
+    flags = [message.flags for bag in ("bag", "bag_2") for message in estimates_of(folder / bag)]
+    assert flags[0] & SETTLING == 0
+    assert flags[-1] & SETTLING
+    verification = replay_bag(folder / "bag").verification
+    assert verification.exact, verification.lines()
+
+
+def estimates_of(bag):
+    """The estimates in a bag."""
+    reader = BagReader(bag)
+    return [reader.decode(message) for message in reader.messages(["/slosh/estimate"])]
 
 
 def test_a_node_that_refuses_its_parameters_ends_the_cell_with_its_words(

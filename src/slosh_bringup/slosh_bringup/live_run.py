@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from contextlib import ExitStack, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,6 +13,7 @@ from slosh_bringup.live_watch import LiveWatch, Screen
 from slosh_bringup.parameter_file import check_parameter_file
 from slosh_bringup.processes import NodeEnd, NodeGroup, NodeProcess, node_environment
 from slosh_bringup.stop_request import StopRequest
+from slosh_bringup.supervision import Supervision
 from slosh_camera.calibration import read_any_calibration
 from slosh_estimator.model_file import read_model
 from slosh_msgs_py import topics
@@ -57,7 +59,7 @@ class Outcome:
     """How the nodes ended.
 
     Attributes:
-        problem: what ended the run before its time; empty: nothing did.
+        problem: what went wrong, or ended the run before its time; empty: nothing did.
         exit_code: 0, or the one that fits the problem.
         began: whether all nodes were at work before.
     """
@@ -101,19 +103,24 @@ def run_nodes(run: LiveRun, screen: Screen, stop: StopRequest) -> Outcome:
         listener = stack.enter_context(
             CellListener(namespace, watch.take_settings, watch.take_report, diagnostics)
         )
+        supervision = Supervision(group, processes, watch.tell)
         for process in processes:
             group.start(process)
-        while not (stop.reason or watch.given_up or group.failed() or "cell" in group.ended()):
+        end = None
+        while not (stop.reason or watch.given_up or end or "cell" in group.ended()):
             watch.look()
             listener.listen(POLL)
-        return _outcome(stop, watch, None if stop.reason else group.failed())
+            end = supervision.look(began=watch.began)
+        return _outcome(stop, watch, None if stop.reason else end, supervision.problems)
 
 
-def _outcome(stop: StopRequest, watch: LiveWatch, end: NodeEnd | None) -> Outcome:
+def _outcome(
+    stop: StopRequest, watch: LiveWatch, end: NodeEnd | None, problems: Sequence[str]
+) -> Outcome:
     if end is not None:
         return Outcome(end.text, end.code if end.code == 2 else 1, watch.began)
     if watch.began:
-        return Outcome()
+        return Outcome("; ".join(problems), int(bool(problems)))
     if stop.reason:
         problem = f"the run was stopped ({stop.reason}) before all nodes were ready"
         return Outcome(f"{problem}: {watch.waits_for}", 1, began=False)

@@ -89,6 +89,10 @@ class LiveWatch:
         self._tell(self._health.look(now))
         self._screen.show(now - self._began, "")
 
+    def tell(self, line: str) -> None:
+        """Tells what somebody else has noticed."""
+        self._tell([line])
+
     def _tell_readiness(self, report: NodeReport) -> None:
         """Tells who takes long, and when it does no more."""
         state = report.facts.get(STATE, READY)

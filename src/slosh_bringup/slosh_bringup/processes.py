@@ -126,9 +126,9 @@ class NodeGroup:
         self._lifelines.close()
 
     def start(self, process: NodeProcess) -> None:
-        """Starts a node."""
+        """Starts a node; one that has run before goes on in its log."""
         inherited = self._lifelines.of_node(last=process.name == LAST)
-        with (self._log_folder / f"{process.name}.log").open("wb") as log:
+        with (self._log_folder / f"{process.name}.log").open("ab") as log:
             # Its own session: Ctrl-C reaches this process alone, which stops the nodes in order.
             self._running[process.name] = subprocess.Popen(
                 process.command(self._namespace),
@@ -153,9 +153,15 @@ class NodeGroup:
         for name, code in self.ended().items():
             if code != 0 or name not in ENDING:
                 log = self._log_folder / f"{name}.log"
-                said = f"{last_line(log)} (see {log})"
-                return NodeEnd(name, code, f"node {name} ended with exit code {code}: {said}")
+                # Who is killed has not said why.
+                said = signal.strsignal(-code) if code < 0 else last_line(log)
+                text = f"node {name} ended with exit code {code}: {said} (see {log})"
+                return NodeEnd(name, code, text)
         return None
+
+    def forget(self, name: str) -> None:
+        """Leaves a node alone that has ended."""
+        self._running.pop(name).wait()
 
     def check(self) -> None:
         """Raises SloshBringupError for the first node that has ended and should not have."""

@@ -139,18 +139,25 @@ def initialise(arguments: Sequence[str] | None) -> None:
 def make_heard(factory: Callable[[], _Node]) -> _Node:
     """The first node of a process that the others reach; see `shared_memory`."""
     # What hears is the participant: it lives from the first node of the process to the last.
-    first = rclpy.create_node(f"_start_{os.getpid()}", start_parameter_services=False)
+    first = _participant()
     for _ in range(ATTEMPTS):
         if not is_deaf():
             break
         print("shared memory port still taken by a killed process; again", file=sys.stderr)
         first.destroy_node()
         time.sleep(PAUSE)
-        first = rclpy.create_node(f"_start_{os.getpid()}", start_parameter_services=False)
+        first = _participant()
     try:
         return factory()
     finally:
         first.destroy_node()
+
+
+def _participant() -> Node:
+    """A node that does nothing; quiet, as a name on the command line would be its name, too."""
+    return rclpy.create_node(
+        f"_start_{os.getpid()}", start_parameter_services=False, enable_rosout=False
+    )
 
 
 class _StopFlag:

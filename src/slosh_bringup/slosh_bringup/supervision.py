@@ -1,0 +1,80 @@
+"""Keeps a run going when one of its nodes ends: that node is started again, the others go on."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+from slosh_bringup.processes import LAST, NodeEnd, NodeGroup, NodeProcess
+
+ATTEMPTS, WITHIN = 5, 60.0
+"""A node that ends so often within so long [s] is not started again."""
+EXIT_WRONG_INPUT = 2
+
+
+class Supervision:
+    """Looks after the nodes of a run.
+
+    Args:
+        group: the nodes.
+        processes: how they were started.
+        tell: is told what has happened, in a line.
+        steady: time that never goes back [s].
+
+    Attributes:
+        problems: what was told, for the report.
+    """
+
+    def __init__(
+        self,
+        group: NodeGroup,
+        processes: Sequence[NodeProcess],
+        tell: Callable[[str], None],
+        steady: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._group, self._tell, self._steady = group, tell, steady
+        self._processes = {process.name: process for process in processes}
+        self._ends: dict[str, list[float]] = {}
+        self.problems: list[str] = []
+
+    def look(self, *, began: bool) -> NodeEnd | None:
+        """Starts a node again that has ended.
+
+        Args:
+            began: whether all were at work before; if not, what keeps one from it keeps it again.
+
+        Returns:
+            an end that ends the run: of a node that was not at work yet or that refuses its
+            parameters; None: the run goes on.
+        """
+        end = self._group.failed()
+        if end is None or not began or end.code == EXIT_WRONG_INPUT:
+            return end
+        now = self._steady()
+        ends = [at for at in self._ends.get(end.name, []) if now - at < WITHIN]
+        self._ends[end.name] = [*ends, now]
+        self._group.forget(end.name)
+        if len(ends) >= ATTEMPTS:
+            self._say(f"{end.text}; for the {len(ends) + 1}th time: the cell goes on without it")
+            return None
+        process = self._again(self._processes[end.name])
+        self._group.start(process)
+        where = f", recording to {process.parameters['output']}" if end.name == LAST else ""
+        self._say(f"{end.text}; it is started again{where}")
+        return None
+
+    def _again(self, process: NodeProcess) -> NodeProcess:
+        """How a node is started that has missed something of the motion."""
+        own = dict(process.parameters)
+        if process.name == "estimator":
+            own["starts_at_rest"] = "false"
+        if process.name == LAST:
+            number = len([line for line in self.problems if line.startswith(f"node {LAST} ")]) + 2
+            first = self._processes[LAST].parameters["output"]
+            own["output"] = f"{first}_{number}"  # what has been recorded stays as it is
+        return replace(process, parameters=own)
+
+    def _say(self, line: str) -> None:
+        self.problems.append(line)
+        self._tell(line)

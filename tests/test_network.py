@@ -1,0 +1,102 @@
+"""Who can hear a cell and speak to it: this machine, and a stranger in another network."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+import pytest
+
+from slosh_bringup.processes import NodeProcess, config_folder, node_environment
+
+WHO_HEARS = Path(__file__).with_name("who_hears.py")
+HERE, THERE = "10.213.77.1", "10.213.77.2"
+SECONDS = 6.0
+
+
+def ip(*words: str) -> subprocess.CompletedProcess[bytes]:
+    """Runs `ip`."""
+    return subprocess.run(["ip", *words], capture_output=True, check=False)
+
+
+@pytest.fixture
+def networks() -> Iterator[tuple[str, str]]:
+    """Names of two networks that are joined by a cable: the cell's and the stranger's."""
+    if os.getuid() != 0 or not shutil.which("ip") or not shutil.which("unshare"):
+        pytest.skip("needs root, ip and unshare to make networks")
+    names = (f"slosh{os.getpid()}a", f"slosh{os.getpid()}b")
+    ends = tuple(f"s{os.getpid()}{end}"[-15:] for end in "ab")
+    try:
+        if any(ip("netns", "add", name).returncode for name in names):
+            pytest.skip("this machine lets nobody make networks")
+        made = ip("link", "add", ends[0], "type", "veth", "peer", "name", ends[1])
+        if made.returncode:
+            pytest.skip("this machine has no virtual cables")
+        for name, end, address in zip(names, ends, (HERE, THERE), strict=True):
+            ip("link", "set", end, "netns", name)
+            ip("-n", name, "addr", "add", f"{address}/24", "dev", end)
+            for device in (end, "lo"):
+                assert ip("-n", name, "link", "set", device, "up").returncode == 0
+        yield names
+    finally:
+        for name in names:
+            ip("netns", "del", name)
+
+
+def listen(role: str, words: list[str], environment: Mapping[str, str]) -> subprocess.Popen[str]:
+    """Starts who listens."""
+    return subprocess.Popen(
+        [*words, sys.executable, str(WHO_HEARS), role, str(SECONDS)],
+        stdout=subprocess.PIPE,
+        text=True,
+        env=environment,
+    )
+
+
+@pytest.mark.parametrize(
+    ("reach", "expected"),
+    [("LOCALHOST", False), pytest.param("SUBNET", True, marks=pytest.mark.long)],
+)
+@pytest.mark.timeout(90)
+def test_a_stranger_hears_a_cell_only_where_it_was_let_out(
+    reach: str, expected: bool, networks: tuple[str, str], domain: int
+) -> None:
+    cell_network, other = networks
+    inside = ["ip", "netns", "exec", cell_network]
+    given = {**os.environ, "ROS_AUTOMATIC_DISCOVERY_RANGE": reach}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", reach)
+        environment = node_environment(domain)
+    model = {"model": str(config_folder() / "model.yaml")}
+    estimator = NodeProcess("estimator", parameters=model).command("/slosh")
+    # The stranger knows the address and tries to reach it; of this machine's memory it sees none.
+    alone = ["unshare", "--mount", "sh", "-c", 'mount -t tmpfs none /dev/shm; exec "$@"', "sh"]
+    strange = {**given, "ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET", "ROS_STATIC_PEERS": HERE}
+    with subprocess.Popen([*inside, *estimator], env=environment) as running:
+        robot = listen("robot", inside, given)
+        stranger = listen("stranger", ["ip", "netns", "exec", other, *alone], strange)
+        answers = [json.loads(one.communicate()[0]) for one in (robot, stranger)]
+        running.terminate()
+    ours, theirs = answers
+    assert ours["heard"] > 50
+    assert ours["answered"]
+    assert (theirs["heard"] > 0, theirs["answered"]) == (expected, expected)
+
+
+def test_modules_of_the_current_folder_are_not_run(tmp_path: Path) -> None:
+    for name in ("yaml", "numpy", "rclpy", "socket"):
+        (tmp_path / f"{name}.py").write_text("import os\nopen('ran', 'a').close()\n")
+    environment = node_environment()
+    node = NodeProcess("monitor", parameters={"timeout": "7.0"}).command("/slosh")
+    slosh = [sys.executable, shutil.which("slosh") or "slosh", "doctor"]
+    for words in (node, slosh):
+        done = subprocess.run(
+            words, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False
+        )
+        assert "Traceback" not in done.stderr
+    assert not (tmp_path / "ran").exists()

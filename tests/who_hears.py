@@ -1,0 +1,49 @@
+"""Counts the estimates that come, and calls reset; for a process in a network of its own.
+
+    python tests/who_hears.py robot|stranger SECONDS
+
+The robot sends accelerations, too. Prints {"heard": N, "answered": whether reset was}.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+
+import rclpy
+from geometry_msgs.msg import AccelStamped
+from std_srvs.srv import Trigger
+
+from slosh_msgs.msg import SloshEstimate
+from slosh_msgs_py import qos, topics
+from slosh_msgs_py.stamps import to_time
+
+
+def main(role: str, seconds: float) -> None:
+    """Listens for so long [s]."""
+    rclpy.init()
+    node = rclpy.create_node(role, namespace="/slosh")
+    heard: list[SloshEstimate] = []
+    node.create_subscription(SloshEstimate, topics.ESTIMATE, heard.append, qos.STREAM_IN)
+    client = node.create_client(Trigger, topics.RESET)
+    if role == "robot":
+        publisher = node.create_publisher(AccelStamped, topics.ACCEL, qos.STREAM_OUT)
+        message = AccelStamped()
+        message.header.frame_id = "world"
+
+        def send() -> None:
+            message.header.stamp = to_time(time.time_ns())
+            publisher.publish(message)
+
+        node.create_timer(0.01, send)
+    answer, end = None, time.monotonic() + seconds
+    while time.monotonic() < end:
+        rclpy.spin_once(node, timeout_sec=0.05)
+        if answer is None and client.service_is_ready():
+            answer = client.call_async(Trigger.Request())
+    print(json.dumps({"heard": len(heard), "answered": bool(answer and answer.done())}))
+
+
+if __name__ == "__main__":
+    main(sys.argv[1], float(sys.argv[2]))
