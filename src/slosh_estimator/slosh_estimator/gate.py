@@ -29,6 +29,7 @@ class Verdict(Enum):
     DISORDERED = "out of order"
     NOT_FINITE = "not finite"
     IMPOSSIBLE = "beyond what can be"
+    APART = "stamped apart from those around them"
     JUMP = "a jump that no arm can make"
     WRONG_FRAME = "wrong frame"
 
@@ -41,7 +42,8 @@ class GateSettings:
     """Limits of the gate.
 
     Attributes:
-        max_gap: longest time between two samples that is integrated across [s].
+        max_gap: longest time between two samples that is integrated across [s]. A later one is
+            believed when the next one follows it; a single stray stamp is set aside.
         max_age: how far a sample's stamp may lie before or after its arrival [s].
         max_jump: largest change of an axis' acceleration from one sample to the next [m/s²]. What
             changes by more is set aside, until samples in a row agree that it is so: then the
@@ -49,6 +51,8 @@ class GateSettings:
         restart_after: so many samples in order before the newest one mean that time itself was
             set back, by a restarted simulation or a corrected clock: the gate starts anew with
             them.
+        confirms: whether what comes after a gap waits for the next one; where all samples are
+            known strays are sorted out before.
         chosen: whether a gate has judged the samples before, and only those that it used come:
             what jumps then follows what had been set aside.
 
@@ -60,6 +64,7 @@ class GateSettings:
     max_age: float = 0.5
     max_jump: float = 20.0
     restart_after: int = 20
+    confirms: bool = True
     chosen: bool = False
 
     def __post_init__(self) -> None:
@@ -101,6 +106,8 @@ class SampleGate:
         self._last_ns: int | None = None
         self._early_ns: int | None = None
         self._early_count = 0
+        self._confirms = settings.confirms and not settings.chosen
+        self._apart_ns: int | None = None
         self._last: Vector = (0.0, 0.0, 0.0)
         self._aside: Vector = (0.0, 0.0, 0.0)
         self._aside_count = 0
@@ -129,7 +136,7 @@ class SampleGate:
         self.counts[verdict] += 1
         if verdict is Verdict.USE or verdict is Verdict.RESTART:
             self.used += 1
-            self._last_ns, self._early_ns = stamp_ns, None
+            self._last_ns, self._early_ns, self._apart_ns = stamp_ns, None, None
             self._early_count = self._aside_count = 0
             if acceleration is not None:
                 self._last = acceleration
@@ -151,7 +158,8 @@ class SampleGate:
         """
         count = len(stamps)
         if count and self._all_follow(stamps, accelerations):  # as nearly always
-            self._last_ns, self._early_count, self._aside_count = int(stamps[-1]), 0, 0
+            self._last_ns = int(stamps[-1])
+            self._early_count, self._aside_count, self._apart_ns = 0, 0, None
             ax, ay, az = accelerations[-1].tolist()
             self._last = (ax, ay, az)
             self.counts[Verdict.USE] += count
@@ -190,11 +198,19 @@ class SampleGate:
             if not self._time_was_set_back(stamp_ns):
                 return Verdict.DISORDERED
             last = None
-        if last is None or stamp_ns - last > self._max_gap_ns:
+        if last is None:
             return Verdict.RESTART
+        if stamp_ns - last > self._max_gap_ns:
+            return self._after_gap(stamp_ns)
         if acceleration is None or self._near(acceleration, self._last):
             return Verdict.USE
         return self._jumped(acceleration)
+
+    def _after_gap(self, stamp_ns: int) -> Verdict:
+        """What comes after a gap is set aside until the next one goes on from there."""
+        apart, self._apart_ns = self._apart_ns, stamp_ns
+        follows = apart is not None and stamp_ns > apart
+        return Verdict.RESTART if follows or not self._confirms else Verdict.APART
 
     def _jumped(self, acceleration: Vector) -> Verdict:
         """What jumps is set aside until enough samples in a row agree."""
@@ -210,7 +226,7 @@ class SampleGate:
 
     def _all_follow(self, stamps: NDArray[np.int64], accelerations: NDArray[np.float64]) -> bool:
         """Whether each sample simply follows the one before."""
-        if self._last_ns is None or self._early_count or self._aside_count:
+        if self._last_ns is None or self._early_count or self._aside_count or self._apart_ns:
             return False
         steps = np.diff(stamps, prepend=np.int64(self._last_ns))
         if steps.min() <= 0 or steps.max() > self._max_gap_ns:

@@ -41,8 +41,18 @@ def test_a_dropped_sample_leaves_no_trace() -> None:
 def test_a_gap_restarts_and_its_limit_does_not() -> None:
     watched = gate(max_gap=0.05)
     assert watched.judge(1050 * MS, STILL) is Verdict.USE
-    assert watched.judge(1101 * MS, STILL) is Verdict.RESTART
+    assert watched.judge(1101 * MS, STILL) is Verdict.APART
+    assert watched.judge(1102 * MS, STILL) is Verdict.RESTART
     assert watched.gaps == 1
+    sorted_out = gate(confirms=False)
+    assert sorted_out.judge(1101 * MS, STILL) is Verdict.RESTART
+
+
+def test_a_stray_stamp_changes_nothing() -> None:
+    watched = gate(max_gap=0.05)
+    assert watched.judge(1150 * MS, STILL) is Verdict.APART
+    assert watched.judge(1001 * MS, STILL) is Verdict.USE
+    assert watched.gaps == 0
 
 
 def test_time_that_was_set_back_is_believed_after_some_samples() -> None:
@@ -54,6 +64,7 @@ def test_time_that_was_set_back_is_believed_after_some_samples() -> None:
 def test_one_stamp_far_in_the_future_does_not_block_for_ever() -> None:
     watched = gate(restart_after=5)
     watched.judge(10**15, STILL)
+    watched.judge(10**15 + MS, STILL)
     verdicts = [watched.judge((1001 + k) * MS, STILL) for k in range(6)]
     assert verdicts[4:] == [Verdict.RESTART, Verdict.USE]
 

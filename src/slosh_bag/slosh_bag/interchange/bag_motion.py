@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from slosh_bag.errors import SloshBagError
 from slosh_bag.interchange.table_bag import NOT_REPORTED, SECOND
 from slosh_bag.replay.inputs import STAMP, InputReader, InputSettings, fields, stamps_of
+from slosh_bag.strays import StrayFilter
 from slosh_estimator.rotation import matrix_from_rpy
 from slosh_estimator.sample import Samples
 
@@ -64,13 +65,18 @@ class MotionCollector:
         self._kind = kind
         self._settings = settings
         self._reader = InputReader(kind, settings)
+        self._filter = StrayFilter(self._reader.max_gap_ns)
         self._samples: list[Samples] = []
         self._stamps: list[Stamps] = []
         self._turns: list[Array] = []
 
     def add(self, columns: Columns) -> None:
         """Takes messages that follow each other."""
-        stamps = stamps_of(columns)
+        self._take(*self._filter.add(stamps_of(columns), columns))
+
+    def _take(self, stamps: Stamps, columns: Columns) -> None:
+        if not len(stamps):
+            return
         self._samples.append(self._reader.samples(stamps, columns, np.arange(len(stamps))))
         if self._kind == "accel":
             self.in_world &= bool((columns[FRAME] == self._settings.frames[0]).all())
@@ -87,6 +93,7 @@ class MotionCollector:
         Raises:
             SloshBagError: nothing usable, or the stamps go back.
         """
+        self._take(*self._filter.rest())
         stamps = np.concatenate([_NO_STAMPS, *(part.stamps for part in self._samples)])
         if not len(stamps):
             raise SloshBagError(f"{path}: holds no usable message of {topic}")
@@ -94,7 +101,7 @@ class MotionCollector:
         if len(late):
             raise SloshBagError(
                 f"{path}: the stamps of {topic} go back at {stamps[late[0]] / SECOND:.3f} s; "
-                "cut the bag in two there"
+                f"cut the bag there with `slosh recover --split {path} -o NEW`"
             )
         motion = Motion(stamps, np.concatenate([part.accelerations for part in self._samples]))
         if self._kind == "accel":
@@ -109,6 +116,11 @@ class MotionCollector:
         """What a table cannot hold of it, one line each."""
         counters = self._reader.counters
         notes = []
+        if self._filter.count:
+            notes.append(
+                f"{self._filter.count} samples of {self._kind} left out whose stamps lie "
+                "elsewhere in time"
+            )
         if counters["samples_dropped"]:
             notes.append(
                 f"{counters['samples_dropped']} samples of {self._kind} left out, as the "

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -48,6 +49,7 @@ def conclude(
     counters = {**parts.reader.counters, "images": run.images}
     if run.unused:
         counters["not_used_live"] = run.unused
+    astray = _astray(run.strays)
     counters["unmatched_images"] = parts.monitor.monitor.unmatched
     spans = run.motions.spans
     names = parts.bank.names
@@ -71,8 +73,16 @@ def conclude(
         comparisons=None if parts.comparisons is None else parts.comparisons.result(),
         model=parts.bank.model,
         limits=parts.monitor.monitor.settings,
-        warnings=(f"{name}: {judged.warning}",) if judged.warning else (),
+        warnings=tuple(f"{name}: {line}" for line in (astray, judged.warning) if line),
     )
+
+
+def _astray(strays: Mapping[str, int]) -> str:
+    """How many messages were set aside, in a line; empty: none."""
+    told = [f"{count} {what}" for what, count in strays.items() if count]
+    if not told:
+        return ""
+    return f"set aside {' and '.join(told)} whose stamps lie elsewhere in time"
 
 
 def thinned(series: Series, limit: int = DRAWN) -> NDArray[np.void]:

@@ -52,7 +52,7 @@ class InputSettings(NamedTuple):
     """
 
     kind: str | None = None
-    gate: GateSettings = GateSettings()
+    gate: GateSettings = GateSettings(confirms=False)
     transform: SensorTransform = SensorTransform()
     pose_window: int = 21
     frames: tuple[str, ...] = ("world", "container")
@@ -75,9 +75,8 @@ def recorded_inputs(starts: Sequence[NodeStart], facts: Mapping[str, str]) -> In
     started = next((start for start in starts if start.node == "estimator"), None)
     if started is not None:
         return input_settings(started.parameters)
-    return InputSettings(
-        gate=GateSettings(max_jump=math.inf) if TABLE in facts else GateSettings()
-    )
+    unbounded = GateSettings(max_jump=math.inf, confirms=False)
+    return InputSettings(gate=unbounded) if TABLE in facts else InputSettings()
 
 
 def input_settings(parameters: Mapping[str, Any]) -> InputSettings:
@@ -96,8 +95,9 @@ def input_settings(parameters: Mapping[str, Any]) -> InputSettings:
             GateSettings(
                 max_gap=parameters["max_gap"],
                 max_age=parameters["max_age"],
-                # Not set aside by the nodes of old.
+                # The nodes of old set nothing aside.
                 max_jump=parameters.get("max_jump", math.inf),
+                confirms="max_jump" in parameters,
             ),
             SensorTransform(roll, pitch, yaw, tuple(parameters["sensor_to_origin"])),
             parameters["pose_window"],
@@ -119,10 +119,14 @@ class InputReader:
         kind: 'accel', 'imu' or 'pose'.
         settings: of the node.
         chosen: whether only messages come that the node used.
+
+    Attributes:
+        max_gap_ns: the longest gap that is integrated across [ns].
     """
 
     def __init__(self, kind: str, settings: InputSettings, *, chosen: bool = False) -> None:
         self.kind = kind
+        self.max_gap_ns = round(settings.gate.max_gap * 1e9)
         self._settings = settings._replace(gate=replace(settings.gate, chosen=chosen))
         self._adapter = self._new_adapter()
         self._used_before = self._dropped_before = self._gaps_before = 0

@@ -24,6 +24,7 @@ from slosh_bag.replay.rows import chosen, joined
 from slosh_bag.replay.series import Series
 from slosh_bag.replay.settings import NodeStart, model_of, starts_at_rest
 from slosh_bag.replay.verification import Verifier, comparison_columns, estimate_columns
+from slosh_bag.strays import StrayFilter
 from slosh_estimator.limits import Event
 from slosh_estimator.monitor import Comparison
 from slosh_estimator.sight import UNUSABLE
@@ -43,6 +44,12 @@ AFTER_MOTION_NS = 1_000_000_000
 
 
 _UNRECORDED = np.uint16(EstimateFlag.INPUT_CONTESTED)
+
+
+AHEAD_NS = 10_000_000_000
+"""An image that is so far ahead of the inputs that are recorded with it shows another time."""
+MAXIMUM = 2**31 * 10**9 - 1
+"""The last moment that a stamp can tell [ns]."""
 
 
 class Outputs:
@@ -94,12 +101,16 @@ class ReplayRun:
         events: limit events so far.
         images: measurements so far.
         unused: inputs that the live estimator did not use.
+        strays: inputs and images that were set aside, as their stamps lie elsewhere in time.
     """
 
     def __init__(self, name: str, parts: Parts) -> None:
         self.motions = MotionFinder()
         self.events: list[Event] = []
         self.images = self.unused = 0
+        self.strays = {"inputs": 0, "images": 0}
+        self._filter = StrayFilter(parts.reader.max_gap_ns)
+        self._measured_until = -(2**62)
         self._name = name
         self._parts = parts
         self._changes = list(parts.changes)
@@ -117,7 +128,10 @@ class ReplayRun:
             columns: their fields, (N,) each.
             log_ns: when the last of them was recorded [ns].
         """
-        stamps = stamps_of(columns)
+        self._take_in(*self._filter.add(stamps_of(columns), columns), log_ns)
+        self.strays["inputs"] = self._filter.count
+
+    def _take_in(self, stamps: Integers, columns: Columns, log_ns: int) -> None:
         if len(stamps):
             self._inputs.append((stamps, columns))
             self._note("input", stamps, log_ns)
@@ -141,6 +155,10 @@ class ReplayRun:
 
     def add_measurements(self, measured: Measurements, log_ns: int) -> None:
         """Takes measured heights, the last of which was recorded at `log_ns`."""
+        known = self._newest["input"]
+        latest = known.stamp - known.log_ns + log_ns + AHEAD_NS if known.log_ns > 0 else MAXIMUM
+        possible = (measured.stamps >= 0) & (measured.stamps <= latest)
+        measured = self._sorted_out(measured, possible)
         if len(measured.stamps):
             heights = np.where(measured.flags & UNUSABLE, np.nan, measured.heights)
             self._measured.append(measured._replace(heights=heights))
@@ -156,6 +174,8 @@ class ReplayRun:
         Raises:
             SloshBagError: the stamps of the input go back.
         """
+        if final:
+            self._take_in(*self._filter.rest(), self._newest["input"].log_ns)
         self._estimate(final)
         if final:
             self.motions.finish()
@@ -263,7 +283,8 @@ class ReplayRun:
         if len(late):
             raise SloshBagError(
                 f"{self._name}: the stamps of the input go back at "
-                f"{whole.stamps[late[0]] * 1e-9:.3f} s; cut the bag in two there"
+                f"{whole.stamps[late[0]] * 1e-9:.3f} s: cut the bag there with "
+                f"`slosh recover --split {self._name} -o NEW`"
             )
         self._heights = whole
 
@@ -291,7 +312,20 @@ class ReplayRun:
         due = waiting.stamps <= until
         self._measured = [chosen(waiting, np.flatnonzero(~due))]
         rows = np.flatnonzero(due)
-        return chosen(waiting, rows[np.argsort(waiting.stamps[rows], kind="stable")])
+        found = chosen(waiting, rows[np.argsort(waiting.stamps[rows], kind="stable")])
+        # What comes behind its place in the order shows another time.
+        kept = found.stamps > self._measured_until
+        if kept.any():
+            self._measured_until = int(found.stamps[-1])
+        return self._sorted_out(found, kept)
+
+    def _sorted_out(self, measured: Measurements, kept: NDArray[np.bool_]) -> Measurements:
+        """Those that are kept; the others are counted as strays."""
+        astray = len(kept) - int(np.count_nonzero(kept))
+        if not astray:
+            return measured
+        self.strays["images"] += astray
+        return chosen(measured, np.flatnonzero(kept))
 
     def _monitor(self, estimates: Heights, measured: Measurements) -> None:
         feed = self._parts.monitor

@@ -37,7 +37,7 @@ class TableReader(InputReader):
     """Turns rows of a table into samples, with the container's attitude where the table has it."""
 
     def __init__(self) -> None:
-        gate = GateSettings(max_gap=_LONGEST_STEP, max_jump=math.inf)
+        gate = GateSettings(max_gap=_LONGEST_STEP, max_jump=math.inf, confirms=False)
         super().__init__("accel", InputSettings("accel", gate))
 
     def samples(

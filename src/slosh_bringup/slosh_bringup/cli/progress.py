@@ -57,6 +57,7 @@ class Unit:
 
 
 SECONDS, MEGABYTES, SHARE = Unit("s", 1), Unit("MB", 1, 1e-6), Unit("")
+MESSAGES = Unit("messages")
 
 
 class Progress:

@@ -1,4 +1,4 @@
-"""`slosh recover`: a finished bag of all that is whole in an unfinished or damaged one."""
+"""`slosh recover`: finished bags of what is whole in a bag that is unfinished, damaged or cut."""
 
 from __future__ import annotations
 
@@ -8,8 +8,10 @@ import sys
 from pathlib import Path
 
 from slosh_bag.mcap_files.bag_folder import ordered_files
+from slosh_bag.reader import BagReader
 from slosh_bag.recover import Recovery, recover_bag
-from slosh_bringup.cli.progress import MEGABYTES, Progress
+from slosh_bag.split import split_bag
+from slosh_bringup.cli.progress import MEGABYTES, MESSAGES, Progress
 from slosh_files import check_free, check_outside
 
 
@@ -19,11 +21,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "-o", "--output", type=Path, required=True, help="new bag's folder, new or empty"
     )
+    parser.add_argument(
+        "--split",
+        action="store_true",
+        help="cut a whole bag where the input's time was set back: a new bag for each stretch",
+    )
     parser.add_argument("--json", action="store_true", help="print what was recovered as JSON")
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Writes the new bag; what could not be recovered is told on stderr."""
+    if arguments.split:
+        return _split(arguments)
     files, _ = ordered_files(arguments.bag, damaged=True)
     check_outside(arguments.output, [arguments.bag])
     check_free(arguments.output)
@@ -33,6 +42,16 @@ def run(arguments: argparse.Namespace) -> int:
     for note in recovery.notes:
         print(f"slosh recover: {note}", file=sys.stderr)
     print(as_json(recovery) if arguments.json else as_text(recovery))
+    return 0
+
+
+def _split(arguments: argparse.Namespace) -> int:
+    check_outside(arguments.output, [arguments.bag])
+    check_free(arguments.output)
+    total = sum(topic.count or 0 for topic in BagReader(arguments.bag).topics().values())
+    with Progress("cut", total, MESSAGES) as progress:
+        parts = [str(part) for part in split_bag(arguments.bag, arguments.output, progress.add)]
+    print(json.dumps({"bags": parts}, indent=2) if arguments.json else "\n".join(parts))
     return 0
 
 

@@ -1,0 +1,110 @@
+"""Stamps that do not belong where they stand."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Integers = NDArray[np.int64]
+Columns = Mapping[str, NDArray[Any]]
+
+LASTING = 20
+"""So many stamps in order before the newest one are no strays: time itself was set back."""
+
+
+class StrayFilter:
+    """Sets single messages aside whose stamps lie far ahead of those before and after them.
+
+    Args:
+        gap: so far ahead of the one before [ns].
+
+    Attributes:
+        count: messages that were set aside.
+    """
+
+    def __init__(self, gap: int) -> None:
+        self.count = 0
+        self._gap = gap
+        self._before: int | None = None
+        self._held: tuple[Integers, Columns] | None = None
+
+    def add(self, stamps: Integers, columns: Columns) -> tuple[Integers, Columns]:
+        """Takes messages that follow each other; returns those that are decided.
+
+        One that may be astray waits for the next one, which tells.
+
+        Args:
+            stamps: (N,) [ns].
+            columns: their fields, (N,) each.
+        """
+        if self._held is not None:
+            stamps = np.concatenate((self._held[0], stamps))
+            columns = {
+                name: np.concatenate((self._held[1][name], c)) for name, c in columns.items()
+            }
+        kept = ~strays_ahead(stamps, self._gap, self._before)
+        self.count += len(kept) - int(np.count_nonzero(kept))
+        stamps, columns = stamps[kept], {name: c[kept] for name, c in columns.items()}
+        decided = len(stamps) - self._is_open(stamps)
+        self._held = None
+        if decided < len(stamps):
+            self._held = (stamps[decided:], {name: c[decided:] for name, c in columns.items()})
+        if decided:
+            self._before = int(stamps[decided - 1])
+        return stamps[:decided], {name: c[:decided] for name, c in columns.items()}
+
+    def _is_open(self, stamps: Integers) -> bool:
+        """Whether only what follows tells if the last one is astray."""
+        before = stamps[-2] if len(stamps) > 1 else self._before
+        return bool(len(stamps) and before is not None and stamps[-1] - before > self._gap)
+
+    def rest(self) -> tuple[Integers, Columns]:
+        """The last one, when nothing follows."""
+        held, self._held = self._held, None
+        return held if held is not None else (np.empty(0, dtype=np.int64), {})
+
+
+def strays_ahead(stamps: Integers, gap: int, before: int | None = None) -> NDArray[np.bool_]:
+    """Which stamps lie far ahead, while the next one goes on as if they were not there.
+
+    Args:
+        stamps: (N,) in the order in which they came [ns].
+        gap: so far ahead of the one before them [ns].
+        before: the stamp before the first; None: there is none.
+
+    Returns:
+        (N,); the last one is none, as what follows it is not known.
+    """
+    found = np.zeros(len(stamps), dtype=bool)
+    around = stamps if before is None else np.concatenate(([before], stamps))
+    left, own, right = around[:-2], around[1:-1], around[2:]
+    shift = 1 if before is None else 0
+    goes_on = (left < right) & (right - left <= gap)
+    found[shift : shift + len(own)] = goes_on & (own > right) & (own - left > gap)
+    return found
+
+
+def set_backs(stamps: Iterable[int]) -> list[int]:
+    """Indices of stamps with which time was set back for good.
+
+    Args:
+        stamps: in the order in which they came [ns].
+    """
+    found: list[int] = []
+    newest: int | None = None
+    early: int | None = None
+    begin = count = 0
+    for index, stamp in enumerate(stamps):
+        if newest is None or stamp > newest:
+            newest, early = stamp, None
+            continue
+        if early is None or stamp <= early:
+            begin, count = index, 0
+        early, count = stamp, count + 1
+        if count >= LASTING:
+            found.append(begin)
+            newest, early = stamp, None
+    return found
