@@ -2,6 +2,7 @@
 
 import os
 import resource
+import shutil
 import subprocess
 import sys
 import time
@@ -71,6 +72,50 @@ def test_a_small_disk_fills_up_and_recording_goes_on_when_there_is_room(disk):
     reader = BagReader(disk / "bag")
     assert [numbered(message.data) for message in reader.messages()] == list(range(count))
     assert reader.warnings == []
+
+
+def test_a_recording_that_ends_on_a_nearly_full_disk_keeps_what_fits_and_notes_the_rest(disk):
+    """More waits than there is room for: some of it is better than nothing of it."""
+    ballast = disk / "ballast"
+    ballast.write_bytes(bytes(40 * MEGABYTE))
+    recorder = Recorder(disk / "bag")
+    recorder.add_topic("/h", "std_msgs/msg/Header", Qos())
+    count = 0
+
+    def add():
+        nonlocal count
+        recorder.add("/h", DATA + count.to_bytes(4, "little") + os.urandom(100_000), count)
+        count += 1
+
+    until(lambda: recorder.status().failure, "the disk to be full", add)
+    for _ in range(400):
+        add()
+    written = sum(recorder.status().written.values())
+    os.truncate(ballast, 25 * MEGABYTE)  # room for 150 of the 400
+    recorder.close()
+    status = recorder.status()
+    kept = [numbered(message.data) for message in BagReader(disk / "bag").messages()]
+    assert kept == list(range(len(kept)))
+    assert len(kept) > written + 100
+    assert status.lost == count - len(kept) > 100
+    assert BagReader(disk / "bag").metadata()["messages_lost"] == str(status.lost)
+
+
+def test_a_deleted_bag_is_noticed_counted_and_begun_anew(tmp_path):
+    recorder = Recorder(tmp_path / "bag")
+    recorder.add_topic("/h", "std_msgs/msg/Header", Qos())
+    for number in range(10):
+        recorder.add("/h", DATA + number.to_bytes(4, "little"), number)
+    until(lambda: recorder.status().age == 0.0 and recorder.status().size, "a flush")
+    shutil.rmtree(tmp_path / "bag")
+    until(lambda: recorder.status().lost, "the loss to be noticed")
+    assert recorder.status().lost == 10
+    recorder.add("/h", DATA + (10).to_bytes(4, "little"), 10)
+    recorder.close()
+    reader = BagReader(tmp_path / "bag")
+    assert [numbered(message.data) for message in reader.messages()] == [10]
+    assert reader.metadata()["messages_lost"] == "10"
+    assert {path.suffix for path in (tmp_path / "bag").iterdir()} == {".mcap", ".yaml"}
 
 
 def numbered(data):

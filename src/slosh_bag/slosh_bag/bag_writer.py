@@ -76,6 +76,7 @@ class BagWriter:
         self._schemas: dict[str, int] = {}
         self._ended: list[FileFacts] = []
         self._unfinished: list[McapFile] = []
+        self._has_news = False
         self._file: McapFile | None = None
         self._began_ns: int | None = None
         self._noted = 0  # topics in metadata.yaml
@@ -141,6 +142,32 @@ class BagWriter:
         self._counts[name] = 0
         if self._file is not None:
             self._register(self._file, name, topic)
+
+    def note(self, name: str, value: str) -> None:
+        """Notes a fact about the whole bag; the files that end from now on hold it."""
+        self._custom[name] = value
+        self._has_news = True
+
+    def forget_deleted(self) -> int:
+        """Leaves files alone that somebody has deleted; what follows goes into a new one.
+
+        Returns:
+            messages that were in them and do not count any more; 0: all files are there.
+        """
+        lost = 0
+        if self._file is not None and not self._file.path.exists():
+            file, self._file = self._file, None
+            for name, topic in self._topics.items():
+                gone = file.counts.get(topic.channel, 0) + file.waiting.get(topic.channel, 0)
+                self._counts[name] -= gone
+                lost += gone
+            file.close()
+        for facts in [one for one in self._ended if not (self.folder / one.name).exists()]:
+            self._ended.remove(facts)
+            lost += facts.count
+        if lost:
+            self.folder.mkdir(parents=True, exist_ok=True)
+        return lost
 
     def write(self, topic: str, data: bytes, log_ns: int, publish_ns: int | None = None) -> None:
         """Appends a serialised message.
@@ -228,6 +255,8 @@ class BagWriter:
         Raises:
             OSError: the system refuses to write: `abandon` the file.
         """
+        if self._has_news and self._file is None and self._ended:
+            self.resume()  # all files have ended: one that holds what was noted since
         if self._file is not None or self._unfinished:
             self._end()
             self._finish_all()

@@ -35,6 +35,14 @@ WAKE_BYTES = 8 * 2**20
 """The writer does not sleep on as much as this."""
 ROOM = 16 * 2**20
 """Free space, besides that for what waits, before a new file is begun on a disk that was full."""
+LAST_ROOM = 2**20
+"""Free space with which the last file is begun, when the recording ends on a full disk."""
+RESERVE = ".reserve"
+RESERVED = 256 * 2**10
+"""Space that is kept for the ends of the files and what they note, in a file of this name [bytes].
+It is given up when the recording ends."""
+LOST = "messages_lost"
+"""A fact of a bag: messages that the recorder got and could not keep."""
 RATE_PERIOD = 30  # samples, one a second
 
 
@@ -63,8 +71,8 @@ class RecorderStatus:
         written: messages by topic.
         size: bytes of these messages.
         refused: why a topic cannot be recorded, by topic; the others go on.
-        lost: messages that found the queue full, or were there when the recording ended and
-            could not be written.
+        lost: messages that found the queue full, were there when the recording ended and could
+            not be written, or were in a file that somebody has deleted.
         waiting: messages in the queue.
         highest: most messages that the queue has held.
         age: since when the oldest message waits that a killed process would lose [s].
@@ -139,6 +147,8 @@ class Recorder:
         self._failed_at = self._retry_at = 0.0
         self._interruptions = 0
         self._free = 0
+        self._reserve = folder / RESERVE
+        self._take_reserve()
         self._sizes: deque[tuple[float, int]] = deque(maxlen=RATE_PERIOD)
         self._measure()
         self._wake = threading.Event()
@@ -237,6 +247,7 @@ class Recorder:
             self._flush()
         if self._clock() - self._sizes[-1][0] >= 1.0:
             self._measure()
+            self._look_for_deleted()
 
     def _write(self, item: _Message) -> None:
         self._bytes_out += len(item.data)
@@ -299,7 +310,9 @@ class Recorder:
             return
         self._retry_at = now + RETRY
         self._measure()
-        if self._free < ROOM + self._bytes_in - self._bytes_out:
+        # In the end as much as there is room for, before that all of it or nothing.
+        needed = LAST_ROOM if self._ending else ROOM + self._bytes_in - self._bytes_out
+        if self._free < needed:
             return
         try:
             self._writer.resume()
@@ -311,15 +324,41 @@ class Recorder:
             self._interruptions += 1
 
     def _end(self) -> None:
-        """Finishes the bag; what cannot be written even now is lost."""
+        """Finishes the bag; what cannot be written even now is lost, and the bag says so."""
+        self._look_for_deleted()
+        with contextlib.suppress(OSError):
+            self._reserve.unlink(missing_ok=True)
         try:
+            self._writer.flush()
+            self._count_missed()
             self._writer.close()
         except Exception as error:
             self._fail(error, [])
+            self._count_missed()
+        self._open = []
+
+    def _count_missed(self) -> None:
         missed = sum(isinstance(item, _Message) for item in self._queue)
+        self._queue.clear()
         self._lost += missed
         self._lost_meanwhile += missed
+        if self._lost:
+            self._writer.note(LOST, str(self._lost))
+
+    def _look_for_deleted(self) -> None:
+        """Notices files that were deleted while the bag is being written."""
+        gone = self._writer.forget_deleted()
+        if not gone:
+            return
+        self._lost += gone
+        self._lost_meanwhile += gone
         self._open = []
+        self._take_reserve()
+        self._interruptions += 1
+
+    def _take_reserve(self) -> None:
+        with contextlib.suppress(OSError):  # on a full disk there is none to be had
+            self._reserve.write_bytes(bytes(RESERVED))
 
     def _measure(self) -> None:
         with contextlib.suppress(OSError):

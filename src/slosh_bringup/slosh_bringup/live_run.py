@@ -11,7 +11,14 @@ from pathlib import Path
 from slosh_bringup.cell_setup import CellSetup
 from slosh_bringup.live_watch import LiveWatch, Screen
 from slosh_bringup.parameter_file import check_parameter_file
-from slosh_bringup.processes import NodeEnd, NodeGroup, NodeProcess, node_environment
+from slosh_bringup.processes import (
+    LAST,
+    NodeEnd,
+    NodeGroup,
+    NodeProcess,
+    last_line,
+    node_environment,
+)
 from slosh_bringup.stop_request import StopRequest
 from slosh_bringup.supervision import Supervision
 from slosh_camera.calibration import read_any_calibration
@@ -111,7 +118,10 @@ def run_nodes(run: LiveRun, screen: Screen, stop: StopRequest) -> Outcome:
             watch.look()
             listener.listen(POLL)
             end = supervision.look(began=watch.began)
-        return _outcome(stop, watch, None if stop.reason else end, supervision.problems)
+        problems = supervision.problems
+        if group.stop().get(LAST) == 1:
+            problems.append(last_line(run.folder / LOGS / f"{LAST}.log"))
+        return _outcome(stop, watch, None if stop.reason else end, problems)
 
 
 def _outcome(

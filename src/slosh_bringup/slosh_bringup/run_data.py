@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_bag.reader import BagReader, TopicInfo
+from slosh_bag.recorder import LOST
 
 Array = NDArray[np.float64]
 HEIGHTS = (
@@ -53,6 +54,7 @@ class RunData:
         diagnostics: the last report of each node: key -> value.
         models: names of the L and the NL model.
         warnings: about the bag itself.
+        recorder_lost: messages that the recorder got and could not keep.
     """
 
     bag: Path
@@ -66,6 +68,7 @@ class RunData:
     diagnostics: Mapping[str, Mapping[str, str]]
     models: tuple[str, str]
     warnings: tuple[str, ...]
+    recorder_lost: int = 0
 
     @property
     def seconds(self) -> Array:
@@ -79,6 +82,11 @@ class RunData:
             for topic, count in self.published.items()
             if topic in self.topics
         }
+
+    def all_lost(self) -> dict[str, int]:
+        """The same, and what the recorder says itself that it could not keep."""
+        noted = {"recorder": self.recorder_lost} if self.recorder_lost else {}
+        return {**self.lost(), **noted}
 
     def truth_at_images(self) -> Array:
         """(N,) exact height at the compared images [m]; NaN without a truth."""
@@ -130,6 +138,7 @@ def read_run(bag: Path) -> RunData:
         diagnostics=gathered.diagnostics,
         models=gathered.models,
         warnings=tuple(reader.warnings),
+        recorder_lost=int(reader.metadata().get(LOST, 0)),
     )
 
 

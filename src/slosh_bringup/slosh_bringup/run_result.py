@@ -101,7 +101,7 @@ def evaluate(data: RunData) -> RunResult:
             for node, facts in data.diagnostics.items()
             if (latency := _latency(facts)) is not None
         },
-        lost=data.lost(),
+        lost=data.all_lost(),
         dropped=_dropped(data),
         events=len({event.id for event in data.events}),
     )

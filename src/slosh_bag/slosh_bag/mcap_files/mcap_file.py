@@ -208,9 +208,19 @@ class McapFile:
         # As bytes: a day's recording has millions, and they stay in memory until the file's end.
         self._indexes.append(_record(index))
 
+    @property
+    def counts(self) -> dict[int, int]:
+        """Messages in the file, by channel."""
+        return self._counts.copy()
+
+    @property
+    def waiting(self) -> dict[int, int]:
+        """Messages that are not in the file yet, by channel."""
+        return {channel: len(entries) // 2 for channel, entries in self._chunk.entries.items()}
+
     def discard(self) -> dict[int, int]:
         """Forgets the messages that are not in the file; returns their number by channel."""
-        counts = {channel: len(entries) // 2 for channel, entries in self._chunk.entries.items()}
+        counts = self.waiting
         self._chunk = _Chunk()
         return counts
 

@@ -56,6 +56,7 @@ class RecorderNode(GuardedNode):
     """Discovers topics, takes their messages raw, hands the bytes to the core."""
 
     def __init__(self) -> None:
+        self.failure = ""
         self._inputs: dict[str, TopicInput] = {}
         super().__init__("recorder")
         values = declare(self, PARAMETERS)
@@ -89,6 +90,9 @@ class RecorderNode(GuardedNode):
         status = self._core.status()
         total = sum(status.written.values())
         self.get_logger().info(f"{total} messages in {status.path.parent}, {status.lost} lost")
+        if status.lost:
+            why = status.failure or "the disk was too slow, or the bag was deleted"
+            self.failure = f"{status.lost} messages are lost, which the bag notes: {why}"
 
     def _discover(self) -> None:
         now = time.monotonic()

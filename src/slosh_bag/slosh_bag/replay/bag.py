@@ -16,6 +16,7 @@ from slosh_bag.columns.cdr_columns import ColumnReader
 from slosh_bag.errors import SloshBagError
 from slosh_bag.mcap_files.chunks import MessageBlock
 from slosh_bag.reader import BagReader
+from slosh_bag.recorder import LOST
 from slosh_bag.replay import inputs, settings
 from slosh_bag.replay.bank import EstimatorBank
 from slosh_bag.replay.cells import COMPARISON, ESTIMATE, SURFACE, CellTopics
@@ -161,11 +162,14 @@ def _replay_table_bag(
 
 
 def _warnings(path: Path, reader: BagReader, sources: Sources) -> list[str]:
-    if len(sources.cells) < 2:
-        return reader.warnings
-    own, *others = (cell or "/" for cell in sources.cells)
-    text = f"{path}: the cell {own} is replayed; the bag also holds {', '.join(others)}"
-    return [*reader.warnings, text]
+    found = list(reader.warnings)
+    lost = sources.facts.get(LOST)
+    if lost:
+        found.append(f"{path}: the recorder lost {lost} messages: what follows is without them")
+    if len(sources.cells) > 1:
+        own, *others = (cell or "/" for cell in sources.cells)
+        found.append(f"{path}: the cell {own} is replayed; the bag also holds {', '.join(others)}")
+    return found
 
 
 def find_sources(
