@@ -15,6 +15,7 @@ from rclpy.qos import QoSReliabilityPolicy as Reliability
 from rclpy.subscription import Subscription
 
 from slosh_bag.bag_writer import Qos
+from slosh_bag.nodes.sequence_gaps import SequenceGaps
 
 # Several seconds at 1 kHz: a stalled process must not lose messages before it sees them.
 DEPTH = 5000
@@ -61,16 +62,20 @@ class TopicInput:
     ) -> None:
         self.topic = topic
         self.type_name = type_name
-        self.lost = 0
+        self._gaps = SequenceGaps()
         self.silent_since: float | None = None
         self._node = node
         self._message_type = message_type
         self._known: frozenset[bytes] = frozenset()
-        self._lost_before = 0
         publishers = self._publishers()
         self.profile = matching([publisher.profile for publisher in publishers])
         self.subscription = self._subscribe()
         self.watch(now)
+
+    @property
+    def lost(self) -> int:
+        """Messages that were sent and did not arrive."""
+        return self._gaps.lost
 
     def watch(self, now: float) -> str:
         """Looks at the topic's publishers; subscribes anew where they offer other things.
@@ -91,7 +96,6 @@ class TopicInput:
         wish = wanted(self.profile, publishers, self._known)
         self._known = frozenset(publisher.identity for publisher in publishers)
         if wish is not None:
-            self._lost_before = self.lost
             self._node.destroy_subscription(self.subscription)
             self.profile = wish
             self.subscription = self._subscribe()
@@ -108,6 +112,7 @@ class TopicInput:
                     return
                 data, info = taken
                 arrived_ns = info["received_timestamp"] or time.time_ns()
+                self._gaps.take(info.get("publication_sequence_number"), len(self._known))
                 give(Received(arrived_ns, info["source_timestamp"], self.topic, data))
 
     def _publishers(self) -> list[Publisher]:
@@ -118,16 +123,10 @@ class TopicInput:
         ]
 
     def _subscribe(self) -> Subscription:
-        events = SubscriptionEventCallbacks(
-            message_lost=self._on_lost, use_default_callbacks=False
-        )
+        events = SubscriptionEventCallbacks(use_default_callbacks=False)
         return self._node.create_subscription(
             self._message_type, self.topic, _ignore, self.profile, event_callbacks=events, raw=True
         )
-
-    def _on_lost(self, event: Any) -> None:
-        """The middleware tells what was overwritten before it arrived."""
-        self.lost = self._lost_before + event.total_count
 
 
 def _ignore(_: bytes) -> None:

@@ -1,0 +1,40 @@
+from __future__ import annotations
+
+import random
+
+import pytest
+
+from slosh_bag.nodes.sequence_gaps import SequenceGaps
+
+
+def lost(numbers: list[int | None], publishers: int = 1) -> int:
+    gaps = SequenceGaps()
+    for number in numbers:
+        gaps.take(number, publishers)
+    return gaps.lost
+
+
+def test_what_one_publisher_left_out() -> None:
+    assert lost([7, 8, 9, 12, 13, 20]) == 2 + 6
+
+
+def test_a_publisher_that_starts_anew_has_lost_nothing() -> None:
+    assert lost([500, 501, 1, 2, 3]) == 0
+    assert lost([1, 2, 10**9, 10**9 + 1]) == 0
+
+
+def test_a_middleware_that_does_not_count_loses_nothing() -> None:
+    assert lost([None, None]) == 0
+
+
+@pytest.mark.parametrize("dropped", [0, 3])
+def test_several_publishers_in_any_order(dropped: int) -> None:
+    """However their messages mix, none is lost where none is; what is lost is about as many."""
+    mixing = random.Random(5)
+    streams = [list(range(start, start + 300)) for start in (1, 40, 5000)]
+    for stream in streams:
+        del stream[150 : 150 + dropped]
+    came: list[int | None] = []
+    while any(streams):
+        came.append(mixing.choice([stream for stream in streams if stream]).pop(0))
+    assert lost(came, 3) == pytest.approx(3 * dropped, abs=2 * dropped)
