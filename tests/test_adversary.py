@@ -100,6 +100,17 @@ def is_blind(robot: Robot, reason: str) -> bool:
     return said and robot.comparisons[-1].state == BLIND
 
 
+def from_now_on(robot: Robot, count: int) -> list[SloshEstimate]:
+    """The next estimates of samples that were not sent yet."""
+    now = time.time_ns()
+
+    def new() -> list[SloshEstimate]:
+        return [one for one in robot.estimates if to_nanoseconds(one.header.stamp) > now]
+
+    robot.until(lambda: len(new()) >= count, "estimates")
+    return new()
+
+
 class TestBlind:
     """The monitor never says OK where it cannot see."""
 
@@ -165,19 +176,19 @@ class TestUnknown:
         cell.push = swing(1.0)
         cell.until(lambda: cell.estimates[-1].nonlinear.msh > 2e-3, "a wave")
         assert cell.call(Trigger, "reset").success
-        assert all(cell.new_estimate().flags & SETTLING for _ in range(50))
+        assert all(one.flags & SETTLING for one in from_now_on(cell, 50))
         cell.until(lambda: cell.comparisons[-1].state == BLIND, "blindness")
 
     def test_a_reset_at_rest(self, calm: Robot) -> None:
         assert calm.call(Trigger, "reset").success
-        assert not any(calm.new_estimate().flags & SETTLING for _ in range(50))
+        assert not any(one.flags & SETTLING for one in from_now_on(calm, 50))
 
     def test_a_spike(self, calm: Robot) -> None:
         before = calm.new_estimate()
         calm.sample(ax=200.0)
-        calm.until(lambda: "1 input samples dropped" in calm.health["estimator"][1], "the drop")
-        assert calm.estimates[-1].samples_dropped == before.samples_dropped + 1
-        worst = max(estimate.nonlinear.msh for estimate in calm.estimates)
+        calm.until(lambda: calm.estimates[-1].samples_dropped > before.samples_dropped, "the drop")
+        calm.until(lambda: "samples dropped" in calm.health["estimator"][1], "the report")
+        worst = max(estimate.nonlinear.msh for estimate in from_now_on(calm, 20))
         assert worst < 1e-6
 
     def test_a_jump_that_stays(self, cell: Robot) -> None:

@@ -25,8 +25,10 @@ from slosh_camera.calibration import read_any_calibration
 from slosh_estimator.model_file import read_model
 from slosh_msgs_py import topics
 from slosh_msgs_py.node.domain import own_domain
+from slosh_msgs_py.node.shared_memory import remove_leftovers
 
 POLL = 0.1
+_WORTH_TELLING = 10_000_000  # bytes
 # What a run writes into its folder.
 BAG, LOGS, SETTINGS = "bag", "logs", "settings.yaml"
 
@@ -111,6 +113,9 @@ def run_nodes(run: LiveRun, screen: Screen, stop: StopRequest) -> Outcome:
             CellListener(namespace, watch.take_settings, watch.take_report, diagnostics)
         )
         supervision = Supervision(group, processes, watch.tell)
+        freed = remove_leftovers()
+        if freed > _WORTH_TELLING:
+            watch.tell(f"{1e-6 * freed:.0f} MB of shared memory freed that killed nodes had left")
         for process in processes:
             group.start(process)
         end = None

@@ -24,6 +24,8 @@ HEIGHTS = (
     "epsilon_linear",
     "epsilon_nonlinear",
 )
+FLAGS = ("measured_flags", "estimate_flags")
+_COLUMNS = (*HEIGHTS, *FLAGS)
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,6 +77,10 @@ class RunData:
         """(N,) time of the compared images from the first [s]."""
         return np.asarray((self.stamps - self.stamps[:1]) * 1e-9, dtype=np.float64)
 
+    def flags(self, side: str) -> NDArray[np.int64]:
+        """(N,) flags of the compared measurements or estimates: 'measured' or 'estimate'."""
+        return self.columns[f"{side}_flags"].astype(np.int64)
+
     def lost(self) -> dict[str, int]:
         """Messages that were published and are not in the bag, by recorded topic."""
         return {
@@ -125,11 +131,11 @@ def read_run(bag: Path) -> RunData:
             continue  # only the models' names are wanted, once
         seen_estimate = seen_estimate or is_estimate
         takers[message.topic](gathered, reader.decode(message))
-    table = np.array(gathered.rows, dtype=np.float64).reshape(-1, len(HEIGHTS))
+    table = np.array(gathered.rows, dtype=np.float64).reshape(-1, len(_COLUMNS))
     return RunData(
         bag=bag,
         stamps=np.array(gathered.stamps, dtype=np.int64),
-        columns={name: table[:, i] for i, name in enumerate(HEIGHTS)},
+        columns={name: table[:, i] for i, name in enumerate(_COLUMNS)},
         truth_stamps=np.array([stamp for stamp, _ in gathered.truth], dtype=np.int64),
         truth=np.array([height for _, height in gathered.truth]),
         events=tuple(gathered.events),
@@ -170,7 +176,7 @@ def _take_comparison(gathered: _Gathered, message: Any) -> None:
     if message.measured_stale:
         return  # the monitor's word on a silent camera, not an image
     gathered.stamps.append(stamp_ns(message))
-    gathered.rows.append([getattr(message, name) for name in HEIGHTS])
+    gathered.rows.append([getattr(message, name) for name in _COLUMNS])
 
 
 def _take_truth(gathered: _Gathered, message: Any) -> None:

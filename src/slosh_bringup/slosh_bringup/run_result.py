@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from slosh_bag.replay import ReplayResult
 from slosh_bringup.run_data import RunData
 from slosh_discovery.metrics import mean_absolute_error, peak_error, rms_error
+from slosh_estimator.sight import UNSOUND, judged
 
 Array = NDArray[np.float64]
 
@@ -86,14 +87,21 @@ def evaluate(data: RunData) -> RunResult:
     """The figures of a recorded run."""
     measured = data.columns["measured"]
     linear, nonlinear = data.columns["estimated_linear"], data.columns["estimated_nonlinear"]
+    sound = (data.flags("estimate") & UNSOUND) == 0
     truth = data.truth_at_images()
     l_name, nl_name = data.models
+
+    def counted(model: Array) -> Array:
+        known = judged(measured, data.flags("measured"), model, sound)
+        return np.where(known, model, np.nan)
+
     pairs = [
-        (f"{nl_name} / camera", measured, nonlinear),
-        (f"{l_name} / camera", measured, linear),
+        (f"{nl_name} / camera", measured, counted(nonlinear)),
+        (f"{l_name} / camera", measured, counted(linear)),
     ]
     if len(data.truth):
-        pairs += [("camera / truth", truth, measured), (f"{nl_name} / truth", truth, nonlinear)]
+        known = np.where(sound, nonlinear, np.nan)
+        pairs += [("camera / truth", truth, measured), (f"{nl_name} / truth", truth, known)]
     return RunResult(
         agreements=tuple(agreement(*pair) for pair in pairs),
         latency={

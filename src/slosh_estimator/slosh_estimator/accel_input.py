@@ -26,6 +26,7 @@ class AccelInput:
         self.gate = SampleGate(settings)
         self.strange_frame = ""
         self._frames = frames
+        self._told = 0
 
     def update(
         self, stamp_ns: int, frame: str, ax: float, ay: float, az: float, now_ns: int | None = None
@@ -63,8 +64,10 @@ class AccelInput:
         )
 
     def warning(self) -> str | None:
-        """What the user should mend; None: nothing."""
-        if not self.strange_frame:
+        """What the user should mend, by what has come since the last call; None: nothing."""
+        strange = self.gate.counts[Verdict.WRONG_FRAME]
+        new, self._told = strange - self._told, strange
+        if not new:
             return None
         return (
             f"accelerations in frame {self.strange_frame!r} are dropped: "

@@ -9,12 +9,19 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+from numpy.typing import NDArray
+
 from slosh_estimator.sample import SECONDS
 from slosh_estimator.validity import EstimateFlag
+
+Array = NDArray[np.float64]
+Integers = NDArray[np.int64]
 
 # Flags of FreeSurface.msg that matter here.
 SATURATED, NOT_FOUND, FROZEN, BAD_IMAGE, CONTESTED = 1, 32, 64, 128, 256
 UNUSABLE = NOT_FOUND | BAD_IMAGE
+_SHOWN_NOTHING = UNUSABLE | FROZEN | CONTESTED
 UNSETTLED = int(EstimateFlag.SETTLING | EstimateFlag.AFTER_GAP | EstimateFlag.DIVERGED)
 """An estimate that restarted from an unknown state says nothing about the model's accuracy."""
 UNSOUND = UNSETTLED | int(EstimateFlag.INPUT_DOUBTFUL | EstimateFlag.INPUT_CONTESTED)
@@ -51,6 +58,25 @@ def obstacle(measured: float, measured_flags: int, estimate: float, estimate_fla
         if estimate_flags & bit:
             return reason
     return "" if math.isfinite(estimate) else "no estimate belongs to the moment of the image"
+
+
+def judged(
+    measured: Array, measured_flags: Integers, estimated: Array, sound: NDArray[np.bool_]
+) -> NDArray[np.bool_]:
+    """Which pairs of heights say something about the model; NaN says nothing anyway.
+
+    The monitor's σ and ε, the table of a run and a replay's all count these and no others. A
+    saturated measurement is a lower bound: it counts only where it lies above the estimate.
+
+    Args:
+        measured, estimated: (N,) [m].
+        measured_flags: (N,) of FreeSurface.msg.
+        sound: (N,) whether the estimates' flags have nothing of UNSOUND.
+    """
+    shown = (measured_flags & _SHOWN_NOTHING) == 0
+    bound = (measured_flags & SATURATED) != 0
+    found: NDArray[np.bool_] = sound & shown & ~(bound & ~(measured > estimated))
+    return found
 
 
 class Sight:

@@ -1,5 +1,6 @@
 """What nodes share: parameters, diagnostics, the process's life."""
 
+import fcntl
 import os
 import signal
 import subprocess
@@ -22,7 +23,7 @@ from slosh_msgs_py.node.guarded import GuardedNode
 from slosh_msgs_py.node.lifeline import VARIABLE, watch_lifelines
 from slosh_msgs_py.node.parameters import ParameterSpec, declare
 from slosh_msgs_py.node.run import make_executor
-from slosh_msgs_py.node.shared_memory import is_deaf
+from slosh_msgs_py.node.shared_memory import is_deaf, remove_leftovers
 
 SPECS = (
     ParameterSpec("size", 1.0, "size [m]", (0.0, 2.0), read_only=False),
@@ -449,3 +450,17 @@ def test_a_living_process_is_not_deaf():
     assert not is_deaf()
     node.destroy_node()
     rclpy.shutdown()
+
+
+def test_what_killed_nodes_leave_in_shared_memory_is_removed_and_nothing_else(tmp_path):
+    names = [f"fastrtps_{number:016x}" for number in range(3)]
+    for name in (*names, "fastrtps_port7411", "somebody_else"):
+        (tmp_path / name).write_bytes(bytes(1000))
+        (tmp_path / f"{name}_el").touch()
+    later = time.time() + 60.0
+    with (tmp_path / f"{names[1]}_el").open() as held:
+        fcntl.flock(held, fcntl.LOCK_SH)
+        assert remove_leftovers(tmp_path) == 0  # all are young
+        assert remove_leftovers(tmp_path, later) == 2000
+    left = {path.name for path in tmp_path.iterdir() if not path.name.endswith("_el")}
+    assert left == {names[1], "fastrtps_port7411", "somebody_else"}

@@ -9,6 +9,7 @@ both cost a recorder most of its time (benchmarks/bench_recorder.py). Records ar
 from __future__ import annotations
 
 import contextlib
+import os
 import struct
 import zlib
 from collections.abc import Mapping
@@ -93,7 +94,8 @@ class McapFile:
         self._start_ns: int | None = None
         self._end_ns = 0
         self._crc = 0
-        self._stream = path.open("xb", buffering=0)
+        # Not for everybody's eyes: what a cell carries, and its images, may be a secret.
+        self._stream = open(path, "xb", buffering=0, opener=_open_for_group)  # noqa: SIM115
         try:
             self._append(MCAP0_MAGIC + _record(Header(profile, "slosh_bag")))
         except OSError:
@@ -299,6 +301,10 @@ class McapFile:
         crc = zlib.crc32(content + offsets + struct.pack("<BQQQ", Opcode.FOOTER, 20, start, tail))
         footer = Footer(summary_start=start, summary_offset_start=tail, summary_crc=crc)
         return b"".join((content, offsets, _record(footer), MCAP0_MAGIC))
+
+
+def _open_for_group(path: str, flags: int) -> int:
+    return os.open(path, flags, 0o640)
 
 
 def _record(record: Any) -> bytes:

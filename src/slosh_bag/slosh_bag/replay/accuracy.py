@@ -20,7 +20,7 @@ from slosh_bag.replay.result import ModelAccuracy, MotionAccuracy
 from slosh_bag.replay.series import Series
 from slosh_discovery.alignment import ClockOffset, find_spikes, spike_limit
 from slosh_discovery.metrics import relative_peak_error
-from slosh_estimator.sight import SATURATED
+from slosh_estimator.sight import judged
 
 Array = NDArray[np.float64]
 
@@ -114,14 +114,13 @@ def judge(
     for block in series.blocks():
         raw, clean = _cleaned(series, start, block, limit)
         spikes += int(np.count_nonzero(np.isfinite(raw) & np.isnan(clean)))
-        saturated = (block["flags"] & SATURATED) != 0
         numbers = [n for n in np.unique(block["motion"]).tolist() if n >= 0]
         for number in numbers:
             within = clean[block["motion"] == number]
             peaks[number] = float(np.fmax(peaks[number], np.fmax.reduce(within)))
         for model in range(len(names)):
             height = block["heights"][:, model]
-            counts = block["usable"] & ~(saturated & ~(raw > height))
+            counts = judged(raw, block["flags"], height, block["usable"])
             counted = np.where(counts, height, np.nan)
             whole[model].add(raw, clean, counted)
             for number in numbers:

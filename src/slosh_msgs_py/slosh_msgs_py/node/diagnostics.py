@@ -21,6 +21,7 @@ OK, WARN, ERROR, STALE = (
 )
 PERIOD = 1.0
 _KEPT = 2000  # latencies that the percentiles look back on
+_LONGEST = 60 * 10**9  # ns
 
 Health = tuple[bytes, str]
 
@@ -50,6 +51,7 @@ class DiagnosticsReporter:
         self._readiness = readiness or Readiness()
         self._counts: dict[str, int] = {}
         self._reported: dict[str, int] = {}
+        self._other_clock = 0
         self._latencies: deque[int] = deque(maxlen=_KEPT)
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._last = self._steady.now().nanoseconds
@@ -63,8 +65,14 @@ class DiagnosticsReporter:
         self._counts[name] = self._counts.get(name, 0) + 1
 
     def latency(self, nanoseconds: int) -> None:
-        """Time from a message's stamp to the moment when its answer is out [ns]."""
-        self._latencies.append(nanoseconds)
+        """Time from a message's stamp to the moment when its answer is out [ns].
+
+        What is longer than a minute, or as much below zero, is no latency but another clock.
+        """
+        if -_LONGEST <= nanoseconds <= _LONGEST:
+            self._latencies.append(nanoseconds)
+        else:
+            self._other_clock += 1
 
     def latency_percentiles(self) -> tuple[float, float]:
         """Median and maximum of the recent latencies [s]; NaN without any."""
@@ -91,6 +99,8 @@ class DiagnosticsReporter:
         if median == median:
             pairs["latency median [ms]"] = f"{1e3 * median:.2f}"
             pairs["latency maximum [ms]"] = f"{1e3 * greatest:.2f}"
+        if self._other_clock:
+            pairs["stamps of another clock"] = self._other_clock
         pairs.update(self._facts())
         if self._node.faults.total:
             pairs["messages that could not be handled"] = self._node.faults.total
