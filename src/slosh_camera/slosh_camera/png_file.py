@@ -23,7 +23,7 @@ def png_damage(data: Bytes) -> str:
     Returns:
         Some words; empty where the file is whole.
     """
-    view = memoryview(data)
+    view = data.data
     if view[: len(_SIGNATURE)] != _SIGNATURE:
         return "its header is damaged"
     at = len(_SIGNATURE)
