@@ -24,8 +24,8 @@ Single = NDArray[np.float32]
 
 # Samples beside an edge, and so many of them by which it is looked for, and may have moved: their
 # distance is a pixel, and more where the container is wider than this [px].
-_REACH, _LOOKED = 16, 6
-_MOVED = 2
+_REACH, _LOOKED = 16, 8
+_MOVED = 4
 _WIDTH = 240.0
 _PLACES = 24
 _LEAST_PLACES = 8
