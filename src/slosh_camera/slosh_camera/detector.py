@@ -24,6 +24,7 @@ from slosh_camera.measurement import Flag, Measurement, PeakSide
 from slosh_camera.repeats import RepeatedFrames
 from slosh_camera.scan_grid import build_scan_grid
 from slosh_camera.settings import DetectionSettings, Liquid
+from slosh_camera.still_edges import StillEdges
 from slosh_camera.surface_choice import SurfaceChooser
 from slosh_camera.surface_evidence import INLIER, SurfaceFit, Unrolled, WallPoints
 from slosh_camera.surface_fit import SurfaceFitter
@@ -99,6 +100,7 @@ class FreeSurfaceDetector:
         self._fitter, self._chooser = SurfaceFitter(self._wall), SurfaceChooser(self._wall)
         self._wall_pixels = WallPixels(calibration.view)
         self._edges = ContainerEdges(calibration.view)
+        self._still_edges = StillEdges(calibration.view)
         self._usual_turn = 0.0
         self._tangents = calibration.view.tangent_azimuths()
         self._all_bodies = self._bodies = tuple(self._rows(body) for body in _BODIES)
@@ -150,6 +152,7 @@ class FreeSurfaceDetector:
         self._prior = Prior(self._zero, first=self._prior.first)
         self._bodies = (body,)
         self._usual_turn = turn
+        self._still_edges.learn(image)
         self._surface = self._chooser.surface_tone(view, self._zero)
         return self.still_offset
 
@@ -206,7 +209,7 @@ class FreeSurfaceDetector:
     def _find(self, image: Image) -> _Found | Flag:
         """Edges and fit, or flags that say why there are none."""
         unrolled = self._unrolled(image)
-        if self._edges.turned(image, self._usual_turn):
+        if self._edges.turned(image, self._usual_turn) or self._still_edges.missing(image):
             return Flag.NOT_FOUND
         seen = [found for body in self._bodies if (found := self._front_line(unrolled, body))]
         for view, points in seen:

@@ -15,6 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_camera.errors import SloshCameraError
+from slosh_camera.jpeg_file import jpeg_damage
+from slosh_camera.png_file import png_damage
 
 Image = NDArray[np.uint8]
 """(height, width) grey or (height, width, 3) blue, green, red."""
@@ -167,8 +169,11 @@ def _without_pattern(pixels: GrayImage, encoding: str) -> Image:
 def _decode(array: Image, kind: str) -> Image:
     if array.size == 0:
         raise SloshCameraError("image: is empty, 0 bytes")
-    if not _is_complete(array.tobytes()):
-        raise SloshCameraError(f"image: {array.size} bytes are not a complete image file")
+    damage = _damage(array)
+    if damage:
+        raise SloshCameraError(
+            f"image: {array.size} bytes are not a complete image file: {damage}"
+        )
     try:
         # Grey stays grey, colour stays colour, both of 8 bits, turned as the file says.
         image = cv2.imdecode(array, cv2.IMREAD_ANYCOLOR)
@@ -186,27 +191,9 @@ def _bytes(data: Any) -> Image:
         raise SloshCameraError("image: data is not a contiguous buffer of bytes") from error
 
 
-def _is_complete(data: bytes) -> bool:
-    """Whether a JPEG or PNG file has its end; of other formats the decoder must know.
-
-    OpenCV decodes a JPEG that is cut and fills the rest with grey, which is not an image.
-    """
-    if data.startswith(_JPEG):
-        return data.rfind(b"\xff\xd9") >= _scan_start(data)
-    if data.startswith(_PNG):
-        return data.rfind(b"IEND") >= 0
-    return True
-
-
-def _scan_start(data: bytes) -> int:
-    """Where a JPEG's pixels begin: thumbnails before them have ends of their own.
-
-    What phones and cameras append behind the image's end does not matter.
-    """
-    at = 2
-    while at + 4 <= len(data) and data[at] == 0xFF and data[at + 1] != 0xDA:
-        if data[at + 1] == 0xFF:
-            at += 1  # a fill byte
-        else:
-            at += 2 + int.from_bytes(data[at + 2 : at + 4], "big")
-    return min(at, len(data))
+def _damage(array: Image) -> str:
+    """Why a JPEG or PNG file is not whole; of other formats the decoder must know."""
+    signature = array[: len(_PNG)].tobytes()
+    if signature.startswith(_JPEG):
+        return jpeg_damage(array)
+    return png_damage(array) if signature == _PNG else ""

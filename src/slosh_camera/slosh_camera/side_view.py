@@ -22,6 +22,7 @@ from slosh_camera.side_view_appearance import learnt_appearance
 from slosh_camera.side_view_profile import Profile, describe
 from slosh_camera.side_view_region import find_side_region
 from slosh_camera.side_view_trace import Knowledge, Light, TracedLine, trace_line
+from slosh_camera.still_edges import StillEdges
 
 Image = NDArray[np.uint8]
 
@@ -65,6 +66,7 @@ class SideViewDetector:
         self._settings = settings or calibration.detection
         self._region = find_side_region(calibration.view, calibration.region)
         self._knowledge = Knowledge()
+        self._still_edges = StillEdges(calibration.view)
         self._repeats = RepeatedFrames()
 
     @property
@@ -101,6 +103,7 @@ class SideViewDetector:
                 " deg, check that the liquid is at rest, and the calibration's pose"
             )
         self._knowledge = self._learnt(light, Knowledge(level, slope))
+        self._still_edges.learn(image)
         return level
 
     def update(self, stamp_ns: int, image: Image) -> Measurement:
@@ -135,6 +138,8 @@ class SideViewDetector:
             SloshCameraError: the image is not 8-bit of the calibrated size.
         """
         self._check(image)
+        if self._still_edges.missing(image):
+            return SideMeasurement(stamp_ns=stamp_ns, flags=Flag.NOT_FOUND)
         trace = trace_line(self._view, self._region, self._settings, self._knowledge, image)
         if trace.line is None:
             return SideMeasurement(stamp_ns=stamp_ns, flags=trace.flags)

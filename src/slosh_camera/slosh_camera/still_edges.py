@@ -1,0 +1,186 @@
+"""Whether the container is where the image of the liquid at rest shows it.
+
+The still image teaches what the picture looks like across the container's sides, below all
+waves, and across its floor and rim. A picture that is upside down, of another camera, shifted or
+of another size has none of that in these places, and a surface found in it means nothing. Light,
+noise, blur and what stands behind the container leave enough of it, and something that hides one
+side, or the rim, leaves the others.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_camera.box import BoxView
+from slosh_camera.geometry import CupView
+
+Image = NDArray[np.uint8]
+FloatArray = NDArray[np.float64]
+Single = NDArray[np.float32]
+
+# Samples beside an edge, and so many of them by which it is looked for, and may have moved: their
+# distance is a pixel, and more where the container is wider than this [px].
+_REACH, _LOOKED = 16, 8
+_MOVED = 4
+_WIDTH = 240.0
+_PLACES = 24
+_LEAST_PLACES = 8
+# Heights of the sides that no wave uncovers, as parts of the fill height, and the part of the
+# floor and the rim that is not too near to the sides.
+_LOWEST, _HIGHEST = -0.9, -0.5
+_MIDDLE = 0.8
+_BLUR = 1.5
+# Step that is half an edge [grey levels per sample], and least one that is worth looking for.
+_HALF_EDGE = 4.0
+_MARKED = 3.0
+# Correlation from which on an edge is that of the still image.
+_AGREES = 0.45
+# So many times better it must fit where it may not be, to be taken for moved there.
+_BETTER = 1.1
+# Grey levels that a camera cuts off, and the part of them in which an edge cannot be seen.
+_BLACK, _WHITE = 3, 252
+_CLIPPED = 0.5
+
+
+class _Part(NamedTuple):
+    """Rows of the strips that lie across one edge, and whether it is one of the sides."""
+
+    rows: slice
+    is_side: bool
+
+
+class _Seen(NamedTuple):
+    """Across one edge: steps of the picture, how marked they are, whether it is cut off."""
+
+    steps: Single
+    edges: Single
+    clipped: bool
+
+
+class StillEdges:
+    """Learns a container's edges from one image and looks for them in others."""
+
+    def __init__(self, view: CupView | BoxView) -> None:
+        """Project the edges; those outside the image are left out."""
+        edges = _edges(view)
+        width = float(np.abs(edges[1][0][-1, 0] - edges[0][0][-1, 0]))
+        step = max(1.0, width / _WIDTH) if np.isfinite(width) else 1.0
+        along = step * np.arange(-_REACH - _LOOKED, _REACH + _LOOKED + 1.0)
+        margin = along[-1] + 1.0
+        size = np.array([view.camera.width, view.camera.height])
+        self._parts: list[_Part] = []
+        across: list[FloatArray] = [np.empty((0, along.size, 2))]
+        rows = 0
+        for points, is_side in edges:
+            with np.errstate(invalid="ignore"):
+                inside = np.all((points > margin) & (points < size - margin), axis=1)
+            if np.count_nonzero(inside) >= _LEAST_PLACES:
+                away = np.array([1.0, 0.0] if is_side else [0.0, 1.0])
+                across.append(points[inside, np.newaxis] + along[:, np.newaxis] * away)
+                self._parts.append(_Part(slice(rows, rows + len(across[-1])), is_side))
+                rows += len(across[-1])
+        places = np.vstack(across).astype(np.float32)
+        self._map = np.ascontiguousarray(places[..., 0]), np.ascontiguousarray(places[..., 1])
+        self._learnt: dict[int, _Seen] = {}
+
+    def learn(self, image: Image) -> None:
+        """Take the edges that are well visible in an image for the container's."""
+        seen = enumerate(self._look(image))
+        self._learnt = {number: one for number, one in seen if _is_marked(one)}
+
+    def missing(self, image: Image) -> bool:
+        """Whether an image shows neither side, or neither floor nor rim, where it was learnt."""
+        if not self._learnt:
+            return False
+        seen = self._look(image)
+        found: dict[bool, bool] = {}
+        for number, learnt in self._learnt.items():
+            kind, now = self._parts[number].is_side, seen[number]
+            found[kind] = found.get(kind, False) or now.clipped or _agree(now, learnt)
+        return not all(found.values())
+
+    def _look(self, image: Image) -> list[_Seen]:
+        if not self._parts:
+            return []
+        strips = cv2.remap(image, *self._map, cv2.INTER_LINEAR)
+        grey = strips if strips.ndim == 2 else cv2.cvtColor(strips, cv2.COLOR_BGR2GRAY)
+        clipped = (grey <= _BLACK) | (grey >= _WHITE)
+        # Along the strips alone: neighbours may lie anywhere.
+        levels = cv2.GaussianBlur(grey.astype(np.float32), (0, 0), _BLUR, sigmaY=1e-3)
+        steps = np.diff(levels, axis=1)
+        edges = np.abs(steps) / (np.abs(steps) + np.float32(_HALF_EDGE))
+        edges -= edges.mean(axis=1, keepdims=True)
+        return [
+            _Seen(steps[rows], edges[rows], bool(clipped[rows].mean() > _CLIPPED))
+            for rows, _ in self._parts
+        ]
+
+
+def _edges(view: CupView | BoxView) -> list[tuple[FloatArray, bool]]:
+    """Pixels (N, 2) along the container's edges, the two sides first, and whether it is a side."""
+    return _box_edges(view) if isinstance(view, BoxView) else _cup_edges(view)
+
+
+def _cup_edges(view: CupView) -> list[tuple[FloatArray, bool]]:
+    cup, centre = view.cup, view.pose.camera_centre
+    outer = cup.radius + cup.wall_thickness
+    front = view.camera_azimuth
+    half = float(np.arccos(outer / np.hypot(centre[0], centre[1])))
+    levels = cup.fill_height * np.linspace(_LOWEST, _HIGHEST, _PLACES)
+    middle = np.linspace(-_MIDDLE * half, _MIDDLE * half, _PLACES)
+    around = np.ones(_PLACES)
+    lines = [((front + side) * around, levels, True) for side in (half, -half)]
+    lines.append((front + middle, -cup.fill_height * around, False))
+    if cup.rim_level is not None:
+        rim = cup.rim_level * around
+        lines += [(front + turn + middle, rim, False) for turn in (0.0, np.pi)]
+    edges = []
+    for azimuth, level, is_side in lines:
+        points = np.column_stack((outer * np.cos(azimuth), outer * np.sin(azimuth), level))
+        edges.append((view.project(points), is_side))
+    return edges
+
+
+def _box_edges(view: BoxView) -> list[tuple[FloatArray, bool]]:
+    box = view.box
+    half = 0.5 * box.width
+    levels = box.fill_height * np.linspace(_LOWEST, _HIGHEST, _PLACES)
+    middle = np.linspace(-_MIDDLE * half, _MIDDLE * half, _PLACES)
+    edges = [(view.project_face(side, levels), True) for side in (-half, half)]
+    edges.append((view.project_face(middle, -box.fill_height), False))
+    if box.rim_level is not None:
+        edges.append((view.project_face(middle, box.rim_level), False))
+    return edges
+
+
+def _is_marked(seen: _Seen) -> bool:
+    return bool(np.abs(seen.steps).max(axis=1).mean() >= _MARKED) and not seen.clipped
+
+
+def _agree(now: _Seen, learnt: _Seen) -> bool:
+    """Whether the edge of a picture is the learnt one, by its steps or by where they are."""
+    pairs = (now.steps, learnt.steps), (now.edges, learnt.edges)
+    return any(_agree_in_place(_correlations(*pair)) for pair in pairs)
+
+
+def _agree_in_place(correlations: FloatArray) -> bool:
+    near = np.abs(np.arange(correlations.size) - _LOOKED) <= _MOVED
+    best = float(correlations[near].max())
+    return best >= max(_AGREES, float(correlations[~near].max()) / _BETTER)
+
+
+def _correlations(now: Single, learnt: Single) -> FloatArray:
+    """Correlation (2 _LOOKED + 1,) of a picture's strips with the learnt ones, by shift."""
+    width = learnt.shape[1] - 2 * _LOOKED
+    template = learnt[:, _LOOKED : _LOOKED + width]
+    size = float(np.vdot(template, template))
+    correlations = np.zeros(2 * _LOOKED + 1)
+    for shift in range(correlations.size):
+        part = now[:, shift : shift + width]
+        scale = float(np.vdot(part, part)) * size
+        correlations[shift] = float(np.vdot(part, template)) / np.sqrt(scale) if scale else 0.0
+    return correlations

@@ -1,0 +1,150 @@
+"""A picture that does not show the container where the still image has it gives no height."""
+
+import cv2
+import numpy as np
+import pytest
+from side_view_scene import Liquid, Look, Setup, draw, still
+
+from slosh_camera.detector import FreeSurfaceDetector
+from slosh_camera.measurement import Flag
+from slosh_camera.side_view import SideViewDetector
+from slosh_camera.still_edges import StillEdges
+
+SIDE = Setup(columns=360, rows=440, focal=1200.0, elevation=-0.05)
+SLOSHING = Liquid(0.001, 0.0, (-0.010, 0.003, 0.001))
+
+
+def warped(across=0.0, down=0.0, degrees=0.0, scale=1.0):
+    def change(image):
+        middle = (0.5 * (image.shape[1] - 1), 0.5 * (image.shape[0] - 1))
+        matrix = cv2.getRotationMatrix2D(middle, degrees, scale)
+        matrix[:, 2] += across, down
+        size = image.shape[1::-1]
+        return cv2.warpAffine(image, matrix, size, borderMode=cv2.BORDER_REPLICATE)
+
+    return change
+
+
+MISFITS = {
+    "upside down": lambda image: np.ascontiguousarray(image[::-1, ::-1]),
+    "mirrored": lambda image: np.ascontiguousarray(image[::-1]),
+    "turned": warped(degrees=20.0),
+    "right": warped(across=30.0),
+    "left": warped(across=-12.0),
+    "down": warped(down=25.0),
+    "up": warped(down=-12.0),
+    "larger": warped(scale=1.2),
+    "smaller": warped(scale=0.8),
+}
+HARMLESS = {
+    "as it is": lambda image: image,
+    "a pixel aside": warped(across=1.0, down=1.0),
+    "darker": lambda image: (0.4 * image).astype(np.uint8),
+    "brighter": lambda image: np.clip(1.15 * image, 0, 255).astype(np.uint8),
+    "blurred": lambda image: cv2.GaussianBlur(image, (0, 0), 2.0),
+    "coarse": lambda image: cv2.imdecode(
+        cv2.imencode(".jpg", image, (cv2.IMWRITE_JPEG_QUALITY, 20))[1], cv2.IMREAD_UNCHANGED
+    ),
+    "colour": lambda image: cv2.cvtColor(image, cv2.COLOR_GRAY2BGR),
+}
+
+
+def table_of(scene, image, *, sides=True):
+    """The drawing on a table, in glass."""
+    picture, view = image.copy(), scene.calibration().view
+    floor = view.project(np.array([[0.0, 0.0, -0.07]]))[0, 1]
+    picture[int(floor) :] = 120
+    if sides:
+        outer = view.cup.radius + view.cup.wall_thickness
+        half = np.arccos(outer / np.hypot(*view.pose.camera_centre[:2]))
+        for azimuth in (view.camera_azimuth - half, view.camera_azimuth + half):
+            ends = np.column_stack(
+                (np.full((2, 2), outer) * (np.cos(azimuth), np.sin(azimuth)), (-0.07, 0.06))
+            )
+            first, last = np.rint(view.project(ends) * 16).astype(int)
+            cv2.line(picture, tuple(first), tuple(last), 120, 2, cv2.LINE_AA, 4)
+    return picture
+
+
+@pytest.fixture(params=["level", "pitched"])
+def cup(request, make_scene):
+    """A detector that has learnt, and a picture of a wave."""
+    height = 0.0 if request.param == "level" else 0.08
+    scene = make_scene(noise=2.0, camera_height=height, aim=0.0)
+    detector = FreeSurfaceDetector(scene.calibration())
+    detector.learn_still(table_of(scene, scene.draw()))
+    return detector, table_of(scene, scene.draw(0.015, -1.0))
+
+
+@pytest.mark.parametrize("change", MISFITS)
+def test_a_cup_elsewhere_in_the_picture_is_not_measured(cup, change):
+    detector, image = cup
+    measured = detector.measure(0, MISFITS[change](image))
+    assert Flag.NOT_FOUND in measured.flags
+    assert np.isnan(measured.msh)
+
+
+@pytest.mark.parametrize("change", HARMLESS)
+def test_light_blur_and_coarse_files_move_no_cup(cup, change):
+    detector, image = cup
+    measured = detector.measure(0, HARMLESS[change](image))
+    assert Flag.NOT_FOUND not in measured.flags
+    assert measured.msh == pytest.approx(0.015, abs=0.001)
+
+
+@pytest.mark.parametrize("change", MISFITS)
+def test_a_tank_elsewhere_in_the_picture_is_not_measured(change):
+    detector = SideViewDetector(SIDE.calibration())
+    detector.learn_still(still(SIDE, Look()))
+    measured = detector.measure(0, MISFITS[change](draw(SIDE, SLOSHING, Look())))
+    assert Flag.NOT_FOUND in measured.flags
+    assert np.isnan(measured.msh)
+
+
+@pytest.mark.parametrize("change", HARMLESS)
+def test_light_blur_and_coarse_files_move_no_tank(change):
+    detector = SideViewDetector(SIDE.calibration())
+    detector.learn_still(still(SIDE, Look()))
+    image = draw(SIDE, SLOSHING, Look())
+    measured = detector.measure(0, HARMLESS[change](image))
+    assert Flag.NOT_FOUND not in measured.flags
+
+
+@pytest.fixture
+def edges(make_scene):
+    """Edges that have learnt, and the picture that they learnt from."""
+    scene = make_scene(noise=2.0)
+    image = table_of(scene, scene.draw())
+    edges = StillEdges(scene.calibration().view)
+    edges.learn(image)
+    return edges, image
+
+
+@pytest.mark.parametrize("columns", [slice(0, 250), slice(400, 640)], ids=["left", "right"])
+def test_what_hides_one_side_leaves_the_other(edges, columns):
+    learnt, image = edges
+    image[:, columns] = 60
+    assert not learnt.missing(image)
+
+
+def test_where_the_picture_is_cut_off_nothing_is_missed(edges):
+    learnt, image = edges
+    assert not learnt.missing(np.full_like(image, 255))
+    assert not learnt.missing(np.zeros_like(image))
+    assert learnt.missing(np.full_like(image, 128))
+
+
+def test_without_a_still_image_nothing_is_missed(make_scene):
+    scene = make_scene()
+    edges = StillEdges(scene.calibration().view)
+    assert not edges.missing(scene.draw())
+    edges.learn(np.full((480, 640), 128, np.uint8))  # teaches no edge
+    assert not edges.missing(scene.draw())
+
+
+def test_a_container_at_the_border_teaches_what_is_seen(make_scene):
+    scene = make_scene(distance=0.2, focal=1400.0)
+    edges = StillEdges(scene.calibration().view)
+    image = scene.draw()
+    edges.learn(image)
+    assert not edges.missing(image[::-1])
