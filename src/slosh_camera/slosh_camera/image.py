@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_camera.errors import SloshCameraError
+from slosh_camera.image_size import JPEG, PNG, check_size, scan_start
 
 Image = NDArray[np.uint8]
 """(height, width) grey or (height, width, 3) blue, green, red."""
@@ -52,7 +53,6 @@ _LEAST_BAYER = 3
 ENCODINGS = (*_LAYOUTS, *_BAYER)
 """Encodings of sensor_msgs/Image that can be read."""
 _COMPRESSED = ("jpeg", "jpg", "png")
-_JPEG, _PNG = _SIGNATURES = (b"\xff\xd8", b"\x89PNG")
 
 
 def to_image(
@@ -113,19 +113,20 @@ def decode_compressed(image_format: str, data: Any) -> Image:
         8, transparency is left out.
 
     Raises:
-        SloshCameraError: neither JPEG nor PNG, no data, or data that are cut or damaged.
+        SloshCameraError: neither JPEG nor PNG, no data, data that are cut or damaged, or that
+            claim too many pixels.
     """
     words = image_format.lower().replace(";", " ").split()
     if not any(word in _COMPRESSED for word in words):
         raise SloshCameraError(f"image: format {image_format!r} is not supported, use jpeg or png")
     array = _bytes(data)
-    if array.size and not array[:4].tobytes().startswith(_SIGNATURES):
+    if array.size and not array[:4].tobytes().startswith((JPEG, PNG)):
         raise SloshCameraError(f"image: {array.size} bytes are not a complete JPEG or PNG file")
     return _decode(array, image_format)
 
 
 def read_image(path: str | Path) -> Image:
-    """Image from a file in any format that OpenCV reads; as decode_compressed.
+    """Image from a PNG, JPEG, BMP or TIFF file; as decode_compressed.
 
     Raises:
         SloshCameraError: the file cannot be read, or is no whole image; the text names it.
@@ -167,7 +168,9 @@ def _without_pattern(pixels: GrayImage, encoding: str) -> Image:
 def _decode(array: Image, kind: str) -> Image:
     if array.size == 0:
         raise SloshCameraError("image: is empty, 0 bytes")
-    if not _is_complete(array.tobytes()):
+    data = array.tobytes()
+    check_size(data)
+    if not _is_complete(data):
         raise SloshCameraError(f"image: {array.size} bytes are not a complete image file")
     try:
         # Grey stays grey, colour stays colour, both of 8 bits, turned as the file says.
@@ -191,22 +194,10 @@ def _is_complete(data: bytes) -> bool:
 
     OpenCV decodes a JPEG that is cut and fills the rest with grey, which is not an image.
     """
-    if data.startswith(_JPEG):
-        return data.rfind(b"\xff\xd9") >= _scan_start(data)
-    if data.startswith(_PNG):
+    if data.startswith(JPEG):
+        # Thumbnails before the pixels have ends of their own. What phones and cameras append
+        # behind the image's end does not matter.
+        return data.rfind(b"\xff\xd9") >= scan_start(data)
+    if data.startswith(PNG):
         return data.rfind(b"IEND") >= 0
     return True
-
-
-def _scan_start(data: bytes) -> int:
-    """Where a JPEG's pixels begin: thumbnails before them have ends of their own.
-
-    What phones and cameras append behind the image's end does not matter.
-    """
-    at = 2
-    while at + 4 <= len(data) and data[at] == 0xFF and data[at + 1] != 0xDA:
-        if data[at + 1] == 0xFF:
-            at += 1  # a fill byte
-        else:
-            at += 2 + int.from_bytes(data[at + 2 : at + 4], "big")
-    return min(at, len(data))
