@@ -6,12 +6,12 @@ import os
 from pathlib import Path
 from typing import Any
 
-from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.base import TypesysError
 from rosbags.typesys.store import Typestore
 
 from slosh_bag.errors import SloshBagError
+from slosh_bag.message_types import parts_of
 
 
 class Definitions:
@@ -41,7 +41,7 @@ class Definitions:
             name = wanted.pop()
             if name not in self.typestore.fielddefs and name not in found:
                 found.update(_read(name))
-                wanted += _parts(found[name][1])
+                wanted += [part for part, _ in parts_of(found[name][1])]
         if found:
             self.typestore.register(found)
 
@@ -64,17 +64,6 @@ def _read(message_type: str) -> dict[str, Any]:
         reason = " ".join(str(error).split())
         raise SloshBagError(f"{path}: cannot be read as a message: {reason}") from None
     return types
-
-
-def _parts(fields: list[tuple[str, Any]]) -> list[str]:
-    """The types of the fields that are messages themselves."""
-    names = []
-    for _, (kind, detail) in fields:
-        if kind in (Nodetype.ARRAY, Nodetype.SEQUENCE):
-            kind, detail = detail[0]
-        if kind == Nodetype.NAME:
-            names.append(detail)
-    return names
 
 
 def find_interfaces(package: str) -> Path | None:

@@ -11,7 +11,7 @@ from __future__ import annotations
 import csv
 import gzip
 import io
-import zlib
+from array import array
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
@@ -21,6 +21,7 @@ from typing import Any, BinaryIO, TextIO
 import numpy as np
 from numpy.typing import NDArray
 
+from slosh_bag.bounded_text import bounded_text
 from slosh_bag.errors import SloshBagError
 from slosh_files import NewFile
 
@@ -77,10 +78,14 @@ def read_motion_table(path: Path) -> MotionTable:
             twice, a value is no number, an input is not finite, time does not increase; one line
             that names the file, the line and the column.
     """
-    rows = csv.reader(io.StringIO(_text(path), newline=""))
-    names = [name.strip() for name in next(rows, [])]
-    _check_columns(path, names)
-    data = _numbers(path, names, rows)
+    with bounded_text(path, "a motion table is CSV") as text:
+        rows = csv.reader(text)
+        try:
+            names = [name.strip() for name in _heading(path, rows)]
+            _check_columns(path, names)
+            data = _numbers(path, names, rows)
+        except csv.Error as error:
+            raise SloshBagError(f"{path}: line {rows.line_num}: is no CSV: {error}") from None
     _check_finite(path, names, data)
     _check_time(path, data[:, names.index("t")])
     return _table(names, data)
@@ -139,26 +144,17 @@ def _compressed(path: Path) -> bool:
     return path.suffix == ".gz"
 
 
-def _text(path: Path) -> str:
-    try:
-        content = path.read_bytes()
-        if _compressed(path):
-            content = gzip.decompress(content)
-        text = content.decode("utf-8-sig")
-    except (EOFError, zlib.error, gzip.BadGzipFile):
-        raise SloshBagError(f"{path}: the gzip file is cut off or damaged; copy it anew") from None
-    except OSError as error:
-        raise SloshBagError(f"{path}: cannot be read: {error.strerror}") from None
-    except UnicodeDecodeError:
-        raise SloshBagError(f"{path}: is no text; a motion table is CSV") from None
-    if not text.strip():
-        raise SloshBagError(f"{path}: is empty; a motion table starts with t,ax,ay,az")
-    return text
-
-
 def _is_eta(name: str) -> bool:
     digits = name.removeprefix(ETA)
     return name.startswith(ETA) and len(digits) == 3 and digits.isdecimal() and int(digits) < 360
+
+
+def _heading(path: Path, rows: Iterator[list[str]]) -> list[str]:
+    heading = next(rows, [])
+    blank = not any(cell.strip() for cell in heading)
+    if blank and not any(cell.strip() for row in rows for cell in row):
+        raise SloshBagError(f"{path}: is empty; a motion table starts with t,ax,ay,az")
+    return heading
 
 
 def _check_columns(path: Path, names: list[str]) -> None:
@@ -181,16 +177,16 @@ def _check_columns(path: Path, names: list[str]) -> None:
 
 
 def _numbers(path: Path, names: list[str], rows: Iterator[list[str]]) -> Array:
-    values: list[list[float]] = []
+    values = array("d")
     for line, row in enumerate(rows, start=2):
         if len(row) != len(names):
             raise SloshBagError(
                 f"{path}: line {line}: has {len(row)} columns, the heading has {len(names)}"
             )
-        values.append([_number(path, line, *cell) for cell in zip(names, row, strict=True)])
+        values.extend([_number(path, line, *cell) for cell in zip(names, row, strict=True)])
     if not values:
         raise SloshBagError(f"{path}: holds a heading and no rows")
-    return np.array(values)
+    return np.frombuffer(values, np.float64).reshape(-1, len(names))
 
 
 def _number(path: Path, line: int, name: str, text: str) -> float:

@@ -44,6 +44,8 @@ DAMAGE = (
     MemoryError,
 )
 
+_BATCH = 10_000  # messages whose places are Python's numbers at a time
+
 
 class BagMessage(NamedTuple):
     """A message of a bag.
@@ -135,7 +137,7 @@ class BagReader:
         """
         found: dict[str, TopicInfo] = {}
         for file in self.files:
-            known = self._survey(file)
+            known = self.survey(file)
             for number, channel in known.channels.items():
                 kind = _type_of(known, number)
                 before = found.get(channel.topic, TopicInfo(kind, 0))
@@ -222,8 +224,12 @@ class BagReader:
                 f"{message.message_type}: {_reason(error)}"
             ) from None
 
-    def _survey(self, file: Path) -> Found:
-        """Topics and counts: from the file's end where that can be believed."""
+    def survey(self, file: Path) -> Found:
+        """Topics and counts of one file: from its end where that can be believed.
+
+        Raises:
+            SloshBagError: as `messages`.
+        """
         with file.open("rb") as stream:
             summary = read_summary(stream, file.stat().st_size)
         if summary is not None and summary.counts is not None:
@@ -296,11 +302,12 @@ def _blocks(found: Found, piece: Piece, topics: Collection[str] | None) -> Itera
 def _messages(found: Found, piece: Piece, topics: Collection[str] | None) -> Iterator[BagMessage]:
     names, raw = _names(found, topics), piece.raw
     columns = piece.channel, piece.log_ns, piece.publish_ns, piece.start, piece.length
-    rows = zip(*(column.tolist() for column in columns), strict=True)
-    for number, log_ns, publish_ns, start, length in rows:
-        if number in names:
-            topic, kind = names[number]
-            yield BagMessage(topic, kind, log_ns, publish_ns, raw[start : start + length])
+    for first in range(0, len(piece), _BATCH):
+        batch = (column[first : first + _BATCH].tolist() for column in columns)
+        for number, log_ns, publish_ns, start, length in zip(*batch, strict=True):
+            if number in names:
+                topic, kind = names[number]
+                yield BagMessage(topic, kind, log_ns, publish_ns, raw[start : start + length])
 
 
 def _reason(error: BaseException) -> str:

@@ -128,7 +128,8 @@ def recover_bag(path: Path, folder: Path, progress: Progress = lambda size: None
                 copy.add(file, progress)
             counts = dict(writer.counts)
             if not sum(counts.values()):
-                raise SloshBagError(f"{path}: no message in it can be read")
+                reason = "".join(f"; {note}" for note in copy.notes[:1])
+                raise SloshBagError(f"{path}: no message in it can be read{reason}")
     return Recovery(folder, counts, tuple(dict.fromkeys(copy.notes)))
 
 
@@ -169,8 +170,11 @@ class _Copy:
         topics: dict[int, str | None] = {}
         done = 0
         for piece in walk.pieces():
-            for schema in walk.found.schemas.values():
-                self.definitions.types.add(schema)
+            if not done:
+                for schema in walk.found.schemas.values():  # those of the file's end, too
+                    self.definitions.types.add(schema)
+            for schema in piece.schemas:
+                self.definitions.types.add(walk.found.schemas[schema.id])
             for number in np.unique(piece.channel).tolist():
                 if number not in topics:
                     topics[number] = self.topic(file, walk, number)

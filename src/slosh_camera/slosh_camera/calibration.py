@@ -10,15 +10,14 @@ from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any, TypeVar
 
-import cv2
 import numpy as np
 import yaml
-from numpy.typing import NDArray
 
 from slosh_camera.box import Box, BoxView
 from slosh_camera.camera import PLUMB_BOB, PinholeCamera, camera_from_info
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.geometry import Cup, CupView, Pose
+from slosh_camera.image import Image, read_image
 from slosh_camera.settings import DetectionSettings, Liquid, RegionOfInterest
 from slosh_camera.yaml_fields import check_keys, integer, mapping, number, numbers
 from slosh_model.bounded_yaml import load_yaml
@@ -51,8 +50,6 @@ _OPTIONAL = (
 )
 
 _T = TypeVar("_T")
-
-Image = NDArray[np.uint8]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -218,20 +215,14 @@ def read_still_image(calibration: AnyCalibration) -> Image:
     path, camera = calibration.still_image, calibration.view.camera
     if path is None:
         raise SloshCameraError("still_image: the calibration names none")
-    try:
-        data = np.fromfile(path, dtype=np.uint8)
-    except OSError as error:
-        raise SloshCameraError(f"{path}: cannot be read: {error.strerror}") from error
-    image = cv2.imdecode(data, cv2.IMREAD_ANYCOLOR) if data.size else None
-    if image is None:
-        raise SloshCameraError(f"{path}: is not an image that can be decoded, use PNG or JPEG")
+    image = read_image(path)
     height, width = image.shape[:2]
     if (width, height) != (camera.width, camera.height):
         raise SloshCameraError(
             f"{path}: has {width} x {height} pixels, the calibration is for {camera.width} x "
             f"{camera.height}"
         )
-    return np.asarray(image, dtype=np.uint8)
+    return image
 
 
 def format_calibration(calibration: AnyCalibration) -> str:

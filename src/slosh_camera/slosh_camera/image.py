@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_camera.errors import SloshCameraError
+from slosh_camera.image_size import JPEG, PNG, check_size
 from slosh_camera.jpeg_file import jpeg_damage
 from slosh_camera.png_file import png_damage
 
@@ -54,7 +55,6 @@ _LEAST_BAYER = 3
 ENCODINGS = (*_LAYOUTS, *_BAYER)
 """Encodings of sensor_msgs/Image that can be read."""
 _COMPRESSED = ("jpeg", "jpg", "png")
-_JPEG, _PNG = _SIGNATURES = (b"\xff\xd8", b"\x89PNG")
 
 
 def to_image(
@@ -115,19 +115,20 @@ def decode_compressed(image_format: str, data: Any) -> Image:
         8, transparency is left out.
 
     Raises:
-        SloshCameraError: neither JPEG nor PNG, no data, or data that are cut or damaged.
+        SloshCameraError: neither JPEG nor PNG, no data, data that are cut or damaged, or that
+            claim too many pixels.
     """
     words = image_format.lower().replace(";", " ").split()
     if not any(word in _COMPRESSED for word in words):
         raise SloshCameraError(f"image: format {image_format!r} is not supported, use jpeg or png")
     array = _bytes(data)
-    if array.size and not array[:4].tobytes().startswith(_SIGNATURES):
+    if array.size and not array[:4].tobytes().startswith((JPEG, PNG)):
         raise SloshCameraError(f"image: {array.size} bytes are not a complete JPEG or PNG file")
     return _decode(array, image_format)
 
 
 def read_image(path: str | Path) -> Image:
-    """Image from a file in any format that OpenCV reads; as decode_compressed.
+    """Image from a PNG, JPEG, BMP or TIFF file; as decode_compressed.
 
     Raises:
         SloshCameraError: the file cannot be read, or is no whole image; the text names it.
@@ -169,6 +170,7 @@ def _without_pattern(pixels: GrayImage, encoding: str) -> Image:
 def _decode(array: Image, kind: str) -> Image:
     if array.size == 0:
         raise SloshCameraError("image: is empty, 0 bytes")
+    check_size(array.tobytes())
     damage = _damage(array)
     if damage:
         raise SloshCameraError(
@@ -193,7 +195,7 @@ def _bytes(data: Any) -> Image:
 
 def _damage(array: Image) -> str:
     """Why a JPEG or PNG file is not whole; of other formats the decoder must know."""
-    signature = array[: len(_PNG)].tobytes()
-    if signature.startswith(_JPEG):
+    signature = array[: len(PNG)].tobytes()
+    if signature.startswith(JPEG):
         return jpeg_damage(array)
-    return png_damage(array) if signature == _PNG else ""
+    return png_damage(array) if signature.startswith(PNG) else ""

@@ -9,9 +9,7 @@ holds data.
 
 from __future__ import annotations
 
-import gzip
-import io
-import zlib
+from array import array
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -21,6 +19,7 @@ import scipy.io
 from numpy.typing import NDArray
 
 from slosh_bag.bag_writer import BagWriter
+from slosh_bag.bounded_text import bounded_text
 from slosh_bag.definitions import Definitions
 from slosh_bag.errors import SloshBagError
 from slosh_files import check_free, new_folder
@@ -159,19 +158,13 @@ def read_poses(path: Path) -> Array:
         SloshBagError: the file is empty or cut off, has other columns, holds something that is no
             finite number, time does not increase; one line with the file and the line.
     """
-    try:
-        content = path.read_bytes()
-        text = (gzip.decompress(content) if path.suffix == ".gz" else content).decode()
-    except (EOFError, zlib.error, gzip.BadGzipFile):
-        raise SloshBagError(f"{path}: the gzip file is cut off or damaged; copy it anew") from None
-    except UnicodeDecodeError:
-        raise SloshBagError(f"{path}: is no text; poses are t;x;y;z;qx;qy;qz;qw") from None
-    except OSError as error:
-        raise SloshBagError(f"{path}: cannot be read: {error.strerror}") from None
-    rows = [_pose(path, line, row) for line, row in enumerate(io.StringIO(text), start=1)]
-    if not rows:
+    with bounded_text(path, "poses are t;x;y;z;qx;qy;qz;qw") as text:
+        values = array("d")
+        for line, row in enumerate(text, start=1):
+            values.extend(_pose(path, line, row))
+    if not values:
         raise SloshBagError(f"{path}: is empty; poses are t;x;y;z;qx;qy;qz;qw")
-    poses = np.array(rows)
+    poses = np.frombuffer(values, np.float64).reshape(-1, _POSE_COLUMNS)
     _check_times(path, "t", poses[:, 0], first_line=1)
     return poses
 

@@ -14,17 +14,15 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from rosbags.interfaces import Connection, ConnectionExtRosbag1, QosDurability, QosReliability
-from rosbags.rosbag1 import Reader as Ros1Reader
-from rosbags.rosbag2 import Reader as Ros2Reader
 
 from slosh_bag.bag_writer import BagWriter, Qos
 from slosh_bag.definitions import Definitions
 from slosh_bag.errors import SloshBagError
+from slosh_bag.interchange.foreign_readers import ROS1_SUFFIX, foreign_reader, told_by
 from slosh_bag.interchange.rosbag_types import Convert, message_converter
 from slosh_bag.interchange.topic_choice import find_topic
 from slosh_files import check_outside, new_folder
 
-ROS1_SUFFIX = ".bag"
 SUFFIXES = (ROS1_SUFFIX, ".db3", ".mcap")
 _TOPIC_NAME = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
 
@@ -113,7 +111,8 @@ def import_rosbag(
                 raise SloshBagError(
                     "; ".join([f"{source}: holds no message that can be converted", *failures])
                 )
-    return RosbagImport(bag, counts, (*notes, *failures))
+            warnings = told_by(reader)
+    return RosbagImport(bag, counts, (*notes, *failures, *warnings))
 
 
 def _copy(
@@ -148,7 +147,7 @@ def _opened(source: Path) -> Iterator[Any]:
         SloshBagError: it cannot be opened.
     """
     try:
-        reader = (Ros1Reader if source.suffix == ROS1_SUFFIX else Ros2Reader)(source)
+        reader = foreign_reader(source)
         reader.open()
     except Exception as error:  # whatever broken bytes cause in the library
         raise _unreadable(source, error) from None
@@ -172,6 +171,8 @@ def _guarded(source: Path, messages: Iterator[Any]) -> Iterator[Any]:
 
 def _unreadable(source: Path, error: Exception) -> SloshBagError:
     reason = (str(error).splitlines() or [""])[0].rstrip(".") or type(error).__name__
+    if isinstance(error, SloshBagError) and reason.startswith(str(source)):
+        return error
     return SloshBagError(f"{source}: cannot be read: {reason}")
 
 

@@ -12,15 +12,15 @@ from typing import Any
 
 from rosbags.convert.converter import STATIC_MSGTYPE_RENAMES, is_same_wireformat, migrate_bytes
 from rosbags.interfaces import Connection, MessageDefinitionFormat, Nodetype
-from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
 from slosh_bag.definitions import Definitions
 from slosh_bag.errors import SloshBagError
+from slosh_bag.message_types import read_types
 
 Convert = Callable[[bytes], bytes]
 HEADER = "std_msgs/msg/Header"
-_IDL_SEPARATOR = "=" * 80 + "\n"
 
 
 def message_converter(
@@ -47,8 +47,6 @@ def message_converter(
         source = _source_types(connection)
         _make_known(kind, connection.msgtype, source, definitions)
         return _conversion(kind, connection.msgtype, source, definitions.typestore, ros1=ros1)
-    except SloshBagError:
-        raise
     except Exception as error:  # whatever a broken definition causes in the library
         reason = (str(error).splitlines() or [type(error).__name__])[0]
         raise SloshBagError(f"the definition of {kind} cannot be used: {reason}") from None
@@ -70,21 +68,11 @@ def _source_types(connection: Connection) -> Typestore:
 
     Each connection has a store of its own: what is wrong with one does not touch the others.
     """
-    definition = connection.msgdef.data
-    if connection.msgdef.format == MessageDefinitionFormat.MSG:
-        types = get_types_from_msg(definition, connection.msgtype)
-    else:
-        types = {}
-        for part in definition.split(_IDL_SEPARATOR):
-            # Several definitions in one text: each with a line that names it.
-            types.update(get_types_from_idl(part.partition("\n")[2] if _titled(part) else part))
+    plain = connection.msgdef.format == MessageDefinitionFormat.MSG
+    encoding = "ros2msg" if plain else "ros2idl"
     store = get_typestore(Stores.EMPTY)
-    store.register(types)
+    store.register(read_types(encoding, connection.msgdef.data, connection.msgtype))
     return store
-
-
-def _titled(part: str) -> bool:
-    return part.startswith("IDL: ")
 
 
 def _make_known(kind: str, source_kind: str, source: Typestore, here: Definitions) -> None:

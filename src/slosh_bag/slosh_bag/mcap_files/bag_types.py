@@ -2,20 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
-
 from mcap.records import Schema
-from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
+from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.base import TypesysError
 from rosbags.typesys.store import Typestore
 
 from slosh_bag.errors import SloshBagError
-
-_PARSERS: dict[str, Callable[[str, str], dict[str, Any]]] = {
-    "ros2msg": get_types_from_msg,
-    "ros2idl": lambda text, _: get_types_from_idl(text),
-}
+from slosh_bag.message_types import ENCODINGS, read_types
 
 
 class BagTypes:
@@ -61,13 +54,13 @@ class BagTypes:
         """
         if message_type not in self._known:
             schema = self.schema(message_type)
-            if schema.encoding not in _PARSERS:
+            if schema.encoding not in ENCODINGS:
                 raise SloshBagError(
                     f"{message_type} is defined in {schema.encoding!r}; only "
-                    f"{' and '.join(_PARSERS)} can be read"
+                    f"{' and '.join(ENCODINGS)} can be read"
                 )
             try:
-                types = _PARSERS[schema.encoding](schema.data.decode(), message_type)
+                types = read_types(schema.encoding, schema.data.decode(), message_type)
                 self._typestore.register(types)
             except (TypesysError, ValueError, LookupError, SyntaxError, RecursionError) as error:
                 reason = (str(error).splitlines() or ["it cannot be read"])[0]

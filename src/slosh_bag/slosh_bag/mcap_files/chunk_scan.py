@@ -10,7 +10,12 @@ from slosh_model.compilation import compiled, entry_point, given
 BYTES = given(uint8, 1)
 
 # What a scan says of the bytes.
-WHOLE, CUT, BAD_LENGTH, BAD_TIME, BAD_RECORD, OTHER = 0, 1, 2, 3, 4, 5
+WHOLE, CUT, BAD_LENGTH, BAD_TIME, BAD_RECORD, OTHER, TOO_MANY = 0, 1, 2, 3, 4, 5, 6
+
+MOST_MESSAGES = 1_000_000
+"""In a chunk, at most: each takes 40 bytes beside those of the chunk, and more as it is read."""
+MOST_DEFINITIONS = 20_000
+"""Schemas and channels, at most."""
 
 
 @compiled
@@ -62,6 +67,8 @@ def _survey(buffer, loose):  # type: ignore[no-untyped-def]
             return messages, others, at, (OTHER if loose and at else state)
         messages += opcode == 5
         others += opcode == 3 or opcode == 4
+        if messages > MOST_MESSAGES or others > MOST_DEFINITIONS:
+            return 0, 0, 0, TOO_MANY
         at += 9 + length
     return messages, others, at, WHOLE
 

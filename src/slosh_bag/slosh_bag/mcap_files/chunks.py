@@ -8,9 +8,7 @@ import zlib
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
-import lz4.frame
 import numpy as np
-import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import EndOfFile, McapError
 from mcap.opcode import Opcode
@@ -18,17 +16,26 @@ from mcap.records import Channel, Schema
 from numpy.typing import NDArray
 
 from slosh_bag.errors import SloshBagError
-from slosh_bag.mcap_files.chunk_scan import BAD_LENGTH, BAD_RECORD, BAD_TIME, CUT, WHOLE, scan
+from slosh_bag.mcap_files.chunk_scan import (
+    BAD_LENGTH,
+    BAD_RECORD,
+    BAD_TIME,
+    CUT,
+    MOST_DEFINITIONS,
+    MOST_MESSAGES,
+    TOO_MANY,
+    WHOLE,
+    scan,
+)
+from slosh_bag.unpacking import MOST_UNPACKED, UnpackingError, unpack
 
 Integers = NDArray[np.int64]
 Bytes = NDArray[np.uint8]
 
 RECORD_HEADER = 9
 """Opcode and length before the content of each record [bytes]."""
-MAX_CHUNK = 2**31
-"""Chunks that say to be larger are taken as damaged: memory is finite [bytes]."""
+_CREDIBLE = 2**31  # chunks that say to be larger are damaged [bytes]
 _CHUNK = struct.Struct("<QQQII")
-_SLICE = 1 << 20
 
 _PROBLEMS = {
     CUT: "a record reaches beyond the chunk's end",
@@ -40,6 +47,10 @@ _PROBLEMS = {
 
 class DamageError(SloshBagError):
     """Bytes that are not what was written; the text says what is wrong, not yet where."""
+
+
+class TooLargeError(DamageError):
+    """Bytes that would take too much memory."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -209,8 +220,12 @@ def chunk_header(start: bytes, record_length: int) -> ChunkHeader:
         raise DamageError("a chunk with a damaged header")
     name = start[_CHUNK.size : content - 8]
     (stored,) = struct.unpack_from("<Q", start, content - 8)
-    if content + stored != record_length or size > MAX_CHUNK or end_ns < start_ns:
+    if content + stored != record_length or size > _CREDIBLE or end_ns < start_ns:
         raise DamageError("a chunk with a damaged header")
+    if size > MOST_UNPACKED:
+        raise TooLargeError(
+            f"a chunk of {size} bytes, more than {MOST_UNPACKED}; write it with smaller chunks"
+        )
     if name not in (b"zstd", b"lz4", b""):
         raise DamageError(f"a chunk compressed with {name.decode('latin-1')!r}, which is unknown")
     return ChunkHeader(start_ns, end_ns, size, crc, name.decode(), content, stored)
@@ -228,11 +243,14 @@ def read_chunk(position: int, header: ChunkHeader, content: bytes) -> Piece:
         DamageError: its bytes are not what was written.
     """
     raw = _unpacked(header, memoryview(content)[header.content :])
-    if len(raw) != header.size:
-        raise DamageError(f"a chunk of {len(raw)} instead of {header.size} bytes")
     if header.crc and zlib.crc32(raw) != header.crc:
         raise DamageError("a chunk whose checksum (CRC) is wrong")
     messages, others, end, state = scan(np.frombuffer(raw, np.uint8), False)
+    if state == TOO_MANY:
+        raise TooLargeError(
+            f"a chunk of more than {MOST_MESSAGES} messages or {MOST_DEFINITIONS} definitions; "
+            "write it with smaller chunks"
+        )
     if state != WHOLE:
         raise DamageError(f"in a chunk, {end} bytes from its start: {_PROBLEMS[state]}")
     place = position, RECORD_HEADER + len(content)
@@ -297,30 +315,6 @@ def _piece(
 
 def _unpacked(header: ChunkHeader, stored: memoryview) -> bytes:
     try:
-        if header.compression == "zstd":
-            return _zstd(stored, header.size)
-        if header.compression == "lz4":
-            # A damaged size must not become an allocation.
-            if lz4.frame.get_frame_info(stored)["content_size"] not in (0, header.size):
-                raise DamageError("a chunk with a damaged size")
-            return bytes(lz4.frame.decompress(stored))
-        return bytes(stored)
-    except (zstandard.ZstdError, RuntimeError, ValueError, EOFError, MemoryError) as error:
-        if isinstance(error, DamageError):
-            raise
-        raise DamageError(f"a chunk that {header.compression} cannot unpack") from None
-
-
-def _zstd(stored: memoryview, size: int) -> bytes:
-    unpacker = zstandard.ZstdDecompressor()
-    noted = zstandard.frame_content_size(stored)
-    if noted == size:
-        return bytes(unpacker.decompress(stored))
-    if noted > 0:
-        raise DamageError("a chunk with a damaged size")
-    parts, total = [], 0
-    with unpacker.stream_reader(stored, read_across_frames=True) as reader:
-        while total <= size and (part := reader.read(_SLICE)):
-            parts.append(part)
-            total += len(part)
-    return b"".join(parts)
+        return unpack(header.compression, stored, header.size)
+    except UnpackingError as error:
+        raise DamageError(f"a chunk {error}") from None

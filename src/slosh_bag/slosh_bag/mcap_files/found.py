@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 from mcap.records import Channel, Metadata, Schema
 
+from slosh_bag.mcap_files.chunk_scan import MOST_DEFINITIONS
 from slosh_bag.mcap_files.chunks import Piece
+
+MOST_DEFINED = 50_000_000
+"""Schemas and channels of a file, at most [bytes]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,6 +45,7 @@ class Found:
         unknown: records of an unknown kind, which were passed over.
         gaps: what could not be read.
         orphans: messages left out since the definition of their channel is lost.
+        definitions, defined: number of definitions that were counted, and bytes of those kept.
     """
 
     schemas: dict[int, Schema] = field(default_factory=dict)
@@ -54,6 +60,19 @@ class Found:
     unknown: int = 0
     gaps: list[Gap] = field(default_factory=list)
     orphans: int = 0
+    definitions: int = 0
+    defined: int = 0
+
+    def has_room(self, definitions: Sequence[Schema | Channel], *, kept: bool) -> bool:
+        """Counts definitions; False: they are too many.
+
+        Args:
+            definitions: the next ones.
+            kept: whether they stay in memory, so that their lengths count.
+        """
+        self.definitions += len(definitions)
+        self.defined += sum(map(_length, definitions)) if kept else 0
+        return self.definitions <= MOST_DEFINITIONS and self.defined <= MOST_DEFINED
 
     def add(self, piece: Piece) -> None:
         """Counts the messages of a piece."""
@@ -71,3 +90,9 @@ class Found:
         """True where the channel is known, and its schema, if it has one."""
         known = self.channels.get(channel)
         return known is not None and (not known.schema_id or known.schema_id in self.schemas)
+
+
+def _length(record: Schema | Channel) -> int:
+    if isinstance(record, Schema):
+        return len(record.data) + len(record.name)
+    return len(record.topic) + sum(len(key) + len(text) for key, text in record.metadata.items())

@@ -17,6 +17,7 @@ from slosh_bag.mcap_files.chunks import (
     read_loose,
 )
 from slosh_bag.mcap_files.mcap_walk import CHUNK_START
+from slosh_bag.unpacking import MOST_UNPACKED
 
 
 class Span(NamedTuple):
@@ -53,6 +54,7 @@ def in_log_order(
     """
     waiting = sorted(spans, reverse=True)
     heap: list[tuple[int, int, int, Piece]] = []
+    open_bytes = 0
     with path.open("rb") as stream:
         while waiting or heap:
             while waiting and (not heap or waiting[-1].start_ns <= heap[0][0]):
@@ -60,6 +62,12 @@ def in_log_order(
                 stream.seek(span.position)
                 piece = select(_again(path, span, stream.read(span.stored)))
                 if len(piece):
+                    open_bytes += len(piece.raw)
+                    if open_bytes > MOST_UNPACKED:
+                        raise SloshBagError(
+                            f"{path}: chunks of more than {MOST_UNPACKED} bytes cover the time "
+                            f"{span.start_ns * 1e-9:.3f} s; sort its messages by time first"
+                        )
                     heapq.heappush(heap, (int(piece.log_ns[0]), piece.position, 0, piece))
             if not heap:
                 continue
@@ -67,6 +75,8 @@ def in_log_order(
             yield piece, row
             if row + 1 < len(piece):
                 heapq.heappush(heap, (int(piece.log_ns[row + 1]), position, row + 1, piece))
+            else:
+                open_bytes -= len(piece.raw)
 
 
 def _again(path: Path, span: Span, content: bytes) -> Piece:

@@ -10,6 +10,7 @@ from typing import BinaryIO
 from mcap.opcode import Opcode
 from mcap.records import Channel, MetadataIndex, Schema, Statistics
 
+from slosh_bag.mcap_files.chunk_scan import MOST_DEFINITIONS
 from slosh_bag.mcap_files.chunks import RECORD_HEADER, DamageError, parse
 
 MAGIC = b"\x89MCAP0\r\n"
@@ -17,6 +18,8 @@ _FOOTER = struct.Struct("<BQQQI")
 _HEADER = struct.Struct("<BQ")
 END = _FOOTER.size + len(MAGIC)
 _SLICE = 1 << 20
+MOST_TAKEN = 2 * MOST_DEFINITIONS
+"""Records of a summary that are kept, at most; with more it counts as damaged."""
 
 
 @dataclass(slots=True)
@@ -81,7 +84,7 @@ def read_summary(stream: BinaryIO, size: int) -> Summary | None:
 
 def _records(stream: BinaryIO, start: int, end: int) -> Summary | None:
     """What is needed of the summary's records; None: they do not follow each other."""
-    summary, position = Summary(start, trusted=True), start
+    summary, position, taken = Summary(start, trusted=True), start, 0
     stream.seek(start)
     try:
         while position < end:
@@ -90,6 +93,9 @@ def _records(stream: BinaryIO, start: int, end: int) -> Summary | None:
             if position > end:
                 return None
             if opcode in _TAKEN:
+                taken += 1
+                if taken > MOST_TAKEN:
+                    return None
                 _take(summary, parse(_TAKEN[opcode], stream.read(length)))
             else:
                 stream.seek(position)

@@ -18,19 +18,20 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, Header, Metadata, Schema
 
 from slosh_bag.errors import SloshBagError
-from slosh_bag.mcap_files.chunk_scan import find_chunk
+from slosh_bag.mcap_files.chunk_scan import MOST_DEFINITIONS, find_chunk
 from slosh_bag.mcap_files.chunks import (
     RECORD_HEADER,
     ChunkHeader,
     DamageError,
     Piece,
+    TooLargeError,
     agrees,
     chunk_header,
     parse,
     read_chunk,
     read_loose,
 )
-from slosh_bag.mcap_files.found import Found, Gap
+from slosh_bag.mcap_files.found import MOST_DEFINED, Found, Gap
 from slosh_bag.mcap_files.mcap_summary import MAGIC, Summary, read_summary
 from slosh_bag.mcap_files.record_stream import CutOffError, RecordStream
 
@@ -101,7 +102,7 @@ class McapWalk:
         if opcode == Opcode.CHUNK:
             return self._chunk(length), False
         if opcode in _LOOSE:
-            return self._loose(length), False
+            return self._loose(opcode, length), False
         if opcode == Opcode.DATA_END:
             self._end(self._stream.take(length))
             return None, not self._lenient or not self._goes_on()
@@ -126,12 +127,15 @@ class McapWalk:
         self.found.chunks += 1
         return piece
 
-    def _loose(self, length: int) -> Piece:
+    def _loose(self, opcode: int, length: int) -> Piece:
         self._stream.back()
-        window = self._stream.peek(max(_WINDOW, RECORD_HEADER + length))
+        # A definition comes alone: a file may hold many, and a window for each is much to read.
+        more = _WINDOW if opcode == Opcode.MESSAGE else 0
+        window = self._stream.peek(max(more, RECORD_HEADER + length))
         piece = read_loose(self._stream.position, window)
         self._stream.take(piece.stored)
         self.found.loose += len(piece)
+        self._bound(*piece.schemas, *piece.channels, kept=False)
         return piece
 
     def _other(self, opcode: int, length: int) -> None:
@@ -186,7 +190,18 @@ class McapWalk:
             channel.id in channels for channel in piece.channels
         )
 
+    def _bound(self, *definitions: Schema | Channel, kept: bool) -> None:
+        """No file makes a reader keep, or read through, too many definitions."""
+        if not self.found.has_room(definitions, kept=kept):
+            raise SloshBagError(
+                f"{self.path}: more than {MOST_DEFINITIONS} schemas and channels, or "
+                f"{MOST_DEFINED // 1_000_000} MB of them; a recording has some hundred: "
+                "filter or record it anew"
+            )
+
     def _define(self, known: dict[int, Any], record: Schema | Channel) -> None:
+        if record.id not in known:
+            self._bound(record, kept=True)
         if known.setdefault(record.id, record) != record and not self._lenient:
             kind = type(record).__name__.lower()
             raise DamageError(f"{kind} {record.id} is defined twice, not in the same way")
@@ -244,6 +259,8 @@ class McapWalk:
         """Deals with what cannot be read; True: nothing after it can be, either."""
         if self._lenient:
             return self._leave_out(position, error)
+        if isinstance(error, TooLargeError):
+            raise SloshBagError(f"{self.path}: at byte {position}: {error}")
         if self.summary is not None or self._next_chunk(position + 1) is not None:
             raise SloshBagError(
                 f"{self.path}: damaged at byte {position}: {error}; "

@@ -30,9 +30,8 @@ from slosh_camera.calibrate.still import StillFit, calibrate_by_edges, check_pos
 from slosh_camera.calibration import Calibration, format_calibration, parse_calibration
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.geometry import Cup, CupView, Pose, Wall
+from slosh_camera.image import Image, read_image
 from slosh_files import check_apart, write_bytes, write_text
-
-Image = NDArray[np.uint8]
 
 _CUP_KEYS = tuple(entry.name for entry in fields(Cup))
 # Edges that lie farther than this from the pose that a board gives are worth a word [px].
@@ -108,11 +107,9 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _read_image(path: Path) -> Image:
-    data = np.fromfile(path, dtype=np.uint8)
-    image = cv2.imdecode(data, cv2.IMREAD_COLOR) if data.size else None
-    if image is None:
-        raise SloshBringupError(f"{path}: is not an image that can be decoded, use PNG or JPEG")
-    return np.asarray(image, dtype=np.uint8)
+    """Its image in colour, as the pictures drawn over it are."""
+    image = read_image(path)
+    return image if image.ndim == 3 else np.asarray(cv2.cvtColor(image, cv2.COLOR_GRAY2BGR))
 
 
 def _known_camera(arguments: argparse.Namespace, image: Image) -> KnownCamera:

@@ -18,6 +18,7 @@ from slosh_bringup.detect.frame import CompressedMessage, NoImage, RawMessage, S
 from slosh_bringup.detect.series import IMAGE_ENDINGS, images_in, longest_series, natural_order
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.run_data import stamp_ns
+from slosh_camera.image_size import MOST_PIXELS
 
 RAW, COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
 FOLDER_RATE = 60.0
@@ -141,6 +142,14 @@ def _video_source(path: Path) -> FrameSource:
         raise SloshBringupError(
             f"{path}: neither a video that OpenCV reads (is it whole?), an image, "
             "a folder nor an MCAP bag"
+        )
+    width, height = (
+        round(capture.get(side)) for side in (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT)
+    )
+    if width * height > MOST_PIXELS:
+        raise SloshBringupError(
+            f"{path}: claims {width} x {height} pixels, more than {MOST_PIXELS // 1_000_000} "
+            "million; make it smaller"
         )
     announced = max(round(capture.get(cv2.CAP_PROP_FRAME_COUNT)), 0)
     rate = capture.get(cv2.CAP_PROP_FPS)
