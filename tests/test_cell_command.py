@@ -16,7 +16,7 @@ from slosh_bag.replay import replay_bag
 from slosh_bringup.in_force import in_force, recorded_starts
 from slosh_bringup.processes import NodeProcess, config_folder, node_environment
 from slosh_msgs.msg import SloshEstimate
-from tests.live_processes import PATIENCE, live_process
+from tests.live_processes import PATIENCE, live_process, recorded
 
 BAG = Path(__file__).resolve().parents[1] / "bags" / "l"
 SETTLING = SloshEstimate.SETTLING
@@ -176,7 +176,7 @@ def test_a_cell_goes_on_when_its_nodes_are_killed(domain, tmp_path, write_cell):
             running.wait_for(lambda: running.nodes()[name] != before, f"another {name}")  # noqa: B023
         settles = "estimator: validity flags 0x10"
         running.wait_for(lambda: settles in running.said, settles)
-        running.wait_for_recording(folder / "bag_2", 1_000_000)
+        running.wait_for_recording(folder / "bag_2", recorded(folder / "bag_2") + 2_000_000)
         running.process.terminate()
         assert running.end() == 1
     ends = [f"node {name} ended with exit code -9: " for name in ("estimator", "recorder")]
@@ -187,7 +187,7 @@ def test_a_cell_goes_on_when_its_nodes_are_killed(domain, tmp_path, write_cell):
     assert f"it is started again, recording to {folder.resolve() / 'bag_2'}" in running.said
     flags = [message.flags for bag in ("bag", "bag_2") for message in estimates_of(folder / bag)]
     assert flags[0] & SETTLING == 0
-    assert flags[-1] & SETTLING
+    assert any(flag & SETTLING for flag in flags)
     verification = replay_bag(folder / "bag").verification
     assert verification.exact, verification.lines()
 

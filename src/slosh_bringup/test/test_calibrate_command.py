@@ -146,7 +146,7 @@ def test_bad_input_is_one_line(capsys, tmp_path, still, intrinsics):
     for words, part in (
         ([tmp_path / "none.png", *camera, *end], "none.png: cannot be read: No such file"),
         ([tmp_path, *camera, *end], "Is a directory"),
-        ([text, *camera, *end], "text.png: image: 12 bytes could not be decoded"),
+        ([text, *camera, *end], "text.png: image: 12 bytes are not a complete image file"),
         ([small, *camera, *end], "small.png: still image: has 1 x 1 pixels"),
         ([blank, *camera, *end], "blank.png: still image: no round container is found"),
         ([still, "--camera", tmp_path / "none.yaml", *end], "none.yaml: cannot be read"),

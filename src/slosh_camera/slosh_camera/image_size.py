@@ -49,7 +49,7 @@ def check_size(data: bytes) -> None:
         size = None
     if size is None:
         raise SloshCameraError(
-            f"image: {len(data)} bytes could not be decoded as PNG, JPEG, BMP or TIFF"
+            f"image: {len(data)} bytes are not a complete image file: no PNG, JPEG, BMP or TIFF"
         )
     pixels = size.width * size.height
     told = f"image: claims {size.width} x {size.height} pixels"
@@ -58,7 +58,6 @@ def check_size(data: bytes) -> None:
         raise SloshCameraError(f"{told}, more than {most} million; make it smaller")
     if pixels * size.scans > _MOST_WORK:
         raise SloshCameraError(f"{told} in {size.scans} scans; save it with fewer")
-
 
 
 def _segments(data: bytes) -> Iterator[tuple[int, int]]:

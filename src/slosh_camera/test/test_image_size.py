@@ -42,7 +42,6 @@ def test_a_jpeg_whose_claim_was_changed_is_refused_before_it_is_decoded(monkeypa
 
 def test_a_jpeg_of_very_many_scans_is_refused():
     data = file_of(".jpg", (48, 64, 3), [cv2.IMWRITE_JPEG_PROGRESSIVE, 1])
-    assert decode_compressed("jpeg", data).shape == (48, 64, 3)
     many = data[:-2] + b"\xff\xda" * 200_000 + data[-2:]
     with pytest.raises(SloshCameraError, match="scans"):
         decode_compressed("jpeg", many)

@@ -85,7 +85,7 @@ models = st.builds(
         st.floats(1e-3, 5.0),
         st.one_of(st.none(), st.floats(5.1, 9.0)),
     ),
-    liquid=st.builds(Liquid, st.floats(1.0, 2e4), st.floats(1e-8, 1e-4)),
+    liquid=st.builds(Liquid, st.floats(1.0, 2e4), st.floats(1e-8, 1e-5)),
     damping_ratio=st.one_of(st.none(), st.floats(0.0, 0.99)),
     effects=effect_uses(),
     modes=st.integers(1, 5),
