@@ -30,7 +30,7 @@ from slosh_msgs_py import qos, topics
 from slosh_msgs_py.node.run import make_executor
 
 RATE = 1000
-GOAL = 1.5
+GOAL = 1.3
 WARM_UP = 300
 PATIENCE = 30.0
 PLAIN, FULL = "/plain", "/full"

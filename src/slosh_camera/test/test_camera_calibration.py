@@ -166,7 +166,7 @@ def test_the_still_image_lies_beside_the_file(with_still, shape, monkeypatch):
     [
         (None, "cannot be read"),
         (b"", "is empty"),
-        (b"not an image", "decoded"),
+        (b"not an image", "not a complete image"),
         (cv2.imencode(".png", np.zeros((480, 600), np.uint8))[1].tobytes(), "600 x 480"),
     ],
 )
