@@ -14,13 +14,13 @@ from sensor_msgs.msg import Imu
 from std_srvs.srv import Trigger
 
 from slosh_estimator.accel_input import AccelInput
-from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.estimator import Estimator
 from slosh_estimator.gate import DROPPED, GateSettings
 from slosh_estimator.imu_input import ImuInput, SensorTransform
 from slosh_estimator.model_file import read_model
 from slosh_estimator.nodes.estimator_messages import fill, fill_reading, imu_sample
 from slosh_estimator.nodes.input_health import InputHealth
+from slosh_estimator.nodes.requested_model import requested_model
 from slosh_estimator.pose_input import PoseInput
 from slosh_estimator.readings import has_readings
 from slosh_estimator.sample import Sample
@@ -28,9 +28,7 @@ from slosh_estimator.validity import EstimateFlag, attitude_warning
 from slosh_model.arithmetic import arithmetic_fingerprint
 from slosh_model.compilation import load_telling
 from slosh_model.compile_cache import sources_digest
-from slosh_model.errors import SloshModelError
-from slosh_model.model import Model
-from slosh_model.model_text import format_model, parse_model
+from slosh_model.model_text import format_model
 from slosh_msgs.msg import ExpectedReading, SloshEstimate
 from slosh_msgs.srv import LoadModel
 from slosh_msgs_py import qos, topics
@@ -190,7 +188,7 @@ class EstimatorNode(PreparedNode):
         self, request: LoadModel.Request, response: LoadModel.Response
     ) -> LoadModel.Response:
         try:
-            self._estimator.load_model(self._requested_model(request))
+            self._estimator.load_model(requested_model(request, self.get_logger().warning))
             self._announce_start()
         except ValueError as error:
             response.success, response.message = False, str(error)
@@ -201,20 +199,6 @@ class EstimatorNode(PreparedNode):
             response.message = f"loaded; the models start from rest{remark}"
         response.models = ", ".join(self._estimator.names)
         return response
-
-    def _requested_model(self, request: LoadModel.Request) -> Model:
-        if bool(request.path) == bool(request.text):
-            raise SloshEstimatorError("give either a path or a text")
-        if request.text:
-            return parse_model(request.text, "text")
-        try:
-            return read_model(request.path)
-        except SloshModelError as error:
-            # Whoever asks may be a stranger, to whom the file's content is not to be told.
-            self.get_logger().warning(f"load_model: {error}")
-            raise SloshEstimatorError(
-                f"{request.path}: no model; the estimator's log tells the line and the key"
-            ) from None
 
     def _on_reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self._estimator.reset()

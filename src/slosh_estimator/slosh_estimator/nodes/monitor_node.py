@@ -12,22 +12,20 @@ from std_srvs.srv import Trigger
 from slosh_estimator.limits import Event, Hysteresis
 from slosh_estimator.monitor import (
     Comparison,
-    Condition,
     EstimatePoint,
     MeasuredPoint,
     Monitor,
     MonitorSettings,
 )
-from slosh_estimator.nodes.match_health import MatchHealth
+from slosh_estimator.nodes.monitor_health import MonitorHealth
 from slosh_estimator.readings import Reading, ReadingJoiner
 from slosh_model.arithmetic import arithmetic_fingerprint
 from slosh_model.compile_cache import sources_digest
 from slosh_msgs.msg import ExpectedReading, FreeSurface, LimitEvent, SloshComparison, SloshEstimate
 from slosh_msgs_py import conversions, qos, topics, values
-from slosh_msgs_py.node.diagnostics import ERROR, OK, STALE, WARN, DiagnosticsReporter, Health
+from slosh_msgs_py.node.diagnostics import DiagnosticsReporter, Health
 from slosh_msgs_py.node.guarded import GuardedNode
 from slosh_msgs_py.node.parameters import ParameterSpec, declare
-from slosh_msgs_py.node.rivals import Rivals
 from slosh_msgs_py.node.run import run_node
 from slosh_msgs_py.node.settings import SettingsPublisher
 from slosh_msgs_py.stamps import to_nanoseconds
@@ -84,15 +82,7 @@ class MonitorNode(GuardedNode):
             FreeSurface, topics.FREE_SURFACE, self._on_free_surface, qos.STREAM_IN
         )
         self.create_service(Trigger, f"monitor/{topics.RESET}", self._on_reset)
-        self._reported = -1
-        self._match = MatchHealth()
-        self._rivals = [
-            Rivals(self, topic, f"slosh_msgs/msg/{kind.__name__}")
-            for topic, kind in (
-                (topics.ESTIMATE, SloshEstimate),
-                (topics.FREE_SURFACE, FreeSurface),
-            )
-        ]
+        self._judge = MonitorHealth(self, self._core)
         self._measured = 0
         self._report = DiagnosticsReporter(self, self._health, self._facts)
         self.create_timer(CHECK_PERIOD, self._on_check, clock=self._steady)
@@ -163,37 +153,7 @@ class MonitorNode(GuardedNode):
         return response
 
     def _health(self) -> Health:
-        now = self._arrival()
-        stands_still, self._reported = now == self._reported, now
-        if stands_still:
-            return STALE, "simulated time stands still: no /clock"
-        measured_stale, estimate_stale = self._core.silent_sides(now)
-        silent = [
-            topic
-            for topic, stale in (
-                (topics.FREE_SURFACE, measured_stale),
-                (topics.ESTIMATE, estimate_stale),
-            )
-            if stale
-        ]
-        self._core.obstruction = "; ".join(filter(None, (rival.look() for rival in self._rivals)))
-        condition = self._core.condition(now)
-        mismatch = self._match.look(self._measured, self._core.unmatched)
-        if silent:
-            level = ERROR if condition is Condition.ERROR else STALE
-            return level, f"{condition.name}: no {' and no '.join(silent)}"
-        blindness = self._core.blindness(now)
-        if blindness:
-            exceeded = "a limit is exceeded, and " if condition is Condition.ERROR else ""
-            return ERROR, f"{exceeded}BLIND: {blindness}"
-        if condition is not Condition.OK:
-            return (ERROR if condition is Condition.ERROR else WARN), condition.name
-        if mismatch is not None:
-            return mismatch
-        last = self._core.motions.last
-        if last is not None and last.disagrees:
-            return WARN, last.sentence
-        return OK, condition.name
+        return self._judge.look(self._arrival(), self._measured)
 
     def _facts(self) -> dict[str, Any]:
         core = self._core

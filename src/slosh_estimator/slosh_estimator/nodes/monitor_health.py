@@ -1,0 +1,79 @@
+"""What the monitor says of itself in the diagnostics."""
+
+from __future__ import annotations
+
+from rclpy.node import Node
+
+from slosh_estimator.monitor import Condition, Monitor
+from slosh_msgs_py import topics
+from slosh_msgs_py.node.diagnostics import ERROR, OK, STALE, WARN, Health
+from slosh_msgs_py.node.rivals import Rivals
+
+_INPUTS = {
+    topics.ESTIMATE: "slosh_msgs/msg/SloshEstimate",
+    topics.FREE_SURFACE: "slosh_msgs/msg/FreeSurface",
+}
+
+
+class MonitorHealth:
+    """Judges the monitor once a second.
+
+    Args:
+        node: the node.
+        core: the monitor; it is told who else speaks on its inputs.
+    """
+
+    def __init__(self, node: Node, core: Monitor) -> None:
+        self._core = core
+        self._rivals = [Rivals(node, topic, kind) for topic, kind in _INPUTS.items()]
+        self._reported = -1
+        self._measured = self._unmatched = 0
+
+    def look(self, now_ns: int, measured: int) -> Health:
+        """Level and sentence; the worst that is to be said.
+
+        Args:
+            now_ns: the monitor's time [ns].
+            measured: measurements so far.
+        """
+        stands_still, self._reported = now_ns == self._reported, now_ns
+        if stands_still:
+            return STALE, "simulated time stands still: no /clock"
+        self._core.obstruction = "; ".join(filter(None, (rival.look() for rival in self._rivals)))
+        mismatch = self._mismatch(measured)
+        return self._silence(now_ns) or self._blindness(now_ns) or self._state(now_ns, mismatch)
+
+    def _silence(self, now_ns: int) -> Health | None:
+        measured_stale, estimate_stale = self._core.silent_sides(now_ns)
+        sides = ((topics.FREE_SURFACE, measured_stale), (topics.ESTIMATE, estimate_stale))
+        silent = [topic for topic, stale in sides if stale]
+        if not silent:
+            return None
+        condition = self._core.condition(now_ns)
+        level = ERROR if condition is Condition.ERROR else STALE
+        return level, f"{condition.name}: no {' and no '.join(silent)}"
+
+    def _blindness(self, now_ns: int) -> Health | None:
+        blindness = self._core.blindness(now_ns)
+        if not blindness:
+            return None
+        exceeded = self._core.condition(now_ns) is Condition.ERROR
+        return ERROR, f"{'a limit is exceeded, and ' if exceeded else ''}BLIND: {blindness}"
+
+    def _state(self, now_ns: int, mismatch: Health | None) -> Health:
+        condition = self._core.condition(now_ns)
+        if condition is not Condition.OK:
+            return (ERROR if condition is Condition.ERROR else WARN), condition.name
+        last = self._core.motions.last
+        if mismatch is None and last is not None and last.disagrees:
+            return WARN, last.sentence
+        return mismatch or (OK, condition.name)
+
+    def _mismatch(self, measured: int) -> Health | None:
+        """Where many measurements since the last look have found no estimate of their moment."""
+        unmatched = self._core.unmatched
+        came, self._measured = measured - self._measured, measured
+        failed, self._unmatched = unmatched - self._unmatched, unmatched
+        if not failed or 2 * failed < came:
+            return None
+        return WARN, f"{failed} of {came} measurements find no estimate of their moment"

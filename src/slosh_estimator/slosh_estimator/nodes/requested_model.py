@@ -1,0 +1,36 @@
+"""The model that somebody asks the estimator to load, who may be a stranger."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from slosh_estimator.errors import SloshEstimatorError
+from slosh_estimator.model_file import read_model
+from slosh_model.errors import SloshModelError
+from slosh_model.model import Model
+from slosh_model.model_text import parse_model
+
+
+def requested_model(request: Any, tell: Callable[[str], object]) -> Model:
+    """The model of a LoadModel request.
+
+    Args:
+        request: of the service; a path or a text.
+        tell: is told what is wrong with a file. The error that goes back does not say: a file's
+            content is not for whoever asks.
+
+    Raises:
+        SloshEstimatorError, SloshModelError: there is none.
+    """
+    if bool(request.path) == bool(request.text):
+        raise SloshEstimatorError("give either a path or a text")
+    if request.text:
+        return parse_model(request.text, "text")
+    try:
+        return read_model(request.path)
+    except SloshModelError as error:
+        tell(f"load_model: {error}")
+        raise SloshEstimatorError(
+            f"{request.path}: no model; the estimator's log tells the line and the key"
+        ) from None
