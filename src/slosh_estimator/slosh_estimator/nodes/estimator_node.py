@@ -112,7 +112,9 @@ class EstimatorNode(PreparedNode):
 
     def prepare(self, progress: Progress) -> None:
         """Compiles or loads the models' kernel and what reads the input, and checks them."""
-        load_telling(progress, "slosh_estimator")
+        load_telling(progress, "slosh_estimator.estimate_kernel")
+        if self._kind == topics.POSE:
+            load_telling(progress, "slosh_estimator.pose_input")
         self._estimator = Estimator(self._model, at_rest=self._values["starts_at_rest"])
 
     def begin(self) -> None:
