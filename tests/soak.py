@@ -115,7 +115,7 @@ def soak(seconds: float, output: Path) -> int:
     (output / "cell.yaml").write_text(
         f"model: {config / 'model.yaml'}\ncalibration: {config / 'camera.yaml'}\n"
     )
-    robot = {"model": str(config / "truth.yaml"), "motion": "l", "repeat": "60", "fps": "15.0"}
+    robot = {"model": str(config / "truth.yaml"), "motion": "l", "repeat": "100", "fps": "15.0"}
     words = [sys.executable, "-m", "slosh_bringup.cli", "cell", "--config"]
     with (output / "words").open("w") as said:
         cell = subprocess.Popen(
