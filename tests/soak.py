@@ -1,6 +1,6 @@
 """A cell under attack for minutes: memory, and whether its recording replays bit for bit.
 
-    tools/run python tests/soak.py [--minutes 10] [-o out/soak]
+    tools/run python -m tests.soak [--minutes 10] [-o out/soak]
 
 The simulated cell plays a robot; a stranger on the same machine sends, every half minute, one of
 the messages that ended or misled an earlier version. In the end: what each node's memory did, what
@@ -10,9 +10,11 @@ the bag replays to, and how often the monitor was blind.
 from __future__ import annotations
 
 import argparse
+import contextlib
 import itertools
 import math
 import os
+import resource
 import signal
 import subprocess
 import sys
@@ -35,6 +37,7 @@ from slosh_msgs.srv import LoadModel
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.node.domain import own_domain
 from slosh_msgs_py.stamps import to_time
+from tests.live_processes import children, node_name
 
 EVERY = 30.0  # s
 SAMPLED = 5.0  # s; how often memory is looked at
@@ -54,7 +57,7 @@ class Stranger:
         self._image = node.create_publisher(Image, topics.IMAGE, qos.STREAM_OUT)
         self._load = node.create_client(LoadModel, topics.LOAD_MODEL)
         self._reset = node.create_client(Trigger, topics.RESET)
-        self.attacks: list[tuple[str, Callable[[], None]]] = [
+        self.attacks: list[tuple[str, Callable[[], object]]] = [
             ("a spike of 200 m/s²", lambda: self._sample(200.0)),
             ("a model of radius 1e-300", lambda: self._text(CUP % "1e-300")),
             ("a sample 0.15 s ahead", lambda: self._sample(0.0, 0.15)),
@@ -66,7 +69,7 @@ class Stranger:
             ("the file /dev/zero as a model", lambda: self._path("/dev/zero")),
             ("1.7e308 m/s²", lambda: self._sample(1.7e308)),
             ("a measurement of the year 2038", lambda: self._measure(2**31 - 1)),
-            ("a reset in motion", lambda: self._call(self._reset, Trigger.Request())),
+            ("a reset in motion", lambda: self._reset.call_async(Trigger.Request())),
             ("a sample 5 s ahead", lambda: self._sample(0.0, 5.0)),
         ]
 
@@ -88,13 +91,10 @@ class Stranger:
         self._image.publish(message)
 
     def _text(self, text: str) -> None:
-        self._call(self._load, LoadModel.Request(text=text))
+        self._load.call_async(LoadModel.Request(text=text))
 
     def _path(self, path: str) -> None:
-        self._call(self._load, LoadModel.Request(path=path))
-
-    def _call(self, client: object, request: object) -> None:
-        client.call_async(request)  # type: ignore[attr-defined]
+        self._load.call_async(LoadModel.Request(path=path))
 
 
 def main() -> int:
@@ -187,17 +187,11 @@ def visit(number: int) -> str:
 def sizes(parent: int) -> dict[str, float]:
     """Resident memory of the nodes that a process has started [MB], by name."""
     found = {}
-    for status in Path("/proc").glob("[0-9]*/status"):
-        try:
-            text = status.read_text()
-            words = status.with_name("cmdline").read_text().split("\0")
-        except OSError:
-            continue
-        facts = dict(line.split(":", 1) for line in text.splitlines() if ":" in line)
-        name = next((word[8:] for word in words if word.startswith("__node:=")), "")
-        if name and int(facts["PPid"]) == parent:
-            found[name] = int(facts["VmRSS"].split()[0]) / 1000.0
-    return found
+    for pid in children(parent):
+        with contextlib.suppress(OSError):
+            pages = int(Path(f"/proc/{pid}/statm").read_text().split()[1])
+            found[node_name(pid)] = pages * resource.getpagesize() / 1e6
+    return {name: size for name, size in found.items() if name}
 
 
 def report(

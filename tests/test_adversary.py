@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 import os
 import time
-from collections.abc import Iterator
-from contextlib import closing
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, closing
 from pathlib import Path
 
 import numpy as np
@@ -31,6 +31,7 @@ OK, BLIND = 0, 4
 ERROR = 2
 SETTLING = SloshEstimate.SETTLING
 pytestmark = pytest.mark.timeout(200)
+StartRobot = Callable[..., Robot]
 CUP = "container: {shape: cylinder, radius: 0.05, fill_height: 0.07}\n"
 
 
@@ -51,11 +52,22 @@ def cell(tmp_path: Path, domain: int) -> Iterator[Robot]:
 
 
 @pytest.fixture(scope="module")
-def calm_one(tmp_path_factory: pytest.TempPathFactory, domain: int) -> Iterator[Robot]:
+def robots(tmp_path_factory: pytest.TempPathFactory, domain: int) -> Iterator[StartRobot]:
+    """Starts robots that live as long as this module's tests."""
+    with ExitStack() as stack:
+
+        def start(name: str, kind: str = topics.ACCEL) -> Robot:
+            folder = tmp_path_factory.mktemp(name)
+            cell = nodes_and_robot(folder, domain, kind=kind, namespace=f"/{name}")
+            return stack.enter_context(cell)[1]
+
+        yield start
+
+
+@pytest.fixture(scope="module")
+def calm_one(robots: StartRobot) -> Robot:
     """One for all tests that leave its liquid at rest."""
-    folder = tmp_path_factory.mktemp("calm")
-    with nodes_and_robot(folder, domain, namespace="/calm") as (_, robot):
-        yield robot
+    return robots("calm")
 
 
 @pytest.fixture
@@ -66,19 +78,15 @@ def calm(calm_one: Robot) -> Robot:
 
 
 @pytest.fixture(scope="module")
-def rough(tmp_path_factory: pytest.TempPathFactory, domain: int) -> Iterator[Robot]:
+def rough(robots: StartRobot) -> Robot:
     """One for the tests that only want it to live."""
-    folder = tmp_path_factory.mktemp("rough")
-    with nodes_and_robot(folder, domain, namespace="/rough") as (_, robot):
-        yield robot
+    return robots("rough")
 
 
 @pytest.fixture(scope="module")
-def inertial_one(tmp_path_factory: pytest.TempPathFactory, domain: int) -> Iterator[Robot]:
+def inertial_one(robots: StartRobot) -> Robot:
     """One with an inertial sensor."""
-    folder = tmp_path_factory.mktemp("inertial")
-    with nodes_and_robot(folder, domain, kind=topics.IMU, namespace="/imu") as (_, robot):
-        yield robot
+    return robots("imu", topics.IMU)
 
 
 @pytest.fixture

@@ -33,72 +33,66 @@ def until(condition, what, act=lambda: time.sleep(0.01)):
         act()
 
 
+class FullDisk:
+    """A file system of 48 MB that other files and a recording have filled."""
+
+    def __init__(self, folder):
+        self.ballast, self.bag = folder / "ballast", folder / "bag"
+        self.ballast.write_bytes(bytes(40 * MEGABYTE))
+        self.recorder = Recorder(self.bag)
+        self.recorder.add_topic("/h", "std_msgs/msg/Header", Qos())
+        self.count = 0
+        until(lambda: self.recorder.status().failure, "the disk to be full", self.add)
+
+    def add(self):
+        """A message that holds its number and cannot be compressed."""
+        number = self.count.to_bytes(4, "little")
+        self.recorder.add("/h", DATA + number + os.urandom(100_000), self.count)
+        self.count += 1
+
+
 @pytest.fixture
 def disk(tmp_path):
-    """A file system of 48 MB."""
     folder = tmp_path / "disk"
     folder.mkdir()
     with small_disk(folder, "size=48m"):
-        yield folder
+        yield FullDisk(folder)
 
 
 def test_a_small_disk_fills_up_and_recording_goes_on_when_there_is_room(disk):
-    ballast = disk / "ballast"
-    ballast.write_bytes(bytes(40 * MEGABYTE))
-    recorder = Recorder(disk / "bag")
-    recorder.add_topic("/h", "std_msgs/msg/Header", Qos())
-    count = 0
-
-    def add():
-        nonlocal count
-        recorder.add("/h", DATA + count.to_bytes(4, "little") + os.urandom(100_000), count)
-        count += 1
-
-    until(lambda: recorder.status().failure, "the disk to be full", add)
+    recorder = disk.recorder
     status = recorder.status()
     assert "No space left on device" in status.failure
     assert status.free < MEGABYTE
-    kept = [numbered(message.data) for message in BagReader(disk / "bag").messages()]
+    kept = [numbered(message.data) for message in BagReader(disk.bag).messages()]
     assert kept == list(range(len(kept)))
     assert len(kept) * 100_000 > 5 * MEGABYTE
     for _ in range(20):
-        add()
-    ballast.unlink()
+        disk.add()
+    disk.ballast.unlink()
     until(lambda: not recorder.status().failure, "the recording to go on")
-    add()
+    disk.add()
     recorder.close()
     status = recorder.status()
     assert (status.lost, status.interruptions) == (0, 1)
-    reader = BagReader(disk / "bag")
-    assert [numbered(message.data) for message in reader.messages()] == list(range(count))
+    reader = BagReader(disk.bag)
+    assert [numbered(message.data) for message in reader.messages()] == list(range(disk.count))
     assert reader.warnings == []
 
 
 def test_a_recording_that_ends_on_a_nearly_full_disk_keeps_what_fits_and_notes_the_rest(disk):
     """More waits than there is room for: some of it is better than nothing of it."""
-    ballast = disk / "ballast"
-    ballast.write_bytes(bytes(40 * MEGABYTE))
-    recorder = Recorder(disk / "bag")
-    recorder.add_topic("/h", "std_msgs/msg/Header", Qos())
-    count = 0
-
-    def add():
-        nonlocal count
-        recorder.add("/h", DATA + count.to_bytes(4, "little") + os.urandom(100_000), count)
-        count += 1
-
-    until(lambda: recorder.status().failure, "the disk to be full", add)
     for _ in range(400):
-        add()
-    written = sum(recorder.status().written.values())
-    os.truncate(ballast, 25 * MEGABYTE)  # room for 150 of the 400
-    recorder.close()
-    status = recorder.status()
-    kept = [numbered(message.data) for message in BagReader(disk / "bag").messages()]
+        disk.add()
+    written = sum(disk.recorder.status().written.values())
+    os.truncate(disk.ballast, 25 * MEGABYTE)  # room for 150 of the 400
+    disk.recorder.close()
+    status = disk.recorder.status()
+    kept = [numbered(message.data) for message in BagReader(disk.bag).messages()]
     assert kept == list(range(len(kept)))
     assert len(kept) > written + 100
-    assert status.lost == count - len(kept) > 100
-    assert BagReader(disk / "bag").metadata()["messages_lost"] == str(status.lost)
+    assert status.lost == disk.count - len(kept) > 100
+    assert BagReader(disk.bag).metadata()["messages_lost"] == str(status.lost)
 
 
 def test_a_deleted_bag_is_noticed_counted_and_begun_anew(tmp_path):

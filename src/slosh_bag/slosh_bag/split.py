@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from slosh_bag.bag_writer import BagWriter
 from slosh_bag.errors import SloshBagError
-from slosh_bag.interchange.bag_contents import BagTopic, bag_contents
+from slosh_bag.interchange.bag_contents import bag_contents
 from slosh_bag.reader import BagMessage, BagReader
 from slosh_bag.replay.bag import find_sources
 from slosh_bag.replay.inputs import STAMP, stamps_of
@@ -92,9 +92,5 @@ class _Copy:
     def _take(self, message: BagMessage, writer: BagWriter) -> None:
         writer.write(message.topic, message.data, message.log_ns, message.publish_ns)
         self._progress(1)
-        if _is_latched(self._topics[message.topic]):
+        if self._topics[message.topic].latched:
             self._latched.append(message)
-
-
-def _is_latched(topic: BagTopic) -> bool:
-    return any(offered.durability == "transient_local" for offered in topic.offered)

@@ -20,7 +20,6 @@ class Supervision:
         group: the nodes.
         processes: how they were started.
         tell: is told what has happened, in a line.
-        steady: time that never goes back [s].
 
     Attributes:
         problems: what was told, for the report.
@@ -31,9 +30,8 @@ class Supervision:
         group: NodeGroup,
         processes: Sequence[NodeProcess],
         tell: Callable[[str], None],
-        steady: Callable[[], float] = time.monotonic,
     ) -> None:
-        self._group, self._tell, self._steady = group, tell, steady
+        self._group, self._tell = group, tell
         self._processes = {process.name: process for process in processes}
         self._ends: dict[str, list[float]] = {}
         self.problems: list[str] = []
@@ -51,12 +49,12 @@ class Supervision:
         end = self._group.failed()
         if end is None or not began or end.code == EXIT_WRONG_INPUT:
             return end
-        now = self._steady()
-        ends = [at for at in self._ends.get(end.name, []) if now - at < WITHIN]
-        self._ends[end.name] = [*ends, now]
+        now = time.monotonic()
+        self._ends.setdefault(end.name, []).append(now)
+        recent = sum(now - at < WITHIN for at in self._ends[end.name])
         self._group.forget(end.name)
-        if len(ends) >= ATTEMPTS:
-            self._say(f"{end.text}; for the {len(ends) + 1}th time: the cell goes on without it")
+        if recent > ATTEMPTS:
+            self._say(f"{end.text}; for the {recent}th time: the cell goes on without it")
             return None
         process = self._again(self._processes[end.name])
         self._group.start(process)
@@ -70,9 +68,8 @@ class Supervision:
         if process.name == "estimator":
             own["starts_at_rest"] = "false"
         if process.name == LAST:
-            number = len([line for line in self.problems if line.startswith(f"node {LAST} ")]) + 2
-            first = self._processes[LAST].parameters["output"]
-            own["output"] = f"{first}_{number}"  # what has been recorded stays as it is
+            # What has been recorded stays as it is.
+            own["output"] += f"_{len(self._ends[LAST]) + 1}"
         return replace(process, parameters=own)
 
     def _say(self, line: str) -> None:

@@ -51,13 +51,22 @@ def check_size(data: bytes) -> None:
         raise SloshCameraError(
             f"image: {len(data)} bytes are not a complete image file: no PNG, JPEG, BMP or TIFF"
         )
-    pixels = size.width * size.height
-    told = f"image: claims {size.width} x {size.height} pixels"
-    if pixels > MOST_PIXELS:
-        most = MOST_PIXELS // 1_000_000
-        raise SloshCameraError(f"{told}, more than {most} million; make it smaller")
-    if pixels * size.scans > _MOST_WORK:
-        raise SloshCameraError(f"{told} in {size.scans} scans; save it with fewer")
+    told = too_large(size.width, size.height)
+    if told:
+        raise SloshCameraError(f"image: {told}")
+    if size.width * size.height * size.scans > _MOST_WORK:
+        raise SloshCameraError(
+            f"image: claims {size.width} x {size.height} pixels in {size.scans} scans; "
+            "save it with fewer"
+        )
+
+
+def too_large(width: int, height: int) -> str:
+    """That an image or a video claims too many pixels, in words; empty: it does not."""
+    if width * height <= MOST_PIXELS:
+        return ""
+    most = MOST_PIXELS // 1_000_000
+    return f"claims {width} x {height} pixels, more than {most} million; make it smaller"
 
 
 def _segments(data: bytes) -> Iterator[tuple[int, int]]:

@@ -190,6 +190,19 @@ class Scene:
             if cosine[index] > 0.0:
                 cv2.fillConvexPoly(image, fixed[index], grey[index], cv2.LINE_8, SHIFT)
 
+    def with_sides(self, image: np.ndarray) -> np.ndarray:
+        """The image with the container's sides, as glass shows them."""
+        view, picture = self.calibration().view, image.copy()
+        outer = view.cup.radius + view.cup.wall_thickness
+        half = np.arccos(outer / np.hypot(*view.pose.camera_centre[:2]))
+        for azimuth in (view.camera_azimuth - half, view.camera_azimuth + half):
+            ends = np.column_stack(
+                (np.full((2, 2), outer) * (np.cos(azimuth), np.sin(azimuth)), (-0.07, 0.06))
+            )
+            first, last = np.rint(view.project(ends) * 16).astype(int)
+            cv2.line(picture, tuple(first), tuple(last), 120, 2, cv2.LINE_AA, 4)
+        return picture
+
     def empty(self) -> np.ndarray:
         """Grey image of the background alone."""
         return self._exposed(np.full((self.height, self.width), self.background, np.uint8))

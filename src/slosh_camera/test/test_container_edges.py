@@ -17,25 +17,11 @@ def rolled(image, degrees):
     )
 
 
-def with_sides(scene, image):
-    """The drawing with the container's sides, as glass shows them."""
-    view, picture = scene.calibration().view, image.copy()
-    outer = view.cup.radius + view.cup.wall_thickness
-    half = np.arccos(outer / np.hypot(*view.pose.camera_centre[:2]))
-    for azimuth in (view.camera_azimuth - half, view.camera_azimuth + half):
-        ends = np.column_stack(
-            (np.full((2, 2), outer) * (np.cos(azimuth), np.sin(azimuth)), (-0.07, 0.06))
-        )
-        first, last = np.rint(view.project(ends) * 16).astype(int)
-        cv2.line(picture, tuple(first), tuple(last), 120, 2, cv2.LINE_AA, 4)
-    return picture
-
-
 @pytest.mark.parametrize("degrees", [-3.0, -2.0, 2.0, 3.0])
 def test_the_turn_is_measured(make_scene, degrees):
     scene = make_scene(noise=2.0)
     edges = ContainerEdges(scene.calibration().view)
-    image = rolled(with_sides(scene, scene.draw(0.01, -1.0)), degrees)
+    image = rolled(scene.with_sides(scene.draw(0.01, -1.0)), degrees)
     assert np.degrees(edges.turn(image)) == pytest.approx(degrees, abs=0.51)
     assert edges.turned(image, 0.0)
     assert not edges.turned(image, np.radians(degrees))
@@ -47,14 +33,14 @@ def test_waves_and_missing_walls_are_no_turn(make_scene, azimuth):
     edges = ContainerEdges(scene.calibration().view)
     image = scene.draw(0.025, azimuth)
     assert not edges.turned(image, 0.0)
-    assert not edges.turned(with_sides(scene, image), 0.0)
+    assert not edges.turned(scene.with_sides(image), 0.0)
 
 
 def test_a_camera_pushed_after_the_still_image_is_noticed(make_scene):
     scene = make_scene()
     detector = FreeSurfaceDetector(scene.calibration())
-    detector.learn_still(with_sides(scene, scene.draw()))
-    image = with_sides(scene, scene.draw(0.015, -1.0))
+    detector.learn_still(scene.with_sides(scene.draw()))
+    image = scene.with_sides(scene.draw(0.015, -1.0))
     assert detector.measure(0, image).flags == Flag.NONE
     pushed = detector.measure(1, rolled(image, 2.0))
     assert pushed.flags == Flag.NOT_FOUND
@@ -65,7 +51,7 @@ def test_a_turned_still_image_asks_for_a_calibration(make_scene):
     scene = make_scene()
     detector = FreeSurfaceDetector(scene.calibration())
     with pytest.raises(SloshCameraError, match=r"turned by -?2\.0 degrees.*calibrate"):
-        detector.learn_still(rolled(with_sides(scene, scene.draw()), 2.0))
+        detector.learn_still(rolled(scene.with_sides(scene.draw()), 2.0))
 
 
 def test_sides_outside_the_image_are_not_looked_for(make_scene):

@@ -49,21 +49,12 @@ HARMLESS = {
 }
 
 
-def table_of(scene, image, *, sides=True):
+def table_of(scene, image):
     """The drawing on a table, in glass."""
-    picture, view = image.copy(), scene.calibration().view
-    floor = view.project(np.array([[0.0, 0.0, -0.07]]))[0, 1]
+    picture = image.copy()
+    floor = scene.calibration().view.project(np.array([[0.0, 0.0, -0.07]]))[0, 1]
     picture[int(floor) :] = 120
-    if sides:
-        outer = view.cup.radius + view.cup.wall_thickness
-        half = np.arccos(outer / np.hypot(*view.pose.camera_centre[:2]))
-        for azimuth in (view.camera_azimuth - half, view.camera_azimuth + half):
-            ends = np.column_stack(
-                (np.full((2, 2), outer) * (np.cos(azimuth), np.sin(azimuth)), (-0.07, 0.06))
-            )
-            first, last = np.rint(view.project(ends) * 16).astype(int)
-            cv2.line(picture, tuple(first), tuple(last), 120, 2, cv2.LINE_AA, 4)
-    return picture
+    return scene.with_sides(picture)
 
 
 @pytest.fixture(params=["level", "pitched"])

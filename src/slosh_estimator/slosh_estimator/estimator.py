@@ -178,7 +178,6 @@ class Estimator:
         self._linear.reset()
         self._nonlinear.reset()
         self._last: Sample | None = None
-        self._last_ns: int | None = None
         self._first_ns: int | None = None
         self._settled_ns = _LONG_AGO
         self._at_rest = at_rest
@@ -186,9 +185,9 @@ class Estimator:
     def _is_still(self) -> bool:
         """Whether the liquid is known to be nearer than STILL to where it would rest now."""
         last = self._last
-        if last is None or self._last_ns is None:
+        if last is None:
             return self._at_rest
-        if self._last_ns < self._settled_ns:
+        if last.stamp_ns < self._settled_ns:
             return False
         models = (self._linear, self._nonlinear)
         resting = [model.store.copy() for model in models]
@@ -224,7 +223,7 @@ class Estimator:
         breaks = np.flatnonzero(samples.restarted).tolist()
         at = 0
         while at < count:
-            if self._last_ns is None or samples.restarted[at]:
+            if self._last is None or samples.restarted[at]:
                 self._note(batch, at, self._take(samples.one(at)))
                 at += 1
             else:
@@ -241,30 +240,28 @@ class Estimator:
     def _take(self, sample: Sample) -> int:
         """Takes a sample; the answers are in the row afterwards. Returns the flags."""
         flags = 0
-        last = self._last_ns
+        last = self._last
         if sample.restarted and last is not None:
             flags = _AFTER_GAP
             self._restart(sample.stamp_ns)
             last = None
         elif last is None and not self._at_rest:
             self._settled_ns = sample.stamp_ns + self._settling_ns
-        self._last, self._last_ns = sample, sample.stamp_ns
+        self._last = sample
         if self._first_ns is None or sample.stamp_ns < self._first_ns:
             self._first_ns = sample.stamp_ns
         # A quotient, not a product with 1e-9: correctly rounded, thus the same bits offline.
-        dt = 0.0 if last is None else (sample.stamp_ns - last) / 1e9
+        dt = 0.0 if last is None else (sample.stamp_ns - last.stamp_ns) / 1e9
         self._step(dt, sample, last is None)
         if self._row[FLAGS] == LEFT_RANGE:
             flags |= self._diverged(sample)
-        if sample.doubtful:
-            flags |= _DOUBTFUL
-        return flags | self._settling(sample.stamp_ns) | int(self._row[FLAGS])
+        return flags | self._limits(sample)
 
     def _take_unbroken(self, batch: _Batch, samples: Samples, start: int, end: int) -> int:
         """Takes samples that continue the one before; returns the index of the next one."""
         part = slice(start, end)
         stamps = samples.stamps[part]
-        last = stamps[0] if self._last_ns is None else self._last_ns
+        last = stamps[0] if self._last is None else self._last.stamp_ns
         count: int = estimate_kernel.steps(
             self._linear.store,
             self._nonlinear.store,
@@ -282,11 +279,9 @@ class Estimator:
             batch.flags[done][samples.doubtful[done]] |= _DOUBTFUL
         at = start + count
         self._last = samples.one(min(at, end - 1))
-        self._last_ns = self._last.stamp_ns
         if at < end:  # a model left the physical range with this sample
-            flags = self._diverged(self._last) | (_DOUBTFUL if self._last.doubtful else 0)
-            flags |= self._settling(self._last_ns) | int(self._row[FLAGS])
-            self._note(batch, at, flags)
+            flags = self._diverged(self._last)
+            self._note(batch, at, flags | self._limits(self._last))
             at += 1
         return at
 
@@ -315,8 +310,12 @@ class Estimator:
             self._row[FLAGS] = 0.0
         return _DIVERGED
 
-    def _settling(self, stamp_ns: int) -> int:
-        return _SETTLING if stamp_ns < self._settled_ns else 0
+    def _limits(self, sample: Sample) -> int:
+        """What limits the answers in the row, apart from what has just happened."""
+        flags = int(self._row[FLAGS])
+        if sample.stamp_ns < self._settled_ns:
+            flags |= _SETTLING
+        return flags | _DOUBTFUL if sample.doubtful else flags
 
     def _restart(self, stamp_ns: int) -> None:
         self._linear.reset()

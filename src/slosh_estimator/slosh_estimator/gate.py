@@ -159,7 +159,6 @@ class SampleGate:
         count = len(stamps)
         if count and self._all_follow(stamps, accelerations):  # as nearly always
             self._last_ns = int(stamps[-1])
-            self._early_count, self._aside_count, self._apart_ns = 0, 0, None
             ax, ay, az = accelerations[-1].tolist()
             self._last = (ax, ay, az)
             self.counts[Verdict.USE] += count
@@ -225,7 +224,7 @@ class SampleGate:
         return -bound <= dx <= bound and -bound <= dy <= bound and -bound <= dz <= bound
 
     def _all_follow(self, stamps: NDArray[np.int64], accelerations: NDArray[np.float64]) -> bool:
-        """Whether each sample simply follows the one before."""
+        """Whether each sample simply follows the one before, and none waits set aside."""
         if self._last_ns is None or self._early_count or self._aside_count or self._apart_ns:
             return False
         steps = np.diff(stamps, prepend=np.int64(self._last_ns))

@@ -19,13 +19,11 @@ from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.limits import Event, Hysteresis, LimitTracker, Source
 from slosh_estimator.rotation import Vector
 from slosh_estimator.sample import SECONDS
-from slosh_estimator.sight import SATURATED, UNUSABLE, Sight, obstacle
+from slosh_estimator.sight import SATURATED, UNUSABLE, Sight, clocks_apart, obstacle
 
 NAN = float("nan")
 MAXIMUM_WAITING = 1000
 """Measurements that wait for an estimate; the oldest goes when there are more."""
-FAR = 2.0
-"""So far apart the two sides' newest stamps never lie where their clocks are one [s]."""
 
 
 class Condition(IntEnum):
@@ -156,8 +154,7 @@ class Monitor:
         self._last_measured = self._last_estimate_msh = NAN
         self._measured_stamp = 0
         self._sight = Sight(settings.timeout)
-        self._compared = 0
-        self._compared_before = 0
+        self._met = False  # a measurement was compared since the last look at the clock
         self.obstruction = ""
         limits = (settings.measured_limit, settings.estimated_limit, settings.disagreement_limit)
         self._trackers = {
@@ -238,7 +235,7 @@ class Monitor:
             while self._waiting:
                 point = self._waiting.popleft()
                 comparisons.append(self._compare(point, None, now_ns, estimate_stale=True))
-        idle, self._compared_before = self._compared == self._compared_before, self._compared
+        idle, self._met = not self._met, False
         speaks = bool(self._estimates) and not estimate_stale
         if speaks and (measured_stale or (idle and self.blindness(now_ns))):
             newest = self._estimates[-1]
@@ -246,7 +243,6 @@ class Monitor:
             comparisons.append(
                 self._compare(missing, _as_read(newest), now_ns, measured_stale=True)
             )
-            self._compared_before = self._compared
         return comparisons
 
     def silent_sides(self, now_ns: int) -> tuple[bool, bool]:
@@ -265,14 +261,7 @@ class Monitor:
         blindness = self._sight.blindness(now_ns)
         if not blindness or not self._measured_stamp or not self._estimates:
             return blindness
-        apart = (self._measured_stamp - self._estimates[-1].stamp_ns) * SECONDS
-        if abs(apart) <= FAR:
-            return blindness
-        return (
-            f"the stamps of the measurements lie {abs(apart):.3f} s "
-            f"{'ahead of' if apart > 0.0 else 'behind'} those of the estimates: nothing is "
-            "compared; both must come from one clock"
-        )
+        return clocks_apart(self._measured_stamp, self._estimates[-1].stamp_ns) or blindness
 
     def condition(self, now_ns: int) -> Condition:
         """The state: an exceeded limit weighs most, then a silent side, then blindness."""
@@ -389,7 +378,7 @@ class Monitor:
             (estimate.linear, estimate.nonlinear, estimate.flags) if estimate else (NAN, NAN, 0)
         )
         if not measured_stale:
-            self._compared += 1
+            self._met = True
             found = obstacle(measured.msh, measured.flags, nonlinear, flags)
             self._sight.look(now_ns, found)
             if not found:

@@ -7,7 +7,9 @@ sound measurement and a sound estimate of one moment have given.
 
 from __future__ import annotations
 
+import functools
 import math
+import operator
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,11 +23,8 @@ Integers = NDArray[np.int64]
 # Flags of FreeSurface.msg that matter here.
 SATURATED, NOT_FOUND, FROZEN, BAD_IMAGE, CONTESTED = 1, 32, 64, 128, 256
 UNUSABLE = NOT_FOUND | BAD_IMAGE
-_SHOWN_NOTHING = UNUSABLE | FROZEN | CONTESTED
-UNSETTLED = int(EstimateFlag.SETTLING | EstimateFlag.AFTER_GAP | EstimateFlag.DIVERGED)
-"""An estimate that restarted from an unknown state says nothing about the model's accuracy."""
-UNSOUND = UNSETTLED | int(EstimateFlag.INPUT_DOUBTFUL | EstimateFlag.INPUT_CONTESTED)
-"""Nor does one whose input is not what it is said to be."""
+FAR = 2.0
+"""So far apart the two sides' newest stamps never lie where their clocks are one [s]."""
 _MEASURED = {
     CONTESTED: "several publishers send images (CONTESTED)",
     BAD_IMAGE: "the images cannot be decoded, or do not show the container (BAD_IMAGE)",
@@ -39,6 +38,10 @@ _ESTIMATED = {
     EstimateFlag.AFTER_GAP: "the estimator's input had a gap (AFTER_GAP)",
     EstimateFlag.SETTLING: "the estimator does not know the liquid's state yet (SETTLING)",
 }
+_SHOWN_NOTHING = functools.reduce(operator.or_, _MEASURED)
+UNSOUND = int(functools.reduce(operator.or_, _ESTIMATED))
+"""Flags of an estimate that says nothing about the model: its state is not known, or its input is
+not what it is said to be."""
 
 
 def obstacle(measured: float, measured_flags: int, estimate: float, estimate_flags: int) -> str:
@@ -77,6 +80,18 @@ def judged(
     bound = (measured_flags & SATURATED) != 0
     found: NDArray[np.bool_] = sound & shown & ~(bound & ~(measured > estimated))
     return found
+
+
+def clocks_apart(measured_ns: int, estimated_ns: int) -> str:
+    """That the two sides' newest stamps [ns] are of two clocks; empty: they may be of one."""
+    apart = (measured_ns - estimated_ns) * SECONDS
+    if abs(apart) <= FAR:
+        return ""
+    return (
+        f"the stamps of the measurements lie {abs(apart):.3f} s "
+        f"{'ahead of' if apart > 0.0 else 'behind'} those of the estimates: nothing is "
+        "compared; both must come from one clock"
+    )
 
 
 class Sight:

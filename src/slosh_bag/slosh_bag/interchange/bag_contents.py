@@ -40,6 +40,11 @@ class BagTopic:
     encoding: str
     offered: tuple[Qos, ...] = ()
 
+    @property
+    def latched(self) -> bool:
+        """Whether who subscribes late hears what was published before."""
+        return any(qos.durability == "transient_local" for qos in self.offered)
+
 
 @dataclass(slots=True)
 class BagContents:

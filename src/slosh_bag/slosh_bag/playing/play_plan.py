@@ -182,7 +182,7 @@ def offered_qos(topic: BagTopic) -> Qos:
     It satisfies whoever was satisfied by any of them.
     """
     offered = topic.offered or (Qos(),)
-    latched = any(qos.durability == "transient_local" for qos in offered)
+    latched = topic.latched
     reliable = latched or any(qos.reliability == "reliable" for qos in offered)
     depth = LATCHED_DEPTH if latched else STREAM_DEPTH
     depth = LARGE_DEPTHS.get(topic.message_type, depth)

@@ -92,7 +92,7 @@ def replay_bag(
     """
     reader = BagReader(path)
     sources = find_sources(path, reader, given.kind if given else None, cell)
-    started = next((start for start in sources.starts if start.node == "estimator"), None)
+    started = settings.first(sources.starts, "estimator")
     recorded = settings.model_of(started) if started else None
     used = model or recorded or _noted_model(path, sources.facts)
     how = given or inputs.recorded_inputs(sources.starts, sources.facts)
@@ -191,7 +191,7 @@ def find_sources(
         raise SloshBagError(f"{path}: holds no topic of a cell {cell}")
     settings_topic = found.topic(settings.TOPIC, settings.MESSAGE_TYPE)
     starts = settings.read_starts(reader, settings_topic) if settings_topic else []
-    started = next((start for start in starts if start.node == "estimator"), None)
+    started = settings.first(starts, "estimator")
     if kind is None and started is not None:
         kind = started.parameters.get("input")
     wanted = list(inputs.KINDS) if kind is None else [kind]

@@ -36,8 +36,7 @@ class EstimatorBank:
     """
 
     def __init__(self, model: Model, *, at_rest: bool = True) -> None:
-        self._own = Estimator(model, at_rest=at_rest)
-        self._twin = Estimator(_twin(model), at_rest=at_rest)
+        self._begin(model, at_rest=at_rest)
 
     @property
     def model(self) -> Model:
@@ -62,9 +61,7 @@ class EstimatorBank:
 
     def restart(self, *, at_rest: bool = True) -> None:
         """A new estimator with the same model."""
-        model = self.model
-        self._own = Estimator(model, at_rest=at_rest)
-        self._twin = Estimator(_twin(model), at_rest=at_rest)
+        self._begin(self.model, at_rest=at_rest)
 
     def load_model(self, model: Model) -> None:
         """Replaces the model, as the node's service does; the same one: as its reset does."""
@@ -87,6 +84,10 @@ class EstimatorBank:
             np.full(len(own.stamps), delay_ns, dtype=np.int64),
         )
         return BankEstimates(own, heights)
+
+    def _begin(self, model: Model, *, at_rest: bool) -> None:
+        self._own = Estimator(model, at_rest=at_rest)
+        self._twin = Estimator(_twin(model), at_rest=at_rest)
 
     def _in_order(self, own: T, twin: T) -> tuple[T, T]:
         """What is the planar model's, then the spatial one's."""

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_bag.errors import SloshBagError
-from slosh_bag.replay.settings import NodeStart
+from slosh_bag.replay.settings import NodeStart, first
 from slosh_estimator.accel_input import AccelInput
 from slosh_estimator.gate import GateSettings
 from slosh_estimator.imu_input import ImuInput, SensorTransform
@@ -72,7 +72,7 @@ def recorded_inputs(starts: Sequence[NodeStart], facts: Mapping[str, str]) -> In
     Raises:
         SloshBagError: as `input_settings`.
     """
-    started = next((start for start in starts if start.node == "estimator"), None)
+    started = first(starts, "estimator")
     if started is not None:
         return input_settings(started.parameters)
     unbounded = GateSettings(max_jump=math.inf, confirms=False)

@@ -41,15 +41,11 @@ KEPT_NS = 200_000_000
 """Estimates that are kept before the oldest that was released, to interpolate between."""
 AFTER_MOTION_NS = 1_000_000_000
 """How long after its end a motion's liquid still counts [ns]."""
-
-
-_UNRECORDED = np.uint16(EstimateFlag.INPUT_CONTESTED)
-
-
 AHEAD_NS = 10_000_000_000
 """An image that is so far ahead of the inputs that are recorded with it shows another time."""
 MAXIMUM = 2**31 * 10**9 - 1
 """The last moment that a stamp can tell [ns]."""
+_UNRECORDED = np.uint16(EstimateFlag.INPUT_CONTESTED)
 
 
 class Outputs:
@@ -101,14 +97,13 @@ class ReplayRun:
         events: limit events so far.
         images: measurements so far.
         unused: inputs that the live estimator did not use.
-        strays: inputs and images that were set aside, as their stamps lie elsewhere in time.
     """
 
     def __init__(self, name: str, parts: Parts) -> None:
         self.motions = MotionFinder()
         self.events: list[Event] = []
         self.images = self.unused = 0
-        self.strays = {"inputs": 0, "images": 0}
+        self._stray_images = 0
         self._filter = StrayFilter(parts.reader.max_gap_ns)
         self._measured_until = -(2**62)
         self._name = name
@@ -121,6 +116,11 @@ class ReplayRun:
         self._newest = {"input": _Newest(), "measurement": _Newest()}
         parts.outputs.begin(parts.bank.own_names)
 
+    @property
+    def strays(self) -> Mapping[str, int]:
+        """Inputs and images that were set aside, as their stamps lie elsewhere in time."""
+        return {"inputs": self._filter.count, "images": self._stray_images}
+
     def add_input(self, columns: Columns, log_ns: int) -> None:
         """Takes messages of the input.
 
@@ -129,7 +129,6 @@ class ReplayRun:
             log_ns: when the last of them was recorded [ns].
         """
         self._take_in(*self._filter.add(stamps_of(columns), columns), log_ns)
-        self.strays["inputs"] = self._filter.count
 
     def _take_in(self, stamps: Integers, columns: Columns, log_ns: int) -> None:
         if len(stamps):
@@ -324,7 +323,7 @@ class ReplayRun:
         astray = len(kept) - int(np.count_nonzero(kept))
         if not astray:
             return measured
-        self.strays["images"] += astray
+        self._stray_images += astray
         return chosen(measured, np.flatnonzero(kept))
 
     def _monitor(self, estimates: Heights, measured: Measurements) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
@@ -60,6 +60,11 @@ def read_starts(reader: BagReader, topic: str) -> list[NodeStart]:
         for block in reader.blocks([topic])
         for index, log_ns in enumerate(block.log_ns.tolist())
     ]
+
+
+def first(starts: Sequence[NodeStart], node: str) -> NodeStart | None:
+    """A node's first start; None: the recording does not tell."""
+    return next((start for start in starts if start.node == node), None)
 
 
 def latest(starts: list[NodeStart], node: str) -> NodeStart | None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import os
 import signal
 from pathlib import Path
 from typing import Any
@@ -12,7 +11,6 @@ from slosh_bag.playing.play_plan import PlayRequest, make_plan
 from slosh_bag.playing.playback import PlaybackSettings
 from slosh_bringup.cli.progress import clock, progress_bar
 from slosh_bringup.errors import SloshBringupError
-from slosh_bringup.processes import node_environment
 from slosh_bringup.stop_request import READER_GONE, forget_readers
 
 
@@ -64,8 +62,6 @@ def run(arguments: argparse.Namespace) -> int:
             arguments.namespace,
         )
     )  # fmt: skip
-    # As the nodes have it: this machine only, shared memory sized for images.
-    os.environ.update(node_environment())
     from slosh_bag.nodes.player_node import (
         play,
     )  # with ROS, which a wrong option need not wait for

@@ -18,7 +18,7 @@ from slosh_bringup.detect.frame import CompressedMessage, NoImage, RawMessage, S
 from slosh_bringup.detect.series import IMAGE_ENDINGS, images_in, longest_series, natural_order
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.run_data import stamp_ns
-from slosh_camera.image_size import MOST_PIXELS
+from slosh_camera.image_size import too_large
 
 RAW, COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
 FOLDER_RATE = 60.0
@@ -143,14 +143,10 @@ def _video_source(path: Path) -> FrameSource:
             f"{path}: neither a video that OpenCV reads (is it whole?), an image, "
             "a folder nor an MCAP bag"
         )
-    width, height = (
-        round(capture.get(side)) for side in (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT)
-    )
-    if width * height > MOST_PIXELS:
-        raise SloshBringupError(
-            f"{path}: claims {width} x {height} pixels, more than {MOST_PIXELS // 1_000_000} "
-            "million; make it smaller"
-        )
+    sides = (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT)
+    told = too_large(*(round(capture.get(side)) for side in sides))
+    if told:
+        raise SloshBringupError(f"{path}: {told}")
     announced = max(round(capture.get(cv2.CAP_PROP_FRAME_COUNT)), 0)
     rate = capture.get(cv2.CAP_PROP_FPS)
     rate = rate if 0.0 < rate < 1e5 else FOLDER_RATE

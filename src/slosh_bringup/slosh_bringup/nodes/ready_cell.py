@@ -12,6 +12,7 @@ from rclpy.node import Node
 from slosh_bringup.nodes.cell_listener import reports
 from slosh_bringup.ready_wait import ReadyWait, sentence
 from slosh_msgs_py import qos, topics
+from slosh_msgs_py.node.rivals import node_of
 
 GROUPS: Mapping[str, tuple[str, ...]] = {
     topics.ACCEL: (topics.ACCEL, topics.IMU, topics.POSE),
@@ -87,7 +88,7 @@ class ReadyCell:
     def _reading(self, kind: str) -> set[str]:
         """Names of the nodes that read a kind of topics."""
         return {
-            f"{info.node_namespace.rstrip('/')}/{info.node_name}"
+            node_of(info)
             for topic in GROUPS[kind]
             for info in self._node.get_subscriptions_info_by_topic(
                 self._node.resolve_topic_name(topic)

@@ -4,15 +4,20 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Callable
 
 from rclpy.node import Node
+from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 AGAIN = 2.0
 """For so long a second publisher is there before it counts: one may be about to take over [s]."""
 FORGOTTEN = 30.0
 """After so long the middleware has forgotten a node that was killed, and another of the same name
 that took its place is not its rival [s]."""
+
+
+def node_of(info: TopicEndpointInfo) -> str:
+    """Full name of the node that a publisher or a subscription is of."""
+    return f"{info.node_namespace.rstrip('/')}/{info.node_name}"
 
 
 class Rivals:
@@ -22,18 +27,10 @@ class Rivals:
         node: the node.
         topic: as the node subscribes to it.
         type_name: what it reads; publishers of other types are not heard.
-        steady: time that never goes back [s].
     """
 
-    def __init__(
-        self,
-        node: Node,
-        topic: str,
-        type_name: str,
-        steady: Callable[[], float] = time.monotonic,
-    ) -> None:
+    def __init__(self, node: Node, topic: str, type_name: str) -> None:
         self._node, self._topic, self._type_name = node, topic, type_name
-        self._steady = steady
         self._since: float | None = None
 
     def look(self) -> str:
@@ -43,14 +40,14 @@ class Rivals:
         """
         name = self._node.resolve_topic_name(self._topic)
         speakers = Counter(
-            f"{info.node_namespace.rstrip('/')}/{info.node_name}"
+            node_of(info)
             for info in self._node.get_publishers_info_by_topic(name)
             if info.topic_type == self._type_name
         )
         if speakers.total() < 2:
             self._since = None
             return ""
-        now = self._steady()
+        now = time.monotonic()
         if self._since is None:
             self._since = now
         if now - self._since < (AGAIN if len(speakers) > 1 else FORGOTTEN):
