@@ -1,6 +1,7 @@
 """The `slosh` command: what it prints, what it writes, how it fails."""
 
 import json
+import os
 import re
 
 import numpy as np
@@ -42,6 +43,13 @@ def test_help_names_every_command(capsys):
 @pytest.mark.parametrize("name", LATER)
 def test_reserved_commands_say_so(capsys, name):
     assert "not in this version" in fails_with(capsys, name, "whatever", "--even", "this")
+
+
+def test_a_call_leaves_the_environment_of_the_process_as_it_is(capsys, motion, tmp_path):
+    """What this process starts later must not depend on whether `main` was called before."""
+    before = dict(os.environ)
+    assert main(["simulate", MODEL, str(motion), "-o", str(tmp_path / "out.csv")]) == 0
+    assert dict(os.environ) == before
 
 
 def test_a_mistyped_command_exits_with_two():

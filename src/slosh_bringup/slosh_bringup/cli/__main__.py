@@ -2,6 +2,6 @@
 
 import sys
 
-from slosh_bringup.cli.main import main
+from slosh_bringup.cli.main import command
 
-sys.exit(main())
+sys.exit(command())

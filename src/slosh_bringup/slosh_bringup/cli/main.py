@@ -37,10 +37,17 @@ LIVE = ("demo", "cell")
 EXIT_DONE, EXIT_FAILED, EXIT_WRONG_INPUT = 0, 1, 2
 
 
+def command() -> int:
+    """The process `slosh`: `main`, and what holds for each process that it starts.
+
+    None of them takes a module from the folder that it is started in.
+    """
+    os.environ["PYTHONSAFEPATH"] = "1"
+    return main()
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Runs the command line; returns the exit code."""
-    # For what is started from here: no module comes from the folder that it is started in.
-    os.environ["PYTHONSAFEPATH"] = "1"
     words = list(sys.argv[1:] if arguments is None else arguments)
     name = next((word for word in words if not word.startswith("-")), None)
     try:
