@@ -5,13 +5,19 @@ import math
 
 import pytest
 
-from slosh_bringup.live_report import REPORT, RESULT, write_results
+from slosh_bringup.live_report import REPORT, RESULT, make_live_report
 from tests.live_bag import MS, LiveBag
+
+
+def written(folder, problems, *, began=True):
+    report = make_live_report(folder / "bag", "Cell", problems, began=began)
+    report.write(folder)
+    return report.result
 
 
 def results(tmp_path, bag, problems=(), began=True):
     bag.write(tmp_path / "bag")
-    found = write_results(tmp_path, tmp_path / "bag", "Cell", problems, began=began)
+    found = written(tmp_path, problems, began=began)
     return found, json.loads((tmp_path / RESULT).read_text()), (tmp_path / REPORT).read_text()
 
 
@@ -78,7 +84,7 @@ def test_old_stamps_are_named(tmp_path):
 
 
 def test_no_bag_at_all_is_a_report_too(tmp_path):
-    found = write_results(tmp_path, tmp_path / "bag", "Cell", ("node recorder ended",))
+    found = written(tmp_path, ("node recorder ended",))
     assert found.reasons[0] == "node recorder ended"
     assert found.reasons[1].startswith("nothing was recorded: ")
     assert "node recorder ended" in (tmp_path / REPORT).read_text()

@@ -70,13 +70,36 @@ class LiveResult:
         }
 
 
-def write_results(
-    folder: Path, bag: Path, title: str, problems: tuple[str, ...] = (), *, began: bool = True
-) -> LiveResult:
-    """Reads and replays the bag, and writes the report and the figures.
+@dataclass(frozen=True, slots=True)
+class LiveReport:
+    """What is left of a run beside its recording.
+
+    Attributes:
+        result: the figures.
+        page: the report, as HTML.
+        text: the figures, as JSON.
+    """
+
+    result: LiveResult
+    page: str
+    text: str
+
+    def write(self, folder: Path) -> None:
+        """Writes the page and the figures.
+
+        Raises:
+            OSError: that is not possible; it bears the file's path.
+        """
+        write_text(folder / REPORT, self.page)
+        write_text(folder / RESULT, self.text)
+
+
+def make_live_report(
+    bag: Path, title: str, problems: tuple[str, ...] = (), *, began: bool = True
+) -> LiveReport:
+    """Reads and replays the bag; writes nothing.
 
     Args:
-        folder: where they go.
         bag: what was recorded, if anything was.
         title: of the report.
         problems: what went wrong while it ran, one line each; of a run without measurements they
@@ -85,9 +108,7 @@ def write_results(
     """
     result, report = _evaluated(bag, title, problems, began)
     document = {**result.document(), **report_document(report)}
-    write_text(folder / REPORT, render_report(report))
-    write_text(folder / RESULT, json.dumps(document, indent=2) + "\n")
-    return result
+    return LiveReport(result, render_report(report), json.dumps(document, indent=2) + "\n")
 
 
 def latency_figure(run: RunResult) -> KeyFigure:

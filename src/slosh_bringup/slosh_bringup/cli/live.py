@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
+import os
 import sys
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
+from typing import NoReturn
 
 from slosh_bringup.cli.progress import STOPPING, Tell, say
-from slosh_bringup.live_report import REPORT, LiveResult, write_results
+from slosh_bringup.live_report import REPORT, LiveResult, make_live_report
 from slosh_bringup.live_run import BAG, LiveRun, check_files, run_nodes
 from slosh_bringup.run_folder import new_run
 from slosh_bringup.run_result import print_replay, table
 from slosh_bringup.stop_request import StopRequest
+
+_STDERR = 2
 
 
 class LiveScreen:
@@ -79,24 +84,29 @@ def run_live(
         if stop.reason or outcome.problem:
             screen.stopped()
     problems = tuple(filter(None, (outcome.problem,)))
-    try:
-        with stop.finishing():
-            why = f"{stop.reason}, " if stop.reason else ""
-            again = "; once more: without it" if stop.reason else ""
-            screen.tell(f"{why}all nodes have ended: writing the report{again}")
-            result = write_results(
-                run.folder, run.folder / BAG, run.title, problems, began=outcome.began
-            )
-    except KeyboardInterrupt:
-        screen.tell(
-            f"slosh {run.command}: no report, as asked; the recording is whole: "
-            f"slosh replay {run.folder / BAG} -o {run.folder}"
-        )
-        return 1
+    with stop.finishing(lambda: _leave(run)):
+        why = f"{stop.reason}, " if stop.reason else ""
+        again = "; once more: without it" if stop.reason else ""
+        screen.tell(f"{why}all nodes have ended: writing the report{again}")
+        report = make_live_report(run.folder / BAG, run.title, problems, began=outcome.began)
+    report.write(run.folder)
+    result = report.result
     print_json(result, folder) if as_json else print_result(result, folder)
     for line in (result.nothing,) if result.reasons else result.warnings:
         _say(run, line)
     return outcome.exit_code or int(bool(result.reasons))
+
+
+def _leave(run: LiveRun) -> NoReturn:
+    """Ends the process without a report; nothing has begun to write into the run's folder."""
+    line = (
+        f"slosh {run.command}: no report, as asked; the recording is whole: "
+        f"slosh replay {run.folder / BAG} -o {run.folder}\n"
+    )
+    # Not through sys.stderr, which the signal may have found in the midst of a write.
+    with contextlib.suppress(OSError):
+        os.write(_STDERR, line.encode())
+    os._exit(1)
 
 
 def print_result(result: LiveResult, folder: Path) -> None:
