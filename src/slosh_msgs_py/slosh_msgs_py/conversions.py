@@ -19,6 +19,8 @@ from slosh_msgs_py.stamps import to_duration, to_nanoseconds, to_time
 
 _NANOSECONDS = "_ns"
 _TYPECODES = {"double": "d", "float": "f"}
+_FLOAT32 = 3.402823466e38
+"""The greatest float32 that ROS's own check of a field admits."""
 
 
 def to_message(value: Any) -> Any:
@@ -64,16 +66,26 @@ def _set(message: Any, name: str, content: Any, types: dict[str, str]) -> None:
 def _plain(kind: str, content: Any) -> Any:
     """A value of exactly the Python type that the message's field declares."""
     if kind.startswith("sequence<"):
-        return array.array(_TYPECODES[kind[9:-1]], np.asarray(content, dtype=np.float64).tolist())
+        return array.array(_TYPECODES[kind[9:-1]], _numbers(kind, content).tolist())
     if kind.endswith("]"):
-        return np.asarray(content, dtype=np.float64)
-    if kind in _TYPECODES:
+        return _numbers(kind, content)
+    if kind == "float":
+        return float(_numbers(kind, float(content)))
+    if kind == "double":
         return float(content)
     if kind == "boolean":
         return bool(content)
     if kind == "string":
         return str(content)
     return _integer(kind, content)
+
+
+def _numbers(kind: str, content: Any) -> np.ndarray[Any, np.dtype[np.float64]]:
+    """Finite numbers that a float32 would carry as infinity are refused."""
+    numbers = np.asarray(content, dtype=np.float64)
+    if "float" in kind and np.any(np.isfinite(numbers) & (np.abs(numbers) > _FLOAT32)):
+        raise ValueError("not in the range of float32")
+    return numbers
 
 
 def _integer(kind: str, content: Any) -> int:

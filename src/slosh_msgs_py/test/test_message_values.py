@@ -21,7 +21,8 @@ KINDS = [
     values.SloshComparison,
     values.LimitEvent,
 ]
-floats = st.floats(allow_nan=True, allow_infinity=True, width=32)
+FLOAT32 = 3.402823466e38  # what ROS's own check admits; the greatest of all is a little more
+floats = st.floats(width=32).filter(lambda number: not FLOAT32 < abs(number) < math.inf)
 arrays = st.lists(floats, max_size=5).map(lambda numbers: np.array(numbers, dtype=np.float64))
 
 
@@ -83,6 +84,14 @@ def test_numbers_of_other_types_arrive_as_they_are(number):
     message = conversions.to_message(values.FreeSurface(0, msh=number))
     assert type(message.msh) is float
     assert message.msh == number
+
+
+@pytest.mark.parametrize("number", [1e39, -1e39, float(np.finfo(np.float32).max)])
+@pytest.mark.parametrize("field", ["peak_u", "profile_height"])
+def test_a_number_too_great_for_its_field_is_refused_not_sent_as_infinity(field, number):
+    content = number if field == "peak_u" else np.array([0.0, number])
+    with pytest.raises(SloshMessageError, match=rf"FreeSurface\.{field} = .*range of float32"):
+        conversions.to_message(values.FreeSurface(0, **{field: content}))
 
 
 def test_a_value_that_does_not_fit_is_named():
