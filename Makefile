@@ -35,7 +35,7 @@ test: setup
 	@tools/run python -m pytest -m "not long" $(REAL_TIME)
 
 test-all: setup
-	@$(PYTEST) $(TESTS) $(REAL_TIME:%=--ignore=%)
+	@$(PYTEST) --hypothesis-profile=search $(TESTS) $(REAL_TIME:%=--ignore=%)
 	@tools/run python -m pytest $(REAL_TIME)
 
 lint: setup

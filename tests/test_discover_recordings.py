@@ -79,7 +79,8 @@ def test_the_cfd_motions_have_wall_heights_all_round() -> None:
 @pytest.mark.skipif(find_interfaces("slosh_msgs") is None, reason="interfaces are not built")
 class TestMeasuredRuns:
     @pytest.fixture(scope="class")
-    def bags(self, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    @classmethod
+    def bags(cls, tmp_path_factory: pytest.TempPathFactory) -> Path:
         folder = tmp_path_factory.mktemp("runs")
         for run, heights, poses in find_runs(ANTISLOSHING):
             if run in RUNS:

@@ -247,8 +247,11 @@ class FreeSurfaceDetector:
         picture = tone.reduce(unrolled)
         first, last = self._wall.first_row, self._wall.last_row
         level = edge_search.liquid_levels(picture, body.start, body.stop, _LEVEL_REACH)
-        if np.any(np.isnan(level)):
-            level = np.where(np.isnan(level), np.nanmedian(level), level)
+        unknown = np.isnan(level)
+        if unknown.all():
+            return None
+        if unknown.any():
+            level = np.where(unknown, np.nanmedian(level), level)
         spread = edge_search.usual_deviation(picture, level, body.start, body.stop)
         tolerance = max(_TOLERANCE, _TOLERANCE_NOISE * tone.noise, _TOLERANCE_SPREAD * spread)
         row = edge_search.liquid_tops(picture, self._wall.inside, level, tolerance)
