@@ -128,7 +128,7 @@ def soak(seconds: float, output: Path) -> int:
         ended, memory, states, sent = attack(cell, seconds)
     finally:
         cell.send_signal(signal.SIGTERM)
-        code = cell.wait(120.0)
+        code = cell.wait(600.0)  # ten minutes are replayed, on a machine with load
         source.kill()
         source.wait()
     return report(output, ended, code, memory, states, sent)

@@ -18,6 +18,7 @@ from geometry_msgs.msg import PoseStamped  # noqa: E402
 from sensor_msgs.msg import Imu  # noqa: E402
 from std_srvs.srv import Trigger  # noqa: E402
 
+from slosh_bringup.cell.renderer import CupRenderer  # noqa: E402
 from slosh_bringup.processes import config_folder  # noqa: E402
 from slosh_camera.calibration import read_calibration  # noqa: E402
 from slosh_msgs.msg import SloshComparison, SloshEstimate  # noqa: E402
@@ -164,15 +165,18 @@ class TestBlind:
         inertial.until(lambda: inertial.health["estimator"][0] == ERROR, "the reason")
         inertial.gravity = GRAVITY
 
-    @pytest.mark.parametrize("lens", ["covered", "broken"])
+    @pytest.mark.parametrize("lens", ["covered", "broken", "upside down"])
     def test_images_that_show_nothing(self, lens: str, tmp_path: Path, domain: int) -> None:
-        camera = read_calibration(config_folder() / "camera.yaml").view.camera
-        black = np.zeros((camera.height, camera.width), dtype=np.uint8)
-        picture = image_message(black, "mono8", 0, "camera")
+        pixels = CupRenderer(read_calibration(config_folder() / "camera.yaml").view).render(0, 0)
+        if lens == "covered":
+            pixels = np.zeros_like(pixels)
+        if lens == "upside down":
+            pixels = np.ascontiguousarray(pixels[::-1])
+        picture = image_message(pixels, "mono8", 0, "camera")
         if lens == "broken":
             picture.encoding = "mono17"
         with nodes_and_robot(tmp_path, domain, picture=picture) as (_, robot):
-            reason = "NOT_FOUND" if lens == "covered" else "BAD_IMAGE"
+            reason = "BAD_IMAGE" if lens == "broken" else "NOT_FOUND"
             robot.until(lambda: is_blind(robot, reason), "blindness")
             assert not robot.comparisons[-1].measured_stale
 

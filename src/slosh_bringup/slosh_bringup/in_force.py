@@ -21,6 +21,8 @@ TELLING = ("estimator", "camera", "monitor")
 """The nodes that publish their settings."""
 _FIELDS = ("parameters", "topics", "files", "code", "arithmetic")
 
+_NO_STILL = "no still image: a picture that is upside down or shifted is not noticed"
+
 Starts = Mapping[str, NodeStart]
 """The last start of each node, by its name."""
 
@@ -115,7 +117,9 @@ def _calibration(camera: NodeStart) -> str:
         box = calibration.view.box
         container = f"width {1e3 * box.width:g} mm, filled to {1e3 * box.fill_height:g} mm"
     path = camera.parameters["calibration"]
-    return f"{path}: {size.width} x {size.height} pixels; {container}"
+    still = camera.parameters["still_image"] or calibration.still_image
+    known = f"still image {still}" if still else _NO_STILL
+    return f"{path}: {size.width} x {size.height} pixels; {container}; {known}"
 
 
 _ROWS: Mapping[str, tuple[str, Callable[[NodeStart], str]]] = {

@@ -163,7 +163,9 @@ class CameraNode(PreparedNode):
 
     def _facts(self) -> dict[str, Any]:
         flags = {f"flag {flag.name}": count for flag, count in self._flags.items()}
+        still = self._given["still_image"] or self._calibration.still_image
         return {
+            "still image": str(still or "none"),
             "missing images": self._gaps.missing,
             "images that gave way": self._input.dropped,
             "dropped: impossible stamp": self._refused,
