@@ -7,12 +7,13 @@ import pytest
 
 from slosh_bag.errors import SloshBagError
 from slosh_bag.replay.bank import EstimatorBank
-from slosh_bag.replay.inputs import InputReader, InputSettings
+from slosh_bag.replay.inputs import InputReader
 from slosh_bag.replay.live_use import LiveUse
 from slosh_bag.replay.monitor_feed import Measurements, MonitorFeed
 from slosh_bag.replay.run import Outputs, Parts, ReplayRun
 from slosh_bag.replay.series import Series
 from slosh_bag.replay.verification import Verifier
+from slosh_estimator.inputs import InputSettings
 from slosh_estimator.monitor import MonitorSettings
 from slosh_model.containers import Cylinder
 from slosh_model.model import Model

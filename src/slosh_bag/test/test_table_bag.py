@@ -27,8 +27,8 @@ from slosh_bag.interchange.table_bag import (
 )
 from slosh_bag.motion_table import MotionTable, read_motion_table, write_motion_table
 from slosh_bag.reader import BagReader
-from slosh_bag.replay.inputs import InputSettings
 from slosh_estimator.gate import GateSettings
+from slosh_estimator.inputs import InputSettings
 from slosh_files import SloshFileError
 from slosh_model.constants import GRAVITY
 

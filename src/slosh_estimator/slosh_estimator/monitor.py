@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from slosh_discovery.metrics import RunningAccuracy
 from slosh_estimator.agreement import MotionWatch
@@ -60,6 +60,24 @@ class MonitorSettings:
     timeout: float = 0.3
     buffer: float = 2.0
     max_gap: float = 0.05
+
+    @classmethod
+    def from_parameters(cls, parameters: Mapping[str, Any]) -> MonitorSettings:
+        """The settings that a monitor node's parameters, by name, mean.
+
+        Raises:
+            KeyError: one is missing.
+            TypeError, ValueError: one cannot be.
+        """
+        return cls(
+            parameters["measured_limit"],
+            parameters["estimated_limit"],
+            parameters["disagreement_limit"],
+            parameters["warn_share"],
+            Hysteresis(parameters["release"], round(parameters["hold"] * 1e9)),
+            parameters["timeout"],
+            parameters["buffer"],
+        )
 
     def __post_init__(self) -> None:
         for name in ("timeout", "buffer", "max_gap", "warn_share"):

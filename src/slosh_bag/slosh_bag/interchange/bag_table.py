@@ -45,7 +45,8 @@ from slosh_bag.mcap_files.chunks import MessageBlock
 from slosh_bag.motion_table import MSH, MotionTable, eta_azimuths
 from slosh_bag.reader import BagMessage, BagReader, TopicInfo
 from slosh_bag.replay.bag import Sources, find_sources
-from slosh_bag.replay.inputs import STAMP, InputSettings, recorded_inputs, stamps_of
+from slosh_bag.replay.inputs import STAMP, recorded_inputs, stamps_of
+from slosh_estimator.inputs import InputSettings
 from slosh_estimator.sight import SATURATED, UNUSABLE
 
 Array = NDArray[np.float64]

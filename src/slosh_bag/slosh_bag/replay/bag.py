@@ -21,7 +21,7 @@ from slosh_bag.replay import inputs, settings
 from slosh_bag.replay.bank import EstimatorBank
 from slosh_bag.replay.cells import COMPARISON, ESTIMATE, SURFACE, CellTopics
 from slosh_bag.replay.conclusion import Origin, conclude
-from slosh_bag.replay.inputs import STAMP, TABLE, InputReader, InputSettings, stamps_of
+from slosh_bag.replay.inputs import STAMP, TABLE, InputReader, stamps_of
 from slosh_bag.replay.live_use import LiveUse
 from slosh_bag.replay.monitor_feed import Measurements, MonitorFeed
 from slosh_bag.replay.result import ReplayResult
@@ -32,6 +32,7 @@ from slosh_bag.replay.settings import NodeStart
 from slosh_bag.replay.table import replay_table
 from slosh_bag.replay.unrelated import WholeRun, judge_unrelated
 from slosh_bag.replay.verification import COMPARED, Verifier, estimate_fields
+from slosh_estimator.inputs import MESSAGE_TYPES, InputSettings
 from slosh_estimator.monitor import MonitorSettings
 from slosh_estimator.validity import attitude_warning
 from slosh_model.arithmetic import arithmetic_fingerprint
@@ -194,9 +195,9 @@ def find_sources(
     started = settings.first(starts, "estimator")
     if kind is None and started is not None:
         kind = started.parameters.get("input")
-    wanted = list(inputs.KINDS) if kind is None else [kind]
+    wanted = list(MESSAGE_TYPES) if kind is None else [kind]
     for name in wanted:
-        topic = found.topic(name, inputs.KINDS.get(name, ""))
+        topic = found.topic(name, MESSAGE_TYPES.get(name, ""))
         if topic is not None:
             found.settle(topic)
             return Sources(
@@ -347,7 +348,11 @@ def _origin(started: NodeStart | None, recorded: Model | None, used: Model) -> O
 
 def _monitor_settings(sources: Sources) -> MonitorSettings:
     started = settings.latest(list(sources.starts), "monitor")
-    return settings.monitor_settings(started.parameters) if started else MonitorSettings()
+    return (
+        settings.settings_of(started, MonitorSettings.from_parameters)
+        if started
+        else (MonitorSettings())
+    )
 
 
 def _noted_model(path: Path, facts: Mapping[str, str]) -> Model:

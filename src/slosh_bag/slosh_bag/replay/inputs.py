@@ -5,24 +5,18 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from slosh_bag.errors import SloshBagError
-from slosh_bag.replay.settings import NodeStart, first
+from slosh_bag.replay.settings import NodeStart, first, settings_of
 from slosh_estimator.accel_input import AccelInput
 from slosh_estimator.gate import GateSettings
-from slosh_estimator.imu_input import ImuInput, SensorTransform
-from slosh_estimator.pose_input import PoseInput
+from slosh_estimator.imu_input import ImuInput
+from slosh_estimator.inputs import InputSettings
 from slosh_estimator.sample import Samples
 
-KINDS = {
-    "accel": "geometry_msgs/msg/AccelStamped",
-    "imu": "sensor_msgs/msg/Imu",
-    "pose": "geometry_msgs/msg/PoseStamped",
-}
 _FIELDS = {
     "accel": ("accel.linear.x", "accel.linear.y", "accel.linear.z"),
     "imu": (
@@ -40,24 +34,6 @@ STAMP = ("header.stamp.sec", "header.stamp.nanosec")
 """Fields of every message with a header that `stamps_of` reads."""
 
 
-class InputSettings(NamedTuple):
-    """How the input is read; the estimator node's parameters.
-
-    Attributes:
-        kind: 'accel', 'imu', 'pose'; None: the first of these that the bag holds.
-        gate: limits of the gate.
-        transform: container ← IMU.
-        pose_window: samples of the differentiating window.
-        frames: frames of accelerations that are taken.
-    """
-
-    kind: str | None = None
-    gate: GateSettings = GateSettings(confirms=False)
-    transform: SensorTransform = SensorTransform()
-    pose_window: int = 21
-    frames: tuple[str, ...] = ("world", "container")
-
-
 TABLE = "table_columns"
 """A fact of a bag that was made of a motion table."""
 
@@ -70,41 +46,13 @@ def recorded_inputs(starts: Sequence[NodeStart], facts: Mapping[str, str]) -> In
         facts: about the bag. Of a table everything that was put in comes out again.
 
     Raises:
-        SloshBagError: as `input_settings`.
+        SloshBagError: a parameter is missing or cannot be.
     """
     started = first(starts, "estimator")
     if started is not None:
-        return input_settings(started.parameters)
+        return settings_of(started, InputSettings.from_parameters)
     unbounded = GateSettings(max_jump=math.inf, confirms=False)
     return InputSettings(gate=unbounded) if TABLE in facts else InputSettings()
-
-
-def input_settings(parameters: Mapping[str, Any]) -> InputSettings:
-    """The settings of a recorded estimator node.
-
-    Args:
-        parameters: of the node, by name.
-
-    Raises:
-        SloshBagError: one is missing or cannot be.
-    """
-    try:
-        roll, pitch, yaw = parameters["sensor_rotation"]
-        return InputSettings(
-            parameters["input"],
-            GateSettings(
-                max_gap=parameters["max_gap"],
-                max_age=parameters["max_age"],
-                # The nodes of old set nothing aside.
-                max_jump=parameters.get("max_jump", math.inf),
-                confirms="max_jump" in parameters,
-            ),
-            SensorTransform(roll, pitch, yaw, tuple(parameters["sensor_to_origin"])),
-            parameters["pose_window"],
-            (parameters["world_frame"], parameters["container_frame"]),
-        )
-    except (KeyError, TypeError, ValueError) as error:
-        raise SloshBagError(f"the recorded estimator's settings cannot be read: {error}") from None
 
 
 def fields(kind: str) -> tuple[str, ...]:
@@ -128,7 +76,7 @@ class InputReader:
         self.kind = kind
         self.max_gap_ns = round(settings.gate.max_gap * 1e9)
         self._settings = settings._replace(gate=replace(settings.gate, chosen=chosen))
-        self._adapter = self._new_adapter()
+        self._adapter = self._settings.reader(self.kind)
         self._used_before = self._dropped_before = self._gaps_before = 0
 
     @property
@@ -147,7 +95,7 @@ class InputReader:
         self._used_before = counters["samples_used"]
         self._dropped_before = counters["samples_dropped"]
         self._gaps_before = counters["gaps"]
-        self._adapter = self._new_adapter()
+        self._adapter = self._settings.reader(self.kind)
 
     def samples(
         self, stamps: NDArray[np.int64], columns: Mapping[str, NDArray[Any]], rows: NDArray[Any]
@@ -172,14 +120,6 @@ class InputReader:
             if sample is not None:
                 found.append(sample)
         return Samples.of(found)
-
-    def _new_adapter(self) -> AccelInput | ImuInput | PoseInput:
-        settings = self._settings
-        if self.kind == "accel":
-            return AccelInput(settings.gate, settings.frames)
-        if self.kind == "imu":
-            return ImuInput(settings.gate, settings.transform)
-        return PoseInput(settings.gate, settings.pose_window)
 
 
 def _imu(row: Sequence[float]) -> tuple[Any, Any]:

@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import yaml
 
 from slosh_bag.errors import SloshBagError
 from slosh_bag.reader import BagMessage, BagReader
-from slosh_estimator.limits import Hysteresis
-from slosh_estimator.monitor import MonitorSettings
 from slosh_model.bounded_yaml import load_yaml
 from slosh_model.model import Model
 from slosh_model.model_text import format_model, parse_model
 
 TOPIC = "settings"
 MESSAGE_TYPE = "slosh_msgs/msg/NodeSettings"
+T = TypeVar("T")
 
 
 class NodeStart(NamedTuple):
@@ -72,24 +71,22 @@ def latest(starts: list[NodeStart], node: str) -> NodeStart | None:
     return next((start for start in reversed(starts) if start.node == node), None)
 
 
-def monitor_settings(parameters: Mapping[str, Any]) -> MonitorSettings:
-    """The settings of a recorded monitor node.
+def settings_of(start: NodeStart, meaning: Callable[[Mapping[str, Any]], T]) -> T:
+    """What a recorded node's parameters mean.
+
+    Args:
+        start: of the node.
+        meaning: that the node itself gives them.
 
     Raises:
         SloshBagError: one is missing or cannot be.
     """
     try:
-        return MonitorSettings(
-            parameters["measured_limit"],
-            parameters["estimated_limit"],
-            parameters["disagreement_limit"],
-            parameters["warn_share"],
-            Hysteresis(parameters["release"], round(parameters["hold"] * 1e9)),
-            parameters["timeout"],
-            parameters["buffer"],
-        )
+        return meaning(start.parameters)
     except (KeyError, TypeError, ValueError) as error:
-        raise SloshBagError(f"the recorded monitor's settings cannot be read: {error}") from None
+        raise SloshBagError(
+            f"the recorded {start.node}'s settings cannot be read: {error}"
+        ) from None
 
 
 def model_of(start: NodeStart) -> Model:

@@ -13,12 +13,13 @@ from slosh_bag.errors import SloshBagError
 from slosh_bag.motion_table import MotionTable
 from slosh_bag.replay.bank import EstimatorBank
 from slosh_bag.replay.conclusion import conclude
-from slosh_bag.replay.inputs import InputReader, InputSettings
+from slosh_bag.replay.inputs import InputReader
 from slosh_bag.replay.monitor_feed import Measurements, MonitorFeed
 from slosh_bag.replay.result import ReplayResult
 from slosh_bag.replay.run import Outputs, Parts, ReplayRun
 from slosh_bag.replay.series import Series
 from slosh_estimator.gate import GateSettings
+from slosh_estimator.inputs import InputSettings
 from slosh_estimator.monitor import MonitorSettings
 from slosh_estimator.sample import Samples
 from slosh_model.model import Model

@@ -13,9 +13,9 @@ from slosh_bag.interchange.export import check_targets, export_targets, export_t
 from slosh_bag.mcap_files.bag_folder import files_of
 from slosh_bag.motion_table import write_motion_table
 from slosh_bag.reader import BagReader, TopicInfo
-from slosh_bag.replay.inputs import KINDS
 from slosh_bringup.cli.progress import Progress, Unit
 from slosh_bringup.errors import SloshBringupError
+from slosh_estimator.inputs import MESSAGE_TYPES
 from slosh_files import check_apart, check_outside
 
 TABLE_SUFFIXES = (".csv", ".csv.gz")
@@ -41,7 +41,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--json", action="store_true", help="with --list: as JSON")
     motion = parser.add_argument_group("motion table")
     motion.add_argument(
-        "--input", choices=list(KINDS), help="what tells the motion; without it as recorded"
+        "--input",
+        choices=list(MESSAGE_TYPES),
+        help="what tells the motion; without it as recorded",
     )
     motion.add_argument(
         "--measured", metavar="TOPIC", help=f"of the heights: free_surface, or {NO_HEIGHTS}"

@@ -27,8 +27,9 @@ from slosh_bag.interchange.bag_motion import AttitudeCollector, Motion, MotionCo
 from slosh_bag.interchange.table_bag import IMU, IMU_TYPE, SECOND
 from slosh_bag.reader import BagReader, TopicInfo
 from slosh_bag.replay.bag import Sources, find_sources
-from slosh_bag.replay.inputs import KINDS, STAMP, InputSettings, recorded_inputs, stamps_of
+from slosh_bag.replay.inputs import STAMP, recorded_inputs, stamps_of
 from slosh_bringup.discover_data.attitudes import PoseAttitudes, angular_velocity
+from slosh_estimator.inputs import MESSAGE_TYPES, InputSettings
 from slosh_estimator.sight import SATURATED, UNUSABLE
 
 Array = NDArray[np.float64]
@@ -130,7 +131,7 @@ class _Container:
             return found
         beside: dict[str, tuple[str, Taker]] = {
             IMU: (IMU_TYPE, (self._imu.fields, self._imu.add)),
-            "pose": (KINDS["pose"], (self._poses.fields, self._poses.add)),
+            "pose": (MESSAGE_TYPES["pose"], (self._poses.fields, self._poses.add)),
         }
         for name, (message_type, taker) in beside.items():
             topic = f"{self._topic.rpartition('/')[0]}/{name}"

@@ -16,7 +16,8 @@ from std_srvs.srv import Trigger
 from slosh_estimator.accel_input import AccelInput
 from slosh_estimator.estimator import Estimator
 from slosh_estimator.gate import DROPPED, GateSettings
-from slosh_estimator.imu_input import ImuInput, SensorTransform
+from slosh_estimator.imu_input import ImuInput
+from slosh_estimator.inputs import MESSAGE_TYPES, POSE_WINDOW, AnyInput, InputSettings
 from slosh_estimator.model_file import read_model
 from slosh_estimator.nodes.estimator_messages import fill, fill_reading, imu_sample
 from slosh_estimator.nodes.input_health import InputHealth
@@ -42,27 +43,24 @@ from slosh_msgs_py.node.settings import SettingsPublisher
 from slosh_msgs_py.stamps import to_nanoseconds
 
 PACKAGE = Path(__file__).parents[1]
-KINDS = {
-    topics.ACCEL: "geometry_msgs/msg/AccelStamped",
-    topics.IMU: "sensor_msgs/msg/Imu",
-    topics.POSE: "geometry_msgs/msg/PoseStamped",
-}
-"""What drives the models: topics and their types."""
 LATENCY_EVERY = 10
 """Messages per measured latency: enough for percentiles, and nothing to be felt."""
+_GATE = GateSettings()
 PARAMETERS = (
     ParameterSpec("model", "", "model file of the container and its liquid (model.yaml)"),
-    ParameterSpec("input", "accel", "what drives the models", choices=tuple(KINDS)),
+    ParameterSpec("input", "accel", "what drives the models", choices=tuple(MESSAGE_TYPES)),
     ParameterSpec("world_frame", "world", "frame of accelerations along the world's axes"),
     ParameterSpec("container_frame", "container", "the container's frame, on all output"),
-    ParameterSpec("max_gap", 0.05, "longest gap in the input integrated across [s]", (1e-3, 1.0)),
     ParameterSpec(
-        "max_age", 0.5, "how far a sample's stamp may lie before or after its arrival [s]",
-        (1e-3, 3600.0),
+        "max_gap", _GATE.max_gap, "longest gap in the input integrated across [s]", (1e-3, 1.0)
     ),
     ParameterSpec(
-        "max_jump", 20.0, "largest change of an axis' acceleration between two samples [m/s^2]",
-        (0.1, 1e4),
+        "max_age", _GATE.max_age,
+        "how far a sample's stamp may lie before or after its arrival [s]", (1e-3, 3600.0),
+    ),
+    ParameterSpec(
+        "max_jump", _GATE.max_jump,
+        "largest change of an axis' acceleration between two samples [m/s^2]", (0.1, 1e4),
     ),
     ParameterSpec(
         "starts_at_rest", True, "whether the liquid is still when the node starts; else it settles"
@@ -76,7 +74,9 @@ PARAMETERS = (
         "from the IMU to the centre of the still surface, in the container's axes [m]",
         (-5.0, 5.0), length=3,
     ),
-    ParameterSpec("pose_window", 21, "samples of the differentiating window, odd", (5, 201)),
+    ParameterSpec(
+        "pose_window", POSE_WINDOW, "samples of the differentiating window, odd", (5, 201)
+    ),
 )  # fmt: skip
 
 
@@ -121,27 +121,21 @@ class EstimatorNode(PreparedNode):
         """Listens from now on."""
         self._set_names()
         self._announce_start()
-        self._input = self._subscribe(self._values)
+        self._input = self._subscribe()
         self.create_service(LoadModel, topics.LOAD_MODEL, self._on_load_model)
         self.create_service(Trigger, topics.RESET, self._on_reset)
 
-    def _subscribe(self, values: dict[str, Any]) -> AccelInput | ImuInput | PoseInput:
-        self._input_health = InputHealth(self, values["input"], KINDS[values["input"]])
-        self._rivals = Rivals(self, values["input"], KINDS[values["input"]])
-        gate = GateSettings(values["max_gap"], values["max_age"], values["max_jump"])
-        if values["input"] == "accel":
-            accel = AccelInput(gate, (values["world_frame"], values["container_frame"]))
-            self._listen(AccelStamped, topics.ACCEL, partial(self._on_accel, accel))
-            return accel
-        if values["input"] == "imu":
-            roll, pitch, yaw = values["sensor_rotation"]
-            x, y, z = values["sensor_to_origin"]
-            imu = ImuInput(gate, SensorTransform(roll, pitch, yaw, (x, y, z)))
-            self._listen(Imu, topics.IMU, partial(self._on_imu, imu))
-            return imu
-        pose = PoseInput(gate, values["pose_window"])
-        self._listen(PoseStamped, topics.POSE, partial(self._on_pose, pose))
-        return pose
+    def _subscribe(self) -> AnyInput:
+        self._input_health = InputHealth(self, self._kind, MESSAGE_TYPES[self._kind])
+        self._rivals = Rivals(self, self._kind, MESSAGE_TYPES[self._kind])
+        source = InputSettings.from_parameters(self._values).reader(self._kind)
+        if isinstance(source, AccelInput):
+            self._listen(AccelStamped, topics.ACCEL, partial(self._on_accel, source))
+        elif isinstance(source, ImuInput):
+            self._listen(Imu, topics.IMU, partial(self._on_imu, source))
+        else:
+            self._listen(PoseStamped, topics.POSE, partial(self._on_pose, source))
+        return source
 
     def _listen(self, kind: type, topic: str, callback: Callable[[Any], None]) -> None:
         self.create_subscription(kind, topic, callback, qos.STREAM_IN)

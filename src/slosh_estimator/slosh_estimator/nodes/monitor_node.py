@@ -9,7 +9,7 @@ from typing import Any
 from rclpy.clock import Clock, ClockType
 from std_srvs.srv import Trigger
 
-from slosh_estimator.limits import Event, Hysteresis
+from slosh_estimator.limits import Event
 from slosh_estimator.monitor import (
     Comparison,
     EstimatePoint,
@@ -32,17 +32,29 @@ from slosh_msgs_py.stamps import to_nanoseconds
 
 PACKAGE = Path(__file__).parents[1]
 CHECK_PERIOD = 0.1
+_DEFAULT = MonitorSettings()
 PARAMETERS = (
     ParameterSpec("measured_limit", 0.02, "limit of the measured height [m]", (0.0, 10.0)),
     ParameterSpec("estimated_limit", 0.02, "limit of the NL model's height [m]", (0.0, 10.0)),
     ParameterSpec("disagreement_limit", 0.01, "limit of |measured - NL| [m]", (0.0, 10.0)),
-    ParameterSpec("warn_share", 0.8, "share of a limit from which the state is WARN", (0.01, 1.0)),
-    ParameterSpec("release", 0.9, "share of a limit below which an excess ends", (0.01, 1.0)),
-    ParameterSpec("hold", 0.1, "how long the value stays there before it ends [s]", (0.0, 60.0)),
-    ParameterSpec("timeout", 0.3, "a side silent for longer is stale [s]", (0.05, 0.4)),
-    ParameterSpec("buffer", 2.0, "how far back estimates are kept [s]", (0.1, 60.0)),
+    ParameterSpec(
+        "warn_share", _DEFAULT.warn_share, "share of a limit from which the state is WARN",
+        (0.01, 1.0),
+    ),
+    ParameterSpec(
+        "release", _DEFAULT.hysteresis.release, "share of a limit below which an excess ends",
+        (0.01, 1.0),
+    ),
+    ParameterSpec(
+        "hold", _DEFAULT.hysteresis.hold_ns / 1e9,
+        "how long the value stays there before it ends [s]", (0.0, 60.0),
+    ),
+    ParameterSpec(
+        "timeout", _DEFAULT.timeout, "a side silent for longer is stale [s]", (0.05, 0.4)
+    ),
+    ParameterSpec("buffer", _DEFAULT.buffer, "how far back estimates are kept [s]", (0.1, 60.0)),
     ParameterSpec("container_frame", "container", "the container's frame, on all output"),
-)
+)  # fmt: skip
 
 
 class MonitorNode(GuardedNode):
@@ -57,17 +69,7 @@ class MonitorNode(GuardedNode):
             self, sources_digest(PACKAGE), arithmetic_fingerprint(), given, names
         )
         settings.publish({})
-        self._core = Monitor(
-            MonitorSettings(
-                given["measured_limit"],
-                given["estimated_limit"],
-                given["disagreement_limit"],
-                given["warn_share"],
-                Hysteresis(given["release"], round(given["hold"] * 1e9)),
-                given["timeout"],
-                given["buffer"],
-            )
-        )
+        self._core = Monitor(MonitorSettings.from_parameters(given))
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._comparisons = self.create_publisher(
             SloshComparison, topics.COMPARISON, qos.STREAM_OUT

@@ -1,0 +1,77 @@
+"""What drives the models, and how it is read: the same live and in a replay."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+from slosh_estimator.accel_input import AccelInput
+from slosh_estimator.gate import GateSettings
+from slosh_estimator.imu_input import ImuInput, SensorTransform
+from slosh_estimator.pose_input import PoseInput
+
+ACCEL, IMU, POSE = "accel", "imu", "pose"
+MESSAGE_TYPES: Mapping[str, str] = {
+    ACCEL: "geometry_msgs/msg/AccelStamped",
+    IMU: "sensor_msgs/msg/Imu",
+    POSE: "geometry_msgs/msg/PoseStamped",
+}
+"""Kinds of input and the type of their messages; the first that is there is taken."""
+POSE_WINDOW = 21
+
+AnyInput = AccelInput | ImuInput | PoseInput
+
+
+class InputSettings(NamedTuple):
+    """How the input is read.
+
+    Attributes:
+        kind: one of MESSAGE_TYPES; None: the first of them that is there.
+        gate: limits of the gate.
+        transform: container ← IMU.
+        pose_window: samples of the differentiating window.
+        frames: frames of accelerations that are taken: along the world's axes, along the
+            container's.
+    """
+
+    kind: str | None = None
+    gate: GateSettings = GateSettings(confirms=False)
+    transform: SensorTransform = SensorTransform()
+    pose_window: int = POSE_WINDOW
+    frames: tuple[str, str] = ("world", "container")
+
+    @classmethod
+    def from_parameters(cls, parameters: Mapping[str, Any]) -> InputSettings:
+        """The settings that an estimator node's parameters mean.
+
+        Args:
+            parameters: by name; those of a node of old have no `max_jump`: it set nothing aside.
+
+        Raises:
+            KeyError: one is missing.
+            TypeError, ValueError: one cannot be.
+        """
+        roll, pitch, yaw = parameters["sensor_rotation"]
+        x, y, z = parameters["sensor_to_origin"]
+        gate = GateSettings(
+            parameters["max_gap"],
+            parameters["max_age"],
+            parameters.get("max_jump", math.inf),
+            confirms="max_jump" in parameters,
+        )
+        return cls(
+            parameters["input"],
+            gate,
+            SensorTransform(roll, pitch, yaw, (x, y, z)),
+            parameters["pose_window"],
+            (parameters["world_frame"], parameters["container_frame"]),
+        )
+
+    def reader(self, kind: str) -> AnyInput:
+        """What turns messages of a kind into samples."""
+        if kind == ACCEL:
+            return AccelInput(self.gate, self.frames)
+        if kind == IMU:
+            return ImuInput(self.gate, self.transform)
+        return PoseInput(self.gate, self.pose_window)
