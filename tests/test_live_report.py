@@ -2,11 +2,15 @@
 
 import json
 import math
+from pathlib import Path
 
 import pytest
 
+from slosh_bag.mcap_files.mcap_walk import McapWalk
 from slosh_bringup.live_report import REPORT, RESULT, make_live_report
 from tests.live_bag import MS, LiveBag
+
+BAGS = Path(__file__).resolve().parents[1] / "bags"
 
 
 def written(folder, problems, *, began=True):
@@ -101,3 +105,13 @@ def test_a_run_that_never_began_has_one_reason(tmp_path):
 def test_no_part_of_a_report_is_left(tmp_path):
     results(tmp_path, live_bag("free_surface"))
     assert {path.name for path in tmp_path.iterdir()} == {"bag", REPORT, RESULT}
+
+
+def test_a_recording_is_walked_over_twice(monkeypatch):
+    """Once for what was said live, once to replay it; settings and images are looked up."""
+    walks = []
+    pieces = McapWalk.pieces
+    monkeypatch.setattr(McapWalk, "pieces", lambda walk: walks.append(walk.path) or pieces(walk))
+    report = make_live_report(BAGS / "l", "Cell")
+    assert report.result.replayed is not None
+    assert len(walks) == 2

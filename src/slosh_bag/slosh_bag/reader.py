@@ -23,6 +23,7 @@ from slosh_bag.mcap_files.bag_folder import bag_files, folder_facts, ordered_fil
 from slosh_bag.mcap_files.bag_types import BagTypes
 from slosh_bag.mcap_files.chunks import MessageBlock, Piece
 from slosh_bag.mcap_files.found import Found
+from slosh_bag.mcap_files.mcap_index import Index, Window, indexed_pieces, read_index
 from slosh_bag.mcap_files.mcap_merge import Span, in_log_order
 from slosh_bag.mcap_files.mcap_summary import read_summary
 from slosh_bag.mcap_files.mcap_walk import McapWalk, is_in_order
@@ -176,11 +177,55 @@ class BagReader:
             SloshBagError: as `messages`.
         """
         for file in self.files:
-            walk = McapWalk(file)
-            for piece in walk.pieces():
-                self._learn(piece)
-                yield from _blocks(walk.found, piece, topics)
-            self._warn(walk.warnings)
+            yield from self._blocks_of(file, topics)
+
+    def look_up(
+        self, topics: Collection[str], windows: Collection[Window] | None = None
+    ) -> Iterator[MessageBlock]:
+        """The messages of topics with few, or of some moments, as `blocks` gives them.
+
+        By a file's index only the chunks that hold them are read. A file without an index that
+        can be believed is read to its end.
+
+        Args:
+            topics: whose messages.
+            windows: log times [ns]; of the messages at least those within come. None: all come.
+
+        Raises:
+            SloshBagError: as `messages`.
+        """
+        for file in self.files:
+            index = read_index(file)
+            if index is None:
+                yield from self._blocks_of(file, topics)
+            else:
+                yield from self._indexed(file, index, topics, windows)
+
+    def _indexed(
+        self, file: Path, index: Index, topics: Collection[str], windows: Collection[Window] | None
+    ) -> Iterator[MessageBlock]:
+        summary = index.summary
+        known = Found(summary.schemas, summary.channels, summary.counts or {})
+        for schema in summary.schemas.values():
+            self._types.add(schema)
+        wanted = list(_names(known, topics))
+        missing = sum(known.counts.get(channel, 0) for channel in wanted)
+        for piece in indexed_pieces(file, index, wanted, windows):
+            for block in _blocks(known, piece, topics):
+                missing -= len(block)
+                yield block
+        if windows is None and missing:
+            raise SloshBagError(
+                f"{file}: its index leads to {missing} messages of {', '.join(topics)} fewer than "
+                "its summary counts; `slosh recover` writes a new bag with a new index"
+            )
+
+    def _blocks_of(self, file: Path, topics: Collection[str] | None) -> Iterator[MessageBlock]:
+        walk = McapWalk(file)
+        for piece in walk.pieces():
+            self._learn(piece)
+            yield from _blocks(walk.found, piece, topics)
+        self._warn(walk.warnings)
 
     def messages(self, topics: Collection[str] | None = None) -> Iterator[BagMessage]:
         """The messages, file by file, in the order of their log times within each.

@@ -16,7 +16,7 @@ from slosh_bag.replay.cells import CellTopics
 from slosh_bag.replay.report import report_start, shown_models
 from slosh_bag.replay.result import ReplayResult
 from slosh_bringup.detect.frame import SourceFrame
-from slosh_bringup.detect.source import bag_frames
+from slosh_bringup.detect.source import frames_at
 from slosh_camera.calibration import AnyCalibration, parse_any_calibration
 from slosh_camera.drawing import draw_measurement
 from slosh_camera.errors import SloshCameraError
@@ -84,7 +84,10 @@ def pictures_at(bag: Path, wanted: Mapping[str, int]) -> dict[str, tuple[bytes, 
     calibration = bag_calibration(bag)
     if calibration is None or not wanted:
         return {}
-    images = _images(bag, set(wanted.values()))
+    try:
+        images = frames_at(bag, set(wanted.values()))
+    except SloshBagError:
+        return {}
     if not images:
         return {}
     try:
@@ -114,13 +117,6 @@ def moments(result: ReplayResult) -> dict[str, int]:
         if np.isfinite(residual).any():
             wanted["largest residual"] = int(result.stamps[np.nanargmax(residual)])
     return wanted
-
-
-def _images(bag: Path, stamps: set[int]) -> dict[int, SourceFrame]:
-    try:
-        return {frame.stamp_ns: frame for frame in bag_frames(bag, stamps)}
-    except SloshBagError:
-        return {}
 
 
 def _picture(

@@ -56,7 +56,7 @@ def read_starts(reader: BagReader, topic: str) -> list[NodeStart]:
             log_ns,
             source,
         )
-        for block in reader.blocks([topic])
+        for block in reader.look_up([topic])
         for index, log_ns in enumerate(block.log_ns.tolist())
     ]
 

@@ -13,6 +13,7 @@ import cv2
 
 from slosh_bag.errors import SloshBagError
 from slosh_bag.mcap_files.bag_folder import files_of
+from slosh_bag.mcap_files.chunks import MessageBlock
 from slosh_bag.reader import BagMessage, BagReader
 from slosh_bringup.detect.frame import CompressedMessage, NoImage, RawMessage, SourceFrame
 from slosh_bringup.detect.series import IMAGE_ENDINGS, images_in, longest_series, natural_order
@@ -24,6 +25,8 @@ RAW, COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
 FOLDER_RATE = 60.0
 """Images of files carry no time: they count as taken at this rate [Hz], in natural order."""
 _SECOND = 1e9
+_BEFORE, _AFTER = 100_000_000, 2_000_000_000
+"""How long before and after its stamp a recorder may have got an image [ns]."""
 
 
 @dataclass(slots=True)
@@ -82,18 +85,37 @@ def open_source(sources: Sequence[str], rate: float = FOLDER_RATE) -> FrameSourc
     return _video_source(path)
 
 
-def bag_frames(path: Path, stamps: Collection[int] | None = None) -> Iterator[SourceFrame]:
-    """The images of a bag's first image topic.
+def frames_at(path: Path, stamps: Collection[int]) -> dict[int, SourceFrame]:
+    """Images of a bag's first image topic, by their stamps.
 
     Args:
         path: the bag.
-        stamps: only the images with these stamps [ns]; None: all.
+        stamps: of those that are wanted [ns]; what is not there is left out.
 
     Raises:
         SloshBagError: a damaged bag, or one without images.
     """
-    frames = _bag_source(path).frames
-    return (frame for frame in frames if stamps is None or frame.stamp_ns in stamps)
+    reader = BagReader(path)
+    topic = _image_topic(path, reader)[0]
+    windows = [(stamp - _BEFORE, stamp + _AFTER) for stamp in stamps]
+    nearby = chain.from_iterable(map(_records, reader.look_up([topic], windows)))
+    found = _with_stamps(reader, nearby, stamps)
+    if len(found) < len(stamps):
+        # The images' clock is not the recorder's, or one of them is not there.
+        found = _with_stamps(reader, reader.messages([topic]), stamps)
+    return found
+
+
+def _with_stamps(
+    reader: BagReader, records: Iterable[BagMessage], stamps: Collection[int]
+) -> dict[int, SourceFrame]:
+    frames = (_message_frame(reader, record) for record in records)
+    return {frame.stamp_ns: frame for frame in frames if frame.stamp_ns in stamps}
+
+
+def _records(block: MessageBlock) -> Iterator[BagMessage]:
+    for row, log_ns in enumerate(block.log_ns.tolist()):
+        yield BagMessage(block.topic, block.message_type, log_ns, log_ns, block.data(row))
 
 
 def _existing(sources: Sequence[str]) -> list[Path]:
@@ -183,6 +205,15 @@ def _captured(capture: cv2.VideoCapture, source: FrameSource) -> Iterator[Source
 
 def _bag_source(path: Path) -> FrameSource:
     reader = BagReader(path)
+    chosen, others, total = _image_topic(path, reader)
+    note = f"measuring topic {chosen}; left out: {', '.join(others)}" if others else ""
+    source = FrameSource(str(path), iter(()), total, files=files_of(path), note=note)
+    source.frames = _recorded(reader, chosen, source)
+    return source
+
+
+def _image_topic(path: Path, reader: BagReader) -> tuple[str, list[str], int | None]:
+    """The topic whose images count, the others, and how many it has."""
     topics = {
         topic: info for topic, info in reader.topics().items()
         if info.message_type in (RAW, COMPRESSED) and info.count != 0
@@ -192,12 +223,7 @@ def _bag_source(path: Path) -> FrameSource:
         raise SloshBagError(f"{path}: holds no images{reason}")
     # Nothing was lost in raw images.
     chosen, *others = sorted(topics, key=lambda topic: topics[topic].message_type != RAW)
-    note = f"measuring topic {chosen}; left out: {', '.join(others)}" if others else ""
-    source = FrameSource(
-        str(path), iter(()), topics[chosen].count, files=files_of(path), note=note
-    )
-    source.frames = _recorded(reader, chosen, source)
-    return source
+    return chosen, others, topics[chosen].count
 
 
 def _recorded(reader: BagReader, topic: str, source: FrameSource) -> Iterator[SourceFrame]:

@@ -1,0 +1,139 @@
+"""The index at the end of an MCAP file: which chunks hold a topic, and of which time they are.
+
+So that what stands in a few chunks, as a node's latched settings or one image, costs these chunks
+and not the whole file, which may be hours long.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Collection, Iterator
+from pathlib import Path
+from typing import BinaryIO, NamedTuple
+
+from mcap.opcode import Opcode
+from mcap.records import AttachmentIndex, ChunkIndex, MetadataIndex
+
+from slosh_bag.errors import SloshBagError
+from slosh_bag.mcap_files.chunks import (
+    RECORD_HEADER,
+    DamageError,
+    Piece,
+    agrees,
+    chunk_header,
+    parse,
+    read_chunk,
+)
+from slosh_bag.mcap_files.mcap_summary import END, MAGIC, Summary, read_summary
+from slosh_bag.mcap_files.mcap_walk import CHUNK_START
+
+_HEADER = struct.Struct("<BQ")
+_DATA_END = RECORD_HEADER + 4
+Window = tuple[int, int]
+"""First and last log time [ns]."""
+
+
+class Index(NamedTuple):
+    """What a file's end tells of its chunks.
+
+    Attributes:
+        summary: definitions and numbers of messages.
+        chunks: one entry each, in the order of the file.
+    """
+
+    summary: Summary
+    chunks: tuple[ChunkIndex, ...]
+
+
+def read_index(path: Path) -> Index | None:
+    """The index of a file; None: it has none that can be believed and is complete."""
+    size = path.stat().st_size
+    with path.open("rb") as stream:
+        summary = read_summary(stream, size)
+        if summary is None or not summary.trusted or summary.counts is None:
+            return None
+        try:
+            chunks, beside = _entries(stream, summary.start, size - END)
+            # Messages outside of chunks have no entry: all of the data has to be accounted for.
+            stream.seek(len(MAGIC))
+            _, header = _HEADER.unpack(stream.read(RECORD_HEADER))
+        except (DamageError, struct.error):
+            return None
+    told = sum(chunk.chunk_length + chunk.message_index_length for chunk in chunks) + beside
+    data = summary.start - len(MAGIC) - (RECORD_HEADER + header) - _DATA_END
+    complete = told == data and all(_is_told(chunk, summary) for chunk in chunks)
+    return Index(summary, chunks) if complete else None
+
+
+def _is_told(chunk: ChunkIndex, summary: Summary) -> bool:
+    """Whether an entry tells its channels, and the summary what these are; some writers do not."""
+    known = (summary.channels.get(channel) for channel in chunk.message_index_offsets)
+    return bool(chunk.message_index_offsets) and all(
+        channel is not None and channel.schema_id in {0, *summary.schemas} for channel in known
+    )
+
+
+def _entries(stream: BinaryIO, start: int, end: int) -> tuple[tuple[ChunkIndex, ...], int]:
+    """The chunks' entries, and how many bytes other records take that have an entry."""
+    found, beside = [], 0
+    stream.seek(start)
+    position = start
+    while position < end:
+        opcode, length = _HEADER.unpack(stream.read(RECORD_HEADER))
+        position += RECORD_HEADER + length
+        if position > end:
+            raise DamageError("a record beyond the summary's end")
+        if opcode == Opcode.CHUNK_INDEX:
+            found.append(parse(ChunkIndex, stream.read(length)))
+        elif opcode == Opcode.METADATA_INDEX:
+            beside += parse(MetadataIndex, stream.read(length)).length
+        elif opcode == Opcode.ATTACHMENT_INDEX:
+            beside += parse(AttachmentIndex, stream.read(length)).length
+        else:
+            stream.seek(position)
+    return tuple(found), beside
+
+
+def indexed_pieces(
+    path: Path, index: Index, channels: Collection[int], windows: Collection[Window] | None
+) -> Iterator[Piece]:
+    """The chunks of a file that hold one of the channels, in its order.
+
+    Args:
+        path: the file.
+        index: of it.
+        channels: by their numbers.
+        windows: only chunks with log times in one of these; None: all.
+
+    Raises:
+        SloshBagError: such a chunk is damaged.
+    """
+    with path.open("rb") as stream:
+        for chunk in index.chunks:
+            if not chunk.message_index_offsets.keys() & set(channels):
+                continue
+            if windows is None or any(
+                first <= chunk.message_end_time and chunk.message_start_time <= last
+                for first, last in windows
+            ):
+                yield _piece(path, stream, chunk)
+
+
+def _piece(path: Path, stream: BinaryIO, chunk: ChunkIndex) -> Piece:
+    position = chunk.chunk_start_offset
+    stream.seek(position)
+    try:
+        record = stream.read(chunk.chunk_length)
+        if record[:1] != bytes([Opcode.CHUNK]) or len(record) != chunk.chunk_length:
+            raise DamageError("no chunk where the index has one")
+        content = record[RECORD_HEADER:]
+        header = chunk_header(content[:CHUNK_START], len(content))
+        piece = read_chunk(position, header, content)
+        if not agrees(header, piece):
+            raise DamageError("a chunk with other times than its messages")
+    except DamageError as error:
+        raise SloshBagError(
+            f"{path}: damaged at byte {position}: {error}; "
+            "`slosh recover` writes a new bag of all that is whole"
+        ) from None
+    return piece

@@ -1,0 +1,164 @@
+"""Looking up: by a file's index only the chunks that hold what is asked for are read."""
+
+import pytest
+from mcap.writer import CompressionType, IndexType, Writer
+
+from slosh_bag.bag_writer import BagWriter
+from slosh_bag.definitions import Definitions
+from slosh_bag.errors import SloshBagError
+from slosh_bag.mcap_files.mcap_index import read_index
+from slosh_bag.reader import BagReader
+
+HEADER = "std_msgs/msg/Header"
+DEFINITIONS = Definitions()
+STORE = DEFINITIONS.typestore
+SECOND, STEP = 1_000_000_000, 10_000_000
+CHUNK, CHUNKS = 10, 6
+RARE = (0, 37)
+"""Numbers of the messages of /rare; all others are of /often."""
+
+
+def serialised(number):
+    stamp = STORE.types["builtin_interfaces/msg/Time"](sec=number, nanosec=7)
+    return bytes(STORE.serialize_cdr(STORE.types[HEADER](stamp=stamp, frame_id="x" * 50), HEADER))
+
+
+def log_time(number):
+    return SECOND + number * STEP
+
+
+@pytest.fixture
+def bag(tmp_path):
+    """One message each 10 ms, ten of them in a chunk; two are of /rare."""
+    with BagWriter(tmp_path / "bag") as writer:
+        writer.add_topic("/often", HEADER)
+        writer.add_topic("/rare", HEADER)
+        for number in range(CHUNK * CHUNKS):
+            topic = "/rare" if number in RARE else "/often"
+            writer.write(topic, serialised(number), log_time(number), number)
+            if number % CHUNK == CHUNK - 1:
+                writer.flush()
+    return tmp_path / "bag"
+
+
+def foreign(path, **options):
+    """The same by mcap's writer."""
+    with path.open("wb") as stream:
+        writer = Writer(stream, **{"chunk_size": 1 << 30, **options})
+        writer.start("ros2")
+        schema = writer.register_schema(HEADER, "ros2msg", DEFINITIONS.text(HEADER).encode())
+        channels = {
+            topic: writer.register_channel(topic, "cdr", schema) for topic in ("/often", "/rare")
+        }
+        writer.add_attachment(0, 0, "a", "text/plain", b"attached")
+        writer.add_metadata("m", {"key": "value"})
+        for number in range(CHUNK * CHUNKS):
+            channel = channels["/rare" if number in RARE else "/often"]
+            writer.add_message(channel, log_time(number), serialised(number), number, number)
+            if number % CHUNK == CHUNK - 1:
+                writer.flush()
+        writer.finish()
+    return path
+
+
+DEFINITIONS.hash(HEADER)
+
+
+def found(path, topics=("/rare",), windows=None):
+    """Log times of what is looked up, as numbers of messages; each is what was written."""
+    reader = BagReader(path)
+    numbers = []
+    for block in reader.look_up(topics, windows):
+        for row, log_ns in enumerate(block.log_ns.tolist()):
+            numbers.append((log_ns - SECOND) // STEP)
+            assert block.data(row) == serialised(numbers[-1])
+    return numbers
+
+
+def places(path):
+    (file,) = [path] if path.is_file() else path.glob("*.mcap")
+    return file, [chunk.chunk_start_offset for chunk in read_index(file).chunks]
+
+
+def damage(path, chunk):
+    """Changes a byte within a chunk's content."""
+    file, starts = places(path)
+    content = bytearray(file.read_bytes())
+    content[starts[chunk] + 100] ^= 0xFF
+    file.write_bytes(content)
+
+
+def test_a_rare_topic_costs_its_chunks_alone(bag):
+    assert found(bag) == list(RARE)
+    for chunk in (1, 2, 4, 5):
+        damage(bag, chunk)
+    assert found(bag) == list(RARE)
+
+
+def test_a_chunk_that_is_asked_for_is_checked(bag):
+    damage(bag, 3)
+    with pytest.raises(SloshBagError, match=r"damaged at byte \d+: .*`slosh recover`"):
+        found(bag)
+
+
+def test_all_that_is_within_a_window_comes_and_little_else(bag):
+    window = (log_time(22), log_time(33))
+    numbers = found(bag, ["/often"], [window])
+    assert numbers == [number for number in range(20, 40) if number not in RARE]
+    assert found(bag, ["/rare"], [window]) == [37]
+    assert found(bag, ["/often"], [(0, SECOND - 1)]) == []
+
+
+def test_a_topic_that_is_not_there_is_not_found(bag):
+    assert found(bag, ["/none"]) == []
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {},
+        {"compression": CompressionType.NONE},
+        {"use_chunking": False},
+        {"index_types": IndexType.NONE},
+        {"index_types": IndexType.CHUNK},
+        {"use_statistics": False},
+        {"use_summary_offsets": False},
+        {"repeat_channels": False},
+        {"repeat_schemas": False},
+    ],
+    ids=str,
+)
+def test_files_of_other_writers(tmp_path, options):
+    file = foreign(tmp_path / "a.mcap", **options)
+    assert found(file) == list(RARE)
+
+
+def test_an_index_of_another_writer_is_used(tmp_path):
+    file = foreign(tmp_path / "a.mcap")
+    damage(file, 1)
+    assert found(file) == list(RARE)
+
+
+def test_an_unfinished_file_is_read_to_its_end(bag):
+    file, starts = places(bag)
+    file.write_bytes(file.read_bytes()[: starts[4] + 50])
+    reader = BagReader(bag)
+    assert sum(len(block) for block in reader.look_up(["/rare"])) == len(RARE)
+    assert "unfinished" in " ".join(reader.warnings)
+
+
+def test_a_damaged_index_is_not_believed(bag):
+    file, _ = places(bag)
+    content = bytearray(file.read_bytes())
+    content[-60] ^= 0xFF
+    file.write_bytes(content)
+    assert read_index(file) is None
+    assert found(bag) == list(RARE)
+
+
+def test_messages_beside_the_chunks_are_not_missed(tmp_path):
+    """Such a file's index does not account for all of its bytes."""
+    file = foreign(tmp_path / "a.mcap")
+    file_loose = foreign(tmp_path / "b.mcap", use_chunking=False)
+    assert read_index(file) is not None
+    assert read_index(file_loose) is None
