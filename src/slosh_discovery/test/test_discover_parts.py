@@ -9,6 +9,7 @@ from example_motions import BASE, DURATION, NOISE, inputs_of, measured
 from slosh_discovery.discover.clock import first_offset, slipped_offsets
 from slosh_discovery.discover.crosscheck import held_out
 from slosh_discovery.discover.evidence import (
+    EFFECT_PRIOR,
     columns_together,
     correlation_length,
     log_evidence,
@@ -40,6 +41,12 @@ def test_residuals_that_go_together_count_once():
 
 def test_probabilities_do_not_overflow():
     assert probabilities([-1e6, -1e6 - np.log(3.0)]) == pytest.approx([0.75, 0.25])
+
+
+def test_before_any_data_an_effect_is_at_work_one_time_in_three():
+    """So none is named for what chance alone would show, and none needs more than is there."""
+    anything = 1.0 - (1.0 - EFFECT_PRIOR) ** len(EFFECTS)
+    assert anything == pytest.approx(1.0 / 3.0, abs=0.06)
 
 
 def test_a_parameter_that_does_nothing_costs_little_and_one_that_is_pinned_down_more():

@@ -126,6 +126,19 @@ def test_an_estimate_from_an_unknown_state_stays_out_of_the_indices() -> None:
     assert comparison.estimate_flags == EstimateFlag.SETTLING
 
 
+@pytest.mark.parametrize("marked", ["before", "after"])
+def test_an_image_between_two_estimates_bears_the_flags_of_both(marked: str) -> None:
+    """Half of what it is compared with comes from an unknown state."""
+    monitor = Monitor(MonitorSettings())
+    settling, doubtful = int(EstimateFlag.SETTLING), int(EstimateFlag.DIVERGED)
+    estimate(monitor, 10, 0.01, settling if marked == "before" else 0)
+    measure(monitor, 15, 0.02)
+    (comparison,) = estimate(monitor, 20, 0.01, settling if marked == "after" else doubtful)
+    assert comparison.estimate_flags & settling
+    assert bool(comparison.estimate_flags & doubtful) == (marked == "before")
+    assert comparison.count == 0
+
+
 def feed(
     monitor: Monitor, camera_until: int, estimator_until: int, until: int
 ) -> list[Comparison]:

@@ -1,0 +1,78 @@
+"""What is expected of the surface's shape: from the physics of the first mode alone."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from slosh_camera.surface_modes import SHAPES, Shape
+from slosh_camera.surface_prior import Prior
+
+RADIUS = 0.05
+REST = Prior(np.zeros(SHAPES), first=0.01)
+FIRST, DOUBLE = [Shape.FIRST_X, Shape.FIRST_Y], [Shape.DOUBLE_X, Shape.DOUBLE_Y]
+azimuths = st.floats(-np.pi, np.pi)
+sizes = st.floats(1e-3, 0.04)
+
+
+def wave(size, azimuth, double=(0.0, 0.0)):
+    """Heights of a first mode [m] with its crest at an azimuth, and of the double shape."""
+    heights = np.zeros(SHAPES)
+    heights[FIRST] = size * np.cos(azimuth), size * np.sin(azimuth)
+    heights[DOUBLE] = double
+    return heights
+
+
+def at_double_azimuth(size, azimuth):
+    """The double shape, cos 2(θ - φ), with a crest at φ."""
+    return size * np.cos(2.0 * azimuth), size * np.sin(2.0 * azimuth)
+
+
+@given(sizes, azimuths)
+def test_a_crest_is_expected_to_be_sharper_than_a_trough(size, azimuth):
+    """Second order raises the crest and the trough alike: the double shape's crest is at both."""
+    centre, _ = REST.about(wave(size, azimuth), RADIUS)
+    expected = 0.15 * size**2 / RADIUS
+    np.testing.assert_allclose(centre[DOUBLE], at_double_azimuth(expected, azimuth), atol=1e-12)
+    sharper = REST.surprise(wave(size, azimuth, at_double_azimuth(expected, azimuth)), RADIUS)
+    blunter = REST.surprise(wave(size, azimuth, at_double_azimuth(-expected, azimuth)), RADIUS)
+    assert sharper < blunter
+
+
+@given(sizes, azimuths, azimuths, st.floats(1e-4, 2e-3), azimuths)
+def test_no_direction_is_special(size, azimuth, turn, double, across):
+    """A wave that is turned as a whole surprises as much."""
+    start = wave(size, azimuth, at_double_azimuth(double, across))
+    turned = wave(size, azimuth + turn, at_double_azimuth(double, across + turn))
+    assert REST.surprise(turned, RADIUS) == pytest.approx(REST.surprise(start, RADIUS), rel=1e-6)
+
+
+@given(sizes, azimuths)
+def test_less_is_known_along_the_wave_than_across_it(size, azimuth):
+    """How sharp a crest is depends on more than its height; that it lies askew is odd."""
+    centre, _ = REST.about(wave(size, azimuth), RADIUS)
+    more = np.array(at_double_azimuth(1e-3, azimuth))
+    askew = np.array(at_double_azimuth(1e-3, azimuth + np.pi / 4))
+    along = REST.surprise(wave(size, azimuth, centre[DOUBLE] + more), RADIUS)
+    across = REST.surprise(wave(size, azimuth, centre[DOUBLE] + askew), RADIUS)
+    assert along < across
+
+
+def test_what_is_expected_surprises_by_its_first_mode_alone():
+    centre, precision = REST.about(wave(0.02, 0.3), RADIUS)
+    centre[FIRST] = 0.02 * np.cos(0.3), 0.02 * np.sin(0.3)
+    first = 0.02 * (0.02 / REST.first) ** 2
+    assert REST.surprise(centre, RADIUS) == pytest.approx(first)
+    assert np.all(np.linalg.eigvalsh(precision) > 0.0)
+
+
+def test_a_front_line_alone_holds_the_second_order_tighter():
+    loose = REST.about(wave(0.02, 0.3), RADIUS)[1]
+    tight = REST.about(wave(0.02, 0.3), RADIUS, front_alone=True)[1]
+    for shape in (Shape.SECOND_X, Shape.MEAN, Shape.DOUBLE_X):
+        assert tight[shape, shape] > 5.0 * loose[shape, shape]
+    assert tight[Shape.LEVEL, Shape.LEVEL] == loose[Shape.LEVEL, Shape.LEVEL]
+
+
+def test_rest_is_expected_to_be_level():
+    assert REST.surprise(np.zeros(SHAPES), RADIUS) == 0.0
