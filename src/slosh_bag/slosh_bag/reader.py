@@ -277,8 +277,8 @@ class BagReader:
         """
         with file.open("rb") as stream:
             summary = read_summary(stream, file.stat().st_size)
-        if summary is not None and summary.counts is not None:
-            found = Found(summary.schemas, summary.channels, summary.counts)
+        if summary is not None and summary.tells_topics:
+            found = Found(summary.schemas, summary.channels, summary.counts or {})
             for schema in summary.schemas.values():
                 self._types.add(schema)
             return found

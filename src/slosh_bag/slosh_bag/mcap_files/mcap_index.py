@@ -50,7 +50,7 @@ def read_index(path: Path) -> Index | None:
     size = path.stat().st_size
     with path.open("rb") as stream:
         summary = read_summary(stream, size)
-        if summary is None or not summary.trusted or summary.counts is None:
+        if summary is None or not summary.tells_topics:
             return None
         try:
             chunks, beside = _entries(stream, summary.start, size - END)
@@ -67,10 +67,8 @@ def read_index(path: Path) -> Index | None:
 
 def _is_told(chunk: ChunkIndex, summary: Summary) -> bool:
     """Whether an entry tells its channels, and the summary what these are; some writers do not."""
-    known = (summary.channels.get(channel) for channel in chunk.message_index_offsets)
-    return bool(chunk.message_index_offsets) and all(
-        channel is not None and channel.schema_id in {0, *summary.schemas} for channel in known
-    )
+    channels = chunk.message_index_offsets
+    return bool(channels) and summary.knows(channels)
 
 
 def _entries(stream: BinaryIO, start: int, end: int) -> tuple[tuple[ChunkIndex, ...], int]:

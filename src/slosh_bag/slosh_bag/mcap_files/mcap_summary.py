@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import struct
 import zlib
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import BinaryIO
 
@@ -42,6 +43,16 @@ class Summary:
     channels: dict[int, Channel] = field(default_factory=dict)
     counts: dict[int, int] | None = None
     metadata: list[MetadataIndex] = field(default_factory=list)
+
+    @property
+    def tells_topics(self) -> bool:
+        """Whether it can be relied on for topics, types and counts: writers may leave these out."""
+        return self.trusted and self.counts is not None and self.knows(self.counts)
+
+    def knows(self, channels: Iterable[int]) -> bool:
+        """Whether it repeats the definitions of all these channels and of their schemas."""
+        found = [self.channels.get(channel) for channel in channels]
+        return all(one is not None and one.schema_id in {0, *self.schemas} for one in found)
 
 
 def read_summary(stream: BinaryIO, size: int) -> Summary | None:
