@@ -46,7 +46,7 @@ class Summary:
 
     @property
     def tells_topics(self) -> bool:
-        """Whether it can be relied on for topics, types and counts: writers may leave these out."""
+        """Whether topics, types and counts can be had of it: writers may leave them out."""
         return self.trusted and self.counts is not None and self.knows(self.counts)
 
     def knows(self, channels: Iterable[int]) -> bool:
