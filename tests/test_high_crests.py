@@ -7,7 +7,7 @@ import pytest
 from slosh_bringup.cell.renderer import CupRenderer
 from slosh_bringup.processes import config_folder
 from slosh_camera.calibration import read_calibration
-from slosh_camera.detector import FreeSurfaceDetector
+from slosh_camera.cylinder.detector import FreeSurfaceDetector
 
 
 @pytest.mark.parametrize("side", [0.0, math.pi], ids=["near", "far"])

@@ -12,7 +12,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from slosh_camera.geometry import Wall
+from slosh_camera.optics.cup import Wall
 
 TOOLS = Path(__file__).parents[1] / "tools"
 NAMES = ("definitions", "optics", "surface", "truth", "povray", "render", "check_truth")

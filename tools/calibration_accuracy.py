@@ -19,7 +19,7 @@ from camera_tables import replace_table
 
 from slosh_camera.calibrate.still import HEIGHTS, calibrate_by_edges
 from slosh_camera.errors import SloshCameraError
-from slosh_camera.geometry import CupView, Wall
+from slosh_camera.optics.cup import CupView, Wall
 
 PAGE = Path(__file__).resolve().parent.parent / "docs" / "calibration.md"
 HEAD = (

@@ -46,8 +46,8 @@ from camera_tables import accuracy_tables, disturbance_table, replace_table, sho
 from tqdm import tqdm
 
 from slosh_camera.calibration import Calibration
-from slosh_camera.detector import FreeSurfaceDetector
-from slosh_camera.drawing import draw_measurement
+from slosh_camera.cylinder.detector import FreeSurfaceDetector
+from slosh_camera.detection.drawing import draw_measurement
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.measurement import Measurement
 

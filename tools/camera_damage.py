@@ -19,9 +19,9 @@ import numpy as np
 from camera_sequences import RenderedSequence, read_sequence, sequences_in, shared_sequences
 from numpy.typing import NDArray
 
-from slosh_camera.detector import FreeSurfaceDetector
+from slosh_camera.cylinder.detector import FreeSurfaceDetector
 from slosh_camera.errors import SloshCameraError
-from slosh_camera.image import decode_compressed
+from slosh_camera.images.decoding import decode_compressed
 from slosh_camera.measurement import Measurement
 
 Image = NDArray[np.uint8]

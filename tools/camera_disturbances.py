@@ -19,8 +19,8 @@ from camera_sequences import FrameTruth, Image, RenderedSequence
 from numpy.typing import NDArray
 
 from slosh_camera.calibration import Calibration
-from slosh_camera.camera import PinholeCamera
-from slosh_camera.geometry import CupView, Pose
+from slosh_camera.optics.camera import PinholeCamera
+from slosh_camera.optics.cup import CupView, Pose
 
 FloatArray = NDArray[np.float64]
 

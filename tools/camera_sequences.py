@@ -19,10 +19,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_camera.calibration import Calibration
-from slosh_camera.camera import camera_from_info
 from slosh_camera.errors import SloshCameraError
-from slosh_camera.geometry import Cup, CupView, Pose
 from slosh_camera.measurement import PeakSide
+from slosh_camera.optics.camera import camera_from_info
+from slosh_camera.optics.cup import Cup, CupView, Pose
 
 Image = NDArray[np.uint8]
 

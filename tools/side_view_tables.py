@@ -18,7 +18,7 @@ from side_view_scene import Liquid, Look, Patch, Setup, draw, still
 
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.measurement import Flag
-from slosh_camera.side_view import SideViewDetector
+from slosh_camera.rectangle.detector import SideViewDetector
 
 PAGE = ROOT / "docs" / "side_view.md"
 IMAGES = 24

@@ -22,8 +22,8 @@ from slosh_model.errors import SloshModelError
 
 MODULES = (
     "slosh_model",
-    "slosh_camera.detector",
-    "slosh_camera.container_edges",
+    "slosh_camera.cylinder.detector",
+    "slosh_camera.cylinder.container_edges",
     "slosh_estimator.estimator",
     "slosh_estimator.pose_input",
     "slosh_bag.mcap_files.chunk_scan",

@@ -13,11 +13,11 @@ from typing import Any, TypeVar
 import numpy as np
 import yaml
 
-from slosh_camera.box import Box, BoxView
-from slosh_camera.camera import PLUMB_BOB, PinholeCamera, camera_from_info
 from slosh_camera.errors import SloshCameraError
-from slosh_camera.geometry import Cup, CupView, Pose
-from slosh_camera.image import Image, read_image
+from slosh_camera.images.decoding import Image, read_image
+from slosh_camera.optics.box import Box, BoxView
+from slosh_camera.optics.camera import PLUMB_BOB, PinholeCamera, camera_from_info
+from slosh_camera.optics.cup import Cup, CupView, Pose
 from slosh_camera.settings import DetectionSettings, Liquid, RegionOfInterest
 from slosh_camera.yaml_fields import check_keys, integer, mapping, number, numbers
 from slosh_model.bounded_yaml import load_yaml

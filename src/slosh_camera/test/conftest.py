@@ -10,8 +10,8 @@ import pytest
 from scipy.special import jv
 
 from slosh_camera.calibration import Calibration
-from slosh_camera.camera import PinholeCamera
-from slosh_camera.geometry import Cup, CupView, Pose
+from slosh_camera.optics.camera import PinholeCamera
+from slosh_camera.optics.cup import Cup, CupView, Pose
 from slosh_camera.settings import DetectionSettings, RegionOfInterest
 
 SHIFT = 6

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from slosh_camera.appearance import find_tone, percentile
+from slosh_camera.cylinder.appearance import find_tone, percentile
 
 ROWS, LINES = 160, 90
 BODY = slice(100, 150)

@@ -14,9 +14,9 @@ from slosh_camera.calibrate.board import (
 )
 from slosh_camera.calibrate.pose import CameraPlace, place_of, pose_of
 from slosh_camera.calibrate.still import calibrate_by_edges
-from slosh_camera.camera import PinholeCamera
 from slosh_camera.errors import SloshCameraError
-from slosh_camera.geometry import Cup, Pose
+from slosh_camera.optics.camera import PinholeCamera
+from slosh_camera.optics.cup import Cup, Pose
 
 pytestmark = pytest.mark.skipif(
     not hasattr(getattr(cv2, "aruco", None), "CharucoBoard"),

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from slosh_camera.errors import SloshCameraError
-from slosh_camera.image import decode_compressed, read_image, to_gray, to_image
+from slosh_camera.images.decoding import decode_compressed, read_image, to_gray, to_image
 
 GRAY = np.random.default_rng(0).integers(0, 256, (12, 20), dtype=np.uint8)
 COLOUR = np.random.default_rng(2).integers(0, 256, (12, 20, 3), dtype=np.uint8)

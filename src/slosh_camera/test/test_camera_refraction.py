@@ -11,9 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import minimize
 
-from slosh_camera.camera import PinholeCamera, camera_from_info
-from slosh_camera.geometry import Cup, CupView, Pose, Wall, look_at
-from slosh_camera.refraction import GlassWall
+from slosh_camera.optics.camera import PinholeCamera, camera_from_info
+from slosh_camera.optics.cup import Cup, CupView, Pose, Wall, look_at
+from slosh_camera.optics.refraction import GlassWall
 
 SEQUENCES = (
     Path(os.environ.get("SLOSH_SHARED_DATA", Path(__file__).parents[4] / "shared" / "data"))

@@ -2,8 +2,8 @@ import cv2
 import numpy as np
 import pytest
 
-from slosh_camera.container_edges import ContainerEdges
-from slosh_camera.detector import FreeSurfaceDetector
+from slosh_camera.cylinder.container_edges import ContainerEdges
+from slosh_camera.cylinder.detector import FreeSurfaceDetector
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.measurement import Flag
 

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from slosh_camera.detector import FreeSurfaceDetector
+from slosh_camera.cylinder.detector import FreeSurfaceDetector
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.measurement import Flag, Measurement, PeakSide
 

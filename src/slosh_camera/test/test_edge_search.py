@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.special import erf
 
-from slosh_camera import edge_search
+from slosh_camera.cylinder import edge_search
 
 ROWS = 80
 FIRST = np.zeros(100, np.int64)

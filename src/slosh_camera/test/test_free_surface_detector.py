@@ -7,10 +7,10 @@ import cv2
 import numpy as np
 import pytest
 
-from slosh_camera.detector import FreeSurfaceDetector
+from slosh_camera.cylinder.detector import FreeSurfaceDetector
 from slosh_camera.errors import SloshCameraError
-from slosh_camera.geometry import Wall
 from slosh_camera.measurement import Flag, PeakSide, bad_image
+from slosh_camera.optics.cup import Wall
 from slosh_camera.settings import DetectionSettings, Liquid, RegionOfInterest
 
 MM = 1e-3
@@ -283,7 +283,7 @@ def test_a_detector_that_starts_to_work_has_compiled_all_that_it_needs(make_scen
     (tmp_path / "given").write_bytes(pickle.dumps((scene.calibration(), image)))
     program = """
 import pickle, sys
-from slosh_camera.learnt import learnt_detector
+from slosh_camera.detection.learnt import learnt_detector
 from slosh_model.compilation import EntryPoint, entry_points
 calibration, image = pickle.load(sys.stdin.buffer)
 detector = learnt_detector(calibration)

@@ -6,9 +6,9 @@ import cv2
 import numpy as np
 import pytest
 
-from slosh_camera import image_size
 from slosh_camera.errors import SloshCameraError
-from slosh_camera.image import decode_compressed, read_image
+from slosh_camera.images import image_size
+from slosh_camera.images.decoding import decode_compressed, read_image
 
 ENDINGS = (".png", ".jpg", ".bmp", ".tif")
 

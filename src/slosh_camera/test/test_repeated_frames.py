@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from slosh_camera.repeats import RepeatedFrames, digest
+from slosh_camera.images.repeats import RepeatedFrames, digest
 
 FIRST = np.random.default_rng(4).integers(0, 256, (30, 40, 3), dtype=np.uint8)
 

@@ -4,10 +4,10 @@ import pytest
 from scipy.ndimage import map_coordinates
 
 from slosh_camera.calibration import Calibration
-from slosh_camera.camera import PinholeCamera
+from slosh_camera.cylinder.scan_grid import build_scan_grid
 from slosh_camera.errors import SloshCameraError
-from slosh_camera.geometry import Cup, CupView, Wall, look_at
-from slosh_camera.scan_grid import build_scan_grid
+from slosh_camera.optics.camera import PinholeCamera
+from slosh_camera.optics.cup import Cup, CupView, Wall, look_at
 from slosh_camera.settings import RegionOfInterest
 
 WIDTH, HEIGHT = 640, 480

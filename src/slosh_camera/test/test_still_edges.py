@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 from side_view_scene import Liquid, Look, Setup, draw, still
 
-from slosh_camera.detector import FreeSurfaceDetector
+from slosh_camera.cylinder.detector import FreeSurfaceDetector
+from slosh_camera.images.still_edges import StillEdges
 from slosh_camera.measurement import Flag
-from slosh_camera.side_view import SideViewDetector
-from slosh_camera.still_edges import StillEdges
+from slosh_camera.rectangle.detector import SideViewDetector
 
 SIDE = Setup(columns=360, rows=440, focal=1200.0, elevation=-0.05)
 SLOSHING = Liquid(0.001, 0.0, (-0.010, 0.003, 0.001))

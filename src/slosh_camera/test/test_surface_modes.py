@@ -4,8 +4,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.special import jv
 
-from slosh_camera import surface_solver
-from slosh_camera.surface_modes import (
+from slosh_camera.cylinder import surface_solver
+from slosh_camera.cylinder.surface_modes import (
     RADIAL_STEPS,
     RADIAL_TABLE,
     SHAPES,

@@ -5,9 +5,9 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from slosh_camera.surface_evidence import SurfaceFit, WallPoints
-from slosh_camera.surface_modes import SHAPES, Shape, wall_shapes
-from slosh_camera.surface_reading import SurfaceReading
+from slosh_camera.cylinder.surface_evidence import SurfaceFit, WallPoints
+from slosh_camera.cylinder.surface_modes import SHAPES, Shape, wall_shapes
+from slosh_camera.cylinder.surface_reading import SurfaceReading
 
 MM = 1e-3
 LINES = 120

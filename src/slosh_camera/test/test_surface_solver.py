@@ -1,11 +1,11 @@
 import numpy as np
 import pytest
 
-from slosh_camera import surface_solver
-from slosh_camera.first_modes import first_mode_candidates
-from slosh_camera.scan_grid import build_scan_grid
-from slosh_camera.surface_modes import SHAPES, Shape, shapes_at, wall_shapes
-from slosh_camera.wall_geometry import WallGeometry
+from slosh_camera.cylinder import surface_solver
+from slosh_camera.cylinder.first_modes import first_mode_candidates
+from slosh_camera.cylinder.scan_grid import build_scan_grid
+from slosh_camera.cylinder.surface_modes import SHAPES, Shape, shapes_at, wall_shapes
+from slosh_camera.cylinder.wall_geometry import WallGeometry
 
 RADIUS = 0.05
 MM = 1e-3

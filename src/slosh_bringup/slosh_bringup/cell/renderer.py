@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_bringup.cell.surface_lines import SurfaceLines
-from slosh_camera.geometry import CupView
+from slosh_camera.optics.cup import CupView
 
 Array = NDArray[np.float64]
 Layer = NDArray[np.float32]

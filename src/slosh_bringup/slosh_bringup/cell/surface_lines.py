@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from slosh_camera.geometry import CupView
+from slosh_camera.optics.cup import CupView
 from slosh_model.bessel import radial_shape
 
 Array = NDArray[np.float64]

@@ -29,8 +29,8 @@ from slosh_camera.calibrate.pose import CameraPlace
 from slosh_camera.calibrate.still import StillFit, calibrate_by_edges, check_pose, check_size
 from slosh_camera.calibration import Calibration, format_calibration, parse_calibration
 from slosh_camera.errors import SloshCameraError
-from slosh_camera.geometry import Cup, CupView, Pose, Wall
-from slosh_camera.image import Image, read_image
+from slosh_camera.images.decoding import Image, read_image
+from slosh_camera.optics.cup import Cup, CupView, Pose, Wall
 from slosh_files import check_apart, write_bytes, write_text
 
 _CUP_KEYS = tuple(entry.name for entry in fields(Cup))

@@ -19,7 +19,7 @@ from slosh_bringup.detect.frame import CompressedMessage, NoImage, RawMessage, S
 from slosh_bringup.detect.series import IMAGE_ENDINGS, images_in, longest_series, natural_order
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.run_data import stamp_ns
-from slosh_camera.image_size import too_large
+from slosh_camera.images.image_size import too_large
 
 RAW, COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
 FOLDER_RATE = 60.0

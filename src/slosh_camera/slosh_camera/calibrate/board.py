@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from slosh_camera.calibrate.aruco import board_of, dictionary_of, find_corners
 from slosh_camera.calibrate.fit import Hint
 from slosh_camera.calibrate.pose import place_of
-from slosh_camera.camera import PinholeCamera
 from slosh_camera.errors import SloshCameraError
-from slosh_camera.geometry import Cup, Pose
+from slosh_camera.optics.camera import PinholeCamera
+from slosh_camera.optics.cup import Cup, Pose
 
 FloatArray = NDArray[np.float64]
 Image = NDArray[np.uint8]

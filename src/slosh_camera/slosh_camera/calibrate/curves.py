@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from slosh_camera.calibrate.edges import EdgeImage, find_edges
 from slosh_camera.calibrate.pose import CameraPlace, pose_of
-from slosh_camera.camera import PinholeCamera
-from slosh_camera.geometry import Cup, CupView, Wall
+from slosh_camera.optics.camera import PinholeCamera
+from slosh_camera.optics.cup import Cup, CupView, Wall
 
 FloatArray = NDArray[np.float64]
 

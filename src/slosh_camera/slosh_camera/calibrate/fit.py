@@ -27,9 +27,9 @@ from slosh_camera.calibrate.curves import (
 )
 from slosh_camera.calibrate.edges import EdgeImage
 from slosh_camera.calibrate.pose import CameraPlace
-from slosh_camera.camera import PinholeCamera
 from slosh_camera.errors import SloshCameraError
-from slosh_camera.geometry import Cup, CupView
+from slosh_camera.optics.camera import PinholeCamera
+from slosh_camera.optics.cup import Cup, CupView
 
 FloatArray = NDArray[np.float64]
 

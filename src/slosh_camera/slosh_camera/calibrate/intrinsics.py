@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import yaml
 
-from slosh_camera.camera import PLUMB_BOB, PinholeCamera, camera_from_info
 from slosh_camera.errors import SloshCameraError
+from slosh_camera.optics.camera import PLUMB_BOB, PinholeCamera, camera_from_info
 from slosh_camera.yaml_fields import integer, mapping, number, numbers
 from slosh_model.bounded_yaml import load_yaml
 

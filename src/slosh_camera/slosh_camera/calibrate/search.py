@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from slosh_camera.calibrate.edges import EdgeImage
 from slosh_camera.calibrate.lines import UprightLine, upright_lines
 from slosh_camera.calibrate.pose import Axis, CameraPlace, axis_from_sides
-from slosh_camera.camera import PinholeCamera
-from slosh_camera.geometry import Cup
+from slosh_camera.optics.camera import PinholeCamera
+from slosh_camera.optics.cup import Cup
 
 FloatArray = NDArray[np.float64]
 Float32Array = NDArray[np.float32]

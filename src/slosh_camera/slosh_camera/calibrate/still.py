@@ -21,9 +21,9 @@ from slosh_camera.calibrate.edges import edge_image
 from slosh_camera.calibrate.fit import INLIER, NO_HINT, Fit, Hint, fit_place
 from slosh_camera.calibrate.pose import CameraPlace, place_of
 from slosh_camera.calibrate.search import Candidate, find_candidates
-from slosh_camera.camera import PinholeCamera
 from slosh_camera.errors import SloshCameraError
-from slosh_camera.geometry import Cup, CupView, Wall
+from slosh_camera.optics.camera import PinholeCamera
+from slosh_camera.optics.cup import Cup, CupView, Wall
 
 FloatArray = NDArray[np.float64]
 Image = NDArray[np.uint8]

@@ -13,10 +13,10 @@ from typing import Any
 from sensor_msgs.msg import CompressedImage, Image
 
 from slosh_camera.calibration import read_any_calibration
+from slosh_camera.detection.learnt import learnt_detector
 from slosh_camera.errors import SloshCameraError
-from slosh_camera.image import Image as Pixels
-from slosh_camera.image import decode_compressed, to_image
-from slosh_camera.learnt import learnt_detector
+from slosh_camera.images.decoding import Image as Pixels
+from slosh_camera.images.decoding import decode_compressed, to_image
 from slosh_camera.measurement import Flag, Measurement, bad_image
 from slosh_camera.nodes.complaints import Complaints
 from slosh_camera.nodes.frame_gaps import FrameGaps

@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr
 
-from slosh_camera.box import BoxView
-from slosh_camera.side_view_appearance import Levels
-from slosh_camera.side_view_line import Edges
-from slosh_camera.side_view_region import SideRegion
+from slosh_camera.optics.box import BoxView
+from slosh_camera.rectangle.appearance import Levels
+from slosh_camera.rectangle.line import Edges
+from slosh_camera.rectangle.region import SideRegion
 
 Image = NDArray[np.uint8]
 FloatArray = NDArray[np.float64]

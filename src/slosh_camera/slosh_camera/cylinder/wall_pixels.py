@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from slosh_camera.geometry import CupView
+from slosh_camera.optics.cup import CupView
 
 FloatArray = NDArray[np.float64]
 

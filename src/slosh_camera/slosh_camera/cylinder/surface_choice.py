@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from slosh_camera import edge_search, surface_solver
-from slosh_camera.first_modes import first_mode_candidates
-from slosh_camera.surface_evidence import SurfaceFit, Unrolled, WallPoints
-from slosh_camera.surface_fit import SurfaceFitter
-from slosh_camera.surface_modes import SHAPES
-from slosh_camera.surface_prior import HIGHEST, Prior
-from slosh_camera.surface_solver import COARSE, FINE
-from slosh_camera.wall_geometry import SKIP, WallGeometry
+from slosh_camera.cylinder import edge_search, surface_solver
+from slosh_camera.cylinder.first_modes import first_mode_candidates
+from slosh_camera.cylinder.surface_evidence import SurfaceFit, Unrolled, WallPoints
+from slosh_camera.cylinder.surface_fit import SurfaceFitter
+from slosh_camera.cylinder.surface_modes import SHAPES
+from slosh_camera.cylinder.surface_prior import HIGHEST, Prior
+from slosh_camera.cylinder.surface_solver import COARSE, FINE
+from slosh_camera.cylinder.wall_geometry import SKIP, WallGeometry
 
 FloatArray = NDArray[np.float64]
 Single = NDArray[np.float32]

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from slosh_camera import surface_solver
-from slosh_camera.surface_evidence import INLIER, SurfaceFit
-from slosh_camera.surface_modes import wall_shapes
+from slosh_camera.cylinder import surface_solver
+from slosh_camera.cylinder.surface_evidence import INLIER, SurfaceFit
+from slosh_camera.cylinder.surface_modes import wall_shapes
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]

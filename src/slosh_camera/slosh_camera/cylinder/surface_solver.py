@@ -18,7 +18,7 @@ from __future__ import annotations
 import numpy as np
 from numba.types import Tuple, boolean, float64, int64
 
-from slosh_camera.surface_modes import RADIAL_STEPS, RADIAL_TABLE
+from slosh_camera.cylinder.surface_modes import RADIAL_STEPS, RADIAL_TABLE
 from slosh_model.compilation import GIVEN_1, GIVEN_2, GIVEN_3, compiled, entry_point, given
 
 _TABLE = RADIAL_TABLE

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from slosh_camera.box import BoxView
 from slosh_camera.measurement import NAN
-from slosh_camera.side_view_fit import basis, slope_weights, straight_line
-from slosh_camera.side_view_trace import TracedLine
+from slosh_camera.optics.box import BoxView
+from slosh_camera.rectangle.fit import basis, slope_weights, straight_line
+from slosh_camera.rectangle.trace import TracedLine
 
 FloatArray = NDArray[np.float64]
 

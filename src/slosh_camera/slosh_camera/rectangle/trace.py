@@ -8,10 +8,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from slosh_camera.box import BoxView
 from slosh_camera.measurement import Flag
-from slosh_camera.settings import DetectionSettings
-from slosh_camera.side_view_appearance import (
+from slosh_camera.optics.box import BoxView
+from slosh_camera.rectangle.appearance import (
     Appearance,
     Levels,
     brightest,
@@ -24,8 +23,8 @@ from slosh_camera.side_view_appearance import (
     raw_contrast,
     seen_appearance,
 )
-from slosh_camera.side_view_fit import Shape, first_shape, refined_shape, sample_draws
-from slosh_camera.side_view_line import (
+from slosh_camera.rectangle.fit import Shape, first_shape, refined_shape, sample_draws
+from slosh_camera.rectangle.line import (
     Edges,
     Split,
     canny_edges,
@@ -33,8 +32,9 @@ from slosh_camera.side_view_line import (
     refine_edges,
     split_columns,
 )
-from slosh_camera.side_view_rear import FrontLine, front_line
-from slosh_camera.side_view_region import SideRegion
+from slosh_camera.rectangle.rear import FrontLine, front_line
+from slosh_camera.rectangle.region import SideRegion
+from slosh_camera.settings import DetectionSettings
 
 Image = NDArray[np.uint8]
 FloatArray = NDArray[np.float64]

@@ -14,9 +14,9 @@ from enum import Enum
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from slosh_camera.camera import PinholeCamera
 from slosh_camera.errors import SloshCameraError
-from slosh_camera.refraction import GlassWall, WallTrace
+from slosh_camera.optics.camera import PinholeCamera
+from slosh_camera.optics.refraction import GlassWall, WallTrace
 
 FloatArray = NDArray[np.float64]
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_camera.errors import SloshCameraError
-from slosh_camera.geometry import CupView, Wall
+from slosh_camera.optics.cup import CupView, Wall
 from slosh_camera.settings import RegionOfInterest
 
 Image = NDArray[np.uint8]

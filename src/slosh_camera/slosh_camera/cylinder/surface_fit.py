@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from slosh_camera import edge_search, surface_solver
-from slosh_camera.surface_evidence import SurfaceFit, Unrolled, WallPoints
-from slosh_camera.surface_prior import Prior
-from slosh_camera.surface_solver import COARSE
-from slosh_camera.wall_geometry import SYSTEMATIC, WallGeometry
+from slosh_camera.cylinder import edge_search, surface_solver
+from slosh_camera.cylinder.surface_evidence import SurfaceFit, Unrolled, WallPoints
+from slosh_camera.cylinder.surface_prior import Prior
+from slosh_camera.cylinder.surface_solver import COARSE
+from slosh_camera.cylinder.wall_geometry import SYSTEMATIC, WallGeometry
 
 FloatArray = NDArray[np.float64]
 

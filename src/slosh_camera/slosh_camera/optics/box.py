@@ -13,9 +13,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from slosh_camera.camera import PinholeCamera
 from slosh_camera.errors import SloshCameraError
-from slosh_camera.geometry import Pose
+from slosh_camera.optics.camera import PinholeCamera
+from slosh_camera.optics.cup import Pose
 
 FloatArray = NDArray[np.float64]
 

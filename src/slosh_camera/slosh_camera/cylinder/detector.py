@@ -15,24 +15,24 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from slosh_camera import edge_search
-from slosh_camera.appearance import Tone, find_tone, percentile
 from slosh_camera.calibration import Calibration
-from slosh_camera.container_edges import ContainerEdges
+from slosh_camera.cylinder import edge_search
+from slosh_camera.cylinder.appearance import Tone, find_tone, percentile
+from slosh_camera.cylinder.container_edges import ContainerEdges
+from slosh_camera.cylinder.scan_grid import build_scan_grid
+from slosh_camera.cylinder.surface_choice import SurfaceChooser
+from slosh_camera.cylinder.surface_evidence import INLIER, SurfaceFit, Unrolled, WallPoints
+from slosh_camera.cylinder.surface_fit import SurfaceFitter
+from slosh_camera.cylinder.surface_modes import SHAPES
+from slosh_camera.cylinder.surface_prior import HIGHEST, Prior
+from slosh_camera.cylinder.surface_reading import SurfaceReading
+from slosh_camera.cylinder.wall_geometry import WallGeometry
+from slosh_camera.cylinder.wall_pixels import WallPixels
 from slosh_camera.errors import SloshCameraError
+from slosh_camera.images.repeats import RepeatedFrames
+from slosh_camera.images.still_edges import StillEdges
 from slosh_camera.measurement import Flag, Measurement, PeakSide
-from slosh_camera.repeats import RepeatedFrames
-from slosh_camera.scan_grid import build_scan_grid
 from slosh_camera.settings import DetectionSettings, Liquid
-from slosh_camera.still_edges import StillEdges
-from slosh_camera.surface_choice import SurfaceChooser
-from slosh_camera.surface_evidence import INLIER, SurfaceFit, Unrolled, WallPoints
-from slosh_camera.surface_fit import SurfaceFitter
-from slosh_camera.surface_modes import SHAPES
-from slosh_camera.surface_prior import HIGHEST, Prior
-from slosh_camera.surface_reading import SurfaceReading
-from slosh_camera.wall_geometry import WallGeometry
-from slosh_camera.wall_pixels import WallPixels
 
 Image = NDArray[np.uint8]
 FloatArray = NDArray[np.float64]

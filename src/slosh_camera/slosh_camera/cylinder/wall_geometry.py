@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from slosh_camera import edge_search, surface_solver
-from slosh_camera.scan_grid import ScanGrid
-from slosh_camera.surface_evidence import WallPoints
+from slosh_camera.cylinder import edge_search, surface_solver
+from slosh_camera.cylinder.scan_grid import ScanGrid
+from slosh_camera.cylinder.surface_evidence import WallPoints
 
 FloatArray = NDArray[np.float64]
 Single = NDArray[np.float32]

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from slosh_camera.surface_modes import SHAPES
+from slosh_camera.cylinder.surface_modes import SHAPES
 
 FloatArray = NDArray[np.float64]
 

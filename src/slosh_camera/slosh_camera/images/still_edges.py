@@ -15,8 +15,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from slosh_camera.box import BoxView
-from slosh_camera.geometry import CupView
+from slosh_camera.optics.box import BoxView
+from slosh_camera.optics.cup import CupView
 
 Image = NDArray[np.uint8]
 FloatArray = NDArray[np.float64]

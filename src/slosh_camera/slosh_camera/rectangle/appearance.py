@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from slosh_camera.side_view_region import Samples, SideRegion
+from slosh_camera.rectangle.region import Samples, SideRegion
 
 Image = NDArray[np.uint8]
 FloatArray = NDArray[np.float64]

@@ -15,14 +15,14 @@ from numpy.typing import NDArray
 
 from slosh_camera.calibration import SideCalibration
 from slosh_camera.errors import SloshCameraError
+from slosh_camera.images.repeats import RepeatedFrames
+from slosh_camera.images.still_edges import StillEdges
 from slosh_camera.measurement import NAN, Flag, Measurement, PeakSide
-from slosh_camera.repeats import RepeatedFrames
+from slosh_camera.rectangle.appearance import learnt_appearance
+from slosh_camera.rectangle.profile import Profile, describe
+from slosh_camera.rectangle.region import find_side_region
+from slosh_camera.rectangle.trace import Knowledge, Light, TracedLine, trace_line
 from slosh_camera.settings import DetectionSettings
-from slosh_camera.side_view_appearance import learnt_appearance
-from slosh_camera.side_view_profile import Profile, describe
-from slosh_camera.side_view_region import find_side_region
-from slosh_camera.side_view_trace import Knowledge, Light, TracedLine, trace_line
-from slosh_camera.still_edges import StillEdges
 
 Image = NDArray[np.uint8]
 

@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from slosh_camera.jpeg_entropy import (
+from slosh_camera.images.jpeg_entropy import (
     COEFFICIENTS,
     EARLY,
     LATE,

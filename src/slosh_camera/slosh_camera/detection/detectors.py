@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_camera.calibration import AnyCalibration, Calibration, SideCalibration
-from slosh_camera.detector import FreeSurfaceDetector
+from slosh_camera.cylinder.detector import FreeSurfaceDetector
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.measurement import Measurement
+from slosh_camera.rectangle.detector import SideViewDetector
 from slosh_camera.settings import DetectionSettings
-from slosh_camera.side_view import SideViewDetector
 
 Image = NDArray[np.uint8]
 

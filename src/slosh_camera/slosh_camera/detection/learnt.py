@@ -6,8 +6,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from slosh_camera.calibration import AnyCalibration, read_still_image
-from slosh_camera.detector import FreeSurfaceDetector
-from slosh_camera.detectors import SurfaceDetector, detector_for
+from slosh_camera.cylinder.detector import FreeSurfaceDetector
+from slosh_camera.detection.detectors import SurfaceDetector, detector_for
 from slosh_camera.errors import SloshCameraError
 from slosh_model.compilation import load_all
 

@@ -12,7 +12,7 @@ import numpy as np
 from numba.types import float32, float64
 from numpy.typing import NDArray
 
-from slosh_camera.geometry import CupView
+from slosh_camera.optics.cup import CupView
 from slosh_model.compilation import entry_point, given
 
 Image = NDArray[np.uint8]

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from slosh_camera.box import BoxView
-from slosh_camera.geometry import CupView
 from slosh_camera.measurement import Measurement
+from slosh_camera.optics.box import BoxView
+from slosh_camera.optics.cup import CupView
 
 FloatArray = NDArray[np.float64]
 

@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_camera.errors import SloshCameraError
-from slosh_camera.image_size import JPEG, PNG, check_size
-from slosh_camera.jpeg_file import jpeg_damage
-from slosh_camera.png_file import png_damage
+from slosh_camera.images.image_size import JPEG, PNG, check_size
+from slosh_camera.images.jpeg_file import jpeg_damage
+from slosh_camera.images.png_file import png_damage
 
 Image = NDArray[np.uint8]
 """(height, width) grey or (height, width, 3) blue, green, red."""

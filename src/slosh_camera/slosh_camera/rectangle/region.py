@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from slosh_camera.box import BoxView
 from slosh_camera.errors import SloshCameraError
+from slosh_camera.optics.box import BoxView
 from slosh_camera.settings import RegionOfInterest
 
 FloatArray = NDArray[np.float64]

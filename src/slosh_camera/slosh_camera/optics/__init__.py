@@ -1,0 +1,1 @@
+"""What a calibrated camera sees of a container: lens, pose, walls that bend light."""
