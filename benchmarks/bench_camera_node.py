@@ -30,7 +30,7 @@ from rclpy.node import Node
 from sensor_msgs.msg import Image
 
 from slosh_bringup.processes import NodeGroup, NodeProcess, node_environment
-from slosh_camera.calibration import format_calibration
+from slosh_camera.calibrate.camera_file import format_calibration
 from slosh_msgs.msg import FreeSurface
 from slosh_msgs_py import images, qos, topics
 from slosh_msgs_py.node.domain import own_domain

@@ -20,7 +20,7 @@ from std_srvs.srv import Trigger  # noqa: E402
 
 from slosh_bringup.cell.renderer import CupRenderer  # noqa: E402
 from slosh_bringup.processes import config_folder  # noqa: E402
-from slosh_camera.calibration import read_calibration  # noqa: E402
+from slosh_camera.calibrate.camera_file import read_calibration  # noqa: E402
 from slosh_msgs.msg import SloshComparison, SloshEstimate  # noqa: E402
 from slosh_msgs.srv import LoadModel  # noqa: E402
 from slosh_msgs_py import topics  # noqa: E402

@@ -6,7 +6,7 @@ import pytest
 
 from slosh_bringup.cell.renderer import CupRenderer
 from slosh_bringup.processes import config_folder
-from slosh_camera.calibration import read_calibration
+from slosh_camera.calibrate.camera_file import read_calibration
 from slosh_camera.cylinder.detector import FreeSurfaceDetector
 
 

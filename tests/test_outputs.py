@@ -22,7 +22,7 @@ from slosh_bag.motion_table import MotionTable, write_motion_table
 from slosh_bringup.cell.renderer import CupRenderer
 from slosh_bringup.cli.main import COMMANDS, LATER, main
 from slosh_bringup.processes import config_folder
-from slosh_camera.calibration import read_calibration
+from slosh_camera.calibrate.camera_file import read_calibration
 from slosh_files import is_unfinished
 from tests.small_disk import small_disk
 

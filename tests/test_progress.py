@@ -22,7 +22,7 @@ from slosh_bringup.cell.renderer import CupRenderer
 from slosh_bringup.cli import progress as module
 from slosh_bringup.cli.progress import SECONDS, Progress, Unit, bar_line, progress_bar
 from slosh_bringup.processes import config_folder
-from slosh_camera.calibration import read_calibration
+from slosh_camera.calibrate.camera_file import read_calibration
 
 ROOT = Path(__file__).parents[1]
 CAMERA = config_folder() / "camera.yaml"

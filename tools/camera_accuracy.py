@@ -45,11 +45,11 @@ from camera_sequences import (
 from camera_tables import accuracy_tables, disturbance_table, replace_table, shortfalls
 from tqdm import tqdm
 
-from slosh_camera.calibration import Calibration
 from slosh_camera.cylinder.detector import FreeSurfaceDetector
 from slosh_camera.detection.drawing import draw_measurement
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.measurement import Measurement
+from slosh_camera.optics.calibration import Calibration
 
 PAGE = ROOT / "docs" / "accuracy.md"
 TOTAL = "**total**"

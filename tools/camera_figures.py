@@ -13,8 +13,8 @@ import numpy as np
 from camera_sequences import FrameTruth, Image, RenderedSequence, read_image
 from numpy.typing import NDArray
 
-from slosh_camera.calibration import Calibration
 from slosh_camera.measurement import Flag, Measurement, PeakSide
+from slosh_camera.optics.calibration import Calibration
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]

@@ -20,9 +20,9 @@ from camera_figures import (
 )
 from camera_sequences import RenderedSequence
 
-from slosh_camera.calibration import Calibration
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.measurement import Flag
+from slosh_camera.optics.calibration import Calibration
 
 # Flags with which the detector says that it cannot be trusted in this frame.
 WARNINGS = (

@@ -18,11 +18,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from slosh_camera.calibration import Calibration
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.measurement import PeakSide
+from slosh_camera.optics.calibration import Calibration
 from slosh_camera.optics.camera import camera_from_info
-from slosh_camera.optics.cup import Cup, CupView, Pose
+from slosh_camera.optics.cup import Cup, CupView
+from slosh_camera.optics.pose import Pose
 
 Image = NDArray[np.uint8]
 

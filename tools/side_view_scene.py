@@ -13,10 +13,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from slosh_camera.calibration import SideCalibration
 from slosh_camera.optics.box import Box, BoxView
+from slosh_camera.optics.calibration import SideCalibration
 from slosh_camera.optics.camera import PinholeCamera
-from slosh_camera.optics.cup import Pose
+from slosh_camera.optics.pose import Pose
 from slosh_camera.settings import RegionOfInterest
 
 Image = NDArray[np.uint8]

@@ -14,7 +14,7 @@ from pathlib import Path
 import cv2
 
 from slosh_bringup.cell.renderer import Appearance, CupRenderer
-from slosh_camera.calibration import read_calibration
+from slosh_camera.calibrate.camera_file import read_calibration
 
 CONFIG = Path(__file__).resolve().parents[1] / "src" / "slosh_bringup" / "config"
 

@@ -22,8 +22,7 @@ from slosh_model.errors import SloshModelError
 
 MODULES = (
     "slosh_model",
-    "slosh_camera.cylinder.detector",
-    "slosh_camera.cylinder.container_edges",
+    "slosh_camera.detection.learnt",
     "slosh_estimator.estimator",
     "slosh_estimator.pose_input",
     "slosh_bag.mcap_files.chunk_scan",

@@ -13,7 +13,8 @@ from slosh_bag.reader import BagReader
 from slosh_bag.replay import settings
 from slosh_bag.replay.cells import CellTopics
 from slosh_bag.replay.settings import NodeStart
-from slosh_camera.calibration import Calibration, parse_any_calibration
+from slosh_camera.calibrate.camera_file import parse_any_calibration
+from slosh_camera.optics.calibration import Calibration
 from slosh_model.model_text import parse_model
 from slosh_msgs_py import topics
 

@@ -17,10 +17,11 @@ from slosh_bag.replay.report import report_start, shown_models
 from slosh_bag.replay.result import ReplayResult
 from slosh_bringup.detect.frame import SourceFrame
 from slosh_bringup.detect.source import frames_at
-from slosh_camera.calibration import AnyCalibration, parse_any_calibration
+from slosh_camera.calibrate.camera_file import parse_any_calibration
 from slosh_camera.detection.drawing import draw_measurement
 from slosh_camera.detection.learnt import learnt_detector
 from slosh_camera.errors import SloshCameraError
+from slosh_camera.optics.calibration import AnyCalibration
 from slosh_discovery.report import Frame, Topic
 
 JPEG_QUALITY = 85

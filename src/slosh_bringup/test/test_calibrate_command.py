@@ -9,8 +9,9 @@ import pytest
 from slosh_bringup.cell.renderer import CupRenderer
 from slosh_bringup.cli.main import main
 from slosh_bringup.processes import config_folder
-from slosh_camera.calibration import read_calibration
-from slosh_camera.optics.cup import CupView, Wall, look_at
+from slosh_camera.calibrate.camera_file import read_calibration
+from slosh_camera.optics.cup import CupView, Wall
+from slosh_camera.optics.pose import look_at
 
 SHIPPED = read_calibration(config_folder() / "camera.yaml").view
 VIEW = CupView(SHIPPED.camera, look_at((0.0, -0.45, 0.08), (0.004, 0.0, -0.01)), SHIPPED.cup)

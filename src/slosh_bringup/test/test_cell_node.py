@@ -26,7 +26,7 @@ from slosh_bringup.cell.truth import integrate_truth  # noqa: E402
 from slosh_bringup.errors import SloshBringupError  # noqa: E402
 from slosh_bringup.nodes.cell_node import CellNode  # noqa: E402
 from slosh_bringup.processes import config_folder  # noqa: E402
-from slosh_camera.calibration import read_calibration  # noqa: E402
+from slosh_camera.calibrate.camera_file import read_calibration  # noqa: E402
 from slosh_camera.images.decoding import decode_compressed  # noqa: E402
 from slosh_estimator.model_file import read_model  # noqa: E402
 from slosh_model.constants import GRAVITY  # noqa: E402

@@ -12,10 +12,11 @@ from scipy.special import j1
 
 from slosh_bringup.cell.renderer import LUMA, Appearance, CupRenderer
 from slosh_bringup.processes import config_folder
-from slosh_camera.calibration import read_calibration
+from slosh_camera.calibrate.camera_file import read_calibration
 from slosh_camera.cylinder.detector import FreeSurfaceDetector
 from slosh_camera.measurement import PeakSide
-from slosh_camera.optics.cup import CupView, look_at
+from slosh_camera.optics.cup import CupView
+from slosh_camera.optics.pose import look_at
 
 CALIBRATION = read_calibration(config_folder() / "camera.yaml")
 VIEW = CALIBRATION.view

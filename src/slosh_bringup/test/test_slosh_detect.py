@@ -18,10 +18,12 @@ from slosh_bringup.detect.pictures import Strip, Worst, judge
 from slosh_bringup.detect.series import images_in, longest_series
 from slosh_bringup.detect.source import open_source
 from slosh_bringup.processes import config_folder
-from slosh_camera.calibration import SideCalibration, format_calibration, read_calibration
+from slosh_camera.calibrate.camera_file import format_calibration, read_calibration
 from slosh_camera.measurement import Flag, Measurement
 from slosh_camera.optics.box import Box, BoxView
-from slosh_camera.optics.cup import Pose, Wall
+from slosh_camera.optics.calibration import SideCalibration
+from slosh_camera.optics.cup import Wall
+from slosh_camera.optics.pose import Pose
 
 CAMERA = str(config_folder() / "camera.yaml")
 HEIGHTS = [0.004 + 0.002 * k for k in range(9)]

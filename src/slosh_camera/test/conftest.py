@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 from scipy.special import jv
 
-from slosh_camera.calibration import Calibration
+from slosh_camera.optics.calibration import Calibration
 from slosh_camera.optics.camera import PinholeCamera
-from slosh_camera.optics.cup import Cup, CupView, Pose
+from slosh_camera.optics.cup import Cup, CupView
+from slosh_camera.optics.pose import Pose
 from slosh_camera.settings import DetectionSettings, RegionOfInterest
 
 SHIFT = 6

@@ -14,7 +14,8 @@ from slosh_camera.calibrate.pose import CameraPlace, place_of, pose_of
 from slosh_camera.calibrate.still import calibrate_by_edges, check_pose
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.optics.camera import camera_from_info
-from slosh_camera.optics.cup import Cup, CupView, Pose, Wall
+from slosh_camera.optics.cup import Cup, CupView, Wall
+from slosh_camera.optics.pose import Pose
 
 SHARED = Path(os.environ.get("SLOSH_SHARED_DATA", Path(__file__).parents[4] / "shared" / "data"))
 RENDERED = SHARED / "rendered"

@@ -5,14 +5,14 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
-from slosh_camera.calibration import (
-    Calibration,
+from slosh_camera.calibrate.camera_file import (
     format_calibration,
     parse_calibration,
     read_calibration,
-    read_still_image,
 )
+from slosh_camera.detection.learnt import read_still_image
 from slosh_camera.errors import SloshCameraError
+from slosh_camera.optics.calibration import Calibration
 from slosh_camera.settings import DetectionSettings, Liquid, RegionOfInterest
 
 TEXT = """\

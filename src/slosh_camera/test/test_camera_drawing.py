@@ -3,12 +3,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from slosh_camera.calibration import SideCalibration
 from slosh_camera.cylinder.detector import FreeSurfaceDetector
 from slosh_camera.detection.drawing import captions, draw_detail, draw_measurement
 from slosh_camera.measurement import Flag, Measurement, bad_image
 from slosh_camera.optics.box import Box, BoxView
-from slosh_camera.optics.cup import Pose
+from slosh_camera.optics.calibration import SideCalibration
+from slosh_camera.optics.pose import Pose
 
 
 def test_line_and_peak_are_drawn_where_they_are(make_scene):

@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 from scipy.optimize import minimize
 
 from slosh_camera.optics.camera import PinholeCamera, camera_from_info
-from slosh_camera.optics.cup import Cup, CupView, Pose, Wall, look_at
+from slosh_camera.optics.cup import Cup, CupView, Wall
+from slosh_camera.optics.pose import Pose, look_at
 from slosh_camera.optics.refraction import GlassWall
 
 SEQUENCES = (

@@ -6,6 +6,7 @@ import pytest
 from side_view_scene import Liquid, Look, Setup, draw, still
 
 from slosh_camera.cylinder.detector import FreeSurfaceDetector
+from slosh_camera.cylinder.outer_edges import outer_edges
 from slosh_camera.images.still_edges import StillEdges
 from slosh_camera.measurement import Flag
 from slosh_camera.rectangle.detector import SideViewDetector
@@ -101,12 +102,17 @@ def test_light_blur_and_coarse_files_move_no_tank(change):
     assert Flag.NOT_FOUND not in measured.flags
 
 
+def edges_of(scene):
+    view = scene.calibration().view
+    return StillEdges(outer_edges(view), view.camera.size)
+
+
 @pytest.fixture
 def edges(make_scene):
     """Edges that have learnt, and the picture that they learnt from."""
     scene = make_scene(noise=2.0)
     image = table_of(scene, scene.draw())
-    edges = StillEdges(scene.calibration().view)
+    edges = edges_of(scene)
     edges.learn(image)
     return edges, image
 
@@ -127,7 +133,7 @@ def test_where_the_picture_is_cut_off_nothing_is_missed(edges):
 
 def test_without_a_still_image_nothing_is_missed(make_scene):
     scene = make_scene()
-    edges = StillEdges(scene.calibration().view)
+    edges = edges_of(scene)
     assert not edges.missing(scene.draw())
     edges.learn(np.full((480, 640), 128, np.uint8))  # teaches no edge
     assert not edges.missing(scene.draw())
@@ -135,7 +141,7 @@ def test_without_a_still_image_nothing_is_missed(make_scene):
 
 def test_a_container_at_the_border_teaches_what_is_seen(make_scene):
     scene = make_scene(distance=0.2, focal=1400.0)
-    edges = StillEdges(scene.calibration().view)
+    edges = edges_of(scene)
     image = scene.draw()
     edges.learn(image)
     assert not edges.missing(image[::-1])

@@ -22,15 +22,17 @@ from slosh_camera.calibrate.board import (
     parse_board,
     pose_by_board,
 )
+from slosh_camera.calibrate.camera_file import format_calibration, parse_calibration
 from slosh_camera.calibrate.curves import Curve
 from slosh_camera.calibrate.intrinsics import KnownCamera, camera_of_view, read_known_camera
 from slosh_camera.calibrate.picture import draw_calibration
 from slosh_camera.calibrate.pose import CameraPlace
 from slosh_camera.calibrate.still import StillFit, calibrate_by_edges, check_pose, check_size
-from slosh_camera.calibration import Calibration, format_calibration, parse_calibration
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.images.decoding import Image, read_image
-from slosh_camera.optics.cup import Cup, CupView, Pose, Wall
+from slosh_camera.optics.calibration import Calibration
+from slosh_camera.optics.cup import Cup, CupView, Wall
+from slosh_camera.optics.pose import Pose
 from slosh_files import check_apart, write_bytes, write_text
 
 _CUP_KEYS = tuple(entry.name for entry in fields(Cup))

@@ -24,7 +24,8 @@ from slosh_bringup.detect.pictures import (
 from slosh_bringup.detect.source import FOLDER_RATE, FrameSource, open_source
 from slosh_bringup.detect.table import COLUMNS, Summary, row
 from slosh_bringup.errors import SloshBringupError
-from slosh_camera.calibration import AnyCalibration, read_any_calibration
+from slosh_camera.calibrate.camera_file import read_any_calibration
+from slosh_camera.optics.calibration import AnyCalibration
 from slosh_files import check_apart, new_text
 
 WORST_LIMIT = 60

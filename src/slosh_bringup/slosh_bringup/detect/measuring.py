@@ -24,12 +24,12 @@ import cv2
 
 from slosh_bringup.detect.frame import SourceFrame
 from slosh_bringup.errors import SloshBringupError
-from slosh_camera.calibration import AnyCalibration
 from slosh_camera.detection.detectors import SurfaceDetector
 from slosh_camera.detection.learnt import learnt_detector
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.images.repeats import Digest, RepeatedFrames, digest
 from slosh_camera.measurement import Flag, Measurement, bad_image
+from slosh_camera.optics.calibration import AnyCalibration
 
 _WAITING_PER_PROCESS = 3
 """Images that wait for each process: enough to keep it busy, few enough to hold in memory."""

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image, Imu
 from std_msgs.msg import String
 
-from slosh_camera.calibration import Calibration
+from slosh_camera.optics.calibration import Calibration
 from slosh_msgs.msg import FreeSurface
 from slosh_msgs_py import conversions, qos, topics, values
 

@@ -28,7 +28,7 @@ from slosh_bringup.nodes.cell_messages import (
 from slosh_bringup.nodes.ready_cell import ReadyCell
 from slosh_bringup.processes import config_folder
 from slosh_bringup.ready_wait import PATIENCE
-from slosh_camera.calibration import read_calibration
+from slosh_camera.calibrate.camera_file import read_calibration
 from slosh_estimator.model_file import read_model
 from slosh_model.compilation import load_telling
 from slosh_msgs_py import images, topics

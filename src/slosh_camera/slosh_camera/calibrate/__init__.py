@@ -1,1 +1,1 @@
-"""Calibration from a still image: pose and scale by a round container's edges, or by a board."""
+"""The calibration of a camera: its file, and its pose by a still image of a cup or of a board."""

@@ -15,7 +15,8 @@ from slosh_camera.calibrate.fit import Hint
 from slosh_camera.calibrate.pose import place_of
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.optics.camera import PinholeCamera
-from slosh_camera.optics.cup import Cup, Pose
+from slosh_camera.optics.cup import Cup
+from slosh_camera.optics.pose import Pose
 
 FloatArray = NDArray[np.float64]
 Image = NDArray[np.uint8]

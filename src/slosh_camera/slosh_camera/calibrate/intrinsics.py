@@ -8,12 +8,18 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
+from slosh_camera.calibrate.yaml_fields import (
+    camera_name,
+    integer,
+    mapping,
+    number,
+    numbers,
+    parse_document,
+    read_text,
+)
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.optics.camera import PLUMB_BOB, PinholeCamera, camera_from_info
-from slosh_camera.yaml_fields import integer, mapping, number, numbers
-from slosh_model.bounded_yaml import load_yaml
 
 _NEEDED = ("image_width", "image_height", "camera_matrix", "distortion_coefficients")
 
@@ -47,22 +53,11 @@ def read_known_camera(path: str | Path) -> KnownCamera:
             the file and the key.
     """
     source = str(path)
-    try:
-        document = load_yaml(Path(path).read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or "is not UTF-8 text"
-        raise SloshCameraError(f"{source}: cannot be read: {reason}") from error
-    except yaml.YAMLError as error:
-        mark = getattr(error, "problem_mark", None)
-        where = f" at line {mark.line + 1}" if mark is not None else ""
-        raise SloshCameraError(f"{source}: is not valid YAML{where}") from error
-    root = mapping(document, source, "the file")
+    root = parse_document(read_text(path), source)
     for key in _NEEDED:
         if key not in root:
             raise SloshCameraError(f"{source}: {key}: is missing")
-    name = root.get("camera_name", "camera")
-    if not isinstance(name, str):
-        raise SloshCameraError(f"{source}: camera_name: {name!r} is not a text")
+    name = camera_name(root, source)
     return KnownCamera(_camera(root, source), name, _container(root, source))
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_camera.errors import SloshCameraError
-from slosh_camera.optics.cup import Pose
+from slosh_camera.optics.pose import Pose
 
 FloatArray = NDArray[np.float64]
 

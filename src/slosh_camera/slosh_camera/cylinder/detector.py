@@ -15,10 +15,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from slosh_camera.calibration import Calibration
 from slosh_camera.cylinder import edge_search
 from slosh_camera.cylinder.appearance import Tone, find_tone, percentile
 from slosh_camera.cylinder.container_edges import ContainerEdges
+from slosh_camera.cylinder.outer_edges import outer_edges
 from slosh_camera.cylinder.scan_grid import build_scan_grid
 from slosh_camera.cylinder.surface_choice import SurfaceChooser
 from slosh_camera.cylinder.surface_evidence import INLIER, SurfaceFit, Unrolled, WallPoints
@@ -32,6 +32,7 @@ from slosh_camera.errors import SloshCameraError
 from slosh_camera.images.repeats import RepeatedFrames
 from slosh_camera.images.still_edges import StillEdges
 from slosh_camera.measurement import Flag, Measurement, PeakSide
+from slosh_camera.optics.calibration import Calibration
 from slosh_camera.settings import DetectionSettings, Liquid
 
 Image = NDArray[np.uint8]
@@ -100,7 +101,7 @@ class FreeSurfaceDetector:
         self._fitter, self._chooser = SurfaceFitter(self._wall), SurfaceChooser(self._wall)
         self._wall_pixels = WallPixels(calibration.view)
         self._edges = ContainerEdges(calibration.view)
-        self._still_edges = StillEdges(calibration.view)
+        self._still_edges = StillEdges(outer_edges(self._view), self._view.camera.size)
         self._usual_turn = 0.0
         self._tangents = calibration.view.tangent_azimuths()
         self._all_bodies = self._bodies = tuple(self._rows(body) for body in _BODIES)

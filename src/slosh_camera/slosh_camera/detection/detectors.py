@@ -7,10 +7,10 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from slosh_camera.calibration import AnyCalibration, Calibration, SideCalibration
 from slosh_camera.cylinder.detector import FreeSurfaceDetector
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.measurement import Measurement
+from slosh_camera.optics.calibration import AnyCalibration, Calibration, SideCalibration
 from slosh_camera.rectangle.detector import SideViewDetector
 from slosh_camera.settings import DetectionSettings
 

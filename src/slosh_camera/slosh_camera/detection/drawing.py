@@ -8,10 +8,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from slosh_camera.calibration import AnyCalibration
 from slosh_camera.detection.outline import fitted_line, levels, outline, scale_places
 from slosh_camera.measurement import Flag, Measurement, PeakSide
 from slosh_camera.optics.box import BoxView
+from slosh_camera.optics.calibration import AnyCalibration
 from slosh_camera.optics.cup import CupView
 
 Image = NDArray[np.uint8]

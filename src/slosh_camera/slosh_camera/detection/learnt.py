@@ -5,10 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from slosh_camera.calibration import AnyCalibration, read_still_image
 from slosh_camera.cylinder.detector import FreeSurfaceDetector
 from slosh_camera.detection.detectors import SurfaceDetector, detector_for
 from slosh_camera.errors import SloshCameraError
+from slosh_camera.images.decoding import Image, read_image
+from slosh_camera.optics.calibration import AnyCalibration
 from slosh_model.compilation import load_all
 
 
@@ -41,3 +42,29 @@ def learnt_detector(
     except SloshCameraError as error:
         raise SloshCameraError(f"{calibration.still_image}: {error}") from None
     return detector
+
+
+def read_still_image(calibration: AnyCalibration) -> Image:
+    """Image of the liquid at rest that a calibration names.
+
+    Args:
+        calibration: the calibration.
+
+    Returns:
+        (height, width) grey or (height, width, 3) blue-green-red.
+
+    Raises:
+        SloshCameraError: no image is named, the file cannot be read, holds no image, or one of
+            another size than the camera's.
+    """
+    path, camera = calibration.still_image, calibration.view.camera
+    if path is None:
+        raise SloshCameraError("still_image: the calibration names none")
+    image = read_image(path)
+    height, width = image.shape[:2]
+    if (width, height) != (camera.width, camera.height):
+        raise SloshCameraError(
+            f"{path}: has {width} x {height} pixels, the calibration is for {camera.width} x "
+            f"{camera.height}"
+        )
+    return image

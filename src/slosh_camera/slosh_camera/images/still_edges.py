@@ -9,14 +9,12 @@ side, or the rim, leaves the others.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-
-from slosh_camera.optics.box import BoxView
-from slosh_camera.optics.cup import CupView
 
 Image = NDArray[np.uint8]
 FloatArray = NDArray[np.float64]
@@ -27,8 +25,9 @@ Single = NDArray[np.float32]
 _REACH, _LOOKED = 16, 8
 _MOVED = 4
 _WIDTH = 240.0
-_PLACES = 24
 _LEAST_PLACES = 8
+PLACES = 24
+"""Places along an edge at which it is looked for."""
 # Heights of the sides that no wave uncovers, as parts of the fill height, and the part of the
 # floor and the rim that is not too near to the sides.
 _LOWEST, _HIGHEST = -0.9, -0.5
@@ -44,6 +43,13 @@ _BETTER = 1.1
 # Grey levels that a camera cuts off, and the part of them in which an edge cannot be seen.
 _BLACK, _WHITE = 3, 252
 _CLIPPED = 0.5
+
+
+class Edge(NamedTuple):
+    """An edge of a container: pixels (N, 2) along it, and whether it is one of the sides."""
+
+    pixels: FloatArray
+    is_side: bool
 
 
 class _Part(NamedTuple):
@@ -64,20 +70,23 @@ class _Seen(NamedTuple):
 class StillEdges:
     """Learns a container's edges from one image and looks for them in others."""
 
-    def __init__(self, view: CupView | BoxView) -> None:
-        """Project the edges; those outside the image are left out."""
-        edges = _edges(view)
-        width = float(np.abs(edges[1][0][-1, 0] - edges[0][0][-1, 0]))
+    def __init__(self, edges: Sequence[Edge], size: tuple[int, int]) -> None:
+        """Lay strips across the edges; those outside the image are left out.
+
+        Args:
+            edges: of the container; the two sides first, from below upwards.
+            size: width and height of the image [px].
+        """
+        width = float(np.abs(edges[1].pixels[-1, 0] - edges[0].pixels[-1, 0]))
         step = max(1.0, width / _WIDTH) if np.isfinite(width) else 1.0
         along = step * np.arange(-_REACH - _LOOKED, _REACH + _LOOKED + 1.0)
         margin = along[-1] + 1.0
-        size = np.array([view.camera.width, view.camera.height])
         self._parts: list[_Part] = []
         across: list[FloatArray] = [np.empty((0, along.size, 2))]
         rows = 0
         for points, is_side in edges:
             with np.errstate(invalid="ignore"):
-                inside = np.all((points > margin) & (points < size - margin), axis=1)
+                inside = np.all((points > margin) & (points < np.array(size) - margin), axis=1)
             if np.count_nonzero(inside) >= _LEAST_PLACES:
                 away = np.array([1.0, 0.0] if is_side else [0.0, 1.0])
                 across.append(points[inside, np.newaxis] + along[:, np.newaxis] * away)
@@ -120,41 +129,18 @@ class StillEdges:
         ]
 
 
-def _edges(view: CupView | BoxView) -> list[tuple[FloatArray, bool]]:
-    """Pixels (N, 2) along the container's edges, the two sides first, and whether it is a side."""
-    return _box_edges(view) if isinstance(view, BoxView) else _cup_edges(view)
+def along_side(fill_height: float) -> FloatArray:
+    """Heights (PLACES,) above the still level at which no wave uncovers a side [m]."""
+    return fill_height * np.linspace(_LOWEST, _HIGHEST, PLACES)
 
 
-def _cup_edges(view: CupView) -> list[tuple[FloatArray, bool]]:
-    cup, centre = view.cup, view.pose.camera_centre
-    outer = cup.radius + cup.wall_thickness
-    front = view.camera_azimuth
-    half = float(np.arccos(outer / np.hypot(centre[0], centre[1])))
-    levels = cup.fill_height * np.linspace(_LOWEST, _HIGHEST, _PLACES)
-    middle = np.linspace(-_MIDDLE * half, _MIDDLE * half, _PLACES)
-    around = np.ones(_PLACES)
-    lines = [((front + side) * around, levels, True) for side in (half, -half)]
-    lines.append((front + middle, -cup.fill_height * around, False))
-    if cup.rim_level is not None:
-        rim = cup.rim_level * around
-        lines += [(front + turn + middle, rim, False) for turn in (0.0, np.pi)]
-    edges = []
-    for azimuth, level, is_side in lines:
-        points = np.column_stack((outer * np.cos(azimuth), outer * np.sin(azimuth), level))
-        edges.append((view.project(points), is_side))
-    return edges
+def along_end(half: float) -> FloatArray:
+    """Places (PLACES,) along the floor or the rim, not too near to the sides.
 
-
-def _box_edges(view: BoxView) -> list[tuple[FloatArray, bool]]:
-    box = view.box
-    half = 0.5 * box.width
-    levels = box.fill_height * np.linspace(_LOWEST, _HIGHEST, _PLACES)
-    middle = np.linspace(-_MIDDLE * half, _MIDDLE * half, _PLACES)
-    edges = [(view.project_face(side, levels), True) for side in (-half, half)]
-    edges.append((view.project_face(middle, -box.fill_height), False))
-    if box.rim_level is not None:
-        edges.append((view.project_face(middle, box.rim_level), False))
-    return edges
+    Args:
+        half: of the way from side to side, in whatever unit.
+    """
+    return np.linspace(-_MIDDLE * half, _MIDDLE * half, PLACES)
 
 
 def _is_marked(seen: _Seen) -> bool:

@@ -12,7 +12,7 @@ from typing import Any
 
 from sensor_msgs.msg import CompressedImage, Image
 
-from slosh_camera.calibration import read_any_calibration
+from slosh_camera.calibrate.camera_file import read_any_calibration
 from slosh_camera.detection.learnt import learnt_detector
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.images.decoding import Image as Pixels

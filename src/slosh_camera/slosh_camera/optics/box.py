@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.optics.camera import PinholeCamera
-from slosh_camera.optics.cup import Pose
+from slosh_camera.optics.pose import Pose
 
 FloatArray = NDArray[np.float64]
 

@@ -13,12 +13,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from slosh_camera.calibration import SideCalibration
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.images.repeats import RepeatedFrames
 from slosh_camera.images.still_edges import StillEdges
 from slosh_camera.measurement import NAN, Flag, Measurement, PeakSide
+from slosh_camera.optics.calibration import SideCalibration
 from slosh_camera.rectangle.appearance import learnt_appearance
+from slosh_camera.rectangle.outer_edges import outer_edges
 from slosh_camera.rectangle.profile import Profile, describe
 from slosh_camera.rectangle.region import find_side_region
 from slosh_camera.rectangle.trace import Knowledge, Light, TracedLine, trace_line
@@ -66,7 +67,7 @@ class SideViewDetector:
         self._settings = settings or calibration.detection
         self._region = find_side_region(calibration.view, calibration.region)
         self._knowledge = Knowledge()
-        self._still_edges = StillEdges(calibration.view)
+        self._still_edges = StillEdges(outer_edges(self._view), self._view.camera.size)
         self._repeats = RepeatedFrames()
 
     @property

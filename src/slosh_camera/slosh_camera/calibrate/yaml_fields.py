@@ -4,9 +4,41 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
+import yaml
+
 from slosh_camera.errors import SloshCameraError
+from slosh_model.bounded_yaml import load_yaml
+
+
+def read_text(path: str | Path) -> str:
+    """The text of a file."""
+    try:
+        return Path(path).read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or "is not UTF-8 text"
+        raise SloshCameraError(f"{path}: cannot be read: {reason}") from error
+
+
+def parse_document(text: str, source: str) -> Mapping[str, Any]:
+    """The keys and values of a YAML text."""
+    try:
+        document = load_yaml(text)
+    except yaml.YAMLError as error:
+        mark = getattr(error, "problem_mark", None)
+        where = f" at line {mark.line + 1}" if mark is not None else ""
+        raise SloshCameraError(f"{source}: is not valid YAML{where}") from error
+    return mapping(document, source, "the file")
+
+
+def camera_name(root: Mapping[str, Any], source: str) -> str:
+    """Name of the camera that a file describes."""
+    name = root.get("camera_name", "camera")
+    if not isinstance(name, str):
+        raise SloshCameraError(f"{source}: camera_name: {name!r} is not a text")
+    return name
 
 
 def mapping(value: object, source: str, key: str) -> Mapping[str, Any]:

@@ -1,4 +1,4 @@
-"""Calibration file `camera.yaml`: camera, container, pose, region and detection settings.
+"""The file `camera.yaml` of a calibration: camera, container, pose, region and settings.
 
 The camera's part has the keys of ROS camera_calibration files.
 """
@@ -6,21 +6,30 @@ The camera's part has the keys of ROS camera_calibration files.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
 import yaml
 
+from slosh_camera.calibrate.yaml_fields import (
+    camera_name,
+    check_keys,
+    integer,
+    mapping,
+    number,
+    numbers,
+    parse_document,
+    read_text,
+)
 from slosh_camera.errors import SloshCameraError
-from slosh_camera.images.decoding import Image, read_image
 from slosh_camera.optics.box import Box, BoxView
+from slosh_camera.optics.calibration import AnyCalibration, Calibration, SideCalibration
 from slosh_camera.optics.camera import PLUMB_BOB, PinholeCamera, camera_from_info
-from slosh_camera.optics.cup import Cup, CupView, Pose
+from slosh_camera.optics.cup import Cup, CupView
+from slosh_camera.optics.pose import Pose
 from slosh_camera.settings import DetectionSettings, Liquid, RegionOfInterest
-from slosh_camera.yaml_fields import check_keys, integer, mapping, number, numbers
-from slosh_model.bounded_yaml import load_yaml
 
 _CYLINDER, _RECTANGLE = "cylinder", "rectangle"
 _WALL_KEYS = ("wall_thickness", "wall_refractive_index", "rim_height")
@@ -52,57 +61,6 @@ _OPTIONAL = (
 _T = TypeVar("_T")
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Calibration:
-    """All that turns a pixel into a height on a cylinder's wall.
-
-    Attributes:
-        view: camera, pose and container.
-        camera_name: name of the camera.
-        region: region of interest; None: the container as projected.
-        detection: settings of the detector.
-        still_image: image of the liquid at rest, from which the detector learns at start; None:
-            there is none.
-    """
-
-    view: CupView
-    camera_name: str = "camera"
-    region: RegionOfInterest | None = None
-    detection: DetectionSettings = field(default_factory=DetectionSettings)
-    still_image: Path | None = None
-
-    def __post_init__(self) -> None:
-        """Refuse a region that leaves the image."""
-        _check_region(self.region, self.view.camera)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class SideCalibration:
-    """All that turns a pixel into a height on the face of a rectangular container.
-
-    Attributes:
-        view: camera, pose and container.
-        camera_name: name of the camera.
-        region: region of interest; None: the face as projected.
-        detection: settings of the detector.
-        still_image: image of the liquid at rest, from which the detector learns at start; None:
-            there is none.
-    """
-
-    view: BoxView
-    camera_name: str = "camera"
-    region: RegionOfInterest | None = None
-    detection: DetectionSettings = field(default_factory=DetectionSettings)
-    still_image: Path | None = None
-
-    def __post_init__(self) -> None:
-        """Refuse a region that leaves the image."""
-        _check_region(self.region, self.view.camera)
-
-
-AnyCalibration = Calibration | SideCalibration
-
-
 def read_calibration(path: str | Path) -> Calibration:
     """Read the calibration file of a cylindrical container.
 
@@ -132,12 +90,7 @@ def read_any_calibration(path: str | Path) -> AnyCalibration:
         SloshCameraError: the file cannot be read or a value cannot be used; the message names
             the file and the key.
     """
-    try:
-        text = Path(path).read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or "is not UTF-8 text"
-        raise SloshCameraError(f"{path}: cannot be read: {reason}") from error
-    return parse_any_calibration(text, str(path), Path(path).resolve().parent)
+    return parse_any_calibration(read_text(path), str(path), Path(path).resolve().parent)
 
 
 def parse_calibration(
@@ -175,54 +128,20 @@ def parse_any_calibration(
     Raises:
         SloshCameraError: as read_any_calibration.
     """
-    try:
-        document = load_yaml(text)
-    except yaml.YAMLError as error:
-        mark = getattr(error, "problem_mark", None)
-        where = f" at line {mark.line + 1}" if mark is not None else ""
-        raise SloshCameraError(f"{source}: is not valid YAML{where}") from error
-    root = mapping(document, source, "the file")
+    root = parse_document(text, source)
     check_keys(root, _REQUIRED, _OPTIONAL, source, "")
     camera = _camera(root, source)
     container = _built(source, "container.", lambda: _container(root, source))
     pose = _built(source, "pose.", lambda: _pose(root, source))
     region = _built(source, "", lambda: _region(root, source))
     detection = _built(source, "detection.", lambda: _detection(root, source))
-    name = root.get("camera_name", "camera")
-    if not isinstance(name, str):
-        raise SloshCameraError(f"{source}: camera_name: {name!r} is not a text")
+    name = camera_name(root, source)
     still = _still_image(root, source, folder)
     if isinstance(container, Box):
         face = _built(source, "", lambda: BoxView(camera, pose, container))
         return _built(source, "", lambda: SideCalibration(face, name, region, detection, still))
     view = _built(source, "", lambda: CupView(camera, pose, container))
     return _built(source, "", lambda: Calibration(view, name, region, detection, still))
-
-
-def read_still_image(calibration: AnyCalibration) -> Image:
-    """Image of the liquid at rest that a calibration names.
-
-    Args:
-        calibration: the calibration.
-
-    Returns:
-        (height, width) grey or (height, width, 3) blue-green-red.
-
-    Raises:
-        SloshCameraError: no image is named, the file cannot be read, holds no image, or one of
-            another size than the camera's.
-    """
-    path, camera = calibration.still_image, calibration.view.camera
-    if path is None:
-        raise SloshCameraError("still_image: the calibration names none")
-    image = read_image(path)
-    height, width = image.shape[:2]
-    if (width, height) != (camera.width, camera.height):
-        raise SloshCameraError(
-            f"{path}: has {width} x {height} pixels, the calibration is for {camera.width} x "
-            f"{camera.height}"
-        )
-    return image
 
 
 def format_calibration(calibration: AnyCalibration) -> str:
@@ -362,16 +281,6 @@ def _of_cylinder(calibration: AnyCalibration, source: str) -> Calibration:
             f"{source}: container.shape: {_RECTANGLE}, but a {_CYLINDER} is needed here"
         )
     return calibration
-
-
-def _check_region(region: RegionOfInterest | None, camera: PinholeCamera) -> None:
-    if region is not None and (
-        region.x_offset + region.width > camera.width
-        or region.y_offset + region.height > camera.height
-    ):
-        raise SloshCameraError(
-            f"region_of_interest: leaves the image of {camera.width} x {camera.height} pixels"
-        )
 
 
 def _built(source: str, prefix: str, build: Callable[[], _T]) -> _T:
