@@ -27,15 +27,15 @@ from slosh_camera.errors import SloshCameraError
 from slosh_camera.optics.box import Box, BoxView
 from slosh_camera.optics.calibration import AnyCalibration, Calibration, SideCalibration
 from slosh_camera.optics.camera import PLUMB_BOB, PinholeCamera, camera_from_info
+from slosh_camera.optics.container import WALL
 from slosh_camera.optics.cup import Cup, CupView
 from slosh_camera.optics.pose import Pose
 from slosh_camera.settings import DetectionSettings, Liquid, RegionOfInterest
 
 _CYLINDER, _RECTANGLE = "cylinder", "rectangle"
-_WALL_KEYS = ("wall_thickness", "wall_refractive_index", "rim_height")
 _CONTAINER_KEYS = {
-    _CYLINDER: (("radius", "fill_height"), _WALL_KEYS),
-    _RECTANGLE: (("width", "fill_height"), ("depth", *_WALL_KEYS)),
+    _CYLINDER: (("radius", "fill_height"), WALL),
+    _RECTANGLE: (("width", "fill_height"), ("depth", *WALL)),
 }
 _REGION_KEYS = ("x_offset", "y_offset", "width", "height")
 _DETECTION_KEYS = tuple(entry.name for entry in fields(DetectionSettings))

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.optics.camera import PinholeCamera
+from slosh_camera.optics.container import Container
 from slosh_camera.optics.pose import Pose
 from slosh_camera.optics.refraction import GlassWall, WallTrace
 
@@ -30,7 +31,7 @@ class Wall(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Cup:
+class Cup(Container):
     """A cylindrical container.
 
     Attributes:
@@ -46,30 +47,6 @@ class Cup:
     wall_thickness: float = 0.0
     rim_height: float | None = None
     wall_refractive_index: float = 1.49
-
-    def __post_init__(self) -> None:
-        """Refuse a container that cannot be."""
-        for name in ("radius", "fill_height"):
-            value = getattr(self, name)
-            if not (np.isfinite(value) and value > 0.0):
-                raise SloshCameraError(f"{name}: {value} m, must be positive")
-        if not (np.isfinite(self.wall_thickness) and self.wall_thickness >= 0.0):
-            raise SloshCameraError(f"wall_thickness: {self.wall_thickness} m, must be >= 0")
-        if not (np.isfinite(self.wall_refractive_index) and self.wall_refractive_index >= 1.0):
-            raise SloshCameraError(
-                f"wall_refractive_index: {self.wall_refractive_index}, must be at least 1"
-            )
-        if self.rim_height is not None and not (
-            np.isfinite(self.rim_height) and self.rim_height > self.fill_height
-        ):
-            raise SloshCameraError(
-                f"rim_height: {self.rim_height} m, must be above fill_height {self.fill_height} m"
-            )
-
-    @property
-    def rim_level(self) -> float | None:
-        """Height of the rim above the still level [m]; None: unknown."""
-        return None if self.rim_height is None else self.rim_height - self.fill_height
 
 
 @dataclass(frozen=True, slots=True, eq=False)

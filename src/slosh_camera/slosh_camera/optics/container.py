@@ -1,0 +1,58 @@
+"""What containers of every shape have in common: a wall, a rim and liquid up to some height."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from typing import Any, ClassVar, Protocol
+
+import numpy as np
+
+from slosh_camera.errors import SloshCameraError
+
+WALL = ("wall_thickness", "wall_refractive_index", "rim_height")
+"""Fields that say what the wall is like; all others of a container are lengths inside it."""
+
+
+class _Filled(Protocol):
+    """Fields of a container of any shape; all lengths in metres."""
+
+    __dataclass_fields__: ClassVar[dict[str, Any]]
+
+    @property
+    def fill_height(self) -> float: ...
+    @property
+    def wall_thickness(self) -> float: ...
+    @property
+    def wall_refractive_index(self) -> float: ...
+    @property
+    def rim_height(self) -> float | None: ...
+
+
+class Container:
+    """Base of the containers, which are dataclasses with the fields WALL and their own lengths."""
+
+    __slots__ = ()
+
+    def __post_init__(self: _Filled) -> None:
+        """Refuse a container that cannot be."""
+        for name in (entry.name for entry in fields(self) if entry.name not in WALL):
+            value = getattr(self, name)
+            if value is not None and not (np.isfinite(value) and value > 0.0):
+                raise SloshCameraError(f"{name}: {value} m, must be positive")
+        if not (np.isfinite(self.wall_thickness) and self.wall_thickness >= 0.0):
+            raise SloshCameraError(f"wall_thickness: {self.wall_thickness} m, must be >= 0")
+        if not (np.isfinite(self.wall_refractive_index) and self.wall_refractive_index >= 1.0):
+            raise SloshCameraError(
+                f"wall_refractive_index: {self.wall_refractive_index}, must be at least 1"
+            )
+        if self.rim_height is not None and not (
+            np.isfinite(self.rim_height) and self.rim_height > self.fill_height
+        ):
+            raise SloshCameraError(
+                f"rim_height: {self.rim_height} m, must be above fill_height {self.fill_height} m"
+            )
+
+    @property
+    def rim_level(self: _Filled) -> float | None:
+        """Height of the rim above the still level [m]; None: unknown."""
+        return None if self.rim_height is None else self.rim_height - self.fill_height
