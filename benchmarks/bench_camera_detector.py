@@ -36,7 +36,8 @@ from slosh_bringup.processes import config_folder
 from slosh_camera.calibrate.camera_file import read_calibration
 from slosh_camera.detection.detectors import detector_for
 from slosh_camera.detection.outline import outline
-from slosh_camera.images.decoding import read_image, to_gray
+from slosh_camera.images.colour import to_gray
+from slosh_camera.images.decoding import read_image
 from slosh_camera.optics.calibration import Calibration
 
 GOAL = 3.0

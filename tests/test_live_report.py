@@ -8,6 +8,7 @@ import pytest
 
 from slosh_bag.mcap_files.mcap_walk import McapWalk
 from slosh_bringup.live_report import REPORT, RESULT, make_live_report
+from slosh_camera.measurement import Flag
 from tests.live_bag import MS, LiveBag
 
 BAGS = Path(__file__).resolve().parents[1] / "bags"
@@ -47,7 +48,7 @@ def live_bag(*without, **attributes):
         ),
         (live_bag("estimate"), ["2500 messages came on /slosh/accel, and none could be used"]),
         (
-            live_bag(image_flags=32),
+            live_bag(image_flags=Flag.NOT_FOUND),
             ["no free surface was found in any of 313 images on camera/image_raw: NOT_FOUND 313"],
         ),
         (

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import IntEnum, IntFlag
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -91,6 +92,10 @@ class Measurement:
     peak_pixel: tuple[float, float] = (NAN, NAN)
     peak_side: PeakSide = PeakSide.UNKNOWN
     flags: Flag = Flag.NONE
+
+    def flagged(self, flag: Flag) -> Self:
+        """The same measurement with one more remark."""
+        return replace(self, flags=self.flags | flag)
 
 
 def bad_image(stamp_ns: int) -> Measurement:

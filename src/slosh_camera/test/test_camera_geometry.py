@@ -193,3 +193,13 @@ def test_camera_info_that_cannot_be_used(k, d, size, model, word):
     with pytest.raises(SloshCameraError, match=word) as caught:
         camera_from_info(k, d, *size, model)
     assert "\n" not in str(caught.value)
+
+
+def test_an_image_of_another_camera_is_told_by_its_width_height_and_channels():
+    camera = make_camera()
+    camera.check(np.zeros((480, 640), np.uint8))
+    camera.check(np.zeros((480, 640, 3), np.uint8))
+    with pytest.raises(
+        SloshCameraError, match="image: 641 x 480 x 3 of uint8, the calibration is"
+    ):
+        camera.check(np.zeros((480, 641, 3), np.uint8))

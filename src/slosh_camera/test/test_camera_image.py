@@ -7,7 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from slosh_camera.errors import SloshCameraError
-from slosh_camera.images.decoding import decode_compressed, read_image, to_gray, to_image
+from slosh_camera.images.colour import to_colour, to_gray
+from slosh_camera.images.decoding import decode_compressed, read_image, to_image
 
 GRAY = np.random.default_rng(0).integers(0, 256, (12, 20), dtype=np.uint8)
 COLOUR = np.random.default_rng(2).integers(0, 256, (12, 20, 3), dtype=np.uint8)
@@ -66,6 +67,11 @@ def test_colours_are_weighted_by_their_place(order):
     assert gray.shape == (4, 5)
     assert np.all(gray == 60)  # 0.299 * 200
     assert to_gray(gray) is gray
+
+
+def test_a_grey_image_becomes_one_of_three_equal_colours():
+    np.testing.assert_array_equal(to_colour(GRAY), np.dstack([GRAY] * 3))
+    assert to_colour(COLOUR) is COLOUR
 
 
 @pytest.mark.parametrize(

@@ -18,6 +18,7 @@ from rclpy.node import Node  # noqa: E402
 from sensor_msgs.msg import CompressedImage, Image  # noqa: E402
 
 from slosh_camera.errors import SloshCameraError  # noqa: E402
+from slosh_camera.measurement import Flag  # noqa: E402
 from slosh_camera.nodes.camera_node import CameraNode  # noqa: E402
 from slosh_camera.nodes.complaints import Complaints  # noqa: E402
 from slosh_camera.nodes.frame_gaps import SECOND, FrameGaps  # noqa: E402
@@ -158,7 +159,7 @@ def test_a_raw_image_is_measured(make_rig, picture, monkeypatch, encoding, execu
     answer = rig.measure(images.image_message(pixels, encoding, 5 * SECOND + 7, "camera_optical"))
     assert to_nanoseconds(answer.header.stamp) == 5 * SECOND + 7
     assert answer.header.frame_id == "cup"
-    assert answer.flags == 0
+    assert answer.flags == Flag.NONE
     assert answer.msh == pytest.approx(HEIGHT, abs=5e-4)
     assert answer.fitted_msh == pytest.approx(HEIGHT, abs=5e-4)
     assert answer.fitted_msh_stddev > 0.0
@@ -216,7 +217,7 @@ def test_the_node_lives_on_with_bad_images(make_rig, picture):
         assert np.isnan(answer.msh), name
         assert to_nanoseconds(answer.header.stamp) == 2 * SECOND
     good = images.image_message(picture, "mono8", 3 * SECOND, "camera_optical")
-    assert rig.measure(good).flags == 0
+    assert rig.measure(good).flags == Flag.NONE
     status, values = rig.report(lambda status, values: "measurement total" in values)
     assert values["flag BAD_IMAGE"] == str(len(BROKEN))
     assert status.level == DiagnosticStatus.ERROR

@@ -29,7 +29,8 @@ from slosh_camera.calibrate.picture import draw_calibration
 from slosh_camera.calibrate.pose import CameraPlace
 from slosh_camera.calibrate.still import StillFit, calibrate_by_edges, check_pose, check_size
 from slosh_camera.errors import SloshCameraError
-from slosh_camera.images.decoding import Image, read_image
+from slosh_camera.images.colour import Image, to_colour
+from slosh_camera.images.decoding import read_image
 from slosh_camera.optics.calibration import Calibration
 from slosh_camera.optics.cup import Cup, CupView, Wall
 from slosh_camera.optics.pose import Pose
@@ -93,7 +94,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Finds the pose, writes camera.yaml and says how good it is."""
     check_apart([arguments.output, arguments.picture], [arguments.still, arguments.camera])
-    image = _read_image(arguments.still)
+    image = to_colour(read_image(arguments.still))
     known = _known_camera(arguments, image)
     cup = _cup(arguments, known)
     try:
@@ -106,12 +107,6 @@ def run(arguments: argparse.Namespace) -> int:
     write_text(arguments.output, text)
     print(_as_json(arguments, fit, board) if arguments.json else _as_text(arguments, fit, board))
     return 0
-
-
-def _read_image(path: Path) -> Image:
-    """Its image in colour, as the pictures drawn over it are."""
-    image = read_image(path)
-    return image if image.ndim == 3 else np.asarray(cv2.cvtColor(image, cv2.COLOR_GRAY2BGR))
 
 
 def _known_camera(arguments: argparse.Namespace, image: Image) -> KnownCamera:

@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from slosh_camera.errors import SloshCameraError
-from slosh_camera.images.decoding import Image, decode_compressed, read_image, to_image
+from slosh_camera.images.colour import Image
+from slosh_camera.images.decoding import decode_compressed, read_image, to_image
 
 
 @dataclass(frozen=True, slots=True, eq=False)

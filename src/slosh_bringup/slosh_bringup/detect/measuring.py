@@ -15,7 +15,7 @@ from collections.abc import Generator, Iterable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from multiprocessing import connection
 from pathlib import Path
 from typing import NamedTuple
@@ -101,7 +101,7 @@ def _told_repeats(answers: Iterable[tuple[SourceFrame, _Answer]]) -> Generator[R
     repeated = RepeatedFrames()
     for frame, (measurement, mark, problem) in answers:
         if mark is not None and repeated.repeats(mark):
-            measurement = replace(measurement, flags=measurement.flags | Flag.FROZEN)
+            measurement = measurement.flagged(Flag.FROZEN)
         yield Result(frame, measurement, problem)
 
 

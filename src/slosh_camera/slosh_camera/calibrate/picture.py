@@ -10,6 +10,7 @@ from slosh_camera.calibrate.board import BoardFit
 from slosh_camera.calibrate.curves import SIDES, Curve, curve_points
 from slosh_camera.calibrate.still import StillFit
 from slosh_camera.detection.drawing import letter_size, put_text
+from slosh_camera.images.colour import to_colour
 from slosh_camera.optics.cup import CupView, Wall
 
 FloatArray = NDArray[np.float64]
@@ -36,10 +37,11 @@ def draw_calibration(image: Image, fit: StillFit, board: BoardFit | None = None)
     Returns:
         (height, width, 3) blue-green-red picture, of double size where the image is small.
     """
-    colour = cv2.cvtColor(image, cv2.COLOR_GRAY2BGR) if image.ndim == 2 else image
     zoom = 2 if image.shape[1] < _SMALL_WIDTH else 1
     size = (zoom * image.shape[1], zoom * image.shape[0])
-    picture = np.array(cv2.resize(colour, size, interpolation=cv2.INTER_CUBIC), dtype=np.uint8)
+    picture = np.array(
+        cv2.resize(to_colour(image), size, interpolation=cv2.INTER_CUBIC), dtype=np.uint8
+    )
     for curve in Curve:
         _draw(picture, curve_points(fit.view, curve, _COUNT), zoom, _colour(curve))
     _draw_rim(picture, fit.view, zoom)

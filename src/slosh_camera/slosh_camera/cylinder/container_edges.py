@@ -12,10 +12,10 @@ import numpy as np
 from numba.types import float32, float64
 from numpy.typing import NDArray
 
+from slosh_camera.images.colour import Image, to_gray
 from slosh_camera.optics.cup import CupView
 from slosh_model.compilation import entry_point, given
 
-Image = NDArray[np.uint8]
 FloatArray = NDArray[np.float64]
 
 # Heights on each side at which an edge is looked for, and how far beside it [px].
@@ -73,8 +73,7 @@ class ContainerEdges:
     def _scores(self, image: Image) -> FloatArray:
         """Agreement of every turn of the left and the right side with the picture, (2, turns)."""
         strips = cv2.remap(image, *self._map, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-        grey = strips if strips.ndim == 2 else cv2.cvtColor(strips, cv2.COLOR_BGR2GRAY)
-        levels = grey.astype(np.float32)
+        levels = to_gray(strips).astype(np.float32)
         parts = slice(None, self._first), slice(self._first, None)
         return np.array(
             [_agreement(levels[part], self._height[part], _TURNS, _SHIFTS) for part in parts]

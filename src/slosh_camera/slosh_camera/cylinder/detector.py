@@ -10,7 +10,7 @@ it, one on the far side those of the upper edge [DL22, Fig. 7c, d].
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -163,9 +163,8 @@ class FreeSurfaceDetector:
         Args and errors are those of `measure`.
         """
         measurement = self.measure(stamp_ns, image)
-        if self._repeats.is_repeat(image):
-            return replace(measurement, flags=measurement.flags | Flag.FROZEN)
-        return measurement
+        repeated = self._repeats.is_repeat(image)
+        return measurement.flagged(Flag.FROZEN) if repeated else measurement
 
     def measure(self, stamp_ns: int, image: Image) -> Measurement:
         """Measure one image by itself.
@@ -194,19 +193,6 @@ class FreeSurfaceDetector:
         top, bottom = (self._grid.still_row + int(part * below) for part in parts)
         return slice(top, bottom)
 
-    def _check(self, image: Image) -> None:
-        camera = self._view.camera
-        if (
-            image.dtype != np.uint8
-            or image.shape[:2] != (camera.height, camera.width)
-            or image.shape[2:] not in ((), (3,))
-        ):
-            shape = " x ".join(str(size) for size in image.shape[::-1])
-            raise SloshCameraError(
-                f"image: {shape} of {image.dtype}, the calibration is for {camera.width} x "
-                f"{camera.height} of uint8"
-            )
-
     def _find(self, image: Image) -> _Found | Flag:
         """Edges and fit, or flags that say why there are none."""
         unrolled = self._unrolled(image)
@@ -227,7 +213,7 @@ class FreeSurfaceDetector:
         return _Found(view, fit, Flag.NOT_FOUND | (Flag.SATURATED if covered else Flag.NONE))
 
     def _unrolled(self, image: Image) -> Image:
-        self._check(image)
+        self._view.camera.check(image)
         return self._grid.unroll(image)
 
     def _light(self, unrolled: Image) -> Flag:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_camera.detection.outline import fitted_line, levels, outline, scale_places
+from slosh_camera.images.colour import to_colour
 from slosh_camera.measurement import Flag, Measurement, PeakSide
 from slosh_camera.optics.box import BoxView
 from slosh_camera.optics.calibration import AnyCalibration
@@ -94,7 +95,7 @@ def draw_measurement(
     Returns:
         (height, width, 3) blue-green-red picture.
     """
-    picture = _in_colour(image)
+    picture = np.array(to_colour(image), order="C")
     canvas = _Canvas(picture, letter_size(picture))
     _draw_marks(canvas, calibration, measurement)
     lines = [*captions(measurement), *([note] if note else [])]
@@ -120,7 +121,7 @@ def draw_detail(
     """
     left, top, right, bottom = _surroundings(calibration.view, image, size[0] / size[1])
     zoom = min(size[0] / (right - left), size[1] / (bottom - top))
-    part = _in_colour(image[top:bottom, left:right])
+    part = to_colour(image[top:bottom, left:right])
     kind = cv2.INTER_AREA if zoom < 1.0 else cv2.INTER_CUBIC
     width, height = round(zoom * (right - left)), round(zoom * (bottom - top))
     picture = np.zeros((size[1], size[0], 3), np.uint8)
@@ -250,12 +251,6 @@ def _whole_parts(points: FloatArray) -> list[FloatArray]:
     known = np.all(np.isfinite(points), axis=1)
     cuts = np.flatnonzero(np.diff(known)) + 1
     return [part for part in np.split(points, cuts) if len(part) > 1 and np.isfinite(part[0, 0])]
-
-
-def _in_colour(image: Image) -> Image:
-    if image.ndim == 2:
-        return np.asarray(cv2.cvtColor(image, cv2.COLOR_GRAY2BGR), dtype=np.uint8)
-    return np.array(image, order="C")
 
 
 def _wrapped(angle: FloatArray) -> FloatArray:

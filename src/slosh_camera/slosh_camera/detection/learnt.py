@@ -8,7 +8,8 @@ from pathlib import Path
 from slosh_camera.cylinder.detector import FreeSurfaceDetector
 from slosh_camera.detection.detectors import SurfaceDetector, detector_for
 from slosh_camera.errors import SloshCameraError
-from slosh_camera.images.decoding import Image, read_image
+from slosh_camera.images.colour import Image
+from slosh_camera.images.decoding import read_image
 from slosh_camera.optics.calibration import AnyCalibration
 from slosh_model.compilation import load_all
 

@@ -12,17 +12,12 @@ from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from slosh_camera.errors import SloshCameraError
+from slosh_camera.images.colour import GrayImage, Image
 from slosh_camera.images.image_size import JPEG, PNG, check_size
 from slosh_camera.images.jpeg_file import jpeg_damage
 from slosh_camera.images.png_file import png_damage
-
-Image = NDArray[np.uint8]
-"""(height, width) grey or (height, width, 3) blue, green, red."""
-GrayImage = NDArray[np.uint8]
-"""(height, width)."""
 
 
 class _Layout(NamedTuple):
@@ -141,23 +136,6 @@ def read_image(path: str | Path) -> Image:
         return _decode(np.frombuffer(data, np.uint8), Path(path).suffix[1:] or "an image")
     except SloshCameraError as error:
         raise SloshCameraError(f"{path}: {error}") from None
-
-
-def to_gray(image: Image) -> GrayImage:
-    """Grey levels of an image; a grey one is returned as it is.
-
-    Args:
-        image: (height, width) or (height, width, 3) blue, green, red.
-
-    Returns:
-        (height, width).
-    """
-    if image.ndim == 2:
-        return image
-    if image.strides[2] < 0:
-        # OpenCV would copy a reversed view before it converts it.
-        return np.asarray(cv2.cvtColor(image[..., ::-1], cv2.COLOR_RGB2GRAY), dtype=np.uint8)
-    return np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), dtype=np.uint8)
 
 
 def _without_pattern(pixels: GrayImage, encoding: str) -> Image:

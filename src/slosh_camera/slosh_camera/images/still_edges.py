@@ -16,7 +16,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-Image = NDArray[np.uint8]
+from slosh_camera.images.colour import Image, to_gray
+
 FloatArray = NDArray[np.float64]
 Single = NDArray[np.float32]
 
@@ -115,8 +116,7 @@ class StillEdges:
     def _look(self, image: Image) -> list[_Seen]:
         if not self._parts:
             return []
-        strips = cv2.remap(image, *self._map, cv2.INTER_LINEAR)
-        grey = strips if strips.ndim == 2 else cv2.cvtColor(strips, cv2.COLOR_BGR2GRAY)
+        grey = to_gray(np.asarray(cv2.remap(image, *self._map, cv2.INTER_LINEAR), dtype=np.uint8))
         clipped = (grey <= _BLACK) | (grey >= _WHITE)
         # Along the strips alone: neighbours may lie anywhere.
         levels = cv2.GaussianBlur(grey.astype(np.float32), (0, 0), _BLUR, sigmaY=1e-3)

@@ -6,7 +6,6 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +14,7 @@ from sensor_msgs.msg import CompressedImage, Image
 from slosh_camera.calibrate.camera_file import read_any_calibration
 from slosh_camera.detection.learnt import learnt_detector
 from slosh_camera.errors import SloshCameraError
-from slosh_camera.images.decoding import Image as Pixels
+from slosh_camera.images.colour import Image as Pixels
 from slosh_camera.images.decoding import decode_compressed, to_image
 from slosh_camera.measurement import Flag, Measurement, bad_image
 from slosh_camera.nodes.complaints import Complaints
@@ -135,7 +134,7 @@ class CameraNode(PreparedNode):
             self._complain(str(error))
             measurement = bad_image(stamp_ns)
         if self._contested:
-            measurement = replace(measurement, flags=measurement.flags | Flag.CONTESTED)
+            measurement = measurement.flagged(Flag.CONTESTED)
         self._recent |= measurement.flags
         self._flags.update(measurement.flags)
         self._publisher.publish(conversions.to_message(to_value(measurement, self._frame)))

@@ -68,6 +68,23 @@ class PinholeCamera:
         """Camera matrix K, (3, 3) [px]."""
         return np.array([[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]])
 
+    def check(self, image: NDArray[np.generic]) -> None:
+        """Refuse an image that cannot be of this camera.
+
+        Args:
+            image: (height, width) grey or (height, width, 3) in colour, 8-bit.
+
+        Raises:
+            SloshCameraError: it is of another size or kind.
+        """
+        size = (self.height, self.width)
+        if image.dtype != np.uint8 or image.shape not in (size, (*size, 3)):
+            shape = " x ".join(str(length) for length in (*image.shape[1::-1], *image.shape[2:]))
+            raise SloshCameraError(
+                f"image: {shape} of {image.dtype}, the calibration is for {self.width} x "
+                f"{self.height} of uint8, grey or with three colours"
+            )
+
     def project(self, points: ArrayLike) -> FloatArray:
         """Project points of the camera frame into the image.
 

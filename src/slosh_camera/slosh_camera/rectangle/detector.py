@@ -88,7 +88,7 @@ class SideViewDetector:
             SloshCameraError: the image does not fit the camera, or shows no whole, level line;
                 what was learnt before stays.
         """
-        self._check(image)
+        self._view.camera.check(image)
         trace = trace_line(self._view, self._region, self._settings, Knowledge(), image)
         light, line = trace.light, trace.line
         whole = line is not None and line.hidden <= _MAX_HIDDEN_STILL
@@ -121,9 +121,8 @@ class SideViewDetector:
             SloshCameraError: as measure.
         """
         measurement = self.measure(stamp_ns, image)
-        if self._repeats.is_repeat(image):
-            return replace(measurement, flags=measurement.flags | Flag.FROZEN)
-        return measurement
+        repeated = self._repeats.is_repeat(image)
+        return measurement.flagged(Flag.FROZEN) if repeated else measurement
 
     def measure(self, stamp_ns: int, image: Image) -> SideMeasurement:
         """Measure one image by itself.
@@ -138,7 +137,7 @@ class SideViewDetector:
         Raises:
             SloshCameraError: the image is not 8-bit of the calibrated size.
         """
-        self._check(image)
+        self._view.camera.check(image)
         if self._still_edges.missing(image):
             return SideMeasurement(stamp_ns=stamp_ns, flags=Flag.NOT_FOUND)
         trace = trace_line(self._view, self._region, self._settings, self._knowledge, image)
@@ -157,16 +156,6 @@ class SideViewDetector:
         weights = light.appearance.weights
         appearance = learnt_appearance(light.channel, self._region, weights, rows)
         return replace(still, appearance=appearance)
-
-    def _check(self, image: Image) -> None:
-        camera = self._view.camera
-        size = (camera.height, camera.width)
-        if image.dtype != np.uint8 or image.shape not in (size, (*size, 3)):
-            shape = " x ".join(str(size) for size in (*image.shape[1::-1], *image.shape[2:]))
-            raise SloshCameraError(
-                f"image: {shape} of {image.dtype}, the calibration is for {camera.width} x "
-                f"{camera.height} of uint8, grey or with three colours"
-            )
 
 
 def _limits(line: TracedLine) -> Flag:
