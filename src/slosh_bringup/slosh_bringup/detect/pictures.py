@@ -16,8 +16,9 @@ from slosh_bringup.detect.frame import SourceFrame
 from slosh_bringup.detect.measuring import Result
 from slosh_bringup.detect.table import flag_names
 from slosh_bringup.errors import SloshBringupError
-from slosh_camera.detection.drawing import captions, draw_detail, draw_measurement, put_text
+from slosh_camera.detection.drawing import captions, draw_detail, draw_measurement
 from slosh_camera.errors import SloshCameraError
+from slosh_camera.images.lettering import put_text
 from slosh_camera.measurement import Measurement
 from slosh_camera.optics.calibration import AnyCalibration
 from slosh_files import NewFile, write_bytes

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from slosh_camera.detection.outline import fitted_line, levels, outline, scale_places
 from slosh_camera.images.colour import to_colour
+from slosh_camera.images.lettering import WHITE, letter_size, put_text
 from slosh_camera.measurement import Flag, Measurement, PeakSide
 from slosh_camera.optics.box import BoxView
 from slosh_camera.optics.calibration import AnyCalibration
@@ -24,13 +25,7 @@ REAR = (255, 170, 40)
 FITTED = (60, 220, 255)
 PEAK = (60, 60, 255)
 _SCALE = (230, 140, 40)
-_TEXT = (255, 255, 255)
 _ALARM = (110, 170, 255)
-_PLATE = (40, 40, 40)
-_FONT = cv2.FONT_HERSHEY_SIMPLEX
-# Size of the letters in a picture of 480 rows; larger pictures get larger ones.
-_FONT_SCALE = 0.5
-_ROWS = 480
 # Drawing coordinates carry this many fractional bits.
 _SHIFT = 4
 _TICK = 0.010
@@ -73,7 +68,7 @@ class _Canvas:
         reach = round(7.0 * self.size * (1 << _SHIFT))
         cv2.circle(self.picture, centre, reach, colour, width, cv2.LINE_AA, _SHIFT)
 
-    def text(self, words: str, corner: FloatArray, colour: tuple[int, int, int] = _TEXT) -> None:
+    def text(self, words: str, corner: FloatArray, colour: tuple[int, int, int] = WHITE) -> None:
         """Words on a dark plate, so that they are read before any background."""
         put_text(self.picture, words, (round(corner[0]), round(corner[1])), self.size, colour)
 
@@ -100,7 +95,7 @@ def draw_measurement(
     _draw_marks(canvas, calibration, measurement)
     lines = [*captions(measurement), *([note] if note else [])]
     for index, words in enumerate(lines):
-        colour = _ALARM if index and index >= len(lines) - bool(measurement.flags) else _TEXT
+        colour = _ALARM if index and index >= len(lines) - bool(measurement.flags) else WHITE
         canvas.text(words, canvas.size * np.array([_GAP, 20.0 + 21.0 * index]), colour)
     return picture
 
@@ -154,28 +149,6 @@ def captions(measurement: Measurement) -> list[str]:
     if measurement.flags:
         lines.append(" ".join(str(flag.name) for flag in measurement.flags))
     return lines
-
-
-def letter_size(picture: Image) -> float:
-    """How much larger than in a picture of 480 rows letters and marks are."""
-    return max(float(picture.shape[0]) / _ROWS, 0.75)
-
-
-def put_text(
-    picture: Image,
-    words: str,
-    place: tuple[int, int],
-    size: float = 1.0,
-    colour: tuple[int, int, int] = _TEXT,
-) -> None:
-    """White text on a dark plate; `place` is its lower left corner [px]."""
-    scale, thickness = _FONT_SCALE * size, max(round(size), 1)
-    (width, height), below = cv2.getTextSize(words, _FONT, scale, thickness)
-    x, y = place
-    rim = max(round(2 * size), 1)
-    corner, other = (x - rim, y - height - rim), (x + width + rim, y + below)
-    cv2.rectangle(picture, corner, other, _PLATE, -1)
-    cv2.putText(picture, words, place, _FONT, scale, colour, thickness, cv2.LINE_AA)
 
 
 def _draw_marks(canvas: _Canvas, calibration: AnyCalibration, measurement: Measurement) -> None:

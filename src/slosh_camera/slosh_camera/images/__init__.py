@@ -1,1 +1,1 @@
-"""Images by themselves: read from messages and files, whole, new, and of the same scene."""
+"""Images by themselves: whole, in colour, repeated or moved; words on them."""
