@@ -460,7 +460,7 @@ ALLOWED = {
     "slosh_bag/recorder.py": "the space that it reserves beside the bag's files",
     "slosh_bringup/processes.py": "a node's log, in the folder of its run",
     "slosh_bringup/cli/detect.py": "open(os.devnull)",
-    "slosh_discovery/report/svg.py": "savefig into memory",
+    "slosh_report/page/svg.py": "savefig into memory",
     "slosh_model/compile_cache.py": "compiled code, which is the cache's alone",
     "slosh_msgs_py/node/shared_memory.py": "what killed nodes have left there",
 }

@@ -37,9 +37,10 @@ def imported(package):
     return names
 
 
-def test_all_nine_packages_are_there():
+def test_all_ten_packages_are_there():
     assert {package.name.removeprefix("slosh_") for package in PACKAGES} == {
-        "files", "msgs", "msgs_py", "model", "camera", "estimator", "bag", "discovery", "bringup",
+        "files", "msgs", "msgs_py", "model", "camera", "estimator", "bag", "report", "discovery",
+        "bringup",
     }  # fmt: skip
 
 

@@ -1,7 +1,9 @@
-"""What tests ask of a report's page in a browser."""
+"""What tests put into a report's page, and ask of it in a browser."""
 
 from __future__ import annotations
 
+import struct
+import zlib
 from typing import Any
 
 LOOK = """
@@ -27,6 +29,19 @@ return {
 };
 """
 """Body of a JavaScript function of `document` and `window`: what the page shows, as JSON."""
+
+
+def grey_png(side: int = 8) -> bytes:
+    """An image: a grey square."""
+
+    def chunk(name: bytes, data: bytes) -> bytes:
+        checksum = struct.pack(">I", zlib.crc32(name + data))
+        return struct.pack(">I", len(data)) + name + data + checksum
+
+    rows = b"".join(b"\x00" + b"\x80" * side for _ in range(side))
+    header = chunk(b"IHDR", struct.pack(">IIBBBBB", side, side, 8, 0, 0, 0, 0))
+    body = chunk(b"IDAT", zlib.compress(rows))
+    return b"\x89PNG\r\n\x1a\n" + header + body + chunk(b"IEND", b"")
 
 
 def at(document: Any, path: str) -> Any:

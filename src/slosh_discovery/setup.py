@@ -11,8 +11,6 @@ setup(
     package_data={
         PACKAGE: [
             "py.typed",
-            "report/*.j2",
-            "report/*.css",
             "discovery_report/*.j2",
             "discovery_report/*.css",
         ]
@@ -25,7 +23,7 @@ setup(
     zip_safe=False,
     maintainer="Slosh Monitor maintainers",
     maintainer_email="slosh-monitor@users.noreply.github.com",
-    description="Accuracy metrics, clock alignment and reports for slosh models.",
+    description="From recordings to findings: which effect a model of sloshing lacks.",
     license="Apache-2.0",
     entry_points={"console_scripts": []},
 )

@@ -14,10 +14,10 @@ from slosh_bag.replay.conclusion import thinned
 from slosh_bag.replay.monitor_feed import Measurements
 from slosh_bag.replay.series import Series
 from slosh_bag.replay.unrelated import WholeRun, judge_unrelated
-from slosh_discovery.metrics import mean_absolute_error, peak_error, rms_error
 from slosh_estimator.monitor import MonitorSettings
 from slosh_estimator.sight import SATURATED
 from slosh_estimator.validity import EstimateFlag
+from slosh_report.metrics import mean_absolute_error, peak_error, rms_error
 
 STAMPS = np.arange(0, 1_000_000_000, 10_000_000, dtype=np.int64)
 HEIGHT = 0.02

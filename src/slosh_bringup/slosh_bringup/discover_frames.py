@@ -10,7 +10,7 @@ from slosh_bringup.discover_data.recording import read_recording, sources_of
 from slosh_bringup.discover_data.splitting import SECOND
 from slosh_bringup.replay_frames import pictures_at
 from slosh_discovery.discover.finding import WorstMoment
-from slosh_discovery.report import Frame
+from slosh_report.page.frame import Frame
 
 MOST = 3
 """Images on a page."""

@@ -21,9 +21,10 @@ OWN_PACKAGES = (
     "slosh_msgs_py",
     "slosh_model",
     "slosh_camera",
-    "slosh_discovery",
+    "slosh_report",
     "slosh_estimator",
     "slosh_bag",
+    "slosh_discovery",
     "slosh_bringup",
 )
 

@@ -21,7 +21,8 @@ from slosh_bringup.run_data import HEIGHTS, RunData, read_run
 from slosh_bringup.run_result import RunResult, evaluate
 from slosh_bringup.shortfall import shortfall
 from slosh_bringup.slowness import slowness
-from slosh_discovery.report import (
+from slosh_files import write_text
+from slosh_report.run_report import (
     Fact,
     KeyFigure,
     RunReport,
@@ -30,7 +31,6 @@ from slosh_discovery.report import (
     render_report,
     report_document,
 )
-from slosh_files import write_text
 
 REPORT, RESULT = "report.html", "result.json"
 NOTHING = "nothing was measured, because "

@@ -22,7 +22,7 @@ from slosh_camera.detection.drawing import draw_measurement
 from slosh_camera.detection.learnt import learnt_detector
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.optics.calibration import AnyCalibration
-from slosh_discovery.report import Frame, Topic
+from slosh_report.run_report import Frame, Topic
 
 JPEG_QUALITY = 85
 

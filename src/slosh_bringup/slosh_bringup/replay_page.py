@@ -11,8 +11,8 @@ from slosh_bag.replay.checking import Checked
 from slosh_bag.replay.report import Surroundings, replay_report
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.replay_frames import bag_pictures, bag_topics
-from slosh_discovery.report import RunReport, render_report, report_document
 from slosh_files import write_text
+from slosh_report.run_report import RunReport, render_report, report_document
 
 
 def write_page(folder: Path, bag: Path, result: ReplayResult, checked: Checked | None) -> None:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 
 from slosh_bag.replay.result import Judged, ModelAccuracy
-from slosh_discovery.text_table import aligned
+from slosh_report.text_table import aligned
 
 
 def accuracy_lines(results: Sequence[Judged]) -> list[str]:

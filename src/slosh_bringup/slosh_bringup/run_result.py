@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from slosh_bag.replay import ReplayResult
 from slosh_bringup.run_data import RunData
-from slosh_discovery.metrics import mean_absolute_error, peak_error, rms_error
 from slosh_estimator.sight import UNSOUND, judged
+from slosh_report.metrics import mean_absolute_error, peak_error, rms_error
 
 Array = NDArray[np.float64]
 

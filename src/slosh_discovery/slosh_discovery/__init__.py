@@ -1,1 +1,1 @@
-"""Accuracy metrics, clock alignment and reports for slosh models."""
+"""From recordings to findings: which effect a model of sloshing lacks."""

@@ -10,7 +10,7 @@ import headless_browser
 import pytest
 from example_finding import FOUND, example_finding, example_report
 from headless_browser import View
-from page_look import LOOK, at
+from page_look import LOOK, at, grey_png
 
 from slosh_discovery.discover.finding import Verdict
 from slosh_discovery.discovery_report import (
@@ -19,8 +19,8 @@ from slosh_discovery.discovery_report import (
     discovery_json,
     render_discovery,
 )
-from slosh_discovery.report import Frame
 from slosh_model.model_text import parse_model
+from slosh_report.page.frame import Frame
 
 pytestmark = pytest.mark.skipif(
     headless_browser.find_browser() is None, reason="no Chromium or Chrome on this machine"
@@ -78,9 +78,9 @@ def hostile_report():
 
 
 @pytest.fixture(scope="module")
-def reports(grey_png):
+def reports():
     found = {verdict.value: example_report(verdict) for verdict in Verdict}
-    frames = (Frame(grey_png, "worst: 1.52 s", "image/png"),)
+    frames = (Frame(grey_png(), "worst: 1.52 s", "image/png"),)
     found["named"] = replace(found["named"], frames=frames)
     for name in ("none", "unexplained"):  # charts take most of the time
         finding = found[name].finding

@@ -12,8 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from slosh_discovery.alignment import despike
 from slosh_estimator.rotation import Vector
+from slosh_report.alignment import despike
 
 NAN = float("nan")
 SECOND = 1_000_000_000

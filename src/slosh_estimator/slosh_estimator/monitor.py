@@ -13,13 +13,13 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Any, NamedTuple
 
-from slosh_discovery.metrics import RunningAccuracy
 from slosh_estimator.agreement import MotionWatch
 from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.limits import Event, Hysteresis, LimitTracker, Source
 from slosh_estimator.rotation import Vector
 from slosh_estimator.sample import SECONDS
 from slosh_estimator.sight import SATURATED, UNUSABLE, Sight, clocks_apart, obstacle
+from slosh_report.metrics import RunningAccuracy
 
 NAN = float("nan")
 MAXIMUM_WAITING = 1000

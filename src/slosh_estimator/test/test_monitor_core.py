@@ -7,7 +7,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slosh_discovery.metrics import mean_absolute_error, peak_error
 from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.limits import Event, Hysteresis, Kind, LimitTracker, Source
 from slosh_estimator.monitor import (
@@ -21,6 +20,7 @@ from slosh_estimator.monitor import (
 )
 from slosh_estimator.sight import FROZEN, SATURATED
 from slosh_estimator.validity import EstimateFlag
+from slosh_report.metrics import mean_absolute_error, peak_error
 
 MS = 1_000_000
 NOT_FOUND, BAD_IMAGE = 32, 128

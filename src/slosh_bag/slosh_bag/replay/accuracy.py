@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 
 from slosh_bag.replay.result import ModelAccuracy, MotionAccuracy
 from slosh_bag.replay.series import Series
-from slosh_discovery.alignment import ClockOffset, find_spikes, spike_limit
-from slosh_discovery.metrics import relative_peak_error
 from slosh_estimator.sight import judged
+from slosh_report.alignment import ClockOffset, find_spikes, spike_limit
+from slosh_report.metrics import relative_peak_error
 
 Array = NDArray[np.float64]
 

@@ -9,9 +9,9 @@ from typing import NamedTuple
 
 from slosh_bag.manifest import Expectation, Expected, ExpectedEvent
 from slosh_bag.replay.result import ReplayResult
-from slosh_discovery.report import Check
-from slosh_discovery.report.units import unit_style
 from slosh_estimator.limits import Event, Source
+from slosh_report.page.units import unit_style
+from slosh_report.run_report import Check
 
 HEIGHT, SHARE, SECONDS = 1e-6, 1e-4, 1e-3
 """Tolerances of a manifest that is written: of heights [m], of ε [1], of times [s]."""

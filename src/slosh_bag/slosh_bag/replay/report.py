@@ -11,7 +11,10 @@ from numpy.typing import NDArray
 from slosh_bag.replay import verification
 from slosh_bag.replay.checking import Checked, dropped
 from slosh_bag.replay.result import ModelAccuracy, ReplayResult
-from slosh_discovery.report import (
+from slosh_estimator.limits import Event, Kind, Source
+from slosh_estimator.sight import SATURATED
+from slosh_model.model_text import format_model
+from slosh_report.run_report import (
     AzimuthSeries,
     Difference,
     Fact,
@@ -26,9 +29,6 @@ from slosh_discovery.report import (
     Verdict,
     Verification,
 )
-from slosh_estimator.limits import Event, Kind, Source
-from slosh_estimator.sight import SATURATED
-from slosh_model.model_text import format_model
 
 Array = NDArray[np.float64]
 

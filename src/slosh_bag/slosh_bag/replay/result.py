@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 
 from slosh_bag.errors import SloshBagError
 from slosh_bag.replay.verification import Verification
-from slosh_discovery.alignment import ClockOffset, StillLevel
 from slosh_estimator.limits import Event
 from slosh_estimator.monitor import MonitorSettings
 from slosh_files import write_text
 from slosh_model.model import Model
+from slosh_report.alignment import ClockOffset, StillLevel
 
 Array = NDArray[np.float64]
 

@@ -19,16 +19,16 @@ from slosh_bag.replay.at_images import ModelHeights
 from slosh_bag.replay.monitor_feed import Heights, Measurements, MonitorFeed
 from slosh_bag.replay.result import ReplayResult
 from slosh_bag.replay.series import Series
-from slosh_discovery.alignment import (
+from slosh_estimator.monitor import MonitorSettings
+from slosh_estimator.sight import UNUSABLE
+from slosh_report.alignment import (
     ClockOffset,
     StillLevel,
     estimate_clock_offset,
     find_still_level,
     onset_offset,
 )
-from slosh_discovery.errors import SloshDiscoveryError
-from slosh_estimator.monitor import MonitorSettings
-from slosh_estimator.sight import UNUSABLE
+from slosh_report.errors import SloshReportError
 
 Array = NDArray[np.float64]
 
@@ -125,7 +125,7 @@ def _align(name: str, t: Array, raw: Array, run: WholeRun) -> _Alignment:
             estimate_clock_offset(t, raw, model_t[motion], column[motion], centre=centre)
             for column in heights.T
         ]
-    except SloshDiscoveryError as error:
+    except SloshReportError as error:
         raise SloshBagError(f"{name}: {error}") from None
     return _Alignment(still, clocks, float(model_t[motion.start]), float(model_t[motion.stop - 1]))
 

@@ -26,9 +26,9 @@ from slosh_bringup.replaying import (
     unique_names,
 )
 from slosh_bringup.stated_bags import StatedBag, find_bags
-from slosh_discovery.text_table import aligned
 from slosh_estimator.model_file import read_model
 from slosh_files import check_apart, check_outside
+from slosh_report.text_table import aligned
 
 DONE, FAILED, WRONG_INPUT = 0, 1, 2
 WORTH_PROCESSES = 100_000_000

@@ -18,12 +18,6 @@ from slosh_bringup.discover_data.heights import without_spikes
 from slosh_bringup.discover_data.recording import Recording, Tell
 from slosh_bringup.discover_data.splitting import DWELL_NS, SECOND, motion_spans
 from slosh_bringup.errors import SloshBringupError
-from slosh_discovery.alignment import (
-    despike,
-    estimate_clock_offset,
-    find_still_level,
-    onset_offset,
-)
 from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_discovery.errors import SloshDiscoveryError
 from slosh_model.constants import GRAVITY
@@ -31,6 +25,13 @@ from slosh_model.containers import Cylinder
 from slosh_model.errors import SloshModelError
 from slosh_model.model import Model
 from slosh_model.simulate import Inputs, simulate
+from slosh_report.alignment import (
+    despike,
+    estimate_clock_offset,
+    find_still_level,
+    onset_offset,
+)
+from slosh_report.errors import SloshReportError
 
 Array = NDArray[np.float64]
 
@@ -157,7 +158,7 @@ def _offset(
         still = find_still_level(measured_t, height)
         size = np.hypot(felt[:, 0], felt[:, 1])
         return onset_offset(measured_t, height, t, size, still), "by the onset of the motion"
-    except (SloshDiscoveryError, SloshModelError):
+    except (SloshModelError, SloshReportError):
         return _peak_offset(t, felt, measured_t, height), "by the peaks"
 
 

@@ -100,7 +100,7 @@ class Gap:
 
 @dataclass(frozen=True, slots=True)
 class Agreement:
-    """How one model's heights agree with a motion's: see slosh_discovery.metrics.
+    """How one model's heights agree with a motion's: see slosh_report.metrics.
 
     Attributes:
         rms: [m].

@@ -30,13 +30,13 @@ from slosh_discovery.discover.search import Progress, Search
 from slosh_discovery.discover.verdict import Judgement, judge
 from slosh_discovery.discover.where import where, worst_moments
 from slosh_discovery.errors import SloshDiscoveryError
-from slosh_discovery.metrics import (
+from slosh_model.measure import predicted_heights
+from slosh_model.model import Model
+from slosh_report.metrics import (
     mean_absolute_error,
     peak_error,
     rms_error,
 )
-from slosh_model.measure import predicted_heights
-from slosh_model.model import Model
 
 Array = NDArray[np.float64]
 NAN = float("nan")
@@ -65,7 +65,7 @@ def discover(
         threads: fits at a time; None: one per core.
 
     Raises:
-        SloshDiscoveryError: no motions, or one with which nothing can be done.
+        SloshDiscoveryError, SloshReportError: no motions, or one with which nothing can be done.
     """
     if not motions:
         raise SloshDiscoveryError("no motion with measured heights: nothing to discover from")

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from slosh_discovery.discover.finding import MotionFinding, SeparatingMotion
 from slosh_discovery.discovery_report.figures import highest
-from slosh_discovery.report.lines import (
+from slosh_model.simulate import Inputs
+from slosh_report.page.lines import (
     DASHES,
     badge,
     chart_points,
@@ -18,8 +19,7 @@ from slosh_discovery.report.lines import (
     time_chart,
     time_ends,
 )
-from slosh_discovery.report.svg import GAP, INK, LINEAR, MEASURED, NONLINEAR
-from slosh_model.simulate import Inputs
+from slosh_report.page.svg import GAP, INK, LINEAR, MEASURED, NONLINEAR
 
 Array = NDArray[np.float64]
 Size = tuple[float, float]

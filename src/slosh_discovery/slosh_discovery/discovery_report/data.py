@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from slosh_discovery.discover.finding import Finding
-from slosh_discovery.report.rows import Frame
+from slosh_report.page.frame import Frame
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_discovery.discover.finding import MotionFinding
-from slosh_discovery.report.units import DASH
 from slosh_model.effects.registry import EFFECTS
+from slosh_report.page.units import DASH
 
 Array = NDArray[np.float64]
 

@@ -29,9 +29,9 @@ from slosh_discovery.discovery_report.document import (
     discovery_document,
 )
 from slosh_discovery.discovery_report.figures import NAN, shown_confidence, shown_parameter
-from slosh_discovery.report.lines import NARROW, WIDE
-from slosh_discovery.report.template import data_element, make_environment
-from slosh_discovery.report.units import shown
+from slosh_report.page.lines import NARROW, WIDE
+from slosh_report.page.template import data_element, make_environment
+from slosh_report.page.units import shown
 
 ROWS = 100
 """Most rows of a table on the page; the JSON document holds them all."""

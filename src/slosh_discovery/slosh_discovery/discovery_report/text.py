@@ -20,8 +20,8 @@ from slosh_discovery.discovery_report.words import (
     part_name,
     verdict_sentence,
 )
-from slosh_discovery.report.units import DASH, shown
-from slosh_discovery.text_table import aligned
+from slosh_report.page.units import DASH, shown
+from slosh_report.text_table import aligned
 
 MOMENTS = 3
 """Worst moments that are told."""

@@ -7,8 +7,8 @@ from collections.abc import Iterable, Sequence
 
 from slosh_discovery.discover.finding import Finding, FoundEffect, Verdict
 from slosh_discovery.discovery_report.figures import shown_confidence
-from slosh_discovery.report.units import shown
 from slosh_model.effects.registry import EFFECTS
+from slosh_report.page.units import shown
 
 AS_IT_IS = "the model as it is"
 LIKELY = 0.2

@@ -11,7 +11,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from slosh_discovery.errors import SloshDiscoveryError
+from slosh_report.errors import SloshReportError
 
 NAN = float("nan")
 
@@ -20,7 +20,7 @@ def peak_error(measured: ArrayLike, model: ArrayLike) -> float:
     """ε: relative error of the maximum (DL22, eq. (32)), as a fraction; positive: overestimated.
 
     Raises:
-        SloshDiscoveryError: the series do not match or share no finite moment.
+        SloshReportError: the series do not match or share no finite moment.
     """
     reference, estimate = _pairs(measured, model)
     return relative_peak_error(float(reference.max()), float(estimate.max()))
@@ -30,7 +30,7 @@ def mean_absolute_error(measured: ArrayLike, model: ArrayLike) -> float:
     """σ: mean absolute error (DL22, eq. (33)), in the series' unit.
 
     Raises:
-        SloshDiscoveryError: the series do not match or share no finite moment.
+        SloshReportError: the series do not match or share no finite moment.
     """
     reference, estimate = _pairs(measured, model)
     return float(np.mean(np.abs(reference - estimate)))
@@ -40,7 +40,7 @@ def rms_error(measured: ArrayLike, model: ArrayLike) -> float:
     """Root mean square of the difference; TM20's SEOE where the series hold all repetitions.
 
     Raises:
-        SloshDiscoveryError: the series do not match or share no finite moment.
+        SloshReportError: the series do not match or share no finite moment.
     """
     reference, estimate = _pairs(measured, model)
     return float(np.sqrt(np.mean((reference - estimate) ** 2)))
@@ -54,13 +54,13 @@ def standard_error_of_estimate(measured: ArrayLike, model: ArrayLike) -> float:
         model: (J,), the same for each repetition, or (K, J).
 
     Raises:
-        SloshDiscoveryError: the series do not match or share no finite moment.
+        SloshReportError: the series do not match or share no finite moment.
     """
     repetitions = np.asarray(measured, dtype=np.float64)
     try:
         estimate = np.broadcast_to(np.asarray(model, dtype=np.float64), repetitions.shape)
     except ValueError:
-        raise SloshDiscoveryError(
+        raise SloshReportError(
             f"series of the shapes {repetitions.shape} and {np.shape(model)} cannot be compared"
         ) from None
     return rms_error(repetitions.ravel(), estimate.ravel())
@@ -114,10 +114,10 @@ def _pairs(
     reference = np.asarray(measured, dtype=np.float64)
     estimate = np.asarray(model, dtype=np.float64)
     if reference.ndim != 1 or reference.shape != estimate.shape:
-        raise SloshDiscoveryError(
+        raise SloshReportError(
             f"series of the shapes {reference.shape} and {estimate.shape} cannot be compared"
         )
     both = np.isfinite(reference) & np.isfinite(estimate)
     if not both.any():
-        raise SloshDiscoveryError("the two series share no finite moment")
+        raise SloshReportError("the two series share no finite moment")
     return reference[both], estimate[both]

@@ -9,9 +9,9 @@ import numpy as np
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
-from slosh_discovery.report.data import AzimuthSeries, RunReport
-from slosh_discovery.report.series import gap_length, highest
-from slosh_discovery.report.svg import CARD, INK, MEASURED, NONLINEAR, canvas, style, svg_text
+from slosh_report.page.series import gap_length, highest
+from slosh_report.page.svg import CARD, INK, MEASURED, NONLINEAR, canvas, style, svg_text
+from slosh_report.run_report.data import AzimuthSeries, RunReport
 
 Array = NDArray[np.float64]
 

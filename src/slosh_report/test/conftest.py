@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import struct
-import zlib
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from page_look import grey_png
 
-from slosh_discovery.report import (
+from slosh_report.run_report import (
     AzimuthSeries,
     Check,
     Difference,
@@ -29,25 +28,6 @@ from slosh_discovery.report import (
 NAN = float("nan")
 T = np.arange(0.0, 20.0, 1.0 / 60.0)
 NAMES = ("2D-L", "3D-L", "2D-NL", "3D-NL")
-
-
-def png(side=8):
-    """A grey square."""
-
-    def chunk(name, data):
-        checksum = struct.pack(">I", zlib.crc32(name + data))
-        return struct.pack(">I", len(data)) + name + data + checksum
-
-    rows = b"".join(b"\x00" + b"\x80" * side for _ in range(side))
-    header = chunk(b"IHDR", struct.pack(">IIBBBBB", side, side, 8, 0, 0, 0, 0))
-    body = chunk(b"IDAT", zlib.compress(rows))
-    return b"\x89PNG\r\n\x1a\n" + header + body + chunk(b"IEND", b"")
-
-
-@pytest.fixture(scope="session")
-def grey_png():
-    """An image."""
-    return png()
 
 
 def rows(seed):
@@ -91,8 +71,8 @@ def full_report():
             Motion("LE_3D", 9.5, 19.0, 0.02, rows(3)),
         ),
         frames=(
-            Frame(png(), "highest: 2.24 s", "image/png", 2.24),
-            Frame(png(), "first", "image/png"),
+            Frame(grey_png(), "highest: 2.24 s", "image/png", 2.24),
+            Frame(grey_png(), "first", "image/png"),
         ),
         topics=(
             Topic("/slosh/accel", "geometry_msgs/msg/AccelStamped", 20000, 999.73, 0),
@@ -154,7 +134,7 @@ def hostile_report(full_report):
             Motion(evil("motion"), 0.5, 8.0, 0.02, bad_rows),
             Motion(evil("motion"), 9.0, 19.0, 0.02, bad_rows),
         ),
-        frames=(Frame(png(), evil("caption"), "image/png", 2.0),),
+        frames=(Frame(grey_png(), evil("caption"), "image/png", 2.0),),
         topics=(Topic(evil("topic"), evil("type"), 1),),
         model_text=evil("text"),
         notes=(evil("note"),),

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from slosh_discovery.errors import SloshDiscoveryError
+from slosh_report.errors import SloshReportError
 
 Array = NDArray[np.float64]
 
@@ -94,7 +94,7 @@ def find_still_level(t: Array, height: Array) -> StillLevel:
         height: (N,) measured heights [m]; NaN: no sample.
 
     Raises:
-        SloshDiscoveryError: the record does not hold a quiet part before its highest point.
+        SloshReportError: the record does not hold a quiet part before its highest point.
     """
     t, height = _finite(t, height)
     peak = int(np.argmax(despike(height)))
@@ -110,7 +110,7 @@ def find_still_level(t: Array, height: Array) -> StillLevel:
         if best is None or noise < best.noise:
             best = StillLevel(level, noise, float(t[first]), float(t[last - 1]))
     if best is None:
-        raise SloshDiscoveryError(
+        raise SloshReportError(
             f"no still part of {QUIET_WINDOW} s before the highest height at {t[peak]:.2f} s; "
             "record the container at rest before the motion"
         )
@@ -157,7 +157,7 @@ def find_onset(t: Array, height: Array, threshold: float) -> float:
         threshold: [m].
 
     Raises:
-        SloshDiscoveryError: the threshold is never exceeded.
+        SloshReportError: the threshold is never exceeded.
     """
     t, height = _finite(t, height)
     above = np.abs(height) > threshold
@@ -165,7 +165,7 @@ def find_onset(t: Array, height: Array, threshold: float) -> float:
     counts = np.convolve(above, np.ones(window), mode="valid")
     starts = np.flatnonzero(above[: len(counts)] & (counts >= needed))
     if len(starts) == 0:
-        raise SloshDiscoveryError(f"no motion: the height never stays above {threshold:.6f} m")
+        raise SloshReportError(f"no motion: the height never stays above {threshold:.6f} m")
     return float(t[starts[0]])
 
 
@@ -185,7 +185,7 @@ def onset_offset(
         still: the measured quiet part.
 
     Raises:
-        SloshDiscoveryError: one of the series shows no motion.
+        SloshReportError: one of the series shows no motion.
     """
     raised = despike(height) - still.level
     after = t >= still.start  # what was before the quiet part is not this motion
@@ -220,7 +220,7 @@ def estimate_clock_offset(
         search: half-width of the search window [s].
 
     Raises:
-        SloshDiscoveryError: no quiet part, no motion, or no offset in the window at which the
+        SloshReportError: no quiet part, no motion, or no offset in the window at which the
             measured record covers the motion.
     """
     still = find_still_level(t, height)
@@ -230,7 +230,7 @@ def estimate_clock_offset(
     offsets = centre + np.arange(-search, search + STEP / 2.0, STEP)
     costs = np.array([_mean_square(kept_t, raised, model_t, model, tau) for tau in offsets])
     if not np.isfinite(costs).any():
-        raise SloshDiscoveryError(
+        raise SloshReportError(
             f"the measured record ({t[0]:.2f} … {t[-1]:.2f} s) does not cover the motion of "
             f"{model_t[-1] - model_t[0]:.2f} s at any offset near {centre:.2f} s"
         )
@@ -255,10 +255,10 @@ def estimate_clock_offset(
 def _finite(t: Array, height: Array) -> tuple[Array, Array]:
     t, height = np.asarray(t, dtype=np.float64), np.asarray(height, dtype=np.float64)
     if t.shape != height.shape or t.ndim != 1:
-        raise SloshDiscoveryError(f"time {t.shape} and heights {height.shape} do not match")
+        raise SloshReportError(f"time {t.shape} and heights {height.shape} do not match")
     kept = np.isfinite(height)
     if np.count_nonzero(kept) < SUSTAINED[1]:
-        raise SloshDiscoveryError(f"only {np.count_nonzero(kept)} finite heights: no series")
+        raise SloshReportError(f"only {np.count_nonzero(kept)} finite heights: no series")
     return t[kept], height[kept]
 
 

@@ -11,8 +11,9 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
-from slosh_discovery.errors import SloshDiscoveryError
-from slosh_discovery.report import (
+from slosh_report.errors import SloshReportError
+from slosh_report.page.units import shown
+from slosh_report.run_report import (
     AzimuthSeries,
     Check,
     Frame,
@@ -27,8 +28,7 @@ from slosh_discovery.report import (
     render_report,
     report_document,
 )
-from slosh_discovery.report.charts import heights_chart, residual_chart
-from slosh_discovery.report.units import shown
+from slosh_report.run_report.charts import heights_chart, residual_chart
 
 T = np.linspace(0.0, 8.0, 480)
 REPORT = RunReport(
@@ -150,25 +150,25 @@ def test_both_charts_have_one_time_axis():
 
 
 def test_series_that_do_not_match_are_refused():
-    with pytest.raises(SloshDiscoveryError, match="linear has the shape"):
+    with pytest.raises(SloshReportError, match="linear has the shape"):
         replace(REPORT, linear=np.zeros(3))
-    with pytest.raises(SloshDiscoveryError, match="media type"):
+    with pytest.raises(SloshReportError, match="media type"):
         Frame(b"", "x", "text/html")
 
 
 def test_time_that_goes_back_is_refused():
     back = T.copy()
     back[100] = 0.0
-    with pytest.raises(SloshDiscoveryError, match=r"t goes back after 1\.65"):
+    with pytest.raises(SloshReportError, match=r"t goes back after 1\.65"):
         replace(REPORT, t=back)
-    with pytest.raises(SloshDiscoveryError, match="azimuth of measured: height has the shape"):
+    with pytest.raises(SloshReportError, match="azimuth of measured: height has the shape"):
         AzimuthSeries("measured", T, T, T[1:])
 
 
 def test_a_number_needs_a_unit_that_the_page_knows():
-    with pytest.raises(SloshDiscoveryError, match="unit 'cm' is not one of 'mm'"):
+    with pytest.raises(SloshReportError, match="unit 'cm' is not one of 'mm'"):
         KeyFigure("height", 0.01, "cm")
-    with pytest.raises(SloshDiscoveryError, match="unit 'cm'"):
+    with pytest.raises(SloshReportError, match="unit 'cm'"):
         Check("height", 0.01, unit="cm")
     assert "beans" in render_report(replace(REPORT, key_figures=(KeyFigure("x", "7", "beans"),)))
 

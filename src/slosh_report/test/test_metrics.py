@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slosh_discovery.errors import SloshDiscoveryError
-from slosh_discovery.metrics import (
+from slosh_report.errors import SloshReportError
+from slosh_report.metrics import (
     RunningAccuracy,
     mean_absolute_error,
     peak_error,
@@ -34,7 +34,7 @@ def test_pairs_without_a_measurement_do_not_count() -> None:
     "metric", [peak_error, mean_absolute_error, rms_error, standard_error_of_estimate]
 )
 def test_nothing_to_compare_is_an_error(metric: Callable[..., float]) -> None:
-    with pytest.raises(SloshDiscoveryError, match="no finite moment"):
+    with pytest.raises(SloshReportError, match="no finite moment"):
         metric([math.nan], [1.0])
 
 
@@ -49,9 +49,9 @@ def test_seoe_compares_every_repetition_with_the_one_simulation() -> None:
 
 
 def test_shapes_that_do_not_match_are_refused_with_both_shapes() -> None:
-    with pytest.raises(SloshDiscoveryError, match=r"\(2,\).*\(3,\)"):
+    with pytest.raises(SloshReportError, match=r"\(2,\).*\(3,\)"):
         mean_absolute_error([1, 2], [1, 2, 3])
-    with pytest.raises(SloshDiscoveryError, match=r"\(2, 2\).*\(3,\)"):
+    with pytest.raises(SloshReportError, match=r"\(2, 2\).*\(3,\)"):
         standard_error_of_estimate([[1, 2], [3, 4]], [1, 2, 3])
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from slosh_discovery.errors import SloshDiscoveryError
+from slosh_report.errors import SloshReportError
 
 DASH = "–"
 """What stands for a number that is not known."""
@@ -53,7 +53,7 @@ def shown(value: float | None, unit: str, digits: int | None = None) -> str:
         for example '12.35' for 0.012345 in 'mm', '−11.9' for -0.119 in '%'.
 
     Raises:
-        SloshDiscoveryError: another unit.
+        SloshReportError: another unit.
     """
     style = unit_style(unit)
     if value is None or not math.isfinite(value):
@@ -69,13 +69,13 @@ def unit_style(unit: str) -> Shown:
     """How the unit is shown.
 
     Raises:
-        SloshDiscoveryError: it is not one of UNITS.
+        SloshReportError: it is not one of UNITS.
     """
     try:
         return UNITS[unit]
     except KeyError:
         known = ", ".join(repr(name) for name in UNITS)
-        raise SloshDiscoveryError(f"unit {unit!r} is not one of {known}") from None
+        raise SloshReportError(f"unit {unit!r} is not one of {known}") from None
 
 
 def digits_that_differ(value: float | None, other: float | None, unit: str) -> int:

@@ -5,12 +5,12 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from slosh_discovery.report.data import AzimuthSeries, RunReport
-from slosh_discovery.report.rows import (
+from slosh_report.page.frame import Frame
+from slosh_report.run_report.data import AzimuthSeries, RunReport
+from slosh_report.run_report.rows import (
     Check,
     Difference,
     Fact,
-    Frame,
     KeyFigure,
     ModelRow,
     Motion,
@@ -22,8 +22,8 @@ from slosh_discovery.report.rows import (
 )
 
 if TYPE_CHECKING:
-    from slosh_discovery.report.document import report_document
-    from slosh_discovery.report.page import render_report
+    from slosh_report.run_report.document import report_document
+    from slosh_report.run_report.page import render_report
 
 __all__ = [
     "AzimuthSeries",

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from slosh_discovery.errors import SloshDiscoveryError
-from slosh_discovery.report.rows import (
+from slosh_report.errors import SloshReportError
+from slosh_report.page.frame import Frame
+from slosh_report.run_report.rows import (
     Check,
     Fact,
-    Frame,
     KeyFigure,
     ModelRow,
     Motion,
@@ -36,7 +36,7 @@ class AzimuthSeries:
         height: (N,) of that point [m]; NaN: unknown.
 
     Raises:
-        SloshDiscoveryError: series that do not match, or time that goes back.
+        SloshReportError: series that do not match, or time that goes back.
     """
 
     name: str
@@ -71,7 +71,7 @@ class RunReport:
         notes: remarks, one line each.
 
     Raises:
-        SloshDiscoveryError: series that do not match, or time that goes back.
+        SloshReportError: series that do not match, or time that goes back.
     """
 
     title: str
@@ -115,14 +115,14 @@ class RunReport:
 
 def _check_time(t: Array, name: str) -> None:
     if t.ndim != 1:
-        raise SloshDiscoveryError(f"{name} has the shape {t.shape}, expected one dimension")
+        raise SloshReportError(f"{name} has the shape {t.shape}, expected one dimension")
     if not np.isfinite(t).all():
-        raise SloshDiscoveryError(f"{name} holds a time that is not finite")
+        raise SloshReportError(f"{name} holds a time that is not finite")
     back = np.flatnonzero(np.diff(t) < 0.0)
     if len(back):
-        raise SloshDiscoveryError(f"{name} goes back after {t[back[0]]:.3f} s; sort it by time")
+        raise SloshReportError(f"{name} goes back after {t[back[0]]:.3f} s; sort it by time")
 
 
 def _check_shape(series: NDArray[np.generic], t: Array, name: str) -> None:
     if series.shape != t.shape:
-        raise SloshDiscoveryError(f"{name} has the shape {series.shape}, t has {t.shape}")
+        raise SloshReportError(f"{name} has the shape {series.shape}, t has {t.shape}")

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from slosh_discovery.report.series import POINTS, envelope, lone
-from slosh_discovery.report.svg import CARD, INK, canvas, style, svg_text
+from slosh_report.page.series import POINTS, envelope, lone
+from slosh_report.page.svg import CARD, INK, canvas, style, svg_text
 
 Array = NDArray[np.float64]
 

@@ -8,11 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from slosh_discovery.report import AzimuthSeries, render_report
-from slosh_discovery.report.charts import heights_chart, residual
-from slosh_discovery.report.lines import NARROW
-from slosh_discovery.report.polar import azimuth_agreement
-from slosh_discovery.report.series import envelope, gaps, highest, lone, united
+from slosh_report.page.lines import NARROW
+from slosh_report.page.series import envelope, gaps, highest, lone, united
+from slosh_report.run_report import AzimuthSeries, render_report
+from slosh_report.run_report.charts import heights_chart, residual
+from slosh_report.run_report.polar import azimuth_agreement
 
 
 def test_long_series_keep_their_extremes():

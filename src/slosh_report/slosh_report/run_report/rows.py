@@ -5,12 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import StrEnum
 
-from slosh_discovery.errors import SloshDiscoveryError
-from slosh_discovery.report.units import unit_style
+from slosh_report.page.units import unit_style
 
 NAN = float("nan")
 INFINITE = float("inf")
-MEDIA_TYPES = ("image/png", "image/jpeg")
 
 
 class Verdict(StrEnum):
@@ -45,7 +43,7 @@ class Check:
         unit: in which the page shows it, one of UNITS; the numbers are in SI units.
 
     Raises:
-        SloshDiscoveryError: another unit.
+        SloshReportError: another unit.
     """
 
     name: str
@@ -118,7 +116,7 @@ class KeyFigure:
         note: a few words below; may be empty.
 
     Raises:
-        SloshDiscoveryError: a number with another unit.
+        SloshReportError: a number with another unit.
     """
 
     label: str
@@ -207,33 +205,6 @@ class Motion:
     end: float
     peak: float = NAN
     models: tuple[ModelRow, ...] = ()
-
-
-@dataclass(frozen=True, slots=True)
-class Frame:
-    """A camera frame, with whatever is to be seen in it drawn in.
-
-    Attributes:
-        image: the encoded image.
-        caption: one line.
-        media_type: one of MEDIA_TYPES.
-        time: its moment on the report's time axis [s]; the charts mark it where it is known.
-
-    Raises:
-        SloshDiscoveryError: another media type.
-    """
-
-    image: bytes
-    caption: str
-    media_type: str = "image/jpeg"
-    time: float = NAN
-
-    def __post_init__(self) -> None:
-        if self.media_type not in MEDIA_TYPES:
-            raise SloshDiscoveryError(
-                f"frame {self.caption!r}: media type {self.media_type!r} is not one of "
-                f"{', '.join(MEDIA_TYPES)}"
-            )
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,8 +10,8 @@ from typing import Any
 from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
-from slosh_discovery.report.rows import Frame
-from slosh_discovery.report.units import DASH, shown
+from slosh_report.page.frame import Frame
+from slosh_report.page.units import DASH, shown
 
 UNREADABLE = re.compile(
     "[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\ud800-\udfff\u202a-\u202e\u2066-\u2069]"
@@ -27,7 +27,7 @@ def make_environment(package: str) -> Environment:
     """
     environment = Environment(
         loader=ChoiceLoader(
-            [PackageLoader(package, "."), PackageLoader("slosh_discovery.report", ".")]
+            [PackageLoader(package, "."), PackageLoader("slosh_report.page", ".")]
         ),
         autoescape=True,
         undefined=StrictUndefined,

@@ -10,8 +10,7 @@ from matplotlib.patches import PathPatch
 from matplotlib.path import Path
 from numpy.typing import NDArray
 
-from slosh_discovery.report.data import RunReport
-from slosh_discovery.report.lines import (
+from slosh_report.page.lines import (
     DASHES,
     SMALL,
     badge,
@@ -20,9 +19,10 @@ from slosh_discovery.report.lines import (
     time_chart,
     time_ends,
 )
-from slosh_discovery.report.rows import Motion
-from slosh_discovery.report.series import POINTS, gaps, highest, united
-from slosh_discovery.report.svg import CARD, GAP, INK, LIMIT, LINEAR, MEASURED, NONLINEAR, SPAN
+from slosh_report.page.series import POINTS, gaps, highest, united
+from slosh_report.page.svg import CARD, GAP, INK, LIMIT, LINEAR, MEASURED, NONLINEAR, SPAN
+from slosh_report.run_report.data import RunReport
+from slosh_report.run_report.rows import Motion
 
 Array = NDArray[np.float64]
 Spans = Iterable[tuple[float, float]]

@@ -10,18 +10,18 @@ import numpy as np
 from jinja2 import Template
 from markupsafe import Markup
 
-from slosh_discovery.report.charts import (
+from slosh_report.page.lines import NARROW, WIDE
+from slosh_report.page.template import make_environment, number
+from slosh_report.page.units import digits_that_differ, shown
+from slosh_report.run_report.charts import (
     frame_letters,
     heights_chart,
     motion_chart,
     residual_chart,
 )
-from slosh_discovery.report.data import RunReport
-from slosh_discovery.report.document import report_document
-from slosh_discovery.report.lines import NARROW, WIDE
-from slosh_discovery.report.polar import polar_chart
-from slosh_discovery.report.template import make_environment, number
-from slosh_discovery.report.units import digits_that_differ, shown
+from slosh_report.run_report.data import RunReport
+from slosh_report.run_report.document import report_document
+from slosh_report.run_report.polar import polar_chart
 
 ROWS = 100
 """Most rows of a table on the page; the JSON document holds them all."""
@@ -114,7 +114,7 @@ def _clocks_differ(document: dict[str, Any]) -> bool:
 
 @cache
 def _template() -> Template:
-    environment = make_environment("slosh_discovery.report")
+    environment = make_environment("slosh_report.run_report")
     environment.globals.update(
         bound=bound, close_digits=close_digits, model_names=model_names,
         model_index=model_index, best_index=best_index, differences_apart=differences_apart,

@@ -7,14 +7,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from slosh_discovery.alignment import (
+from slosh_report.alignment import (
     DISTINCT,
     despike,
     estimate_clock_offset,
     find_onset,
     find_still_level,
 )
-from slosh_discovery.errors import SloshDiscoveryError
+from slosh_report.errors import SloshReportError
 
 MODEL_T = np.arange(0.0, 5.0, 0.002)
 
@@ -103,17 +103,17 @@ def test_a_periodic_series_is_ambiguous():
 
 def test_a_record_that_ends_within_the_motion_is_refused():
     t, height = record(8.0, end=10.8)
-    with pytest.raises(SloshDiscoveryError, match="does not cover"):
+    with pytest.raises(SloshReportError, match="does not cover"):
         estimate_clock_offset(t, height, MODEL_T, motion(MODEL_T))
 
 
 def test_a_record_without_quiet_part_is_refused():
     t = np.arange(0.0, 3.0, 0.02)
-    with pytest.raises(SloshDiscoveryError, match="at rest before the motion"):
+    with pytest.raises(SloshReportError, match="at rest before the motion"):
         find_still_level(t, 0.01 * np.cos(t))
 
 
 def test_no_onset_is_refused():
     t = np.arange(0.0, 3.0, 0.02)
-    with pytest.raises(SloshDiscoveryError, match="no motion"):
+    with pytest.raises(SloshReportError, match="no motion"):
         find_onset(t, np.zeros_like(t), 1e-3)

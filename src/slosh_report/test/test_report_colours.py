@@ -9,7 +9,7 @@ from itertools import combinations, product
 import numpy as np
 import pytest
 
-STYLE = files("slosh_discovery.report").joinpath("report.css").read_text(encoding="utf-8")
+STYLE = files("slosh_report.page").joinpath("report.css").read_text(encoding="utf-8")
 THEMES = dict(
     zip(
         ("light", "dark", "print"),

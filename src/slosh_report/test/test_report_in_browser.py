@@ -12,7 +12,7 @@ import pytest
 from headless_browser import View
 from page_look import LOOK, at
 
-from slosh_discovery.report import render_report, report_document
+from slosh_report.run_report import render_report, report_document
 
 pytestmark = pytest.mark.skipif(
     headless_browser.find_browser() is None, reason="no Chromium or Chrome on this machine"

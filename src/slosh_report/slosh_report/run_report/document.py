@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from slosh_discovery.report.data import RunReport
-from slosh_discovery.report.polar import azimuth_agreement
-from slosh_discovery.report.rows import Check, Frame, Span, Verification
-from slosh_discovery.report.series import gaps
+from slosh_report.page.frame import Frame
+from slosh_report.page.series import gaps
+from slosh_report.run_report.data import RunReport
+from slosh_report.run_report.polar import azimuth_agreement
+from slosh_report.run_report.rows import Check, Span, Verification
 
 SERIES = ("t", "measured", "linear", "nonlinear")
 TABLES = (

@@ -1,0 +1,1 @@
+"""Accuracy metrics, clock alignment, and the report of a run."""

@@ -1,0 +1,1 @@
+"""What every report's page is made of: frame of the page, style, charts over time, numbers."""
