@@ -14,9 +14,9 @@ from slosh_bag.interchange.bag_motion import Motion
 from slosh_bag.reader import BagReader
 from slosh_bag.replay.bag import find_sources
 from slosh_bag.replay.settings import model_of
-from slosh_bringup.discover_data import motions_of_shift, read_motions, shift_motions
-from slosh_bringup.discover_data.unrelated import felt_acceleration
 from slosh_discovery.discover.motion import MeasuredMotion
+from slosh_discovery.discover_data import motions_of_shift, read_motions, shift_motions
+from slosh_discovery.discover_data.unrelated import felt_acceleration
 from slosh_model.containers import Cylinder
 from slosh_model.model import Model
 from slosh_model.simulate import Inputs, simulate
@@ -116,7 +116,7 @@ class TestMeasuredRuns:
         path = bags / RUNS[0]
         (known,) = read_motions(path)
         monkeypatch.setattr(
-            "slosh_bringup.discover_data.unrelated.noted_model", lambda facts: None
+            "slosh_discovery.discover_data.unrelated.noted_model", lambda facts: None
         )
         notes: list[str] = []
         (blind,) = read_motions(path, tell=notes.append)

@@ -18,9 +18,9 @@ import numpy as np
 
 from slosh_bag.interchange.antisloshing import import_antisloshing
 from slosh_bringup.cell.motions import make_motion
-from slosh_bringup.discover_data import read_motions
 from slosh_discovery.discover import Finding, MeasuredMotion, discover
 from slosh_discovery.discover.finding import Role
+from slosh_discovery.discover_data import read_motions
 from slosh_model import Cylinder, Inputs, Model, predicted_heights
 
 ROOT = Path(__file__).resolve().parent.parent

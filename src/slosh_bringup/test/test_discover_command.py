@@ -2,24 +2,21 @@
 
 import json
 import shutil
+from base64 import b64encode
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from example_finding import FOUND, example_finding, example_inputs, example_motion
+from page_look import grey_png
 
 from slosh_bag.motion_table import MotionTable, read_motion_table, write_motion_table
-from slosh_bag.reader import BagReader
-from slosh_bringup import discover_frames
 from slosh_bringup.cli import discover as command
 from slosh_bringup.cli.main import main
-from slosh_bringup.discover_data import read_motions
-from slosh_bringup.discover_frames import worst_frames
-from slosh_bringup.discovering import part, recorded_model, unique_names
-from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.processes import config_folder
-from slosh_discovery.discover.finding import Role, Verdict, WorstMoment
+from slosh_discovery.discover.finding import Verdict, WorstMoment
+from slosh_discovery.discovering import recorded_model
 from slosh_estimator.model_file import read_model
 from slosh_model.measure import predicted_heights
 from slosh_model.model_text import format_model, parse_model
@@ -33,14 +30,15 @@ class Discovery:
     """Stands in for the fits: remembers what came, and gives a made-up finding."""
 
     def __init__(self):
-        self.verdict, self.calls, self.drawn = Verdict.NAMED, [], False
+        self.verdict, self.calls, self.drawn, self.worst = Verdict.NAMED, [], False, ()
 
     def __call__(self, motions, base, holdout=(), *, progress=None, threads=None):
         self.calls.append((motions, base, holdout, threads))
         progress("fitting", 0.5)
         finding = example_finding(self.verdict)
         # Charts take most of the time; one test looks for them.
-        return replace(finding, base=base, motions=finding.motions if self.drawn else ())
+        shown = finding.motions if self.drawn else ()
+        return replace(finding, base=base, motions=shown, worst=self.worst)
 
     @property
     def names(self):
@@ -230,39 +228,16 @@ def test_a_shift_brings_its_own_model(capsys, discovery, shift, tmp_path):
     assert document["schema"] == 1
 
 
-def test_the_worst_moments_images_are_those_of_their_stamps(monkeypatch, shift, tmp_path):
-    asked = []
-
-    def picture(bag, wanted):
-        asked.append((bag, wanted["worst"]))
-        return {"worst": (b"jpeg", 0.0123)}
-
-    monkeypatch.setattr(discover_frames, "pictures_at", picture)
-    motion, *_ = read_motions(shift)
-    moments = [
-        WorstMoment(motion.name, float(motion.t[row]), 0.01, 0.02, 0.01) for row in (7, 9, 11, 13)
-    ]
-    elsewhere = WorstMoment("other#1", 1.0, 0.01, 0.02, 0.01)
-    for data in (shift, shift.parent):
-        frames = worst_frames([data], [elsewhere, *moments])
-        assert [frame.caption[:7] for frame in frames] == ["B: c3#1", "C: c3#1"]
-        assert frames[0].caption.endswith(" s, 12.3 mm")
-    reader = BagReader(shift)
-    stamps = {
-        1_000_000_000 * surface.header.stamp.sec + surface.header.stamp.nanosec
-        for surface in (reader.decode(m) for m in reader.messages(["/slosh/free_surface"]))
-    }
-    assert asked[0][0] == shift
-    assert {stamp for _, stamp in asked} <= stamps
-    assert len({stamp for _, stamp in asked}) == 2
-
-
-def test_a_name_that_two_bags_share_brings_no_image(monkeypatch, shift, tmp_path):
-    monkeypatch.setattr(discover_frames, "pictures_at", pytest.fail)
-    copy = tmp_path / shift.name
-    shutil.copytree(shift, copy)
-    moment = WorstMoment("c3#1", 1.0, 0.01, 0.02, 0.01)
-    assert worst_frames([shift, copy], [moment]) == ()
+def test_the_page_shows_the_camera_s_image_of_the_worst_moment(
+    monkeypatch, discovery, shift, tmp_path
+):
+    discovery.worst = (WorstMoment("c3#1", 1.0, 0.01, 0.02, 0.01),)
+    given = {"worst": (grey_png(), 0.0123)}
+    monkeypatch.setattr(command, "pictures_at", lambda bag, stamps: given if bag == shift else {})
+    assert main(["discover", "--from-bag", str(shift), "-o", str(tmp_path / "o")]) == 0
+    page = (tmp_path / "o" / "report.html").read_text(encoding="utf-8")
+    assert "A: c3#1, 1.00 s, 12.3 mm" in page
+    assert b64encode(grey_png()).decode() in page
 
 
 def test_a_model_must_come_from_somewhere(capsys, discovery, tables, tmp_path):
@@ -317,26 +292,6 @@ def test_inputs_are_never_replaced(capsys, discovery, tables, tmp_path):
     assert "exists already and holds model.yaml, ..." in line
     assert (tmp_path / "model.yaml").read_text() == Path(MODEL).read_text()
     assert discovery.calls == []
-
-
-def test_motions_of_one_name_are_told_apart():
-    motions = tuple(example_motion(name, 1) for name in ("run#1", "run#2", "run#1"))
-    fit, holdout = unique_names(motions[:2], motions[2:])
-    assert [motion.name for motion in fit] == ["run#1 (1)", "run#2"]
-    assert [motion.name for motion in holdout] == ["run#1 (2)"]
-
-
-def test_every_motion_is_either_fitted_or_held_out():
-    motions = example_finding().motions * 3
-    fit, holdout = part(motions)
-    assert len(fit) == 6
-    assert holdout == motions[2::3]
-    assert all(entry.role is Role.HOLDOUT for entry in holdout)
-
-
-def test_a_table_tells_no_model(tables):
-    with pytest.raises(SloshBringupError, match="give one"):
-        recorded_model(Path(tables[0]))
 
 
 @pytest.mark.long

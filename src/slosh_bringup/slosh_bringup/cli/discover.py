@@ -7,7 +7,10 @@ import sys
 from pathlib import Path
 
 from slosh_bringup.cli.progress import share_bar
-from slosh_bringup.discovering import (
+from slosh_bringup.errors import SloshBringupError
+from slosh_bringup.replay_frames import pictures_at
+from slosh_discovery.discover import discover
+from slosh_discovery.discovering import (
     PAGE,
     Request,
     check_paths,
@@ -15,8 +18,6 @@ from slosh_bringup.discovering import (
     prepare,
     write_results,
 )
-from slosh_bringup.errors import SloshBringupError
-from slosh_discovery.discover import discover
 from slosh_discovery.discovery_report import discovery_text
 from slosh_files import new_folder
 
@@ -63,7 +64,7 @@ def run(arguments: argparse.Namespace) -> int:
                 prepared.fit, prepared.base, prepared.holdout,
                 progress=progress, threads=arguments.jobs,
             )  # fmt: skip
-        report = make_report(request, prepared, finding)
+        report = make_report(request, prepared, finding, pictures_at)
         document = write_results(folder, report)
     if arguments.json:
         print(document, end="")

@@ -5,7 +5,7 @@ Motion tables, bags and folders of tables in; `MeasuredMotion` out. Pure: no ROS
 
 from __future__ import annotations
 
-from slosh_bringup.discover_data.reading import (
+from slosh_discovery.discover_data.reading import (
     ShiftMotion,
     motions_of_shift,
     read_motions,

@@ -15,19 +15,19 @@ from slosh_bag.motion_table import MotionTable, write_motion_table
 from slosh_bag.reader import BagReader
 from slosh_bag.replay import settings
 from slosh_bag.replay.cells import CellTopics
-from slosh_bringup.discover_data import read_motions
-from slosh_bringup.discover_data.reading import shift_motions
-from slosh_bringup.discover_data.tables import is_table
-from slosh_bringup.discover_frames import worst_frames
-from slosh_bringup.errors import SloshBringupError
 from slosh_discovery.discover.finding import Finding, SeparatingMotion
 from slosh_discovery.discover.motion import MeasuredMotion
+from slosh_discovery.discover_data import read_motions
+from slosh_discovery.discover_data.reading import shift_motions
+from slosh_discovery.discover_data.tables import is_table
+from slosh_discovery.discover_frames import Pictures, worst_frames
 from slosh_discovery.discovery_report import (
     Command,
     DiscoveryReport,
     discovery_json,
     render_discovery,
 )
+from slosh_discovery.errors import SloshDiscoveryError
 from slosh_estimator.model_file import read_model
 from slosh_files import check_outside, write_text
 from slosh_model.model import Model
@@ -90,9 +90,9 @@ def prepare(request: Request, tell: Tell) -> Prepared:
         tell: is told what the reader must know of the data, one line each.
 
     Raises:
-        SloshBringupError: a file stands for two things.
-        SloshBagError, SloshDiscoveryError, SloshEstimatorError, SloshModelError: a file is not
-            usable.
+        SloshDiscoveryError: a file stands for two things.
+        SloshBagError, SloshEstimatorError, SloshModelError, and likewise SloshDiscoveryError: a
+            file is not usable.
     """
     base = recorded_model(request.data[0]) if request.model is None else read_model(request.model)
     notes: list[str] = []
@@ -115,8 +115,17 @@ def prepare(request: Request, tell: Tell) -> Prepared:
     return Prepared(base, *unique_names(fit, holdout), tuple(notes))
 
 
-def make_report(request: Request, prepared: Prepared, finding: Finding) -> DiscoveryReport:
-    """What the page and the text show of a finding."""
+def make_report(
+    request: Request, prepared: Prepared, finding: Finding, pictures: Pictures
+) -> DiscoveryReport:
+    """What the page and the text show of a finding.
+
+    Args:
+        request: what was asked.
+        prepared: what the discovery started from.
+        finding: what it found.
+        pictures: gives a bag's camera images.
+    """
     count, held = len(finding.motions), len(prepared.holdout)
     source = "the recorded model" if request.model is None else str(request.model)
     return DiscoveryReport(
@@ -128,7 +137,7 @@ def make_report(request: Request, prepared: Prepared, finding: Finding) -> Disco
         separating_files=tuple(
             SEPARATING.format(number) for number in range(1, len(finding.separating) + 1)
         ),
-        frames=worst_frames((*request.data, *request.holdout), finding.worst),
+        frames=worst_frames((*request.data, *request.holdout), finding.worst, pictures),
     )
 
 
@@ -151,7 +160,7 @@ def check_paths(request: Request) -> None:
     """Refuses files that stand for two things.
 
     Raises:
-        SloshBringupError: a path is named twice.
+        SloshDiscoveryError: a path is named twice.
         SloshFileError: the results would lie in a bag.
     """
     seen: dict[Path, str] = {}
@@ -160,7 +169,7 @@ def check_paths(request: Request) -> None:
             real = path.resolve()
             if real in seen:
                 where = f"in {kind} twice" if seen[real] == kind else "in both DATA and --holdout"
-                raise SloshBringupError(f"{path}: is {where}; name it once")
+                raise SloshDiscoveryError(f"{path}: is {where}; name it once")
             seen[real] = kind
     bags = [path for path in (*request.data, *request.holdout) if any(path.glob("*.mcap"))]
     check_outside(request.output, bags)
@@ -170,10 +179,10 @@ def recorded_model(bag: Path) -> Model:
     """The model that a bag's estimator ran last.
 
     Raises:
-        SloshBringupError: the bag does not tell.
+        SloshDiscoveryError: the bag does not tell.
         SloshBagError: it cannot be read.
     """
-    missing = SloshBringupError(f"{bag}: does not say which model ran; give one (--model)")
+    missing = SloshDiscoveryError(f"{bag}: does not say which model ran; give one (--model)")
     if is_table(bag) or (bag.is_dir() and not any(bag.glob("*.mcap"))):
         raise missing
     reader = BagReader(bag)
@@ -196,13 +205,13 @@ def check_apart(fit: Motions, holdout: Motions) -> None:
     """Refuses a held-out motion that the fit would see.
 
     Raises:
-        SloshBringupError: the same measurements are in both.
+        SloshDiscoveryError: the same measurements are in both.
     """
     known = {_print(motion): motion.name for motion in fit}
     for motion in holdout:
         other = known.get(_print(motion))
         if other is not None:
-            raise SloshBringupError(
+            raise SloshDiscoveryError(
                 f"{motion.name} in --holdout holds the same measurements as {other} in DATA"
             )
 

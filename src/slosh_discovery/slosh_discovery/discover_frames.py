@@ -2,34 +2,39 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 
 from slosh_bag.errors import SloshBagError
-from slosh_bringup.discover_data.recording import read_recording, sources_of
-from slosh_bringup.discover_data.splitting import SECOND
-from slosh_bringup.replay_frames import pictures_at
 from slosh_discovery.discover.finding import WorstMoment
+from slosh_discovery.discover_data.recording import read_recording, sources_of
+from slosh_discovery.discover_data.splitting import SECOND
 from slosh_report.page.frame import Frame
 
+Pictures = Callable[[Path, Mapping[str, int]], Mapping[str, tuple[bytes, float]]]
+"""Of a bag and stamps by label [ns]: images with the detected line as JPEG, and the heights in
+them [m], by label; what the bag does not hold is left out."""
 MOST = 3
 """Images on a page."""
 LETTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZ"
 """As the page marks the moments."""
 
 
-def worst_frames(data: Iterable[Path], worst: Sequence[WorstMoment]) -> tuple[Frame, ...]:
+def worst_frames(
+    data: Iterable[Path], worst: Sequence[WorstMoment], pictures: Pictures
+) -> tuple[Frame, ...]:
     """Images with the detected line of the worst moments; none where the bags hold none.
 
     Args:
         data: bags, and folders of them; a motion's name tells which bag it is of.
         worst: moments, the worst first.
+        pictures: gives a bag's images.
     """
     bags = _bags(data)
     found = []
     for letter, moment in zip(LETTERS, worst[:MOST], strict=False):
         bag = bags.get(moment.motion.partition("#")[0])
-        picture = None if bag is None else _picture(bag, moment)
+        picture = None if bag is None else _picture(bag, moment, pictures)
         if picture is not None:
             caption = f"{letter}: {moment.motion}, {moment.t:.2f} s, {1e3 * picture[1]:.1f} mm"
             found.append(Frame(picture[0], caption))
@@ -50,7 +55,7 @@ def _is_bag(path: Path) -> bool:
     return path.is_dir() and any(path.glob("*.mcap"))
 
 
-def _picture(bag: Path, moment: WorstMoment) -> tuple[bytes, float] | None:
+def _picture(bag: Path, moment: WorstMoment, pictures: Pictures) -> tuple[bytes, float] | None:
     """The image with its line drawn in, as JPEG, and its height [m]."""
     try:
         recording = read_recording(bag, *sources_of(bag), lambda line: None)
@@ -58,4 +63,4 @@ def _picture(bag: Path, moment: WorstMoment) -> tuple[bytes, float] | None:
         return None
     # A motion counts seconds from the recording's first input.
     stamp = int(recording.motion.stamps[0]) + round(moment.t * SECOND)
-    return pictures_at(bag, {"worst": stamp}).get("worst")
+    return pictures(bag, {"worst": stamp}).get("worst")

@@ -10,19 +10,18 @@ import numpy as np
 
 from slosh_bag.interchange.bag_table import TableSettings, read_bag_table
 from slosh_bag.interchange.table_bag import COLUMNS_KEY
-from slosh_bringup.discover_data.heights import without_spikes
-from slosh_bringup.discover_data.recording import (
+from slosh_discovery.discover.motion import MINIMUM_SAMPLES, MeasuredMotion
+from slosh_discovery.discover_data.heights import without_spikes
+from slosh_discovery.discover_data.recording import (
     Heights,
     Recording,
     Tell,
     read_recording,
     sources_of,
 )
-from slosh_bringup.discover_data.splitting import SECOND, Part, split
-from slosh_bringup.discover_data.tables import is_table, motion_of_table, table_motion
-from slosh_bringup.discover_data.unrelated import unrelated_motion
-from slosh_bringup.errors import SloshBringupError
-from slosh_discovery.discover.motion import MINIMUM_SAMPLES, MeasuredMotion
+from slosh_discovery.discover_data.splitting import SECOND, Part, split
+from slosh_discovery.discover_data.tables import is_table, motion_of_table, table_motion
+from slosh_discovery.discover_data.unrelated import unrelated_motion
 from slosh_discovery.errors import SloshDiscoveryError
 from slosh_model.errors import SloshModelError
 from slosh_model.model import Model
@@ -64,8 +63,7 @@ def read_motions(
         rest, in the order of the recording.
 
     Raises:
-        SloshBagError, SloshBringupError, SloshDiscoveryError: one line that says what is wrong and
-            where.
+        SloshBagError, SloshDiscoveryError: one line that says what is wrong and where.
     """
     return [motion for item in _sources(path) for motion, _ in _read(item, model, tell)]
 
@@ -95,16 +93,16 @@ def _sources(path: Path) -> list[Path]:
     """Tables and bags at a path.
 
     Raises:
-        SloshBringupError: there are none.
+        SloshDiscoveryError: there are none.
     """
     if not path.exists():
-        raise SloshBringupError(f"{path}: no such file or folder")
+        raise SloshDiscoveryError(f"{path}: no such file or folder")
     if not path.is_dir() or any(path.glob("*.mcap")):
         return [path]
     tables = [entry for entry in path.iterdir() if entry.is_file() and is_table(entry)]
     bags = [entry for entry in path.iterdir() if entry.is_dir() and any(entry.glob("*.mcap"))]
     if not tables and not bags:
-        raise SloshBringupError(f"{path}: holds no motion tables (.csv, .csv.gz) and no bags")
+        raise SloshDiscoveryError(f"{path}: holds no motion tables (.csv, .csv.gz) and no bags")
     return sorted([*tables, *bags])
 
 
@@ -148,7 +146,7 @@ def _motions(
         count += 1
         yield motion, _disagreement(recording, part)
     if not count:
-        raise SloshBringupError(f"{path}: holds no motion with measured heights")
+        raise SloshDiscoveryError(f"{path}: holds no motion with measured heights")
 
 
 def _motion_of(name: str, recording: Recording, part: Part) -> MeasuredMotion | None:
@@ -175,7 +173,7 @@ def _motion_of(name: str, recording: Recording, part: Part) -> MeasuredMotion | 
             stddev=stddev if np.isfinite(stddev).any() else None,
         )
     except (SloshModelError, SloshDiscoveryError) as error:
-        raise SloshBringupError(f"{recording.path}: {error}") from None
+        raise SloshDiscoveryError(f"{recording.path}: {error}") from None
 
 
 def _disagreement(recording: Recording, part: Part) -> float:

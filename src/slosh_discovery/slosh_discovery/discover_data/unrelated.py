@@ -14,11 +14,10 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from slosh_bag.interchange.bag_motion import Motion
-from slosh_bringup.discover_data.heights import without_spikes
-from slosh_bringup.discover_data.recording import Recording, Tell
-from slosh_bringup.discover_data.splitting import DWELL_NS, SECOND, motion_spans
-from slosh_bringup.errors import SloshBringupError
 from slosh_discovery.discover.motion import MeasuredMotion
+from slosh_discovery.discover_data.heights import without_spikes
+from slosh_discovery.discover_data.recording import Recording, Tell
+from slosh_discovery.discover_data.splitting import DWELL_NS, SECOND, motion_spans
 from slosh_discovery.errors import SloshDiscoveryError
 from slosh_model.constants import GRAVITY
 from slosh_model.containers import Cylinder
@@ -56,11 +55,11 @@ def unrelated_motion(
         tell: is told what was done, one line each.
 
     Raises:
-        SloshBringupError: the container does not move, or too few heights lie over its motion.
+        SloshDiscoveryError: the container does not move, or too few heights lie over its motion.
     """
     path = recording.path
     if not motion_spans(recording.motion):
-        raise SloshBringupError(
+        raise SloshDiscoveryError(
             f"{path}: the container does not move; there is nothing to compare"
         )
     motion = held_at_rest(recording.motion, DWELL_NS)
@@ -88,7 +87,7 @@ def unrelated_motion(
             level_known=False,
         )
     except (SloshDiscoveryError, SloshModelError) as error:
-        raise SloshBringupError(f"{path}: {error}") from None
+        raise SloshDiscoveryError(f"{path}: {error}") from None
 
 
 def noted_model(facts: Mapping[str, str]) -> Model | None:

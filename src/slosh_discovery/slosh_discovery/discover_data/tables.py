@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_bag.motion_table import MotionTable, read_motion_table
-from slosh_bringup.discover_data.heights import without_spikes
-from slosh_bringup.errors import SloshBringupError
 from slosh_discovery.discover.motion import MeasuredMotion
+from slosh_discovery.discover_data.heights import without_spikes
 from slosh_discovery.errors import SloshDiscoveryError
 from slosh_model.errors import SloshModelError
 from slosh_model.simulate import Inputs
@@ -35,7 +34,7 @@ def table_motion(path: Path, tell: Callable[[str], object]) -> MeasuredMotion:
 
     Raises:
         SloshBagError: the table cannot be read.
-        SloshBringupError: it holds no measured heights or too few, or inputs that cannot be.
+        SloshDiscoveryError: it holds no measured heights or too few, or inputs that cannot be.
     """
     name = path.name
     for suffix in reversed(SUFFIXES):
@@ -58,11 +57,11 @@ def motion_of_table(
         tell: is told what is left out, one line each.
 
     Raises:
-        SloshBringupError: no measured heights, too few of them, or inputs that cannot be.
+        SloshDiscoveryError: no measured heights, too few of them, or inputs that cannot be.
     """
     sampled, walls = _sampled(table.msh), _sampled(table.eta)
     if table.msh is None and table.eta is None:
-        raise SloshBringupError(
+        raise SloshDiscoveryError(
             f"{path}: holds no measured heights; add a column msh or columns eta_000 … eta_359"
         )
     try:
@@ -81,7 +80,7 @@ def motion_of_table(
         kept = np.isfinite(clean)
         return MeasuredMotion(name, inputs, table.t[sampled][kept], msh=clean[kept])
     except (SloshModelError, SloshDiscoveryError) as error:
-        raise SloshBringupError(f"{path}: {error}") from None
+        raise SloshDiscoveryError(f"{path}: {error}") from None
 
 
 def _sampled(heights: Array | None) -> NDArray[np.intp]:

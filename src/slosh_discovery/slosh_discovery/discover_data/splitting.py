@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from slosh_bag.interchange.bag_motion import Motion
 from slosh_bag.replay.motions import BIN_NS, MOVING, MotionFinder, MotionSpan
-from slosh_bringup.discover_data.heights import Still, find_still, rms_about
-from slosh_bringup.discover_data.recording import Heights, Recording
+from slosh_discovery.discover_data.heights import Still, find_still, rms_about
+from slosh_discovery.discover_data.recording import Heights, Recording
 
 Array = NDArray[np.float64]
 Stamps = NDArray[np.int64]
