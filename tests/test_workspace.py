@@ -3,6 +3,7 @@
 import ast
 import importlib
 import re
+import sys
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
@@ -13,7 +14,24 @@ ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = sorted(path.parent for path in ROOT.glob("src/*/package.xml"))
 PYTHON = [package for package in PACKAGES if (package / "setup.py").exists()]
 LOCKS = ("ros", "runtime", "development")
-DIRECT = {"numpy": "python3-numpy", "scipy": "python3-scipy", "cv2": "python3-opencv"}
+ORDER = (
+    "slosh_files", "slosh_msgs", "slosh_msgs_py", "slosh_model", "slosh_camera", "slosh_report",
+    "slosh_estimator", "slosh_bag", "slosh_discovery", "slosh_bringup",
+)  # fmt: skip
+"""A package imports those before it alone."""
+ROSDEP = {
+    "cv2": "python3-opencv", "jinja2": "python3-jinja2", "markupsafe": "python3-jinja2",
+    "matplotlib": "python3-matplotlib", "numpy": "python3-numpy", "scipy": "python3-scipy",
+    "tqdm": "python3-tqdm", "yaml": "python3-yaml", "launch": "ros2launch",
+    "launch_ros": "ros2launch",
+}  # fmt: skip
+"""Import name to rosdep key; what belongs to ROS has its own name as key."""
+PIP = {
+    "dask": "distributed", "distributed": "distributed", "llvmlite": "numba", "lz4": "mcap",
+    "mcap": "mcap", "numba": "numba", "rosbags": "rosbags", "zstandard": "mcap",
+}  # fmt: skip
+"""Import name to the requirement that brings it where rosdep does not."""
+MESSAGE_TYPE = re.compile(r"(\w+)/(?:msg|srv)/\w+")
 
 
 def manifest(package):
@@ -25,23 +43,34 @@ def scripts(package):
     return dict(re.findall(r'"(\w+) = ([\w.]+):main"', text))
 
 
+def trees(package):
+    """The syntax of each of a package's own modules and launch files."""
+    for folder in (package / package.name, package / "launch"):
+        for path in folder.rglob("*.py"):
+            yield ast.parse(path.read_text(encoding="utf-8"))
+
+
 def imported(package):
-    """Top-level modules that a package's own code imports."""
+    """Top-level modules of others that a package imports, and packages whose messages it names."""
     names = set()
-    for path in (package / package.name).rglob("*.py"):
-        for node in ast.walk(ast.parse(path.read_text())):
-            if isinstance(node, ast.Import):
-                names |= {alias.name.split(".")[0] for alias in node.names}
-            elif isinstance(node, ast.ImportFrom) and node.module:
-                names.add(node.module.split(".")[0])
-    return names
+    for node in (node for tree in trees(package) for node in ast.walk(tree)):
+        if isinstance(node, ast.Import):
+            names |= {alias.name.split(".")[0] for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            names.add(node.module.split(".")[0])
+        elif isinstance(node, ast.Constant) and isinstance(node.value, str):
+            named = MESSAGE_TYPE.fullmatch(node.value)
+            names |= {named[1]} if named else set()
+    return names - sys.stdlib_module_names - {package.name}
 
 
 def test_all_ten_packages_are_there():
-    assert {package.name.removeprefix("slosh_") for package in PACKAGES} == {
-        "files", "msgs", "msgs_py", "model", "camera", "estimator", "bag", "report", "discovery",
-        "bringup",
-    }  # fmt: skip
+    assert [package.name for package in PACKAGES] == sorted(ORDER)
+
+
+@pytest.mark.parametrize("package", PYTHON, ids=lambda path: path.name)
+def test_a_package_imports_those_below_it(package):
+    assert imported(package) & set(ORDER) <= set(ORDER[: ORDER.index(package.name)])
 
 
 @pytest.mark.parametrize("package", PACKAGES, ids=lambda path: path.name)
@@ -62,16 +91,17 @@ def test_ament_finds_the_package_and_its_programs(package):
 
 
 @pytest.mark.parametrize("package", PYTHON, ids=lambda path: path.name)
-def test_what_is_imported_is_declared(package):
+def test_what_is_imported_is_declared_and_nothing_else(package):
     declared = {element.text for element in manifest(package).iter("exec_depend")}
-    modules = imported(package) - {package.name}
-    own = {path.name for path in PACKAGES}
-    messages = {name for name in modules if name.endswith("_msgs") or name.endswith("_srvs")}
-    needed = modules & own | messages | {DIRECT[name] for name in modules & set(DIRECT)}
-    if "rclpy" in modules:
-        needed.add("rclpy")
-    provided = {"builtin_interfaces": "slosh_msgs"}
-    assert {provided.get(name, name) for name in needed} <= declared
+    needed = {ROSDEP.get(name, name) for name in imported(package) - set(PIP)}
+    assert (needed - declared, declared - needed) == (set(), set())
+
+
+def test_what_rosdep_lacks_is_required_of_a_robot():
+    wanted = (ROOT / "requirements" / "robot.in").read_text().splitlines()
+    named = {re.split("[<>=]", line)[0] for line in wanted if not line.startswith("#")}
+    used = set().union(*map(imported, PYTHON)) & set(PIP)
+    assert {PIP[name] for name in used} == named
 
 
 def test_the_launch_file_starts_programs_that_exist():
