@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from slosh_bag.replay import ReplayResult
 from slosh_bringup.run_data import RunData
 from slosh_estimator.sight import UNSOUND, judged
+from slosh_report.json_values import plain
 from slosh_report.metrics import mean_absolute_error, peak_error, rms_error
 
 Array = NDArray[np.float64]
@@ -62,25 +63,11 @@ class RunResult:
 
     def document(self) -> dict[str, Any]:
         """For JSON; a number that is not known is null."""
-        return {
-            "agreements": [
-                {
-                    "name": row.name,
-                    "sigma": _known(row.sigma),
-                    "epsilon": _known(row.epsilon),
-                    "rms": _known(row.rms),
-                    "count": row.count,
-                }
-                for row in self.agreements
-            ],
-            "latency": {
-                node: {"median": _known(median), "maximum": _known(greatest)}
-                for node, (median, greatest) in self.latency.items()
-            },
-            "lost": dict(self.lost),
-            "dropped": dict(self.dropped),
-            "events": self.events,
+        latency = {
+            node: plain({"median": median, "maximum": greatest})
+            for node, (median, greatest) in self.latency.items()
         }
+        return {**plain(self), "latency": latency}
 
 
 def evaluate(data: RunData) -> RunResult:
@@ -199,7 +186,3 @@ def _images_without_measurement(data: RunData) -> int | None:
         None,
     )
     return None if images is None or measured is None else images - measured
-
-
-def _known(value: float) -> float | None:
-    return value if math.isfinite(value) else None

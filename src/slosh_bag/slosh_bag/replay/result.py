@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -19,6 +19,7 @@ from slosh_estimator.monitor import MonitorSettings
 from slosh_files import write_text
 from slosh_model.model import Model
 from slosh_report.alignment import ClockOffset, StillLevel
+from slosh_report.json_values import plain
 
 Array = NDArray[np.float64]
 
@@ -139,20 +140,20 @@ class ReplayResult:
         document: dict[str, Any] = {
             "name": self.name,
             "source": self.source,
-            "accuracy": [_plain(row) for row in self.accuracy],
-            "motions": [_plain(motion) for motion in self.motions],
+            "accuracy": plain(self.accuracy),
+            "motions": plain(self.motions),
             "verification": _verified(self.verification),
             "comparisons": _verified(self.comparisons),
-            "events": [_plain(event) for event in self.events],
+            "events": plain(self.events),
             "counters": dict(self.counters),
-            "still": None if self.still is None else _plain(self.still),
+            "still": plain(self.still),
             "warnings": list(self.warnings),
         }
         if series:
             document["series"] = {
-                "t": _numbers(self.t),
-                "measured": _numbers(self.measured),
-                **{name: _numbers(values) for name, values in self.heights.items()},
+                "t": plain(self.t),
+                "measured": plain(self.measured),
+                **plain(self.heights),
             }
         return json.dumps(document, indent=2, allow_nan=False)
 
@@ -242,32 +243,4 @@ def _percent(fraction: float) -> str:
 
 
 def _verified(found: Verification | None) -> dict[str, Any] | None:
-    if found is None:
-        return None
-    document = {name: _value(value) for name, value in _items(found)}
-    return {**document, "exact": found.exact}
-
-
-def _plain(value: Any) -> dict[str, Any]:
-    """Fields of a dataclass, with what JSON cannot say as null."""
-    return {name: _value(entry) for name, entry in _items(value)}
-
-
-def _items(value: Any) -> list[tuple[str, Any]]:
-    return [(item.name, getattr(value, item.name)) for item in fields(value)]
-
-
-def _value(entry: Any) -> Any:
-    if hasattr(entry, "__dataclass_fields__"):
-        return _plain(entry)
-    if isinstance(entry, tuple):
-        return [_value(part) for part in entry]
-    if isinstance(entry, dict):
-        return {name: _value(part) for name, part in entry.items()}
-    if isinstance(entry, float) and not math.isfinite(entry):
-        return None
-    return entry
-
-
-def _numbers(values: Array) -> list[float | None]:
-    return [value if math.isfinite(value) else None for value in values.tolist()]
+    return None if found is None else {**plain(found), "exact": found.exact}

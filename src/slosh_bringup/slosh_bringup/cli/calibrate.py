@@ -35,6 +35,7 @@ from slosh_camera.optics.calibration import Calibration
 from slosh_camera.optics.cup import Cup, CupView, Wall
 from slosh_camera.optics.pose import Pose
 from slosh_files import check_apart, write_bytes, write_text
+from slosh_report.json_values import plain
 
 _CUP_KEYS = tuple(entry.name for entry in fields(Cup))
 # Edges that lie farther than this from the pose that a board gives are worth a word [px].
@@ -193,26 +194,20 @@ def _as_json(arguments: argparse.Namespace, fit: StillFit, board: BoardFit | Non
         "translation": pose.translation.tolist(),
         "place": _named(fit.place.numbers),
         "stddev": _named(fit.stddev),
-        "residual": _known(fit.residual),
-        "residual_height": _known(fit.residual_height),
+        "residual": fit.residual,
+        "residual_height": fit.residual_height,
         "height_stddev": {wall.value: fit.height_stddev[wall] for wall in Wall},
         "curves": {
-            curve.name: {"share": curve.share, "offset": _known(curve.offset)}
-            for curve in fit.curves
+            curve.name: {"share": curve.share, "offset": curve.offset} for curve in fit.curves
         },
         "board_residual": None if board is None else board.residual,
         "warnings": _warnings(fit),
     }
-    return json.dumps(facts)
+    return json.dumps(plain(facts))
 
 
 def _named(numbers: NDArray[np.float64]) -> dict[str, float]:
     return dict(zip(_NUMBERS, (float(value) for value in numbers), strict=True))
-
-
-def _known(value: float) -> float | None:
-    """JSON has no NaN."""
-    return value if np.isfinite(value) else None
 
 
 def _as_text(arguments: argparse.Namespace, fit: StillFit, board: BoardFit | None) -> str:

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 from slosh_discovery.discovery_report.data import Command, DiscoveryReport
 from slosh_discovery.discovery_report.document import (
     SCHEMA,
-    DiscoveryDocument,
     discovery_document,
     discovery_json,
 )
@@ -20,7 +19,6 @@ if TYPE_CHECKING:
 __all__ = [
     "SCHEMA",
     "Command",
-    "DiscoveryDocument",
     "DiscoveryReport",
     "discovery_document",
     "discovery_json",

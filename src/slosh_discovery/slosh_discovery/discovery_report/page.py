@@ -22,12 +22,7 @@ from slosh_discovery.discovery_report.charts import (
     turning_of,
 )
 from slosh_discovery.discovery_report.data import DiscoveryReport
-from slosh_discovery.discovery_report.document import (
-    CandidateDocument,
-    DiscoveryDocument,
-    WhereDocument,
-    discovery_document,
-)
+from slosh_discovery.discovery_report.document import Document, discovery_document
 from slosh_discovery.discovery_report.figures import NAN, shown_confidence, shown_parameter
 from slosh_report.page.lines import NARROW, WIDE
 from slosh_report.page.template import data_element, make_environment
@@ -127,22 +122,22 @@ def _status(finding: Finding) -> str:
     return "open" if doubtful or finding.verdict is Verdict.AMBIGUOUS else "passed"
 
 
-def _winner(document: DiscoveryDocument) -> int | None:
+def _winner(document: Document) -> int | None:
     """Index of the candidate that the verdict names; None: it names none."""
     names = {effect["name"] for effect in document["effects"]}
     tried = [entry for entry in enumerate(document["candidates"]) if entry[1]["applicable"]]
     return next((index for index, entry in tried if set(entry["effects"]) == names), None)
 
 
-def _widest(candidates: Sequence[CandidateDocument]) -> float:
+def _widest(candidates: Sequence[Document]) -> float:
     """The largest residual of all candidates: the full length of a bar [m]."""
     known = [value for row in candidates for value in (row["fit_rms"], row["holdout_rms"])]
     return max((value for value in known if value is not None), default=0.0)
 
 
-def _groups(rows: Sequence[WhereDocument]) -> list[dict[str, Any]]:
+def _groups(rows: Sequence[Document]) -> list[dict[str, Any]]:
     """Rows of `where` by what they are parts of, with their indices."""
-    found: dict[str, list[tuple[int, WhereDocument]]] = {}
+    found: dict[str, list[tuple[int, Document]]] = {}
     for index, row in enumerate(rows):
         found.setdefault(row["by"], []).append((index, row))
     groups = []
@@ -153,7 +148,7 @@ def _groups(rows: Sequence[WhereDocument]) -> list[dict[str, Any]]:
     return groups
 
 
-def _seen(document: DiscoveryDocument) -> dict[int, str]:
+def _seen(document: Document) -> dict[int, str]:
     """What the charts of each motion show, in words, for those who do not see them."""
     return {
         index: f"Line chart of motion {index + 1}: measured up to {shown(row['peak'], 'mm')} mm, "
