@@ -3,6 +3,7 @@
 import ast
 import importlib
 import re
+import runpy
 import sys
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
@@ -88,6 +89,27 @@ def test_ament_finds_the_package_and_its_programs(package):
     assert f"lib/{package.name}" in (package / "setup.cfg").read_text()
     for module in scripts(package).values():
         assert callable(importlib.import_module(module).main)
+
+
+@pytest.mark.parametrize("package", PYTHON, ids=lambda path: path.name)
+def test_every_module_and_every_template_is_installed(package, monkeypatch):
+    """A linked workspace has them anyway; a robot's has what setup.py says."""
+    said = {}
+    monkeypatch.setattr("setuptools.setup", said.update)
+    monkeypatch.chdir(package)
+    runpy.run_path("setup.py")
+    root = package / package.name
+    folders = {path.parent for path in root.rglob("*.py")}
+    names = {".".join(folder.relative_to(package).parts) for folder in folders}
+    assert set(said["packages"]) == names
+    installed = {
+        path
+        for name, globs in said["package_data"].items()
+        for glob in globs
+        for path in (package / name.replace(".", "/")).glob(glob)
+    }
+    data = {path for path in root.rglob("*") if path.is_file() and "__pycache__" not in path.parts}
+    assert installed == data - set(root.rglob("*.py"))
 
 
 @pytest.mark.parametrize("package", PYTHON, ids=lambda path: path.name)
