@@ -17,7 +17,7 @@ setup(
     zip_safe=False,
     maintainer="Slosh Monitor maintainers",
     maintainer_email="slosh-monitor@users.noreply.github.com",
-    description="Writes files and folders so that nothing which was there is destroyed.",
+    description="Writes files and folders so that nothing is destroyed; reads YAML strictly.",
     license="Apache-2.0",
     entry_points={"console_scripts": []},
 )

@@ -26,11 +26,11 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from slosh_bag.errors import SloshBagError
 from slosh_files import write_text
-from slosh_model.bounded_yaml import load_yaml
+from slosh_files.errors import SloshFileError
+from slosh_files.yaml_document import Key, KeyPath, YamlDocument, dotted, read_yaml, shown
+from slosh_files.yaml_text import format_yaml
 
 NAME = "manifest.yaml"
 EXACT = "exact"
@@ -100,20 +100,18 @@ def read_manifest(path: Path) -> dict[str, Expectation]:
 
     Raises:
         SloshBagError: the file cannot be read, or a key or value is not known; one line that
-            names the file, the bag and the key.
+            names the file, the line, the bag and the key.
     """
     try:
-        document = load_yaml(path.read_text(encoding="utf-8"), _Loader)
-    except OSError as error:
-        raise SloshBagError(f"{path}: {error.strerror}") from None
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise SloshBagError(f"{path}: not YAML: {' '.join(str(error).split())}") from None
+        source = read_yaml(path)
+    except SloshFileError as error:
+        raise SloshBagError(str(error)) from None
+    document = source.value
     bags = document.get("bags") if isinstance(document, dict) else None
     if not isinstance(bags, dict) or set(document) != {"bags"}:
         raise SloshBagError(f"{path}: must hold one key, bags, with the bags by name")
     return {
-        str(name): _expectation(_Place(path, f"bags.{name}"), entry)
-        for name, entry in bags.items()
+        name: _expectation(_Place(source, ("bags", name)), entry) for name, entry in bags.items()
     }
 
 
@@ -133,7 +131,7 @@ def write_manifest(path: Path, bags: Mapping[str, Expectation]) -> None:
     old = read_manifest(path) if path.is_file() else {}
     merged = {**old, **{name: _kept(old.get(name), new) for name, new in bags.items()}}
     document = {"bags": {name: _document(path, merged[name]) for name in sorted(merged)}}
-    text = yaml.safe_dump(
+    text = format_yaml(
         document, sort_keys=False, allow_unicode=True, width=99, default_flow_style=None
     )
     write_text(path, text)
@@ -193,44 +191,36 @@ def _pair(value: Expected) -> dict[str, float]:
     return {"value": round(value.value, digits), "tolerance": value.tolerance}
 
 
-class _Loader(yaml.SafeLoader):
-    """Refuses what is stated twice: the last one would silently count."""
-
-    def construct_mapping(self, node: Any, deep: bool = False) -> dict[Any, Any]:
-        """The mapping, if each key stands in it once."""
-        keys = [self.construct_object(key, deep=True) for key, _ in node.value]
-        for number, key in enumerate(keys):
-            if key in keys[:number]:
-                raise yaml.constructor.ConstructorError(
-                    None, None, f"{key!r} stands here twice", node.value[number][0].start_mark
-                )
-        return super().construct_mapping(node, deep)
-
-
 @dataclass(frozen=True, slots=True)
 class _Place:
     """Where in the file something stands, for errors."""
 
-    path: Path
-    key: str
+    document: YamlDocument
+    keys: KeyPath
 
-    def under(self, key: object) -> _Place:
-        return _Place(self.path, f"{self.key}.{key}")
+    @property
+    def folder(self) -> Path:
+        return Path(self.document.source).parent
 
-    def error(self, problem: str) -> SloshBagError:
-        return SloshBagError(f"{self.path}: {self.key}: {problem}")
+    def under(self, key: Key) -> _Place:
+        return _Place(self.document, (*self.keys, key))
+
+    def error(self, problem: str, *below: Key) -> SloshBagError:
+        """What is wrong here, on the line of a key below."""
+        line = self.document.where(*self.keys, *below)
+        return SloshBagError(f"{line}: {dotted(self.keys)}: {problem}")
 
 
 def _expectation(place: _Place, entry: Any) -> Expectation:
     _check_keys(place, entry, _KEYS)
     shows, model = entry.get("shows", ""), entry.get("model")
     if not isinstance(shows, str):
-        raise place.under("shows").error(f"{shows!r} is no text")
+        raise place.under("shows").error(f"{shown(shows)} is no text")
     if model is not None and not (isinstance(model, str) and model):
-        raise place.under("model").error(f"{model!r} is no file name")
+        raise place.under("model").error(f"{shown(model)} is no file name")
     return Expectation(
         shows=shows,
-        model=None if model is None else place.path.parent / model,
+        model=None if model is None else place.folder / model,
         tolerance=_tolerance(place.under("estimates"), entry.get("estimates")),
         images=_count(place.under("images"), entry.get("images")),
         drops=_count(place.under("drops"), entry.get("drops")),
@@ -246,7 +236,7 @@ def _check_keys(place: _Place, entry: Any, known: tuple[str, ...]) -> None:
         raise place.error(f"must be a mapping with keys of {', '.join(known)}")
     for key in entry:
         if key not in known:
-            raise place.error(f"unknown key {key!r} (known: {', '.join(known)})")
+            raise place.error(f"unknown key {shown(key)} (known: {', '.join(known)})", key)
 
 
 def _tolerance(place: _Place, value: Any) -> float | None:
@@ -257,17 +247,21 @@ def _tolerance(place: _Place, value: Any) -> float | None:
 
 def _number(place: _Place, value: Any, least: float = -math.inf) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise place.error(f"{value!r} is no number; write 1.0e-6 for 1e-6")
-    if not (math.isfinite(value) and value >= least):
-        raise place.error(f"{value!r} must be finite and at least {least:g}")
-    return float(value)
+        raise place.error(f"{shown(value)} is no number")
+    try:
+        number = float(value)
+    except OverflowError:
+        number = math.inf
+    if not (math.isfinite(number) and number >= least):
+        raise place.error(f"{shown(value)} must be finite and at least {least:g}")
+    return number
 
 
 def _count(place: _Place, value: Any) -> int | None:
     if value is None:
         return None
     if isinstance(value, bool) or not isinstance(value, int) or value < 0:
-        raise place.error(f"{value!r} is no number of messages")
+        raise place.error(f"{shown(value)} is no number of messages")
     return value
 
 
@@ -285,7 +279,7 @@ def _expected(place: _Place, entry: Any) -> Expected:
 def _by_model(place: _Place, entry: Any) -> dict[str, Expected]:
     if not isinstance(entry, dict):
         raise place.error("must be a mapping from the model's name, such as 3D-NL")
-    return {str(name): _expected(place.under(name), value) for name, value in entry.items()}
+    return {name: _expected(place.under(name), value) for name, value in entry.items()}
 
 
 def _events(place: _Place, entries: Any) -> tuple[ExpectedEvent, ...] | None:

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 from mcap.records import Channel, Schema
 
 from slosh_bag.bag_writer import BagWriter
@@ -23,7 +22,8 @@ from slosh_bag.mcap_files.mcap_walk import McapWalk
 from slosh_bag.mcap_files.seal import SEAL, seal_of
 from slosh_bag.reader import DAMAGE
 from slosh_files import check_outside, new_folder
-from slosh_model.bounded_yaml import load_yaml
+from slosh_files.errors import YamlError
+from slosh_files.yaml_document import parse_yaml
 
 Progress = Callable[[int], object]
 
@@ -56,8 +56,8 @@ class NotedQos(Qos):
     def documents(self) -> list[dict[str, Any]]:
         """The keys and values; none where the text does not tell."""
         try:
-            documents = load_yaml(self.noted)
-        except (yaml.YAMLError, RecursionError):
+            documents = parse_yaml(self.noted, "QoS profiles").value
+        except YamlError:
             documents = None
         whole = isinstance(documents, list) and all(isinstance(item, dict) for item in documents)
         return documents if whole else []

@@ -62,8 +62,8 @@ MISTAKES = [
     ("bags: {}\nbag: {}", "", "must hold one key, bags"),
     ("bags: [c3]", "", "must hold one key, bags"),
     ("bags: {c3: [", "", "not YAML"),
-    ("bags: {c3: {}, c3: {}}", "", "'c3' stands here twice"),
-    ("bags: {c3: {images: 1, images: 2}}", "", "'images' stands here twice"),
+    ("bags: {c3: {}, c3: {}}", "", "bags.c3: given twice"),
+    ("bags: {c3: {images: 1, images: 2}}", "", "bags.c3.images: given twice"),
     ("bags: {c3: 5}", "bags.c3", "must be a mapping"),
     ("bags: {c3: {sigmas: {}}}", "bags.c3", "unknown key 'sigmas'"),
     ("bags: {c3: {shows: 5}}", "bags.c3.shows", "no text"),
@@ -71,7 +71,7 @@ MISTAKES = [
     ("bags: {c3: {model: ''}}", "bags.c3.model", "no file name"),
     ("bags: {c3: {estimates: yes}}", "bags.c3.estimates", "True is no number"),
     ("bags: {c3: {estimates: exactly}}", "bags.c3.estimates", "'exactly' is no number"),
-    ("bags: {c3: {estimates: 1e-9}}", "bags.c3.estimates", "write 1.0e-6 for 1e-6"),
+    ("bags: {c3: {estimates: 1:30}}", "bags.c3.estimates", "'1:30' is no number"),
     ("bags: {c3: {estimates: -0.1}}", "bags.c3.estimates", "at least 0"),
     ("bags: {c3: {estimates: .nan}}", "bags.c3.estimates", "must be finite"),
     ("bags: {c3: {images: 1.5}}", "bags.c3.images", "no number of messages"),
@@ -97,16 +97,16 @@ MISTAKES = [
         "unknown key 'unit'",
     ),
     ("bags: {c3: {events: 2}}", "bags.c3.events", "must be a list"),
-    ("bags: {c3: {events: [{}]}}", "bags.c3.events.0.source", "must be one of measured"),
-    ("bags: {c3: {events: [{source: camera}]}}", "bags.c3.events.0.source", "must be one of"),
+    ("bags: {c3: {events: [{}]}}", "bags.c3.events[0].source", "must be one of measured"),
+    ("bags: {c3: {events: [{source: camera}]}}", "bags.c3.events[0].source", "must be one of"),
     (
         "bags: {c3: {events: [{source: measured, height: 1}]}}",
-        "bags.c3.events.0",
+        "bags.c3.events[0]",
         "unknown key 'height'",
     ),
     (
         "bags: {c3: {events: [{source: measured, peak: high}]}}",
-        "bags.c3.events.0.peak",
+        "bags.c3.events[0].peak",
         "must be a mapping",
     ),
     ("bags: {c3: {warnings: unfinished}}", "bags.c3.warnings", "must be a list of texts"),
@@ -119,15 +119,38 @@ def test_a_mistake_is_one_line_with_file_and_key(tmp_path, text, key, what):
     with pytest.raises(SloshBagError) as caught:
         read(tmp_path, text)
     complaint = str(caught.value)
-    start = f"{tmp_path / 'manifest.yaml'}: {key}" + (": " if key else "")
-    assert complaint.startswith(start)
+    start = re.escape(str(tmp_path / "manifest.yaml")) + (r":1: " if key else r"(:1)?: ")
+    assert re.match(start + re.escape(key), complaint)
     assert what in complaint
     assert "\n" not in complaint
 
 
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("images: 552", "images: many", "7: bags.c3.images: 'many' is no number of messages"),
+        ("1.0e-6}}\n    eps", "none}}\n    eps", "9: bags.c3.sigma.3D-NL.tolerance: 'none'"),
+        ("- {source: measured", "- {source: seen", "12: bags.c3.events[0].source: must be"),
+        ("drops: 0", "drop: 0", "8: bags.c3: unknown key 'drop'"),
+        ("empty: {}", "c3: {}", "14: bags.c3: given twice"),
+    ],
+)
+def test_a_mistake_is_told_with_its_line(tmp_path, old, new, said):
+    assert old in WHOLE
+    with pytest.raises(SloshBagError) as caught:
+        read(tmp_path, WHOLE.replace(old, new))
+    assert str(caught.value).startswith(f"{tmp_path / 'manifest.yaml'}:{said}")
+
+
+def test_names_and_numbers_are_as_they_are_written(tmp_path):
+    bags = read(tmp_path, "bags: {0012: {estimates: 1e-9}, 2e1: {}, 2026_01: {}}")
+    assert list(bags) == ["0012", "2e1", "2026_01"]
+    assert bags["0012"].tolerance == 1e-9
+
+
 def test_what_is_no_text_is_told(tmp_path):
     (tmp_path / "manifest.yaml").write_bytes(b"bags: {c3: {shows: \xff}}")
-    with pytest.raises(SloshBagError, match="not YAML"):
+    with pytest.raises(SloshBagError, match=r"manifest\.yaml: is not UTF-8 text"):
         read_manifest(tmp_path / "manifest.yaml")
     with pytest.raises(SloshBagError, match=r"nope\.yaml: No such file"):
         read_manifest(tmp_path / "nope.yaml")

@@ -7,11 +7,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.processes import NodeProcess, config_folder
-from slosh_model.bounded_yaml import load_yaml
+from slosh_files.errors import SloshFileError
+from slosh_files.yaml_document import YamlDocument, read_yaml, shown
 from slosh_msgs_py import topics
 
 NAMESPACE = "/slosh"
@@ -77,57 +76,67 @@ def read_setup(path: Path) -> CellSetup:
     """The setup in a file; paths in it are relative to the file.
 
     Raises:
-        SloshBringupError: no such file, no YAML, an unknown key, a missing file; one line.
+        SloshBringupError: no such file, no YAML, an unknown key, a missing file; one line with
+            the file, the line and the key.
     """
     try:
-        document = load_yaml(path.read_text())
-    except OSError as error:
-        raise SloshBringupError(f"{path}: {error.strerror}") from None
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise SloshBringupError(f"{path}: not YAML: {str(error).splitlines()[0]}") from None
+        source = read_yaml(path)
+    except SloshFileError as error:
+        raise SloshBringupError(str(error)) from None
+    document = source.value
     if not isinstance(document, dict):
         raise SloshBringupError(f"{path}: must be a mapping with the keys model and calibration")
     known = ("model", "calibration", "parameters", "namespace", "remap")
     for key in document:
         if key not in known:
-            raise SloshBringupError(f"{path}: unknown key {key!r} (known: {', '.join(known)})")
+            raise SloshBringupError(
+                f"{source.where(key)}: unknown key {shown(key)} (known: {', '.join(known)})"
+            )
     default = default_setup()
-    namespace = _namespace(path, document.get("namespace", NAMESPACE))
+    namespace = _namespace(source, document.get("namespace", NAMESPACE))
     return CellSetup(
-        model=_file(path, document, "model"),
-        calibration=_file(path, document, "calibration"),
-        parameters=_file(path, document, "parameters", default.parameters),
+        model=_file(source, "model"),
+        calibration=_file(source, "calibration"),
+        parameters=_file(source, "parameters", default.parameters),
         namespace=namespace,
-        remap=_remap(path, namespace, document.get("remap") or {}),
+        remap=_remap(source, namespace, document.get("remap") or {}),
     )
 
 
-def _file(
-    source: Path, document: Mapping[str, Any], key: str, default: Path | None = None
-) -> Path:
-    value = document.get(key, default)
-    if not isinstance(value, str | Path):
-        raise SloshBringupError(f"{source}: key {key!r} is missing or no path")
-    path = source.parent / value
-    if not path.is_file():
-        raise SloshBringupError(f"{source}: {key}: no such file: {path}")
+def _file(source: YamlDocument, key: str, default: Path | None = None) -> Path:
+    value = source.value.get(key, default)
+    if not isinstance(value, str | Path) or "\0" in str(value):
+        raise SloshBringupError(f"{source.where(key)}: key {key!r} is missing or no path")
+    path = Path(source.source).parent / value
+    try:
+        there = path.is_file()
+    except OSError as error:  # of a name that is too long
+        raise SloshBringupError(f"{source.at(key)}: {shown(value)}: {error.strerror}") from None
+    if not there:
+        raise SloshBringupError(f"{source.at(key)}: no such file: {path}")
     return path.resolve()
 
 
-def _namespace(source: Path, value: Any) -> str:
+def _namespace(source: YamlDocument, value: Any) -> str:
     if not isinstance(value, str) or not value.startswith("/"):
-        raise SloshBringupError(f"{source}: namespace = {value!r} must start with a slash")
+        place = source.where("namespace")
+        raise SloshBringupError(f"{place}: namespace = {shown(value)} must start with a slash")
     return value
 
 
-def _remap(source: Path, namespace: str, value: Any) -> dict[str, str]:
+def _remap(source: YamlDocument, namespace: str, value: Any) -> dict[str, str]:
     if not isinstance(value, dict) or not all(
         isinstance(word, str) for pair in value.items() for word in pair
     ):
-        raise SloshBringupError(f"{source}: remap must map topic names to topic names")
+        raise SloshBringupError(
+            f"{source.where('remap')}: remap must map topic names to topic names"
+        )
     for name in value:
         relative = name.removeprefix(f"{namespace.rstrip('/')}/")
         if relative not in REMAPPABLE:
             known = ", ".join(REMAPPABLE)
-            raise SloshBringupError(f"{source}: remap: no such topic: {name!r} (known: {known})")
+            place = source.where("remap", name)
+            raise SloshBringupError(
+                f"{place}: remap: no such topic: {shown(name)} (known: {known})"
+            )
     return dict(value)

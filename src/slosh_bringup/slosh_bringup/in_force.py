@@ -7,14 +7,13 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from slosh_bag.reader import BagReader
 from slosh_bag.replay import settings
 from slosh_bag.replay.cells import CellTopics
 from slosh_bag.replay.settings import NodeStart
 from slosh_camera.calibrate.camera_file import parse_any_calibration
 from slosh_camera.optics.calibration import Calibration
+from slosh_files.yaml_text import format_yaml
 from slosh_model.model_text import parse_model
 from slosh_msgs_py import topics
 
@@ -66,8 +65,7 @@ def settings_document(starts: Starts) -> str:
         name: {field: _plain(getattr(start, field)) for field in _FIELDS}
         for name, start in starts.items()
     }
-    text: str = yaml.safe_dump(document, sort_keys=True, allow_unicode=True)
-    return text
+    return format_yaml(document, sort_keys=True, allow_unicode=True)
 
 
 def topic_of(start: NodeStart | None, name: str) -> str:

@@ -16,7 +16,8 @@ import yaml
 
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.processes import NODES
-from slosh_model.bounded_yaml import check_yaml
+from slosh_files.errors import SloshFileError
+from slosh_files.yaml_document import brief, read_yaml, shown
 
 LEAF = "ros__parameters"
 OF_EVERY_NODE = ("use_sim_time", "start_type_description_service")
@@ -54,18 +55,18 @@ def check_parameter_file(path: Path, namespace: str) -> None:
         reached = [name for full, name in nodes.items() if _fits(pattern, full)]
         if not reached:
             raise SloshBringupError(
-                f"{path}:{line}: {pattern}: no such node (known: {', '.join(nodes)}; "
+                f"{path}:{line}: {brief(pattern)}: no such node (known: {', '.join(nodes)}; "
                 "/**/NAME fits in every namespace)"
             )
         if any(parameter in GIVEN_ELSEWHERE.get(name, ()) for name in reached):
             raise SloshBringupError(
-                f"{path}:{line}: {pattern}: {parameter} has no effect here: it comes from the "
-                "cell file, the command line or the launch file's arguments"
+                f"{path}:{line}: {brief(pattern)}: {parameter} has no effect here: it comes from "
+                "the cell file, the command line or the launch file's arguments"
             )
         known = set().union(*map(parameter_names, reached))
         if parameter not in known and not parameter.startswith("qos_overrides."):
             raise SloshBringupError(
-                f"{path}:{line}: {pattern}: unknown parameter {parameter!r} "
+                f"{path}:{line}: {brief(pattern)}: unknown parameter {shown(parameter)} "
                 f"({_suggestion(parameter, known)})"
             )
 
@@ -79,14 +80,9 @@ def parameter_names(node: str) -> set[str]:
 def _entries(path: Path) -> Iterator[_Entry]:
     """What a file sets, with names that are given in parts put together."""
     try:
-        # Not as a dictionary: that forgets the first of two equal keys, ROS does not.
-        text = path.read_text(encoding="utf-8")
-        check_yaml(text)
-        root = yaml.compose(text, Loader=yaml.SafeLoader)
-    except OSError as error:
-        raise SloshBringupError(f"{path}: {error.strerror}") from None
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise SloshBringupError(f"{path}: not YAML: {' '.join(str(error).split())}") from None
+        root = read_yaml(path).root
+    except SloshFileError as error:
+        raise SloshBringupError(str(error)) from None
     if root is not None:  # an empty file sets nothing
         yield from _of_nodes(path, root, "")
 

@@ -257,7 +257,7 @@ def test_what_is_wrong_is_one_line(capsys, discovery, tables, tmp_path):
         ([tmp_path / "none.csv", *end], "none.csv"),
         ([tmp_path / "none", *end], "none: no such file or folder"),
         ([bare, *end], "bare.csv"),
-        ([tables[0], "--model", bad, "-o", output], "bad.yaml: unknown key 'container.colour'"),
+        ([tables[0], "--model", bad, "-o", output], "bad.yaml:1: unknown key 'container.colour'"),
         ([tables[0], "--model", tmp_path / "no.yaml", "-o", output], "no.yaml"),
         ([tables[0], tables[0], *end], "is in DATA twice"),
         ([tables[0], "--holdout", tables[0], *end], "is in both DATA and --holdout"),

@@ -89,11 +89,14 @@ def started(setup):
         ),
         ("/**/camera: {ros__parameters: {hold: 0.7}}", "unknown parameter 'hold' (known: cal"),
         ("/**: {ros__parameters: {a: {b: 1}}}", "unknown parameter 'a.b'"),
-        # The first of two equal keys counts, too.
         (
-            "/**/monitor: {ros__parameters: {holt: 1.0}}\n"
-            "/**/monitor: {ros__parameters: {hold: 1.0}}",
-            "1: /**/monitor: unknown parameter 'holt'",
+            "/**/monitor: {ros__parameters: {hold: 1.0}}\n"
+            "/**/monitor: {ros__parameters: {timeout: 1.0}}",
+            "2: /**/monitor: given twice",
+        ),
+        (
+            "/**/monitor:\n  ros__parameters:\n    hold: 0.7\n    hold: 0.8",
+            "4: /**/monitor.ros__parameters.hold: given twice",
         ),
         ("/**/recorder: {ros__parameters: {output: /data}}", "output has no effect here"),
         ("/**: {ros__parameters: {model: x.yaml}}", "model has no effect here"),
@@ -101,7 +104,7 @@ def started(setup):
         ("/**/monitor: {hold: 0.7}", "1: a mapping from node names with ros__parameters"),
         ("/**/monitor:\n  ros__parameters:", "2: a mapping from names of parameters is needed"),
         ("[1, 2]", "1: a mapping from node names"),
-        ("{? [a] : 1}", "1: a mapping from node names"),
+        ("{? [a] : 1}", "1: a key is a collection; keys are names"),
         ("/**: {", "not YAML"),
     ],
 )

@@ -106,7 +106,7 @@ def test_simulate_names_what_is_wrong(capsys, motion, tmp_path):
     nan = tmp_path / "nan.csv"
     nan.write_text("t,ax,ay,az\n0,0,0,0\n1,nan,0,0\n")
     for model, table, match in (
-        (bad, motion, r"model\.yaml: unknown key 'container\.colour'"),
+        (bad, motion, r"model\.yaml:\d+: unknown key 'container\.colour'"),
         (tmp_path / "none.yaml", motion, r"none\.yaml"),
         (MODEL, nan, r"nan\.csv.*3"),
         (MODEL, tmp_path / "none.csv", r"none\.csv"),
@@ -135,8 +135,10 @@ def test_doctor_as_json(capsys):
 @pytest.mark.parametrize(
     ("text", "match"),
     [
-        ("model: a.yaml", "model: no such file"),
-        ("modell: a.yaml", "unknown key 'modell'"),
+        ("model: a.yaml", r"cell\.yaml:1: model: no such file"),
+        ("modell: a.yaml", r"cell\.yaml:1: unknown key 'modell'"),
+        ("namespace: /a\nmodel: a\nnamespace: /b", r"cell\.yaml:3: namespace: given twice"),
+        ("model: a.yaml\n\tremap: {}", r"cell\.yaml:2: not YAML: .*a tab stands here"),
         ("[1]", "must be a mapping"),
         ("{", "not YAML"),
         ("", "must be a mapping"),

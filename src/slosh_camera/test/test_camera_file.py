@@ -1,3 +1,4 @@
+import re
 from pathlib import Path
 
 import cv2
@@ -115,14 +116,41 @@ def test_a_wrong_value_is_named_with_file_and_key(old, new, key):
     with pytest.raises(SloshCameraError) as caught:
         parse_calibration(TEXT.replace(old, new, 1), "cell/camera.yaml")
     message = str(caught.value)
-    assert message.startswith(f"cell/camera.yaml: {key}")
+    assert re.match(rf"cell/camera\.yaml(:\d+)?: {re.escape(key)}", message)
     assert message.count("cell/camera.yaml") == 1
     assert "\n" not in message
 
 
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("image_height: 480", "image_height: 480\nimage_width: 2", "3: image_width: given twice"),
+        ("radius: 0.05", "radius: wide", "7: container.radius: 'wide' is not a number"),
+        ("radius: 0.05", "radius: -1", "7: container.radius: "),
+        ("rim_height: 0.12", "rim_hight: 0.12", "7: container.rim_hight: unknown key"),
+        ("index: 1.52", "index: .inf", "8: container.wall_refractive_index: inf is not a finite"),
+        ("rotation: [1,", "rotation: [2,", "10: pose.rotation: "),
+        ("  translation: [0, 0, 0.45]\n", "", "9: pose.translation: is missing"),
+        ("width: 400", "width: 600", "12: region_of_interest: leaves the image"),
+        ("still_image", "\tstill_image", "14: not YAML: "),
+    ],
+)
+def test_a_mistake_is_told_with_its_line(old, new, said):
+    assert old in TEXT
+    with pytest.raises(SloshCameraError) as caught:
+        parse_calibration(TEXT.replace(old, new, 1), "cell/camera.yaml")
+    assert str(caught.value).startswith(f"cell/camera.yaml:{said}")
+
+
+def test_a_number_is_a_number_however_it_is_written():
+    text = TEXT.replace("radius: 0.05", "radius: 5e-2").replace("max_dark: 5", "max_dark: 2e1")
+    assert parse_calibration(text).view.cup.radius == 0.05
+    assert parse_calibration(text).detection.max_dark == 20.0
+
+
 @pytest.mark.parametrize("text", ["", "3", "[1, 2]", "a: [", "\x00"])
 def test_a_file_that_holds_something_else(text):
-    with pytest.raises(SloshCameraError, match=r"^camera\.yaml: "):
+    with pytest.raises(SloshCameraError, match=r"^camera\.yaml(:1)?: "):
         parse_calibration(text)
 
 

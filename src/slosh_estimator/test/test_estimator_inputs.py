@@ -230,7 +230,7 @@ def test_model_files_are_named_in_every_error(tmp_path: Path) -> None:
     with pytest.raises(SloshEstimatorError, match="null byte"):
         read_model("a\0b")
     (tmp_path / "large").write_bytes(b"#" * 100_000)
-    with pytest.raises(SloshEstimatorError, match="too large for a model"):
+    with pytest.raises(SloshEstimatorError, match="too large, more than 64000 bytes"):
         read_model(tmp_path / "large")
     wrong = tmp_path / "wrong.yaml"
     wrong.write_text("container: {shape: cylinder, radius: 0.05, fill_height: 0.07, colour: 1}")

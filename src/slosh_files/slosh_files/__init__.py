@@ -1,8 +1,9 @@
-"""Writes files and folders so that nothing which was there is destroyed.
+"""Writes files and folders so that nothing which was there is destroyed; reads YAML strictly.
 
 A package of its own, below all others, because what writes a bag, a table or a page should load
 nothing else for it: the model's package would bring the compiler into the recorder's process, the
-messages' package would bring ROS into the pure cores.
+messages' package would bring ROS into the pure cores. YAML is in modules of its own,
+`yaml_document` and `yaml_text`, so that only what reads or writes it loads PyYAML.
 """
 
 from slosh_files.apart import check_apart, check_outside

@@ -39,7 +39,8 @@ class Cylinder:
         if self.rim_height <= self.fill_height:
             raise SloshModelError(
                 f"container.rim_height = {self.rim_height:g} m must lie above "
-                f"fill_height = {self.fill_height:g} m"
+                f"fill_height = {self.fill_height:g} m",
+                ("container", "rim_height"),
             )
 
     @property

@@ -4,4 +4,13 @@ from __future__ import annotations
 
 
 class SloshModelError(ValueError):
-    """A container, model or input is physically or formally impossible; the text is one line."""
+    """A container, model or input is physically or formally impossible; the text is one line.
+
+    Attributes:
+        keys: where the value stands in a model.yaml, such as ("effects", 0, "alpha"); empty: in
+            no one place, or in none.
+    """
+
+    def __init__(self, text: str, keys: tuple[str | int, ...] = ()) -> None:
+        super().__init__(text)
+        self.keys = keys

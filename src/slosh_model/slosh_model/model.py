@@ -98,18 +98,23 @@ class Model:
             math.isfinite(self.damping_ratio) and 0.0 <= self.damping_ratio < 1.0
         ):
             raise SloshModelError(
-                f"damping_ratio = {self.damping_ratio!r} must be auto or lie in [0, 1)"
+                f"damping_ratio = {self.damping_ratio!r} must be auto or lie in [0, 1)",
+                ("damping_ratio",),
             )
         if not 1 <= self.modes <= MAXIMUM_MODE:
-            raise SloshModelError(f"modes = {self.modes!r} must lie in 1 … {MAXIMUM_MODE}")
+            raise SloshModelError(
+                f"modes = {self.modes!r} must lie in 1 … {MAXIMUM_MODE}", ("modes",)
+            )
         names = [use.name for use in self.effects]
-        for name in names:
-            if names.count(name) > 1:
-                raise SloshModelError(f"effect {name!r} is listed twice")
+        for index, name in enumerate(names):
+            if name in names[:index]:
+                raise SloshModelError(f"effect {name!r} is listed twice", ("effects", index))
         try:
             modes = self.mode_constants()
         except SloshModelError as error:
-            raise SloshModelError(f"with its effects the model has {error}") from None
+            raise SloshModelError(
+                f"with its effects the model has {error}", ("effects",)
+            ) from None
         if self.damping_ratio is None and not modes[0].damping_ratio < 1.0:
             raise SloshModelError(
                 f"the damping ratio would be {modes[0].damping_ratio:.3g}: liquid that viscous, "

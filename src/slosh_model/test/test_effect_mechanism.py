@@ -10,9 +10,12 @@ from pathlib import Path
 
 import pytest
 
+import slosh_files
 import slosh_model
 
 PACKAGE = Path(slosh_model.__file__).parent
+FILES = Path(slosh_files.__file__).parent.parent
+"""Where the package below is found."""
 PAGE = Path(__file__).resolve().parents[3] / "docs" / "effects" / "adding.md"
 
 # Of the package's own effects and their machinery; fewer compile faster.
@@ -266,7 +269,7 @@ def on_the_page(language: str) -> str:
 def run(root: Path, program: str, *words: str, **environment: str) -> str:
     surroundings = {
         "PATH": os.defpath,
-        "PYTHONPATH": str(root),
+        "PYTHONPATH": os.pathsep.join([str(root), str(FILES)]),
         "XDG_CACHE_HOME": str(root / "cache"),
         "HOME": str(root),
         **environment,

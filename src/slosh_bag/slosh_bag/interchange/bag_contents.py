@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import yaml
 from mcap.exceptions import McapError
 from mcap.reader import make_reader
 from mcap.records import Channel, Schema
@@ -17,7 +16,8 @@ from slosh_bag.errors import SloshBagError
 from slosh_bag.mcap_files.mcap_summary import read_summary
 from slosh_bag.mcap_files.mcap_walk import McapWalk
 from slosh_bag.reader import bag_files
-from slosh_model.bounded_yaml import load_yaml
+from slosh_files.errors import YamlError
+from slosh_files.yaml_document import parse_yaml
 
 # Numbers that rosbag2 wrote before it wrote words.
 _RELIABILITY = {1: "reliable", 2: "best_effort"}
@@ -140,8 +140,8 @@ def _add_channel(contents: BagContents, channel: Channel, schemas: Mapping[int, 
 def parse_offered(text: str) -> list[Qos]:
     """The profiles that rosbag2 noted of a topic's publishers, as words or as numbers."""
     try:
-        document = load_yaml(text)
-    except yaml.YAMLError:
+        document = parse_yaml(text, "QoS profiles").value
+    except YamlError:
         return []
     entries = document if isinstance(document, list) else []
     return [_parse_profile(entry) for entry in entries if isinstance(entry, dict)]

@@ -10,7 +10,6 @@ from collections.abc import Callable, Collection, Iterator
 from pathlib import Path
 from typing import Any
 
-import yaml
 import zstandard
 from mcap.records import Channel, Schema
 from rosbags.interfaces import (
@@ -31,7 +30,8 @@ from slosh_bag.mcap_files.bag_folder import LONGEST_METADATA
 from slosh_bag.mcap_files.mcap_summary import read_summary
 from slosh_bag.reader import BagReader
 from slosh_bag.unpacking import UnpackingError, unpack
-from slosh_model.bounded_yaml import load_yaml
+from slosh_files.errors import TextFileError, YamlError
+from slosh_files.yaml_document import read_yaml
 
 ROS1_SUFFIX = ".bag"
 MOST_FILE, MOST_RATIO = 1_000_000_000, 50
@@ -218,13 +218,13 @@ def _check_folder(folder: Path) -> None:
             unpacked.
         OSError: a file cannot be read.
     """
-    content = (folder / "metadata.yaml").read_bytes()
+    metadata = folder / "metadata.yaml"
     try:
-        noted = load_yaml(content, longest=LONGEST_METADATA)["rosbag2_bagfile_information"]
+        noted = read_yaml(metadata, LONGEST_METADATA).value["rosbag2_bagfile_information"]
         names = noted["relative_file_paths"] if noted["compression_mode"].lower() == "file" else []
-    except yaml.YAMLError as error:
-        reason = " ".join(str(error).split())
-        raise SloshBagError(f"Could not load YAML from metadata.yaml: {reason}") from None
+    except (TextFileError, YamlError) as error:
+        reason = str(error).removeprefix(f"{folder}/")
+        raise SloshBagError(f"Could not load YAML: {reason}") from None
     except (LookupError, TypeError, AttributeError):
         return  # rosbags says what is wrong
     for file in [folder / Path(str(name)).name for name in names]:

@@ -6,19 +6,15 @@ import re
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from slosh_bag.errors import SloshBagError
 from slosh_bag.mcap_files.mcap_summary import MAGIC
-from slosh_model.bounded_yaml import load_yaml
+from slosh_files.yaml_document import read_yaml
 
 METADATA = "metadata.yaml"
 FOREIGN = (b"#ROSBAG", b"SQLite f")
 """How ROS 1 bags and rosbag2's SQLite files begin."""
 IMPORT_HINT = "slosh import rosbag makes one of it"
-_UNREADABLE = (
-    OSError, ValueError, TypeError, AttributeError, LookupError, RecursionError, yaml.YAMLError,
-)  # fmt: skip
+_UNREADABLE = (ValueError, TypeError, AttributeError, LookupError)
 LONGEST_METADATA = 20_000_000
 """Characters; a bag of very many files notes each of them."""
 
@@ -101,8 +97,7 @@ def folder_facts(path: Path) -> dict[str, str]:
 
 
 def _information(noted: Path) -> Any:
-    document = load_yaml(noted.read_bytes(), longest=LONGEST_METADATA)
-    return document["rosbag2_bagfile_information"]
+    return read_yaml(noted, LONGEST_METADATA).value["rosbag2_bagfile_information"]
 
 
 def _as_noted(folder: Path, files: list[Path], warnings: list[str]) -> list[Path]:

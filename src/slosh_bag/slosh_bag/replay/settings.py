@@ -6,11 +6,10 @@ from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any, NamedTuple, TypeVar
 
-import yaml
-
 from slosh_bag.errors import SloshBagError
 from slosh_bag.reader import BagMessage, BagReader
-from slosh_model.bounded_yaml import load_yaml
+from slosh_files.errors import YamlError
+from slosh_files.yaml_document import parse_yaml
 from slosh_model.model import Model
 from slosh_model.model_text import format_model, parse_model
 
@@ -109,8 +108,8 @@ def starts_at_rest(start: NodeStart | None) -> bool:
 
 def model_differences(recorded: Model, replayed: Model) -> list[str]:
     """How two models differ, one line each: where, and both values."""
-    old = _flat(yaml.safe_load(format_model(recorded)))
-    new = _flat(yaml.safe_load(format_model(replayed)))
+    old = _flat(parse_yaml(format_model(recorded), "model").value)
+    new = _flat(parse_yaml(format_model(replayed), "model").value)
     return [
         f"model: {key}: recorded {_shown(old, key)}, replayed {_shown(new, key, 'with ')}"
         for key in {**old, **new}
@@ -150,10 +149,10 @@ def node_start(message: Any, log_ns: int, source: str) -> NodeStart:
     """
     stamp = message.header.stamp
     try:
-        document = load_yaml(message.document)
+        document = parse_yaml(message.document, source).value
         parameters, files = dict(document["parameters"]), dict(document["files"])
         topics = dict(document.get("topics", {}))
-    except (yaml.YAMLError, AttributeError, KeyError, TypeError, ValueError):
+    except (YamlError, AttributeError, KeyError, TypeError, ValueError):
         raise SloshBagError(
             f"{source} of node {message.node!r}: its document is not "
             "YAML with parameters and files"

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
-import yaml
 
 from slosh_camera.calibrate.yaml_fields import (
     camera_name,
@@ -20,8 +19,9 @@ from slosh_camera.calibrate.yaml_fields import (
     mapping,
     number,
     numbers,
-    parse_document,
-    read_text,
+    parse_mapping,
+    place,
+    read_file,
 )
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.optics.box import Box, BoxView
@@ -31,6 +31,8 @@ from slosh_camera.optics.container import WALL
 from slosh_camera.optics.cup import Cup, CupView
 from slosh_camera.optics.pose import Pose
 from slosh_camera.settings import DetectionSettings, Liquid, RegionOfInterest
+from slosh_files.yaml_document import YamlDocument, shown
+from slosh_files.yaml_text import format_yaml
 
 _CYLINDER, _RECTANGLE = "cylinder", "rectangle"
 _CONTAINER_KEYS = {
@@ -90,7 +92,7 @@ def read_any_calibration(path: str | Path) -> AnyCalibration:
         SloshCameraError: the file cannot be read or a value cannot be used; the message names
             the file and the key.
     """
-    return parse_any_calibration(read_text(path), str(path), Path(path).resolve().parent)
+    return parse_any_calibration(read_file(path), str(path), Path(path).resolve().parent)
 
 
 def parse_calibration(
@@ -128,20 +130,8 @@ def parse_any_calibration(
     Raises:
         SloshCameraError: as read_any_calibration.
     """
-    root = parse_document(text, source)
-    check_keys(root, _REQUIRED, _OPTIONAL, source, "")
-    camera = _camera(root, source)
-    container = _built(source, "container.", lambda: _container(root, source))
-    pose = _built(source, "pose.", lambda: _pose(root, source))
-    region = _built(source, "", lambda: _region(root, source))
-    detection = _built(source, "detection.", lambda: _detection(root, source))
-    name = camera_name(root, source)
-    still = _still_image(root, source, folder)
-    if isinstance(container, Box):
-        face = _built(source, "", lambda: BoxView(camera, pose, container))
-        return _built(source, "", lambda: SideCalibration(face, name, region, detection, still))
-    view = _built(source, "", lambda: CupView(camera, pose, container))
-    return _built(source, "", lambda: Calibration(view, name, region, detection, still))
+    document = parse_mapping(text, source)
+    return _calibration(document.value, document, folder)
 
 
 def format_calibration(calibration: AnyCalibration) -> str:
@@ -176,8 +166,7 @@ def format_calibration(calibration: AnyCalibration) -> str:
         document["detection"] = settings
     if calibration.still_image is not None:
         document["still_image"] = str(calibration.still_image)
-    text: str = yaml.safe_dump(document, sort_keys=False, default_flow_style=None, width=99)
-    return text
+    return format_yaml(document, sort_keys=False, default_flow_style=None, width=99)
 
 
 def _container_block(calibration: AnyCalibration) -> dict[str, Any]:
@@ -191,11 +180,30 @@ def _container_block(calibration: AnyCalibration) -> dict[str, Any]:
     return {"shape": shape, **known}
 
 
-def _camera(root: Mapping[str, Any], source: str) -> PinholeCamera:
+def _calibration(
+    root: Mapping[str, Any], source: YamlDocument, folder: Path | None
+) -> AnyCalibration:
+    check_keys(root, _REQUIRED, _OPTIONAL, source, "")
+    camera = _camera(root, source)
+    container = _built(source, "container.", lambda: _container(root, source))
+    pose = _built(source, "pose.", lambda: _pose(root, source))
+    region = _built(source, "", lambda: _region(root, source))
+    detection = _built(source, "detection.", lambda: _detection(root, source))
+    name = camera_name(source)
+    still = _still_image(root, source, folder)
+    if isinstance(container, Box):
+        face = _built(source, "", lambda: BoxView(camera, pose, container))
+        return _built(source, "", lambda: SideCalibration(face, name, region, detection, still))
+    view = _built(source, "", lambda: CupView(camera, pose, container))
+    return _built(source, "", lambda: Calibration(view, name, region, detection, still))
+
+
+def _camera(root: Mapping[str, Any], source: YamlDocument) -> PinholeCamera:
     model = root.get("distortion_model", PLUMB_BOB)
     if model != PLUMB_BOB:
         raise SloshCameraError(
-            f"{source}: distortion_model: {model!r} is not supported, use {PLUMB_BOB}"
+            f"{place(source, 'distortion_model')}: {shown(model)} is not supported, "
+            f"use {PLUMB_BOB}"
         )
     width = integer(root, "image_width", source, "")
     height = integer(root, "image_height", source, "")
@@ -204,19 +212,20 @@ def _camera(root: Mapping[str, Any], source: str) -> PinholeCamera:
     return _built(source, "", lambda: camera_from_info(matrix, coefficients, width, height))
 
 
-def _matrix(root: Mapping[str, Any], key: str, source: str) -> list[float]:
+def _matrix(root: Mapping[str, Any], key: str, source: YamlDocument) -> list[float]:
     block = mapping(root[key], source, key)
     check_keys(block, ("rows", "cols", "data"), (), source, f"{key}.")
     size = integer(block, "rows", source, f"{key}.") * integer(block, "cols", source, f"{key}.")
     return numbers(block, "data", size, source, f"{key}.")
 
 
-def _container(root: Mapping[str, Any], source: str) -> Cup | Box:
+def _container(root: Mapping[str, Any], source: YamlDocument) -> Cup | Box:
     block = mapping(root["container"], source, "container")
     shape = block.get("shape", _CYLINDER)
     if not isinstance(shape, str) or shape not in _CONTAINER_KEYS:
         raise SloshCameraError(
-            f"{source}: container.shape: {shape!r}, must be {' or '.join(_CONTAINER_KEYS)}"
+            f"{place(source, 'container.shape')}: {shown(shape)}, must be "
+            f"{' or '.join(_CONTAINER_KEYS)}"
         )
     required, optional = _CONTAINER_KEYS[shape]
     check_keys(block, required, (*optional, "shape"), source, "container.")
@@ -226,7 +235,7 @@ def _container(root: Mapping[str, Any], source: str) -> Cup | Box:
     return Cup(**values) if shape == _CYLINDER else Box(**values)
 
 
-def _pose(root: Mapping[str, Any], source: str) -> Pose:
+def _pose(root: Mapping[str, Any], source: YamlDocument) -> Pose:
     block = mapping(root["pose"], source, "pose")
     check_keys(block, ("rotation", "translation"), (), source, "pose.")
     rotation = numbers(block, "rotation", 9, source, "pose.")
@@ -234,7 +243,7 @@ def _pose(root: Mapping[str, Any], source: str) -> Pose:
     return Pose(np.reshape(rotation, (3, 3)), np.array(translation))
 
 
-def _region(root: Mapping[str, Any], source: str) -> RegionOfInterest | None:
+def _region(root: Mapping[str, Any], source: YamlDocument) -> RegionOfInterest | None:
     if root.get("region_of_interest") is None:
         return None
     block = mapping(root["region_of_interest"], source, "region_of_interest")
@@ -244,7 +253,7 @@ def _region(root: Mapping[str, Any], source: str) -> RegionOfInterest | None:
     )
 
 
-def _detection(root: Mapping[str, Any], source: str) -> DetectionSettings:
+def _detection(root: Mapping[str, Any], source: YamlDocument) -> DetectionSettings:
     if root.get("detection") is None:
         return DetectionSettings()
     block = mapping(root["detection"], source, "detection")
@@ -258,21 +267,27 @@ def _detection(root: Mapping[str, Any], source: str) -> DetectionSettings:
     return DetectionSettings(**values)
 
 
-def _still_image(root: Mapping[str, Any], source: str, folder: Path | None) -> Path | None:
+def _still_image(
+    root: Mapping[str, Any], source: YamlDocument, folder: Path | None
+) -> Path | None:
     value = root.get("still_image")
     if value is None:
         return None
     if not isinstance(value, str) or not value or "\0" in value:
-        raise SloshCameraError(f"{source}: still_image: {value!r} is not the path of an image")
+        raise SloshCameraError(
+            f"{place(source, 'still_image')}: {shown(value)} is not the path of an image"
+        )
     return Path(value) if folder is None else folder / value
 
 
-def _liquid(value: object, source: str) -> Liquid:
+def _liquid(value: object, source: YamlDocument) -> Liquid:
     try:
         return Liquid(value)
     except ValueError:
         names = " or ".join(liquid.value for liquid in Liquid)
-        raise SloshCameraError(f"{source}: detection.liquid: {value!r}, must be {names}") from None
+        raise SloshCameraError(
+            f"{place(source, 'detection.liquid')}: {shown(value)}, must be {names}"
+        ) from None
 
 
 def _of_cylinder(calibration: AnyCalibration, source: str) -> Calibration:
@@ -283,11 +298,12 @@ def _of_cylinder(calibration: AnyCalibration, source: str) -> Calibration:
     return calibration
 
 
-def _built(source: str, prefix: str, build: Callable[[], _T]) -> _T:
+def _built(source: YamlDocument, prefix: str, build: Callable[[], _T]) -> _T:
     """Build an object; its own error gets the file's name and the key's place."""
     try:
         return build()
     except SloshCameraError as error:
-        if str(error).startswith(f"{source}: "):
+        if str(error).startswith(f"{source.source}:"):
             raise
-        raise SloshCameraError(f"{source}: {prefix}{error}") from error
+        where = source.where(*f"{prefix}{error}".partition(":")[0].split("."))
+        raise SloshCameraError(f"{where}: {prefix}{error}") from error

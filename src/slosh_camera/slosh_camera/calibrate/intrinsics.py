@@ -15,11 +15,13 @@ from slosh_camera.calibrate.yaml_fields import (
     mapping,
     number,
     numbers,
-    parse_document,
-    read_text,
+    parse_mapping,
+    place,
+    read_file,
 )
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.optics.camera import PLUMB_BOB, PinholeCamera, camera_from_info
+from slosh_files.yaml_document import YamlDocument, shown
 
 _NEEDED = ("image_width", "image_height", "camera_matrix", "distortion_coefficients")
 
@@ -52,12 +54,12 @@ def read_known_camera(path: str | Path) -> KnownCamera:
         SloshCameraError: the file cannot be read or a value cannot be used; the message names
             the file and the key.
     """
-    source = str(path)
-    root = parse_document(read_text(path), source)
+    source = parse_mapping(read_file(path), str(path))
+    root = source.value
     for key in _NEEDED:
         if key not in root:
-            raise SloshCameraError(f"{source}: {key}: is missing")
-    name = camera_name(root, source)
+            raise SloshCameraError(f"{place(source, key)}: is missing")
+    name = camera_name(source)
     return KnownCamera(_camera(root, source), name, _container(root, source))
 
 
@@ -83,7 +85,7 @@ def camera_of_view(width: int, height: int, field_of_view: float) -> PinholeCame
     return PinholeCamera(width, height, focal, focal, 0.5 * (width - 1), 0.5 * (height - 1))
 
 
-def _camera(root: Mapping[str, Any], source: str) -> PinholeCamera:
+def _camera(root: Mapping[str, Any], source: YamlDocument) -> PinholeCamera:
     model = root.get("distortion_model", PLUMB_BOB)
     width = integer(root, "image_width", source, "")
     height = integer(root, "image_height", source, "")
@@ -91,24 +93,26 @@ def _camera(root: Mapping[str, Any], source: str) -> PinholeCamera:
     try:
         return camera_from_info(matrix, lens, width, height, str(model))
     except SloshCameraError as error:
-        raise SloshCameraError(f"{source}: {error}") from error
+        where = source.where(str(error).partition(":")[0])
+        raise SloshCameraError(f"{where}: {error}") from error
 
 
-def _data(root: Mapping[str, Any], key: str, source: str) -> list[float]:
+def _data(root: Mapping[str, Any], key: str, source: YamlDocument) -> list[float]:
     block = mapping(root[key], source, key)
     values = block.get("data")
     if not isinstance(values, list):
-        raise SloshCameraError(f"{source}: {key}.data: is missing")
+        raise SloshCameraError(f"{place(source, f'{key}.data')}: is missing")
     return numbers(block, "data", len(values), source, f"{key}.")
 
 
-def _container(root: Mapping[str, Any], source: str) -> dict[str, float]:
+def _container(root: Mapping[str, Any], source: YamlDocument) -> dict[str, float]:
     if root.get("container") is None:
         return {}
     block = mapping(root["container"], source, "container")
     if block.get("shape", "cylinder") != "cylinder":
         raise SloshCameraError(
-            f"{source}: container.shape: {block['shape']}, but a cylinder is needed here"
+            f"{place(source, 'container.shape')}: {shown(block['shape'])}, but a cylinder is "
+            "needed here"
         )
     return {
         str(key): number(value, source, f"container.{key}")

@@ -1,4 +1,4 @@
-"""Checked values of a YAML document; every error names the file and the key."""
+"""Checked values of a YAML document; every error names the file, the line and the key."""
 
 from __future__ import annotations
 
@@ -7,44 +7,49 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from slosh_camera.errors import SloshCameraError
-from slosh_model.bounded_yaml import load_yaml
+from slosh_files.errors import TextFileError, YamlError
+from slosh_files.text_file import read_text
+from slosh_files.yaml_document import LONGEST, YamlDocument, parse_yaml, shown
 
 
-def read_text(path: str | Path) -> str:
+def read_file(path: str | Path) -> str:
     """The text of a file."""
     try:
-        return Path(path).read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or "is not UTF-8 text"
-        raise SloshCameraError(f"{path}: cannot be read: {reason}") from error
+        return read_text(path, LONGEST)
+    except TextFileError as error:
+        raise SloshCameraError(f"{path}: cannot be read: {error.reason}") from error
 
 
-def parse_document(text: str, source: str) -> Mapping[str, Any]:
-    """The keys and values of a YAML text."""
+def parse_mapping(text: str, source: str) -> YamlDocument:
+    """A YAML text whose value is a mapping."""
     try:
-        document = load_yaml(text)
-    except yaml.YAMLError as error:
-        mark = getattr(error, "problem_mark", None)
-        where = f" at line {mark.line + 1}" if mark is not None else ""
-        raise SloshCameraError(f"{source}: is not valid YAML{where}") from error
-    return mapping(document, source, "the file")
+        document = parse_yaml(text, source)
+    except YamlError as error:
+        raise SloshCameraError(str(error)) from error
+    if not isinstance(document.value, Mapping):
+        raise SloshCameraError(f"{source}: the file: is not a mapping of keys to values")
+    return document
 
 
-def camera_name(root: Mapping[str, Any], source: str) -> str:
+def camera_name(document: YamlDocument) -> str:
     """Name of the camera that a file describes."""
-    name = root.get("camera_name", "camera")
+    name = document.value.get("camera_name", "camera")
     if not isinstance(name, str):
-        raise SloshCameraError(f"{source}: camera_name: {name!r} is not a text")
+        raise SloshCameraError(f"{place(document, 'camera_name')}: {shown(name)} is not a text")
     return name
 
 
-def mapping(value: object, source: str, key: str) -> Mapping[str, Any]:
+def place(source: YamlDocument, prefix: str, key: str = "") -> str:
+    """File, line and key; the block's place ends in a dot, as in `pose.`."""
+    above = prefix.rstrip(".").split(".") if prefix else []
+    return source.at(*above, *([key] if key else []))
+
+
+def mapping(value: object, source: YamlDocument, key: str) -> Mapping[str, Any]:
     """The value, refused where it is not a mapping."""
     if not isinstance(value, Mapping):
-        raise SloshCameraError(f"{source}: {key}: is not a mapping of keys to values")
+        raise SloshCameraError(f"{place(source, key)}: is not a mapping of keys to values")
     return value
 
 
@@ -52,41 +57,47 @@ def check_keys(
     block: Mapping[str, Any],
     required: tuple[str, ...],
     optional: tuple[str, ...],
-    source: str,
+    source: YamlDocument,
     prefix: str,
 ) -> None:
     """Refuse unknown and missing keys; `prefix` is the block's own place in the file."""
     for key in block:
         if key not in required and key not in optional:
             known = ", ".join((*required, *optional))
-            raise SloshCameraError(f"{source}: {prefix}{key}: unknown key, known are {known}")
+            raise SloshCameraError(f"{place(source, prefix, key)}: unknown key, known are {known}")
     for key in required:
         if key not in block:
-            raise SloshCameraError(f"{source}: {prefix}{key}: is missing")
+            raise SloshCameraError(f"{place(source, prefix, key)}: is missing")
 
 
-def number(value: object, source: str, key: str) -> float:
+def number(value: object, source: YamlDocument, key: str) -> float:
     """The value as a finite number."""
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise SloshCameraError(f"{source}: {key}: {value!r} is not a number")
-    if not math.isfinite(value):
-        raise SloshCameraError(f"{source}: {key}: {value} is not a finite number")
+        raise SloshCameraError(f"{place(source, key)}: {shown(value)} is not a number")
+    try:
+        finite = math.isfinite(value)
+    except OverflowError:
+        finite = False
+    if not finite:
+        raise SloshCameraError(f"{place(source, key)}: {shown(value)} is not a finite number")
     return float(value)
 
 
-def integer(block: Mapping[str, Any], key: str, source: str, prefix: str) -> int:
+def integer(block: Mapping[str, Any], key: str, source: YamlDocument, prefix: str) -> int:
     """The block's value as a whole number."""
     value = block[key]
     if isinstance(value, bool) or not isinstance(value, int):
-        raise SloshCameraError(f"{source}: {prefix}{key}: {value!r} is not a whole number")
+        raise SloshCameraError(
+            f"{place(source, prefix, key)}: {shown(value)} is not a whole number"
+        )
     return value
 
 
 def numbers(
-    block: Mapping[str, Any], key: str, count: int, source: str, prefix: str
+    block: Mapping[str, Any], key: str, count: int, source: YamlDocument, prefix: str
 ) -> list[float]:
     """The block's value as a list of so many finite numbers."""
     values = block[key]
     if not isinstance(values, list) or len(values) != count:
-        raise SloshCameraError(f"{source}: {prefix}{key}: must be a list of {count} numbers")
+        raise SloshCameraError(f"{place(source, prefix, key)}: must be a list of {count} numbers")
     return [number(value, source, f"{prefix}{key}") for value in values]

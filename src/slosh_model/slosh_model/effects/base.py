@@ -89,11 +89,12 @@ class Parameter:
         if not (math.isfinite(value) and self.lower <= value <= self.upper):
             raise SloshModelError(
                 f"{owner}.{self.name} = {value!r} must lie in [{self.lower:g}, {self.upper:g}]"
-                + (f" {self.unit}" if self.unit != "1" else "")
+                + (f" {self.unit}" if self.unit != "1" else ""),
+                (self.name,),
             )
         if self.choices is not None and value not in self.choices:
             known = " or ".join(f"{choice:g}" for choice in self.choices)
-            raise SloshModelError(f"{owner}.{self.name} = {value!r} must be {known}")
+            raise SloshModelError(f"{owner}.{self.name} = {value!r} must be {known}", (self.name,))
         return float(value)
 
 
@@ -150,7 +151,9 @@ class Effect:
         for name in given:
             if name not in names:
                 known = ", ".join(names) or "none"
-                raise SloshModelError(f"{owner}: unknown parameter {name!r} (known: {known})")
+                raise SloshModelError(
+                    f"{owner}: unknown parameter {name!r:.60} (known: {known})", (name,)
+                )
         values: dict[str, float] = {}
         for parameter in self.parameters:
             value = given.get(parameter.name, parameter.default)

@@ -76,4 +76,4 @@ def find_effect(name: str) -> Effect:
         return EFFECTS[name]
     except (KeyError, TypeError):
         known = ", ".join(EFFECTS)
-        raise SloshModelError(f"unknown effect {name!r} (known: {known})") from None
+        raise SloshModelError(f"unknown effect {name!r:.60} (known: {known})", ("name",)) from None

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import yaml
 from rclpy.node import Node
 
+from slosh_files.yaml_text import format_yaml
 from slosh_msgs.msg import NodeSettings
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.stamps import to_time
@@ -53,5 +53,5 @@ class SettingsPublisher:
             "topics": self._topics,
             "files": dict(files),
         }
-        message.document = yaml.safe_dump(document, sort_keys=True, allow_unicode=True)
+        message.document = format_yaml(document, sort_keys=True, allow_unicode=True)
         self._publisher.publish(message)

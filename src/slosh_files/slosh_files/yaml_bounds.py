@@ -1,4 +1,4 @@
-"""Reads YAML whose size is bounded before anything is made of it.
+"""Refuses YAML that stands for too much, before anything is made of it.
 
 References and merge keys let a page of text stand for more values than a machine can hold. So the
 values are counted first, references followed, from the parser's events alone: that takes a time
@@ -11,8 +11,6 @@ from typing import Any
 
 import yaml
 
-LONGEST = 1_000_000
-"""Characters of a text, at most, where nothing else is said."""
 MOST_VALUES = 200_000
 """Values of a document, keys too, at most; references count as what they stand for."""
 DEEPEST = 50
@@ -21,26 +19,15 @@ SAFE_LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 """Eight times as fast as the one in Python, where the C library is there."""
 
 
-def load_yaml(text: str | bytes, loader: Any = SAFE_LOADER, longest: int = LONGEST) -> Any:
-    """What a text says, as `yaml.load` reads it.
-
-    Args:
-        text: one document.
-        loader: a safe loader.
-        longest: characters or bytes of the text, at most.
-
-    Raises:
-        yaml.YAMLError: no YAML, or more of it than is let in.
-    """
-    check_yaml(text, longest)
-    return yaml.load(text, Loader=loader)  # the loaders given are safe ones
-
-
-def check_yaml(text: str | bytes, longest: int = LONGEST) -> None:
+def check_bounds(text: str, longest: int) -> None:
     """Refuses a text that is too long, or stands for too much.
 
+    Args:
+        text: YAML.
+        longest: characters of it, at most.
+
     Raises:
-        yaml.YAMLError: see `load_yaml`.
+        yaml.YAMLError: it does, or is no YAML.
     """
     if len(text) > longest:
         raise yaml.MarkedYAMLError(problem=f"the text is longer than {longest} characters")

@@ -7,7 +7,8 @@ import tracemalloc
 import pytest
 import yaml
 
-from slosh_model.bounded_yaml import load_yaml
+from slosh_files.errors import YamlError
+from slosh_files.yaml_document import parse_yaml
 
 LEVELS = range(1, 40)
 ALIASES = "a0: &a0 [1, 1]\n" + "".join(f"a{n}: &a{n} [*a{n - 1}, *a{n - 1}]\n" for n in LEVELS)
@@ -31,8 +32,8 @@ MERGES = "a0: &a0 {x0: 1, y0: 1}\n" + "".join(
 def test_too_much_is_refused_with_the_reason(text: str, problem: str) -> None:
     tracemalloc.start()
     try:
-        with pytest.raises(yaml.YAMLError, match=problem):
-            load_yaml(text)
+        with pytest.raises(YamlError, match=problem):
+            parse_yaml(text, "f.yaml")
         assert tracemalloc.get_traced_memory()[1] < 20_000_000
     finally:
         tracemalloc.stop()
@@ -42,4 +43,4 @@ def test_too_much_is_refused_with_the_reason(text: str, problem: str) -> None:
     "text", ["", "a: 1", "a: &x [1, 2]\nb: *x", "a: &x {p: 1}\nb: {<<: *x, q: 2}", "- {a: [1.5]}"]
 )
 def test_the_rest_is_what_yaml_reads(text: str) -> None:
-    assert load_yaml(text) == yaml.safe_load(text)
+    assert parse_yaml(text, "f.yaml").value == yaml.safe_load(text)
