@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from slosh_bag.reader import BagReader, TopicInfo
 from slosh_bag.recorder import LOST
+from slosh_files.nanoseconds import SECOND
 
 Array = NDArray[np.float64]
 HEIGHTS = (
@@ -162,7 +163,7 @@ def facts_of(data: RunData, node: str) -> Mapping[str, str]:
 def stamp_ns(message: Any) -> int:
     """The header's stamp [ns]."""
     stamp = message.header.stamp
-    return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
+    return int(stamp.sec) * SECOND + int(stamp.nanosec)
 
 
 def _taker(topic: str) -> Callable[[_Gathered, Any], None] | None:

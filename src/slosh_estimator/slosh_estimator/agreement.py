@@ -13,10 +13,10 @@ from typing import NamedTuple
 import numpy as np
 
 from slosh_estimator.rotation import Vector
+from slosh_files.nanoseconds import SECOND
 from slosh_report.alignment import despike
 
 NAN = float("nan")
-SECOND = 1_000_000_000
 MOVING = 0.15
 """Size of the smoothed acceleration from which the container counts as moving [m/s²]."""
 SMOOTHING = 0.05

@@ -12,6 +12,7 @@ import numpy as np
 from numba.types import boolean, float64, int64, void
 from numpy.typing import NDArray
 
+from slosh_estimator.validity import EstimateFlag
 from slosh_model import kernel
 from slosh_model.chains import all_readings
 from slosh_model.compilation import CHANGED_1, CHANGED_2, GIVEN_1, GIVEN_2, compiled, entry_point
@@ -33,6 +34,11 @@ MODAL = 4
 """Numbers per mode in a row of answers: x, y, vx, vy; first all modes of L, then of NL."""
 LEFT_RANGE = -1.0
 """In place of the flags: a model has left the physical range."""
+# Compiled code takes plain numbers.
+_PLANARITY_LOST = int(EstimateFlag.PLANARITY_LOST)
+_ACCELERATION_LIMIT = int(EstimateFlag.ACCELERATION_LIMIT)
+_JERK_LIMIT = int(EstimateFlag.JERK_LIMIT)
+_ABOVE_RIM = int(EstimateFlag.ABOVE_RIM)
 
 CHECKS = np.dtype(
     [
@@ -104,13 +110,13 @@ def _validity(checks, dt, acceleration, height, first):  # type: ignore[no-untyp
     size = math.sqrt(ax * ax + ay * ay + az * az)
     flags = 0
     if size > checks["planar_acceleration"] or jerk > checks["planar_jerk"]:
-        flags |= 1
+        flags |= _PLANARITY_LOST
     if size > checks["acceleration"]:
-        flags |= 2
+        flags |= _ACCELERATION_LIMIT
     if jerk > checks["jerk"]:
-        flags |= 4
+        flags |= _JERK_LIMIT
     if height > checks["freeboard"]:
-        flags |= 8
+        flags |= _ABOVE_RIM
     return jerk, flags
 
 

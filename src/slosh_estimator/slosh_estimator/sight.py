@@ -10,6 +10,7 @@ from __future__ import annotations
 import functools
 import math
 import operator
+from enum import IntFlag
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,16 +21,29 @@ from slosh_estimator.validity import EstimateFlag
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-# Flags of FreeSurface.msg that matter here.
-SATURATED, NOT_FOUND, FROZEN, BAD_IMAGE, CONTESTED = 1, 32, 64, 128, 256
-UNUSABLE = NOT_FOUND | BAD_IMAGE
+
+class SurfaceFlag(IntFlag):
+    """What limits a measured height, as far as it matters here; the values of FreeSurface.msg."""
+
+    SATURATED = 1
+    NOT_FOUND = 32
+    FROZEN = 64
+    BAD_IMAGE = 128
+    CONTESTED = 256
+
+
+# Plain numbers: they are compared with every sample's flags.
+SATURATED = int(SurfaceFlag.SATURATED)
+UNUSABLE = int(SurfaceFlag.NOT_FOUND | SurfaceFlag.BAD_IMAGE)
 FAR = 2.0
 """So far apart the two sides' newest stamps never lie where their clocks are one [s]."""
 _MEASURED = {
-    CONTESTED: "several publishers send images (CONTESTED)",
-    BAD_IMAGE: "the images cannot be decoded, or do not show the container (BAD_IMAGE)",
-    NOT_FOUND: "the camera finds no liquid (NOT_FOUND): is its lens covered?",
-    FROZEN: "the camera repeats one image again and again (FROZEN)",
+    SurfaceFlag.CONTESTED: "several publishers send images (CONTESTED)",
+    SurfaceFlag.BAD_IMAGE: (
+        "the images cannot be decoded, or do not show the container (BAD_IMAGE)"
+    ),
+    SurfaceFlag.NOT_FOUND: "the camera finds no liquid (NOT_FOUND): is its lens covered?",
+    SurfaceFlag.FROZEN: "the camera repeats one image again and again (FROZEN)",
 }
 _ESTIMATED = {
     EstimateFlag.INPUT_CONTESTED: "several publishers speak on the estimator's input",
@@ -38,7 +52,7 @@ _ESTIMATED = {
     EstimateFlag.AFTER_GAP: "the estimator's input had a gap (AFTER_GAP)",
     EstimateFlag.SETTLING: "the estimator does not know the liquid's state yet (SETTLING)",
 }
-_SHOWN_NOTHING = functools.reduce(operator.or_, _MEASURED)
+_SHOWN_NOTHING = int(functools.reduce(operator.or_, _MEASURED))
 UNSOUND = int(functools.reduce(operator.or_, _ESTIMATED))
 """Flags of an estimate that says nothing about the model: its state is not known, or its input is
 not what it is said to be."""
@@ -53,12 +67,12 @@ def obstacle(measured: float, measured_flags: int, estimate: float, estimate_fla
         estimate_flags: bits of EstimateFlag.
     """
     for flag, reason in _MEASURED.items():
-        if measured_flags & flag:
+        if measured_flags & int(flag):
             return reason
     if not math.isfinite(measured):
         return "the camera measures no height"
     for bit, reason in _ESTIMATED.items():
-        if estimate_flags & bit:
+        if estimate_flags & int(bit):
             return reason
     return "" if math.isfinite(estimate) else "no estimate belongs to the moment of the image"
 

@@ -26,6 +26,8 @@ from std_srvs.srv import Trigger  # noqa: E402
 from slosh_estimator.errors import SloshEstimatorError  # noqa: E402
 from slosh_estimator.nodes.estimator_node import EstimatorNode  # noqa: E402
 from slosh_estimator.nodes.monitor_node import MonitorNode  # noqa: E402
+from slosh_estimator.sight import SurfaceFlag  # noqa: E402
+from slosh_estimator.validity import EstimateFlag  # noqa: E402
 from slosh_model.model_text import parse_model  # noqa: E402
 from slosh_msgs.msg import (  # noqa: E402
     ExpectedReading,
@@ -513,3 +515,10 @@ def test_a_model_that_needs_an_attitude_says_so_where_there_is_none(
     cell.until(warned)
     plain = cell.call(LoadModel, topics.LOAD_MODEL, LoadModel.Request(text=TEXT))
     assert plain.message == "loaded; the models start from rest"
+
+
+def test_flags_are_those_of_the_messages():
+    for flag in SurfaceFlag:
+        assert getattr(FreeSurface, flag.name) == flag
+    for flag in set(EstimateFlag) - {EstimateFlag.NONE}:
+        assert getattr(SloshEstimate, flag.name) == flag

@@ -18,7 +18,7 @@ from slosh_estimator.monitor import (
     Monitor,
     MonitorSettings,
 )
-from slosh_estimator.sight import FROZEN, SATURATED
+from slosh_estimator.sight import SATURATED, SurfaceFlag
 from slosh_estimator.validity import EstimateFlag
 from slosh_report.metrics import mean_absolute_error, peak_error
 
@@ -338,7 +338,7 @@ def both_speak(
     [
         ({"measured_flags": BAD_IMAGE}, "BAD_IMAGE"),
         ({"measured_flags": NOT_FOUND}, "is its lens covered"),
-        ({"measured_flags": FROZEN}, "FROZEN"),
+        ({"measured_flags": int(SurfaceFlag.FROZEN)}, "FROZEN"),
         ({"height": math.nan}, "measures no height"),
         ({"shift": -10_000}, "10.0.0 s behind those of the estimates"),
         ({"shift": 10_000}, "(9.99|10.0)0 s ahead of those of the estimates"),

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from builtin_interfaces.msg import Duration, Time
 
+from slosh_files.nanoseconds import SECOND
 from slosh_msgs_py.errors import SloshMessageError
 
-SECOND = 1_000_000_000
 MAXIMUM = (2**31 - 1) * SECOND
 
 

@@ -23,13 +23,14 @@ from slosh_bag.bounded_text import bounded_text
 from slosh_bag.definitions import Definitions
 from slosh_bag.errors import SloshBagError
 from slosh_files import check_free, new_folder
+from slosh_files.nanoseconds import SECOND
 
 Array = NDArray[np.float64]
 
 RADIUS = 0.049
 FILL_HEIGHT = 0.078
 """The measured container [m]."""
-ORIGIN_NS = 1_000_000_000
+ORIGIN_NS = SECOND
 """Both clocks start at 1 s: a stamp of 0 means 'no stamp' in ROS."""
 POSE_TOPIC, POSE_TYPE = "/slosh/pose", "geometry_msgs/msg/PoseStamped"
 SURFACE_TOPIC, SURFACE_TYPE = "/slosh/free_surface", "slosh_msgs/msg/FreeSurface"
@@ -200,9 +201,7 @@ def _check_times(path: Path, name: str, times: Array, first_line: int) -> None:
 
 
 def _header(types: Any, stamp_ns: int, frame: str) -> Any:
-    stamp = types["builtin_interfaces/msg/Time"](
-        sec=stamp_ns // 1_000_000_000, nanosec=stamp_ns % 1_000_000_000
-    )
+    stamp = types["builtin_interfaces/msg/Time"](sec=stamp_ns // SECOND, nanosec=stamp_ns % SECOND)
     return types["std_msgs/msg/Header"](stamp=stamp, frame_id=frame)
 
 

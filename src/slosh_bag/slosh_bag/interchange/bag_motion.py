@@ -11,12 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_bag.errors import SloshBagError
-from slosh_bag.interchange.table_bag import NOT_REPORTED, SECOND
+from slosh_bag.interchange.table_bag import NOT_REPORTED
 from slosh_bag.replay.inputs import STAMP, InputReader, fields, stamps_of
 from slosh_bag.strays import StrayFilter
 from slosh_estimator.inputs import InputSettings
 from slosh_estimator.rotation import matrix_from_rpy
 from slosh_estimator.sample import Samples
+from slosh_files.nanoseconds import SECOND
 
 Array = NDArray[np.float64]
 Stamps = NDArray[np.int64]

@@ -34,7 +34,6 @@ from slosh_bag.interchange.table_bag import (
     IMU,
     IMU_TYPE,
     ORIGIN_KEY,
-    SECOND,
     SURFACE,
     SURFACE_TYPE,
     WALL_POINT,
@@ -48,6 +47,7 @@ from slosh_bag.replay.bag import Sources, find_sources
 from slosh_bag.replay.inputs import STAMP, recorded_inputs, stamps_of
 from slosh_estimator.inputs import InputSettings
 from slosh_estimator.sight import SATURATED, UNUSABLE
+from slosh_files.nanoseconds import SECOND
 
 Array = NDArray[np.float64]
 Stamps = NDArray[np.int64]

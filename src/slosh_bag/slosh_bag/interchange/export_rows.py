@@ -12,8 +12,8 @@ from slosh_bag.columns.cdr_columns import ColumnReader, Group
 from slosh_bag.interchange.export_fields import STAMP, Leaf, leaves, row_getter
 from slosh_bag.mcap_files.chunks import MessageBlock
 from slosh_bag.reader import BagMessage, BagReader
+from slosh_files.nanoseconds import SECOND
 
-SECOND: Final = 1_000_000_000
 FEWEST_ALIKE: Final = 16
 """Messages per length for which reading them together pays, rather than one by one."""
 Times = list[NDArray[np.int64]]

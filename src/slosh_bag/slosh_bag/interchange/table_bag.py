@@ -29,12 +29,12 @@ from slosh_bag.definitions import Definitions
 from slosh_bag.errors import SloshBagError
 from slosh_bag.motion_table import MotionTable, column_names, read_motion_table
 from slosh_files import new_folder
+from slosh_files.nanoseconds import SECOND
 from slosh_model.constants import GRAVITY
 
 Array = NDArray[np.float64]
 Stamps = NDArray[np.int64]
 
-SECOND: Final = 1_000_000_000
 LAST_NS: Final = (2**31 - 1) * SECOND
 ACCEL, ACCEL_TYPE = "accel", "geometry_msgs/msg/AccelStamped"
 IMU, IMU_TYPE = "imu", "sensor_msgs/msg/Imu"

@@ -18,6 +18,7 @@ from slosh_bag.errors import SloshBagError
 from slosh_bag.nodes.recorder_health import findings
 from slosh_bag.nodes.topic_input import Received, TopicInput, noted
 from slosh_bag.recorder import Recorder
+from slosh_files.nanoseconds import SECOND
 from slosh_msgs_py.node.diagnostics import DiagnosticsReporter, Health
 from slosh_msgs_py.node.guarded import GuardedNode
 from slosh_msgs_py.node.parameters import ParameterSpec, declare
@@ -25,7 +26,6 @@ from slosh_msgs_py.node.run import run_node
 
 DISCOVERY_PERIOD = 0.2
 TAKE_PERIOD = 0.05
-_SECOND = 1_000_000_000  # ns
 _SETTLED = 2_000_000  # ns; a message received this long ago can be taken by now
 PARAMETERS = (
     ParameterSpec("output", "bag", "folder of the bag; it must be new or empty"),
@@ -66,7 +66,7 @@ class RecorderNode(GuardedNode):
         self._held: list[Received] = []
         self._core = Recorder(
             Path(values["output"]),
-            Split(values["max_bag_size"], values["max_bag_duration"] * _SECOND),
+            Split(values["max_bag_size"], values["max_bag_duration"] * SECOND),
         )
         self._reported = self._reported_lost = 0
         self._report = DiagnosticsReporter(self, self._health, self._facts)
@@ -132,7 +132,7 @@ class RecorderNode(GuardedNode):
         held, self._held = sorted(self._held, key=lambda received: received.arrived_ns), []
         for received in held:
             # One of another topic may have come before it. After a step of the clock none waits.
-            if not final and 0 < received.arrived_ns - settled < _SECOND:
+            if not final and 0 < received.arrived_ns - settled < SECOND:
                 self._held.append(received)
             elif simulated is None:
                 sent_ns = received.sent_ns or None

@@ -13,8 +13,8 @@ from typing import NamedTuple
 
 from slosh_bag.errors import SloshBagError
 from slosh_bag.reader import BagMessage
+from slosh_files.nanoseconds import SECOND
 
-SECOND = 1_000_000_000
 _LAST_SECOND = 2**31
 RATES = (0.01, 1000.0)
 CLOCK_RATES = (1.0, 10_000.0)

@@ -16,6 +16,7 @@ from slosh_estimator.gate import GateSettings
 from slosh_estimator.imu_input import ImuInput
 from slosh_estimator.inputs import InputSettings
 from slosh_estimator.sample import Samples
+from slosh_files.nanoseconds import SECOND
 
 _FIELDS = {
     "accel": ("accel.linear.x", "accel.linear.y", "accel.linear.z"),
@@ -134,4 +135,4 @@ def _imu(row: Sequence[float]) -> tuple[Any, Any]:
 def stamps_of(columns: Mapping[str, NDArray[Any]]) -> NDArray[np.int64]:
     """The header's stamps [ns]."""
     seconds = columns["header.stamp.sec"].astype(np.int64)
-    return np.asarray(seconds * 1_000_000_000 + columns["header.stamp.nanosec"], dtype=np.int64)
+    return np.asarray(seconds * SECOND + columns["header.stamp.nanosec"], dtype=np.int64)

@@ -8,6 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from slosh_files.nanoseconds import SECOND
+
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
@@ -15,7 +17,7 @@ BIN_NS = 50_000_000
 """Accelerations are averaged over this time: a sensor's noise moves nothing."""
 MOVING = 0.15
 """Size of the averaged acceleration from which the container counts as moving [m/s²]."""
-PAUSE_NS = 1_000_000_000
+PAUSE_NS = SECOND
 """A rest of this length separates two motions."""
 
 

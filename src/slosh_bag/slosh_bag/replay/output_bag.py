@@ -18,6 +18,7 @@ from slosh_bag.replay.verification import estimate_columns
 from slosh_estimator.estimator import Estimates
 from slosh_estimator.limits import Event
 from slosh_estimator.monitor import Comparison
+from slosh_files.nanoseconds import SECOND
 
 ESTIMATE = "slosh_msgs/msg/SloshEstimate"
 COMPARISON = "slosh_msgs/msg/SloshComparison"
@@ -71,7 +72,7 @@ class OutputBag(Outputs):
             return
         if self._template is None:
             self._template = self._make_template(own)
-        seconds, nanoseconds = np.divmod(own.stamps, 1_000_000_000)
+        seconds, nanoseconds = np.divmod(own.stamps, SECOND)
         counted = self._count + 1 + np.arange(len(own.stamps))
         self._count += len(own.stamps)
         layout, template = self._template
@@ -135,11 +136,11 @@ class OutputBag(Outputs):
         return self._store.types["std_msgs/msg/Header"](stamp=self._time(stamp_ns), frame_id=FRAME)
 
     def _time(self, stamp_ns: int) -> Any:
-        seconds, nanoseconds = divmod(stamp_ns, 1_000_000_000)
+        seconds, nanoseconds = divmod(stamp_ns, SECOND)
         return self._store.types["builtin_interfaces/msg/Time"](sec=seconds, nanosec=nanoseconds)
 
     def _duration(self, duration_ns: int) -> Any:
-        seconds, nanoseconds = divmod(duration_ns, 1_000_000_000)
+        seconds, nanoseconds = divmod(duration_ns, SECOND)
         return self._store.types["builtin_interfaces/msg/Duration"](
             sec=seconds, nanosec=nanoseconds
         )

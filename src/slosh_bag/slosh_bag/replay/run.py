@@ -29,6 +29,7 @@ from slosh_estimator.limits import Event
 from slosh_estimator.monitor import Comparison
 from slosh_estimator.sight import UNUSABLE
 from slosh_estimator.validity import EstimateFlag
+from slosh_files.nanoseconds import SECOND
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -39,11 +40,11 @@ BEHIND_NS = 2_000_000_000
 that has been silent for so long, by the recorder's clock, holds nothing up."""
 KEPT_NS = 200_000_000
 """Estimates that are kept before the oldest that was released, to interpolate between."""
-AFTER_MOTION_NS = 1_000_000_000
+AFTER_MOTION_NS = SECOND
 """How long after its end a motion's liquid still counts [ns]."""
 AHEAD_NS = 10_000_000_000
 """An image that is so far ahead of the inputs that are recorded with it shows another time."""
-MAXIMUM = 2**31 * 10**9 - 1
+MAXIMUM = 2**31 * SECOND - 1
 """The last moment that a stamp can tell [ns]."""
 _UNRECORDED = np.uint16(EstimateFlag.INPUT_CONTESTED)
 

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple, TypeVar
 from slosh_bag.errors import SloshBagError
 from slosh_bag.reader import BagMessage, BagReader
 from slosh_files.errors import YamlError
+from slosh_files.nanoseconds import SECOND
 from slosh_files.yaml_document import parse_yaml
 from slosh_model.model import Model
 from slosh_model.model_text import format_model, parse_model
@@ -158,6 +159,6 @@ def node_start(message: Any, log_ns: int, source: str) -> NodeStart:
             "YAML with parameters and files"
         ) from None
     return NodeStart(
-        message.node, stamp.sec * 1_000_000_000 + stamp.nanosec, log_ns, message.code,
+        message.node, stamp.sec * SECOND + stamp.nanosec, log_ns, message.code,
         message.arithmetic, parameters, files, topics,
     )  # fmt: skip

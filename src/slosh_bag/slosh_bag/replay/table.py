@@ -22,6 +22,7 @@ from slosh_estimator.gate import GateSettings
 from slosh_estimator.inputs import InputSettings
 from slosh_estimator.monitor import MonitorSettings
 from slosh_estimator.sample import Samples
+from slosh_files.nanoseconds import SECOND
 from slosh_model.model import Model
 from slosh_model.pose import pose_rows
 
@@ -102,7 +103,7 @@ def replay_table(
 
 def _columns(stamps: Integers, table: MotionTable) -> dict[str, NDArray[Any]]:
     """The rows as columns of AccelStamped.msg, with yaw and pose where they are known."""
-    seconds, nanoseconds = np.divmod(stamps, 1_000_000_000)
+    seconds, nanoseconds = np.divmod(stamps, SECOND)
     yaws, poses = pose_rows(table.t, table.attitude, table.angular_velocity)
     turning = {_YAW: yaws, _POSE: poses} if len(poses) else {}
     return {

@@ -20,11 +20,11 @@ from slosh_bringup.detect.series import IMAGE_ENDINGS, images_in, longest_series
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.run_data import stamp_ns
 from slosh_camera.images.image_size import too_large
+from slosh_files.nanoseconds import SECOND
 
 RAW, COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
 FOLDER_RATE = 60.0
 """Images of files carry no time: they count as taken at this rate [Hz], in natural order."""
-_SECOND = 1e9
 _BEFORE, _AFTER = 100_000_000, 2_000_000_000
 """How long before and after its stamp a recorder may have got an image [ns]."""
 
@@ -150,7 +150,7 @@ def _file_source(
     note: str = "",
 ) -> FrameSource:
     frames = (
-        SourceFrame(round(index * _SECOND / rate), file.name, file)
+        SourceFrame(round(index * SECOND / rate), file.name, file)
         for index, file in enumerate(files)
     )
     return FrameSource(name, frames, len(files), rate, present or files, note)
@@ -180,7 +180,7 @@ def _video_source(path: Path) -> FrameSource:
 def _captured(capture: cv2.VideoCapture, source: FrameSource) -> Iterator[SourceFrame]:
     """The images of a video; of a cut one the last is left out, it may be half an image."""
     waiting: SourceFrame | None = None
-    period = _SECOND / (source.rate or FOLDER_RATE)
+    period = SECOND / (source.rate or FOLDER_RATE)
     stamp, index = -period, 0
     while True:
         more, image = capture.read()

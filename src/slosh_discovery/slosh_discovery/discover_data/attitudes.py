@@ -12,12 +12,12 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from slosh_bag.interchange.bag_motion import FRAME, Motion
 from slosh_bag.replay.inputs import STAMP, stamps_of
+from slosh_files.nanoseconds import SECOND
 from slosh_model.interpolation import columns_at
 
 Array = NDArray[np.float64]
 Stamps = NDArray[np.int64]
 
-SECOND = 1_000_000_000
 MAX_GAP_NS = SECOND // 10
 """Widest pair of poses between which an attitude is interpolated [ns]."""
 TURN_NS = SECOND // 50

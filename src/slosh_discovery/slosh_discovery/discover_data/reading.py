@@ -19,10 +19,11 @@ from slosh_discovery.discover_data.recording import (
     read_recording,
     sources_of,
 )
-from slosh_discovery.discover_data.splitting import SECOND, Part, split
+from slosh_discovery.discover_data.splitting import Part, split
 from slosh_discovery.discover_data.tables import is_table, motion_of_table, table_motion
 from slosh_discovery.discover_data.unrelated import unrelated_motion
 from slosh_discovery.errors import SloshDiscoveryError
+from slosh_files.nanoseconds import SECOND
 from slosh_model.errors import SloshModelError
 from slosh_model.model import Model
 from slosh_model.simulate import Inputs

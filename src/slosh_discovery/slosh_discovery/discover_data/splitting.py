@@ -17,11 +17,11 @@ from slosh_bag.interchange.bag_motion import Motion
 from slosh_bag.replay.motions import BIN_NS, MOVING, MotionFinder, MotionSpan
 from slosh_discovery.discover_data.heights import Still, find_still, rms_about
 from slosh_discovery.discover_data.recording import Heights, Recording
+from slosh_files.nanoseconds import SECOND
 
 Array = NDArray[np.float64]
 Stamps = NDArray[np.int64]
 
-SECOND = 1_000_000_000
 REST_NS = 2 * SECOND
 """Rest that is kept before a motion [ns]: it tells the noise."""
 DWELL_NS = 8 * SECOND

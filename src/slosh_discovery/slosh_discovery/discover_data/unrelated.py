@@ -19,6 +19,7 @@ from slosh_discovery.discover_data.heights import without_spikes
 from slosh_discovery.discover_data.recording import Recording, Tell
 from slosh_discovery.discover_data.splitting import DWELL_NS, SECOND, motion_spans
 from slosh_discovery.errors import SloshDiscoveryError
+from slosh_files.nanoseconds import SECOND
 from slosh_model.constants import GRAVITY
 from slosh_model.containers import Cylinder
 from slosh_model.errors import SloshModelError

@@ -7,6 +7,7 @@ from array import array
 from sensor_msgs.msg import Imu
 
 from slosh_estimator.estimator import Estimate, ModelState
+from slosh_files.nanoseconds import SECOND
 from slosh_msgs.msg import ExpectedReading, ModelEstimate, SloshEstimate
 from slosh_msgs_py.stamps import to_nanoseconds
 
@@ -27,7 +28,7 @@ def fill(message: SloshEstimate, estimate: Estimate) -> None:
     """Writes an estimate, but for its flags, into a message that is used again and again."""
     sample = estimate.sample
     stamp = message.header.stamp
-    stamp.sec, stamp.nanosec = divmod(sample.stamp_ns, 1_000_000_000)
+    stamp.sec, stamp.nanosec = divmod(sample.stamp_ns, SECOND)
     _fill_model(message.linear, estimate.linear)
     _fill_model(message.nonlinear, estimate.nonlinear)
     acceleration = message.acceleration
@@ -39,7 +40,7 @@ def fill(message: SloshEstimate, estimate: Estimate) -> None:
 def fill_reading(message: ExpectedReading, estimate: Estimate, delay: float) -> None:
     """Writes what a sensor is expected to read of an estimate, `delay` seconds late."""
     stamp = message.header.stamp
-    stamp.sec, stamp.nanosec = divmod(estimate.sample.stamp_ns, 1_000_000_000)
+    stamp.sec, stamp.nanosec = divmod(estimate.sample.stamp_ns, SECOND)
     message.linear = estimate.linear.reading
     message.nonlinear = estimate.nonlinear.reading
     message.delay = delay

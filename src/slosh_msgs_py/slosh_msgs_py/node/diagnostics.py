@@ -9,6 +9,7 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.clock import Clock, ClockType
 
+from slosh_files.nanoseconds import SECOND
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.node.guarded import GuardedNode
 from slosh_msgs_py.node.readiness import READY, STATE, Readiness
@@ -21,7 +22,7 @@ OK, WARN, ERROR, STALE = (
 )
 PERIOD = 1.0
 _KEPT = 2000  # latencies that the percentiles look back on
-_LONGEST = 60 * 10**9  # ns
+_LONGEST = 60 * SECOND  # ns
 
 Health = tuple[bytes, str]
 

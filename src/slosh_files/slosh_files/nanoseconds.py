@@ -1,0 +1,8 @@
+"""Stamps are whole nanoseconds, in every file and in every core."""
+
+from __future__ import annotations
+
+from typing import Final
+
+SECOND: Final = 1_000_000_000
+"""Nanoseconds of a second."""
