@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-SECOND = 1_000_000_000
+from slosh_files.nanoseconds import SECOND
+
 PERIOD_NS = 5 * SECOND
 _MOST = 5
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections import deque
 
-SECOND = 1_000_000_000
+from slosh_files.nanoseconds import SECOND
+
 _REMEMBERED = 40
 _ENOUGH = 8
 

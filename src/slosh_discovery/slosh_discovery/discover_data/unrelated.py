@@ -17,7 +17,7 @@ from slosh_bag.interchange.bag_motion import Motion
 from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_discovery.discover_data.heights import without_spikes
 from slosh_discovery.discover_data.recording import Recording, Tell
-from slosh_discovery.discover_data.splitting import DWELL_NS, SECOND, motion_spans
+from slosh_discovery.discover_data.splitting import DWELL_NS, motion_spans
 from slosh_discovery.errors import SloshDiscoveryError
 from slosh_files.nanoseconds import SECOND
 from slosh_model.constants import GRAVITY
