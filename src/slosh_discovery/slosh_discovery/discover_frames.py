@@ -8,6 +8,7 @@ from pathlib import Path
 from slosh_bag.errors import SloshBagError
 from slosh_discovery.discover.finding import WorstMoment
 from slosh_discovery.discover_data.recording import read_recording, sources_of
+from slosh_discovery.discovery_report.words import LETTERS
 from slosh_files.nanoseconds import SECOND
 from slosh_report.page.frame import Frame
 
@@ -16,8 +17,6 @@ Pictures = Callable[[Path, Mapping[str, int]], Mapping[str, tuple[bytes, float]]
 them [m], by label; what the bag does not hold is left out."""
 MOST = 3
 """Images on a page."""
-LETTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZ"
-"""As the page marks the moments."""
 
 
 def worst_frames(

@@ -39,7 +39,6 @@ LOW_NARROW = (4.1, 2.4)
 """Sizes of the residual's charts [in]."""
 SIZES = (("wide", WIDE), ("narrow", NARROW))
 LOW_SIZES = (("wide", LOW), ("narrow", LOW_NARROW))
-LETTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZ"
 CONFIDENT = 0.9
 """A name with less is shown as something to doubt."""
 
@@ -64,7 +63,7 @@ def render_discovery(report: DiscoveryReport) -> str:
         ],
         widest=_widest(document["candidates"]),
         groups=_groups(document["where"]),
-        letters=dict(enumerate(LETTERS)),
+        letters=dict(enumerate(words.LETTERS)),
         drawn=drawn,
         charts=_charts(report, drawn),
         turning=[turning_of(motion.inputs) is not None for motion in finding.separating],
@@ -97,7 +96,7 @@ def _charts(report: DiscoveryReport, drawn: Sequence[int]) -> dict[str, Markup]:
         motion = finding.motions[index]
         moments = {
             letter: moment.t
-            for letter, moment in zip(LETTERS, finding.worst, strict=False)
+            for letter, moment in zip(words.LETTERS, finding.worst, strict=False)
             if moment.motion == motion.motion.name
         }
         for width, size in SIZES:

@@ -22,6 +22,8 @@ PARTS = {
     "input": "input",
 }
 """What the rows of `where` are parts of, for people."""
+LETTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZ"
+"""Of the worst moments, the worst first, in charts, tables and captions."""
 
 
 def part_name(by: str) -> str:

@@ -1,1 +1,1 @@
-"""What every report's page is made of: frame of the page, style, charts over time, numbers."""
+"""What every report's page is made of: head and style, images, charts over time, numbers."""
