@@ -30,14 +30,26 @@ def worst_frames(
         pictures: gives a bag's images.
     """
     bags = _bags(data)
-    found = []
-    for letter, moment in zip(LETTERS, worst[:MOST], strict=False):
+    shown = dict(zip(LETTERS, worst[:MOST], strict=False))
+    wanted: dict[Path, dict[str, WorstMoment]] = {}
+    for letter, moment in shown.items():
         bag = bags.get(moment.motion.partition("#")[0])
-        picture = None if bag is None else _picture(bag, moment, pictures)
-        if picture is not None:
-            caption = f"{letter}: {moment.motion}, {moment.t:.2f} s, {1e3 * picture[1]:.1f} mm"
-            found.append(Frame(picture[0], caption))
-    return tuple(found)
+        if bag is not None:
+            wanted.setdefault(bag, {})[letter] = moment
+    # A bag may be long: it is read once for all of its moments.
+    found = {
+        letter: picture
+        for bag, moments in wanted.items()
+        for letter, picture in _pictures(bag, moments, pictures).items()
+    }
+    return tuple(
+        Frame(
+            found[letter][0],
+            f"{letter}: {moment.motion}, {moment.t:.2f} s, {1e3 * found[letter][1]:.1f} mm",
+        )
+        for letter, moment in shown.items()
+        if letter in found
+    )
 
 
 def _bags(data: Iterable[Path]) -> dict[str, Path]:
@@ -54,12 +66,15 @@ def _is_bag(path: Path) -> bool:
     return path.is_dir() and any(path.glob("*.mcap"))
 
 
-def _picture(bag: Path, moment: WorstMoment, pictures: Pictures) -> tuple[bytes, float] | None:
-    """The image with its line drawn in, as JPEG, and its height [m]."""
+def _pictures(
+    bag: Path, moments: Mapping[str, WorstMoment], pictures: Pictures
+) -> Mapping[str, tuple[bytes, float]]:
+    """Images with their line drawn in, as JPEG, and their heights [m], by letter."""
     try:
         recording = read_recording(bag, *sources_of(bag), lambda line: None)
     except SloshBagError:
-        return None
+        return {}
     # A motion counts seconds from the recording's first input.
-    stamp = int(recording.motion.stamps[0]) + round(moment.t * SECOND)
-    return pictures(bag, {"worst": stamp}).get("worst")
+    start = int(recording.motion.stamps[0])
+    stamps = {letter: start + round(moment.t * SECOND) for letter, moment in moments.items()}
+    return pictures(bag, stamps)
