@@ -10,10 +10,10 @@ import pytest
 
 from slosh_bag.definitions import find_interfaces
 from slosh_bag.interchange.antisloshing import find_runs, import_run
-from slosh_bag.interchange.bag_motion import Motion
 from slosh_bag.reader import BagReader
-from slosh_bag.replay.bag import find_sources
-from slosh_bag.replay.settings import model_of
+from slosh_bag.recording.motion import Motion
+from slosh_bag.recording.settings import model_of
+from slosh_bag.recording.sources import find_sources
 from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_discovery.discover_data import motions_of_shift, read_motions, shift_motions
 from slosh_discovery.discover_data.unrelated import felt_acceleration

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from slosh_bag.errors import SloshBagError
 from slosh_bag.manifest import read_manifest
 from slosh_bag.mcap_files.bag_folder import bag_files
-from slosh_bag.replay.settings import node_start
+from slosh_bag.recording.settings import node_start
 from slosh_bringup.cell_setup import read_setup
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.parameter_file import check_parameter_file

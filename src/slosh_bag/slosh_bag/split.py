@@ -12,8 +12,8 @@ from slosh_bag.bag_writer import BagWriter
 from slosh_bag.errors import SloshBagError
 from slosh_bag.interchange.bag_contents import bag_contents
 from slosh_bag.reader import BagMessage, BagReader
-from slosh_bag.replay.bag import find_sources
-from slosh_bag.replay.inputs import STAMP, stamps_of
+from slosh_bag.recording.inputs import STAMP, stamps_of
+from slosh_bag.recording.sources import find_sources
 from slosh_bag.strays import set_backs
 from slosh_files import check_outside, new_folder
 

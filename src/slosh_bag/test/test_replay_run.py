@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from slosh_bag.errors import SloshBagError
+from slosh_bag.recording.inputs import InputReader
 from slosh_bag.replay.bank import EstimatorBank
-from slosh_bag.replay.inputs import InputReader
 from slosh_bag.replay.live_use import LiveUse
 from slosh_bag.replay.monitor_feed import Measurements, MonitorFeed
 from slosh_bag.replay.run import Outputs, Parts, ReplayRun

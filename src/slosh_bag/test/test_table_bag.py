@@ -17,7 +17,6 @@ from hypothesis.extra.numpy import arrays
 from slosh_bag.bag_writer import BagWriter
 from slosh_bag.definitions import Definitions, find_interfaces
 from slosh_bag.errors import SloshBagError
-from slosh_bag.interchange.bag_motion import Motion
 from slosh_bag.interchange.bag_table import TableSettings, read_bag_table, with_rows_at
 from slosh_bag.interchange.table_bag import (
     import_table,
@@ -27,6 +26,7 @@ from slosh_bag.interchange.table_bag import (
 )
 from slosh_bag.motion_table import MotionTable, read_motion_table, write_motion_table
 from slosh_bag.reader import BagReader
+from slosh_bag.recording.motion import Motion
 from slosh_estimator.gate import GateSettings
 from slosh_estimator.inputs import InputSettings
 from slosh_files import SloshFileError

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from slosh_bag.reader import BagReader
-from slosh_bag.replay import settings
-from slosh_bag.replay.cells import CellTopics
-from slosh_bag.replay.settings import NodeStart
+from slosh_bag.recording import settings
+from slosh_bag.recording.cells import CellTopics
+from slosh_bag.recording.settings import NodeStart
 from slosh_camera.calibrate.camera_file import parse_any_calibration
 from slosh_camera.optics.calibration import Calibration
 from slosh_files.yaml_text import format_yaml

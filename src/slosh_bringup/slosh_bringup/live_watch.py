@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Protocol
 
-from slosh_bag.replay.settings import NodeStart
+from slosh_bag.recording.settings import NodeStart
 from slosh_bringup.cell_watch import CellWatch, NodeReport
 from slosh_bringup.in_force import TELLING, in_force_lines, settings_document
 from slosh_bringup.ready_wait import ReadyWait, sentence

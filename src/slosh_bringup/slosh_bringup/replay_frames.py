@@ -11,8 +11,8 @@ import numpy as np
 
 from slosh_bag.errors import SloshBagError
 from slosh_bag.reader import BagReader
-from slosh_bag.replay import settings
-from slosh_bag.replay.cells import CellTopics
+from slosh_bag.recording import settings
+from slosh_bag.recording.cells import CellTopics
 from slosh_bag.replay.report import report_start, shown_models
 from slosh_bag.replay.result import ReplayResult
 from slosh_bringup.detect.frame import SourceFrame

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_bag.reader import BagReader, TopicInfo
-from slosh_bag.replay.cells import ESTIMATE, SURFACE, CellTopics
-from slosh_bag.replay.inputs import STAMP, stamps_of
+from slosh_bag.recording.cells import ESTIMATE, SURFACE, CellTopics
+from slosh_bag.recording.inputs import STAMP, stamps_of
 from slosh_bringup.in_force import Starts, image_topic, input_topic
 from slosh_bringup.run_data import RunData, facts_of
 from slosh_camera.measurement import Flag

@@ -13,8 +13,8 @@ import numpy as np
 
 from slosh_bag.motion_table import MotionTable, write_motion_table
 from slosh_bag.reader import BagReader
-from slosh_bag.replay import settings
-from slosh_bag.replay.cells import CellTopics
+from slosh_bag.recording import settings
+from slosh_bag.recording.cells import CellTopics
 from slosh_discovery.discover.finding import Finding, SeparatingMotion
 from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_discovery.discover_data import read_motions

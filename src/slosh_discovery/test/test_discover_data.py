@@ -15,9 +15,9 @@ from scipy.spatial.transform import Rotation
 from slosh_bag.bag_writer import BagWriter
 from slosh_bag.definitions import Definitions, find_interfaces
 from slosh_bag.errors import SloshBagError
-from slosh_bag.interchange.bag_motion import Motion
 from slosh_bag.interchange.table_bag import write_table_bag
 from slosh_bag.motion_table import MotionTable, write_motion_table
+from slosh_bag.recording.motion import Motion
 from slosh_discovery.discover_data import motions_of_shift, read_motions, shift_motions
 from slosh_discovery.discover_data.attitudes import angular_velocity
 from slosh_discovery.discover_data.heights import without_spikes

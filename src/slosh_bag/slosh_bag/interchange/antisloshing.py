@@ -22,6 +22,7 @@ from slosh_bag.bag_writer import BagWriter
 from slosh_bag.bounded_text import bounded_text
 from slosh_bag.definitions import Definitions
 from slosh_bag.errors import SloshBagError
+from slosh_bag.recording.facts import CLOCKS, CONTAINER_FILL_HEIGHT, CONTAINER_RADIUS, UNRELATED
 from slosh_files import check_free, new_folder
 from slosh_files.nanoseconds import SECOND
 
@@ -35,11 +36,11 @@ ORIGIN_NS = SECOND
 POSE_TOPIC, POSE_TYPE = "/slosh/pose", "geometry_msgs/msg/PoseStamped"
 SURFACE_TOPIC, SURFACE_TYPE = "/slosh/free_surface", "slosh_msgs/msg/FreeSurface"
 METADATA = {
-    "clocks": "unrelated",
+    CLOCKS: UNRELATED,
     "clocks_note": "the stamps of /slosh/pose and of /slosh/free_surface have no common origin",
     "motion": "commanded, not measured",
-    "container_radius": repr(RADIUS),
-    "container_fill_height": repr(FILL_HEIGHT),
+    CONTAINER_RADIUS: repr(RADIUS),
+    CONTAINER_FILL_HEIGHT: repr(FILL_HEIGHT),
     "source": "AntiSloshing, Motions_10_10_2024, (c) 2025 Simone Soprani, MIT licence",
 }
 _POSE_COLUMNS = 8

@@ -26,14 +26,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_bag.errors import SloshBagError
-from slosh_bag.interchange.bag_motion import AttitudeCollector, Motion, MotionCollector
 from slosh_bag.interchange.table_bag import (
-    COLUMNS_KEY,
     HEIGHTS,
     HEIGHTS_TYPE,
     IMU,
     IMU_TYPE,
-    ORIGIN_KEY,
     SURFACE,
     SURFACE_TYPE,
     WALL_POINT,
@@ -43,8 +40,10 @@ from slosh_bag.interchange.topic_choice import find_topic
 from slosh_bag.mcap_files.chunks import MessageBlock
 from slosh_bag.motion_table import MSH, MotionTable, eta_azimuths
 from slosh_bag.reader import BagMessage, BagReader, TopicInfo
-from slosh_bag.replay.bag import Sources, find_sources
-from slosh_bag.replay.inputs import STAMP, recorded_inputs, stamps_of
+from slosh_bag.recording.facts import TABLE_COLUMNS, TABLE_ORIGIN, clocks_unrelated
+from slosh_bag.recording.inputs import STAMP, recorded_inputs, stamps_of
+from slosh_bag.recording.motion import AttitudeCollector, Motion, MotionCollector
+from slosh_bag.recording.sources import Sources, find_sources
 from slosh_estimator.inputs import InputSettings
 from slosh_estimator.sight import SATURATED, UNUSABLE
 from slosh_files.nanoseconds import SECOND
@@ -113,9 +112,9 @@ def read_bag_table(
     sources = find_sources(path, reader, chosen.kind)
     how = chosen.inputs or recorded_inputs(sources.starts, sources.facts)
     topics, facts = reader.topics(), sources.facts
-    columns = facts.get(COLUMNS_KEY, "").split(",") if chosen.measured is None else []
+    columns = facts.get(TABLE_COLUMNS, "").split(",") if chosen.measured is None else []
     surface = _surface(path, topics, chosen.measured, sources, MSH in columns)
-    if surface and facts.get("clocks") == "unrelated":
+    if surface and clocks_unrelated(facts):
         raise SloshBagError(
             f"{path}: {sources.input} and {surface} have unrelated clocks: the heights cannot be "
             f"placed on the motion; leave them out (measured: {NO_HEIGHTS})"
@@ -351,13 +350,13 @@ def _surface(
 def _origin(path: Path, absolute: bool, facts: Mapping[str, str], stamps: Stamps) -> int:
     if absolute:
         return 0
-    noted = facts.get(ORIGIN_KEY)
+    noted = facts.get(TABLE_ORIGIN)
     if noted is None:
         return int(stamps[0])
     try:
         return int(noted)
     except ValueError:
-        raise SloshBagError(f"{path}: {ORIGIN_KEY} = {noted!r} is no whole number") from None
+        raise SloshBagError(f"{path}: {TABLE_ORIGIN} = {noted!r} is no whole number") from None
 
 
 def _times(path: Path, nanoseconds: Stamps) -> Array:

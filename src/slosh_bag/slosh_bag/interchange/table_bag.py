@@ -28,6 +28,8 @@ from slosh_bag.bag_writer import BagWriter
 from slosh_bag.definitions import Definitions
 from slosh_bag.errors import SloshBagError
 from slosh_bag.motion_table import MotionTable, column_names, read_motion_table
+from slosh_bag.recording.facts import TABLE_COLUMNS, TABLE_ORIGIN
+from slosh_bag.recording.motion import NOT_REPORTED
 from slosh_files import new_folder
 from slosh_files.nanoseconds import SECOND
 from slosh_model.constants import GRAVITY
@@ -40,10 +42,7 @@ ACCEL, ACCEL_TYPE = "accel", "geometry_msgs/msg/AccelStamped"
 IMU, IMU_TYPE = "imu", "sensor_msgs/msg/Imu"
 SURFACE, SURFACE_TYPE = "free_surface", "slosh_msgs/msg/FreeSurface"
 HEIGHTS, HEIGHTS_TYPE = "wall_heights", "sensor_msgs/msg/PointCloud2"
-COLUMNS_KEY, ORIGIN_KEY = "table_columns", "table_origin_ns"
 WALL_POINT = np.dtype([("azimuth", "<f8"), ("height", "<f8")])
-NOT_REPORTED: Final = -1.0
-"""In the first element of a covariance: the imu has no such value (Imu.msg)."""
 _FLOAT64 = 8  # PointField.FLOAT64
 _UNKNOWN_FIELDS = (
     "msh_stddev", "fitted_msh", "fitted_msh_stddev", "fitted_azimuth", "sh_left", "sh_right",
@@ -114,8 +113,8 @@ def write_table_bag(
     columns = ",".join(column_names(path, table))
     facts = {
         "source": f"motion table {path.name}",
-        COLUMNS_KEY: columns,
-        ORIGIN_KEY: str(origin_ns),
+        TABLE_COLUMNS: columns,
+        TABLE_ORIGIN: str(origin_ns),
     }
     with new_folder(bag) as room, BagWriter(room, messages.definitions, facts) as writer:
         for topic, message_type in messages.topics().items():

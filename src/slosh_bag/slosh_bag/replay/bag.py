@@ -14,59 +14,41 @@ from numpy.typing import NDArray
 import slosh_estimator
 from slosh_bag.columns.cdr_columns import ColumnReader
 from slosh_bag.errors import SloshBagError
+from slosh_bag.interchange.bag_table import TableSettings, read_bag_table
 from slosh_bag.mcap_files.chunks import MessageBlock
 from slosh_bag.reader import BagReader
 from slosh_bag.recorder import LOST
-from slosh_bag.replay import inputs, settings
+from slosh_bag.recording import inputs, settings
+from slosh_bag.recording.facts import (
+    TABLE_COLUMNS,
+    TABLE_ORIGIN,
+    clocks_unrelated,
+    noted_container,
+)
+from slosh_bag.recording.inputs import STAMP, InputReader, stamps_of
+from slosh_bag.recording.settings import NodeStart
+from slosh_bag.recording.sources import Sources, find_sources
 from slosh_bag.replay.bank import EstimatorBank
-from slosh_bag.replay.cells import COMPARISON, ESTIMATE, SURFACE, CellTopics
 from slosh_bag.replay.conclusion import Origin, conclude
-from slosh_bag.replay.inputs import STAMP, TABLE, InputReader, stamps_of
 from slosh_bag.replay.live_use import LiveUse
 from slosh_bag.replay.monitor_feed import Measurements, MonitorFeed
 from slosh_bag.replay.result import ReplayResult
 from slosh_bag.replay.rows import chosen, joined
 from slosh_bag.replay.run import Outputs, Parts, ReplayRun
 from slosh_bag.replay.series import Series
-from slosh_bag.replay.settings import NodeStart
 from slosh_bag.replay.table import replay_table
 from slosh_bag.replay.unrelated import WholeRun, judge_unrelated
 from slosh_bag.replay.verification import COMPARED, Verifier, estimate_fields
-from slosh_estimator.inputs import MESSAGE_TYPES, InputSettings
+from slosh_estimator.inputs import InputSettings
 from slosh_estimator.monitor import MonitorSettings
 from slosh_estimator.validity import attitude_warning
 from slosh_model.arithmetic import arithmetic_fingerprint
 from slosh_model.compile_cache import sources_digest
-from slosh_model.containers import Cylinder
 from slosh_model.model import Model
 from slosh_model.model_text import format_model
 
-TABLE_ORIGIN = "table_origin_ns"
-"""A fact of a bag that was made of a motion table, beside TABLE."""
 _COMPARISON_FIELDS = (*STAMP, "measured_stale", *COMPARED)
 _SURFACE_FIELDS = (*STAMP, "msh", "flags", "msh_stddev", "azimuth")
-
-
-class Sources(NamedTuple):
-    """Topics of a bag that a replay reads, and what they say about it.
-
-    Attributes:
-        kind: of the input: 'accel', 'imu' or 'pose'.
-        input, surface: topics.
-        estimate, comparison: topics of what was recorded live; None: there is none.
-        starts: of the recorded nodes.
-        facts: about the whole bag.
-        cells: namespaces of all cells that were recorded, the one that is read first.
-    """
-
-    kind: str
-    input: str
-    surface: str | None
-    estimate: str | None
-    comparison: str | None
-    starts: tuple[NodeStart, ...]
-    facts: Mapping[str, str]
-    cells: tuple[str, ...] = ()
 
 
 def replay_bag(
@@ -102,7 +84,7 @@ def replay_bag(
         return _replay_table_bag(path, reader, sources, used, watched, outputs)
     follow = LiveUse() if sources.estimate and sources.kind != "pose" else None
     input_reader = InputReader(sources.kind, how, chosen=follow is not None)
-    if sources.facts.get("clocks") == "unrelated":
+    if clocks_unrelated(sources.facts):
         parts = chain.from_iterable(feed(reader, sources))
         whole = whole_run(path, parts, sources, input_reader, used)
         result = judge_unrelated(path.name, sources.input, whole, watched)
@@ -136,7 +118,7 @@ def replay_bag(
 
 def _is_turning_table(sources: Sources, model: Model) -> bool:
     """Whether the bag is a motion table whose attitude, beside the accelerations, matters."""
-    return TABLE in sources.facts and bool(attitude_warning(model, sources.kind))
+    return TABLE_COLUMNS in sources.facts and bool(attitude_warning(model, sources.kind))
 
 
 def _replay_table_bag(
@@ -148,9 +130,6 @@ def _replay_table_bag(
     outputs: Outputs | None,
 ) -> ReplayResult:
     """Replays the table that a bag was made of, with its attitude."""
-    # It reads bags by what is above.
-    from slosh_bag.interchange.bag_table import TableSettings, read_bag_table
-
     table = read_bag_table(path, TableSettings()).table
     origin_ns = int(sources.facts.get(TABLE_ORIGIN, 0))
     result = replay_table(
@@ -171,49 +150,6 @@ def _warnings(path: Path, reader: BagReader, sources: Sources) -> list[str]:
         own, *others = (cell or "/" for cell in sources.cells)
         found.append(f"{path}: the cell {own} is replayed; the bag also holds {', '.join(others)}")
     return found
-
-
-def find_sources(
-    path: Path, reader: BagReader, kind: str | None = None, cell: str | None = None
-) -> Sources:
-    """What a replay reads in a bag.
-
-    Args:
-        path: of the bag, for errors.
-        reader: of the bag.
-        kind: of the input; None: what the recorded estimator read, or the first that there is.
-        cell: namespace of the topics; None: the bag's only or first cell.
-
-    Raises:
-        SloshBagError: there is no input, or no such cell.
-    """
-    found = CellTopics(reader.topics(), cell)
-    if cell is not None and not found.is_there:
-        raise SloshBagError(f"{path}: holds no topic of a cell {cell}")
-    settings_topic = found.topic(settings.TOPIC, settings.MESSAGE_TYPE)
-    starts = settings.read_starts(reader, settings_topic) if settings_topic else []
-    started = settings.first(starts, "estimator")
-    if kind is None and started is not None:
-        kind = started.parameters.get("input")
-    wanted = list(MESSAGE_TYPES) if kind is None else [kind]
-    for name in wanted:
-        topic = found.topic(name, MESSAGE_TYPES.get(name, ""))
-        if topic is not None:
-            found.settle(topic)
-            return Sources(
-                name,
-                topic,
-                found.topic("free_surface", SURFACE),
-                found.topic("estimate", ESTIMATE),
-                found.topic("comparison", COMPARISON),
-                tuple(starts),
-                reader.metadata(),
-                found.cells,
-            )
-    where = f" for the cell {found.cells[0] or '/'}" if len(found.cells) > 1 else ""
-    raise SloshBagError(
-        f"{path}: holds no message of {', '.join(wanted)}{where}; nothing drives the model"
-    )
 
 
 class Part(NamedTuple):
@@ -356,11 +292,9 @@ def _monitor_settings(sources: Sources) -> MonitorSettings:
 
 
 def _noted_model(path: Path, facts: Mapping[str, str]) -> Model:
-    try:
-        radius = float(facts["container_radius"])
-        fill_height = float(facts["container_fill_height"])
-    except (KeyError, ValueError):
+    container = noted_container(facts)
+    if container is None:
         raise SloshBagError(
             f"{path}: does not say which model or container; give a model file (--model)"
-        ) from None
-    return Model(Cylinder(radius, fill_height)).spatial()
+        )
+    return Model(container).spatial()

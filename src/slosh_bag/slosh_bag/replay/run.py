@@ -14,15 +14,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_bag.errors import SloshBagError
+from slosh_bag.recording.inputs import InputReader, stamps_of
+from slosh_bag.recording.settings import NodeStart, model_of, starts_at_rest
 from slosh_bag.replay.at_images import ModelHeights, at_images
 from slosh_bag.replay.bank import BankEstimates, EstimatorBank
-from slosh_bag.replay.inputs import InputReader, stamps_of
 from slosh_bag.replay.live_use import Decision, LiveUse
 from slosh_bag.replay.monitor_feed import Heights, Measurements, MonitorFeed
 from slosh_bag.replay.motions import BIN_NS, MotionFinder
 from slosh_bag.replay.rows import chosen, joined
 from slosh_bag.replay.series import Series
-from slosh_bag.replay.settings import NodeStart, model_of, starts_at_rest
 from slosh_bag.replay.verification import Verifier, comparison_columns, estimate_columns
 from slosh_bag.strays import StrayFilter
 from slosh_estimator.limits import Event

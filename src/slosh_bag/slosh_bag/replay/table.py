@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from slosh_bag.errors import SloshBagError
 from slosh_bag.motion_table import MotionTable
+from slosh_bag.recording.inputs import InputReader
 from slosh_bag.replay.bank import EstimatorBank
 from slosh_bag.replay.conclusion import conclude
-from slosh_bag.replay.inputs import InputReader
 from slosh_bag.replay.monitor_feed import Measurements, MonitorFeed
 from slosh_bag.replay.result import ReplayResult
 from slosh_bag.replay.run import Outputs, Parts, ReplayRun

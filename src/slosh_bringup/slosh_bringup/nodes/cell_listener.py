@@ -14,7 +14,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
 from slosh_bag.errors import SloshBagError
-from slosh_bag.replay.settings import NodeStart, node_start
+from slosh_bag.recording.settings import NodeStart, node_start
 from slosh_bringup.cell_watch import NodeReport
 from slosh_msgs.msg import NodeSettings
 from slosh_msgs_py import qos, topics

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation, Slerp
 
-from slosh_bag.interchange.bag_motion import FRAME, Motion
-from slosh_bag.replay.inputs import STAMP, stamps_of
+from slosh_bag.recording.inputs import STAMP, stamps_of
+from slosh_bag.recording.motion import FRAME, Motion
 from slosh_files.nanoseconds import SECOND
 from slosh_model.interpolation import columns_at
 

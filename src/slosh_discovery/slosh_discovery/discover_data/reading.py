@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from slosh_bag.interchange.bag_table import TableSettings, read_bag_table
-from slosh_bag.interchange.table_bag import COLUMNS_KEY
+from slosh_bag.recording.facts import TABLE_COLUMNS, clocks_unrelated
 from slosh_discovery.discover.motion import MINIMUM_SAMPLES, MeasuredMotion
 from slosh_discovery.discover_data.heights import without_spikes
 from slosh_discovery.discover_data.recording import (
@@ -114,10 +114,10 @@ def _read(path: Path, model: Model | None, tell: Tell) -> Iterator[tuple[Measure
         return
     name = path.name.removesuffix(".mcap")
     reader, sources = sources_of(path)
-    if sources.facts.get("clocks") == "unrelated":
+    if clocks_unrelated(sources.facts):
         recording = read_recording(path, reader, sources, tell)
         yield unrelated_motion(name, recording, model, tell), float("nan")
-    elif COLUMNS_KEY in sources.facts:
+    elif TABLE_COLUMNS in sources.facts:
         # A table that became a bag is one motion, with wall heights where it had them.
         table = read_bag_table(path, TableSettings()).table
         yield motion_of_table(path, name, table, tell), float("nan")

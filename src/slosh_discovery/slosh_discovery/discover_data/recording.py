@@ -23,11 +23,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_bag.errors import SloshBagError
-from slosh_bag.interchange.bag_motion import AttitudeCollector, Motion, MotionCollector
 from slosh_bag.interchange.table_bag import IMU, IMU_TYPE
 from slosh_bag.reader import BagReader, TopicInfo
-from slosh_bag.replay.bag import Sources, find_sources
-from slosh_bag.replay.inputs import STAMP, recorded_inputs, stamps_of
+from slosh_bag.recording.inputs import STAMP, recorded_inputs, stamps_of
+from slosh_bag.recording.motion import AttitudeCollector, Motion, MotionCollector
+from slosh_bag.recording.sources import Sources, find_sources
 from slosh_discovery.discover_data.attitudes import PoseAttitudes, angular_velocity
 from slosh_estimator.inputs import MESSAGE_TYPES, InputSettings
 from slosh_estimator.sight import SATURATED, UNUSABLE

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from slosh_bag.interchange.bag_motion import Motion
+from slosh_bag.recording.motion import Motion
 from slosh_bag.replay.motions import BIN_NS, MOVING, MotionFinder, MotionSpan
 from slosh_discovery.discover_data.heights import Still, find_still, rms_about
 from slosh_discovery.discover_data.recording import Heights, Recording

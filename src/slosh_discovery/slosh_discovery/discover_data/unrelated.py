@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from slosh_bag.interchange.bag_motion import Motion
+from slosh_bag.recording.facts import noted_container
+from slosh_bag.recording.motion import Motion
 from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_discovery.discover_data.heights import without_spikes
 from slosh_discovery.discover_data.recording import Recording, Tell
@@ -21,7 +22,6 @@ from slosh_discovery.discover_data.splitting import DWELL_NS, motion_spans
 from slosh_discovery.errors import SloshDiscoveryError
 from slosh_files.nanoseconds import SECOND
 from slosh_model.constants import GRAVITY
-from slosh_model.containers import Cylinder
 from slosh_model.errors import SloshModelError
 from slosh_model.model import Model
 from slosh_model.simulate import Inputs, simulate
@@ -93,13 +93,8 @@ def unrelated_motion(
 
 def noted_model(facts: Mapping[str, str]) -> Model | None:
     """Water in the container that a bag's metadata names; None: it names none."""
-    try:
-        container = Cylinder(
-            float(facts["container_radius"]), float(facts["container_fill_height"])
-        )
-    except (KeyError, ValueError):
-        return None
-    return plain(Model(container))
+    container = noted_container(facts)
+    return None if container is None else plain(Model(container))
 
 
 def plain(model: Model) -> Model:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from slosh_bag.reader import TopicInfo
-from slosh_bag.replay import settings
+from slosh_bag.recording import settings
 
 SURFACE = "slosh_msgs/msg/FreeSurface"
 ESTIMATE = "slosh_msgs/msg/SloshEstimate"

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from slosh_bag.replay.settings import NodeStart, first, settings_of
+from slosh_bag.recording.facts import TABLE_COLUMNS
+from slosh_bag.recording.settings import NodeStart, first, settings_of
 from slosh_estimator.accel_input import AccelInput
 from slosh_estimator.gate import GateSettings
 from slosh_estimator.imu_input import ImuInput
@@ -35,10 +36,6 @@ STAMP = ("header.stamp.sec", "header.stamp.nanosec")
 """Fields of every message with a header that `stamps_of` reads."""
 
 
-TABLE = "table_columns"
-"""A fact of a bag that was made of a motion table."""
-
-
 def recorded_inputs(starts: Sequence[NodeStart], facts: Mapping[str, str]) -> InputSettings:
     """How the input of a recording is read.
 
@@ -53,7 +50,7 @@ def recorded_inputs(starts: Sequence[NodeStart], facts: Mapping[str, str]) -> In
     if started is not None:
         return settings_of(started, InputSettings.from_parameters)
     unbounded = GateSettings(max_jump=math.inf, confirms=False)
-    return InputSettings(gate=unbounded) if TABLE in facts else InputSettings()
+    return InputSettings(gate=unbounded) if TABLE_COLUMNS in facts else InputSettings()
 
 
 def fields(kind: str) -> tuple[str, ...]:

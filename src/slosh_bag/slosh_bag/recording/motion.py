@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_bag.errors import SloshBagError
-from slosh_bag.interchange.table_bag import NOT_REPORTED
-from slosh_bag.replay.inputs import STAMP, InputReader, fields, stamps_of
+from slosh_bag.recording.inputs import STAMP, InputReader, fields, stamps_of
 from slosh_bag.strays import StrayFilter
 from slosh_estimator.inputs import InputSettings
 from slosh_estimator.rotation import matrix_from_rpy
@@ -24,6 +23,8 @@ Stamps = NDArray[np.int64]
 Columns = Mapping[str, NDArray[Any]]
 
 FRAME: Final = "header.frame_id"
+NOT_REPORTED: Final = -1.0
+"""First entry of a covariance of what an Imu message does not tell."""
 ORIENTATION: Final = tuple(f"orientation.{axis}" for axis in "xyzw")
 TURNING: Final = tuple(f"angular_velocity.{axis}" for axis in "xyz")
 _POSE_TURN = tuple(f"pose.orientation.{axis}" for axis in "xyzw")
