@@ -1,6 +1,7 @@
 """In whichever order processes compile, live estimates, replays and simulations are the same bits.
 
 Every process finds in the cache what those before it compiled, each in an order of its own.
+What makes it so is tried in seconds beside the model: one name, one code (test_compilation.py).
 """
 
 from __future__ import annotations
@@ -88,6 +89,7 @@ def without_kernels(cache: Path) -> None:
             file.unlink()
 
 
+@pytest.mark.long
 @pytest.mark.timeout(PATIENCE)
 def test_the_estimator_before_a_simulation(tmp_path: Path) -> None:
     """The order of a demo: names that were numbered in it once stood for other effects."""

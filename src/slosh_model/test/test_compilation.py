@@ -222,6 +222,16 @@ def test_names_are_the_same_in_every_process(tmp_path):
     assert "throwaway.top" in found[0]
 
 
+def test_the_linker_knows_each_code_by_its_digest(define):
+    """Not by a number that counts in the order of compilation: that is another's elsewhere."""
+    module = define(BASE)
+    for name in ("deep", "part", "top"):
+        function = function_of(getattr(module, name))
+        assert function.__qualname__ == f"{name}_{getattr(function, DIGEST)}"
+    symbol = next(iter(module.top.load().overloads.values())).fndesc.mangled_name
+    assert digest_of(module) in symbol
+
+
 # What is refused.
 
 REFUSED = {
