@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import bz2
+import functools
 import gzip
 import re
 import struct
@@ -19,6 +20,7 @@ from mcap.data_stream import RecordBuilder
 from mcap.records import Channel, DataEnd, Footer, Header, Schema
 from mcap.writer import MCAP0_MAGIC
 
+from slosh_bringup.cli.main import main
 from slosh_bringup.processes import config_folder
 from tests.measured_process import Ended, run_slosh
 
@@ -103,15 +105,18 @@ def pour(compressor: object, size: int, filler: bytes = bytes(MB)) -> bytes:
     return b"".join([*parts, compressor.flush()])
 
 
+@functools.cache
 def lz4_without_size(size: int) -> bytes:
     compressor = lz4.frame.LZ4FrameCompressor()
     return compressor.begin() + pour(compressor, size)
 
 
+@functools.cache
 def zstd_with_size(size: int) -> bytes:
     return pour(zstandard.ZstdCompressor(level=1).compressobj(size=size), size)
 
 
+@functools.cache
 def zstd_without_size(size: int, filler: bytes = bytes(MB)) -> bytes:
     return pour(zstandard.ZstdCompressor(level=1).compressobj(), size, filler)
 
@@ -180,7 +185,7 @@ def words(command: str, path: Path, folder: Path) -> list[str | Path]:
 
 
 @pytest.mark.parametrize("command", ["export", pytest.param("import", marks=pytest.mark.long)])
-def test_chunks_of_the_same_make_are_read(tmp_path, command):
+def test_chunks_of_the_same_make_are_read(tmp_path, capsys, command):
     whole = definitions() + message(1) + message(2)
     size, plain = len(whole), [definitions(), message(1), message(2)]
     parts = {
@@ -193,9 +198,8 @@ def test_chunks_of_the_same_make_are_read(tmp_path, command):
         folder = tmp_path / name
         folder.mkdir()
         path = write_mcap(folder / "good.mcap", content)
-        ended = run_slosh(*words(command, path, folder))
-        assert ended.code == 0, ended.error
-        assert "2" in ended.out
+        assert main(list(map(str, words(command, path, folder)))) == 0
+        assert "2" in capsys.readouterr().out
 
 
 # rosbag2 folders
@@ -311,7 +315,7 @@ def ros1_message() -> bytes:
 
 
 def bz2_bomb(path: Path) -> Path:
-    packed = bz2.compress(ros1_message() + bytes(100 * MB)) + bz2.compress(bytes(100 * MB)) * 20
+    packed = bz2.compress(ros1_message() + bytes(10 * MB)) + bz2.compress(bytes(10 * MB)) * 200
     return ros1_bag(path, ros1_chunk("bz2", packed, 1000), ros1_index())
 
 
@@ -335,14 +339,13 @@ def test_a_ros1_bag_that_is_huge_when_unpacked(tmp_path, idle, name):
     check_refused(ended, idle, "bomb.bag")
 
 
-def test_a_ros1_bag_of_the_same_make_comes_in(tmp_path):
+def test_a_ros1_bag_of_the_same_make_comes_in(tmp_path, capsys):
     whole = ros1_message()
     for name, pack in (("none", bytes), ("bz2", bz2.compress), ("lz4", lz4.frame.compress)):
         data = ros1_chunk(name, pack(whole), len(whole))
         path = ros1_bag(tmp_path / f"{name}.bag", data, ros1_index())
-        ended = run_slosh("import", "rosbag", path, "-o", tmp_path / name)
-        assert ended.code == 0, ended.error
-        assert "/p: 1" in ended.out
+        assert main(["import", "rosbag", str(path), "-o", str(tmp_path / name)]) == 0
+        assert "/p: 1" in capsys.readouterr().out
 
 
 # Tables
@@ -405,10 +408,11 @@ def png_chunk(kind: bytes, content: bytes) -> bytes:
     return struct.pack(">I", len(content)) + checked + struct.pack(">I", zlib.crc32(checked))
 
 
+@functools.cache
 def png(width: int, height: int) -> bytes:
     """A picture of one bit for each pixel, all black."""
     row = bytes(1 + (width + 7) // 8)
-    packer = zlib.compressobj(9)
+    packer = zlib.compressobj(1)
     body = b"".join(packer.compress(row) for _ in range(height)) + packer.flush()
     head = struct.pack(">IIBBBBB", width, height, 1, 0, 0, 0, 0)
     parts = png_chunk(b"IHDR", head) + png_chunk(b"IDAT", body) + png_chunk(b"IEND", b"")

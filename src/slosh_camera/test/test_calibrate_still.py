@@ -47,7 +47,14 @@ def rendered(name):
 
 
 @pytest.mark.skipif(not RENDERED.is_dir(), reason=f"no rendered sequences in {RENDERED}")
-@pytest.mark.parametrize("name", ["A_planar", "B_rotating", "D_rotating"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param("A_planar", marks=pytest.mark.long),
+        pytest.param("B_rotating", marks=pytest.mark.long),
+        "D_rotating",
+    ],
+)
 def test_ray_traced_cup(name, record_property):
     image, truth = rendered(name)
     fit = calibrate_by_edges(image, truth.camera, truth.cup)

@@ -172,7 +172,13 @@ DAMAGES = {
 }
 
 
-@pytest.mark.parametrize("damages", DAMAGES.values(), ids=DAMAGES)
+@pytest.mark.parametrize(
+    "damages",
+    [
+        pytest.param(DAMAGES["not whole"], marks=pytest.mark.long, id="not whole"),
+        pytest.param(DAMAGES["not the same"], id="not the same"),
+    ],
+)
 def test_damaged_code_is_thrown_away_with_a_warning_and_compiled_anew(with_code, damages):
     whole = {path: path.read_bytes() for path in kept(with_code).values()}
     for name, path in kept(with_code).items():
@@ -209,7 +215,13 @@ Path.replace = lambda *_: os.kill(os.getpid(), 9)
 }
 
 
-@pytest.mark.parametrize("moment", KILLED.values(), ids=KILLED)
+@pytest.mark.parametrize(
+    "moment",
+    [
+        pytest.param(text, marks=() if name == "while it writes" else pytest.mark.long, id=name)
+        for name, text in KILLED.items()
+    ],
+)
 def test_a_process_that_is_killed_leaves_a_cache_that_works(folder, moment):
     process = Process(folder, "import os\nfrom pathlib import Path\n" + moment)
     assert process.ended() == -signal.SIGKILL
