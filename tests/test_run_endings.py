@@ -1,5 +1,6 @@
 """However `slosh demo` and `slosh cell` are ended: no node stays, the bag is whole."""
 
+import contextlib
 import fcntl
 import os
 import pty
@@ -14,7 +15,7 @@ from pathlib import Path
 import pytest
 
 from slosh_bag.reader import BagReader
-from tests.live_processes import PATIENCE, alive, live_process, recorded
+from tests.live_processes import PATIENCE, alive, children, live_process, node_name, recorded
 
 REPORT = {"report.html", "result.json"}
 EACH = [
@@ -123,6 +124,7 @@ def takes_signals(pid):
     return int(caught.split()[1], 16) >> (signal.SIGTERM - 1) & 1
 
 
+@pytest.mark.long  # the quick one is that of NodeGroup, with nodes that do nothing
 def test_the_nodes_of_a_killed_command_end_and_the_recorder_last(demo):
     running, folder = demo
     nodes = dict(running.nodes())
@@ -136,6 +138,15 @@ def test_the_nodes_of_a_killed_command_end_and_the_recorder_last(demo):
     assert_sealed(folder / "bag")
     for log in (folder / "logs").glob("*.log"):
         assert "the process that started this node has ended" in log.read_text(), log.name
+
+
+def first_nodes(process):
+    """Waits until a command has started a node; process ids by name."""
+    deadline = time.monotonic() + PATIENCE
+    while not (found := {node_name(pid): pid for pid in children(process.pid)}):
+        assert time.monotonic() < deadline, "no node is started"
+        time.sleep(0.005)
+    return found
 
 
 def command_for_minutes(folder):
@@ -152,9 +163,9 @@ def read_until_recording(descriptor, bag):
             os.read(descriptor, 65536)
 
 
-def test_a_closed_terminal_ends_all_nodes_and_gives_the_report(tmp_path):
-    """The kernel sends SIGHUP, and every write to the terminal fails."""
-    folder = tmp_path / "out" / "latest"
+@contextlib.contextmanager
+def on_a_terminal(folder):
+    """A command for minutes on a terminal of its own; gives its process and the other end."""
     keyboard, screen = pty.openpty()
     process = subprocess.Popen(
         command_for_minutes(folder),
@@ -162,13 +173,37 @@ def test_a_closed_terminal_ends_all_nodes_and_gives_the_report(tmp_path):
         start_new_session=True,
         preexec_fn=lambda: fcntl.ioctl(0, termios.TIOCSCTTY, 0),
     )  # fmt: skip
+    os.close(screen)
     try:
-        os.close(screen)
-        read_until_recording(keyboard, folder / "bag")
+        yield process, keyboard
     finally:
-        os.close(keyboard)
-    assert process.wait(PATIENCE) == 0
+        process.kill()
+        process.wait()
+
+
+@pytest.mark.long
+def test_a_closed_terminal_ends_all_nodes_and_gives_the_report(tmp_path):
+    """The kernel sends SIGHUP, and every write to the terminal fails."""
+    folder = tmp_path / "out" / "latest"
+    with on_a_terminal(folder) as (process, keyboard):
+        try:
+            read_until_recording(keyboard, folder / "bag")
+        finally:
+            os.close(keyboard)
+        assert process.wait(PATIENCE) == 0
     assert_sealed(folder / "bag")
+    assert reports(folder) == REPORT
+
+
+def test_a_terminal_that_is_closed_during_the_start_leaves_no_node_and_gives_a_report(tmp_path):
+    folder = tmp_path / "out" / "latest"
+    with on_a_terminal(folder) as (process, keyboard):
+        try:
+            nodes = first_nodes(process)
+        finally:
+            os.close(keyboard)
+        assert process.wait(PATIENCE) == 1
+        assert_gone(nodes)
     assert reports(folder) == REPORT
 
 
