@@ -1,10 +1,6 @@
-"""The simulated cell over DDS: what a robot and a camera driver would send, and its own end."""
+"""The simulated cell over DDS: what a robot and a camera driver would send."""
 
 import json
-import os
-import re
-import subprocess
-import sys
 import time
 
 import numpy as np
@@ -12,7 +8,6 @@ import pytest
 
 rclpy = pytest.importorskip("rclpy", reason="ROS 2 is not installed")
 
-from diagnostic_msgs.msg import DiagnosticArray  # noqa: E402
 from geometry_msgs.msg import AccelStamped, PoseStamped  # noqa: E402
 from rclpy.executors import SingleThreadedExecutor  # noqa: E402
 from rclpy.node import Node  # noqa: E402
@@ -32,9 +27,6 @@ from slosh_estimator.model_file import read_model  # noqa: E402
 from slosh_model.constants import GRAVITY  # noqa: E402
 from slosh_msgs.msg import FreeSurface, SloshEstimate  # noqa: E402
 from slosh_msgs_py import qos, topics  # noqa: E402
-from slosh_msgs_py.node.diagnostics import OK, DiagnosticsReporter  # noqa: E402
-from slosh_msgs_py.node.guarded import GuardedNode  # noqa: E402
-from slosh_msgs_py.node.readiness import COMPILING, Readiness  # noqa: E402
 from slosh_msgs_py.stamps import to_nanoseconds  # noqa: E402
 
 PATIENCE = 30.0
@@ -188,74 +180,6 @@ def test_topics_that_are_not_wanted_stay_silent(table):
         topics.TRUTH: 11,
     }
     assert "/imu" not in summary["published"]
-
-
-def start(table, *parameters, domain=37):
-    """The node as a process."""
-    given = (f"motion:={table}", *parameters)
-    words = [word for pair in given for word in ("-p", pair)]
-    own = {"ROS_DOMAIN_ID": str(domain), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
-    return subprocess.Popen(
-        [sys.executable, "-m", "slosh_bringup.nodes.cell_node", "--ros-args", *words],
-        stderr=subprocess.PIPE, text=True, env={**os.environ, **own},
-    )  # fmt: skip
-
-
-@pytest.mark.parametrize(
-    ("parameters", "said"),
-    [
-        (
-            ("wait_for:=camera,monitor", "patience:=2.0"),
-            r"^cell: nothing is played: camera has not been heard of for 2 s$",
-        ),
-        (
-            ("wait_for:=''", "readers:=1", "patience:=2.0"),
-            r"^cell: nothing is played: /accel has 0 of 1 readers$",
-        ),
-    ],
-)
-def test_without_the_others_it_plays_nothing_and_says_who_is_missing(table, parameters, said):
-    with start(table, *parameters) as process:
-        told = process.stderr.read()
-        assert process.wait(PATIENCE) == 1
-    assert re.search(said, told.strip().splitlines()[-1])
-
-
-def test_it_waits_for_a_node_that_gets_ready_and_tells_for_whom(table):
-    """The other node speaks as ours do; what the cell publishes nobody reads before."""
-    rclpy.init(domain_id=38)
-    probe = GuardedNode("camera")
-    said, accelerations = [], []
-    readiness = Readiness(COMPILING)
-    executor = SingleThreadedExecutor()
-    executor.add_node(probe)
-    reporter = DiagnosticsReporter(probe, lambda: (OK, "measuring"), dict, readiness)
-    probe.create_subscription(DiagnosticArray, "/diagnostics", said.append, qos.DIAGNOSTICS)
-    probe.create_subscription(AccelStamped, "accel", accelerations.append, qos.STREAM_OUT)
-
-    def told():
-        words = [s for array in said for s in array.status if s.name == "/cell"]
-        return any("waits to play push.csv" in s.message and "camera" in s.message for s in words)
-
-    try:
-        with start(
-            table, "wait_for:=camera", "readers:=0", "patience:=20.0", domain=38
-        ) as process:
-            deadline = time.monotonic() + PATIENCE
-            while not told():
-                assert time.monotonic() < deadline, "it does not say for whom it waits"
-                executor.spin_once(timeout_sec=0.05)
-            assert not accelerations
-            readiness.is_ready()
-            reporter.report()
-            while process.poll() is None:
-                assert time.monotonic() < deadline, "it does not play"
-                executor.spin_once(timeout_sec=0.05)
-            assert process.wait() == 0
-        assert len(accelerations) > 400
-    finally:
-        probe.destroy_node()
-        rclpy.shutdown()
 
 
 def test_an_unknown_motion_ends_it_before_it_starts():
