@@ -42,6 +42,7 @@ lint: setup
 	@tools/run ruff format --check .
 	@tools/run ruff check .
 	@tools/run ruff check --config tools/compiled_code.toml .
+	@tools/run lint-imports --no-logo --no-cache
 	@tools/run python tools/typecheck.py
 
 bench: setup

@@ -93,7 +93,14 @@ def larger(calibration: Calibration) -> Calibration:
         cx=zoom * (camera.cx + 0.5) - 0.5 + shift,
         cy=zoom * (camera.cy + 0.5) - 0.5,
     )
-    return replace(calibration, view=replace(calibration.view, camera=other))
+    view = replace(calibration.view, camera=other)
+    return Calibration(
+        view,
+        calibration.camera_name,
+        calibration.region,
+        calibration.detection,
+        calibration.still_image,
+    )
 
 
 def scaled(image: Image, kind: str) -> Image:

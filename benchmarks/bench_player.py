@@ -125,8 +125,11 @@ def run_bare(node: Node, plan: PlayPlan) -> tuple[int, list[int]]:
     """The least that keeps the schedule: when it began, when it handed out each message [ns]."""
     times: list[int] = []
     meters = publishers(node, plan, times)
-    steps = [step for step in plan.steps() if step.message is not None]
-    due = [(step.wall_ns, meters[step.message.topic], step.message.data) for step in steps]
+    due = [
+        (step.wall_ns, meters[step.message.topic], step.message.data)
+        for step in plan.steps()
+        if step.message is not None
+    ]
     while sum(meter.get_subscription_count() for meter in meters.values()) < 2:
         time.sleep(0.05)
     time.sleep(0.5)

@@ -11,6 +11,7 @@ from __future__ import annotations
 import argparse
 import zlib
 from collections.abc import Callable, Iterator
+from itertools import chain
 from pathlib import Path
 from typing import NamedTuple
 
@@ -32,7 +33,7 @@ WRONG = 1e-3
 _END = b"\xff\xd9"
 _FIRST = 0.03  # part of a file up to which its header reaches
 # How cameras write their images.
-_WRITTEN = (
+_WRITTEN: tuple[dict[int, int], ...] = (
     {},
     {cv2.IMWRITE_JPEG_QUALITY: 50},
     {cv2.IMWRITE_JPEG_QUALITY: 95, cv2.IMWRITE_JPEG_OPTIMIZE: 1},
@@ -73,7 +74,7 @@ def _torn(data: bytes, other: bytes, random: Random) -> bytes:
 
 
 def _flipped_bit(data: bytes, other: bytes, random: Random) -> bytes:
-    return _changed(data, _place(data, random), 1 << random.integers(8))
+    return _changed(data, _place(data, random), 1 << int(random.integers(8)))
 
 
 def _flipped_byte(data: bytes, other: bytes, random: Random) -> bytes:
@@ -250,14 +251,14 @@ def main() -> None:
     arguments = parser.parse_args()
     folders = sequences_in(arguments.data) if arguments.data else shared_sequences()
     sequences = [read_sequence(folder) for folder in folders]
+    half, each = arguments.half, arguments.each
     for title, cases in (
-        ("Damaged files", lambda one: damaged_files(one, arguments.half, arguments.each)),
-        ("Pictures that do not fit", lambda one: misfits(one, arguments.half)),
+        ("Damaged files", [damaged_files(one, half, each) for one in sequences]),
+        ("Pictures that do not fit", [misfits(one, half) for one in sequences]),
     ):
         outcomes: dict[str, list[Outcome]] = {}
-        for sequence in sequences:
-            for name, what in cases(sequence):
-                outcomes.setdefault(name, []).append(what)
+        for name, what in chain.from_iterable(cases):
+            outcomes.setdefault(name, []).append(what)
         print(f"\n## {title}\n", *_table(outcomes), sep="\n")
 
 

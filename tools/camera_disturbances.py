@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 import zlib
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -83,7 +83,14 @@ class Disturbance:
         turn = np.eye(3)
         turn[:2, :2] = _rotation(self.told_roll)
         pose = Pose(turn @ view.pose.rotation, turn @ view.pose.translation)
-        return replace(calibration, view=CupView(view.camera, pose, view.cup))
+        turned = CupView(view.camera, pose, view.cup)
+        return Calibration(
+            turned,
+            calibration.camera_name,
+            calibration.region,
+            calibration.detection,
+            calibration.still_image,
+        )
 
 
 def _same(image: Image, scene: Scene, random: np.random.Generator) -> Image:

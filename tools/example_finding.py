@@ -149,7 +149,8 @@ _SINGLE = (
 
 
 def _wave(scale: float) -> Array:
-    return scale * 0.012 * np.sin(19.0 * T) * np.exp(-0.4 * T) * np.minimum(T, 1.0)
+    wave: Array = scale * 0.012 * np.sin(19.0 * T) * np.exp(-0.4 * T) * np.minimum(T, 1.0)
+    return wave
 
 
 def _agreement(motion: MeasuredMotion, heights: Array) -> Agreement:

@@ -11,11 +11,14 @@ ROOT = Path(__file__).resolve().parent.parent
 
 
 def main() -> int:
-    """Runs mypy over src/ and tools/; returns its exit code."""
+    """Runs mypy over the packages, tools and benchmarks; returns its exit code."""
     roots = sorted(path.parent for path in ROOT.glob("src/*/setup.py"))
     packages = [str(root / root.name) for root in roots]
-    environment = {**os.environ, "MYPYPATH": ":".join(map(str, roots))}
-    command = [sys.executable, "-m", "mypy", *packages, str(ROOT / "tools/bootstrap.py")]
+    # A script finds what lies beside it.
+    beside = [ROOT, ROOT / "tools", ROOT / "tools" / "scenes", ROOT / "benchmarks"]
+    scripts = [str(path) for folder in beside[1:] for path in sorted(folder.glob("*.py"))]
+    environment = {**os.environ, "MYPYPATH": ":".join(map(str, [*beside[1:], *roots, ROOT]))}
+    command = [sys.executable, "-m", "mypy", "--explicit-package-bases", *packages, *scripts]
     return subprocess.run(command, env=environment, cwd=ROOT, check=False).returncode
 
 
