@@ -2,6 +2,7 @@
 
 import ast
 import importlib
+import importlib.metadata
 import re
 import runpy
 import sys
@@ -14,6 +15,7 @@ import yaml
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = sorted(path.parent for path in ROOT.glob("src/*/package.xml"))
 PYTHON = [package for package in PACKAGES if (package / "setup.py").exists()]
+CHANGELOG = (ROOT / "CHANGELOG.md").read_text()
 LOCKS = ("ros", "runtime", "development")
 ORDER = (
     "slosh_files", "slosh_msgs", "slosh_msgs_py", "slosh_model", "slosh_camera", "slosh_report",
@@ -81,6 +83,12 @@ def test_manifest_names_the_package_its_licence_and_its_build(package):
     assert root.findtext("license") == "Apache-2.0"
     build = "ament_cmake" if package.name == "slosh_msgs" else "ament_python"
     assert root.findtext("export/build_type") == build
+
+
+def test_all_packages_have_one_version_and_the_changelog_has_it():
+    (version,) = {manifest(package).findtext("version") for package in PACKAGES}
+    assert re.search(rf"^## {re.escape(version)} - 20\d\d-\d\d-\d\d$", CHANGELOG, re.MULTILINE)
+    assert importlib.metadata.version("slosh_bringup") == version
 
 
 @pytest.mark.parametrize("package", PYTHON, ids=lambda path: path.name)

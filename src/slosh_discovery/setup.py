@@ -1,12 +1,14 @@
 """Installs slosh_discovery as an ament package."""
 
+from xml.etree import ElementTree
+
 from setuptools import find_packages, setup
 
 PACKAGE = "slosh_discovery"
 
 setup(
     name=PACKAGE,
-    version="0.1.0",
+    version=ElementTree.parse("package.xml").findtext("version"),
     packages=find_packages(exclude=["test"]),
     package_data={
         PACKAGE: [

@@ -1,12 +1,14 @@
 """Installs slosh_msgs_py as an ament package."""
 
+from xml.etree import ElementTree
+
 from setuptools import find_packages, setup
 
 PACKAGE = "slosh_msgs_py"
 
 setup(
     name=PACKAGE,
-    version="0.1.0",
+    version=ElementTree.parse("package.xml").findtext("version"),
     packages=find_packages(exclude=["test"]),
     package_data={PACKAGE: ["py.typed"], f"{PACKAGE}.node": ["profiles/*.xml"]},
     data_files=[

@@ -40,6 +40,13 @@ def test_help_names_every_command(capsys):
     assert all(name in text for name in COMMANDS)
 
 
+def test_it_tells_its_version(capsys):
+    with pytest.raises(SystemExit) as caught:
+        main(["--version"])
+    assert caught.value.code == 0
+    assert re.fullmatch(r"slosh \d+\.\d+\.\d+\n", capsys.readouterr().out)
+
+
 @pytest.mark.parametrize("name", LATER)
 def test_reserved_commands_say_so(capsys, name):
     assert "not in this version" in fails_with(capsys, name, "whatever", "--even", "this")
