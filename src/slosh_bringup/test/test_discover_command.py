@@ -232,8 +232,11 @@ def test_the_page_shows_the_camera_s_image_of_the_worst_moment(
     monkeypatch, discovery, shift, tmp_path
 ):
     discovery.worst = (WorstMoment("c3#1", 1.0, 0.01, 0.02, 0.01),)
-    given = {"worst": (grey_png(), 0.0123)}
-    monkeypatch.setattr(command, "pictures_at", lambda bag, stamps: given if bag == shift else {})
+
+    def pictures(bag, stamps):
+        return dict.fromkeys(stamps, (grey_png(), 0.0123)) if bag == shift else {}
+
+    monkeypatch.setattr(command, "pictures_at", pictures)
     assert main(["discover", "--from-bag", str(shift), "-o", str(tmp_path / "o")]) == 0
     page = (tmp_path / "o" / "report.html").read_text(encoding="utf-8")
     assert "A: c3#1, 1.00 s, 12.3 mm" in page
