@@ -10,6 +10,7 @@ import pytest
 from hypothesis import settings
 
 from slosh_msgs_py.node.domain import own_domain
+from slosh_msgs_py.node.shared_memory import free_dead_ports
 
 REAL_TIME = "tests/real_time/"
 """Tests of processes that must keep pace: one worker runs them all, one after the other."""
@@ -27,6 +28,7 @@ def domain() -> Iterator[int]:
     with own_domain() as number, pytest.MonkeyPatch.context() as environment:
         environment.setenv("ROS_DOMAIN_ID", str(number))
         environment.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+        free_dead_ports()
         yield number
 
 

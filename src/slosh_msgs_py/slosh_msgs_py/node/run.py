@@ -23,7 +23,7 @@ from slosh_msgs_py.node.lifeline import watch_lifelines
 from slosh_msgs_py.node.network import bound
 from slosh_msgs_py.node.prepared import Preparation, PreparedNode
 from slosh_msgs_py.node.readiness import READY
-from slosh_msgs_py.node.shared_memory import is_deaf
+from slosh_msgs_py.node.shared_memory import free_dead_ports, is_deaf
 
 EXIT_DONE, EXIT_FAILED, EXIT_WRONG_INPUT = 0, 1, 2
 EXECUTORS = ("events", "single")
@@ -127,6 +127,7 @@ def initialise(arguments: Sequence[str] | None) -> None:
         SloshMessageError: a command line or parameter file that it cannot read.
     """
     bound()
+    free_dead_ports()
     try:
         rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
     except RuntimeError as error:

@@ -7,6 +7,10 @@ of its own segment, and one of its port.
 
 A killed process also leaves its segment behind, tens of megabytes of memory. Its lock is free
 then, as the system lets go of it with the process.
+
+One thing the system does not let go of: the mutex of a port, a semaphore by name. Whoever is
+killed while holding it leaves it locked, and every later process that gets this port hangs in its
+start for ever, where no signal reaches it.
 """
 
 from __future__ import annotations
@@ -15,12 +19,18 @@ import contextlib
 import fcntl
 import os
 import re
+import sys
 import time
 from pathlib import Path
 
 _SEGMENT = re.compile(r"/fastrtps_[0-9a-f]{16}_el")
 _PORT = re.compile(r"/fastrtps_port(\d+)_el")
 _OWN_SEGMENT = re.compile(r"fastrtps_[0-9a-f]{16}")
+_MUTEX = re.compile(r"sem\.(fast\w+_port\d+)_mutex")
+_SAMPLE = 0.05  # s
+_LONGEST_HELD = 3.0
+"""A living process holds a port's mutex for microseconds; for a second where it waits for an
+answer of whoever had the port before [s]."""
 _YOUNG = 10.0
 """A segment is made before its lock is taken; one that is younger is left alone [s]."""
 _FIRST_PORT = 7400
@@ -61,6 +71,61 @@ def remove_leftovers(folder: Path = Path("/dev/shm"), now: float | None = None) 
             if _OWN_SEGMENT.fullmatch(segment.name) and lock.stat().st_mtime < old:
                 freed += _remove_free(segment, lock)
     return freed
+
+
+def free_dead_ports(folder: Path = Path("/dev/shm"), patience: float = _LONGEST_HELD) -> list[str]:
+    """Deletes the ports that killed processes have left locked.
+
+    Without such a one it takes milliseconds, with one `patience`. Whoever comes next makes the
+    port anew. Of a port on which somebody alive listens only the mutex goes.
+
+    Args:
+        folder: where they are.
+        patience: how long one has to stay locked to count as left [s].
+
+    Returns:
+        names of the ports.
+    """
+    locked = {path for path in folder.glob("sem.*_mutex") if _MUTEX.fullmatch(path.name)}
+    deadline = time.monotonic() + patience
+    while locked := {path for path in locked if _is_locked(path)}:
+        if time.monotonic() >= deadline:
+            break
+        time.sleep(_SAMPLE)
+    freed = []
+    for path in sorted(locked):
+        port = folder / path.name.removeprefix("sem.").removesuffix("_mutex")
+        with contextlib.suppress(OSError):  # another's, or gone by now
+            # Its own state is as locked as the mutex: who opened it would hang in there.
+            if not _is_listened_to(port):
+                port.unlink(missing_ok=True)
+            path.unlink()
+            freed.append(port.name)
+    return freed
+
+
+def _is_listened_to(port: Path) -> bool:
+    """Whether a living process holds the lock of a port's listener."""
+    try:
+        descriptor = os.open(port.with_name(f"{port.name}_el"), os.O_RDWR | os.O_CLOEXEC)
+    except FileNotFoundError:
+        return False
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    finally:
+        os.close(descriptor)
+    return False
+
+
+def _is_locked(mutex: Path) -> bool:
+    """Whether a semaphore's count, the low half of its first eight bytes, is zero."""
+    try:
+        head = mutex.read_bytes()[:8]
+    except OSError:
+        return False
+    return len(head) == 8 and int.from_bytes(head, sys.byteorder) & 0xFFFFFFFF == 0
 
 
 def _remove_free(segment: Path, lock: Path) -> int:
