@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -53,12 +54,18 @@ def bag_calibration(bag: Path) -> AnyCalibration | None:
         return None
     started = settings.latest(settings.read_starts(reader, topic), "camera")
     text = started.files.get("calibration") if started else None
-    if text is None:
+    if started is None or text is None:
         return None
+    # The bag holds the file's text; its still image lies where the node found it, if anywhere.
+    folder = Path(str(started.parameters.get("calibration", ""))).parent
     try:
-        return parse_any_calibration(text, f"{bag}: the recorded calibration", None)
+        calibration = parse_any_calibration(text, f"{bag}: the recorded calibration", folder)
     except SloshCameraError:
         return None
+    still = calibration.still_image
+    if still is None or still.is_file():
+        return calibration
+    return replace(calibration, still_image=None)
 
 
 def bag_pictures(bag: Path, result: ReplayResult) -> tuple[Frame, ...]:
