@@ -25,7 +25,7 @@ from slosh_camera.calibrate.camera_file import read_any_calibration
 from slosh_estimator.model_file import read_model
 from slosh_msgs_py import topics
 from slosh_msgs_py.node.domain import own_domain
-from slosh_msgs_py.node.shared_memory import free_dead_ports, remove_leftovers
+from slosh_msgs_py.node.shared_memory import remove_leftovers
 
 POLL = 0.1
 _WORTH_TELLING = 10_000_000  # bytes
@@ -108,7 +108,6 @@ def run_nodes(run: LiveRun, screen: Screen, stop: StopRequest) -> Outcome:
         environment = node_environment(stack.enter_context(claim))
         # The listener below speaks as the nodes do.
         os.environ.update(environment)
-        free_dead_ports()
         group = stack.enter_context(NodeGroup(namespace, run.folder / LOGS, environment))
         listener = stack.enter_context(
             CellListener(namespace, watch.take_settings, watch.take_report, diagnostics)

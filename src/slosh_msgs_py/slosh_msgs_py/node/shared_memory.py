@@ -21,12 +21,13 @@ import os
 import re
 import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 _SEGMENT = re.compile(r"/fastrtps_[0-9a-f]{16}_el")
 _PORT = re.compile(r"/fastrtps_port(\d+)_el")
 _OWN_SEGMENT = re.compile(r"fastrtps_[0-9a-f]{16}")
-_MUTEX = re.compile(r"sem\.(fast\w+_port\d+)_mutex")
+_MUTEX = re.compile(r"sem\.fast\w+_port\d+_mutex")
 _SAMPLE = 0.05  # s
 _LONGEST_HELD = 3.0
 """A living process holds a port's mutex for microseconds; for a second where it waits for an
@@ -107,16 +108,12 @@ def free_dead_ports(folder: Path = Path("/dev/shm"), patience: float = _LONGEST_
 def _is_listened_to(port: Path) -> bool:
     """Whether a living process holds the lock of a port's listener."""
     try:
-        descriptor = os.open(port.with_name(f"{port.name}_el"), os.O_RDWR | os.O_CLOEXEC)
+        with _held(port.with_name(f"{port.name}_el")):
+            return False
     except FileNotFoundError:
         return False
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
         return True
-    finally:
-        os.close(descriptor)
-    return False
 
 
 def _is_locked(mutex: Path) -> bool:
@@ -134,15 +131,27 @@ def _remove_free(segment: Path, lock: Path) -> int:
     Raises:
         OSError: somebody holds it, or it is not ours.
     """
-    descriptor = os.open(lock, os.O_RDWR | os.O_CLOEXEC)
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    with _held(lock):
         size = segment.stat().st_size
         segment.unlink()
         lock.unlink()
+    return size
+
+
+@contextlib.contextmanager
+def _held(lock: Path) -> Iterator[None]:
+    """Holds a lock file.
+
+    Raises:
+        BlockingIOError: somebody else holds it.
+        OSError: there is none, or it is not ours.
+    """
+    descriptor = os.open(lock, os.O_RDWR | os.O_CLOEXEC)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        yield
     finally:
         os.close(descriptor)
-    return size
 
 
 def _target(link: Path) -> str:
