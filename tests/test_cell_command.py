@@ -15,7 +15,7 @@ import yaml
 from slosh_bag.motion_table import MotionTable, write_motion_table
 from slosh_bag.reader import BagReader
 from slosh_bag.replay import replay_bag
-from slosh_bringup.in_force import in_force, recorded_starts
+from slosh_bringup.in_force import in_force, last_starts
 from slosh_bringup.processes import NodeProcess, config_folder, node_environment
 from slosh_msgs.msg import SloshEstimate
 from tests.live_processes import PATIENCE, live_process, recorded
@@ -101,7 +101,7 @@ def test_a_file_with_two_parameters_keeps_the_limits_and_the_cell_says_so(
     assert kept["estimator"]["parameters"]["max_gap"] == 0.04
     assert kept["estimator"]["topics"]["accel"] == "/slosh/accel"
     assert "radius" in kept["estimator"]["files"]["model"]
-    recorded = in_force(recorded_starts(folder / "bag"))
+    recorded = in_force(last_starts(folder / "bag"))
     assert recorded == result["in_force"]
     for label, text in recorded.items():
         assert f"{label:<20}{text}" in running.said

@@ -8,9 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from slosh_bag.reader import BagReader
-from slosh_bag.recording import settings
-from slosh_bag.recording.cells import CellTopics
 from slosh_bag.recording.settings import NodeStart
+from slosh_bag.recording.sources import recorded_starts
 from slosh_camera.calibrate.camera_file import parse_any_calibration
 from slosh_camera.optics.calibration import Calibration
 from slosh_files.yaml_text import format_yaml
@@ -27,17 +26,13 @@ Starts = Mapping[str, NodeStart]
 """The last start of each node, by its name."""
 
 
-def recorded_starts(bag: Path) -> dict[str, NodeStart]:
+def last_starts(bag: Path) -> dict[str, NodeStart]:
     """What the nodes of a recorded cell worked with; empty where the bag does not tell.
 
     Raises:
         SloshBagError: the bag or what a node says in it cannot be read.
     """
-    reader = BagReader(bag)
-    topic = CellTopics(reader.topics()).topic(settings.TOPIC, settings.MESSAGE_TYPE)
-    if topic is None:
-        return {}
-    return {start.node: start for start in settings.read_starts(reader, topic)}
+    return {start.node: start for start in recorded_starts(BagReader(bag))}
 
 
 def in_force(starts: Starts) -> dict[str, str]:

@@ -14,7 +14,7 @@ import numpy as np
 from slosh_bag.errors import SloshBagError
 from slosh_bag.replay import ReplayResult, replay_bag
 from slosh_bag.replay.report import Surroundings
-from slosh_bringup.in_force import in_force, recorded_starts
+from slosh_bringup.in_force import in_force, last_starts
 from slosh_bringup.replay_frames import bag_topics
 from slosh_bringup.replay_page import make_report
 from slosh_bringup.run_data import HEIGHTS, RunData, read_run
@@ -124,7 +124,7 @@ def _evaluated(
     bag: Path, title: str, problems: tuple[str, ...], began: bool
 ) -> tuple[LiveResult, RunReport]:
     try:
-        data, starts = read_run(bag), recorded_starts(bag)
+        data, starts = read_run(bag), last_starts(bag)
     except SloshBagError as error:
         unread = (f"nothing was recorded: {error}",) if began else ()
         result = LiveResult(reasons=(*problems, *unread))

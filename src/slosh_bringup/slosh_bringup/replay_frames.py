@@ -13,7 +13,7 @@ import numpy as np
 from slosh_bag.errors import SloshBagError
 from slosh_bag.reader import BagReader
 from slosh_bag.recording import settings
-from slosh_bag.recording.cells import CellTopics
+from slosh_bag.recording.sources import recorded_starts
 from slosh_bag.replay.report import report_start, shown_models
 from slosh_bag.replay.result import ReplayResult
 from slosh_bringup.detect.frame import SourceFrame
@@ -48,11 +48,7 @@ def bag_topics(bag: Path, seconds: float) -> tuple[Topic, ...]:
 
 def bag_calibration(bag: Path) -> AnyCalibration | None:
     """The calibration that the recorded camera node worked with; None: the bag does not tell."""
-    reader = BagReader(bag)
-    topic = CellTopics(reader.topics()).topic(settings.TOPIC, settings.MESSAGE_TYPE)
-    if topic is None:
-        return None
-    started = settings.latest(settings.read_starts(reader, topic), "camera")
+    started = settings.latest(recorded_starts(BagReader(bag)), "camera")
     text = started.files.get("calibration") if started else None
     if started is None or text is None:
         return None

@@ -14,7 +14,7 @@ import numpy as np
 from slosh_bag.motion_table import MotionTable, write_motion_table
 from slosh_bag.reader import BagReader
 from slosh_bag.recording import settings
-from slosh_bag.recording.cells import CellTopics
+from slosh_bag.recording.sources import recorded_starts
 from slosh_discovery.discover.finding import Finding, SeparatingMotion
 from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_discovery.discover_data import read_motions
@@ -185,10 +185,7 @@ def recorded_model(bag: Path) -> Model:
     missing = SloshDiscoveryError(f"{bag}: does not say which model ran; give one (--model)")
     if is_table(bag) or (bag.is_dir() and not any(bag.glob("*.mcap"))):
         raise missing
-    reader = BagReader(bag)
-    topic = CellTopics(reader.topics()).topic(settings.TOPIC, settings.MESSAGE_TYPE)
-    starts = settings.read_starts(reader, topic) if topic else []
-    started = settings.latest(starts, "estimator")
+    started = settings.latest(recorded_starts(BagReader(bag)), "estimator")
     if started is None:
         raise missing
     return settings.model_of(started)

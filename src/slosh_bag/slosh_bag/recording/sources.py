@@ -36,6 +36,21 @@ class Sources(NamedTuple):
     cells: tuple[str, ...] = ()
 
 
+def recorded_starts(reader: BagReader, found: CellTopics | None = None) -> list[NodeStart]:
+    """The starts of a cell's nodes, in the order of the recording; empty: the bag does not tell.
+
+    Args:
+        reader: of the bag.
+        found: the cell's topics; None: those of the bag's first cell.
+
+    Raises:
+        SloshBagError: the bag or what a node says in it cannot be read.
+    """
+    cell = found or CellTopics(reader.topics())
+    topic = cell.topic(settings.TOPIC, settings.MESSAGE_TYPE)
+    return settings.read_starts(reader, topic) if topic else []
+
+
 def find_sources(
     path: Path, reader: BagReader, kind: str | None = None, cell: str | None = None
 ) -> Sources:
@@ -53,8 +68,7 @@ def find_sources(
     found = CellTopics(reader.topics(), cell)
     if cell is not None and not found.is_there:
         raise SloshBagError(f"{path}: holds no topic of a cell {cell}")
-    settings_topic = found.topic(settings.TOPIC, settings.MESSAGE_TYPE)
-    starts = settings.read_starts(reader, settings_topic) if settings_topic else []
+    starts = recorded_starts(reader, found)
     started = settings.first(starts, "estimator")
     if kind is None and started is not None:
         kind = started.parameters.get("input")

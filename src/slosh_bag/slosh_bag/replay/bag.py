@@ -284,11 +284,9 @@ def _origin(started: NodeStart | None, recorded: Model | None, used: Model) -> O
 
 def _monitor_settings(sources: Sources) -> MonitorSettings:
     started = settings.latest(list(sources.starts), "monitor")
-    return (
-        settings.settings_of(started, MonitorSettings.from_parameters)
-        if started
-        else (MonitorSettings())
-    )
+    if started is None:
+        return MonitorSettings()
+    return settings.settings_of(started, MonitorSettings.from_parameters)
 
 
 def _noted_model(path: Path, facts: Mapping[str, str]) -> Model:
