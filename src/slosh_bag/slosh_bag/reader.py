@@ -25,10 +25,10 @@ from slosh_bag.mcap_files.chunks import MessageBlock, Piece
 from slosh_bag.mcap_files.found import Found
 from slosh_bag.mcap_files.mcap_index import Index, Window, indexed_pieces, read_index
 from slosh_bag.mcap_files.mcap_merge import Span, in_log_order
-from slosh_bag.mcap_files.mcap_summary import read_summary
+from slosh_bag.mcap_files.mcap_summary import Summary, read_summary
 from slosh_bag.mcap_files.mcap_walk import McapWalk, is_in_order
 
-__all__ = ["DAMAGE", "BagMessage", "BagReader", "TopicInfo", "bag_files"]
+__all__ = ["DAMAGE", "BagMessage", "BagReader", "TopicInfo", "bag_files", "messages_of"]
 
 # What the libraries raise on bytes that are not what was written.
 DAMAGE = (
@@ -204,10 +204,7 @@ class BagReader:
     def _indexed(
         self, file: Path, index: Index, topics: Collection[str], windows: Collection[Window] | None
     ) -> Iterator[MessageBlock]:
-        summary = index.summary
-        known = Found(summary.schemas, summary.channels, summary.counts or {})
-        for schema in summary.schemas.values():
-            self._types.add(schema)
+        known = self._told(index.summary)
         wanted = list(_names(known, topics))
         missing = sum(known.counts.get(channel, 0) for channel in wanted)
         for piece in indexed_pieces(file, index, wanted, windows):
@@ -278,10 +275,7 @@ class BagReader:
         with file.open("rb") as stream:
             summary = read_summary(stream, file.stat().st_size)
         if summary is not None and summary.tells_topics:
-            found = Found(summary.schemas, summary.channels, summary.counts or {})
-            for schema in summary.schemas.values():
-                self._types.add(schema)
-            return found
+            return self._told(summary)
         walk = McapWalk(file)
         for piece in walk.pieces():
             self._learn(piece)
@@ -306,12 +300,25 @@ class BagReader:
             data = piece.raw[start : start + int(piece.length[row])]
             yield BagMessage(topic, kind, int(piece.log_ns[row]), int(piece.publish_ns[row]), data)
 
+    def _told(self, summary: Summary) -> Found:
+        """What a summary that tells its topics says of its file."""
+        for schema in summary.schemas.values():
+            self._types.add(schema)
+        return Found(summary.schemas, summary.channels, summary.counts or {})
+
     def _learn(self, piece: Piece) -> None:
         for schema in piece.schemas:
             self._types.add(schema)
 
     def _warn(self, warnings: Collection[str]) -> None:
         self.warnings += [text for text in warnings if text not in self.warnings]
+
+
+def messages_of(block: MessageBlock) -> Iterator[BagMessage]:
+    """The messages of a block one by one."""
+    times = zip(block.log_ns.tolist(), block.publish_ns.tolist(), strict=True)
+    for row, (log_ns, publish_ns) in enumerate(times):
+        yield BagMessage(block.topic, block.message_type, log_ns, publish_ns, block.data(row))
 
 
 def _type_of(found: Found, number: int) -> str:

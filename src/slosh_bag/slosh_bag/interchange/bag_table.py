@@ -29,7 +29,6 @@ from slosh_bag.errors import SloshBagError
 from slosh_bag.interchange.table_bag import (
     HEIGHTS,
     HEIGHTS_TYPE,
-    IMU,
     IMU_TYPE,
     SURFACE,
     SURFACE_TYPE,
@@ -39,12 +38,12 @@ from slosh_bag.interchange.table_bag import (
 from slosh_bag.interchange.topic_choice import find_topic
 from slosh_bag.mcap_files.chunks import MessageBlock
 from slosh_bag.motion_table import MSH, MotionTable, eta_azimuths
-from slosh_bag.reader import BagMessage, BagReader, TopicInfo
+from slosh_bag.reader import BagReader, TopicInfo, messages_of
 from slosh_bag.recording.facts import TABLE_COLUMNS, TABLE_ORIGIN, clocks_unrelated
 from slosh_bag.recording.inputs import STAMP, recorded_inputs, stamps_of
 from slosh_bag.recording.motion import AttitudeCollector, Motion, MotionCollector
 from slosh_bag.recording.sources import Sources, find_sources
-from slosh_estimator.inputs import InputSettings
+from slosh_estimator.inputs import IMU, InputSettings
 from slosh_estimator.sight import SATURATED, UNUSABLE
 from slosh_files.nanoseconds import SECOND
 
@@ -321,10 +320,7 @@ def _beside(
 
 def _decoded(reader: BagReader, block: MessageBlock) -> list[Any]:
     """The messages of a block as objects."""
-    return [
-        reader.decode(BagMessage(block.topic, block.message_type, log_ns, log_ns, block.data(row)))
-        for row, log_ns in enumerate(block.log_ns.tolist())
-    ]
+    return [reader.decode(message) for message in messages_of(block)]
 
 
 def _surface(

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from slosh_bag.columns.cdr_columns import ColumnReader, Group
 from slosh_bag.interchange.export_fields import STAMP, Leaf, leaves, row_getter
 from slosh_bag.mcap_files.chunks import MessageBlock
-from slosh_bag.reader import BagMessage, BagReader
+from slosh_bag.reader import BagMessage, BagReader, messages_of
 from slosh_files.nanoseconds import SECOND
 
 FEWEST_ALIKE: Final = 16
@@ -55,15 +55,7 @@ class RowReader:
         """
         lengths = len(np.unique(block.length))
         if not self._flat or lengths * FEWEST_ALIKE > max(len(block), FEWEST_ALIKE):
-            times = zip(block.log_ns.tolist(), block.publish_ns.tolist(), strict=True)
-            return self.messages(
-                [
-                    BagMessage(
-                        block.topic, block.message_type, log_ns, publish_ns, block.data(row)
-                    )
-                    for row, (log_ns, publish_ns) in enumerate(times)
-                ]
-            )
+            return self.messages(list(messages_of(block)))
         names = [leaf.name for leaf in self.fields]
         groups = list(self._columns.groups(block, names))
         values = [_gathered(leaf, groups, len(block)) for leaf in self.fields]

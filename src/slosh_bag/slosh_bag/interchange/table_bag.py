@@ -30,6 +30,7 @@ from slosh_bag.errors import SloshBagError
 from slosh_bag.motion_table import MotionTable, column_names, read_motion_table
 from slosh_bag.recording.facts import TABLE_COLUMNS, TABLE_ORIGIN
 from slosh_bag.recording.motion import NOT_REPORTED
+from slosh_estimator.inputs import ACCEL, IMU, MESSAGE_TYPES
 from slosh_files import new_folder
 from slosh_files.nanoseconds import SECOND
 from slosh_model.constants import GRAVITY
@@ -38,8 +39,7 @@ Array = NDArray[np.float64]
 Stamps = NDArray[np.int64]
 
 LAST_NS: Final = (2**31 - 1) * SECOND
-ACCEL, ACCEL_TYPE = "accel", "geometry_msgs/msg/AccelStamped"
-IMU, IMU_TYPE = "imu", "sensor_msgs/msg/Imu"
+ACCEL_TYPE, IMU_TYPE = MESSAGE_TYPES[ACCEL], MESSAGE_TYPES[IMU]
 SURFACE, SURFACE_TYPE = "free_surface", "slosh_msgs/msg/FreeSurface"
 HEIGHTS, HEIGHTS_TYPE = "wall_heights", "sensor_msgs/msg/PointCloud2"
 WALL_POINT = np.dtype([("azimuth", "<f8"), ("height", "<f8")])

@@ -6,6 +6,7 @@ import io
 import struct
 import zlib
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -34,6 +35,8 @@ Bytes = NDArray[np.uint8]
 
 RECORD_HEADER = 9
 """Opcode and length before the content of each record [bytes]."""
+CHUNK_START = 56
+"""Enough of a chunk's content to read its header [bytes]."""
 _CREDIBLE = 2**31  # chunks that say to be larger are damaged [bytes]
 _CHUNK = struct.Struct("<QQQII")
 
@@ -255,6 +258,32 @@ def read_chunk(position: int, header: ChunkHeader, content: bytes) -> Piece:
         raise DamageError(f"in a chunk, {end} bytes from its start: {_PROBLEMS[state]}")
     place = position, RECORD_HEADER + len(content)
     return _piece(place, raw, messages, others, bool(header.crc))
+
+
+def whole_chunk(position: int, content: bytes, *, agreeing: bool = False) -> Piece:
+    """Reads a chunk's header, and unpacks it.
+
+    Args:
+        position: of its record in the file.
+        content: of the record.
+        agreeing: refuse one whose header tells other times than its messages have.
+
+    Raises:
+        DamageError: its bytes are not what was written.
+    """
+    header = chunk_header(content[:CHUNK_START], len(content))
+    piece = read_chunk(position, header, content)
+    if agreeing and not agrees(header, piece):
+        raise DamageError("a chunk with other times than its messages")
+    return piece
+
+
+def damaged(path: Path, position: int, error: DamageError) -> SloshBagError:
+    """What a user is told of damage that is not at a file's end."""
+    return SloshBagError(
+        f"{path}: damaged at byte {position}: {error}; "
+        "`slosh recover` writes a new bag of all that is whole"
+    )
 
 
 def agrees(header: ChunkHeader, piece: Piece) -> bool:

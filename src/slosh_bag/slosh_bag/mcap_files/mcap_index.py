@@ -14,21 +14,22 @@ from typing import BinaryIO, NamedTuple
 from mcap.opcode import Opcode
 from mcap.records import AttachmentIndex, ChunkIndex, MetadataIndex
 
-from slosh_bag.errors import SloshBagError
 from slosh_bag.mcap_files.chunks import (
     RECORD_HEADER,
     DamageError,
     Piece,
-    agrees,
-    chunk_header,
-    parse,
-    read_chunk,
+    damaged,
+    whole_chunk,
 )
-from slosh_bag.mcap_files.mcap_summary import END, MAGIC, Summary, read_summary
-from slosh_bag.mcap_files.mcap_walk import CHUNK_START
+from slosh_bag.mcap_files.mcap_summary import END, MAGIC, Summary, read_summary, summary_records
 
 _HEADER = struct.Struct("<BQ")
 _DATA_END = RECORD_HEADER + 4
+_ENTRIES = {
+    Opcode.CHUNK_INDEX: ChunkIndex,
+    Opcode.METADATA_INDEX: MetadataIndex,
+    Opcode.ATTACHMENT_INDEX: AttachmentIndex,
+}
 Window = tuple[int, int]
 """First and last log time [ns]."""
 
@@ -61,34 +62,20 @@ def read_index(path: Path) -> Index | None:
             return None
     told = sum(chunk.chunk_length + chunk.message_index_length for chunk in chunks) + beside
     data = summary.start - len(MAGIC) - (RECORD_HEADER + header) - _DATA_END
-    complete = told == data and all(_is_told(chunk, summary) for chunk in chunks)
-    return Index(summary, chunks) if complete else None
-
-
-def _is_told(chunk: ChunkIndex, summary: Summary) -> bool:
-    """Whether an entry tells its channels, and the summary what these are; some writers do not."""
-    channels = chunk.message_index_offsets
-    return bool(channels) and summary.knows(channels)
+    # Some writers leave out an entry's channels, or what these are.
+    channels = {channel for chunk in chunks for channel in chunk.message_index_offsets}
+    named = all(chunk.message_index_offsets for chunk in chunks) and summary.knows(channels)
+    return Index(summary, chunks) if named and told == data else None
 
 
 def _entries(stream: BinaryIO, start: int, end: int) -> tuple[tuple[ChunkIndex, ...], int]:
     """The chunks' entries, and how many bytes other records take that have an entry."""
     found, beside = [], 0
-    stream.seek(start)
-    position = start
-    while position < end:
-        opcode, length = _HEADER.unpack(stream.read(RECORD_HEADER))
-        position += RECORD_HEADER + length
-        if position > end:
-            raise DamageError("a record beyond the summary's end")
-        if opcode == Opcode.CHUNK_INDEX:
-            found.append(parse(ChunkIndex, stream.read(length)))
-        elif opcode == Opcode.METADATA_INDEX:
-            beside += parse(MetadataIndex, stream.read(length)).length
-        elif opcode == Opcode.ATTACHMENT_INDEX:
-            beside += parse(AttachmentIndex, stream.read(length)).length
+    for entry in summary_records(stream, start, end, _ENTRIES):
+        if isinstance(entry, ChunkIndex):
+            found.append(entry)
         else:
-            stream.seek(position)
+            beside += entry.length
     return tuple(found), beside
 
 
@@ -106,9 +93,10 @@ def indexed_pieces(
     Raises:
         SloshBagError: such a chunk is damaged.
     """
+    wanted = set(channels)
     with path.open("rb") as stream:
         for chunk in index.chunks:
-            if not chunk.message_index_offsets.keys() & set(channels):
+            if not chunk.message_index_offsets.keys() & wanted:
                 continue
             if windows is None or any(
                 first <= chunk.message_end_time and chunk.message_start_time <= last
@@ -124,14 +112,6 @@ def _piece(path: Path, stream: BinaryIO, chunk: ChunkIndex) -> Piece:
         record = stream.read(chunk.chunk_length)
         if record[:1] != bytes([Opcode.CHUNK]) or len(record) != chunk.chunk_length:
             raise DamageError("no chunk where the index has one")
-        content = record[RECORD_HEADER:]
-        header = chunk_header(content[:CHUNK_START], len(content))
-        piece = read_chunk(position, header, content)
-        if not agrees(header, piece):
-            raise DamageError("a chunk with other times than its messages")
+        return whole_chunk(position, record[RECORD_HEADER:], agreeing=True)
     except DamageError as error:
-        raise SloshBagError(
-            f"{path}: damaged at byte {position}: {error}; "
-            "`slosh recover` writes a new bag of all that is whole"
-        ) from None
-    return piece
+        raise damaged(path, position, error) from None

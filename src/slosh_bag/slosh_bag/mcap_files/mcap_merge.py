@@ -12,11 +12,9 @@ from slosh_bag.mcap_files.chunks import (
     RECORD_HEADER,
     DamageError,
     Piece,
-    chunk_header,
-    read_chunk,
     read_loose,
+    whole_chunk,
 )
-from slosh_bag.mcap_files.mcap_walk import CHUNK_START
 from slosh_bag.unpacking import MOST_UNPACKED
 
 
@@ -84,8 +82,6 @@ def _again(path: Path, span: Span, content: bytes) -> Piece:
     try:
         if content[:1] != b"\x06":
             return read_loose(span.position, content)
-        content = content[RECORD_HEADER:]
-        header = chunk_header(content[:CHUNK_START], len(content))
-        return read_chunk(span.position, header, content)
+        return whole_chunk(span.position, content[RECORD_HEADER:])
     except DamageError:
         raise SloshBagError(f"{path}: changed while it was read") from None

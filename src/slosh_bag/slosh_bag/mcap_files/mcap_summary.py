@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import struct
 import zlib
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 from mcap.opcode import Opcode
 from mcap.records import Channel, MetadataIndex, Schema, Statistics
@@ -52,7 +52,8 @@ class Summary:
     def knows(self, channels: Iterable[int]) -> bool:
         """Whether it repeats the definitions of all these channels and of their schemas."""
         found = [self.channels.get(channel) for channel in channels]
-        return all(one is not None and one.schema_id in {0, *self.schemas} for one in found)
+        schemas = {0, *self.schemas}
+        return all(one is not None and one.schema_id in schemas for one in found)
 
 
 def read_summary(stream: BinaryIO, size: int) -> Summary | None:
@@ -95,24 +96,42 @@ def read_summary(stream: BinaryIO, size: int) -> Summary | None:
 
 def _records(stream: BinaryIO, start: int, end: int) -> Summary | None:
     """What is needed of the summary's records; None: they do not follow each other."""
-    summary, position, taken = Summary(start, trusted=True), start, 0
-    stream.seek(start)
+    summary = Summary(start, trusted=True)
     try:
-        while position < end:
-            opcode, length = _HEADER.unpack(stream.read(RECORD_HEADER))
-            position += RECORD_HEADER + length
-            if position > end:
+        for count, record in enumerate(summary_records(stream, start, end, _TAKEN)):
+            if count == MOST_TAKEN:
                 return None
-            if opcode in _TAKEN:
-                taken += 1
-                if taken > MOST_TAKEN:
-                    return None
-                _take(summary, parse(_TAKEN[opcode], stream.read(length)))
-            else:
-                stream.seek(position)
-    except (DamageError, struct.error):
+            _take(summary, record)
+    except DamageError:
         return None
     return summary
+
+
+def summary_records(
+    stream: BinaryIO, start: int, end: int, kinds: Mapping[int, Any]
+) -> Iterator[Any]:
+    """The records of some kinds in a summary.
+
+    Args:
+        stream: the file.
+        start, end: of the summary in it.
+        kinds: mcap's types by opcode; other records are passed over.
+
+    Raises:
+        DamageError: the records do not follow each other up to the end.
+    """
+    position = start
+    while position < end:
+        stream.seek(position)
+        header = stream.read(RECORD_HEADER)
+        if len(header) < RECORD_HEADER:
+            raise DamageError("a summary that is cut off")
+        opcode, length = _HEADER.unpack(header)
+        position += RECORD_HEADER + length
+        if position > end:
+            raise DamageError("a record beyond the summary's end")
+        if opcode in kinds:
+            yield parse(kinds[opcode], stream.read(length))
 
 
 _TAKEN = {

@@ -20,23 +20,22 @@ from mcap.records import Channel, Header, Metadata, Schema
 from slosh_bag.errors import SloshBagError
 from slosh_bag.mcap_files.chunk_scan import MOST_DEFINITIONS, find_chunk
 from slosh_bag.mcap_files.chunks import (
+    CHUNK_START,
     RECORD_HEADER,
     ChunkHeader,
     DamageError,
     Piece,
     TooLargeError,
-    agrees,
     chunk_header,
+    damaged,
     parse,
-    read_chunk,
     read_loose,
+    whole_chunk,
 )
 from slosh_bag.mcap_files.found import MOST_DEFINED, Found, Gap
 from slosh_bag.mcap_files.mcap_summary import MAGIC, Summary, read_summary
 from slosh_bag.mcap_files.record_stream import CutOffError, RecordStream
 
-CHUNK_START = 56
-"""Enough of a chunk's content to read its header [bytes]."""
 _LOOSE = (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE)
 _WINDOW = 1 << 20
 
@@ -119,11 +118,7 @@ class McapWalk:
 
     def _chunk(self, length: int) -> Piece:
         position = self._stream.position - RECORD_HEADER
-        content = self._stream.take(length)
-        header = chunk_header(content[:CHUNK_START], length)
-        piece = read_chunk(position, header, content)
-        if not self._lenient and not agrees(header, piece):
-            raise DamageError("a chunk with other times than its messages")
+        piece = whole_chunk(position, self._stream.take(length), agreeing=not self._lenient)
         self.found.chunks += 1
         return piece
 
@@ -262,10 +257,7 @@ class McapWalk:
         if isinstance(error, TooLargeError):
             raise SloshBagError(f"{self.path}: at byte {position}: {error}")
         if self.summary is not None or self._next_chunk(position + 1) is not None:
-            raise SloshBagError(
-                f"{self.path}: damaged at byte {position}: {error}; "
-                "`slosh recover` writes a new bag of all that is whole"
-            )
+            raise damaged(self.path, position, error)
         self._warn(self._lost_end(position, error))
         if self.found.unchecked:
             self._warn("written without checksums: damage would not be noticed")
@@ -343,8 +335,7 @@ class McapWalk:
         self._stream.jump(position)
         try:
             _, length = self._stream.begin()
-            content = self._stream.take(length)
-            read_chunk(position, chunk_header(content[:CHUNK_START], length), content)
+            whole_chunk(position, self._stream.take(length))
         except DamageError:
             return False
         return True

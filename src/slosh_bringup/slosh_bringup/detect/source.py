@@ -13,8 +13,7 @@ import cv2
 
 from slosh_bag.errors import SloshBagError
 from slosh_bag.mcap_files.bag_folder import files_of
-from slosh_bag.mcap_files.chunks import MessageBlock
-from slosh_bag.reader import BagMessage, BagReader
+from slosh_bag.reader import BagMessage, BagReader, messages_of
 from slosh_bringup.detect.frame import CompressedMessage, NoImage, RawMessage, SourceFrame
 from slosh_bringup.detect.series import IMAGE_ENDINGS, images_in, longest_series, natural_order
 from slosh_bringup.errors import SloshBringupError
@@ -98,7 +97,7 @@ def frames_at(path: Path, stamps: Collection[int]) -> dict[int, SourceFrame]:
     reader = BagReader(path)
     topic = _image_topic(path, reader)[0]
     windows = [(stamp - _BEFORE, stamp + _AFTER) for stamp in stamps]
-    nearby = chain.from_iterable(map(_records, reader.look_up([topic], windows)))
+    nearby = chain.from_iterable(map(messages_of, reader.look_up([topic], windows)))
     found = _with_stamps(reader, nearby, stamps)
     if len(found) < len(stamps):
         # The images' clock is not the recorder's, or one of them is not there.
@@ -111,11 +110,6 @@ def _with_stamps(
 ) -> dict[int, SourceFrame]:
     frames = (_message_frame(reader, record) for record in records)
     return {frame.stamp_ns: frame for frame in frames if frame.stamp_ns in stamps}
-
-
-def _records(block: MessageBlock) -> Iterator[BagMessage]:
-    for row, log_ns in enumerate(block.log_ns.tolist()):
-        yield BagMessage(block.topic, block.message_type, log_ns, log_ns, block.data(row))
 
 
 def _existing(sources: Sequence[str]) -> list[Path]:

@@ -23,13 +23,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_bag.errors import SloshBagError
-from slosh_bag.interchange.table_bag import IMU, IMU_TYPE
 from slosh_bag.reader import BagReader, TopicInfo
 from slosh_bag.recording.inputs import STAMP, recorded_inputs, stamps_of
 from slosh_bag.recording.motion import AttitudeCollector, Motion, MotionCollector
 from slosh_bag.recording.sources import Sources, find_sources
 from slosh_discovery.discover_data.attitudes import PoseAttitudes, angular_velocity
-from slosh_estimator.inputs import MESSAGE_TYPES, InputSettings
+from slosh_estimator.inputs import IMU, MESSAGE_TYPES, POSE, InputSettings
 from slosh_estimator.sight import SATURATED, UNUSABLE
 from slosh_files.nanoseconds import SECOND
 
@@ -130,13 +129,13 @@ class _Container:
         found: dict[str, Taker] = {self._topic: (self._moved.fields, self._moved.add)}
         if self._kind != "accel":
             return found
-        beside: dict[str, tuple[str, Taker]] = {
-            IMU: (IMU_TYPE, (self._imu.fields, self._imu.add)),
-            "pose": (MESSAGE_TYPES["pose"], (self._poses.fields, self._poses.add)),
+        beside: dict[str, Taker] = {
+            IMU: (self._imu.fields, self._imu.add),
+            POSE: (self._poses.fields, self._poses.add),
         }
-        for name, (message_type, taker) in beside.items():
+        for name, taker in beside.items():
             topic = f"{self._topic.rpartition('/')[0]}/{name}"
-            if topic in topics and topics[topic].message_type == message_type:
+            if topic in topics and topics[topic].message_type == MESSAGE_TYPES[name]:
                 found[topic] = taker
         return found
 
