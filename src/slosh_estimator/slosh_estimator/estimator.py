@@ -253,7 +253,7 @@ class Estimator:
         # A quotient, not a product with 1e-9: correctly rounded, thus the same bits offline.
         dt = 0.0 if last is None else (sample.stamp_ns - last.stamp_ns) / 1e9
         self._step(dt, sample, last is None)
-        if self._row[FLAGS] == LEFT_RANGE:
+        if self._row.item(FLAGS) == LEFT_RANGE:
             flags |= self._diverged(sample)
         return flags | self._limits(sample)
 
@@ -312,7 +312,7 @@ class Estimator:
 
     def _limits(self, sample: Sample) -> int:
         """What limits the answers in the row, apart from what has just happened."""
-        flags = int(self._row[FLAGS])
+        flags = int(self._row.item(FLAGS))
         if sample.stamp_ns < self._settled_ns:
             flags |= _SETTLING
         return flags | _DOUBTFUL if sample.doubtful else flags

@@ -33,6 +33,9 @@ class Verdict(Enum):
     JUMP = "a jump that no arm can make"
     WRONG_FRAME = "wrong frame"
 
+    # Each sample is counted by its verdict, and Enum's own hash is a function in Python.
+    __hash__ = object.__hash__
+
 
 DROPPED = tuple(verdict for verdict in Verdict if verdict not in (Verdict.USE, Verdict.RESTART))
 

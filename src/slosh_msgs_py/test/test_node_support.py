@@ -154,7 +154,7 @@ def test_diagnostics_tell_rates_totals_and_latency(make_node):
     node.create_subscription(DiagnosticArray, topics.DIAGNOSTICS, received.append, qos.DIAGNOSTICS)
     reporter = DiagnosticsReporter(node, lambda: (WARN, "careful"), lambda: {"extra": 5})
     for latency in (1_000_000, 3_000_000, 50_000_000):
-        reporter.count("input")
+        reporter.counts["input"] += 1
         reporter.latency(latency)
     spin_until(node, lambda: received)
     (status,) = received[0].status

@@ -120,7 +120,7 @@ class CameraNode(PreparedNode):
 
     def _measure(self, stamp: Any, decode: Callable[[], Pixels]) -> None:
         self._images += 1
-        self._report.count("image")
+        self._report.counts["image"] += 1
         stamp_ns = to_nanoseconds(stamp)
         if not 0 <= stamp_ns <= MAXIMUM:
             self._refused += 1
@@ -138,7 +138,7 @@ class CameraNode(PreparedNode):
         self._recent |= measurement.flags
         self._flags.update(measurement.flags)
         self._publisher.publish(conversions.to_message(to_value(measurement, self._frame)))
-        self._report.count("measurement")
+        self._report.counts["measurement"] += 1
         self._report.latency(int(self.get_clock().now().nanoseconds) - stamp_ns)
 
     def _complain(self, complaint: str) -> None:

@@ -6,6 +6,7 @@ from array import array
 
 from sensor_msgs.msg import Imu
 
+from slosh_estimator.estimate_kernel import MODAL
 from slosh_estimator.estimator import Estimate, ModelState
 from slosh_files.nanoseconds import SECOND
 from slosh_msgs.msg import ExpectedReading, ModelEstimate, SloshEstimate
@@ -58,5 +59,8 @@ def _fill_model(message: ModelEstimate, state: ModelState) -> None:
         message.modal_position = array("d", bytes(4 * len(modal)))
         message.modal_velocity = array("d", bytes(4 * len(modal)))
         position, velocity = message.modal_position, message.modal_velocity
+    if len(modal) == MODAL:  # nearly always: one mode
+        position[0], position[1], velocity[0], velocity[1] = modal
+        return
     for at in range(0, len(position), 2):
         position[at], position[at + 1], velocity[at], velocity[at + 1] = modal[2 * at : 2 * at + 4]

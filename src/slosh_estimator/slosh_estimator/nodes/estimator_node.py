@@ -90,7 +90,8 @@ class EstimatorNode(PreparedNode):
     def __init__(self, *, later: bool = False) -> None:
         super().__init__("estimator")
         self._values = values = declare(self, PARAMETERS)
-        self._clock = self.get_clock()
+        # Asked for each message: the clock's own property takes a lock each time.
+        self._ros_time_is_active = self.get_clock().handle.get_ros_time_override_is_enabled
         self._model = read_model(values["model"])
         self._message = SloshEstimate()
         self._reading = ExpectedReading()
@@ -155,12 +156,12 @@ class EstimatorNode(PreparedNode):
 
     def _now(self) -> int:
         # The system clock read directly costs a tenth of a Time object.
-        if self._clock.ros_time_is_active:
-            return int(self._clock.now().nanoseconds)
+        if self._ros_time_is_active():
+            return int(self.get_clock().now().nanoseconds)
         return time.time_ns()
 
     def _answer(self, sample: Sample | None) -> None:
-        self._report.count("input")
+        self._report.counts["input"] += 1
         if sample is None:
             return
         estimate = self._estimator.update(sample)
@@ -176,7 +177,7 @@ class EstimatorNode(PreparedNode):
             fill_reading(self._reading, estimate, self._estimator.reading_delay)
             self._readings.publish(self._reading)
         self._publisher.publish(self._message)
-        self._report.count("output")
+        self._report.counts["output"] += 1
         if gate.used % LATENCY_EVERY == 0:
             self._report.latency(self._now() - sample.stamp_ns)
 

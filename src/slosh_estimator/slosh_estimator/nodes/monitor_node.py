@@ -90,7 +90,7 @@ class MonitorNode(GuardedNode):
         self.create_timer(CHECK_PERIOD, self._on_check, clock=self._steady)
 
     def _on_estimate(self, message: SloshEstimate) -> None:
-        self._report.count("estimate")
+        self._report.counts["estimate"] += 1
         stamp_ns = to_nanoseconds(message.header.stamp)
         point = EstimatePoint(
             stamp_ns,
@@ -115,7 +115,7 @@ class MonitorNode(GuardedNode):
             self._publish(self._core.add_estimate(point, self._arrival()))
 
     def _on_free_surface(self, message: FreeSurface) -> None:
-        self._report.count("free_surface")
+        self._report.counts["free_surface"] += 1
         self._measured += 1
         stamp_ns = to_nanoseconds(message.header.stamp)
         point = MeasuredPoint(stamp_ns, message.msh, message.msh_stddev, message.flags)
@@ -139,7 +139,7 @@ class MonitorNode(GuardedNode):
         for comparison in comparisons:
             value = values.SloshComparison(frame_id=self._frame, **comparison._asdict())
             self._comparisons.publish(conversions.to_message(value))
-            self._report.count("comparison")
+            self._report.counts["comparison"] += 1
             age = int(self.get_clock().now().nanoseconds) - comparison.stamp_ns
             self._report.latency(age)
         for event in self._core.take_events():

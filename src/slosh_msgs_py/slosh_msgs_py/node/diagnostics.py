@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -37,6 +37,9 @@ class DiagnosticsReporter:
         health: level and sentence at the moment of the report.
         facts: further key-value pairs at the moment of the report.
         readiness: where the node stands; before it is ready neither of the others is asked.
+
+    Attributes:
+        counts: how often each thing has come whose rate is reported: an input, an output.
     """
 
     def __init__(
@@ -50,7 +53,8 @@ class DiagnosticsReporter:
         self._health = health
         self._facts = facts
         self._readiness = readiness or Readiness()
-        self._counts: dict[str, int] = {}
+        # Counted in place: a call for each message of a fast input can be felt.
+        self.counts: Counter[str] = Counter()
         self._reported: dict[str, int] = {}
         self._other_clock = 0
         self._latencies: deque[int] = deque(maxlen=_KEPT)
@@ -60,10 +64,6 @@ class DiagnosticsReporter:
             DiagnosticArray, topics.DIAGNOSTICS, qos.DIAGNOSTICS
         )
         self._timer = node.create_timer(PERIOD, self.report, clock=self._steady)
-
-    def count(self, name: str) -> None:
-        """One more of something whose rate is reported: an input, an output."""
-        self._counts[name] = self._counts.get(name, 0) + 1
 
     def latency(self, nanoseconds: int) -> None:
         """Time from a message's stamp to the moment when its answer is out [ns].
@@ -93,7 +93,7 @@ class DiagnosticsReporter:
         now = self._steady.now().nanoseconds
         elapsed = max((now - self._last) * 1e-9, 1e-9)
         pairs: dict[str, Any] = {STATE: state}
-        for name, count in self._counts.items():
+        for name, count in self.counts.items():
             pairs[f"{name} [Hz]"] = f"{(count - self._reported.get(name, 0)) / elapsed:.1f}"
             pairs[f"{name} total"] = count
         median, greatest = self.latency_percentiles()
@@ -105,7 +105,7 @@ class DiagnosticsReporter:
         pairs.update(self._facts())
         if self._node.faults.total:
             pairs["messages that could not be handled"] = self._node.faults.total
-        self._reported, self._last = dict(self._counts), now
+        self._reported, self._last = dict(self.counts), now
         self._publisher.publish(self._array(level, sentence, pairs))
 
     def _judged(self) -> Health:
