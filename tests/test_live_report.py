@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from slosh_bag.mcap_files.mcap_walk import McapWalk
-from slosh_bringup.live_report import REPORT, RESULT, make_live_report
+from slosh_bringup.live.report import REPORT, RESULT, make_live_report
 from slosh_camera.measurement import Flag
 from tests.live_bag import MS, LiveBag
 

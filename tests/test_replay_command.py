@@ -15,9 +15,9 @@ from slosh_bag.definitions import find_interfaces
 from slosh_bag.reader import BagReader
 from slosh_bringup.cli import replay as replay_command
 from slosh_bringup.cli.main import main
-from slosh_bringup.junit import Case, Suite, write_junit
-from slosh_bringup.replaying import new_bag, unique_names
-from slosh_bringup.stated_bags import find_bags
+from slosh_bringup.replay.junit import Case, Suite, write_junit
+from slosh_bringup.replay.stated_bags import find_bags
+from slosh_bringup.replay.task import new_bag, unique_names
 from tests.live_bag import TEXT, LiveBag
 
 pytestmark = pytest.mark.skipif(

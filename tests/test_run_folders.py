@@ -13,8 +13,8 @@ import pytest
 
 from slosh_bag.reader import BagReader
 from slosh_bringup.cli.main import main
+from slosh_bringup.live.run_folder import new_run
 from slosh_bringup.processes import config_folder
-from slosh_bringup.run_folder import new_run
 from tests.small_disk import small_disk
 
 PATIENCE = 60.0
@@ -113,7 +113,7 @@ def test_starts_in_one_second_have_folders_of_their_own(tmp_path):
 import sys
 from datetime import datetime
 from pathlib import Path
-from slosh_bringup.run_folder import new_run
+from slosh_bringup.live.run_folder import new_run
 sys.stdin.read()
 print(new_run(Path(sys.argv[1]), datetime(2026, 11, 22, 10, 15), print))
 """

@@ -17,8 +17,8 @@ from slosh_bag.errors import SloshBagError
 from slosh_bag.manifest import read_manifest
 from slosh_bag.mcap_files.bag_folder import bag_files
 from slosh_bag.recording.settings import node_start
-from slosh_bringup.cell_setup import read_setup
 from slosh_bringup.errors import SloshBringupError
+from slosh_bringup.live.cell_setup import read_setup
 from slosh_bringup.parameter_file import check_parameter_file
 from slosh_bringup.processes import config_folder
 from slosh_camera.calibrate.camera_file import read_any_calibration

@@ -17,7 +17,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from slosh_bringup.cell_setup import NODES_OF_A_CELL, default_setup
+from slosh_bringup.live.cell_setup import NODES_OF_A_CELL, default_setup
 from slosh_bringup.processes import NodeGroup, NodeProcess, config_folder, node_environment
 from slosh_msgs_py.node.domain import own_domain
 

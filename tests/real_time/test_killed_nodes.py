@@ -9,7 +9,7 @@ import rclpy
 from rclpy.executors import SingleThreadedExecutor
 
 from slosh_bag.reader import BagReader
-from slosh_bringup.cell_setup import default_setup
+from slosh_bringup.live.cell_setup import default_setup
 from slosh_bringup.processes import NodeGroup, NodeProcess, config_folder, node_environment
 from slosh_msgs.msg import FreeSurface, SloshComparison, SloshEstimate
 from slosh_msgs_py import qos, topics

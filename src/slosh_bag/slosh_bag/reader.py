@@ -27,8 +27,17 @@ from slosh_bag.mcap_files.mcap_index import Index, Window, indexed_pieces, read_
 from slosh_bag.mcap_files.mcap_merge import Span, in_log_order
 from slosh_bag.mcap_files.mcap_summary import Summary, read_summary
 from slosh_bag.mcap_files.mcap_walk import McapWalk, is_in_order
+from slosh_files.nanoseconds import SECOND
 
-__all__ = ["DAMAGE", "BagMessage", "BagReader", "TopicInfo", "bag_files", "messages_of"]
+__all__ = [
+    "DAMAGE",
+    "BagMessage",
+    "BagReader",
+    "TopicInfo",
+    "bag_files",
+    "messages_of",
+    "stamp_ns",
+]
 
 # What the libraries raise on bytes that are not what was written.
 DAMAGE = (
@@ -334,6 +343,12 @@ def _names(found: Found, topics: Collection[str] | None) -> dict[int, tuple[str,
         for number, channel in found.channels.items()
         if topics is None or channel.topic in topics
     }
+
+
+def stamp_ns(message: Any) -> int:
+    """The stamp of a decoded message's header [ns]."""
+    stamp = message.header.stamp
+    return int(stamp.sec) * SECOND + int(stamp.nanosec)
 
 
 def _blocks(found: Found, piece: Piece, topics: Collection[str] | None) -> Iterator[MessageBlock]:

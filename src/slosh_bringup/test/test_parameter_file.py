@@ -3,8 +3,8 @@
 import pytest
 import rclpy
 
-from slosh_bringup.cell_setup import read_setup
 from slosh_bringup.errors import SloshBringupError
+from slosh_bringup.live.cell_setup import read_setup
 from slosh_bringup.parameter_file import check_parameter_file, parameter_names
 from slosh_bringup.processes import NODES, config_folder
 from slosh_estimator.nodes.monitor_node import MonitorNode

@@ -7,9 +7,9 @@ import re
 import numpy as np
 import pytest
 
-from slosh_bringup.cell_setup import read_setup
 from slosh_bringup.cli.main import COMMANDS, LATER, main
 from slosh_bringup.errors import SloshBringupError
+from slosh_bringup.live.cell_setup import read_setup
 from slosh_bringup.processes import config_folder
 
 MODEL = str(config_folder() / "model.yaml")

@@ -5,10 +5,10 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from slosh_bringup.cell_setup import read_setup
 from slosh_bringup.cli.live import run_live
 from slosh_bringup.cli.progress import clock
-from slosh_bringup.live_run import LiveRun
+from slosh_bringup.live.cell_setup import read_setup
+from slosh_bringup.live.run import LiveRun
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

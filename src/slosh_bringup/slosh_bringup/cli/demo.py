@@ -6,10 +6,10 @@ import argparse
 from pathlib import Path
 
 from slosh_bringup.cell.motions import MOTIONS, make_motion
-from slosh_bringup.cell_setup import NODES_OF_A_CELL, default_setup
 from slosh_bringup.cli.live import run_live
 from slosh_bringup.cli.progress import progress_bar
-from slosh_bringup.live_run import LiveRun
+from slosh_bringup.live.cell_setup import NODES_OF_A_CELL, default_setup
+from slosh_bringup.live.run import LiveRun
 from slosh_bringup.processes import NodeProcess, config_folder
 
 STARTING = 3.0  # s; from ready nodes to the motion and behind its end, for the progress bar

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from slosh_bringup.cli.progress import share_bar
 from slosh_bringup.errors import SloshBringupError
-from slosh_bringup.replay_frames import pictures_at
+from slosh_bringup.replay.frames import pictures_at
 from slosh_discovery.discover import discover
 from slosh_discovery.discovering import (
     PAGE,

@@ -14,10 +14,10 @@ from pathlib import Path
 from typing import NoReturn
 
 from slosh_bringup.cli.progress import STOPPING, Tell, say
-from slosh_bringup.live_report import REPORT, LiveResult, make_live_report
-from slosh_bringup.live_run import BAG, LiveRun, check_files, run_nodes
-from slosh_bringup.run_folder import new_run
-from slosh_bringup.run_result import print_replay, table
+from slosh_bringup.live.report import REPORT, LiveResult, make_live_report
+from slosh_bringup.live.run import BAG, LiveRun, check_files, run_nodes
+from slosh_bringup.live.run_folder import new_run
+from slosh_bringup.live.run_result import print_replay, table
 from slosh_bringup.stop_request import StopRequest
 
 _STDERR = 2

@@ -13,10 +13,11 @@ from typing import Any
 from slosh_bag.manifest import Expectation, write_manifest
 from slosh_bag.mcap_files.bag_folder import files_of
 from slosh_bringup.cli.progress import item_progress
-from slosh_bringup.junit import Case, Suite, write_junit
 from slosh_bringup.many_files import Outcome, map_files
-from slosh_bringup.replay_tables import accuracy_lines
-from slosh_bringup.replaying import (
+from slosh_bringup.replay.junit import Case, Suite, write_junit
+from slosh_bringup.replay.stated_bags import StatedBag, find_bags
+from slosh_bringup.replay.tables import accuracy_lines
+from slosh_bringup.replay.task import (
     PAGES,
     RECORDED,
     Replayed,
@@ -25,7 +26,6 @@ from slosh_bringup.replaying import (
     replay_task,
     unique_names,
 )
-from slosh_bringup.stated_bags import StatedBag, find_bags
 from slosh_estimator.model_file import read_model
 from slosh_files import check_apart, check_outside
 from slosh_report.text_table import aligned

@@ -13,11 +13,10 @@ import cv2
 
 from slosh_bag.errors import SloshBagError
 from slosh_bag.mcap_files.bag_folder import files_of
-from slosh_bag.reader import BagMessage, BagReader, messages_of
+from slosh_bag.reader import BagMessage, BagReader, messages_of, stamp_ns
 from slosh_bringup.detect.frame import CompressedMessage, NoImage, RawMessage, SourceFrame
 from slosh_bringup.detect.series import IMAGE_ENDINGS, images_in, longest_series, natural_order
 from slosh_bringup.errors import SloshBringupError
-from slosh_bringup.run_data import stamp_ns
 from slosh_camera.images.image_size import too_large
 from slosh_files.nanoseconds import SECOND
 

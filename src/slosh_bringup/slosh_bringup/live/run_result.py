@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_bag.replay import ReplayResult
-from slosh_bringup.run_data import RunData
+from slosh_bringup.live.run_data import RunData
 from slosh_estimator.sight import UNSOUND, judged
 from slosh_report.json_values import plain
 from slosh_report.metrics import mean_absolute_error, peak_error, rms_error

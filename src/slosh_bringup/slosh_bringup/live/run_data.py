@@ -11,9 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from slosh_bag.reader import BagReader, TopicInfo
+from slosh_bag.reader import BagReader, TopicInfo, stamp_ns
 from slosh_bag.recorder import LOST
-from slosh_files.nanoseconds import SECOND
 
 Array = NDArray[np.float64]
 HEIGHTS = (
@@ -158,12 +157,6 @@ def facts_of(data: RunData, node: str) -> Mapping[str, str]:
     """
     found = (facts for name, facts in data.diagnostics.items() if name.endswith(f"/{node}"))
     return next(found, {})
-
-
-def stamp_ns(message: Any) -> int:
-    """The header's stamp [ns]."""
-    stamp = message.header.stamp
-    return int(stamp.sec) * SECOND + int(stamp.nanosec)
 
 
 def _taker(topic: str) -> Callable[[_Gathered, Any], None] | None:

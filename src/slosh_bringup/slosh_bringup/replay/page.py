@@ -10,7 +10,7 @@ from slosh_bag.replay import ReplayResult
 from slosh_bag.replay.checking import Checked
 from slosh_bag.replay.report import Surroundings, replay_report
 from slosh_bringup.errors import SloshBringupError
-from slosh_bringup.replay_frames import bag_pictures, bag_topics
+from slosh_bringup.replay.frames import bag_pictures, bag_topics
 from slosh_files import write_text
 from slosh_report.run_report import RunReport, render_report, report_document
 

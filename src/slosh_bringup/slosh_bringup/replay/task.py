@@ -122,7 +122,7 @@ def replay_task(task: Task) -> Replayed:
     checked = _checked(result, task)
     if task.output is not None:
         # What draws takes longer to load than many a bag to replay.
-        from slosh_bringup.replay_page import write_page
+        from slosh_bringup.replay.page import write_page
 
         write_page(task.output, task.bag, result, checked)
     found = result.verification

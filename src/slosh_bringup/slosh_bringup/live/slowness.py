@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from slosh_bringup.run_data import RunData, facts_of
+from slosh_bringup.live.run_data import RunData, facts_of
 from slosh_msgs_py import topics
 
 SAMPLES = 0.01

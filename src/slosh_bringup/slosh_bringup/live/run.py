@@ -8,8 +8,9 @@ from contextlib import ExitStack, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 
-from slosh_bringup.cell_setup import CellSetup
-from slosh_bringup.live_watch import LiveWatch, Screen
+from slosh_bringup.live.cell_setup import CellSetup
+from slosh_bringup.live.supervision import Supervision
+from slosh_bringup.live.watch import LiveWatch, Screen
 from slosh_bringup.parameter_file import check_parameter_file
 from slosh_bringup.processes import (
     LAST,
@@ -20,7 +21,6 @@ from slosh_bringup.processes import (
     node_environment,
 )
 from slosh_bringup.stop_request import StopRequest
-from slosh_bringup.supervision import Supervision
 from slosh_camera.calibrate.camera_file import read_any_calibration
 from slosh_estimator.model_file import read_model
 from slosh_msgs_py import topics

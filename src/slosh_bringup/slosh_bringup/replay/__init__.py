@@ -1,0 +1,1 @@
+"""Below `slosh replay`: bags and what their manifests state, pages, tables, results for a CI."""
