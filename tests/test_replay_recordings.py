@@ -2,6 +2,7 @@
 
 import json
 import math
+import sys
 
 import numpy as np
 import pytest
@@ -11,11 +12,12 @@ from slosh_bag.bag_writer import BagWriter
 from slosh_bag.definitions import find_interfaces
 from slosh_bag.errors import SloshBagError
 from slosh_bag.reader import BagReader
-from slosh_bag.replay import bag as bag_replay
+from slosh_bag.recording.sources import find_sources
 from slosh_bag.replay import replay_bag
 from slosh_bag.replay.checking import excesses
 from slosh_bag.replay.output_bag import OutputBag
-from slosh_bag.replay.run import ReplayRun
+from slosh_bag.replay.replay_bag import feed, measurements
+from slosh_bag.replay.stream import ReplayStream
 from slosh_estimator.monitor import MonitorSettings
 from slosh_model.model_text import parse_model
 from tests.live_bag import MODEL, MS, START, TEXT, LiveBag, Quaternion
@@ -70,8 +72,8 @@ def busy(live):
 def test_chunks_do_not_matter(eventful, tmp_path, monkeypatch, chunk):
     in_one = rewritten(eventful, tmp_path / "one" / "bag", 8 << 20, monkeypatch)
     in_many = rewritten(eventful, tmp_path / "many" / "bag", chunk, monkeypatch)
-    sources = bag_replay.find_sources(in_many, BagReader(in_many))
-    counts = [len(list(bag_replay.feed(BagReader(bag), sources))) for bag in (in_one, in_many)]
+    sources = find_sources(in_many, BagReader(in_many))
+    counts = [len(list(feed(BagReader(bag), sources))) for bag in (in_one, in_many)]
     assert counts[0] == 1
     assert counts[1] > 500_000 // chunk
     expected = replay_bag(in_one)
@@ -92,7 +94,7 @@ def test_one_image_from_the_future_changes_nothing_else(live, tmp_path, monkeypa
     bag = live.write(tmp_path / "good" / "bag")
     stamps = iter(range(10**6))
 
-    def strange(columns, measurements=bag_replay.measurements):
+    def strange(columns, measurements=measurements):
         found = measurements(columns)
         for row in range(len(found.stamps)):
             if next(stamps) == 20:
@@ -100,7 +102,7 @@ def test_one_image_from_the_future_changes_nothing_else(live, tmp_path, monkeypa
         return found
 
     good = replay_bag(rewritten(bag, tmp_path / "bag", 20_000, monkeypatch))
-    monkeypatch.setattr(bag_replay, "measurements", strange)
+    monkeypatch.setattr(sys.modules[feed.__module__], "measurements", strange)
     result = replay_bag(tmp_path / "bag")
     assert np.isfinite(result.heights["3D-NL"]).sum() == len(good.stamps) - 1
     assert len(excesses(result.events)) == len(excesses(good.events)) > 0
@@ -366,14 +368,17 @@ def test_while_the_input_was_not_recorded_nothing_piles_up(live, tmp_path, monke
     bag = rewritten(bag, tmp_path / "bag", 20_000, monkeypatch)
     waiting = []
 
-    def advance(run, *, final=False, go_on=ReplayRun.advance):
-        go_on(run, final=final)
-        parts = run._parts
-        sides = run._measured, parts.verifier._recorded, [parts.follow]
-        waiting.append(max(sum(len(p._stamps if p is parts.follow else p.stamps) for p in side)
-                           for side in sides))  # fmt: skip
+    def advance(stream, *, final=False, go_on=ReplayStream.advance):
+        go_on(stream, final=final)
+        components = stream._components
+        sides = stream._measured, components.verifier._recorded, [components.matcher]
+        lengths = [
+            [len(p._stamps if p is components.matcher else p.stamps) for p in side]
+            for side in sides
+        ]
+        waiting.append(max(map(sum, lengths)))
 
-    monkeypatch.setattr(ReplayRun, "advance", advance)
+    monkeypatch.setattr(ReplayStream, "advance", advance)
     result = replay_bag(bag)
     assert result.verification.missing == 4000
     assert max(waiting) < 500 * 2.5  # two seconds, and what a chunk holds

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -13,8 +14,7 @@ from slosh_bag.definitions import find_interfaces
 from slosh_bag.interchange.table_bag import write_table_bag
 from slosh_bag.motion_table import MotionTable
 from slosh_bag.replay import replay_bag, replay_table
-from slosh_bag.replay import table as replay_table_module
-from slosh_bag.replay.run import Outputs
+from slosh_bag.replay.stream import Outputs
 from slosh_estimator.monitor import MonitorSettings
 from slosh_model.containers import Cylinder
 from slosh_model.effects.registry import EFFECTS
@@ -86,7 +86,7 @@ def test_the_parts_in_which_a_recording_comes_do_not_matter_to_a_delay(
     model = BASE.with_effect("time_offset", tau=tau)
     measured, kept = table(model), {}
     for block in (50_000, 150):
-        monkeypatch.setattr(replay_table_module, "_BLOCK", block)
+        monkeypatch.setattr(sys.modules[replay_table.__module__], "_BLOCK", block)
         kept[block] = outputs = Kept()
         result = replay_table("delayed", measured, model, outputs=outputs)
         row = {row.name: row for row in result.accuracy}[model.name]

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from slosh_bag.errors import SloshBagError
 from slosh_bag.replay.accuracy import Judgement, judge
 from slosh_bag.replay.result import ReplayResult
-from slosh_bag.replay.run import Parts, ReplayRun
 from slosh_bag.replay.series import Series
+from slosh_bag.replay.stream import Components, ReplayStream
 
 DRAWN = 20_000
 """Images whose heights the result holds; of a longer run it holds the extremes."""
@@ -28,34 +28,38 @@ class Origin(NamedTuple):
 
 
 def conclude(
-    name: str, source: str, run: ReplayRun, parts: Parts, origin: Origin | None = None
+    name: str,
+    source: str,
+    stream: ReplayStream,
+    components: Components,
+    origin: Origin | None = None,
 ) -> ReplayResult:
     """The result of a replay through which everything has gone.
 
     Args:
         name: of the bag or table.
         source: topic or file that drove the models.
-        run, parts: the replay.
+        stream, components: the replay.
         origin: what is known to differ between the recording and the replay.
 
     Raises:
         SloshBagError: there is no usable input.
     """
-    if not parts.reader.counters["samples_used"]:
+    if not components.reader.counters["samples_used"]:
         raise SloshBagError(f"{name}: holds no usable message of {source}")
     origin = origin or Origin()
-    if parts.follow is not None:
-        origin = origin._replace(causes=(*origin.causes, *parts.follow.remarks()))
-    counters = {**parts.reader.counters, "images": run.images}
-    if run.unused:
-        counters["not_used_live"] = run.unused
-    astray = _astray(run.strays)
-    counters["unmatched_images"] = parts.monitor.monitor.unmatched
-    spans = run.motions.spans
-    names = parts.bank.names
-    judged = judge(parts.series, names, spans) if len(parts.series) else Judgement()
+    if components.matcher is not None:
+        origin = origin._replace(causes=(*origin.causes, *components.matcher.remarks()))
+    counters = {**components.reader.counters, "images": stream.images}
+    if stream.unused:
+        counters["not_used_live"] = stream.unused
+    astray = _astray(stream.strays)
+    counters["unmatched_images"] = components.monitor.monitor.unmatched
+    spans = stream.motions.spans
+    names = components.models.names
+    judged = judge(components.series, names, spans) if len(components.series) else Judgement()
     counters["spikes"] = judged.spikes
-    rows = thinned(parts.series)
+    rows = thinned(components.series)
     return ReplayResult(
         name=name,
         source=source,
@@ -64,15 +68,15 @@ def conclude(
         heights={model: rows["heights"][:, column] for column, model in enumerate(names)},
         accuracy=judged.models,
         motions=judged.motions,
-        events=tuple(run.events),
+        events=tuple(stream.events),
         counters=counters,
         azimuth=rows["azimuth"],
         model_azimuth=rows["model_azimuth"],
         flags=rows["flags"],
-        verification=None if parts.verifier is None else parts.verifier.result(*origin),
-        comparisons=None if parts.comparisons is None else parts.comparisons.result(),
-        model=parts.bank.model,
-        limits=parts.monitor.monitor.settings,
+        verification=None if components.verifier is None else components.verifier.result(*origin),
+        comparisons=None if components.comparisons is None else components.comparisons.result(),
+        model=components.models.model,
+        limits=components.monitor.monitor.settings,
         warnings=tuple(f"{name}: {line}" for line in (astray, judged.warning) if line),
     )
 
@@ -98,8 +102,8 @@ def thinned(series: Series, limit: int = DRAWN) -> NDArray[np.void]:
     size = -(-len(series) * _PARTS // limit)
     for block in series.blocks():
         for start in range(0, len(block), size):
-            part = block[start : start + size]
-            curves = (part["measured"], part["measured"] - part["heights"][:, -1])
+            one = block[start : start + size]
+            curves = (one["measured"], one["measured"] - one["heights"][:, -1])
             rows = {0}
             for curve in curves:
                 known = np.flatnonzero(np.isfinite(curve))
@@ -108,5 +112,5 @@ def thinned(series: Series, limit: int = DRAWN) -> NDArray[np.void]:
                         int(known[np.argmin(curve[known])]),
                         int(known[np.argmax(curve[known])]),
                     }
-            kept.append(part[sorted(rows)])
+            kept.append(one[sorted(rows)])
     return np.concatenate(kept)

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from slosh_bag.replay.rows import chosen
+from slosh_bag.replay.columns import chosen
 from slosh_estimator.limits import Event
 from slosh_estimator.monitor import (
     Comparison,

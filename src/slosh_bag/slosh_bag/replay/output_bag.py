@@ -12,8 +12,8 @@ from slosh_bag.bag_writer import BagWriter
 from slosh_bag.columns.cdr_columns import write_messages
 from slosh_bag.columns.cdr_layout import Layout, layout_of
 from slosh_bag.definitions import Definitions
-from slosh_bag.replay.bank import BankEstimates
-from slosh_bag.replay.run import Outputs
+from slosh_bag.replay.model_set import ModelSetEstimates
+from slosh_bag.replay.stream import Outputs
 from slosh_bag.replay.verification import estimate_columns
 from slosh_estimator.estimator import Estimates
 from slosh_estimator.limits import Event
@@ -65,7 +65,7 @@ class OutputBag(Outputs):
         """Notes the names of the loaded model's L and NL twin."""
         self._names, self._template = names, None
 
-    def estimates(self, estimates: BankEstimates) -> None:
+    def estimates(self, estimates: ModelSetEstimates) -> None:
         """Writes estimates."""
         own = estimates.own
         if not len(own.stamps):

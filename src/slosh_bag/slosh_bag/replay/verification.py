@@ -122,8 +122,8 @@ class Verifier:
 
     def __init__(self, topic: str) -> None:
         self._topic = topic
-        self._recorded: list[_Part] = []
-        self._replayed: list[_Part] = []
+        self._recorded: list[_Batch] = []
+        self._replayed: list[_Batch] = []
         self._counts = {"recorded": 0, "identical": 0, "missing": 0, "extra": 0}
         self._first: Difference | None = None
         self._largest: dict[str, float] = {}
@@ -132,12 +132,12 @@ class Verifier:
     def add_recorded(self, stamps: Integers, columns: Columns) -> None:
         """Takes recorded messages: stamps (N,) [ns] and their fields by dotted name, (N,) each."""
         if len(stamps):
-            self._recorded.append(_Part(stamps, columns))
+            self._recorded.append(_Batch(stamps, columns))
 
     def add_replayed(self, stamps: Integers, columns: Columns) -> None:
         """Takes replayed ones; what they have no field for is not compared."""
         if len(stamps):
-            self._replayed.append(_Part(stamps, columns))
+            self._replayed.append(_Batch(stamps, columns))
 
     def compare(self, settled: int = -(2**62), *, final: bool = False) -> None:
         """Compares what both sides have come to.
@@ -146,7 +146,9 @@ class Verifier:
             settled: what has no counterpart up to this stamp never will have one [ns].
             final: nothing follows.
         """
-        ends = [int(parts[-1].stamps[-1]) for parts in (self._recorded, self._replayed) if parts]
+        ends = [
+            int(batches[-1].stamps[-1]) for batches in (self._recorded, self._replayed) if batches
+        ]
         if not ends:
             return
         common = min(ends) if len(ends) == 2 else settled
@@ -172,7 +174,7 @@ class Verifier:
             rounds_otherwise=rounds_otherwise, **self._counts,
         )  # fmt: skip
 
-    def _fields(self, recorded: _Part, replayed: _Part) -> None:
+    def _fields(self, recorded: _Batch, replayed: _Batch) -> None:
         same = np.ones(len(recorded.stamps), dtype=bool)
         first: tuple[int, str, float, float] | None = None
         for field, column in replayed.columns.items():
@@ -198,30 +200,30 @@ class Verifier:
             self._first = Difference(int(recorded.stamps[first[0]]), *first[1:])
 
 
-class _Part(NamedTuple):
+class _Batch(NamedTuple):
     """Messages that follow each other: stamps (N,) [ns], fields by name, (N,) each."""
 
     stamps: Integers
     columns: Columns
 
-    def rows(self, chosen: NDArray[Any]) -> _Part:
-        return _Part(self.stamps[chosen], {n: c[chosen] for n, c in self.columns.items()})
+    def rows(self, chosen: NDArray[Any]) -> _Batch:
+        return _Batch(self.stamps[chosen], {n: c[chosen] for n, c in self.columns.items()})
 
 
-def _split(parts: list[_Part], until: int) -> tuple[_Part, list[_Part]]:
-    """What lies up to a moment, as one part, and what lies behind it."""
-    due = [part.rows(part.stamps <= until) for part in parts if part.stamps[0] <= until]
-    rest = [part.rows(part.stamps > until) for part in parts if part.stamps[-1] > until]
+def _split(batches: list[_Batch], until: int) -> tuple[_Batch, list[_Batch]]:
+    """What lies up to a moment, as one batch, and what lies behind it."""
+    due = [batch.rows(batch.stamps <= until) for batch in batches if batch.stamps[0] <= until]
+    rest = [batch.rows(batch.stamps > until) for batch in batches if batch.stamps[-1] > until]
     if not due:
-        return _Part(np.empty(0, dtype=np.int64), {}), rest
-    shared = set.intersection(*(set(part.columns) for part in due))
+        return _Batch(np.empty(0, dtype=np.int64), {}), rest
+    shared = set.intersection(*(set(batch.columns) for batch in due))
     columns = {
-        name: np.concatenate([part.columns[name] for part in due])
+        name: np.concatenate([batch.columns[name] for batch in due])
         for name in due[0].columns
         if name in shared
     }
-    return _Part(np.concatenate([part.stamps for part in due]), columns), [
-        part for part in rest if len(part.stamps)
+    return _Batch(np.concatenate([batch.stamps for batch in due]), columns), [
+        batch for batch in rest if len(batch.stamps)
     ]
 
 

@@ -53,7 +53,7 @@ class Edge(NamedTuple):
     is_side: bool
 
 
-class _Part(NamedTuple):
+class _EdgeStrips(NamedTuple):
     """Rows of the strips that lie across one edge, and whether it is one of the sides."""
 
     rows: slice
@@ -82,7 +82,7 @@ class StillEdges:
         step = max(1.0, width / _WIDTH) if np.isfinite(width) else 1.0
         along = step * np.arange(-_REACH - _LOOKED, _REACH + _LOOKED + 1.0)
         margin = along[-1] + 1.0
-        self._parts: list[_Part] = []
+        self._strips: list[_EdgeStrips] = []
         across: list[FloatArray] = [np.empty((0, along.size, 2))]
         rows = 0
         for points, is_side in edges:
@@ -91,7 +91,7 @@ class StillEdges:
             if np.count_nonzero(inside) >= _LEAST_PLACES:
                 away = np.array([1.0, 0.0] if is_side else [0.0, 1.0])
                 across.append(points[inside, np.newaxis] + along[:, np.newaxis] * away)
-                self._parts.append(_Part(slice(rows, rows + len(across[-1])), is_side))
+                self._strips.append(_EdgeStrips(slice(rows, rows + len(across[-1])), is_side))
                 rows += len(across[-1])
         places = np.vstack(across).astype(np.float32)
         self._map = np.ascontiguousarray(places[..., 0]), np.ascontiguousarray(places[..., 1])
@@ -109,12 +109,12 @@ class StillEdges:
         seen = self._look(image)
         found: dict[bool, bool] = {}
         for number, learnt in self._learnt.items():
-            kind, now = self._parts[number].is_side, seen[number]
+            kind, now = self._strips[number].is_side, seen[number]
             found[kind] = found.get(kind, False) or now.clipped or _agree(now, learnt)
         return not all(found.values())
 
     def _look(self, image: Image) -> list[_Seen]:
-        if not self._parts:
+        if not self._strips:
             return []
         grey = to_gray(np.asarray(cv2.remap(image, *self._map, cv2.INTER_LINEAR), dtype=np.uint8))
         clipped = (grey <= _BLACK) | (grey >= _WHITE)
@@ -125,7 +125,7 @@ class StillEdges:
         edges -= edges.mean(axis=1, keepdims=True)
         return [
             _Seen(steps[rows], edges[rows], bool(clipped[rows].mean() > _CLIPPED))
-            for rows, _ in self._parts
+            for rows, _ in self._strips
         ]
 
 

@@ -7,11 +7,11 @@ import pytest
 
 from slosh_bag.errors import SloshBagError
 from slosh_bag.recording.inputs import InputReader
-from slosh_bag.replay.bank import EstimatorBank
-from slosh_bag.replay.live_use import LiveUse
+from slosh_bag.replay.input_matching import InputMatcher
+from slosh_bag.replay.model_set import ModelSet
 from slosh_bag.replay.monitor_feed import Measurements, MonitorFeed
-from slosh_bag.replay.run import Outputs, Parts, ReplayRun
 from slosh_bag.replay.series import Series
+from slosh_bag.replay.stream import Components, Outputs, ReplayStream
 from slosh_bag.replay.verification import Verifier
 from slosh_estimator.inputs import InputSettings
 from slosh_estimator.monitor import MonitorSettings
@@ -75,29 +75,29 @@ def replayed(step, estimates_until=6000, recorded=None):
     stamps, accelerations = inputs()
     measured, out = images(), Kept()
     with Series(4) as series:
-        parts = Parts(
-            EstimatorBank(MODEL), InputReader("accel", InputSettings()),
-            MonitorFeed(MonitorSettings(measured_limit=0.005)), series, follow=LiveUse(),
+        components = Components(
+            ModelSet(MODEL), InputReader("accel", InputSettings()),
+            MonitorFeed(MonitorSettings(measured_limit=0.005)), series, matcher=InputMatcher(),
             verifier=Verifier("estimate"), comparisons=Verifier("comparison"), outputs=out,
         )  # fmt: skip
-        run = ReplayRun("run", parts)
+        stream = ReplayStream("run", components)
         for start in range(START, START + 6000 * MS, step * MS):
             end = start + step * MS
             rows = (stamps >= start) & (stamps < end)
-            run.add_input(columns(stamps[rows], accelerations[rows]), end)
+            stream.add_input(columns(stamps[rows], accelerations[rows]), end)
             heard = rows & (stamps < START + estimates_until * MS)
             counts = 1 + np.flatnonzero(heard)
-            parts.follow.add_recorded(stamps[heard], counts)
+            components.matcher.add_recorded(stamps[heard], counts)
             rows = (measured.stamps >= start) & (measured.stamps < end)
-            run.add_measurements(Measurements(*(column[rows] for column in measured)), end)
+            stream.add_measurements(Measurements(*(column[rows] for column in measured)), end)
             if recorded is not None:
                 near = (recorded[0] >= start) & (recorded[0] < end)
-                parts.comparisons.add_recorded(
+                components.comparisons.add_recorded(
                     recorded[0][near], {name: c[near] for name, c in recorded[1].items()}
                 )
-            run.advance()
-        run.advance(final=True)
-        return series.read(0, len(series)), out, parts.comparisons.result()
+            stream.advance()
+        stream.advance(final=True)
+        return series.read(0, len(series)), out, components.comparisons.result()
 
 
 @pytest.mark.parametrize("estimates_until", [6000, 500])
@@ -128,13 +128,13 @@ def test_comparisons_wait_for_their_estimates_before_they_are_missed():
 def test_inputs_whose_stamps_go_back_are_refused():
     stamps, accelerations = inputs()
     with Series(4) as series:
-        parts = Parts(
-            EstimatorBank(MODEL), InputReader("accel", InputSettings()),
+        components = Components(
+            ModelSet(MODEL), InputReader("accel", InputSettings()),
             MonitorFeed(MonitorSettings()), series,
         )  # fmt: skip
-        run = ReplayRun("run", parts)
-        run.add_input(columns(stamps, accelerations), int(stamps[-1]))
-        run.advance()
-        run.add_input(columns(stamps[500:], accelerations[500:]), int(stamps[-1]))
+        stream = ReplayStream("run", components)
+        stream.add_input(columns(stamps, accelerations), int(stamps[-1]))
+        stream.advance()
+        stream.add_input(columns(stamps[500:], accelerations[500:]), int(stamps[-1]))
         with pytest.raises(SloshBagError, match="run: the stamps of the input go back"):
-            run.advance()
+            stream.advance()

@@ -28,15 +28,15 @@ from slosh_bag.recording.facts import (
 from slosh_bag.recording.inputs import STAMP, InputReader, stamps_of
 from slosh_bag.recording.settings import NodeStart
 from slosh_bag.recording.sources import Sources, find_sources
-from slosh_bag.replay.bank import EstimatorBank
+from slosh_bag.replay.columns import chosen, joined
 from slosh_bag.replay.conclusion import Origin, conclude
-from slosh_bag.replay.live_use import LiveUse
+from slosh_bag.replay.input_matching import InputMatcher
+from slosh_bag.replay.model_set import ModelSet
 from slosh_bag.replay.monitor_feed import Measurements, MonitorFeed
+from slosh_bag.replay.replay_table import replay_table
 from slosh_bag.replay.result import ReplayResult
-from slosh_bag.replay.rows import chosen, joined
-from slosh_bag.replay.run import Outputs, Parts, ReplayRun
 from slosh_bag.replay.series import Series
-from slosh_bag.replay.table import replay_table
+from slosh_bag.replay.stream import Components, Outputs, ReplayStream
 from slosh_bag.replay.unrelated import WholeRun, judge_unrelated
 from slosh_bag.replay.verification import COMPARED, Verifier, estimate_fields
 from slosh_estimator.inputs import InputSettings
@@ -82,35 +82,35 @@ def replay_bag(
     watched = monitor or _monitor_settings(sources)
     if _is_turning_table(sources, used):
         return _replay_table_bag(path, reader, sources, used, watched, outputs)
-    follow = LiveUse() if sources.estimate and sources.kind != "pose" else None
-    input_reader = InputReader(sources.kind, how, chosen=follow is not None)
+    matcher = InputMatcher() if sources.estimate and sources.kind != "pose" else None
+    input_reader = InputReader(sources.kind, how, chosen=matcher is not None)
     if clocks_unrelated(sources.facts):
-        parts = chain.from_iterable(feed(reader, sources))
-        whole = whole_run(path, parts, sources, input_reader, used)
+        batches = chain.from_iterable(feed(reader, sources))
+        whole = whole_run(path, batches, sources, input_reader, used)
         result = judge_unrelated(path.name, sources.input, whole, watched)
         counters = {**input_reader.counters, **result.counters}
         warnings = (*_warnings(path, reader, sources), *result.warnings)
         return replace(result, counters=counters, warnings=warnings, model=used)
     with Series(4) as series:
-        made_of = Parts(
-            EstimatorBank(used, at_rest=settings.starts_at_rest(started)),
+        components = Components(
+            ModelSet(used, at_rest=settings.starts_at_rest(started)),
             input_reader,
             MonitorFeed(watched),
             series,
             verifier=Verifier(sources.estimate) if sources.estimate else None,
             comparisons=Verifier(sources.comparison) if sources.comparison else None,
-            follow=follow,
+            matcher=matcher,
             changes=_changes(sources, used, follow=model is None),
             outputs=outputs or Outputs(),
         )
-        run = ReplayRun(str(path), made_of)
+        stream = ReplayStream(str(path), components)
         for chunk in feed(reader, sources, modes=len(used.mode_constants())):
-            for part in chunk:
-                _hand_over(part, sources, run)
-            run.advance()
-        run.advance(final=True)
+            for batch in chunk:
+                _hand_over(batch, sources, stream)
+            stream.advance()
+        stream.advance(final=True)
         origin = _origin(started, recorded, used)
-        result = conclude(path.name, sources.input, run, made_of, origin)
+        result = conclude(path.name, sources.input, stream, components, origin)
     unfelt = [f"{path}: {line}" for line in [attitude_warning(used, sources.kind)] if line]
     warnings = (*_warnings(path, reader, sources), *unfelt, *result.warnings)
     return replace(result, warnings=warnings)
@@ -152,7 +152,7 @@ def _warnings(path: Path, reader: BagReader, sources: Sources) -> list[str]:
     return found
 
 
-class Part(NamedTuple):
+class TopicBatch(NamedTuple):
     """Messages of one topic that follow each other.
 
     Attributes:
@@ -166,7 +166,7 @@ class Part(NamedTuple):
     log_ns: int
 
 
-def feed(reader: BagReader, sources: Sources, modes: int = 1) -> Iterator[list[Part]]:
+def feed(reader: BagReader, sources: Sources, modes: int = 1) -> Iterator[list[TopicBatch]]:
     """The messages that a replay reads, chunk by chunk in the order of the recording.
 
     Args:
@@ -184,7 +184,9 @@ def feed(reader: BagReader, sources: Sources, modes: int = 1) -> Iterator[list[P
     read = ColumnReader(reader.typestore_of)
     for blocks in by_chunk(reader.blocks(list(wanted))):
         yield [
-            Part(block.topic, read.columns(block, wanted[block.topic]), int(block.log_ns[-1]))
+            TopicBatch(
+                block.topic, read.columns(block, wanted[block.topic]), int(block.log_ns[-1])
+            )
             for block in blocks
         ]
 
@@ -202,25 +204,25 @@ def by_chunk(blocks: Iterable[MessageBlock]) -> Iterator[list[MessageBlock]]:
 
 
 def whole_run(
-    path: Path, parts: Iterable[Part], sources: Sources, reader: InputReader, model: Model
+    path: Path, batches: Iterable[TopicBatch], sources: Sources, reader: InputReader, model: Model
 ) -> WholeRun:
     """All that a bag holds at once, for clocks that are unrelated.
 
     Raises:
         SloshBagError: no usable input or no measurement.
     """
-    bank = EstimatorBank(model)
+    models = ModelSet(model)
     answers, sizes, measured = [], [], []
-    for part in parts:
-        if part.topic == sources.input:
-            stamps = stamps_of(part.columns)
-            samples = reader.samples(stamps, part.columns, np.arange(len(stamps)))
+    for batch in batches:
+        if batch.topic == sources.input:
+            stamps = stamps_of(batch.columns)
+            samples = reader.samples(stamps, batch.columns, np.arange(len(stamps)))
             if len(samples.stamps):
-                answer = bank.update_many(samples)
+                answer = models.update_many(samples)
                 answers.append(answer.heights)
                 sizes.append(np.linalg.norm(answer.own.accelerations, axis=1))
-        elif part.topic == sources.surface:
-            measured.append(measurements(part.columns))
+        elif batch.topic == sources.surface:
+            measured.append(measurements(batch.columns))
     if not answers or not measured:
         raise SloshBagError(
             f"{path}: holds no usable message of {sources.input} or of free_surface"
@@ -230,7 +232,7 @@ def whole_run(
         raise SloshBagError(f"{path}: the stamps of {sources.input} go back; cut the bag in two")
     found = joined(measured)
     order = np.argsort(found.stamps, kind="stable")
-    return WholeRun(bank.names, heights, np.concatenate(sizes), chosen(found, order))
+    return WholeRun(models.names, heights, np.concatenate(sizes), chosen(found, order))
 
 
 def measurements(columns: Mapping[str, NDArray[Any]]) -> Measurements:
@@ -244,15 +246,15 @@ def measurements(columns: Mapping[str, NDArray[Any]]) -> Measurements:
     )
 
 
-def _hand_over(part: Part, sources: Sources, run: ReplayRun) -> None:
-    if part.topic == sources.input:
-        run.add_input(part.columns, part.log_ns)
-    elif part.topic == sources.estimate:
-        run.add_recorded(part.columns)
-    elif part.topic == sources.comparison:
-        run.add_comparisons(part.columns)
+def _hand_over(batch: TopicBatch, sources: Sources, stream: ReplayStream) -> None:
+    if batch.topic == sources.input:
+        stream.add_input(batch.columns, batch.log_ns)
+    elif batch.topic == sources.estimate:
+        stream.add_recorded(batch.columns)
+    elif batch.topic == sources.comparison:
+        stream.add_comparisons(batch.columns)
     else:
-        run.add_measurements(measurements(part.columns), part.log_ns)
+        stream.add_measurements(measurements(batch.columns), batch.log_ns)
 
 
 def _changes(sources: Sources, model: Model, *, follow: bool) -> tuple[NodeStart, ...]:

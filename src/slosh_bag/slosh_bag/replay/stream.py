@@ -17,11 +17,11 @@ from slosh_bag.errors import SloshBagError
 from slosh_bag.recording.inputs import InputReader, stamps_of
 from slosh_bag.recording.settings import NodeStart, model_of, starts_at_rest
 from slosh_bag.replay.at_images import ModelHeights, at_images
-from slosh_bag.replay.bank import BankEstimates, EstimatorBank
-from slosh_bag.replay.live_use import Decision, LiveUse
+from slosh_bag.replay.columns import chosen, joined
+from slosh_bag.replay.input_matching import Decision, InputMatcher
+from slosh_bag.replay.model_set import ModelSet, ModelSetEstimates
 from slosh_bag.replay.monitor_feed import Heights, Measurements, MonitorFeed
 from slosh_bag.replay.motions import BIN_NS, MotionFinder
-from slosh_bag.replay.rows import chosen, joined
 from slosh_bag.replay.series import Series
 from slosh_bag.replay.verification import Verifier, comparison_columns, estimate_columns
 from slosh_bag.strays import StrayFilter
@@ -55,7 +55,7 @@ class Outputs:
     def begin(self, names: tuple[str, str]) -> None:
         """Is told the names of the loaded model's L and NL twin before anything comes."""
 
-    def estimates(self, estimates: BankEstimates) -> None:
+    def estimates(self, estimates: ModelSetEstimates) -> None:
         """Takes estimates in the order of their samples."""
 
     def comparisons(self, comparisons: list[Comparison]) -> None:
@@ -65,32 +65,32 @@ class Outputs:
         """Takes limit events."""
 
 
-class Parts(NamedTuple):
+class Components(NamedTuple):
     """What a replay is made of.
 
     Attributes:
-        bank: the models.
+        models: the estimators.
         reader: of the input.
         monitor: the monitor's core.
         series: receives the images.
         verifier, comparisons: of recorded estimates and comparisons; None: there are none.
-        follow: decides which inputs the live estimator used; None: all.
+        matcher: decides which inputs the live estimator used; None: all.
         changes: starts of the estimator after its first, where the model follows the recording.
         outputs: receives all results.
     """
 
-    bank: EstimatorBank
+    models: ModelSet
     reader: InputReader
     monitor: MonitorFeed
     series: Series
     verifier: Verifier | None = None
     comparisons: Verifier | None = None
-    follow: LiveUse | None = None
+    matcher: InputMatcher | None = None
     changes: tuple[NodeStart, ...] = ()
     outputs: Outputs = Outputs()
 
 
-class ReplayRun:
+class ReplayStream:
     """A replay in progress.
 
     Attributes:
@@ -100,22 +100,22 @@ class ReplayRun:
         unused: inputs that the live estimator did not use.
     """
 
-    def __init__(self, name: str, parts: Parts) -> None:
+    def __init__(self, name: str, components: Components) -> None:
         self.motions = MotionFinder()
         self.events: list[Event] = []
         self.images = self.unused = 0
         self._stray_images = 0
-        self._filter = StrayFilter(parts.reader.max_gap_ns)
+        self._filter = StrayFilter(components.reader.max_gap_ns)
         self._measured_until = -(2**62)
         self._name = name
-        self._parts = parts
-        self._changes = list(parts.changes)
+        self._components = components
+        self._changes = list(components.changes)
         self._inputs: list[tuple[Integers, Columns]] = []
         self._measured: list[Measurements] = []
         self._heights: ModelHeights | None = None
         self._released = -(2**62)
         self._newest = {"input": _Newest(), "measurement": _Newest()}
-        parts.outputs.begin(parts.bank.own_names)
+        components.outputs.begin(components.models.own_names)
 
     @property
     def strays(self) -> Mapping[str, int]:
@@ -139,19 +139,19 @@ class ReplayRun:
     def add_recorded(self, columns: Columns) -> None:
         """Takes recorded estimates."""
         stamps = stamps_of(columns)
-        if self._parts.verifier is not None:
+        if self._components.verifier is not None:
             # Who else spoke on the input is in no recording.
             told = {**columns, "flags": columns["flags"] & ~_UNRECORDED}
-            self._parts.verifier.add_recorded(stamps, told)
-        if self._parts.follow is not None:
-            self._parts.follow.add_recorded(stamps, columns["samples_used"].astype(np.int64))
+            self._components.verifier.add_recorded(stamps, told)
+        if self._components.matcher is not None:
+            self._components.matcher.add_recorded(stamps, columns["samples_used"].astype(np.int64))
 
     def add_comparisons(self, columns: Columns) -> None:
         """Takes recorded comparisons."""
-        if self._parts.comparisons is not None:
+        if self._components.comparisons is not None:
             spoken = ~columns["measured_stale"].astype(bool)
             rows = {name: column[spoken] for name, column in columns.items()}
-            self._parts.comparisons.add_recorded(stamps_of(rows), rows)
+            self._components.comparisons.add_recorded(stamps_of(rows), rows)
 
     def add_measurements(self, measured: Measurements, log_ns: int) -> None:
         """Takes measured heights, the last of which was recorded at `log_ns`."""
@@ -181,13 +181,13 @@ class ReplayRun:
             self.motions.finish()
         until = 2**62 if final else self._settled()
         self._release(until)
-        if self._parts.verifier is not None:
-            self._parts.verifier.compare(until, final=final)
-        if self._parts.comparisons is not None:
+        if self._components.verifier is not None:
+            self._components.verifier.compare(until, final=final)
+        if self._components.comparisons is not None:
             # An image waits for the estimate behind it.
-            self._parts.comparisons.compare(until - BEHIND_NS, final=final)
-        if self._parts.follow is not None and not self._inputs:
-            self._parts.follow.forget(until)
+            self._components.comparisons.compare(until - BEHIND_NS, final=final)
+        if self._components.matcher is not None and not self._inputs:
+            self._components.matcher.forget(until)
 
     def _note(self, side: str, stamps: Integers, log_ns: int) -> None:
         known = self._newest[side]
@@ -211,14 +211,14 @@ class ReplayRun:
         """Decided inputs become estimates."""
         if not self._inputs:
             return
-        stamps = np.concatenate([part[0] for part in self._inputs])
+        stamps = np.concatenate([taken[0] for taken in self._inputs])
         columns = {
-            name: np.concatenate([part[1][name] for part in self._inputs])
+            name: np.concatenate([taken[1][name] for taken in self._inputs])
             for name in self._inputs[0][1]
         }
-        follow = self._parts.follow
+        matcher = self._components.matcher
         everything = Decision(len(stamps), np.ones(len(stamps), dtype=bool), [])
-        count, used, restarts = follow.decide(stamps, final=final) if follow else everything
+        count, used, restarts = matcher.decide(stamps, final=final) if matcher else everything
         self.unused += count - int(np.count_nonzero(used))
         actions = [(index, self._restart) for index in restarts] + self._due(stamps[:count])
         start = 0
@@ -246,18 +246,18 @@ class ReplayRun:
         return actions
 
     def _load(self, change: NodeStart) -> None:
-        self._parts.bank.load_model(model_of(change))
-        self._parts.outputs.begin(self._parts.bank.own_names)
+        self._components.models.load_model(model_of(change))
+        self._components.outputs.begin(self._components.models.own_names)
 
     def _restart(self) -> None:
         """The node's process was a new one from here on."""
-        self._parts.reader.restart()
+        self._components.reader.restart()
         at_rest = True
         if self._changes and not self._changes[0].stamp_ns:
             change = self._changes.pop(0)
             at_rest = starts_at_rest(change)
             self._load(change)
-        self._parts.bank.restart(at_rest=at_rest)
+        self._components.models.restart(at_rest=at_rest)
 
     def _take(
         self, stamps: Integers, columns: Columns, used: NDArray[np.bool_], start: int, end: int
@@ -265,14 +265,14 @@ class ReplayRun:
         rows = start + np.flatnonzero(used[start:end])
         if not len(rows):
             return
-        samples = self._parts.reader.samples(stamps, columns, rows)
+        samples = self._components.reader.samples(stamps, columns, rows)
         if not len(samples.stamps):
             return
-        answers = self._parts.bank.update_many(samples)
+        answers = self._components.models.update_many(samples)
         own = answers.own
-        if self._parts.verifier is not None:
-            self._parts.verifier.add_replayed(own.stamps, estimate_columns(own))
-        self._parts.outputs.estimates(answers)
+        if self._components.verifier is not None:
+            self._components.verifier.add_replayed(own.stamps, estimate_columns(own))
+        self._components.outputs.estimates(answers)
         self._keep(answers.heights)
         self.motions.add(own.stamps, own.accelerations)
 
@@ -297,7 +297,7 @@ class ReplayRun:
             self._monitor(_NOTHING, measured)
             return
         due = (estimates.stamps > self._released) & (estimates.stamps <= until)
-        self._monitor(monitored(chosen(estimates, due), self._parts.bank.own), measured)
+        self._monitor(monitored(chosen(estimates, due), self._components.models.own), measured)
         if due.any():
             self._released = int(estimates.stamps[due][-1])
         late = 0 if estimates.delays is None else max(int(estimates.delays.max()), 0)
@@ -328,21 +328,21 @@ class ReplayRun:
         return chosen(measured, np.flatnonzero(kept))
 
     def _monitor(self, estimates: Heights, measured: Measurements) -> None:
-        feed = self._parts.monitor
+        feed = self._components.monitor
         comparisons = feed.add(estimates, measured)
         if comparisons:
-            self._parts.outputs.comparisons(comparisons)
-            if self._parts.comparisons is not None:
-                self._parts.comparisons.add_replayed(*comparison_columns(comparisons))
+            self._components.outputs.comparisons(comparisons)
+            if self._components.comparisons is not None:
+                self._components.comparisons.add_replayed(*comparison_columns(comparisons))
         events = feed.take_events()
         if events:
             self.events += events
-            self._parts.outputs.events(events)
+            self._components.outputs.events(events)
 
     def _append(self, measured: Measurements, estimates: ModelHeights | None) -> None:
         if not len(measured.stamps):
             return
-        series = self._parts.series
+        series = self._components.series
         rows = np.zeros(len(measured.stamps), dtype=series.dtype)
         rows["stamp"], rows["measured"] = measured.stamps, measured.heights
         rows["azimuth"], rows["flags"] = measured.azimuth, measured.flags

@@ -31,7 +31,7 @@ class Decision(NamedTuple):
     restarts: list[int]
 
 
-class LiveUse:
+class InputMatcher:
     """Takes recorded estimates, decides on inputs; both in the order of the recording.
 
     Inputs before the first estimate are those of an estimator that was not there yet; inputs

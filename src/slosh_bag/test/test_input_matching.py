@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from slosh_bag.replay.live_use import PATIENCE_NS, LiveUse
+from slosh_bag.replay.input_matching import PATIENCE_NS, InputMatcher
 
 MS = 1_000_000
 FAR = 10**6
@@ -44,8 +44,8 @@ class Live:
         self.log = [(("input", "estimate")[s], *rest) for _, s, *rest in sorted(entries)]
 
     def decided(self, cuts=()):
-        """What LiveUse says of it, read in blocks that end at some places of the log."""
-        live, used, restarts, waiting = LiveUse(), [], [], []
+        """What InputMatcher says of it, read in blocks that end at some places of the log."""
+        live, used, restarts, waiting = InputMatcher(), [], [], []
         ends = sorted({*(cut % (len(self.log) + 1) for cut in cuts), len(self.log)})
         start = 0
         for end in ends:
@@ -117,7 +117,7 @@ def test_what_follows_the_last_estimate_counts_as_used():
 
 
 def test_inputs_wait_for_their_estimates_no_longer_than_needed():
-    live = LiveUse()
+    live = InputMatcher()
     live.add_recorded(np.array([0]), np.array([1]))
     stamps = np.arange(0, PATIENCE_NS + 10 * MS, MS)
     assert live.decide(stamps).reached == 10  # all but those within the patience
@@ -125,7 +125,7 @@ def test_inputs_wait_for_their_estimates_no_longer_than_needed():
 
 
 def test_a_recording_that_begins_late_says_how_late():
-    live = LiveUse()
+    live = InputMatcher()
     stamps = np.arange(0, 10 * MS, MS)
     live.add_recorded(stamps[2:], np.arange(5003, 5011))
     found = live.decide(stamps, final=True)
@@ -137,7 +137,7 @@ def test_a_recording_that_begins_late_says_how_late():
 
 
 def test_a_recording_from_the_start_has_nothing_to_remark():
-    live = LiveUse()
+    live = InputMatcher()
     stamps = np.arange(0, 10 * MS, MS)
     live.add_recorded(stamps[2:], np.arange(3, 11))
     assert live.decide(stamps, final=True).used.all()
@@ -146,7 +146,7 @@ def test_a_recording_from_the_start_has_nothing_to_remark():
 
 def test_what_cannot_be_told_is_said():
     """Between two estimates lie four inputs, and the counter went on by two of them."""
-    live = LiveUse()
+    live = InputMatcher()
     stamps = np.arange(0, 6 * MS, MS)
     live.add_recorded(stamps[[0, 5]], np.array([1, 4]))
     assert live.decide(stamps, final=True).used.all()
@@ -158,7 +158,7 @@ def test_what_cannot_be_told_is_said():
 @pytest.mark.parametrize("cut", [0, 1])
 def test_estimates_without_inputs_are_forgotten_but_not_a_restart_among_them(cut):
     """The recorder lost the input for a while, and meanwhile the estimator was started anew."""
-    live = LiveUse()
+    live = InputMatcher()
     live.add_recorded(np.array([0]), np.array([7]))
     live.decide(np.array([0]))
     live.add_recorded(MS * np.arange(1, 101), np.array([*range(8, 58), *range(1, 51)]))

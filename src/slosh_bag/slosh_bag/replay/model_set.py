@@ -15,7 +15,7 @@ _MSH, _AZIMUTH = 0, 1
 T = TypeVar("T")
 
 
-class BankEstimates(NamedTuple):
+class ModelSetEstimates(NamedTuple):
     """Answers to N samples.
 
     Attributes:
@@ -27,7 +27,7 @@ class BankEstimates(NamedTuple):
     heights: ModelHeights
 
 
-class EstimatorBank:
+class ModelSet:
     """Runs the four models side by side.
 
     Args:
@@ -68,7 +68,7 @@ class EstimatorBank:
         self._own.load_model(model)
         self._twin.load_model(_twin(model))
 
-    def update_many(self, samples: Samples) -> BankEstimates:
+    def update_many(self, samples: Samples) -> ModelSetEstimates:
         """Takes samples."""
         own, twin = self._own.update_many(samples), self._twin.update_many(samples)
         both = self._in_order(own, twin)
@@ -83,7 +83,7 @@ class EstimatorBank:
             np.column_stack(readings),
             np.full(len(own.stamps), delay_ns, dtype=np.int64),
         )
-        return BankEstimates(own, heights)
+        return ModelSetEstimates(own, heights)
 
     def _begin(self, model: Model, *, at_rest: bool) -> None:
         self._own = Estimator(model, at_rest=at_rest)

@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 from slosh_bag.errors import SloshBagError
 from slosh_bag.motion_table import MotionTable
 from slosh_bag.recording.inputs import InputReader
-from slosh_bag.replay.bank import EstimatorBank
 from slosh_bag.replay.conclusion import conclude
+from slosh_bag.replay.model_set import ModelSet
 from slosh_bag.replay.monitor_feed import Measurements, MonitorFeed
 from slosh_bag.replay.result import ReplayResult
-from slosh_bag.replay.run import Outputs, Parts, ReplayRun
 from slosh_bag.replay.series import Series
+from slosh_bag.replay.stream import Components, Outputs, ReplayStream
 from slosh_estimator.gate import GateSettings
 from slosh_estimator.inputs import InputSettings
 from slosh_estimator.monitor import MonitorSettings
@@ -83,22 +83,22 @@ def replay_table(
     stamps = np.rint(table.t * 1e9).astype(np.int64) + origin_ns
     columns = _columns(stamps, table)
     with Series(4) as series:
-        parts = Parts(
-            EstimatorBank(model),
+        components = Components(
+            ModelSet(model),
             TableReader(),
             MonitorFeed(monitor or MonitorSettings()),
             series,
             outputs=outputs or Outputs(),
         )
-        run = ReplayRun(name, parts)
+        stream = ReplayStream(name, components)
         for start in range(0, len(stamps), _BLOCK):
             rows = slice(start, start + _BLOCK)
             newest = int(stamps[rows][-1])
-            run.add_input({key: column[rows] for key, column in columns.items()}, newest)
-            run.add_measurements(_measurements(stamps[rows], heights[rows]), newest)
-            run.advance()
-        run.advance(final=True)
-        return conclude(name, source or name, run, parts)
+            stream.add_input({key: column[rows] for key, column in columns.items()}, newest)
+            stream.add_measurements(_measurements(stamps[rows], heights[rows]), newest)
+            stream.advance()
+        stream.advance(final=True)
+        return conclude(name, source or name, stream, components)
 
 
 def _columns(stamps: Integers, table: MotionTable) -> dict[str, NDArray[Any]]:
