@@ -25,7 +25,7 @@ EACH = [
 ]
 
 
-def assert_sealed(bag):
+def assert_finished(bag):
     """The recorder has finished the bag."""
     reader = BagReader(bag)
     assert sum(1 for _ in reader.messages(["/slosh/estimate"])) > 100
@@ -61,7 +61,7 @@ def test_a_signal_ends_all_nodes_and_gives_the_report(demo, number):
     running.process.send_signal(number)  # as systemd and shells may
     assert running.end() == 0, running.said
     assert_gone(nodes)
-    assert_sealed(folder / "bag")
+    assert_finished(folder / "bag")
     assert reports(folder) == REPORT
     assert (folder / "report.html").read_text().rstrip().endswith("</html>")
     assert "limit events" in running.said
@@ -75,7 +75,7 @@ def test_a_second_signal_ends_the_report_at_once(demo):
     assert_gone(running.nodes())
     running.process.send_signal(signal.SIGTERM)
     assert running.end() == 1
-    assert_sealed(folder / "bag")
+    assert_finished(folder / "bag")
     assert reports(folder) == set()
     assert "no report, as asked" in running.said
     assert "Traceback" not in running.said
@@ -135,7 +135,7 @@ def test_the_nodes_of_a_killed_command_end_and_the_recorder_last(demo):
         assert time.monotonic() < deadline, f"still there: {[n for n in nodes if alive(nodes[n])]}"
         time.sleep(0.005)
     assert_gone(nodes)
-    assert_sealed(folder / "bag")
+    assert_finished(folder / "bag")
     for log in (folder / "logs").glob("*.log"):
         assert "the process that started this node has ended" in log.read_text(), log.name
 
@@ -191,7 +191,7 @@ def test_a_closed_terminal_ends_all_nodes_and_gives_the_report(tmp_path):
         finally:
             os.close(keyboard)
         assert process.wait(PATIENCE) == 0
-    assert_sealed(folder / "bag")
+    assert_finished(folder / "bag")
     assert reports(folder) == REPORT
 
 
@@ -219,5 +219,5 @@ def test_a_reader_that_goes_without_a_word_is_as_a_closed_terminal(tmp_path):
     finally:
         os.close(reader)
     assert process.wait(PATIENCE) == 0
-    assert_sealed(folder / "bag")
+    assert_finished(folder / "bag")
     assert reports(folder) == REPORT

@@ -17,9 +17,9 @@ from slosh_bag.mcap_files.bag_facts import NAME as FACTS
 from slosh_bag.mcap_files.bag_folder import folder_facts, ordered_files
 from slosh_bag.mcap_files.bag_metadata import Qos
 from slosh_bag.mcap_files.bag_types import BagTypes
+from slosh_bag.mcap_files.checksum import CHECKSUM, checksum_of
 from slosh_bag.mcap_files.chunks import Piece
 from slosh_bag.mcap_files.mcap_walk import McapWalk
-from slosh_bag.mcap_files.seal import SEAL, seal_of
 from slosh_bag.reader import DAMAGE
 from slosh_files import check_outside, new_folder
 from slosh_files.errors import YamlError
@@ -142,7 +142,7 @@ def _facts(path: Path, files: list[Path], notes: list[str]) -> dict[str, str]:
             pass
         for record in walk.found.metadata:
             noted = dict(record.metadata)
-            if record.name == FACTS and noted.pop(SEAL, None) == seal_of(noted):
+            if record.name == FACTS and noted.pop(CHECKSUM, None) == checksum_of(noted):
                 facts.update(noted)
     if not facts:
         facts = folder_facts(path)

@@ -91,7 +91,7 @@ class CodeFile(_Cache):
         with contextlib.suppress(OSError):
             os.utime(self.path)
         try:
-            return CompileResult._rebuild(target_context, *pickle.loads(_unsealed(data)))
+            return CompileResult._rebuild(target_context, *pickle.loads(_checked(data)))
         except Exception as error:  # whatever a pickle may raise
             _LOG.warning("%s: compiled anew, %s is damaged: %s", self._name, self.path, error)
             with contextlib.suppress(OSError):
@@ -108,7 +108,7 @@ class CodeFile(_Cache):
             raise TypeError(f"{self._name}: code that holds addresses of this process")
         new = self.path.with_suffix(".new")
         try:
-            new.write_bytes(_sealed(dumps(data._reduce())))
+            new.write_bytes(_with_checksum(dumps(data._reduce())))
             new.replace(self.path)
         except OSError as error:
             _LOG.warning("%s: compiled, but not kept: %s", self._name, error)
@@ -135,11 +135,11 @@ class CodeFile(_Cache):
         """Nothing waits to be written."""
 
 
-def _sealed(code: bytes) -> bytes:
+def _with_checksum(code: bytes) -> bytes:
     return hashlib.sha256(code).digest() + code
 
 
-def _unsealed(data: bytes) -> bytes:
+def _checked(data: bytes) -> bytes:
     size = hashlib.sha256().digest_size
     if hashlib.sha256(data[size:]).digest() != data[:size]:
         raise ValueError("wrong checksum")

@@ -14,11 +14,11 @@ from mcap.opcode import Opcode
 from mcap.records import Metadata, MetadataIndex
 
 from slosh_bag.errors import SloshBagError
+from slosh_bag.mcap_files.checksum import CHECKSUM, checksum_of
 from slosh_bag.mcap_files.chunks import RECORD_HEADER, DamageError, parse
 from slosh_bag.mcap_files.mcap_summary import read_summary
 from slosh_bag.mcap_files.mcap_walk import McapWalk
 from slosh_bag.mcap_files.record_stream import RecordStream
-from slosh_bag.mcap_files.seal import SEAL, seal_of
 
 NAME = "slosh"
 _HEADER = struct.Struct("<BQ")
@@ -36,14 +36,14 @@ def read_facts(path: Path) -> tuple[dict[str, str], list[str]]:
         if summary is not None and summary.trusted:
             places = [index for index in summary.metadata if index.name == NAME]
             records = [_at(path, stream, place) for place in places]
-            whole = all(SEAL in record for record in records) or _is_whole(path, summary.start)
-            return _opened(path, records), [] if whole else [_unsealed(path)]
+            whole = all(CHECKSUM in record for record in records) or _is_whole(path, summary.start)
+            return _opened(path, records), [] if whole else [_without_checksum(path)]
     walk = McapWalk(path)
     for _ in walk.pieces():
         pass
     records = [record.metadata for record in walk.found.metadata if record.name == NAME]
     # Nothing but a checksum of its own can vouch for a record in a file without its end.
-    checked = [record for record in records if SEAL in record]
+    checked = [record for record in records if CHECKSUM in record]
     lost = [] if len(checked) == len(records) else [f"{path}: facts without checksums left out"]
     return _opened(path, checked), walk.warnings + lost
 
@@ -68,8 +68,8 @@ def _at(path: Path, stream: BinaryIO, place: MetadataIndex) -> dict[str, str]:
 def _opened(path: Path, records: list[dict[str, str]]) -> dict[str, str]:
     facts: dict[str, str] = {}
     for record in records:
-        noted = record.pop(SEAL, None)
-        if noted is not None and noted != seal_of(record):
+        noted = record.pop(CHECKSUM, None)
+        if noted is not None and noted != checksum_of(record):
             raise SloshBagError(
                 f"{path}: damaged metadata: the checksum of {list(record)} is wrong"
             )
@@ -96,5 +96,5 @@ def _is_whole(path: Path, summary_start: int) -> bool:
     return noted != 0
 
 
-def _unsealed(path: Path) -> str:
+def _without_checksum(path: Path) -> str:
     return f"{path}: facts about the bag without checksums: damage would not be noticed"

@@ -35,7 +35,7 @@ from mcap.records import (
 from mcap.writer import MCAP0_MAGIC
 
 from slosh_bag.mcap_files.bag_metadata import SERIALIZATION
-from slosh_bag.mcap_files.seal import sealed
+from slosh_bag.mcap_files.checksum import with_checksum
 
 CHUNK_BYTES = 2**20
 """A chunk ends with the message that makes it as long as this, before compression [bytes]."""
@@ -232,7 +232,7 @@ class McapFile:
         facts, where = RecordBuilder(), list[MetadataIndex]()
         for key, value in metadata.items():
             start = facts.count
-            Metadata("slosh", sealed({key: value})).write(facts)
+            Metadata("slosh", with_checksum({key: value})).write(facts)
             where.append(MetadataIndex(self.size + start, facts.count - start, "slosh"))
         body = facts.end()
         end = _record(DataEnd(zlib.crc32(body, self._crc)))
