@@ -111,8 +111,8 @@ def test_no_part_of_a_report_is_left(tmp_path):
 def test_a_recording_is_walked_over_twice(monkeypatch):
     """Once for what was said live, once to replay it; settings and images are looked up."""
     walks = []
-    pieces = McapWalk.pieces
-    monkeypatch.setattr(McapWalk, "pieces", lambda walk: walks.append(walk.path) or pieces(walk))
+    chunks = McapWalk.chunks
+    monkeypatch.setattr(McapWalk, "chunks", lambda walk: walks.append(walk.path) or chunks(walk))
     report = make_live_report(BAGS / "l", "Cell")
     assert report.result.replayed is not None
     assert len(walks) == 2

@@ -93,8 +93,8 @@ def on_terminal(command, columns, term="xterm"):
     os.close(theirs)
     seen = b""
     try:
-        while piece := os.read(ours, 65536):
-            seen += piece
+        while chunk := os.read(ours, 65536):
+            seen += chunk
     except OSError:  # the other end is closed
         pass
     os.close(ours)

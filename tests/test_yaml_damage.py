@@ -117,9 +117,9 @@ def damages(draw: st.DrawFn) -> Callable[[str], bytes]:
         for what, place, other, word in changes:
             change_lines(lines, what, place % max(len(lines), 1), other, word)
         content = bytearray("\n".join(lines).encode())
-        for place, piece in noise:
+        for place, snippet in noise:
             at = place % (len(content) + 1)
-            content[at : at + len(piece)] = piece
+            content[at : at + len(snippet)] = snippet
         return bytes(content)
 
     return damage

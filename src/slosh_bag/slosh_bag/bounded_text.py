@@ -1,4 +1,4 @@
-"""Text of a table that may be packed, read piece by piece, of a size that can be worked with.
+"""Text of a table that may be packed, read block by block, of a size that can be worked with.
 
 A line of a gigabyte is as many times that in memory, and some megabytes of gzip are gigabytes of
 text. So text is counted as it is unpacked, before anything is made of it.

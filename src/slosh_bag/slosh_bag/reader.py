@@ -21,9 +21,9 @@ from slosh_bag.errors import SloshBagError
 from slosh_bag.mcap_files.bag_facts import read_facts
 from slosh_bag.mcap_files.bag_folder import bag_files, folder_facts, ordered_files
 from slosh_bag.mcap_files.bag_types import BagTypes
-from slosh_bag.mcap_files.chunks import MessageBlock, Piece
+from slosh_bag.mcap_files.chunks import Chunk, MessageBlock
 from slosh_bag.mcap_files.found import Found
-from slosh_bag.mcap_files.mcap_index import Index, Window, indexed_pieces, read_index
+from slosh_bag.mcap_files.mcap_index import Index, Window, indexed_chunks, read_index
 from slosh_bag.mcap_files.mcap_merge import Span, in_log_order
 from slosh_bag.mcap_files.mcap_summary import Summary, read_summary
 from slosh_bag.mcap_files.mcap_walk import McapWalk, is_in_order
@@ -216,8 +216,8 @@ class BagReader:
         known = self._told(index.summary)
         wanted = list(_names(known, topics))
         missing = sum(known.counts.get(channel, 0) for channel in wanted)
-        for piece in indexed_pieces(file, index, wanted, windows):
-            for block in _blocks(known, piece, topics):
+        for chunk in indexed_chunks(file, index, wanted, windows):
+            for block in _blocks(known, chunk, topics):
                 missing -= len(block)
                 yield block
         if windows is None and missing:
@@ -228,9 +228,9 @@ class BagReader:
 
     def _blocks_of(self, file: Path, topics: Collection[str] | None) -> Iterator[MessageBlock]:
         walk = McapWalk(file)
-        for piece in walk.pieces():
-            self._learn(piece)
-            yield from _blocks(walk.found, piece, topics)
+        for chunk in walk.chunks():
+            self._learn(chunk)
+            yield from _blocks(walk.found, chunk, topics)
         self._warn(walk.warnings)
 
     def messages(self, topics: Collection[str] | None = None) -> Iterator[BagMessage]:
@@ -248,9 +248,9 @@ class BagReader:
         for file in self.files:
             walk = McapWalk(file)
             if is_in_order(file):
-                for piece in walk.pieces():
-                    self._learn(piece)
-                    yield from _messages(walk.found, piece, topics)
+                for chunk in walk.chunks():
+                    self._learn(chunk)
+                    yield from _messages(walk.found, chunk, topics)
             else:
                 yield from self._merged(walk, topics)
             self._warn(walk.warnings)
@@ -286,28 +286,28 @@ class BagReader:
         if summary is not None and summary.tells_topics:
             return self._told(summary)
         walk = McapWalk(file)
-        for piece in walk.pieces():
-            self._learn(piece)
+        for chunk in walk.chunks():
+            self._learn(chunk)
         self._warn(walk.warnings)
         return walk.found
 
     def _merged(self, walk: McapWalk, topics: Collection[str] | None) -> Iterator[BagMessage]:
         """The messages of a file whose chunks overlap in time; reads it twice."""
         spans = []
-        for piece in walk.pieces():
-            self._learn(piece)
-            if len(piece):
-                spans.append(Span(int(piece.log_ns[0]), piece.position, piece.stored))
+        for chunk in walk.chunks():
+            self._learn(chunk)
+            if len(chunk):
+                spans.append(Span(int(chunk.log_ns[0]), chunk.position, chunk.stored))
         names = _names(walk.found, topics)
 
-        def select(piece: Piece) -> Piece:
-            return piece.take(np.isin(piece.channel, list(names)))
+        def select(chunk: Chunk) -> Chunk:
+            return chunk.take(np.isin(chunk.channel, list(names)))
 
-        for piece, row in in_log_order(walk.path, spans, select):
-            topic, kind = names[int(piece.channel[row])]
-            start = int(piece.start[row])
-            data = piece.raw[start : start + int(piece.length[row])]
-            yield BagMessage(topic, kind, int(piece.log_ns[row]), int(piece.publish_ns[row]), data)
+        for chunk, row in in_log_order(walk.path, spans, select):
+            topic, kind = names[int(chunk.channel[row])]
+            start = int(chunk.start[row])
+            data = chunk.raw[start : start + int(chunk.length[row])]
+            yield BagMessage(topic, kind, int(chunk.log_ns[row]), int(chunk.publish_ns[row]), data)
 
     def _told(self, summary: Summary) -> Found:
         """What a summary that tells its topics says of its file."""
@@ -315,8 +315,8 @@ class BagReader:
             self._types.add(schema)
         return Found(summary.schemas, summary.channels, summary.counts or {})
 
-    def _learn(self, piece: Piece) -> None:
-        for schema in piece.schemas:
+    def _learn(self, chunk: Chunk) -> None:
+        for schema in chunk.schemas:
             self._types.add(schema)
 
     def _warn(self, warnings: Collection[str]) -> None:
@@ -351,25 +351,25 @@ def stamp_ns(message: Any) -> int:
     return int(stamp.sec) * SECOND + int(stamp.nanosec)
 
 
-def _blocks(found: Found, piece: Piece, topics: Collection[str] | None) -> Iterator[MessageBlock]:
+def _blocks(found: Found, chunk: Chunk, topics: Collection[str] | None) -> Iterator[MessageBlock]:
     wanted: dict[tuple[str, str], list[int]] = {}
     for number, name in _names(found, topics).items():
         wanted.setdefault(name, []).append(number)
     for (topic, kind), numbers in wanted.items():
         rows = np.flatnonzero(
-            piece.channel == numbers[0] if len(numbers) == 1 else np.isin(piece.channel, numbers)
+            chunk.channel == numbers[0] if len(numbers) == 1 else np.isin(chunk.channel, numbers)
         )
         if len(rows):
-            part = piece.take(rows)
+            part = chunk.take(rows)
             yield MessageBlock(
                 topic, kind, part.log_ns, part.publish_ns, part.start, part.length, part.buffer
             )
 
 
-def _messages(found: Found, piece: Piece, topics: Collection[str] | None) -> Iterator[BagMessage]:
-    names, raw = _names(found, topics), piece.raw
-    columns = piece.channel, piece.log_ns, piece.publish_ns, piece.start, piece.length
-    for first in range(0, len(piece), _BATCH):
+def _messages(found: Found, chunk: Chunk, topics: Collection[str] | None) -> Iterator[BagMessage]:
+    names, raw = _names(found, topics), chunk.raw
+    columns = chunk.channel, chunk.log_ns, chunk.publish_ns, chunk.start, chunk.length
+    for first in range(0, len(chunk), _BATCH):
         batch = (column[first : first + _BATCH].tolist() for column in columns)
         for number, log_ns, publish_ns, start, length in zip(*batch, strict=True):
             if number in names:

@@ -18,7 +18,7 @@ from slosh_bag.mcap_files.bag_folder import folder_facts, ordered_files
 from slosh_bag.mcap_files.bag_metadata import Qos
 from slosh_bag.mcap_files.bag_types import BagTypes
 from slosh_bag.mcap_files.checksum import CHECKSUM, checksum_of
-from slosh_bag.mcap_files.chunks import Piece
+from slosh_bag.mcap_files.chunks import Chunk
 from slosh_bag.mcap_files.mcap_walk import McapWalk
 from slosh_bag.reader import DAMAGE
 from slosh_files import check_outside, new_folder
@@ -138,7 +138,7 @@ def _facts(path: Path, files: list[Path], notes: list[str]) -> dict[str, str]:
     facts: dict[str, str] = {}
     for file in files:
         walk = McapWalk(file, lenient=True)
-        for _ in walk.pieces():
+        for _ in walk.chunks():
             pass
         for record in walk.found.metadata:
             noted = dict(record.metadata)
@@ -169,18 +169,18 @@ class _Copy:
         walk = McapWalk(file, lenient=True)
         topics: dict[int, str | None] = {}
         done = 0
-        for piece in walk.pieces():
+        for chunk in walk.chunks():
             if not done:
                 for schema in walk.found.schemas.values():  # those of the file's end, too
                     self.definitions.types.add(schema)
-            for schema in piece.schemas:
+            for schema in chunk.schemas:
                 self.definitions.types.add(walk.found.schemas[schema.id])
-            for number in np.unique(piece.channel).tolist():
+            for number in np.unique(chunk.channel).tolist():
                 if number not in topics:
                     topics[number] = self.topic(file, walk, number)
-            self.write(piece, topics)
-            progress(piece.position + piece.stored - done)
-            done = piece.position + piece.stored
+            self.write(chunk, topics)
+            progress(chunk.position + chunk.stored - done)
+            done = chunk.position + chunk.stored
         progress(walk.size - done)
         self.tell(file, walk)
 
@@ -201,14 +201,14 @@ class _Copy:
             return None
         return topic
 
-    def write(self, piece: Piece, topics: dict[int, str | None]) -> None:
+    def write(self, chunk: Chunk, topics: dict[int, str | None]) -> None:
         """Copies the messages of a chunk."""
-        columns = piece.channel, piece.start, piece.length, piece.log_ns, piece.publish_ns
+        columns = chunk.channel, chunk.start, chunk.length, chunk.log_ns, chunk.publish_ns
         rows = zip(*(column.tolist() for column in columns), strict=True)
         for number, start, length, log_ns, publish_ns in rows:
             topic = topics[number]
             if topic is not None:
-                data = piece.raw[start : start + length]
+                data = chunk.raw[start : start + length]
                 self.writer.write(topic, data, log_ns, publish_ns)
 
     def tell(self, file: Path, walk: McapWalk) -> None:

@@ -142,9 +142,9 @@ RATE = 500
 NS = 10**9
 
 
-def accelerations(*pieces, noise=0.0, seed=0):
-    """Stamps and accelerations at 500 Hz: pieces of (seconds, size [m/s²])."""
-    sizes = np.concatenate([np.full(round(seconds * RATE), size) for seconds, size in pieces])
+def accelerations(*stretches, noise=0.0, seed=0):
+    """Stamps and accelerations at 500 Hz: stretches of (seconds, size [m/s²])."""
+    sizes = np.concatenate([np.full(round(seconds * RATE), size) for seconds, size in stretches])
     values = np.column_stack((sizes, np.zeros((len(sizes), 2))))
     values += noise * np.random.default_rng(seed).standard_normal(values.shape)
     return START + 2 * MS * np.arange(len(sizes)), values
@@ -185,8 +185,8 @@ def test_noise_moves_nothing():
 @given(st.integers(0, 1000), st.integers(1, 700))
 def test_the_size_of_the_blocks_does_not_matter(seed, block):
     random = np.random.default_rng(seed)
-    pieces = [(random.uniform(0.1, 2.0), random.choice([0.0, 1.0])) for _ in range(5)]
-    stamps, values = accelerations(*pieces, noise=0.1, seed=seed)
+    stretches = [(random.uniform(0.1, 2.0), random.choice([0.0, 1.0])) for _ in range(5)]
+    stamps, values = accelerations(*stretches, noise=0.1, seed=seed)
     assert spans_of(stamps, values, block) == spans_of(stamps, values)
 
 

@@ -102,7 +102,7 @@ def _add_summary(contents: BagContents, file: Path) -> bool:
 def _add_whole(contents: BagContents, file: Path) -> None:
     """Adds what a file says that has to be read from its start to where it breaks off."""
     walk = McapWalk(file)
-    for _ in walk.pieces():
+    for _ in walk.chunks():
         pass
     found = walk.found
     if found.first_ns is not None and found.last_ns is not None:

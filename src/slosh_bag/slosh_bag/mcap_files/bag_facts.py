@@ -39,7 +39,7 @@ def read_facts(path: Path) -> tuple[dict[str, str], list[str]]:
             whole = all(CHECKSUM in record for record in records) or _is_whole(path, summary.start)
             return _opened(path, records), [] if whole else [_without_checksum(path)]
     walk = McapWalk(path)
-    for _ in walk.pieces():
+    for _ in walk.chunks():
         pass
     records = [record.metadata for record in walk.found.metadata if record.name == NAME]
     # Nothing but a checksum of its own can vouch for a record in a file without its end.

@@ -121,7 +121,7 @@ class ChunkHeader(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Piece:
+class Chunk:
     """The records of one chunk, or of a run of records that are in none.
 
     Attributes:
@@ -154,8 +154,8 @@ class Piece:
         """The uncompressed bytes as an array."""
         return np.frombuffer(self.raw, np.uint8)
 
-    def take(self, rows: Any) -> Piece:
-        """The piece with some of its messages.
+    def take(self, rows: Any) -> Chunk:
+        """The chunk with some of its messages.
 
         Args:
             rows: indexes, a slice or a mask.
@@ -234,7 +234,7 @@ def chunk_header(start: bytes, record_length: int) -> ChunkHeader:
     return ChunkHeader(start_ns, end_ns, size, crc, name.decode(), content, stored)
 
 
-def read_chunk(position: int, header: ChunkHeader, content: bytes) -> Piece:
+def read_chunk(position: int, header: ChunkHeader, content: bytes) -> Chunk:
     """Unpacks a chunk.
 
     Args:
@@ -257,10 +257,10 @@ def read_chunk(position: int, header: ChunkHeader, content: bytes) -> Piece:
     if state != WHOLE:
         raise DamageError(f"in a chunk, {end} bytes from its start: {_PROBLEMS[state]}")
     place = position, RECORD_HEADER + len(content)
-    return _piece(place, raw, messages, others, bool(header.crc))
+    return _chunk(place, raw, messages, others, bool(header.crc))
 
 
-def whole_chunk(position: int, content: bytes, *, agreeing: bool = False) -> Piece:
+def whole_chunk(position: int, content: bytes, *, agreeing: bool = False) -> Chunk:
     """Reads a chunk's header, and unpacks it.
 
     Args:
@@ -272,10 +272,10 @@ def whole_chunk(position: int, content: bytes, *, agreeing: bool = False) -> Pie
         DamageError: its bytes are not what was written.
     """
     header = chunk_header(content[:CHUNK_START], len(content))
-    piece = read_chunk(position, header, content)
-    if agreeing and not agrees(header, piece):
+    chunk = read_chunk(position, header, content)
+    if agreeing and not agrees(header, chunk):
         raise DamageError("a chunk with other times than its messages")
-    return piece
+    return chunk
 
 
 def damaged(path: Path, position: int, error: DamageError) -> SloshBagError:
@@ -286,14 +286,14 @@ def damaged(path: Path, position: int, error: DamageError) -> SloshBagError:
     )
 
 
-def agrees(header: ChunkHeader, piece: Piece) -> bool:
+def agrees(header: ChunkHeader, chunk: Chunk) -> bool:
     """True where the messages have the times that the chunk says."""
-    if not len(piece):
+    if not len(chunk):
         return True
-    return bool(header.start_ns == piece.log_ns[0] and header.end_ns == piece.log_ns[-1])
+    return bool(header.start_ns == chunk.log_ns[0] and header.end_ns == chunk.log_ns[-1])
 
 
-def read_loose(position: int, window: bytes) -> Piece:
+def read_loose(position: int, window: bytes) -> Chunk:
     """Reads records that are in no chunk.
 
     Args:
@@ -301,7 +301,7 @@ def read_loose(position: int, window: bytes) -> Piece:
         window: the file's bytes from there.
 
     Returns:
-        The schemas, channels and messages that follow each other; a piece of no bytes where the
+        The schemas, channels and messages that follow each other; a chunk of no bytes where the
         first is another record or reaches beyond the window.
 
     Raises:
@@ -310,12 +310,12 @@ def read_loose(position: int, window: bytes) -> Piece:
     messages, others, end, state = scan(np.frombuffer(window, np.uint8), True)
     if state in (BAD_LENGTH, BAD_TIME):
         raise DamageError(_PROBLEMS[state])
-    return _piece((position, int(end)), window[:end], messages, others, False)
+    return _chunk((position, int(end)), window[:end], messages, others, False)
 
 
-def _piece(
+def _chunk(
     place: tuple[int, int], raw: bytes, messages: Integers, others: Integers, checked: bool
-) -> Piece:
+) -> Chunk:
     log_ns = messages[1]
     if (log_ns[1:] < log_ns[:-1]).any():
         messages = messages[:, np.argsort(log_ns, kind="stable")]
@@ -327,7 +327,7 @@ def _piece(
         else:
             channels.append(parse(Channel, content))
     position, stored = place
-    return Piece(
+    return Chunk(
         position,
         stored,
         raw,

@@ -9,7 +9,7 @@ import numpy as np
 from mcap.records import Channel, Metadata, Schema
 
 from slosh_bag.mcap_files.chunk_scan import MOST_DEFINITIONS
-from slosh_bag.mcap_files.chunks import Piece
+from slosh_bag.mcap_files.chunks import Chunk
 
 MOST_DEFINED = 50_000_000
 """Schemas and channels of a file, at most [bytes]."""
@@ -74,17 +74,17 @@ class Found:
         self.defined += sum(map(_length, definitions)) if kept else 0
         return self.definitions <= MOST_DEFINITIONS and self.defined <= MOST_DEFINED
 
-    def add(self, piece: Piece) -> None:
-        """Counts the messages of a piece."""
-        if not len(piece):
+    def add(self, chunk: Chunk) -> None:
+        """Counts the messages of a chunk."""
+        if not len(chunk):
             return
-        counts = np.bincount(piece.channel)
+        counts = np.bincount(chunk.channel)
         for channel in np.flatnonzero(counts).tolist():
             self.counts[channel] = self.counts.get(channel, 0) + int(counts[channel])
-        first, last = int(piece.log_ns[0]), int(piece.log_ns[-1])
+        first, last = int(chunk.log_ns[0]), int(chunk.log_ns[-1])
         self.first_ns = first if self.first_ns is None else min(first, self.first_ns)
         self.last_ns = last if self.last_ns is None else max(last, self.last_ns)
-        self.unchecked |= not piece.checked
+        self.unchecked |= not chunk.checked
 
     def is_defined(self, channel: int) -> bool:
         """True where the channel is known, and its schema, if it has one."""

@@ -51,7 +51,7 @@ _U64 = struct.Struct("<Q")
 
 
 @dataclass(slots=True)
-class _Chunk:
+class _OpenChunk:
     """The chunk that is being filled: its records, and where the messages are in it."""
 
     parts: list[bytes] = field(default_factory=list)
@@ -88,7 +88,7 @@ class McapFile:
         self._compressor = zstandard.ZstdCompressor(level=level)
         self._schemas: list[Schema] = []
         self._channels: list[Channel] = []
-        self._chunk = _Chunk()
+        self._chunk = _OpenChunk()
         self._indexes: list[bytes] = []
         self._counts: dict[int, int] = {}
         self._start_ns: int | None = None
@@ -194,7 +194,7 @@ class McapFile:
             indexes.append(_message_index(channel, entries))
             position += len(indexes[-1])
         self._append(b"".join((record, *indexes)))
-        self._chunk = _Chunk()
+        self._chunk = _OpenChunk()
         self._note(chunk)
         index = ChunkIndex(
             message_start_time=chunk.start_ns,
@@ -223,7 +223,7 @@ class McapFile:
     def discard(self) -> dict[int, int]:
         """Forgets the messages that are not in the file; returns their number by channel."""
         counts = self.waiting
-        self._chunk = _Chunk()
+        self._chunk = _OpenChunk()
         return counts
 
     def finish(self, metadata: Mapping[str, str]) -> None:
@@ -248,7 +248,7 @@ class McapFile:
         self._stream.close()
         self.path.unlink(missing_ok=True)
 
-    def _note(self, chunk: _Chunk) -> None:
+    def _note(self, chunk: _OpenChunk) -> None:
         for channel, entries in chunk.entries.items():
             self._counts[channel] = self._counts.get(channel, 0) + len(entries) // 2
         if self._start_ns is None:

@@ -16,8 +16,8 @@ from mcap.records import AttachmentIndex, ChunkIndex, MetadataIndex
 
 from slosh_bag.mcap_files.chunks import (
     RECORD_HEADER,
+    Chunk,
     DamageError,
-    Piece,
     damaged,
     whole_chunk,
 )
@@ -60,11 +60,11 @@ def read_index(path: Path) -> Index | None:
             _, header = _HEADER.unpack(stream.read(RECORD_HEADER))
         except (DamageError, struct.error):
             return None
-    told = sum(chunk.chunk_length + chunk.message_index_length for chunk in chunks) + beside
+    told = sum(entry.chunk_length + entry.message_index_length for entry in chunks) + beside
     data = summary.start - len(MAGIC) - (RECORD_HEADER + header) - _DATA_END
     # Some writers leave out an entry's channels, or what these are.
-    channels = {channel for chunk in chunks for channel in chunk.message_index_offsets}
-    named = all(chunk.message_index_offsets for chunk in chunks) and summary.knows(channels)
+    channels = {channel for entry in chunks for channel in entry.message_index_offsets}
+    named = all(entry.message_index_offsets for entry in chunks) and summary.knows(channels)
     return Index(summary, chunks) if named and told == data else None
 
 
@@ -79,9 +79,9 @@ def _entries(stream: BinaryIO, start: int, end: int) -> tuple[tuple[ChunkIndex, 
     return tuple(found), beside
 
 
-def indexed_pieces(
+def indexed_chunks(
     path: Path, index: Index, channels: Collection[int], windows: Collection[Window] | None
-) -> Iterator[Piece]:
+) -> Iterator[Chunk]:
     """The chunks of a file that hold one of the channels, in its order.
 
     Args:
@@ -95,22 +95,22 @@ def indexed_pieces(
     """
     wanted = set(channels)
     with path.open("rb") as stream:
-        for chunk in index.chunks:
-            if not chunk.message_index_offsets.keys() & wanted:
+        for entry in index.chunks:
+            if not entry.message_index_offsets.keys() & wanted:
                 continue
             if windows is None or any(
-                first <= chunk.message_end_time and chunk.message_start_time <= last
+                first <= entry.message_end_time and entry.message_start_time <= last
                 for first, last in windows
             ):
-                yield _piece(path, stream, chunk)
+                yield _chunk_at(path, stream, entry)
 
 
-def _piece(path: Path, stream: BinaryIO, chunk: ChunkIndex) -> Piece:
-    position = chunk.chunk_start_offset
+def _chunk_at(path: Path, stream: BinaryIO, entry: ChunkIndex) -> Chunk:
+    position = entry.chunk_start_offset
     stream.seek(position)
     try:
-        record = stream.read(chunk.chunk_length)
-        if record[:1] != bytes([Opcode.CHUNK]) or len(record) != chunk.chunk_length:
+        record = stream.read(entry.chunk_length)
+        if record[:1] != bytes([Opcode.CHUNK]) or len(record) != entry.chunk_length:
             raise DamageError("no chunk where the index has one")
         return whole_chunk(position, record[RECORD_HEADER:], agreeing=True)
     except DamageError as error:

@@ -10,8 +10,8 @@ from typing import NamedTuple
 from slosh_bag.errors import SloshBagError
 from slosh_bag.mcap_files.chunks import (
     RECORD_HEADER,
+    Chunk,
     DamageError,
-    Piece,
     read_loose,
     whole_chunk,
 )
@@ -19,7 +19,7 @@ from slosh_bag.unpacking import MOST_UNPACKED
 
 
 class Span(NamedTuple):
-    """Where a piece is, by the time at which it begins.
+    """Where a chunk is, by the time at which it begins.
 
     Attributes:
         start_ns: least log time in it [ns].
@@ -32,53 +32,53 @@ class Span(NamedTuple):
 
 
 def in_log_order(
-    path: Path, spans: list[Span], select: Callable[[Piece], Piece]
-) -> Iterator[tuple[Piece, int]]:
+    path: Path, spans: list[Span], select: Callable[[Chunk], Chunk]
+) -> Iterator[tuple[Chunk, int]]:
     """The messages of a file in the order of their log times, then of the file.
 
-    A piece is unpacked when its time has come, and forgotten after its last message: memory is
-    that of the pieces that overlap.
+    A chunk is unpacked when its time has come, and forgotten after its last message: memory is
+    that of the chunks that overlap.
 
     Args:
         path: the file.
-        spans: its pieces.
-        select: what is wanted of a piece.
+        spans: its chunks.
+        select: what is wanted of a chunk.
 
     Yields:
-        A piece, and the index of the next message in it.
+        A chunk, and the index of the next message in it.
 
     Raises:
         SloshBagError: the file is no longer what it was.
     """
     waiting = sorted(spans, reverse=True)
-    heap: list[tuple[int, int, int, Piece]] = []
+    heap: list[tuple[int, int, int, Chunk]] = []
     open_bytes = 0
     with path.open("rb") as stream:
         while waiting or heap:
             while waiting and (not heap or waiting[-1].start_ns <= heap[0][0]):
                 span = waiting.pop()
                 stream.seek(span.position)
-                piece = select(_again(path, span, stream.read(span.stored)))
-                if len(piece):
-                    open_bytes += len(piece.raw)
+                chunk = select(_again(path, span, stream.read(span.stored)))
+                if len(chunk):
+                    open_bytes += len(chunk.raw)
                     if open_bytes > MOST_UNPACKED:
                         raise SloshBagError(
                             f"{path}: chunks of more than {MOST_UNPACKED} bytes cover the time "
                             f"{span.start_ns * 1e-9:.3f} s; sort its messages by time first"
                         )
-                    heapq.heappush(heap, (int(piece.log_ns[0]), piece.position, 0, piece))
+                    heapq.heappush(heap, (int(chunk.log_ns[0]), chunk.position, 0, chunk))
             if not heap:
                 continue
-            _, position, row, piece = heapq.heappop(heap)
-            yield piece, row
-            if row + 1 < len(piece):
-                heapq.heappush(heap, (int(piece.log_ns[row + 1]), position, row + 1, piece))
+            _, position, row, chunk = heapq.heappop(heap)
+            yield chunk, row
+            if row + 1 < len(chunk):
+                heapq.heappush(heap, (int(chunk.log_ns[row + 1]), position, row + 1, chunk))
             else:
-                open_bytes -= len(piece.raw)
+                open_bytes -= len(chunk.raw)
 
 
-def _again(path: Path, span: Span, content: bytes) -> Piece:
-    """The piece that was there when the file was read first."""
+def _again(path: Path, span: Span, content: bytes) -> Chunk:
+    """The chunk that was there when the file was read first."""
     try:
         if content[:1] != b"\x06":
             return read_loose(span.position, content)

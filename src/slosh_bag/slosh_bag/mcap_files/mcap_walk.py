@@ -22,9 +22,9 @@ from slosh_bag.mcap_files.chunk_scan import MOST_DEFINITIONS, find_chunk
 from slosh_bag.mcap_files.chunks import (
     CHUNK_START,
     RECORD_HEADER,
+    Chunk,
     ChunkHeader,
     DamageError,
-    Piece,
     TooLargeError,
     chunk_header,
     damaged,
@@ -48,9 +48,9 @@ class McapWalk:
         lenient: pass over what is damaged, and note it in `found.gaps`, instead of raising.
 
     Attributes:
-        found: what was found so far; complete when `pieces` has ended.
-        warnings: what a reader should know; complete when `pieces` has ended.
-        summary: what the file's end says; None: it has no end, or `pieces` has not begun.
+        found: what was found so far; complete when `chunks` has ended.
+        warnings: what a reader should know; complete when `chunks` has ended.
+        summary: what the file's end says; None: it has no end, or `chunks` has not begun.
         size: of the file [bytes].
     """
 
@@ -64,7 +64,7 @@ class McapWalk:
         self._cut: ChunkHeader | None = None
         self._stream: RecordStream
 
-    def pieces(self) -> Iterator[Piece]:
+    def chunks(self) -> Iterator[Chunk]:
         """The messages chunk by chunk, in the order of the file.
 
         Raises:
@@ -80,15 +80,15 @@ class McapWalk:
             while not ended:
                 position = self._stream.position
                 try:
-                    piece, ended = self._step()
-                    if piece is not None:
-                        piece = self._admit(piece)
+                    chunk, ended = self._step()
+                    if chunk is not None:
+                        chunk = self._admit(chunk)
                 except DamageError as error:
-                    piece, ended = None, self._damaged(position, error)
-                if piece is not None:
-                    yield piece
+                    chunk, ended = None, self._damaged(position, error)
+                if chunk is not None:
+                    yield chunk
 
-    def _step(self) -> tuple[Piece | None, bool]:
+    def _step(self) -> tuple[Chunk | None, bool]:
         """Reads one record, or a run of records in no chunk; True: it was the last."""
         if not self._stream.position and self._stream.take(len(MAGIC)) != MAGIC:
             raise DamageError("not an MCAP file")
@@ -116,22 +116,22 @@ class McapWalk:
             self._cut = chunk_header(start, length)
         raise CutOffError("a record is cut off")
 
-    def _chunk(self, length: int) -> Piece:
+    def _chunk(self, length: int) -> Chunk:
         position = self._stream.position - RECORD_HEADER
-        piece = whole_chunk(position, self._stream.take(length), agreeing=not self._lenient)
+        chunk = whole_chunk(position, self._stream.take(length), agreeing=not self._lenient)
         self.found.chunks += 1
-        return piece
+        return chunk
 
-    def _loose(self, opcode: int, length: int) -> Piece:
+    def _loose(self, opcode: int, length: int) -> Chunk:
         self._stream.back()
         # A definition comes alone: a file may hold many, and a window for each is much to read.
         more = _WINDOW if opcode == Opcode.MESSAGE else 0
         window = self._stream.peek(max(more, RECORD_HEADER + length))
-        piece = read_loose(self._stream.position, window)
-        self._stream.take(piece.stored)
-        self.found.loose += len(piece)
-        self._bound(*piece.schemas, *piece.channels, kept=False)
-        return piece
+        chunk = read_loose(self._stream.position, window)
+        self._stream.take(chunk.stored)
+        self.found.loose += len(chunk)
+        self._bound(*chunk.schemas, *chunk.channels, kept=False)
+        return chunk
 
     def _other(self, opcode: int, length: int) -> None:
         """Passes over a record without messages, so far as it is what it says to be."""
@@ -158,31 +158,31 @@ class McapWalk:
         if noted not in (0, actual) and not self._lenient:
             raise DamageError("a damaged attachment")
 
-    def _admit(self, piece: Piece) -> Piece:
-        """Takes a piece's definitions; its messages have to have one."""
+    def _admit(self, chunk: Chunk) -> Chunk:
+        """Takes a chunk's definitions; its messages have to have one."""
         if self.found.chunks and self.found.loose and not self._is_counted():
             raise DamageError("messages both inside and outside chunks")
-        for schema in piece.schemas:
+        for schema in chunk.schemas:
             self._define(self.found.schemas, schema)
-        for channel in piece.channels:
+        for channel in chunk.channels:
             self._define(self.found.channels, channel)
-        self.found.unchecked |= not piece.checked and not self._is_in_summary(piece)
-        lost = [c for c in np.unique(piece.channel).tolist() if not self.found.is_defined(c)]
+        self.found.unchecked |= not chunk.checked and not self._is_in_summary(chunk)
+        lost = [c for c in np.unique(chunk.channel).tolist() if not self.found.is_defined(c)]
         if lost and not self._lenient:
             raise DamageError(f"messages of channel {lost[0]}, which is not defined")
         if lost:
-            known = ~np.isin(piece.channel, lost)
+            known = ~np.isin(chunk.channel, lost)
             self.found.orphans += int(np.count_nonzero(~known))
-            piece = piece.take(known)
-        self.found.add(piece)
-        return piece
+            chunk = chunk.take(known)
+        self.found.add(chunk)
+        return chunk
 
-    def _is_in_summary(self, piece: Piece) -> bool:
-        """True where the summary, which has a checksum, has the piece's definitions as well."""
+    def _is_in_summary(self, chunk: Chunk) -> bool:
+        """True where the summary, which has a checksum, has the chunk's definitions as well."""
         schemas = self.summary.schemas if self.summary else {}
         channels = self.summary.channels if self.summary else {}
-        return all(schema.id in schemas for schema in piece.schemas) and all(
-            channel.id in channels for channel in piece.channels
+        return all(schema.id in schemas for schema in chunk.schemas) and all(
+            channel.id in channels for channel in chunk.channels
         )
 
     def _bound(self, *definitions: Schema | Channel, kept: bool) -> None:
@@ -375,9 +375,9 @@ def _times(stream: RecordStream) -> tuple[int, int]:
     if opcode == Opcode.MESSAGE:
         stream.back()
         window = stream.peek(max(_WINDOW, RECORD_HEADER + length))
-        piece = read_loose(stream.position, window)
-        stream.skip(piece.stored)
-        return (int(piece.log_ns[0]), int(piece.log_ns[-1])) if len(piece) else (0, 0)
+        chunk = read_loose(stream.position, window)
+        stream.skip(chunk.stored)
+        return (int(chunk.log_ns[0]), int(chunk.log_ns[-1])) if len(chunk) else (0, 0)
     if opcode == Opcode.DATA_END:
         raise CutOffError("the end of the data")
     stream.skip(length)

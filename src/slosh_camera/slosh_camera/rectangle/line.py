@@ -149,12 +149,12 @@ def refine_edges(channel: Image, edges: Image, expected: FloatArray, contrast: f
     return Edges(np.where(wanted, row, np.nan), np.where(wanted, softness, np.nan))
 
 
-def drop_loose_pieces(rows: FloatArray, near: BoolArray) -> BoolArray:
-    """Columns whose piece of the line belongs to the line.
+def drop_loose_segments(rows: FloatArray, near: BoolArray) -> BoolArray:
+    """Columns whose segment of the line belongs to the line.
 
-    A piece ends where the row jumps. What a droplet or a sticker adds is a piece of its own, most
-    of which is away from the fitted shape; a crest that the shape does not follow hangs together
-    with the rest.
+    A segment ends where the row jumps. What a droplet or a sticker adds is a segment of its own,
+    most of which is away from the fitted shape; a crest that the shape does not follow hangs
+    together with the rest.
 
     Args:
         rows: (columns,); NaN where there is no edge.
@@ -168,9 +168,9 @@ def drop_loose_pieces(rows: FloatArray, near: BoolArray) -> BoolArray:
     if at.size == 0:
         return kept
     far = (np.abs(np.diff(rows[at])) > _JUMP * np.sqrt(np.diff(at))).astype(np.intp)
-    piece = np.concatenate(([0], np.cumsum(far)))
-    share = np.bincount(piece, near[at]) / np.bincount(piece)
-    kept[at] = share[piece] >= 0.5
+    segment = np.concatenate(([0], np.cumsum(far)))
+    share = np.bincount(segment, near[at]) / np.bincount(segment)
+    kept[at] = share[segment] >= 0.5
     return _without_ends(kept)
 
 

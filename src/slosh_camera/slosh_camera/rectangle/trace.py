@@ -28,7 +28,7 @@ from slosh_camera.rectangle.line import (
     Edges,
     Split,
     canny_edges,
-    drop_loose_pieces,
+    drop_loose_segments,
     refine_edges,
     split_columns,
 )
@@ -281,7 +281,7 @@ class _Tracer:
         gate = max(_GATE * shape.scatter, _GATE_ROWS * self._pixel_height)
         near = kept.copy()
         near[columns] = np.abs(z - shape.at(x)) < gate
-        return drop_loose_pieces(rows, near)
+        return drop_loose_segments(rows, near)
 
     def _hidden(self, kept: BoolArray, full: BoolArray) -> float:
         """Part of the columns that could show the line and do not."""
