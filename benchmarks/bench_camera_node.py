@@ -102,14 +102,14 @@ def measure(
 ) -> dict[str, Any]:
     """What comes of images at a rate."""
     play(rig, executor, messages, rate, WARM_UP)
-    before = int(rig.facts["camera"]["images that gave way"])
+    before = int(rig.facts["camera"]["dropped images"])
     begin = time.monotonic()
     stamps = play(rig, executor, messages, rate, seconds)
     took = time.monotonic() - begin - 1.2
     late = [1e-6 * (rig.heard[stamp] - stamp) for stamp in stamps if stamp in rig.heard]
     if not late:
         raise SystemExit("no image was measured")
-    dropped = int(rig.facts["camera"]["images that gave way"]) - before
+    dropped = int(rig.facts["camera"]["dropped images"]) - before
     estimator = {
         key: value for key, value in rig.facts.get("estimator", {}).items() if "[Hz]" in key
     }
@@ -118,7 +118,7 @@ def measure(
         "measured [Hz]": round(len(late) / took, 1),
         "published": len(stamps),
         "measured": len(late),
-        "gave way": dropped,
+        "dropped": dropped,
         "unaccounted for": len(stamps) - len(late) - dropped,
         "latency, median [ms]": round(float(np.median(late)), 1),
         "latency, greatest [ms]": round(max(late), 1),

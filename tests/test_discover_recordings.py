@@ -15,7 +15,7 @@ from slosh_bag.recording.motion import Motion
 from slosh_bag.recording.settings import model_of
 from slosh_bag.recording.sources import find_sources
 from slosh_discovery.discover.motion import MeasuredMotion
-from slosh_discovery.discover_data import motions_of_shift, read_motions, shift_motions
+from slosh_discovery.discover_data import day_motions, motions_of_day, read_motions
 from slosh_discovery.discover_data.unrelated import felt_acceleration
 from slosh_model.containers import Cylinder
 from slosh_model.model import Model
@@ -57,12 +57,12 @@ class TestShippedBags:
             assert motion.stddev is not None
             assert 3e-5 < np.nanmedian(motion.stddev) < 2e-4
 
-    def test_a_shift_begins_with_what_the_monitor_saw_to_be_off_most(self) -> None:
-        found = shift_motions(BAGS)
+    def test_a_day_begins_with_what_the_monitor_saw_to_be_off_most(self) -> None:
+        found = day_motions(BAGS)
         off = [entry.disagreement for entry in found]
         assert off == sorted(off, reverse=True)
         assert all(5e-5 < value < 3e-4 for value in off)
-        assert [m.name for m in motions_of_shift(BAGS)] == [e.motion.name for e in found]
+        assert [m.name for m in motions_of_day(BAGS)] == [e.motion.name for e in found]
 
 
 @pytest.mark.skipif(not CFD.is_dir(), reason=f"no CFD data in {CFD}")

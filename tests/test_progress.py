@@ -277,14 +277,14 @@ def test_what_fails_or_is_stopped_is_not_told_as_done(told):
 @pytest.mark.parametrize(
     ("columns", "shape"),
     [
-        (80, r"play shift_1\.mcap:  50%\|.{30}\| 6\.7/13\.4 s"),
-        (45, r"play shift_1\.mcap:  50%\|.{9}\| 6\.7/13\.4 s"),
-        (36, r"play shift_1\.mcap:  50% 6\.7/13\.4 s"),
-        (30, r"play shift_\.\.:  50% 6\.7/13\.4 s"),
+        (80, r"play day_001\.mcap:  50%\|.{30}\| 6\.7/13\.4 s"),
+        (45, r"play day_001\.mcap:  50%\|.{9}\| 6\.7/13\.4 s"),
+        (36, r"play day_001\.mcap:  50% 6\.7/13\.4 s"),
+        (30, r"play day_00\.\.:  50% 6\.7/13\.4 s"),
         (15, r" 50% 6\.7/13\.4 s"),
     ],
 )
 def test_on_a_narrow_terminal_the_bar_gives_way_first_then_the_title(columns, shape):
-    line = bar_line("play shift_1.mcap", 0.5, [" 50%", "6.7/13.4 s"], columns)
+    line = bar_line("play day_001.mcap", 0.5, [" 50%", "6.7/13.4 s"], columns)
     assert re.fullmatch(shape, line)
     assert disp_len(line) <= columns

@@ -89,8 +89,8 @@ def example_motion_finding(
 def example_finding(verdict: Verdict = Verdict.NAMED) -> Finding:
     """A finding in which every part has something to show, as its verdict allows."""
     motions = (
-        example_motion_finding("shift_1#1", Role.FIT, 1),
-        example_motion_finding("shift_1#2", Role.FIT, 2),
+        example_motion_finding("day_1#1", Role.FIT, 1),
+        example_motion_finding("day_1#2", Role.FIT, 2),
         example_motion_finding("cup_profile", Role.HOLDOUT, 3, azimuths=12),
     )
     candidates = (
@@ -114,7 +114,7 @@ def example_finding(verdict: Verdict = Verdict.NAMED) -> Finding:
         gap=Gap(NOISE, 1.912e-3, 0.31e-3, 2.012e-3, 0.32e-3, 0.99687),
         motions=motions,
         where=WHERE,
-        worst=(WorstMoment("shift_1#2", 1.52, 8.1e-3, 11.1e-3, 8.2e-3),
+        worst=(WorstMoment("day_1#2", 1.52, 8.1e-3, 11.1e-3, 8.2e-3),
                WorstMoment("cup_profile", 0.71, 4.3e-3, 6.1e-3, 4.1e-3)),
         candidates=candidates,
         remarks=("The still level of 2 motions was not known and was fitted.",),

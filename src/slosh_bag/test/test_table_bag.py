@@ -29,6 +29,7 @@ from slosh_bag.reader import BagReader
 from slosh_bag.recording.motion import Motion
 from slosh_estimator.gate import GateSettings
 from slosh_estimator.inputs import InputSettings
+from slosh_estimator.sight import SurfaceFlag
 from slosh_files import SloshFileError
 from slosh_model.constants import GRAVITY
 
@@ -303,7 +304,8 @@ def test_no_motion_is_made_up_in_a_gap(cell: Cell):
 
 
 def test_unusable_heights_are_unknown_and_bounds_are_told(cell: Cell):
-    for k, flags in enumerate((0, 32, 128, 1)):
+    told = (0, SurfaceFlag.NOT_FOUND, SurfaceFlag.BAD_IMAGE, SurfaceFlag.SATURATED)
+    for k, flags in enumerate(told):
         cell.accel(START + 10 * k * MS, 1.0)
         cell.surface(START + 10 * k * MS, 0.001, flags)
     given = cell.table()

@@ -208,36 +208,36 @@ def test_an_adequate_model_needs_no_command(capsys, discovery, tables, tmp_path)
 
 
 @pytest.fixture
-def shift():
+def day():
     """A recording of the simulated cell."""
     if not (BAGS / "c3").exists():
         pytest.skip("the recordings are not there")
     return BAGS / "c3"
 
 
-def test_a_shift_brings_its_own_model(capsys, discovery, shift, tmp_path):
-    words = ["discover", "--from-bag", str(shift), "-o", str(tmp_path / "o")]
+def test_a_day_brings_its_own_model(capsys, discovery, day, tmp_path):
+    words = ["discover", "--from-bag", str(day), "-o", str(tmp_path / "o")]
     assert main(words) == 0
     motions, base, *_ = discovery.calls[0]
-    assert base == recorded_model(shift)
+    assert base == recorded_model(day)
     assert base.container.radius > 0.0
     assert all(motion.name.startswith("c3") for motion in motions)
     text = capsys.readouterr().out
-    assert f"slosh replay {shift} --model {tmp_path / 'o' / 'model.yaml'}" in text
+    assert f"slosh replay {day} --model {tmp_path / 'o' / 'model.yaml'}" in text
     document = json.loads((tmp_path / "o" / "discovery.json").read_text())
     assert document["schema"] == 1
 
 
 def test_the_page_shows_the_camera_s_image_of_the_worst_moment(
-    monkeypatch, discovery, shift, tmp_path
+    monkeypatch, discovery, day, tmp_path
 ):
     discovery.worst = (WorstMoment("c3#1", 1.0, 0.01, 0.02, 0.01),)
 
     def pictures(bag, stamps):
-        return dict.fromkeys(stamps, (grey_png(), 0.0123)) if bag == shift else {}
+        return dict.fromkeys(stamps, (grey_png(), 0.0123)) if bag == day else {}
 
     monkeypatch.setattr(command, "pictures_at", pictures)
-    assert main(["discover", "--from-bag", str(shift), "-o", str(tmp_path / "o")]) == 0
+    assert main(["discover", "--from-bag", str(day), "-o", str(tmp_path / "o")]) == 0
     page = (tmp_path / "o" / "report.html").read_text(encoding="utf-8")
     assert "A: c3#1, 1.00 s, 12.3 mm" in page
     assert b64encode(grey_png()).decode() in page

@@ -18,7 +18,7 @@ from slosh_bag.recording.sources import recorded_starts
 from slosh_discovery.discover.finding import Finding, SeparatingMotion
 from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_discovery.discover_data import read_motions
-from slosh_discovery.discover_data.reading import shift_motions
+from slosh_discovery.discover_data.reading import day_motions
 from slosh_discovery.discover_data.tables import is_table
 from slosh_discovery.discover_frames import Pictures, worst_frames
 from slosh_discovery.discovery_report import (
@@ -53,7 +53,7 @@ class Request:
         output: folder of the results.
         model: file of the base model; None: the one that the first bag's estimator ran.
         holdout: likewise; empty: every third motion of `data`, where there are three.
-        from_bag: data are recorded shifts; the motions in which the live estimate was off most
+        from_bag: data are recording days; the motions in which the live estimate was off most
             come first.
         most: at most so many motions of `data`, the first ones; None: all.
     """
@@ -101,8 +101,8 @@ def prepare(request: Request, tell: Tell) -> Prepared:
         notes.append(line)
         tell(line)
 
-    fit = _read(request.data, base, note, shift=request.from_bag)
-    holdout = _read(request.holdout, base, note, shift=False)
+    fit = _read(request.data, base, note, from_bag=request.from_bag)
+    holdout = _read(request.holdout, base, note, from_bag=False)
     if request.most is not None and len(fit) > request.most:
         note(f"the first {request.most} of {len(fit)} motions are used")
         fit = fit[: request.most]
@@ -273,10 +273,10 @@ def _line(*words: object) -> str:
     return shlex.join(map(str, words))
 
 
-def _read(paths: Iterable[Path], base: Model, tell: Tell, *, shift: bool) -> Motions:
-    if not shift:
+def _read(paths: Iterable[Path], base: Model, tell: Tell, *, from_bag: bool) -> Motions:
+    if not from_bag:
         return tuple(motion for path in paths for motion in read_motions(path, base, tell))
-    found = [entry for path in paths for entry in shift_motions(path, base, tell)]
+    found = [entry for path in paths for entry in day_motions(path, base, tell)]
     found.sort(key=lambda entry: -np.nan_to_num(entry.disagreement, nan=-1.0))
     return tuple(entry.motion for entry in found)
 

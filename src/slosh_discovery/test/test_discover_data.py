@@ -1,4 +1,4 @@
-"""Tables, bags and recorded shifts as measured motions."""
+"""Tables, bags and recording days as measured motions."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from slosh_bag.errors import SloshBagError
 from slosh_bag.interchange.table_bag import write_table_bag
 from slosh_bag.motion_table import MotionTable, write_motion_table
 from slosh_bag.recording.motion import Motion
-from slosh_discovery.discover_data import motions_of_shift, read_motions, shift_motions
+from slosh_discovery.discover_data import day_motions, motions_of_day, read_motions
 from slosh_discovery.discover_data.attitudes import angular_velocity
 from slosh_discovery.discover_data.heights import without_spikes
 from slosh_discovery.discover_data.recording import Heights, Recording, Residuals
@@ -72,7 +72,7 @@ def stamps_of(t: Array) -> np.ndarray[Any, np.dtype[np.int64]]:
 
 def recording(t: Array, acceleration: Array, heights: Heights) -> Recording:
     motion = Motion(stamps_of(t), acceleration)
-    return Recording(Path("shift"), motion, heights, NONE, {}, SECOND // 20)
+    return Recording(Path("day"), motion, heights, NONE, {}, SECOND // 20)
 
 
 def parts_of(starts: tuple[float, ...], seconds: float) -> list[tuple[float, float, float]]:
@@ -331,9 +331,9 @@ class TestBags:
         in_motion = int(np.searchsorted(heights.stamps, START + 4 * SECOND))
         bag.heights(heights, {in_motion: 1, in_motion + 1: 32, in_motion + 2: 128})
         notes: list[str] = []
-        path = bag.write(tmp_path / "shift")
+        path = bag.write(tmp_path / "day")
         first, second = read_motions(path, tell=notes.append)
-        assert (first.name, second.name) == ("shift#1", "shift#2")
+        assert (first.name, second.name) == ("day#1", "day#2")
         assert notes == [
             f"{path}: 2 images without a usable height are left out",
             f"{path}: 1 saturated heights are left out: they are lower bounds",
@@ -449,7 +449,7 @@ class TestBags:
             motion.inputs.angular_velocity, np.tile([0.0, 0.3, 0.0], (len(tilt), 1)), atol=1e-6
         )
 
-    def test_a_shift_begins_with_what_was_off_most(self, tmp_path: Path) -> None:
+    def test_a_day_begins_with_what_was_off_most(self, tmp_path: Path) -> None:
         t, acceleration = bursts((2.5, 18.0, 33.0), 45.0)
         bag, heights = Bag(), seen(t, acceleration)
         for stamp, a in zip(stamps_of(t)[::2].tolist(), acceleration[::2], strict=True):
@@ -460,10 +460,10 @@ class TestBags:
             residual = 1e-3 if second < 16.0 else 3e-3 if second < 31.0 else 2e-3
             bag.put("/slosh/comparison", "slosh_msgs/msg/SloshComparison", stamp, "container",
                     residual_nonlinear=residual)  # fmt: skip
-        path = bag.write(tmp_path / "shift")
-        assert [m.name for m in read_motions(path)] == ["shift#1", "shift#2", "shift#3"]
-        assert [m.name for m in motions_of_shift(path)] == ["shift#2", "shift#3", "shift#1"]
-        found = [entry.disagreement for entry in shift_motions(path)]
+        path = bag.write(tmp_path / "day")
+        assert [m.name for m in read_motions(path)] == ["day#1", "day#2", "day#3"]
+        assert [m.name for m in motions_of_day(path)] == ["day#2", "day#3", "day#1"]
+        found = [entry.disagreement for entry in day_motions(path)]
         assert found == pytest.approx([3e-3, 2e-3, 1e-3])
 
     def test_a_table_that_became_a_bag_is_the_same_motion(self, tmp_path: Path) -> None:

@@ -192,7 +192,7 @@ def test_the_text_tells_effects_gap_worst_and_what_to_type():
     assert any(
         line.startswith("height") and "5 … 10 mm" in line and "80 %" in line for line in lines
     )
-    assert "moment     1.52 s of shift_1#2     3.00 mm  0.10 mm  off" in lines
+    assert "moment     1.52 s of day_1#2       3.00 mm  0.10 mm  off" in lines
     assert "slosh replay BAG --model model.yaml" in lines
     assert not any("nan" in line for line in lines)
 

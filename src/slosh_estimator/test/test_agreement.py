@@ -33,7 +33,7 @@ def acceleration(t: np.ndarray) -> np.ndarray:
     )
 
 
-def shift(
+def watched(
     loaded: Model, motions: int = 1, *, flags: int = 0, spike: float = 0.0, stddev: float = NOISE
 ) -> Monitor:
     """A monitor that has seen motions of the truth, and what the loaded model said of them."""
@@ -55,10 +55,10 @@ def shift(
 
 
 def test_a_right_model_is_not_told_and_a_wrong_one_is_once_for_each_motion() -> None:
-    right = shift(TRUTH, 2).motions
+    right = watched(TRUTH, 2).motions
     assert (right.finished, right.disagreeing) == (2, 0)
     assert not any(motion.disagrees for motion in right.take_finished())
-    wrong = shift(TRUTH.planar().linear(), 2).motions
+    wrong = watched(TRUTH.planar().linear(), 2).motions
     assert (wrong.finished, wrong.disagreeing) == (2, 2)
     told = wrong.take_finished()
     assert [motion.disagrees for motion in told] == [True, True]
@@ -66,7 +66,7 @@ def test_a_right_model_is_not_told_and_a_wrong_one_is_once_for_each_motion() -> 
 
 
 def test_a_motion_knows_when_it_was_and_how_far_the_sides_are_apart() -> None:
-    (motion,) = shift(TRUTH).motions.take_finished()
+    (motion,) = watched(TRUTH).motions.take_finished()
     assert motion.start_ns * 1e-9 == pytest.approx(2.0, abs=0.4)
     assert motion.end_ns * 1e-9 == pytest.approx(4.0, abs=0.4)
     assert motion.noise == pytest.approx(NOISE)
@@ -74,7 +74,7 @@ def test_a_motion_knows_when_it_was_and_how_far_the_sides_are_apart() -> None:
     assert motion.peak > 0.005
     t = np.arange(0.0, 6.0, 0.02)
     wrong = TRUTH.planar().linear()
-    (motion,) = shift(wrong).motions.take_finished()
+    (motion,) = watched(wrong).motions.take_finished()
     heights = [simulate(model, Inputs(t, acceleration(t)))[0].msh for model in (TRUTH, wrong)]
     judged = (t > motion.start_ns * 1e-9 - 1.0) & (t < motion.end_ns * 1e-9)
     rms = float(np.sqrt(np.mean((heights[0] - heights[1])[judged] ** 2)))
@@ -82,7 +82,7 @@ def test_a_motion_knows_when_it_was_and_how_far_the_sides_are_apart() -> None:
 
 
 def test_the_sentence_is_one_line_with_the_command() -> None:
-    (motion,) = shift(TRUTH.linear()).motions.take_finished()
+    (motion,) = watched(TRUTH.linear()).motions.take_finished()
     assert "slosh discover --from-bag BAG --model MODEL" in motion.sentence
     assert f"{1e3 * motion.rms:.1f} mm" in motion.sentence
     assert "\n" not in motion.sentence
@@ -105,14 +105,14 @@ def test_noise_the_calibration_and_the_limit_explain_a_difference() -> None:
 
 
 def test_a_single_outlier_is_no_disagreement() -> None:
-    (motion,) = shift(TRUTH, spike=0.05).motions.take_finished()
+    (motion,) = watched(TRUTH, spike=0.05).motions.take_finished()
     assert not motion.disagrees
     assert motion.peak < 0.03
 
 
 def test_estimates_from_an_unknown_state_and_lower_bounds_are_not_judged() -> None:
     wrong = TRUTH.planar().linear()
-    assert shift(wrong, flags=int(EstimateFlag.SETTLING)).motions.finished == 0
+    assert watched(wrong, flags=int(EstimateFlag.SETTLING)).motions.finished == 0
     monitor = Monitor(MonitorSettings())
     for k in range(600):
         moved = (1.0 if k < 200 else 0.0, 0.0, 0.0)
@@ -151,7 +151,7 @@ def test_a_container_that_never_rests_is_judged_by_the_minute() -> None:
 
 
 def test_a_reset_forgets_the_count_and_the_motion_under_way() -> None:
-    monitor = shift(TRUTH.linear(), 2)
+    monitor = watched(TRUTH.linear(), 2)
     monitor.reset_accuracy()
     assert (monitor.motions.finished, monitor.motions.disagreeing) == (0, 0)
     assert monitor.motions.last is None

@@ -38,7 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument(
         "--from-bag", action="store_true",
-        help="DATA are recorded shifts: the motions in which the live estimate was off most "
+        help="DATA are recording days: the motions in which the live estimate was off most "
         "come first",
     )  # fmt: skip
     parser.add_argument(

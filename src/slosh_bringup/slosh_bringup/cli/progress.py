@@ -145,7 +145,7 @@ def say(line: str) -> None:
 
 
 class _Bar(tqdm):
-    """Draws a bar anew in the same line; when and how it gives way to lines is tqdm's."""
+    """Draws a bar anew in the same line; when and how lines replace it is tqdm's."""
 
     def __init__(self, progress: Progress, delay: float) -> None:
         self._progress = progress
@@ -171,7 +171,7 @@ class _Bar(tqdm):
 def bar_line(
     head: str, share: float | None, numbers: list[str], columns: int, charset: str = Bar.UTF
 ) -> str:
-    """A line of at most so many columns: what gives way is the bar, then the head.
+    """A line of at most so many columns: the bar is dropped first, then the head.
 
     Args:
         head: what is done.

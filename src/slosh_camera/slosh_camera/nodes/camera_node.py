@@ -166,7 +166,7 @@ class CameraNode(PreparedNode):
         return {
             "still image": str(still or "none"),
             "missing images": self._gaps.missing,
-            "images that gave way": self._input.dropped,
+            "dropped images": self._input.dropped,
             "dropped: impossible stamp": self._refused,
             **flags,
         }

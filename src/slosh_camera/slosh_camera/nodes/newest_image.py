@@ -13,14 +13,14 @@ from slosh_msgs_py import qos
 
 
 class NewestImage:
-    """Reads images; those that came while one was being worked on give way to the newest.
+    """Reads images; of those that came while one was worked on all but the newest are dropped.
 
     The queue holds one image, so that work never lags behind by more than that. It reads
     reliably: of large images read as best effort Fast DDS loses many. Where a publisher offers
     no more than best effort, that is taken.
 
     Attributes:
-        dropped: images that were published and that gave way, or were lost on the way.
+        dropped: images that were published and not read: a newer one came, or they were lost.
     """
 
     def __init__(self, node: Node, kind: Any, topic: str, use: Callable[[Any], None]) -> None:

@@ -54,7 +54,7 @@ def log_prior(fit: Fit) -> float:
     )
 
 
-def temperature(fit: Fit, motions: Sequence[PreparedMotion]) -> float:
+def temperature_of(fit: Fit, motions: Sequence[PreparedMotion]) -> float:
     """χ² per sample of a fit, times the number of samples whose residuals go together."""
     count = len(fit.residual) - len(fit.vector)
     series = residual_series(fit.residual, motions)

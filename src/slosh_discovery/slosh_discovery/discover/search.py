@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from slosh_discovery.discover.evidence import log_evidence, residual_series, temperature
+from slosh_discovery.discover.evidence import log_evidence, residual_series, temperature_of
 from slosh_discovery.discover.explanation import Explanation, starts
 from slosh_discovery.discover.fitting import Evaluator, Fit, fit
 from slosh_discovery.discover.noise import removable
@@ -66,17 +66,17 @@ class Pool:
 
     def ranked(self) -> list[Fit]:
         """The fits, the likeliest first."""
-        heat = self.temperature
-        return sorted(self.fits.values(), key=lambda one: -log_evidence(one, heat))
+        temperature = self.temperature
+        return sorted(self.fits.values(), key=lambda one: -log_evidence(one, temperature))
 
     @property
     def temperature(self) -> float:
         """That of the best fit, found by iteration: the best fit depends on it."""
         best = min(self.fits.values(), key=lambda one: one.chi_square)
         for _ in range(3):
-            heat = temperature(best, self.motions)
-            best = max(self.fits.values(), key=lambda one: log_evidence(one, heat))
-        return temperature(best, self.motions)
+            temperature = temperature_of(best, self.motions)
+            best = max(self.fits.values(), key=lambda one: log_evidence(one, temperature))
+        return temperature_of(best, self.motions)
 
 
 @dataclass(frozen=True, slots=True)

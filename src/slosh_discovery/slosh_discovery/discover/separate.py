@@ -4,8 +4,8 @@ Two models that explain the present motions equally well may answer another moti
 family of motions that a robot can carry out is searched for those in which the predicted heights
 differ most, with the liquid kept in the container. Of the best of each family the one counts in
 which most is left of the difference when either model's parameters, its natural frequency and its
-damping may give way a little, in relation to how much a small step of these changes the heights:
-near resonance, and where the wave is chaotic, everything differs, and says little.
+damping may be refitted a little, in relation to how much a small step of these changes the
+heights: near resonance, and where the wave is chaotic, everything differs, and says little.
 """
 
 from __future__ import annotations
@@ -161,7 +161,7 @@ def separating_motion(
         names=names or _names(first, second),
         inputs=best.inputs,
         description=f"{text_of(best.motion)}; {1e3 * best.remaining:.2g} mm of the difference are "
-        f"left if the parameters may give way{remark}",
+        f"left if the parameters may be refitted{remark}",
         difference=best.difference,
         present_difference=_present_difference(pair, present),
     )

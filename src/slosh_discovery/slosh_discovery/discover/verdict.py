@@ -84,17 +84,19 @@ def judge(pool: Pool, motions: Sequence[PreparedMotion]) -> Judgement:
     more, every explanation is wrong, and better ones than others are those that predict motions
     which they were not fitted to.
     """
-    heat, base = pool.temperature, pool.fits[()]
+    temperature, base = pool.temperature, pool.fits[()]
     unseen = _unseen(base, motions)
     worthy = [base] if unseen else _worthy(pool.ranked(), pool, NEGLIGIBLE_SHARE)
-    logs = {one.explanation.effects: log_evidence(one, heat) for one in worthy}
+    logs = {one.explanation.effects: log_evidence(one, temperature) for one in worthy}
     tabled: dict[tuple[str, ...], HeldOut] = {}
     if not leftover(worthy[0], motions).adequate:
         likeliest = _worthy(worthy, pool, COSMETIC_SHARE)
         contenders = _worthy(_contenders(likeliest, pool), pool, COSMETIC_SHARE)
         tabled = {one.explanation.effects: held_out(one, motions) for one in contenders}
         logs = {
-            one.explanation.effects: -0.5 * tabled[one.explanation.effects].chi_square / heat
+            one.explanation.effects: -0.5
+            * tabled[one.explanation.effects].chi_square
+            / temperature
             + log_prior(one)
             for one in contenders
         }
@@ -120,7 +122,7 @@ def judge(pool: Pool, motions: Sequence[PreparedMotion]) -> Judgement:
         rivals={name: _rivals(name, ranked) for name in names},
         ranked=ranked,
         held_out=tabled,
-        temperature=heat,
+        temperature=temperature,
         trust=trust,
         unseen=unseen,
     )

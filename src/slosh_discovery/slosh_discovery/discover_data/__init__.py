@@ -6,10 +6,10 @@ Motion tables, bags and folders of tables in; `MeasuredMotion` out. Pure: no ROS
 from __future__ import annotations
 
 from slosh_discovery.discover_data.reading import (
-    ShiftMotion,
-    motions_of_shift,
+    DayMotion,
+    day_motions,
+    motions_of_day,
     read_motions,
-    shift_motions,
 )
 
-__all__ = ["ShiftMotion", "motions_of_shift", "read_motions", "shift_motions"]
+__all__ = ["DayMotion", "day_motions", "motions_of_day", "read_motions"]

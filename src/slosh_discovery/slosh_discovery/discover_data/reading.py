@@ -30,7 +30,7 @@ from slosh_model.simulate import Inputs
 
 
 @dataclass(frozen=True, slots=True)
-class ShiftMotion:
+class DayMotion:
     """A recorded motion and how far the live estimate was off.
 
     Attributes:
@@ -69,24 +69,24 @@ def read_motions(
     return [motion for item in _sources(path) for motion, _ in _read(item, model, tell)]
 
 
-def motions_of_shift(
+def motions_of_day(
     path: Path, model: Model | None = None, tell: Callable[[str], object] = _quietly
 ) -> list[MeasuredMotion]:
-    """The motions of a recorded shift, those first in which the live estimate was off most.
+    """The motions of a recording day, those first in which the live estimate was off most.
 
     Args and errors are those of `read_motions`.
     """
-    return [entry.motion for entry in shift_motions(path, model, tell)]
+    return [entry.motion for entry in day_motions(path, model, tell)]
 
 
-def shift_motions(
+def day_motions(
     path: Path, model: Model | None = None, tell: Callable[[str], object] = _quietly
-) -> list[ShiftMotion]:
+) -> list[DayMotion]:
     """The same with how far the estimate was off.
 
     Motions of which no comparison was recorded come last, in the order of the recording.
     """
-    found = [ShiftMotion(*pair) for item in _sources(path) for pair in _read(item, model, tell)]
+    found = [DayMotion(*pair) for item in _sources(path) for pair in _read(item, model, tell)]
     return sorted(found, key=lambda entry: -np.nan_to_num(entry.disagreement, nan=-1.0))
 
 
