@@ -91,7 +91,7 @@ class Components(NamedTuple):
 
 
 class ReplayStream:
-    """A replay in progress.
+    """A replay in progress: the streams of a recording, merged in the order of their stamps.
 
     Attributes:
         motions: those of the container so far.

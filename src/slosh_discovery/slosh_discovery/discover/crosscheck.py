@@ -12,7 +12,7 @@ from slosh_discovery.discover.fitting import Evaluator, Fit, fit
 from slosh_discovery.discover.problem import PreparedMotion
 
 FOLDS = 3
-Fold = list[tuple[PreparedMotion, float]]
+MotionSet = list[tuple[PreparedMotion, float]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +53,7 @@ def held_out(one: Fit, motions: Sequence[PreparedMotion]) -> HeldOut:
 
 def _folds(
     motions: Sequence[PreparedMotion], offsets: Sequence[float]
-) -> Iterator[tuple[Fold, Fold]]:
+) -> Iterator[tuple[MotionSet, MotionSet]]:
     """What is seen and what is left out, with clock offsets: a third of the motions in turns.
 
     Of fewer than three motions a third of each one's time is left out instead.
