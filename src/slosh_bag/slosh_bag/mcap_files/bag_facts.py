@@ -16,13 +16,12 @@ from mcap.records import Metadata, MetadataIndex
 from slosh_bag.errors import SloshBagError
 from slosh_bag.mcap_files.checksum import CHECKSUM, checksum_of
 from slosh_bag.mcap_files.chunks import RECORD_HEADER, DamageError, parse
-from slosh_bag.mcap_files.mcap_summary import read_summary
+from slosh_bag.mcap_files.mcap_summary import MAGIC, read_summary
 from slosh_bag.mcap_files.mcap_walk import McapWalk
 from slosh_bag.mcap_files.record_stream import RecordStream
 
 NAME = "slosh"
 _HEADER = struct.Struct("<BQ")
-_DATA_END = 13
 
 
 def read_facts(path: Path) -> tuple[dict[str, str], list[str]]:
@@ -86,14 +85,26 @@ def _is_whole(path: Path, summary_start: int) -> bool:
     with path.open("rb") as file:
         stream = RecordStream(file, summary_start)
         try:
-            stream.skip(summary_start - _DATA_END)
-            opcode, length = stream.begin()
-            noted = int.from_bytes(stream.take(4), "little")
+            noted = _data_checksum(stream)
         except DamageError:
-            opcode, length, noted = 0, 0, 0
-    if opcode != Opcode.DATA_END or length != 4 or noted not in (0, stream.crc):
+            noted = None
+    if noted not in (0, stream.crc):
         raise SloshBagError(f"{path}: damaged metadata: the checksum (CRC) of all data is wrong")
     return noted != 0
+
+
+def _data_checksum(stream: RecordStream) -> int:
+    """The checksum that the end of the data notes; `stream.crc` is then the actual one.
+
+    Raises:
+        DamageError: the data have no end.
+    """
+    stream.skip(len(MAGIC))
+    while True:
+        opcode, length = stream.begin()
+        if opcode == Opcode.DATA_END and length == stream.left:
+            return int.from_bytes(stream.take(4), "little")
+        stream.skip(length)
 
 
 def _without_checksum(path: Path) -> str:

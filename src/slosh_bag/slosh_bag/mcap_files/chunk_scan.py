@@ -123,6 +123,6 @@ def find_chunk(buffer, start):  # type: ignore[no-untyped-def]
         if name > 4 or at + 49 + name > len(buffer):
             continue
         stored = _u64(buffer, at + 41 + name)
-        if 0 <= stored <= 2**31 and _u64(buffer, at + 1) == 40 + name + stored:
+        if 0 <= stored <= 2**31 and _u64(buffer, at + 1) >= 40 + name + stored:
             return at
     return -1

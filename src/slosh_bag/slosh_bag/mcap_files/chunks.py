@@ -108,7 +108,7 @@ class ChunkHeader(NamedTuple):
         crc: their CRC-32; 0: not noted.
         compression: 'zstd', 'lz4' or ''.
         content: where the compressed bytes begin, after the record's own header [bytes].
-        stored: number of compressed bytes.
+        stored: number of compressed bytes; what follows them in the record is not the chunk's.
     """
 
     start_ns: int
@@ -192,17 +192,17 @@ class StrictStream(ReadDataStream):
 def parse(kind: Any, content: bytes) -> Any:
     """A record of one of mcap's types.
 
+    Args:
+        kind: the type.
+        content: of the record; bytes after its fields are those of a later version, and ignored.
+
     Raises:
         DamageError: the content is not that of such a record.
     """
-    stream = StrictStream(content)
     try:
-        record = kind.read(stream)
+        return kind.read(StrictStream(content))
     except (McapError, ValueError, EOFError, struct.error, OverflowError, MemoryError):
         raise DamageError(f"no valid {kind.__name__} record") from None
-    if stream.count != len(content):
-        raise DamageError(f"a {kind.__name__} record with bytes left over")
-    return record
 
 
 def chunk_header(start: bytes, record_length: int) -> ChunkHeader:
@@ -223,7 +223,7 @@ def chunk_header(start: bytes, record_length: int) -> ChunkHeader:
         raise DamageError("a chunk with a damaged header")
     name = start[_CHUNK.size : content - 8]
     (stored,) = struct.unpack_from("<Q", start, content - 8)
-    if content + stored != record_length or size > _CREDIBLE or end_ns < start_ns:
+    if content + stored > record_length or size > _CREDIBLE or end_ns < start_ns:
         raise DamageError("a chunk with a damaged header")
     if size > MOST_UNPACKED:
         raise TooLargeError(
@@ -245,7 +245,8 @@ def read_chunk(position: int, header: ChunkHeader, content: bytes) -> Chunk:
     Raises:
         DamageError: its bytes are not what was written.
     """
-    raw = _unpacked(header, memoryview(content)[header.content :])
+    stored = memoryview(content)[header.content : header.content + header.stored]
+    raw = _unpacked(header, stored)
     if header.crc and zlib.crc32(raw) != header.crc:
         raise DamageError("a chunk whose checksum (CRC) is wrong")
     messages, others, end, state = scan(np.frombuffer(raw, np.uint8), False)

@@ -24,7 +24,6 @@ from slosh_bag.mcap_files.chunks import (
 from slosh_bag.mcap_files.mcap_summary import END, MAGIC, Summary, read_summary, summary_records
 
 _HEADER = struct.Struct("<BQ")
-_DATA_END = RECORD_HEADER + 4
 _ENTRIES = {
     Opcode.CHUNK_INDEX: ChunkIndex,
     Opcode.METADATA_INDEX: MetadataIndex,
@@ -55,17 +54,32 @@ def read_index(path: Path) -> Index | None:
             return None
         try:
             chunks, beside = _entries(stream, summary.start, size - END)
-            # Messages outside of chunks have no entry: all of the data has to be accounted for.
-            stream.seek(len(MAGIC))
-            _, header = _HEADER.unpack(stream.read(RECORD_HEADER))
+            told = (
+                sum(entry.chunk_length + entry.message_index_length for entry in chunks) + beside
+            )
+            complete = _is_all(stream, told, summary.start)
         except (DamageError, struct.error):
             return None
-    told = sum(entry.chunk_length + entry.message_index_length for entry in chunks) + beside
-    data = summary.start - len(MAGIC) - (RECORD_HEADER + header) - _DATA_END
     # Some writers leave out an entry's channels, or what these are.
     channels = {channel for entry in chunks for channel in entry.message_index_offsets}
     named = all(entry.message_index_offsets for entry in chunks) and summary.knows(channels)
-    return Index(summary, chunks) if named and told == data else None
+    return Index(summary, chunks) if named and complete else None
+
+
+def _is_all(stream: BinaryIO, told: int, end: int) -> bool:
+    """Whether records of so many bytes are all of the data: messages in no chunk have no entry."""
+    _, header = _record_at(stream, len(MAGIC))
+    start = len(MAGIC) + RECORD_HEADER + header + told
+    if start >= end:
+        return False
+    opcode, length = _record_at(stream, start)
+    return opcode == Opcode.DATA_END and start + RECORD_HEADER + length == end
+
+
+def _record_at(stream: BinaryIO, position: int) -> tuple[int, int]:
+    stream.seek(position)
+    opcode, length = _HEADER.unpack(stream.read(RECORD_HEADER))
+    return opcode, length
 
 
 def _entries(stream: BinaryIO, start: int, end: int) -> tuple[tuple[ChunkIndex, ...], int]:

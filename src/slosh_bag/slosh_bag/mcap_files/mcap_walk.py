@@ -8,7 +8,6 @@ summary, all of it against the checksum of the data section where the writer mad
 
 from __future__ import annotations
 
-import struct
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -18,6 +17,13 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, Header, Metadata, Schema
 
 from slosh_bag.errors import SloshBagError
+from slosh_bag.mcap_files.appended import (
+    LONGEST_NAMES,
+    attachment_size,
+    check_appended,
+    check_message_index,
+    check_no_chunk,
+)
 from slosh_bag.mcap_files.chunk_scan import MOST_DEFINITIONS, find_chunk
 from slosh_bag.mcap_files.chunks import (
     CHUNK_START,
@@ -100,10 +106,12 @@ class McapWalk:
             self._beyond(opcode, length)
         if opcode == Opcode.CHUNK:
             return self._chunk(length), False
+        if opcode <= Opcode.DATA_END and opcode != Opcode.MESSAGE:
+            self._check_no_chunk(length)
         if opcode in _LOOSE:
             return self._loose(opcode, length), False
         if opcode == Opcode.DATA_END:
-            self._end(self._stream.take(length))
+            self._end(length)
             return None, not self._lenient or not self._goes_on()
         self._other(opcode, length)
         return None, False
@@ -118,9 +126,20 @@ class McapWalk:
 
     def _chunk(self, length: int) -> Chunk:
         position = self._stream.position - RECORD_HEADER
-        chunk = whole_chunk(position, self._stream.take(length), agreeing=not self._lenient)
+        content = self._stream.take(length)
+        chunk = whole_chunk(position, content, agreeing=not self._lenient)
+        header = chunk_header(content[:CHUNK_START], length)
+        check_appended(content[header.content + header.stored :])
         self.found.chunks += 1
         return chunk
+
+    def _check_no_chunk(self, length: int) -> None:
+        """The record that was begun is no chunk whose opcode is damaged."""
+        try:
+            chunk_header(self._stream.peek(CHUNK_START), length)
+        except DamageError:
+            return
+        check_no_chunk(self._stream.peek(length))
 
     def _loose(self, opcode: int, length: int) -> Chunk:
         self._stream.back()
@@ -140,9 +159,7 @@ class McapWalk:
         elif opcode == Opcode.METADATA:
             self.found.metadata.append(parse(Metadata, self._stream.take(length)))
         elif opcode == Opcode.MESSAGE_INDEX:
-            content = self._stream.take(length)
-            if length < 6 or struct.unpack_from("<I", content, 2)[0] != length - 6:
-                raise DamageError("a damaged message index")
+            check_message_index(self._stream.take(length))
         elif opcode == Opcode.ATTACHMENT:
             self._pass_attachment(length)
         elif opcode <= Opcode.DATA_END:
@@ -153,8 +170,10 @@ class McapWalk:
 
     def _pass_attachment(self, length: int) -> None:
         """Its checksum tells an attachment from a chunk whose opcode is damaged."""
-        actual = self._stream.skip(max(0, length - 4))
-        noted = int.from_bytes(self._stream.take(min(4, length)), "little")
+        size = attachment_size(self._stream.peek(min(length, LONGEST_NAMES)), length)
+        actual = self._stream.skip(size)
+        noted = int.from_bytes(self._stream.take(4), "little")
+        self._stream.skip(length - size - 4)
         if noted not in (0, actual) and not self._lenient:
             raise DamageError("a damaged attachment")
 
@@ -205,14 +224,17 @@ class McapWalk:
         """True where the summary can tell that a message is missing or one too many."""
         return self.summary is not None and self.summary.counts is not None
 
-    def _end(self, content: bytes) -> None:
+    def _end(self, length: int) -> None:
         """The end of the data: holds what was read against what the file says of it."""
-        if len(content) != 4:
+        if length < 4:
             raise DamageError("a damaged end of the data")
+        actual, crc = self._stream.crc, int.from_bytes(self._stream.take(4), "little")
+        self._stream.skip(length - 4)
         if self._lenient:
             return
-        crc = int.from_bytes(content, "little")
-        wrong = bool(crc) and crc != self._stream.crc
+        if length > 4:
+            self._check_last()
+        wrong = bool(crc) and crc != actual
         self._check_counts()
         if wrong and (self.found.unchecked or (self.summary and not self._is_counted())):
             raise DamageError("the checksum (CRC) of all data is wrong")
@@ -226,6 +248,13 @@ class McapWalk:
             self._warn("its end is cut off or damaged; all messages before it were read")
         elif self.summary.damaged:
             self._warn("its summary is damaged and was not used")
+
+    def _check_last(self) -> None:
+        """An end of the data with appended bytes is one only where no chunk follows."""
+        position = self._stream.position
+        if self._next_chunk(position) is not None:
+            raise DamageError("a damaged end of the data")
+        self._stream.jump(position)
 
     def _goes_on(self) -> bool:
         """Goes to the next chunk: what said to be the end of the data may not have been it."""
