@@ -1,0 +1,122 @@
+"""What `make lint` asks of the code holds, and each of its rules refuses what it is there for."""
+
+import os
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+RECIPE = re.search(r"^lint: setup\n((?:\t.+\n)+)", (ROOT / "Makefile").read_text(), re.MULTILINE)
+COMMANDS = re.findall(r"^\t@tools/run (.+)$", RECIPE[1], re.MULTILINE)
+FORMAT, STYLE, COMPILED, IMPORTS, TYPES = COMMANDS
+# The types take a minute: `make test-all` and `make lint` check them.
+QUICK = [pytest.param(c, marks=pytest.mark.long if c == TYPES else ()) for c in COMMANDS]
+# Where a rule looks, and what it refuses there.
+CORE = "src/slosh_model/slosh_model/core.py"
+FINE = '"""Of a test."""\n'
+PLANTED = {
+    "a line that is not formatted": (FORMAT, CORE, "number = 'one'\n"),
+    "a name that is not used": (STYLE, CORE, "import os\n"),
+    "ROS in a core": (STYLE, CORE, "import rclpy\n\nrclpy.init()\n"),
+    "a second way to compile": (COMPILED, CORE, "from numba import njit\n"),
+    "a test that compiles": (COMPILED, "tests/test_a.py", "from numba import njit\n"),
+}
+UPWARDS = {
+    "Packages import those below them": ("slosh_model/containers.py", "slosh_bag.reader"),
+    "The camera's rooms import those below them": (
+        "slosh_camera/optics/__init__.py",
+        "slosh_camera.detection",
+    ),
+    "A bag is read in one place, below replay and interchange": (
+        "slosh_bag/mcap_files/seal.py",
+        "slosh_bag.reader",
+    ),
+    "The cores know nothing of the command line": (
+        "slosh_bringup/cell/__init__.py",
+        "slosh_bringup.cli",
+    ),
+}
+"""By the contract that it breaks: a module, and what it must not import."""
+
+
+def run(command, folder, **variables):
+    """A rule's command in a folder; skips where the environment has no such tool."""
+    tool = "mypy" if command == TYPES else command.split()[0]
+    if shutil.which(tool) is None:
+        pytest.skip(f"{tool} is not in this environment: requirements/development.txt has it")
+    environment = {**os.environ, "NO_COLOR": "1", **variables}
+    return subprocess.run(
+        command.split(), cwd=folder, env=environment, capture_output=True, text=True, check=False
+    )
+
+
+def rules(folder):
+    """The rules' configuration in a folder of its own."""
+    (folder / "tools").mkdir()
+    for name in ("pyproject.toml", "tools/compiled_code.toml", "tools/typecheck.py"):
+        shutil.copy(ROOT / name, folder / name)
+    return folder
+
+
+def plant(folder, name, text):
+    path = folder / name
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(FINE + "\n" + text)
+
+
+@pytest.mark.timeout(600)
+@pytest.mark.parametrize("command", QUICK, ids=lambda command: command.split()[0])
+def test_the_code_keeps_the_rule(command):
+    done = run(command, ROOT)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+@pytest.mark.parametrize("planted", PLANTED)
+def test_ruff_refuses(tmp_path, planted):
+    command, name, text = PLANTED[planted]
+    folder = rules(tmp_path)
+    plant(folder, name, "number = 1\n")
+    fine = run(command, folder)
+    assert fine.returncode == 0, fine.stdout + fine.stderr
+    plant(folder, name, text)
+    done = run(command, folder)
+    assert done.returncode == 1
+    assert name in done.stdout
+
+
+def test_import_linter_refuses_each_import_upwards(tmp_path):
+    folder = rules(tmp_path)
+    for package in ROOT.glob("src/*/setup.py"):
+        name = package.parent.name
+        for path in (package.parent / name).rglob("*.py"):
+            copy = folder / path.relative_to(package.parent)
+            copy.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy(path, copy)
+    for module, imported in UPWARDS.values():
+        assert (folder / module).exists()
+        with (folder / module).open("a") as file:
+            file.write(f"import {imported}\n")
+    done = run(IMPORTS, folder, PYTHONPATH=str(folder))
+    assert done.returncode == 1
+    for contract, (module, imported) in UPWARDS.items():
+        importer = module.removesuffix("/__init__.py").removesuffix(".py").replace("/", ".")
+        assert f"{contract} BROKEN" in done.stdout
+        assert re.search(
+            rf"-\s+{re.escape(importer)} -> {re.escape(imported)} \(l\.\d+\)", done.stdout
+        )
+
+
+@pytest.mark.long
+def test_mypy_refuses_a_wrong_type(tmp_path):
+    folder = rules(tmp_path)
+    (folder / "src/slosh_model").mkdir(parents=True)
+    (folder / "src/slosh_model/setup.py").touch()
+    plant(folder, CORE, "number: int = 1\n")
+    assert run(TYPES, folder).returncode == 0
+    plant(folder, CORE, "number: int = 'one'\n")
+    done = run(TYPES, folder)
+    assert done.returncode == 1
+    assert "Incompatible types in assignment" in done.stdout
