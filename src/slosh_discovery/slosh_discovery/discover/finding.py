@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
@@ -85,9 +86,8 @@ class Gap:
         noise: of the measurement.
         fit_before, fit_after: of the residual over the motions of the fit.
         holdout_before, holdout_after: over the others; NaN: none.
-        closed: share of the removable gap that the found model closes on the held-out motions (on
-            those of the fit where there are no others): 1 - (after² - noise²)/(before² - noise²);
-            NaN where nothing is removable.
+        fit_closed, holdout_closed: share of the removable gap that the found model closes on
+            these motions, over their own noise: see `closed_share`.
     """
 
     noise: float
@@ -95,7 +95,14 @@ class Gap:
     fit_after: float
     holdout_before: float
     holdout_after: float
-    closed: float
+    fit_closed: float
+    holdout_closed: float
+
+    @property
+    def closed(self) -> float:
+        """The share on the held-out motions; on those of the fit where none was held out."""
+        held_out = math.isfinite(self.holdout_before)
+        return self.holdout_closed if held_out else self.fit_closed
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,6 +146,11 @@ class MotionFinding:
     after_heights: Array
     before: Agreement
     after: Agreement
+
+    @property
+    def samples(self) -> int:
+        """How many heights were measured."""
+        return int(np.count_nonzero(np.isfinite(self.motion.heights)))
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,11 +18,11 @@ from slosh_discovery.discover.finding import (
     Candidate,
     Finding,
     FoundEffect,
-    Gap,
     MotionFinding,
     Role,
 )
 from slosh_discovery.discover.fitting import Fit, fit
+from slosh_discovery.discover.gap import total_gap
 from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_discovery.discover.next_steps import proposal, separating_motions
 from slosh_discovery.discover.problem import PreparedMotion, prepare
@@ -41,8 +41,6 @@ from slosh_report.metrics import (
 Array = NDArray[np.float64]
 NAN = float("nan")
 
-LEAST_GAP = 0.3
-"""A removable gap below this share of the noise is too small to tell how much of it was closed."""
 TABLED = 5
 """So many explanations are checked on motions left out of their fit."""
 
@@ -91,7 +89,7 @@ def discover(
         model=judgement.chosen.model,
         effects=_effects(judgement, base),
         confidence=judgement.confidence,
-        gap=_gap(cases),
+        gap=total_gap(cases),
         motions=cases,
         where=where(cases, base),
         worst=worst_moments(cases),
@@ -220,33 +218,6 @@ def _candidates(
 def _rms(one: Fit, motions: Sequence[PreparedMotion]) -> float:
     noise = np.concatenate([np.full(int(m.kept.sum()), m.noise) for m in motions])
     return float(np.sqrt(np.mean((one.residual * noise) ** 2)))
-
-
-def _gap(cases: Sequence[MotionFinding]) -> Gap:
-    fitted = [case for case in cases if case.role is Role.FIT]
-    others = [case for case in cases if case.role is Role.HOLDOUT]
-    shown = others or fitted
-    noise = _pooled([case.noise for case in shown], shown)
-    before = _pooled([case.before.rms for case in shown], shown)
-    after = _pooled([case.after.rms for case in shown], shown)
-    removable = before**2 - noise**2
-    told = removable > (LEAST_GAP * noise) ** 2
-    closed = min((before**2 - after**2) / removable, 1.0) if told else NAN
-    return Gap(
-        noise=_pooled([case.noise for case in cases], cases),
-        fit_before=_pooled([case.before.rms for case in fitted], fitted),
-        fit_after=_pooled([case.after.rms for case in fitted], fitted),
-        holdout_before=_pooled([case.before.rms for case in others], others),
-        holdout_after=_pooled([case.after.rms for case in others], others),
-        closed=closed,
-    )
-
-
-def _pooled(values: Sequence[float], cases: Sequence[MotionFinding]) -> float:
-    if not cases:
-        return NAN
-    weights = [int(np.isfinite(case.motion.heights).sum()) for case in cases]
-    return float(np.sqrt(np.average(np.square(values), weights=weights)))
 
 
 def _remarks(judgement: Judgement) -> tuple[str, ...]:

@@ -22,11 +22,10 @@ from slosh_discovery.discover.finding import (
     Proposal,
     SeparatingMotion,
 )
+from slosh_discovery.discover.gap import closed_share
 from slosh_discovery.discovery_report.data import DiscoveryReport
 from slosh_discovery.discovery_report.figures import (
-    closed_share,
     residual_rms,
-    samples,
     si_unit,
 )
 from slosh_discovery.discovery_report.words import verdict_sentence
@@ -83,26 +82,31 @@ def _effect(effect: FoundEffect) -> Document:
 
 
 def _gap(gap: Gap) -> Document:
-    """Root mean squares of the residual [m] by stage; holdout is null where none was held out."""
+    """Root mean squares of the residual [m] by stage; holdout is null where none was held out.
+
+    `closed`: see Gap; the other two are the shares by motions' role.
+    """
     return {
         "unit": "m",
         "noise": gap.noise,
         "before": {"fit": gap.fit_before, "holdout": gap.holdout_before},
         "after": {"fit": gap.fit_after, "holdout": gap.holdout_after},
         "closed": gap.closed,
+        "fit_closed": gap.fit_closed,
+        "holdout_closed": gap.holdout_closed,
     }
 
 
 def _motion(finding: MotionFinding) -> Document:
-    """`peak`: highest measured height, from its own zero [m]; `closed`: see Gap."""
-    motion, count = finding.motion, samples(finding)
+    """`peak`: highest measured height, from its own zero [m]; `closed`: see `closed_share`."""
+    motion = finding.motion
     before = residual_rms(finding, finding.before_heights)
     after = residual_rms(finding, finding.after_heights)
     peaks = motion.peak_heights
     return {
         "name": motion.name,
         "role": finding.role,
-        "samples": count,
+        "samples": finding.samples,
         "duration": motion.t[-1] - motion.t[0],
         "peak": max(peaks[np.isfinite(peaks)], default=math.nan),
         "noise": finding.noise,
@@ -110,7 +114,7 @@ def _motion(finding: MotionFinding) -> Document:
         "level": finding.level,
         "before": _agreement(finding.before, before),
         "after": _agreement(finding.after, after),
-        "closed": closed_share(before, after, finding.noise, count),
+        "closed": closed_share(before, after, finding.noise, finding.samples),
     }
 
 

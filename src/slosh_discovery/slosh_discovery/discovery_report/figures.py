@@ -16,8 +16,6 @@ from slosh_report.page.units import DASH
 Array = NDArray[np.float64]
 
 NAN = float("nan")
-SURE = 3.0
-"""A gap is removable where it exceeds the noise by so many of its own standard deviations."""
 PARAMETER_UNITS = {
     "m": (1e3, "mm"),
     "m/s": (1e3, "mm/s"),
@@ -91,26 +89,6 @@ def shown_confidence(value: float) -> str:
     return f"{value:.2f}"
 
 
-def closed_share(before: float, after: float, noise: float, samples: int) -> float:
-    """Share of the removable gap that is closed: 1 - (after² - noise²)/(before² - noise²).
-
-    Args:
-        before, after: root mean squares of the residual [m].
-        noise: standard deviation of the measurement [m].
-        samples: of the residual.
-
-    Returns:
-        at most 1; negative: the gap has grown; NaN: what exceeds the noise may be
-        chance, as far as so few samples tell.
-    """
-    if not samples or not all(map(math.isfinite, (before, after, noise))):
-        return NAN
-    removable = before**2 - noise**2
-    if removable <= SURE * noise**2 * math.sqrt(2.0 / samples) or removable <= 0.0:
-        return NAN
-    return min(1.0 - (after**2 - noise**2) / removable, 1.0)
-
-
 def residual_rms(finding: MotionFinding, heights: Array) -> float:
     """Root mean square of measured minus model over all measured heights [m].
 
@@ -119,11 +97,6 @@ def residual_rms(finding: MotionFinding, heights: Array) -> float:
     difference = (finding.motion.heights - heights).ravel()
     known = difference[np.isfinite(difference)]
     return float(np.sqrt(np.mean(known**2))) if len(known) else NAN
-
-
-def samples(finding: MotionFinding) -> int:
-    """How many heights were measured."""
-    return int(np.count_nonzero(np.isfinite(finding.motion.heights)))
 
 
 def highest(values: Array, measured: Array) -> Array:

@@ -9,9 +9,7 @@ from slosh_discovery.discover.finding import Finding, FoundEffect, Verdict, Wher
 from slosh_discovery.discovery_report.data import DiscoveryReport
 from slosh_discovery.discovery_report.figures import (
     NAN,
-    closed_share,
     largest_share,
-    samples,
     shown_confidence,
     shown_parameter,
 )
@@ -91,18 +89,15 @@ def _evidence(finding: Finding) -> list[str]:
 def _gap(finding: Finding) -> list[str]:
     gap = finding.gap
     changed = finding.model != finding.base
-    fitted = sum(samples(motion) for motion in finding.motions if motion.role.value == "fit")
-    share = closed_share(gap.fit_before, gap.fit_after, gap.noise, fitted)
-    held = math.isfinite(gap.holdout_before)
     rows: list[Row] = [("gap", "before", "after", "closed")]
     rows.append(
         ("fit", *_both(gap.fit_before, gap.fit_after, changed=changed),
-         _percent(share if held else gap.closed, changed=changed))
+         _percent(gap.fit_closed, changed=changed))
     )  # fmt: skip
-    if held:
+    if math.isfinite(gap.holdout_before):
         rows.append(
             ("held out", *_both(gap.holdout_before, gap.holdout_after, changed=changed),
-             _percent(gap.closed, changed=changed))
+             _percent(gap.holdout_closed, changed=changed))
         )  # fmt: skip
     rows.append(("noise", _millimetres(gap.noise), "", ""))
     return aligned(rows, "<>>>")

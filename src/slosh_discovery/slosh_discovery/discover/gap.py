@@ -1,0 +1,74 @@
+"""The gap between measured and modelled heights, and how much of it a found model closes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from slosh_discovery.discover.finding import Gap, MotionFinding, Role
+
+NAN = float("nan")
+SURE = 3.0
+"""A gap is removable where it exceeds the noise by so many of its own standard deviations,"""
+LEAST_GAP = 0.3
+"""and where what exceeds it is at least this share of the noise, itself known only so well."""
+
+
+def closed_share(before: float, after: float, noise: float, samples: int) -> float:
+    """Share of the removable gap that is closed: 1 - (after² - noise²)/(before² - noise²).
+
+    Every output that tells a closed share has it from here.
+
+    Args:
+        before, after: root mean squares of the residual [m].
+        noise: standard deviation of the measurement [m].
+        samples: of the residual.
+
+    Returns:
+        0: no better than before; 1: only noise is left, and less than noise is 1, too; negative:
+        the gap has grown, by any factor. NaN: there was nothing to close, because the gap before
+        is within the noise as far as so few samples and such a noise can tell; or one of the
+        three is not known (NaN), or there are no samples.
+    """
+    if samples <= 0 or not all(map(math.isfinite, (before, after, noise))):
+        return NAN
+    removable = before**2 - noise**2
+    chance = max(SURE * math.sqrt(2.0 / samples), LEAST_GAP**2) * noise**2
+    if removable <= chance:
+        return NAN
+    return min(1.0 - (after**2 - noise**2) / removable, 1.0)
+
+
+def total_gap(cases: Sequence[MotionFinding]) -> Gap:
+    """The gap over motions: the squares of all their heights count alike."""
+    fitted = [case for case in cases if case.role is Role.FIT]
+    others = [case for case in cases if case.role is Role.HOLDOUT]
+    fit_before, fit_after, fit_closed = _closed(fitted)
+    holdout_before, holdout_after, holdout_closed = _closed(others)
+    return Gap(
+        noise=_pooled([case.noise for case in cases], cases),
+        fit_before=fit_before,
+        fit_after=fit_after,
+        holdout_before=holdout_before,
+        holdout_after=holdout_after,
+        fit_closed=fit_closed,
+        holdout_closed=holdout_closed,
+    )
+
+
+def _closed(cases: Sequence[MotionFinding]) -> tuple[float, float, float]:
+    """Root mean squares before and after [m], and the share of the gap that is closed."""
+    before = _pooled([case.before.rms for case in cases], cases)
+    after = _pooled([case.after.rms for case in cases], cases)
+    noise = _pooled([case.noise for case in cases], cases)
+    samples = sum(case.samples for case in cases)
+    return before, after, closed_share(before, after, noise, samples)
+
+
+def _pooled(values: Sequence[float], cases: Sequence[MotionFinding]) -> float:
+    if not cases:
+        return NAN
+    weights = [case.samples for case in cases]
+    return float(np.sqrt(np.average(np.square(values), weights=weights)))

@@ -1,0 +1,136 @@
+"""One closed share: what it means at its edges, and that text, page and JSON tell the same one."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from dataclasses import replace
+
+import pytest
+from example_finding import NOISE, example_finding, example_report
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from slosh_discovery.discover.finding import Finding, Gap, Role
+from slosh_discovery.discover.gap import LEAST_GAP, closed_share, total_gap
+from slosh_discovery.discovery_report import (
+    DiscoveryReport,
+    discovery_json,
+    discovery_text,
+    render_discovery,
+)
+from slosh_report.page.units import shown
+
+NAN = float("nan")
+HEIGHTS = st.floats(0.0, 1.0)
+COUNTS = st.integers(1, 10**6)
+
+
+@given(HEIGHTS, HEIGHTS, HEIGHTS, COUNTS)
+def test_it_is_at_most_one_or_not_known(before, after, noise, samples):
+    share = closed_share(before, after, noise, samples)
+    assert math.isnan(share) or share <= 1.0
+
+
+@given(HEIGHTS, HEIGHTS, HEIGHTS, HEIGHTS, COUNTS)
+def test_a_smaller_gap_after_never_closes_less(before, one, other, noise, samples):
+    smaller, larger = sorted((one, other))
+    shares = [closed_share(before, after, noise, samples) for after in (smaller, larger)]
+    assume(not math.isnan(shares[0]))
+    assert shares[0] >= shares[1]
+
+
+@given(HEIGHTS, HEIGHTS, COUNTS)
+def test_no_change_closes_nothing_and_what_is_left_of_noise_all(before, noise, samples):
+    same = closed_share(before, before, noise, samples)
+    assume(not math.isnan(same))
+    assert same == pytest.approx(0.0, abs=1e-12)
+    assert closed_share(before, noise, noise, samples) == 1.0
+    assert closed_share(before, 0.0, noise, samples) == 1.0
+
+
+@given(HEIGHTS, HEIGHTS, HEIGHTS, COUNTS)
+def test_whether_it_is_known_does_not_depend_on_the_gap_after(before, after, noise, samples):
+    share = closed_share(before, after, noise, samples)
+    assert math.isnan(share) == math.isnan(closed_share(before, 0.0, noise, samples))
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "share"),
+    [(2e-3, 1e-3, 0.75), (2e-3, 2e-3, 0.0), (1e-3, 2e-3, -3.0), (1e-3, 0.0, 1.0)],
+)
+def test_without_noise(before, after, share):
+    assert closed_share(before, after, 0.0, 100) == pytest.approx(share)
+
+
+def test_noise_that_is_left_counts_as_closed_and_more_is_not_possible():
+    assert closed_share(5e-3, 1e-3, 1e-3, 100) == pytest.approx(1.0)
+    assert closed_share(5e-3, 0.9e-3, 1e-3, 100) == 1.0
+
+
+def test_a_gap_within_the_noise_has_no_closed_share():
+    assert math.isnan(closed_share(0.9e-3, 0.5e-3, 1e-3, 100))
+    assert math.isnan(closed_share(1.1e-3, 1.0e-3, 1e-3, 30))  # few samples: chance
+    assert closed_share(1.1e-3, 1.0e-3, 1e-3, 30_000) == pytest.approx(1.0)
+    # However many samples: the noise itself is known only so well.
+    edge = 1e-3 * math.sqrt(1.0 + LEAST_GAP**2)
+    assert math.isnan(closed_share(0.999 * edge, 1.0e-3, 1e-3, 10**9))
+    assert closed_share(1.001 * edge, 1.0e-3, 1e-3, 10**9) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(
+    "unknown", [(NAN, 1e-3, 1e-3), (2e-3, NAN, 1e-3), (2e-3, 1e-3, NAN), (math.inf, 1e-3, 1e-3)]
+)
+def test_what_is_not_known_has_no_closed_share(unknown):
+    assert math.isnan(closed_share(*unknown, 100))
+    assert math.isnan(closed_share(2e-3, 1e-3, 1e-3, 0))
+    assert math.isnan(closed_share(0.0, 0.0, 0.0, 100))
+
+
+def found(finding: Finding) -> Finding:
+    """The finding with the gap that the workflow makes of its motions."""
+    return replace(finding, gap=total_gap(finding.motions))
+
+
+def percents(text: str, row: str) -> str:
+    """The closed share in a row of the text's table of the gap."""
+    line = next(line for line in text.splitlines() if line.startswith(f"{row} "))
+    return line.split()[-2]
+
+
+@pytest.mark.parametrize("held", [True, False])
+def test_text_page_and_json_tell_one_share(held):
+    finding = example_finding()
+    if not held:
+        motions = tuple(replace(each, role=Role.FIT) for each in finding.motions)
+        finding = replace(finding, motions=motions)
+    finding = found(finding)
+    report = replace(example_report(), finding=finding)
+    gap = json.loads(discovery_json(report))["gap"]
+    text, page = discovery_text(report), render_discovery(report)
+
+    assert gap["closed"] == gap["holdout_closed" if held else "fit_closed"] == finding.gap.closed
+    assert percents(text, "fit") == shown(gap["fit_closed"], "% of")
+    if held:
+        assert percents(text, "held out") == shown(gap["closed"], "% of")
+    value = re.search(r'<data[^>]*data-path="/gap/closed"[^>]*>([^<]*)<', page)
+    assert value is not None
+    assert value[1] == shown(gap["closed"], "% of")
+    assert f"{shown(gap['closed'], '% of')} % of what a better model could remove" in page
+
+
+def test_the_share_of_one_motion_is_that_of_a_finding_with_only_it():
+    motion = replace(example_finding().motions[0], role=Role.FIT)
+    finding = found(replace(example_finding(), motions=(motion,)))
+    document = json.loads(discovery_json(DiscoveryReport(finding)))
+    assert document["gap"]["closed"] == pytest.approx(document["motions"][0]["closed"], rel=1e-12)
+
+
+def test_held_out_motions_within_the_noise_are_not_shown_as_the_fits_share():
+    gap = Gap(NOISE, 2e-3, 1e-3, NOISE, NOISE, 0.8, NAN)
+    report = DiscoveryReport(replace(example_finding(), gap=gap))
+    assert math.isnan(gap.closed)
+    assert json.loads(discovery_json(report))["gap"]["closed"] is None
+    assert "80 %" in discovery_text(report)
+    assert "/gap/closed" not in render_discovery(report)
