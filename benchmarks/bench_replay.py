@@ -40,8 +40,9 @@ from slosh_bag.bag_writer import BagWriter
 from slosh_bag.columns.cdr_columns import write_messages
 from slosh_bag.columns.cdr_layout import layout_of
 from slosh_bag.definitions import Definitions
+from slosh_bag.recording.heights import Measurements
 from slosh_bag.replay import ReplayResult, replay_bag
-from slosh_bag.replay.monitor_feed import Heights, Measurements, MonitorFeed
+from slosh_bag.replay.monitor_feed import Heights, MonitorFeed
 from slosh_bag.replay.verification import COMPARED, estimate_columns
 from slosh_estimator.estimator import Estimates, Estimator
 from slosh_estimator.monitor import MonitorSettings

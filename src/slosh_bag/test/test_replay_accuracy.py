@@ -8,10 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from slosh_bag.errors import SloshBagError
+from slosh_bag.recording.heights import Measurements
 from slosh_bag.replay.accuracy import judge
 from slosh_bag.replay.at_images import ModelHeights, at_images
 from slosh_bag.replay.conclusion import thinned
-from slosh_bag.replay.monitor_feed import Measurements
 from slosh_bag.replay.series import Series
 from slosh_bag.replay.unrelated import WholeRun, judge_unrelated
 from slosh_estimator.monitor import MonitorSettings

@@ -7,8 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from slosh_bag.recording.heights import Measurements
 from slosh_bag.replay.columns import chosen
-from slosh_bag.replay.monitor_feed import CHECK_NS, Heights, Measurements, MonitorFeed
+from slosh_bag.replay.monitor_feed import CHECK_NS, Heights, MonitorFeed
 from slosh_bag.replay.motions import BIN_NS, MOVING, PAUSE_NS, MotionFinder
 from slosh_estimator.monitor import EstimatePoint, MeasuredPoint, Monitor, MonitorSettings
 from slosh_estimator.validity import EstimateFlag

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from slosh_bag.errors import SloshBagError
+from slosh_bag.recording.heights import Measurements
 from slosh_bag.recording.inputs import InputReader
 from slosh_bag.replay.input_matching import InputMatcher
 from slosh_bag.replay.model_set import ModelSet
-from slosh_bag.replay.monitor_feed import Measurements, MonitorFeed
+from slosh_bag.replay.monitor_feed import MonitorFeed
 from slosh_bag.replay.series import Series
 from slosh_bag.replay.stream import Components, Outputs, ReplayStream
 from slosh_bag.replay.verification import Verifier

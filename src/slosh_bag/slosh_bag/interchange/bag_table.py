@@ -40,11 +40,11 @@ from slosh_bag.mcap_files.chunks import MessageBlock
 from slosh_bag.motion_table import MSH, MotionTable, eta_azimuths
 from slosh_bag.reader import BagReader, TopicInfo, messages_of
 from slosh_bag.recording.facts import TABLE_COLUMNS, TABLE_ORIGIN, clocks_unrelated
-from slosh_bag.recording.inputs import STAMP, recorded_inputs, stamps_of
+from slosh_bag.recording.heights import HeightCollector, Measurements
+from slosh_bag.recording.inputs import recorded_inputs
 from slosh_bag.recording.motion import AttitudeCollector, Motion, MotionCollector
 from slosh_bag.recording.sources import Sources, find_sources
 from slosh_estimator.inputs import IMU, InputSettings
-from slosh_estimator.sight import SATURATED, UNUSABLE
 from slosh_files.nanoseconds import SECOND
 
 Array = NDArray[np.float64]
@@ -119,12 +119,12 @@ def read_bag_table(
             f"placed on the motion; leave them out (measured: {NO_HEIGHTS})"
         )
     collector = MotionCollector(sources.kind, how)
-    beside, heights = AttitudeCollector(how.frames[1]), HeightCollector(columns)
+    beside, heights = AttitudeCollector(how.frames[1]), TableHeights(columns)
     takers: dict[str, _Taker] = {sources.input: (collector.fields, collector.add)}
     if sources.kind == "accel":
         takers |= _beside(topics, sources.input, IMU, IMU_TYPE, (beside.fields, beside.add))
     if surface:
-        takers[surface] = (heights.fields, heights.add_surfaces)
+        takers[surface] = (heights.surfaces.fields, heights.surfaces.add)
     if surface and chosen.measured is None:
         takers |= _beside(topics, surface, HEIGHTS, HEIGHTS_TYPE, (None, heights.add_walls))
     for block in reader.blocks(list(takers)):
@@ -158,36 +158,23 @@ class PlacedHeights(NamedTuple):
     notes: tuple[str, ...]
 
 
-class HeightCollector:
-    """Takes measured heights.
+class TableHeights:
+    """Takes measured heights, and places them on a motion.
 
     Args:
         columns: those of the table that the bag was made of; empty: of none.
 
     Attributes:
-        fields: the columns of FreeSurface messages that it takes.
+        surfaces: takes FreeSurface messages.
         has_msh: whether the table is to have the column.
     """
-
-    fields = (*STAMP, "msh", "flags")
 
     def __init__(self, columns: list[str]) -> None:
         self.has_msh = MSH in columns or not any(columns)
         azimuth = eta_azimuths(columns)
         self._azimuth: Array | None = azimuth if len(azimuth) else None
-        self._stamps, self._msh = array("q"), array("d")
+        self.surfaces = HeightCollector()
         self._wall_stamps, self._walls = array("q"), array("d")
-        self._unusable = self._saturated = 0
-
-    def add_surfaces(self, columns: Mapping[str, NDArray[Any]]) -> None:
-        """Takes FreeSurface messages that follow each other, as columns."""
-        flags, msh = columns["flags"], columns["msh"]
-        unusable = (flags & UNUSABLE) != 0
-        self._unusable += int(np.count_nonzero(unusable))
-        self._saturated += int(np.count_nonzero(flags & SATURATED))
-        usable = ~unusable & ~np.isnan(msh)
-        self._stamps.extend(stamps_of(columns)[usable].tolist())
-        self._msh.extend(msh[usable].tolist())
 
     def add_walls(self, messages: list[Any]) -> None:
         """Takes PointCloud2 messages of wall heights."""
@@ -217,32 +204,39 @@ class HeightCollector:
             motion: the motion.
             max_gap: longest time between two samples of the motion that is interpolated [s].
         """
-        stamps, first = _ordered(self._stamps)
-        wall_stamps, first_wall = _ordered(self._wall_stamps)
-        wanted = np.union1d(stamps, wall_stamps)
+        came = self.surfaces.measurements()
+        kept = came.chosen(~np.isnan(came.usable_heights)).in_order()
+        wall_stamps, first_wall = np.unique(
+            np.array(self._wall_stamps, dtype=np.int64), return_index=True
+        )
+        wanted = np.union1d(kept.stamps, wall_stamps)
         inside = _reachable(motion.stamps, wanted, round(max_gap * SECOND))
         between = np.setdiff1d(wanted[inside], motion.stamps)
         full = with_rows_at(motion, between)
         msh = np.full(len(full.stamps), np.nan)
-        row, known = _rows(full.stamps, stamps)
-        msh[row[known]] = np.array(self._msh, dtype=np.float64)[first][known]
+        row, known = _rows(full.stamps, kept.stamps)
+        msh[row[known]] = kept.heights[known]
         eta = None
         if self._azimuth is not None:
             eta = np.full((len(full.stamps), len(self._azimuth)), np.nan)
             row, known = _rows(full.stamps, wall_stamps)
             walls = np.array(self._walls, dtype=np.float64).reshape(-1, len(self._azimuth))
             eta[row[known]] = walls[first_wall][known]
-        notes = self._notes(len(between), int(np.count_nonzero(~inside)))
+        notes = _notes(len(between), int(np.count_nonzero(~inside)), came)
         return full, PlacedHeights(msh, self._azimuth, eta, notes)
 
-    def _notes(self, between: int, outside: int) -> tuple[str, ...]:
-        told = (
-            (between, "rows between two input samples, at the moments of heights: interpolated"),
-            (outside, "heights left out: the input has no sample around them"),
-            (self._unusable, "images without a usable height"),
-            (self._saturated, "heights are lower bounds (SATURATED); a table cannot say so"),
-        )
-        return tuple(f"{count} {text}" for count, text in told if count)
+
+def _notes(between: int, outside: int, came: Measurements) -> tuple[str, ...]:
+    told = (
+        (between, "rows between two input samples, at the moments of heights: interpolated"),
+        (outside, "heights left out: the input has no sample around them"),
+        (int(np.count_nonzero(came.unusable)), "images without a usable height"),
+        (
+            int(np.count_nonzero(came.saturated)),
+            "heights are lower bounds (SATURATED); a table cannot say so",
+        ),
+    )
+    return tuple(f"{count} {text}" for count, text in told if count)
 
 
 def with_rows_at(motion: Motion, between: Stamps) -> Motion:
@@ -283,11 +277,6 @@ def with_rows_at(motion: Motion, between: Stamps) -> Motion:
 def _unit(quaternions: Array) -> Array:
     unit: Array = quaternions / np.linalg.norm(quaternions, axis=1, keepdims=True)
     return unit
-
-
-def _ordered(stamps: array[int]) -> tuple[Stamps, NDArray[np.intp]]:
-    """Rising stamps, each once, and where each came first."""
-    return np.unique(np.array(stamps, dtype=np.int64), return_index=True)
 
 
 def _rows(rows: Stamps, stamps: Stamps) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from slosh_bag.recording.heights import Measurements
 from slosh_bag.replay.columns import chosen
 from slosh_estimator.limits import Event
 from slosh_estimator.monitor import (
@@ -44,24 +45,6 @@ class Heights(NamedTuple):
     flags: Integers
     readings: Array | None = None
     delays: Integers | None = None
-
-
-class Measurements(NamedTuple):
-    """Measured heights.
-
-    Attributes:
-        stamps: (N,) [ns].
-        heights: (N,) [m]; NaN: none.
-        flags: (N,) of FreeSurface.msg.
-        stddev: (N,) standard deviation [m]; NaN: unknown.
-        azimuth: (N,) of the highest point [rad]; NaN: unknown.
-    """
-
-    stamps: Integers
-    heights: Array
-    flags: Integers
-    stddev: Array
-    azimuth: Array
 
 
 class MonitorFeed:

@@ -25,6 +25,7 @@ from slosh_bag.recording.facts import (
     clocks_unrelated,
     noted_container,
 )
+from slosh_bag.recording.heights import SURFACE_FIELDS, measurements
 from slosh_bag.recording.inputs import STAMP, InputReader, stamps_of
 from slosh_bag.recording.settings import NodeStart
 from slosh_bag.recording.sources import Sources, find_sources
@@ -32,7 +33,7 @@ from slosh_bag.replay.columns import chosen, joined
 from slosh_bag.replay.conclusion import Origin, conclude
 from slosh_bag.replay.input_matching import InputMatcher
 from slosh_bag.replay.model_set import ModelSet
-from slosh_bag.replay.monitor_feed import Measurements, MonitorFeed
+from slosh_bag.replay.monitor_feed import MonitorFeed
 from slosh_bag.replay.replay_table import replay_table
 from slosh_bag.replay.result import ReplayResult
 from slosh_bag.replay.series import Series
@@ -48,7 +49,6 @@ from slosh_model.model import Model
 from slosh_model.model_text import format_model
 
 _COMPARISON_FIELDS = (*STAMP, "measured_stale", *COMPARED)
-_SURFACE_FIELDS = (*STAMP, "msh", "flags", "msh_stddev", "azimuth")
 
 
 def replay_bag(
@@ -176,7 +176,7 @@ def feed(reader: BagReader, sources: Sources, modes: int = 1) -> Iterator[list[T
     """
     wanted = {sources.input: inputs.fields(sources.kind)}
     if sources.surface is not None:
-        wanted[sources.surface] = _SURFACE_FIELDS
+        wanted[sources.surface] = SURFACE_FIELDS
     if sources.estimate is not None:
         wanted[sources.estimate] = (*STAMP, "samples_used", *estimate_fields(modes))
     if sources.comparison is not None:
@@ -233,17 +233,6 @@ def whole_run(
     found = joined(measured)
     order = np.argsort(found.stamps, kind="stable")
     return WholeRun(models.names, heights, np.concatenate(sizes), chosen(found, order))
-
-
-def measurements(columns: Mapping[str, NDArray[Any]]) -> Measurements:
-    """Measured heights from columns of FreeSurface.msg."""
-    return Measurements(
-        stamps_of(columns),
-        columns["msh"],
-        columns["flags"].astype(np.int64),
-        columns["msh_stddev"],
-        columns["azimuth"],
-    )
 
 
 def _hand_over(batch: TopicBatch, sources: Sources, stream: ReplayStream) -> None:

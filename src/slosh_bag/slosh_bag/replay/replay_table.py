@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 
 from slosh_bag.errors import SloshBagError
 from slosh_bag.motion_table import MotionTable
+from slosh_bag.recording.heights import Measurements
 from slosh_bag.recording.inputs import InputReader
 from slosh_bag.replay.conclusion import conclude
 from slosh_bag.replay.model_set import ModelSet
-from slosh_bag.replay.monitor_feed import Measurements, MonitorFeed
+from slosh_bag.replay.monitor_feed import MonitorFeed
 from slosh_bag.replay.result import ReplayResult
 from slosh_bag.replay.series import Series
 from slosh_bag.replay.stream import Components, Outputs, ReplayStream

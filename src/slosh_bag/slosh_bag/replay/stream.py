@@ -14,20 +14,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_bag.errors import SloshBagError
+from slosh_bag.recording.heights import Measurements
 from slosh_bag.recording.inputs import InputReader, stamps_of
 from slosh_bag.recording.settings import NodeStart, model_of, starts_at_rest
 from slosh_bag.replay.at_images import ModelHeights, at_images
 from slosh_bag.replay.columns import chosen, joined
 from slosh_bag.replay.input_matching import Decision, InputMatcher
 from slosh_bag.replay.model_set import ModelSet, ModelSetEstimates
-from slosh_bag.replay.monitor_feed import Heights, Measurements, MonitorFeed
+from slosh_bag.replay.monitor_feed import Heights, MonitorFeed
 from slosh_bag.replay.motions import BIN_NS, MotionFinder
 from slosh_bag.replay.series import Series
 from slosh_bag.replay.verification import Verifier, comparison_columns, estimate_columns
 from slosh_bag.strays import StrayFilter
 from slosh_estimator.limits import Event
 from slosh_estimator.monitor import Comparison
-from slosh_estimator.sight import UNUSABLE
 from slosh_estimator.validity import EstimateFlag
 from slosh_files.nanoseconds import SECOND
 
@@ -160,8 +160,7 @@ class ReplayStream:
         possible = (measured.stamps >= 0) & (measured.stamps <= latest)
         measured = self._sorted_out(measured, possible)
         if len(measured.stamps):
-            heights = np.where(measured.flags & UNUSABLE, np.nan, measured.heights)
-            self._measured.append(measured._replace(heights=heights))
+            self._measured.append(measured._replace(heights=measured.usable_heights))
             self._note("measurement", measured.stamps, log_ns)
             self.images += len(measured.stamps)
 

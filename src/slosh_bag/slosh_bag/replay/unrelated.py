@@ -14,13 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_bag.errors import SloshBagError
+from slosh_bag.recording.heights import Measurements
 from slosh_bag.replay.accuracy import judge
 from slosh_bag.replay.at_images import ModelHeights
-from slosh_bag.replay.monitor_feed import Heights, Measurements, MonitorFeed
+from slosh_bag.replay.monitor_feed import Heights, MonitorFeed
 from slosh_bag.replay.result import ReplayResult
 from slosh_bag.replay.series import Series
 from slosh_estimator.monitor import MonitorSettings
-from slosh_estimator.sight import UNUSABLE
 from slosh_report.alignment import (
     ClockOffset,
     StillLevel,
@@ -79,7 +79,7 @@ def judge_unrelated(
         SloshBagError: the two sides cannot be laid over each other.
     """
     t = _seconds(run.measured.stamps)
-    raw = np.where(run.measured.flags & UNUSABLE, np.nan, run.measured.heights)
+    raw = run.measured.usable_heights
     found = _align(name, t, raw, run)
     raised = raw - found.still.level
     model_t = _seconds(run.heights.stamps)

@@ -24,12 +24,12 @@ from numpy.typing import NDArray
 
 from slosh_bag.errors import SloshBagError
 from slosh_bag.reader import BagReader, TopicInfo
+from slosh_bag.recording.heights import HeightCollector, Measurements
 from slosh_bag.recording.inputs import STAMP, recorded_inputs, stamps_of
 from slosh_bag.recording.motion import AttitudeCollector, Motion, MotionCollector
 from slosh_bag.recording.sources import Sources, find_sources
 from slosh_discovery.discover_data.attitudes import PoseAttitudes, angular_velocity
 from slosh_estimator.inputs import IMU, MESSAGE_TYPES, POSE, InputSettings
-from slosh_estimator.sight import SATURATED, UNUSABLE
 from slosh_files.nanoseconds import SECOND
 
 Array = NDArray[np.float64]
@@ -39,7 +39,6 @@ Tell = Callable[[str], object]
 Taker = tuple[tuple[str, ...], Callable[[Columns], None]]
 """Fields of a topic's messages, and what takes their columns."""
 
-_SURFACE_FIELDS = (*STAMP, "msh", "flags", "msh_stddev")
 _COMPARISON_FIELDS = (*STAMP, "residual_nonlinear", "measured_stale", "estimate_stale")
 
 
@@ -95,19 +94,19 @@ def read_recording(path: Path, reader: BagReader, sources: Sources, tell: Tell) 
         raise SloshBagError(f"{path}: holds no measured heights (free_surface)")
     how = recorded_inputs(sources.starts, sources.facts)
     container = _Container(sources, how)
-    measured, compared = _Surfaces(), _Comparisons()
+    measured, compared = HeightCollector(), _Comparisons()
     takers = container.takers(reader.topics())
-    takers[sources.surface] = (_SURFACE_FIELDS, measured.add)
+    takers[sources.surface] = (measured.fields, measured.add)
     if sources.comparison is not None:
         takers[sources.comparison] = (_COMPARISON_FIELDS, compared.add)
     for block in reader.blocks(list(takers)):
         names, take = takers[block.topic]
         take(reader.columns(block, names))
-    heights = measured.heights()
+    heights, left_out = usable_heights(measured.measurements())
     if not len(heights.stamps):
         raise SloshBagError(f"{path}: holds no usable height in {sources.surface}")
     motion = container.motion(path)
-    for line in (*reader.warnings, *measured.notes()):
+    for line in (*reader.warnings, *left_out):
         tell(line if line.startswith(str(path)) else f"{path}: {line}")
     return Recording(
         path, motion, heights, compared.residuals(), sources.facts,
@@ -155,38 +154,20 @@ class _Container:
         return self._poses.added_to(motion) if with_imu.attitude is None else with_imu
 
 
-class _Surfaces:
-    """Takes FreeSurface messages."""
-
-    def __init__(self) -> None:
-        self._parts: list[Heights] = []
-        self._unusable = self._saturated = 0
-
-    def add(self, columns: Columns) -> None:
-        flags, msh = columns["flags"].astype(np.int64), columns["msh"]
-        unusable = ((flags & UNUSABLE) != 0) | ~np.isfinite(msh)
-        saturated = ~unusable & ((flags & SATURATED) != 0)
-        self._unusable += int(np.count_nonzero(unusable))
-        self._saturated += int(np.count_nonzero(saturated))
-        kept = ~unusable & ~saturated
-        self._parts.append(
-            Heights(stamps_of(columns)[kept], msh[kept], columns["msh_stddev"][kept])
-        )
-
-    def heights(self) -> Heights:
-        """All that are usable, each stamp once."""
-        if not self._parts:
-            return Heights(np.empty(0, dtype=np.int64), np.empty(0), np.empty(0))
-        stamps, msh, stddev = (np.concatenate(column) for column in zip(*self._parts, strict=True))
-        rising, first = np.unique(stamps, return_index=True)
-        return Heights(rising, msh[first], stddev[first])
-
-    def notes(self) -> list[str]:
-        told = (
-            (self._unusable, "images without a usable height are left out"),
-            (self._saturated, "saturated heights are left out: they are lower bounds"),
-        )
-        return [f"{count} {text}" for count, text in told if count]
+def usable_heights(measured: Measurements) -> tuple[Heights, list[str]]:
+    """The heights that a discovery fits, each stamp once, and what is left out, one line each."""
+    unusable = ~np.isfinite(measured.usable_heights)
+    saturated = ~unusable & measured.saturated
+    told = (
+        (int(np.count_nonzero(unusable)), "images without a usable height are left out"),
+        (
+            int(np.count_nonzero(saturated)),
+            "saturated heights are left out: they are lower bounds",
+        ),
+    )
+    kept = measured.chosen(~unusable & ~saturated).in_order()
+    notes = [f"{count} {text}" for count, text in told if count]
+    return Heights(kept.stamps, kept.heights, kept.stddev), notes
 
 
 class _Comparisons:
