@@ -22,8 +22,7 @@ def peak_error(measured: ArrayLike, model: ArrayLike) -> float:
     Raises:
         SloshReportError: the series do not match or share no finite moment.
     """
-    reference, estimate = _pairs(measured, model)
-    return relative_peak_error(float(reference.max()), float(estimate.max()))
+    return _accuracy(measured, model).epsilon
 
 
 def mean_absolute_error(measured: ArrayLike, model: ArrayLike) -> float:
@@ -32,8 +31,7 @@ def mean_absolute_error(measured: ArrayLike, model: ArrayLike) -> float:
     Raises:
         SloshReportError: the series do not match or share no finite moment.
     """
-    reference, estimate = _pairs(measured, model)
-    return float(np.mean(np.abs(reference - estimate)))
+    return _accuracy(measured, model).sigma
 
 
 def rms_error(measured: ArrayLike, model: ArrayLike) -> float:
@@ -42,8 +40,7 @@ def rms_error(measured: ArrayLike, model: ArrayLike) -> float:
     Raises:
         SloshReportError: the series do not match or share no finite moment.
     """
-    reference, estimate = _pairs(measured, model)
-    return float(np.sqrt(np.mean((reference - estimate) ** 2)))
+    return _accuracy(measured, model).rms
 
 
 def standard_error_of_estimate(measured: ArrayLike, model: ArrayLike) -> float:
@@ -74,9 +71,13 @@ def relative_peak_error(measured_peak: float, model_peak: float) -> float:
 
 
 class RunningAccuracy:
-    """ε and σ of a stream, equal to the functions above over the same pairs."""
+    """ε, σ and root mean square of a stream: the functions above are these over one series.
 
-    __slots__ = ("_absolute_sum", "_measured_peak", "_model_peak", "count")
+    Attributes:
+        count: pairs that were taken.
+    """
+
+    __slots__ = ("_absolute_sum", "_measured_peak", "_model_peak", "_squared_sum", "count")
 
     def __init__(self) -> None:
         self.reset()
@@ -84,7 +85,7 @@ class RunningAccuracy:
     def reset(self) -> None:
         """Forgets all pairs."""
         self.count = 0
-        self._absolute_sum = 0.0
+        self._absolute_sum = self._squared_sum = 0.0
         self._measured_peak = -math.inf
         self._model_peak = -math.inf
 
@@ -92,10 +93,32 @@ class RunningAccuracy:
         """Takes one pair; one that is not finite is left out."""
         if not (math.isfinite(measured) and math.isfinite(model)):
             return
-        self.count += 1
-        self._absolute_sum += abs(measured - model)
-        self._measured_peak = max(self._measured_peak, measured)
-        self._model_peak = max(self._model_peak, model)
+        difference = abs(measured - model)
+        self._take(1, difference, difference * difference, measured, model)
+
+    def update_many(self, measured: NDArray[np.float64], model: NDArray[np.float64]) -> None:
+        """Takes pairs (N,); those that are not finite are left out."""
+        both = np.isfinite(measured) & np.isfinite(model)
+        if not both.any():
+            return
+        reference, estimate = measured[both], model[both]
+        difference = reference - estimate
+        self._take(
+            len(difference),
+            float(np.abs(difference).sum()),
+            float((difference**2).sum()),
+            float(reference.max()),
+            float(estimate.max()),
+        )
+
+    def _take(
+        self, count: int, absolute: float, squared: float, measured_peak: float, model_peak: float
+    ) -> None:
+        self.count += count
+        self._absolute_sum += absolute
+        self._squared_sum += squared
+        self._measured_peak = max(self._measured_peak, measured_peak)
+        self._model_peak = max(self._model_peak, model_peak)
 
     @property
     def sigma(self) -> float:
@@ -107,17 +130,21 @@ class RunningAccuracy:
         """ε so far; NaN before a positive measured height."""
         return relative_peak_error(self._measured_peak, self._model_peak) if self.count else NAN
 
+    @property
+    def rms(self) -> float:
+        """Root mean square of the difference so far; NaN before the first pair."""
+        return math.sqrt(self._squared_sum / self.count) if self.count else NAN
 
-def _pairs(
-    measured: ArrayLike, model: ArrayLike
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+
+def _accuracy(measured: ArrayLike, model: ArrayLike) -> RunningAccuracy:
     reference = np.asarray(measured, dtype=np.float64)
     estimate = np.asarray(model, dtype=np.float64)
     if reference.ndim != 1 or reference.shape != estimate.shape:
         raise SloshReportError(
             f"series of the shapes {reference.shape} and {estimate.shape} cannot be compared"
         )
-    both = np.isfinite(reference) & np.isfinite(estimate)
-    if not both.any():
+    accuracy = RunningAccuracy()
+    accuracy.update_many(reference, estimate)
+    if not accuracy.count:
         raise SloshReportError("the two series share no finite moment")
-    return reference[both], estimate[both]
+    return accuracy

@@ -75,9 +75,32 @@ def test_the_stream_gives_what_the_arrays_give(pairs: list[tuple[float, float]])
     )
 
 
+@given(st.lists(st.tuples(HEIGHT, HEIGHT), max_size=40), st.integers(0, 40))
+def test_parts_give_what_the_whole_gives(pairs: list[tuple[float, float]], cut: int) -> None:
+    parts, whole = RunningAccuracy(), RunningAccuracy()
+    columns = np.array(pairs).reshape(-1, 2).T
+    for part in (columns[:, :cut], columns[:, cut:]):
+        parts.update_many(*part)
+    whole.update_many(*columns)
+    assert parts.count == whole.count
+    np.testing.assert_equal(parts.epsilon, whole.epsilon)
+    for name in ("sigma", "rms"):
+        one, other = getattr(parts, name), getattr(whole, name)
+        np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-15)
+
+
+def test_the_functions_are_the_stream_over_one_series() -> None:
+    accuracy = RunningAccuracy()
+    accuracy.update_many(np.array(MEASURED), np.array(MODEL))
+    assert accuracy.sigma == mean_absolute_error(MEASURED, MODEL)
+    assert accuracy.epsilon == peak_error(MEASURED, MODEL)
+    assert accuracy.rms == rms_error(MEASURED, MODEL)
+
+
 def test_reset_forgets() -> None:
     accuracy = RunningAccuracy()
     accuracy.update(1.0, 2.0)
     accuracy.reset()
     assert accuracy.count == 0
     assert math.isnan(accuracy.sigma)
+    assert math.isnan(accuracy.rms)

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -20,7 +19,7 @@ from slosh_bag.replay.result import ModelAccuracy, MotionAccuracy
 from slosh_bag.replay.series import Series
 from slosh_estimator.sight import judged
 from slosh_report.alignment import ClockOffset, find_spikes, spike_limit
-from slosh_report.metrics import relative_peak_error
+from slosh_report.metrics import RunningAccuracy
 
 Array = NDArray[np.float64]
 
@@ -44,46 +43,26 @@ class Judgement(NamedTuple):
     warning: str = ""
 
 
-@dataclass(slots=True)
 class _Sums:
     """What accumulates over pairs of a measured and an estimated height."""
 
-    count: int = 0
-    absolute: float = 0.0
-    squared: float = 0.0
-    measured_peak: float = -math.inf
-    model_peak: float = -math.inf
-    raw_peak: float = -math.inf
-    raw_model_peak: float = -math.inf
+    def __init__(self) -> None:
+        self.clean, self.raw = RunningAccuracy(), RunningAccuracy()
 
     def add(self, raw: Array, clean: Array, model: Array) -> None:
         """Takes (N,) heights [m]; NaN where a side has none."""
-        known = np.isfinite(model)
-        both = known & np.isfinite(raw)
-        if not both.any():
-            return
-        self.raw_peak = max(self.raw_peak, float(raw[both].max()))
-        self.raw_model_peak = max(self.raw_model_peak, float(model[both].max()))
-        both = known & np.isfinite(clean)
-        if not both.any():
-            return
-        difference = clean[both] - model[both]
-        self.count += len(difference)
-        self.absolute += float(np.abs(difference).sum())
-        self.squared += float((difference**2).sum())
-        self.measured_peak = max(self.measured_peak, float(clean[both].max()))
-        self.model_peak = max(self.model_peak, float(model[both].max()))
+        self.raw.update_many(raw, model)
+        self.clean.update_many(clean, model)
 
     def accuracy(self, name: str, clock: ClockOffset | None) -> ModelAccuracy:
         """The figures; NaN where there was no pair."""
-        count = self.count
         return ModelAccuracy(
             name=name,
-            sigma=self.absolute / count if count else math.nan,
-            epsilon=relative_peak_error(self.measured_peak, self.model_peak),
-            epsilon_raw=relative_peak_error(self.raw_peak, self.raw_model_peak),
-            rms=math.sqrt(self.squared / count) if count else math.nan,
-            count=count,
+            sigma=self.clean.sigma,
+            epsilon=self.clean.epsilon,
+            epsilon_raw=self.raw.epsilon,
+            rms=self.clean.rms,
+            count=self.clean.count,
             clock=clock,
         )
 
@@ -127,7 +106,7 @@ def judge(
                 part = block["motion"] == number
                 by_motion[number][model].add(raw[part], clean[part], counted[part])
         start += len(block)
-    if not any(sums.count for sums in whole):
+    if not any(sums.clean.count for sums in whole):
         return Judgement(spikes=spikes, warning=_nothing(series))
     offsets: Sequence[ClockOffset | None] = clocks or [None] * len(names)
     return Judgement(
