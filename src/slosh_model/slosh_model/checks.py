@@ -10,7 +10,8 @@ from slosh_model.errors import SloshModelError
 def within(name: str, value: float, unit: str, lower: float, upper: float) -> None:
     """Raises SloshModelError unless lower <= value <= upper; the name is that in model.yaml."""
     if not (math.isfinite(value) and lower <= value <= upper):
+        unit = unit and f" {unit}"
         raise SloshModelError(
-            f"{name} = {value!r} {unit} must lie in [{lower:g}, {upper:g}] {unit}".rstrip(),
+            f"{name} = {value!r}{unit} must lie in [{lower:g}, {upper:g}]{unit}",
             tuple(name.split(".")),
         )

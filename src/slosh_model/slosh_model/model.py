@@ -10,6 +10,7 @@ from types import MappingProxyType
 from slosh_model.bessel import MAXIMUM_MODE
 from slosh_model.checks import within
 from slosh_model.containers import Cylinder
+from slosh_model.covariance import Covariance
 from slosh_model.effects.base import Effect, Parameters
 from slosh_model.effects.registry import BY_HOOK, find_effect
 from slosh_model.errors import SloshModelError
@@ -18,6 +19,7 @@ from slosh_model.modes import Mode
 
 VERTICAL = "vertical_acceleration"
 NONLINEAR = "surface_nonlinearity"
+FREQUENCIES = (1e-2, 1e3)  # rad/s; any other value is a unit mistaken for another
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,9 +80,12 @@ class Model:
         container: the container.
         liquid: the liquid.
         damping_ratio: ζ of every mode; None: by formula.
+        natural_frequency: ω of the first mode as measured [rad/s], the other modes in proportion;
+            None: from the container.
         effects: what is added, each effect at most once.
         modes: number of modes, from the first.
         limits: where the model was validated.
+        covariance: of the parameters that were identified; None: unknown.
 
     Raises:
         SloshModelError: an impossible value.
@@ -92,8 +97,12 @@ class Model:
     effects: tuple[EffectUse, ...] = ()
     modes: int = 1
     limits: ValidityLimits = field(default_factory=ValidityLimits)
+    natural_frequency: float | None = None
+    covariance: Covariance | None = None
 
     def __post_init__(self) -> None:
+        if self.natural_frequency is not None:
+            within("natural_frequency", self.natural_frequency, "rad/s", *FREQUENCIES)
         if self.damping_ratio is not None and not (
             math.isfinite(self.damping_ratio) and 0.0 <= self.damping_ratio < 1.0
         ):
@@ -173,7 +182,8 @@ class Model:
         damping = self.damping_ratio
         if damping is None:
             damping = cylinder_damping_ratio(self.container, self.liquid)
-        modes = tuple(Mode(n + 1, self.container, damping) for n in range(self.modes))
+        factor = self._frequency_factor()
+        modes = tuple(Mode(n + 1, self.container, damping, factor) for n in range(self.modes))
         for effect, parameters in self.uses("modes"):
             before = modes[0].container
             modes = effect.modes(modes, parameters)  # type: ignore[misc]
@@ -182,6 +192,15 @@ class Model:
                 formula = cylinder_damping_ratio(modes[0].container, self.liquid)
                 modes = tuple(replace(mode, damping_ratio=formula) for mode in modes)
         return modes
+
+    def mode_frequency(self, number: int) -> float:
+        """ωₙ of any mode without effects [rad/s], in proportion to the first as measured."""
+        return self._frequency_factor() * self.container.natural_frequency(number)
+
+    def _frequency_factor(self) -> float:
+        if self.natural_frequency is None:
+            return 1.0
+        return self.natural_frequency / self.container.natural_frequency(1)
 
     def height_gains(self, modes: tuple[Mode, ...] | None = None) -> tuple[float, ...]:
         """Wall height per displacement of each mode's mass [1] (DL22, Tables 1, 2).

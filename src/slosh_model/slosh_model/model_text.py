@@ -14,11 +14,15 @@ from slosh_files.errors import YamlError
 from slosh_files.yaml_document import KeyPath, dotted, parse_yaml, shown
 from slosh_files.yaml_text import format_yaml
 from slosh_model.containers import Cylinder
+from slosh_model.covariance import Covariance
 from slosh_model.errors import SloshModelError
 from slosh_model.liquid import Liquid
 from slosh_model.model import EffectUse, Model, ValidityLimits
 
-KEYS = ("container", "liquid", "damping_ratio", "modes", "limits", "effects")
+KEYS = (
+    "container", "liquid", "damping_ratio", "natural_frequency", "modes", "limits", "effects",
+    "covariance",
+)  # fmt: skip
 SHAPES = ("cylinder",)
 AUTO = "auto"
 LONGEST = 64_000
@@ -55,11 +59,18 @@ def format_model(model: Model) -> str:
         "liquid": _given_fields(model.liquid),
         "damping_ratio": AUTO if model.damping_ratio is None else model.damping_ratio,
     }
+    if model.natural_frequency is not None:
+        document["natural_frequency"] = model.natural_frequency
     if model.modes != 1:
         document["modes"] = model.modes
     if model.limits != ValidityLimits():
         document["limits"] = _given_fields(model.limits)
     document["effects"] = [{"name": use.name, **use.parameters} for use in model.effects]
+    if model.covariance is not None:
+        document["covariance"] = {
+            "parameters": list(model.covariance.parameters),
+            "matrix": [list(row) for row in model.covariance.matrix],
+        }
     return format_yaml(document, sort_keys=False, default_flow_style=None)
 
 
@@ -72,15 +83,43 @@ def _model(document: Mapping[str, Any]) -> Model:
     _refuse_unknown(document, KEYS, ())
     if "container" not in document:
         raise SloshModelError("key 'container' is missing")
-    damping = document.get("damping_ratio", AUTO)
     return Model(
         container=_container(_mapping(document["container"], ("container",))),
         liquid=_numbers(Liquid, document.get("liquid", {}), ("liquid",)),
-        damping_ratio=None if damping == AUTO else _number(damping, ("damping_ratio",)),
+        damping_ratio=_auto(document, "damping_ratio"),
+        natural_frequency=_auto(document, "natural_frequency"),
         effects=_effects(document.get("effects", [])),
         modes=_whole(document.get("modes", 1), ("modes",)),
         limits=_numbers(ValidityLimits, document.get("limits", {}), ("limits",)),
+        covariance=_covariance(document.get("covariance")),
     )
+
+
+def _auto(document: Mapping[str, Any], key: str) -> float | None:
+    """A number; None where the model works it out."""
+    value = document.get(key, AUTO)
+    return None if value == AUTO else _number(value, (key,))
+
+
+def _covariance(section: Any) -> Covariance | None:
+    if section is None:
+        return None
+    path: KeyPath = ("covariance",)
+    mapping = _mapping(section, path)
+    keys = ("parameters", "matrix")
+    _refuse_unknown(mapping, keys, path)
+    names, rows = (_list(mapping.get(key), (*path, key)) for key in keys)
+    for index, name in enumerate(names):
+        if not isinstance(name, str):
+            raise _refusal((*path, "parameters", index), name, "must be a text")
+    matrix = tuple(
+        tuple(
+            _number(value, (*path, "matrix", row, column))
+            for column, value in enumerate(_list(values, (*path, "matrix", row)))
+        )
+        for row, values in enumerate(rows)
+    )
+    return Covariance(tuple(names), matrix)
 
 
 def _container(section: Mapping[str, Any]) -> Cylinder:
@@ -98,9 +137,8 @@ def _container(section: Mapping[str, Any]) -> Cylinder:
 def _effects(section: Any) -> tuple[EffectUse, ...]:
     if section is None:
         return ()
-    if not isinstance(section, list):
-        raise SloshModelError(f"effects must be a list, not {shown(section)}", ("effects",))
-    return tuple(_effect(item, ("effects", index)) for index, item in enumerate(section))
+    listed = _list(section, ("effects",))
+    return tuple(_effect(item, ("effects", index)) for index, item in enumerate(listed))
 
 
 def _effect(item: Any, path: KeyPath) -> EffectUse:
@@ -119,6 +157,12 @@ def _numbers(kind: Any, section: Any, path: KeyPath, also: tuple[str, ...] = ())
     mapping = _mapping(section, path)
     _refuse_unknown(mapping, tuple(item.name for item in fields(kind)), path, also)
     return kind(**{key: _number(value, (*path, key)) for key, value in mapping.items()})
+
+
+def _list(value: Any, path: KeyPath) -> list[Any]:
+    if not isinstance(value, list):
+        raise SloshModelError(f"{dotted(path)} must be a list, not {shown(value)}", path)
+    return value
 
 
 def _mapping(value: Any, path: KeyPath) -> Mapping[str, Any]:

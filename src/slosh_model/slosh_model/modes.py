@@ -17,11 +17,13 @@ class Mode:
         number: n ≥ 1.
         container: the container.
         damping_ratio: ζₙ [1].
+        frequency_factor: natural frequency as measured, relative to the container's own [1].
     """
 
     number: int
     container: Cylinder
     damping_ratio: float
+    frequency_factor: float = 1.0
 
     @property
     def xi(self) -> float:
@@ -30,8 +32,8 @@ class Mode:
 
     @property
     def natural_frequency(self) -> float:
-        """ωₙ [rad/s] (DL22, eq. (3))."""
-        return self.container.natural_frequency(self.number)
+        """ωₙ [rad/s] (DL22, eq. (3)), or as measured."""
+        return self.frequency_factor * self.container.natural_frequency(self.number)
 
     @property
     def curvature(self) -> float:
@@ -40,9 +42,14 @@ class Mode:
 
     @property
     def linear_gain(self) -> float:
-        """Wall height per displacement, plane surface: 4 h mₙ/(m_F R) (DL22, eq. (22))."""
+        """Wall height per displacement, plane surface: 4 h mₙ/(m_F R) (DL22, eq. (22)).
+
+        It goes with ω²: under a constant acceleration the surface stands where gravity puts it,
+        whatever frequency was measured, as in TM20's pendulum, eq. (9).
+        """
         slenderness = self.container.fill_height / self.container.radius
-        return 4.0 * slenderness * self.container.mass_ratio(self.number)
+        gain = 4.0 * slenderness * self.container.mass_ratio(self.number)
+        return self.frequency_factor**2 * gain
 
     @property
     def nonlinear_gain(self) -> float:

@@ -52,6 +52,25 @@ def test_one_linear_mode_holds_the_static_slope_almost(radius, ratio):
     assert static_height * GRAVITY / radius == pytest.approx(0.987, abs=5e-4)
 
 
+def test_a_measured_frequency_leaves_the_static_slope():
+    by_geometry, measured = Model(CUP, modes=2), Model(CUP, modes=2, natural_frequency=17.0)
+    heights = []
+    for model in (by_geometry, measured):
+        modes, gains = model.mode_constants(), model.height_gains()
+        heights.append([g / m.natural_frequency**2 for m, g in zip(modes, gains, strict=True)])
+    assert measured.mode_constants()[0].natural_frequency == pytest.approx(17.0, rel=1e-14)
+    assert measured.mode_constants()[1].natural_frequency == pytest.approx(
+        CUP.natural_frequency(2) * 17.0 / CUP.natural_frequency(1), rel=1e-14
+    )
+    assert heights[1] == pytest.approx(heights[0], rel=1e-13)
+
+
+def test_an_effect_on_the_container_keeps_the_measured_ratio():
+    filled = Model(CUP, natural_frequency=17.0).with_effect("fill_level", delta=0.02)
+    expected = 17.0 * Cylinder(0.05, 0.09).natural_frequency(1) / CUP.natural_frequency(1)
+    assert filled.mode_constants()[0].natural_frequency == pytest.approx(expected, rel=1e-13)
+
+
 @pytest.mark.parametrize(("gain", "tail"), [("linear_gain", 1e-6), ("nonlinear_gain", 1.1e-3)])
 def test_all_modes_together_hold_the_static_slope(gain, tail):
     modes = [Mode(n, CUP, 0.0) for n in range(1, 201)]

@@ -3,12 +3,14 @@
 import math
 import re
 
+import numpy as np
 import pytest
 import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from slosh_model.containers import Cylinder
+from slosh_model.covariance import covariance_of
 from slosh_model.effects.registry import EFFECTS
 from slosh_model.errors import SloshModelError
 from slosh_model.liquid import Liquid
@@ -91,6 +93,16 @@ models = st.builds(
     effects=effect_uses(),
     modes=st.integers(1, 5),
     limits=st.builds(ValidityLimits, st.floats(0.1, 900.0)),
+    natural_frequency=st.one_of(st.none(), st.floats(1e-2, 1e3)),
+    covariance=st.one_of(
+        st.none(),
+        st.builds(
+            lambda root: covariance_of(
+                ("natural_frequency", "damping_ratio"), np.array(root) @ np.transpose(root)
+            ),
+            st.lists(st.lists(st.integers(-9, 9), min_size=2, max_size=2), min_size=2, max_size=2),
+        ),
+    ),
 )
 
 
@@ -150,6 +162,27 @@ def test_round_trip(model):
         (TEXT + "1.5: 2\n", r"unknown key '1\.5' "),
         (TEXT + "modes: 1.5\n", "modes = 1.5"),
         (TEXT + "limits: {jerks: 1}\n", "limits.jerks"),
+        (TEXT + "natural_frequency: 0\n", r"cup\.yaml:8: natural_frequency = 0\.0 rad/s must lie"),
+        (TEXT + "natural_frequency: high\n", "natural_frequency = 'high' must be a number"),
+        (TEXT + "covariance: 3\n", "covariance must be a mapping"),
+        (TEXT + "covariance: {parameters: [a]}\n", "covariance.matrix must be a list, not None"),
+        (
+            TEXT + "covariance: {parameters: [a, b], matrix: [[1, 0]]}\n",
+            r"cup\.yaml:8: covariance of 2 parameters needs a matrix of 2 by 2",
+        ),
+        (
+            TEXT + "covariance: {parameters: [a, a], matrix: [[1, 0], [0, 1]]}\n",
+            "covariance names 'a' twice",
+        ),
+        (
+            TEXT + "covariance: {parameters: [a, b], matrix: [[1, 2], [2, 1]]}\n",
+            "covariance has a negative eigenvalue",
+        ),
+        (
+            TEXT + "covariance: {parameters: [a, b], matrix: [[1, 0.5], [0.2, 1]]}\n",
+            "covariance is not symmetric",
+        ),
+        (TEXT + "covariance: {parameters: [a], matrix: [[-1]]}\n", "a negative variance"),
     ],
 )
 def test_refuses_with_the_source_and_the_key(change, match):

@@ -135,7 +135,7 @@ def separating_motion(
         first,
         second,
         _ceiling(first),
-        first.container.natural_frequency(1) / (2.0 * math.pi),
+        first.mode_frequency(1) / (2.0 * math.pi),
         limit,
         places,
     )

@@ -192,8 +192,8 @@ def _sector_label(k: int) -> str:
 
 def frequency_bands(model: Model) -> tuple[tuple[str, float, float], ...]:
     """Bands around the characteristic frequencies: label, from, to [Hz]; they do not overlap."""
-    first = model.container.natural_frequency(1) / (2.0 * math.pi)
-    second = model.container.natural_frequency(2) / (2.0 * math.pi)
+    first = model.mode_frequency(1) / (2.0 * math.pi)
+    second = model.mode_frequency(2) / (2.0 * math.pi)
     centres = sorted([(first, "ω₁"), (2.0 * first, "2ω₁"), (second, "ω₂")])
     edge = LOW_BAND * first
     bands = [(f"near 0 (below {edge:.1f} Hz)", 0.0, edge)]
@@ -238,7 +238,7 @@ def _band_energies(t: Array, series: Array, bands: Sequence[tuple[str, float, fl
 
 
 def _input_rows(residuals: Sequence[_Residual], model: Model) -> Iterator[WhereRow]:
-    period = 2.0 * math.pi / model.container.natural_frequency(1)
+    period = 2.0 * math.pi / model.mode_frequency(1)
     before = [_envelope(each, _row_rms(each.before), period) for each in residuals]
     after = [_envelope(each, _row_rms(each.after), period) for each in residuals]
     series = [residual.inputs.quantities() for residual in residuals]
