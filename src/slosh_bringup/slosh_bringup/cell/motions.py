@@ -18,9 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from slosh_bringup.cell.motion_law import modified_trapezoid
 from slosh_bringup.errors import SloshBringupError
 from slosh_model.constants import GRAVITY
+from slosh_model.motion_profiles import modified_trapezoid
 
 Array = NDArray[np.float64]
 Path = Callable[[Array], tuple[Array, Array, Array]]

@@ -18,6 +18,7 @@ from slosh_bringup.stop_request import StopRequest
 COMMANDS: dict[str, str] = {
     "demo": "the simulated cell, all nodes, record, report",
     "cell": "all nodes on a real robot's topics, until Ctrl-C",
+    "motion": "a packaging machine's motion as a motion table",
     "simulate": "open-loop prediction of a motion table",
     "calibrate": "camera.yaml from an image of the liquid at rest",
     "detect": "heights from a video, a folder of images or a bag",
