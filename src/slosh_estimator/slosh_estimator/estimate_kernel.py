@@ -17,6 +17,7 @@ from slosh_model import kernel
 from slosh_model.chains import all_readings
 from slosh_model.compilation import CHANGED_1, CHANGED_2, GIVEN_1, GIVEN_2, compiled, entry_point
 from slosh_model.effects.registry import READING_MEMORY_COUNT
+from slosh_model.indices import STATE_COUNT, VX, VY, X, Y
 from slosh_model.layout import records
 
 MAX_STEP = 0.002
@@ -26,12 +27,14 @@ JERK_FILTER = 0.02
 The jerk is that of the low-passed acceleration, (a - ā)/τ. White noise of 0.05 m/s² then reads as
 about 2.5 m/s³, against limits of 60 and more; a motion law's jerk comes 20 ms late.
 """
-ROW = 12
-"""Where the modal states begin in a row of answers. Before them: MSH, azimuth, SH at +x, at +y of
-L, the same of NL, jerk, flags, what a sensor reads of the MSH of L and of NL."""
-JERK, FLAGS, READINGS = 8, 9, 10
-MODAL = 4
-"""Numbers per mode in a row of answers: x, y, vx, vy; first all modes of L, then of NL."""
+MSH, AZIMUTH, SH_X, SH_Y = range(4)
+ANSWERS = 4
+"""How a row of answers begins: these of L, then these of NL [m, rad]."""
+JERK, FLAGS, READINGS, ROW = 8, 9, 10, 12
+"""What follows in it: jerk [m/s³], flags, what a sensor reads of the MSH of L and of NL [m], and
+the modal states."""
+MODAL = STATE_COUNT
+"""Numbers per mode: x, y, vx, vy; first all modes of L, then of NL."""
 LEFT_RANGE = -1.0
 """In place of the flags: a model has left the physical range."""
 # Compiled code takes plain numbers.
@@ -68,26 +71,29 @@ def new_checks() -> NDArray[np.float64]:
 @compiled
 def _heights(store, dt, acceleration, yaw, pose, checks, row, which):  # type: ignore[no-untyped-def]
     """Advances one model and writes its answers; False where it has left the physical range."""
-    column = 4 * which
+    column = ANSWERS * which
     runs, modes = records(store)
     run = runs[0]
     ax, ay, az = acceleration
     hx, hy, turn = kernel.advance(run, modes, ax, ay, az, yaw, pose, dt)
     hx, hy = kernel.turned(hx, hy, turn)
-    row[column] = math.sqrt(hx * hx + hy * hy)
-    row[column + 1] = math.atan2(hy, hx)
-    row[column + 2], row[column + 3] = hx, hy
-    row[READINGS + which] = row[column]
+    row[column + MSH] = math.sqrt(hx * hx + hy * hy)
+    row[column + AZIMUTH] = math.atan2(hy, hx)
+    row[column + SH_X], row[column + SH_Y] = hx, hy
+    row[READINGS + which] = row[column + MSH]
     if checks["reads"] != 0.0:
         wall = (hx, hy, math.nan, modes[0]["radius"], run["elapsed"])
         memory = checks["reading_memory"][which]
-        row[READINGS + which] = all_readings(dt, row[column], wall, memory, run["parameters"])
+        row[READINGS + which] = all_readings(
+            dt, row[column + MSH], wall, memory, run["parameters"]
+        )
     bound = checks["runaway"]
     inside = True
     for n in range(modes.shape[0]):
         mode, at = modes[n], ROW + MODAL * (which * modes.shape[0] + n)
         x, y = mode["x"], mode["y"]
-        row[at], row[at + 1], row[at + 2], row[at + 3] = x, y, mode["vx"], mode["vy"]
+        row[at + X], row[at + Y] = x, y
+        row[at + VX], row[at + VY] = mode["vx"], mode["vy"]
         # Written so that NaN fails too.
         inside &= -bound < x < bound and -bound < y < bound
     return inside
@@ -130,7 +136,7 @@ def _take(linear, nonlinear, store, dt, acceleration, yaw, pose, first, row):  #
     if not inside:
         row[FLAGS] = LEFT_RANGE
         return
-    height = max(row[0], row[4])
+    height = max(row[MSH], row[ANSWERS + MSH])
     row[JERK], row[FLAGS] = _validity(checks, dt, acceleration, height, first)
 
 
@@ -150,7 +156,7 @@ def step(  # type: ignore[no-untyped-def]
         checks: a flat array of CHECKS; changed.
         row: (ROW + 2 modes MODAL,) receives the answers; see ROW.
         poses: (1, POSE_COUNT), or (0, POSE_COUNT) for an upright container; see
-            slosh_model.effects.base.
+            slosh_model.indices.
         dt: time since the sample before [s]; 0 for the first.
         ax, ay, az: acceleration [m/s²].
         yaw: [rad].

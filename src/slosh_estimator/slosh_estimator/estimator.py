@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from slosh_estimator import estimate_kernel
 from slosh_estimator.estimate_kernel import (
+    ANSWERS,
     CHECKS,
     FLAGS,
     JERK,
@@ -23,7 +24,7 @@ from slosh_estimator.estimate_kernel import (
 from slosh_estimator.sample import Sample, Samples
 from slosh_estimator.self_test import check_model
 from slosh_estimator.validity import EstimateFlag, validity_limits
-from slosh_model import kernel
+from slosh_model.indices import POSE_COUNT
 from slosh_model.layout import back_to_rest, divided
 from slosh_model.measure import delay
 from slosh_model.model import Model
@@ -43,7 +44,7 @@ _AFTER_GAP = int(EstimateFlag.AFTER_GAP)
 _DIVERGED = int(EstimateFlag.DIVERGED)
 _DOUBTFUL = int(EstimateFlag.INPUT_DOUBTFUL)
 _LONG_AGO = -(2**62)
-_UPRIGHT = np.empty((0, kernel.POSE_COUNT))
+_UPRIGHT = np.empty((0, POSE_COUNT))
 
 
 class ModelState(NamedTuple):
@@ -161,7 +162,7 @@ class Estimator:
         self._row = np.zeros(ROW + 2 * MODAL * self._modes)
         self._step_kernel = estimate_kernel.step.load()
         # Only what changes the input looks at the attitude.
-        self._pose = np.zeros((1, kernel.POSE_COUNT)) if model.uses("drive") else None
+        self._pose = np.zeros((1, POSE_COUNT)) if model.uses("drive") else None
         first = model.mode_constants()[0]
         rate = first.damping_ratio * first.natural_frequency
         self._settling_ns = round(SETTLED / rate * 1e9) if rate > 1e-6 else 2**62
@@ -212,8 +213,8 @@ class Estimator:
         flags = self._take(sample)
         row: list[float] = self._row.tolist()
         middle = ROW + MODAL * self._modes
-        linear = ModelState(row[0], row[1], row[2], row[3], row[ROW:middle], row[READINGS])
-        nonlinear = ModelState(row[4], row[5], row[6], row[7], row[middle:], row[READINGS + 1])
+        linear = ModelState(*row[:ANSWERS], row[ROW:middle], row[READINGS])
+        nonlinear = ModelState(*row[ANSWERS:JERK], row[middle:], row[READINGS + 1])
         return Estimate(sample, linear, nonlinear, row[JERK], flags)
 
     def update_many(self, samples: Samples) -> Estimates:
@@ -230,7 +231,7 @@ class Estimator:
                 following = bisect_right(breaks, at)
                 end = breaks[following] if following < len(breaks) else count
                 at = self._take_unbroken(batch, samples, at, end)
-        heights = batch.rows[:, :8].reshape(-1, 2, 4)
+        heights = batch.rows[:, :JERK].reshape(-1, 2, ANSWERS)
         modal = batch.rows[:, ROW:].reshape(count, 2, self._modes, MODAL)
         return Estimates(
             samples.stamps, heights, modal, batch.rows[:, JERK], batch.flags,

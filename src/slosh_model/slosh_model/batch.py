@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from slosh_model import batch_kernel, kernel
 from slosh_model.errors import SloshModelError
-from slosh_model.kernel import POSE_COUNT
+from slosh_model.indices import POSE_COUNT
 from slosh_model.lane_rows import LANES
 from slosh_model.layout import divided
 from slosh_model.model import Model

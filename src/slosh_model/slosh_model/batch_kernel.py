@@ -20,7 +20,28 @@ from slosh_model.compilation import (
     entry_point,
 )
 from slosh_model.effects.registry import DRIVE_MEMORY_COUNT, PARAMETER_COUNT
-from slosh_model.kernel import POSE_COUNT, UPRIGHT, constants_of, pose_at, turned, unwrapped
+from slosh_model.indices import (
+    AX,
+    AY,
+    AZ,
+    DAMPING,
+    FORCE_X,
+    FORCE_Y,
+    FREQUENCY,
+    GAIN,
+    INPUT_COUNT,
+    MASS_XX,
+    MASS_XY,
+    MASS_YY,
+    POSE_COUNT,
+    STATE_COUNT,
+    TURN,
+    VX,
+    VY,
+    X,
+    Y,
+)
+from slosh_model.kernel import UPRIGHT, constants_of, pose_at, turned, unwrapped
 from slosh_model.lane_chains import all_lane_drives, all_lane_modulations, all_lane_terms
 from slosh_model.lane_rows import (
     ACCELERATION,
@@ -65,7 +86,7 @@ def _copy(lanes, w, source, target, count):  # type: ignore[no-untyped-def]
 @compiled
 def _blend(lanes, w, left, right, share, target):  # type: ignore[no-untyped-def]
     """The inputs at a share of the way from left to right."""
-    for row in range(4):
+    for row in range(INPUT_COUNT):
         at = row * LANES
         for k in range(lanes):
             u0, u1 = w[left + at + k], w[right + at + k]
@@ -77,14 +98,19 @@ def _accelerate(lanes, w):  # type: ignore[no-untyped-def]
     """q̈ of one mode in each lane; see kernel._acceleration."""
     all_lane_terms(lanes, w)
     for k in range(lanes):
-        omega, zeta = w[MODE + k], w[MODE + LANES + k]
-        x, y = w[STATE + k], w[STATE + LANES + k]
-        vx, vy = w[STATE + 2 * LANES + k], w[STATE + 3 * LANES + k]
-        fx = w[SUMS + k] - 2.0 * zeta * omega * vx - omega * omega * x - w[INPUTS + k]
-        fy = w[SUMS + LANES + k] - 2.0 * zeta * omega * vy - omega * omega * y
-        fy -= w[INPUTS + LANES + k]
-        mxx, mxy = w[SUMS + 2 * LANES + k] + 1.0, w[SUMS + 3 * LANES + k]
-        myy = w[SUMS + 4 * LANES + k] + 1.0
+        omega, zeta = w[MODE + FREQUENCY * LANES + k], w[MODE + DAMPING * LANES + k]
+        x, y = w[STATE + X * LANES + k], w[STATE + Y * LANES + k]
+        vx, vy = w[STATE + VX * LANES + k], w[STATE + VY * LANES + k]
+        fx = (
+            w[SUMS + FORCE_X * LANES + k]
+            - 2.0 * zeta * omega * vx
+            - omega * omega * x
+            - w[INPUTS + AX * LANES + k]
+        )
+        fy = w[SUMS + FORCE_Y * LANES + k] - 2.0 * zeta * omega * vy - omega * omega * y
+        fy -= w[INPUTS + AY * LANES + k]
+        mxx, mxy = w[SUMS + MASS_XX * LANES + k] + 1.0, w[SUMS + MASS_XY * LANES + k]
+        myy = w[SUMS + MASS_YY * LANES + k] + 1.0
         inverse = 1.0 / (mxx * myy - mxy * mxy)
         w[ACCELERATION + k] = inverse * (myy * fx - mxy * fy)
         w[ACCELERATION + LANES + k] = inverse * (mxx * fy - mxy * fx)
@@ -93,9 +119,9 @@ def _accelerate(lanes, w):  # type: ignore[no-untyped-def]
 @compiled
 def _take_slope(lanes, w, weight, share):  # type: ignore[no-untyped-def]
     """Adds a stage's slope, (vx, vy, ax, ay), to the sums; goes a share of the step along it."""
-    for row in range(4):
+    for row in range(STATE_COUNT):
         at = row * LANES
-        slope = at + (STATE + 2 * LANES if row < 2 else ACCELERATION - 2 * LANES)
+        slope = at + (STATE if row < VX else ACCELERATION - STATE_COUNT * LANES) + VX * LANES
         for k in range(lanes):
             value = w[slope + k]
             w[TOTAL + at + k] += weight * value
@@ -105,7 +131,7 @@ def _take_slope(lanes, w, weight, share):  # type: ignore[no-untyped-def]
 @compiled
 def _step(lanes, w, modulated):  # type: ignore[no-untyped-def]
     """One classical Runge-Kutta step of a mode, the inputs going from left to right."""
-    for row in range(4):
+    for row in range(STATE_COUNT):
         for k in range(lanes):
             w[START + row * LANES + k] = w[STATE + row * LANES + k]
             # Minus zero: the first slope stays what it is, its sign included.
@@ -117,13 +143,13 @@ def _step(lanes, w, modulated):  # type: ignore[no-untyped-def]
         if modulated:
             all_lane_modulations(lanes, w)
         if stage == 3:
-            _copy(lanes, w, RIGHT_INPUTS, INPUTS, 4)
+            _copy(lanes, w, RIGHT_INPUTS, INPUTS, INPUT_COUNT)
         elif stage != 2:
             _blend(lanes, w, LEFT_INPUTS, RIGHT_INPUTS, share, INPUTS)
         _accelerate(lanes, w)
         following = _STAGE_SHARES[stage + 1] if stage < 3 else 0.0
         _take_slope(lanes, w, _STAGE_WEIGHTS[stage], following)
-    for row in range(4):
+    for row in range(STATE_COUNT):
         at = row * LANES
         for k in range(lanes):
             w[STATE + at + k] = w[START + at + k] + w[STEP + k] / 6.0 * w[TOTAL + at + k]
@@ -154,7 +180,10 @@ def _fill(lanes, w, chunk, motion, first, count):  # type: ignore[no-untyped-def
 @compiled
 def _take_inputs(lanes, w, chunk, j):  # type: ignore[no-untyped-def]
     for row in range(5):
-        at, to = j * _GIVEN + row * LANES, NEW_INPUTS + row * LANES if row < 4 else INTERVAL
+        at, to = (
+            j * _GIVEN + row * LANES,
+            NEW_INPUTS + row * LANES if row < INPUT_COUNT else INTERVAL,
+        )
         for k in range(lanes):
             w[to + k] = chunk[at + k]
 
@@ -174,8 +203,12 @@ def _load_runs(lanes, w, stores, memory):  # type: ignore[no-untyped-def]
     for k in range(lanes):
         runs, _ = records(stores[k])
         run, at = runs[0], NEW_INPUTS + k
-        w[at], w[at + LANES], w[at + 2 * LANES] = run["ax"], run["ay"], run["az"]
-        w[at + 3 * LANES], w[YAW + k], w[ELAPSED + k] = run["turn"], run["yaw"], run["elapsed"]
+        w[at + AX * LANES], w[at + AY * LANES], w[at + AZ * LANES] = (
+            run["ax"],
+            run["ay"],
+            run["az"],
+        )
+        w[at + TURN * LANES], w[YAW + k], w[ELAPSED + k] = run["turn"], run["yaw"], run["elapsed"]
         memory[k] = run["drive_memory"]
         for slot in range(PARAMETER_COUNT):
             w[PARAMETERS + slot * LANES + k] = run["parameters"][slot]
@@ -190,8 +223,8 @@ def _load_mode(lanes, w, stores, n):  # type: ignore[no-untyped-def]
         for row in range(len(constants)):
             w[CONSTANTS + row * LANES + k] = constants[row]
             w[MODE + row * LANES + k] = constants[row]
-        w[STATE + k], w[STATE + LANES + k] = mode["x"], mode["y"]
-        w[STATE + 2 * LANES + k], w[STATE + 3 * LANES + k] = mode["vx"], mode["vy"]
+        w[STATE + X * LANES + k], w[STATE + Y * LANES + k] = mode["x"], mode["y"]
+        w[STATE + VX * LANES + k], w[STATE + VY * LANES + k] = mode["vx"], mode["vy"]
 
 
 @compiled
@@ -199,29 +232,29 @@ def _save_mode(lanes, w, stores, n):  # type: ignore[no-untyped-def]
     for k in range(lanes):
         _, modes = records(stores[k])
         mode = modes[n]
-        mode["x"], mode["y"] = w[STATE + k], w[STATE + LANES + k]
-        mode["vx"], mode["vy"] = w[STATE + 2 * LANES + k], w[STATE + 3 * LANES + k]
+        mode["x"], mode["y"] = w[STATE + X * LANES + k], w[STATE + Y * LANES + k]
+        mode["vx"], mode["vy"] = w[STATE + VX * LANES + k], w[STATE + VY * LANES + k]
 
 
 @compiled
 def _advance_mode(lanes, w, count, modulated):  # type: ignore[no-untyped-def]
     """Integrates a mode from the old inputs to the new ones, and adds its heights."""
-    _copy(lanes, w, OLD_INPUTS, LEFT_INPUTS, 4)
+    _copy(lanes, w, OLD_INPUTS, LEFT_INPUTS, INPUT_COUNT)
     for part in range(count):
         for k in range(lanes):
             w[BEGIN + k] = w[ELAPSED + k] + w[INTERVAL + k] * (part / count)
             w[STEP + k] = w[INTERVAL + k] / count
         _blend(lanes, w, OLD_INPUTS, NEW_INPUTS, (part + 1) / count, RIGHT_INPUTS)
         _step(lanes, w, modulated)
-        _copy(lanes, w, RIGHT_INPUTS, LEFT_INPUTS, 4)
+        _copy(lanes, w, RIGHT_INPUTS, LEFT_INPUTS, INPUT_COUNT)
     for k in range(lanes):
         w[MOMENT + k] = w[ELAPSED + k] + w[INTERVAL + k]
     if modulated:
         all_lane_modulations(lanes, w)
     for k in range(lanes):
-        gain = w[MODE + 4 * LANES + k]
-        w[HEIGHTS + k] += gain * w[STATE + k]
-        w[HEIGHTS + LANES + k] += gain * w[STATE + LANES + k]
+        gain = w[MODE + GAIN * LANES + k]
+        w[HEIGHTS + k] += gain * w[STATE + X * LANES + k]
+        w[HEIGHTS + LANES + k] += gain * w[STATE + Y * LANES + k]
 
 
 @compiled
@@ -240,7 +273,7 @@ def _finish_sample(lanes, w, answers, j):  # type: ignore[no-untyped-def]
     at = j * _ANSWERS
     for k in range(lanes):
         answers[at + k], answers[at + LANES + k] = w[HEIGHTS + k], w[HEIGHTS + LANES + k]
-        answers[at + 2 * LANES + k] = w[NEW_INPUTS + 3 * LANES + k]
+        answers[at + 2 * LANES + k] = w[NEW_INPUTS + TURN * LANES + k]
         w[HEIGHTS + k] = w[HEIGHTS + LANES + k] = 0.0
         w[ELAPSED + k] += w[INTERVAL + k]
 
@@ -295,7 +328,7 @@ def advance_block(  # type: ignore[no-untyped-def]
         count = min(_CHUNK, counts.shape[0] - first)
         _fill(lanes, w, chunk, motion, first, count)
         for j in range(count):
-            _copy(lanes, w, NEW_INPUTS, OLD_INPUTS, 4)
+            _copy(lanes, w, NEW_INPUTS, OLD_INPUTS, INPUT_COUNT)
             _take_inputs(lanes, w, chunk, j)
             if driven:
                 if poses.shape[0] > 0:

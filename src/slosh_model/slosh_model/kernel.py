@@ -17,11 +17,11 @@ from slosh_model.compilation import (
     entry_point,
 )
 from slosh_model.effects.base import SETTLING
+from slosh_model.indices import AX, AY, DAMPING, FREQUENCY, GAIN, QW, QX, QY, QZ, TURN, X, Y
 from slosh_model.layout import records
 
 UPRIGHT = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-"""The pose of a container that stands upright and does not turn; see effects.base."""
-POSE_COUNT = len(UPRIGHT)
+"""The pose of a container that stands upright and does not turn."""
 
 _SETTLING_TURNS = 200
 _TWO_PI = 2.0 * math.pi
@@ -31,11 +31,11 @@ _TWO_PI = 2.0 * math.pi
 def _acceleration(mode, elapsed, q, inputs, parameters):  # type: ignore[no-untyped-def]
     """q̈ of one mode from (I + m) q̈ = f (DL22, eqs. (11), (12), (14), (15)), 2×2 in closed form."""
     mode = all_modulations(mode, elapsed, parameters)
-    omega, zeta = mode[0], mode[1]
+    omega, zeta = mode[FREQUENCY], mode[DAMPING]
     x, y, vx, vy = q
     gx, gy, mxx, mxy, myy = all_terms(mode, elapsed, q, inputs, parameters)
-    fx = gx - 2.0 * zeta * omega * vx - omega * omega * x - inputs[0]
-    fy = gy - 2.0 * zeta * omega * vy - omega * omega * y - inputs[1]
+    fx = gx - 2.0 * zeta * omega * vx - omega * omega * x - inputs[AX]
+    fy = gy - 2.0 * zeta * omega * vy - omega * omega * y - inputs[AY]
     mxx += 1.0
     myy += 1.0
     inverse = 1.0 / (mxx * myy - mxy * mxy)
@@ -100,17 +100,17 @@ def _settle(run, modes, pose):  # type: ignore[no-untyped-def]
     in the first sample begins there. By fixed-point iteration: each turn goes to where the linear
     spring alone would hold the rest of the force.
     """
-    still = (pose[0], pose[1], pose[2], pose[3], 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    still = (pose[QX], pose[QY], pose[QZ], pose[QW], 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     parameters = run["parameters"]
     inputs = all_drives(
         SETTLING, (0.0, 0.0, 0.0, run["yaw"]), still, run["drive_memory"], parameters
     )
     _hold(run, inputs)
-    if inputs[0] == 0.0 and inputs[1] == 0.0:
+    if inputs[AX] == 0.0 and inputs[AY] == 0.0:
         return
     for n in range(modes.shape[0]):
         mode, constants = modes[n], constants_of(modes[n])
-        x, y, stiffness = 0.0, 0.0, constants[0] * constants[0]
+        x, y, stiffness = 0.0, 0.0, constants[FREQUENCY] * constants[FREQUENCY]
         for _ in range(_SETTLING_TURNS):
             q = (x, y, 0.0, 0.0)
             ax, ay = _acceleration(constants, run["elapsed"], q, inputs, parameters)
@@ -134,7 +134,7 @@ def advance(run, modes, ax, ay, az, yaw, pose, dt):  # type: ignore[no-untyped-d
         modes: (modes,) records of `layout.MODE`; changed.
         ax, ay, az: the new input [m/s²].
         yaw: angle of the container's x axis in the input's axes [rad].
-        pose: see effects.base.
+        pose: see `indices`.
         dt: time between the two inputs [s]; 0 only takes the new input. Ignored at the first.
 
     Returns:
@@ -165,10 +165,10 @@ def advance(run, modes, ax, ay, az, yaw, pose, dt):  # type: ignore[no-untyped-d
             q = _runge_kutta_step(constants, q, u0, u1, dt / count, moment, parameters)
             u0 = u1
         mode["x"], mode["y"], mode["vx"], mode["vy"] = q
-        gain = all_modulations(constants, run["elapsed"], parameters)[4]
-        height_x += gain * q[0]
-        height_y += gain * q[1]
-    return height_x, height_y, new[3]
+        gain = all_modulations(constants, run["elapsed"], parameters)[GAIN]
+        height_x += gain * q[X]
+        height_y += gain * q[Y]
+    return height_x, height_y, new[TURN]
 
 
 @compiled

@@ -9,6 +9,7 @@ from __future__ import annotations
 from slosh_model.chains import compile_generated, own_memory
 from slosh_model.effects.base import Effect
 from slosh_model.effects.registry import BY_HOOK, DRIVE_MEMORY, SLOTS
+from slosh_model.indices import INPUT_COUNT, MODE_COUNT, POSE_COUNT, STATE_COUNT, TERM_COUNT
 from slosh_model.lane_rows import (
     CONSTANTS,
     INPUTS,
@@ -49,13 +50,17 @@ def _terms() -> list[str]:
     lines = [
         "def all_lane_terms(lanes, w):",
         "    for k in range(lanes):",
-        *(f"        w[{SUMS + row * LANES} + k] = 0.0" for row in range(5)),
+        *(f"        w[{SUMS + row * LANES} + k] = 0.0" for row in range(TERM_COUNT)),
     ]
-    mode, q, inputs = _tuple(MODE, 7), _tuple(STATE, 4), _tuple(INPUTS, 4)
+    mode, q, inputs = (
+        _tuple(MODE, MODE_COUNT),
+        _tuple(STATE, STATE_COUNT),
+        _tuple(INPUTS, INPUT_COUNT),
+    )
     for effect in BY_HOOK["term"]:
         lines += _loop(effect, mode=mode, q=q, inputs=inputs)
         lines += [f"            sums = {effect.name}_term(mode, w[{MOMENT} + k], q, inputs, p)"]
-        lines += _rows(SUMS, 5, "+=", "sums")
+        lines += _rows(SUMS, TERM_COUNT, "+=", "sums")
     return lines
 
 
@@ -65,13 +70,13 @@ def _modulations() -> list[str]:
         "    for k in range(lanes):",
         *(
             f"        w[{MODE + row * LANES} + k] = w[{CONSTANTS + row * LANES} + k]"
-            for row in range(7)
+            for row in range(MODE_COUNT)
         ),
     ]
     for effect in BY_HOOK["modulation"]:
-        lines += _loop(effect, mode=_tuple(MODE, 7))
+        lines += _loop(effect, mode=_tuple(MODE, MODE_COUNT))
         lines += [f"            mode = {effect.name}_modulation(mode, w[{MOMENT} + k], p)"]
-        lines += _rows(MODE, 7, "=", "mode")
+        lines += _rows(MODE, MODE_COUNT, "=", "mode")
     return lines
 
 
@@ -79,11 +84,13 @@ def _drives() -> list[str]:
     lines = ["def all_lane_drives(lanes, w, memory):"]
     for effect in BY_HOOK["drive"]:
         own = own_memory(effect, "drive", DRIVE_MEMORY, "memory[k, ")
-        lines += _loop(effect, inputs=_tuple(NEW_INPUTS, 4), pose=_tuple(POSE, 10))
+        lines += _loop(
+            effect, inputs=_tuple(NEW_INPUTS, INPUT_COUNT), pose=_tuple(POSE, POSE_COUNT)
+        )
         lines += [
             f"            inputs = {effect.name}_drive(w[{INTERVAL} + k], inputs, pose, {own}, p)"
         ]
-        lines += _rows(NEW_INPUTS, 4, "=", "inputs")
+        lines += _rows(NEW_INPUTS, INPUT_COUNT, "=", "inputs")
     return lines
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from slosh_model.effects.registry import PARAMETER_COUNT
+from slosh_model.indices import INPUT_COUNT, MODE_COUNT, POSE_COUNT, STATE_COUNT, TERM_COUNT
 
 LANES = 32
 """Trajectories of a block, at most: what they need lies in the processor's first cache."""
@@ -23,19 +24,19 @@ def _places(**rows: int) -> tuple[Mapping[str, int], int]:
 
 
 _PLACES, LENGTH = _places(
-    mode=7,  # at the moment: ω, ζ, C, R, wall height per displacement, ξ, h
-    constants=7,  # the same without what changes them with time
-    state=4,  # x, y, vx, vy, where the slope is taken
-    start=4,  # the same at the begin of a Runge-Kutta step
-    total=4,  # the method's sum of slopes
-    sums=5,  # fx, fy, mxx, mxy, myy of the effects' terms
+    mode=MODE_COUNT,  # its constants at the moment; rows as in `indices`
+    constants=MODE_COUNT,  # the same without what changes them with time
+    state=STATE_COUNT,  # where the slope is taken
+    start=STATE_COUNT,  # the same at the begin of a Runge-Kutta step
+    total=STATE_COUNT,  # the method's sum of slopes
+    sums=TERM_COUNT,  # of the effects' terms
     acceleration=2,  # of the mass
-    inputs=4,  # ax, ay, az, turn at the moment
-    left_inputs=4,  # the same at the ends of the step
-    right_inputs=4,
-    old_inputs=4,  # and of the last two samples
-    new_inputs=4,
-    pose=10,  # of the last sample
+    inputs=INPUT_COUNT,  # at the moment
+    left_inputs=INPUT_COUNT,  # the same at the ends of the step
+    right_inputs=INPUT_COUNT,
+    old_inputs=INPUT_COUNT,  # and of the last two samples
+    new_inputs=INPUT_COUNT,
+    pose=POSE_COUNT,  # of the last sample
     yaw=1,
     elapsed=1,  # time since rest, at the last sample but one
     interval=1,  # from there to the last one

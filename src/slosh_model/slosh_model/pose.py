@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from slosh_model.indices import POSE_COUNT
 from slosh_model.interpolation import columns_at
-from slosh_model.kernel import POSE_COUNT
 
 Array = NDArray[np.float64]
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from slosh_model.effects.base import Effect, Parameter, Stage, compiled
+from slosh_model.indices import AX, AY, AZ, TURN
 
 
 @compiled
 def _drive(dt, inputs, pose, memory, p):  # type: ignore[no-untyped-def]
-    return p[0] * inputs[0], p[0] * inputs[1], p[0] * inputs[2], inputs[3]
+    return p[0] * inputs[AX], p[0] * inputs[AY], p[0] * inputs[AZ], inputs[TURN]
 
 
 EFFECT = Effect(

@@ -5,15 +5,16 @@ from __future__ import annotations
 import math
 
 from slosh_model.effects.base import Effect, Parameter, Stage, compiled
+from slosh_model.indices import FREQUENCY, TURN, X, Y
 
 
 @compiled
 def _term(mode, elapsed, q, inputs, p):  # type: ignore[no-untyped-def]
     # The axes turn with the container.
-    angle = 2.0 * (p[1] + inputs[3])
+    angle = 2.0 * (p[1] + inputs[TURN])
     c, s = math.cos(angle), math.sin(angle)
-    stiffness = -p[0] * mode[0] * mode[0]
-    return stiffness * (c * q[0] + s * q[1]), stiffness * (s * q[0] - c * q[1]), 0.0, 0.0, 0.0
+    stiffness = -p[0] * mode[FREQUENCY] * mode[FREQUENCY]
+    return stiffness * (c * q[X] + s * q[Y]), stiffness * (s * q[X] - c * q[Y]), 0.0, 0.0, 0.0
 
 
 EFFECT = Effect(

@@ -15,28 +15,19 @@ Parameters = Mapping[str, float]
 
 __all__ = ["SETTLING", "Effect", "Parameter", "Parameters", "Stage", "compiled"]
 
-# The compiled hooks. Whatever they read comes in tuples, so that what a later effect needs can be
-# appended without a change to the others; p: the effect's parameters in their order.
-#   mode: (ω [rad/s], ζ, C, R [m], wall height per displacement, ξ, h [m]);
-#   elapsed: time since rest [s];
-#   q: (x, y, vx, vy), the mass's place [m] and velocity [m/s] in axes that do not yaw;
-#   inputs: (ax, ay, az, turn): what drives the liquid in the same axes [m/s²], gravity excluded,
-#       and the angle of the container's x axis in them [rad];
-#   pose: (qx, qy, qz, qw, wx, wy, wz, bx, by, bz): attitude world ← container, angular velocity
-#       [rad/s] and angular acceleration [rad/s²] in the container's axes;
+# The compiled hooks. `slosh_model.indices` names what stands where in the tuples mode, q, inputs,
+# pose and wall, and in what `term` gives back.
+#   elapsed: time since rest [s]; p: the effect's parameters in their order;
 #   memory: an array of the effect's own, zero at the start, to write to.
 
-# (mode, elapsed, q, inputs, p) -> (fx, fy, mxx, mxy, myy), what the effect adds to
-# (I + m) q̈ = f: force per modal mass [m/s²] and, symmetric, relative mass [1].
+# (mode, elapsed, q, inputs, p) -> (fx, fy, mxx, mxy, myy), what the effect adds to (I + m) q̈ = f.
 Term = Callable[..., tuple[float, float, float, float, float]]
 # (mode, elapsed, p) -> mode: the mode's constants at a moment.
-Modulation = Callable[..., tuple[float, float, float, float, float, float, float]]
+Modulation = Callable[..., tuple[float, ...]]
 # (dt, inputs, pose, memory, p) -> inputs, dt: time since the sample before [s]; 0 for the first;
 # SETTLING for the constant input at which the liquid has come to rest before the first.
 Drive = Callable[..., tuple[float, float, float, float]]
-# (dt, eta, wall, memory, p) -> eta, what the sensor reads of a height [m]; wall: (height at the
-# container's +x, at its +y [m], azimuth of eta [rad] or NaN where eta is the maximum over the
-# wall, R [m], elapsed [s]).
+# (dt, eta, wall, memory, p) -> eta, what the sensor reads of a height [m].
 Reading = Callable[..., float]
 
 SETTLING = -1.0

@@ -6,6 +6,7 @@ import math
 
 from slosh_model.constants import GRAVITY
 from slosh_model.effects.base import Effect, Parameter, Stage, compiled
+from slosh_model.indices import VX, VY
 
 REST_SPEED = 1e-3
 """Speed of the mass below which friction fades, so that the equation stays smooth [m/s]."""
@@ -13,7 +14,7 @@ REST_SPEED = 1e-3
 
 @compiled
 def _term(mode, elapsed, q, inputs, p):  # type: ignore[no-untyped-def]
-    vx, vy = q[2], q[3]
+    vx, vy = q[VX], q[VY]
     friction = -p[0] * GRAVITY / math.sqrt(vx * vx + vy * vy + REST_SPEED * REST_SPEED)
     return friction * vx, friction * vy, 0.0, 0.0, 0.0
 

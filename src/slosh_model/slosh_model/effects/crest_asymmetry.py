@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from slosh_model.effects.base import Effect, Parameter, Stage, compiled
+from slosh_model.indices import WALL_RADIUS
 
 
 @compiled
 def _reading(dt, eta, wall, memory, p):  # type: ignore[no-untyped-def]
-    return eta + p[0] * eta * eta / wall[3]
+    return eta + p[0] * eta * eta / wall[WALL_RADIUS]
 
 
 EFFECT = Effect(

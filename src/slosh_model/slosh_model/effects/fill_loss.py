@@ -6,25 +6,33 @@ import math
 
 from slosh_model.constants import GRAVITY
 from slosh_model.effects.base import Effect, Parameter, Stage, compiled
+from slosh_model.indices import (
+    DAMPING,
+    FILL,
+    FREQUENCY,
+    GAIN,
+    RADIUS,
+    WALL_ELAPSED,
+    XI,
+)
 
 _SHALLOW = 0.02  # of R; below, the model of standing waves has lost its sense
 
 
 @compiled
 def _modulation(mode, elapsed, p):  # type: ignore[no-untyped-def]
-    omega, zeta, _, radius, gain, xi, height = mode
+    omega, radius, xi, height = mode[FREQUENCY], mode[RADIUS], mode[XI], mode[FILL]
     now = max(height - p[0] * elapsed, _SHALLOW * radius)
     # ω² and the gains of DL22's Tables 1 and 2 are proportional to tanh(ξ h/R).
     factor = math.tanh(xi * now / radius) / math.tanh(xi * height / radius)
     omega_now = omega * math.sqrt(factor)
-    return (
-        omega_now, zeta, omega_now * omega_now * radius / GRAVITY, radius, gain * factor, xi, now,
-    )  # fmt: skip
+    curvature = omega_now * omega_now * radius / GRAVITY
+    return omega_now, mode[DAMPING], curvature, radius, mode[GAIN] * factor, xi, now
 
 
 @compiled
 def _reading(dt, eta, wall, memory, p):  # type: ignore[no-untyped-def]
-    return eta - p[1] * p[0] * wall[4]
+    return eta - p[1] * p[0] * wall[WALL_ELAPSED]
 
 
 EFFECT = Effect(

@@ -6,6 +6,7 @@ import math
 
 from slosh_model.constants import GRAVITY
 from slosh_model.effects.base import Effect, Stage, compiled
+from slosh_model.indices import QW, QX, QY, QZ
 
 
 @compiled
@@ -13,7 +14,7 @@ def _drive(dt, inputs, pose, memory, p):  # type: ignore[no-untyped-def]
     ax, ay, az, turn = inputs
     fx, fy, fz = ax, ay, az + GRAVITY
     # Rᵀ f by the quaternion's vector part: f + 2 u × (u × f - w f).
-    ux, uy, uz, w = pose[0], pose[1], pose[2], pose[3]
+    ux, uy, uz, w = pose[QX], pose[QY], pose[QZ], pose[QW]
     cx, cy, cz = uy * fz - uz * fy, uz * fx - ux * fz, ux * fy - uy * fx
     cx, cy, cz = cx - w * fx, cy - w * fy, cz - w * fz
     gx = fx + 2.0 * (uy * cz - uz * cy)

@@ -3,6 +3,22 @@
 from __future__ import annotations
 
 from slosh_model.effects.base import Effect, Parameter, Stage, compiled
+from slosh_model.indices import (
+    AX,
+    AY,
+    AZ,
+    CHANGE_X,
+    CHANGE_Y,
+    CHANGE_Z,
+    QW,
+    QX,
+    QY,
+    QZ,
+    RATE_X,
+    RATE_Y,
+    RATE_Z,
+    TURN,
+)
 
 
 @compiled
@@ -12,19 +28,20 @@ def _cross(a, b):  # type: ignore[no-untyped-def]
 
 @compiled
 def _drive(dt, inputs, pose, memory, p):  # type: ignore[no-untyped-def]
-    rate, change = (pose[4], pose[5], pose[6]), (pose[7], pose[8], pose[9])
+    rate = (pose[RATE_X], pose[RATE_Y], pose[RATE_Z])
+    change = (pose[CHANGE_X], pose[CHANGE_Y], pose[CHANGE_Z])
     arm = (p[0], p[1], p[2])
     turn, swing = _cross(change, arm), _cross(rate, _cross(rate, arm))
     b = (turn[0] + swing[0], turn[1] + swing[1], turn[2] + swing[2])
     # R b by the quaternion's vector part: b + 2 u × (u × b + w b).
-    u, w = (pose[0], pose[1], pose[2]), pose[3]
+    u, w = (pose[QX], pose[QY], pose[QZ]), pose[QW]
     c = _cross(u, b)
     d = _cross(u, (c[0] + w * b[0], c[1] + w * b[1], c[2] + w * b[2]))
     return (
-        inputs[0] + b[0] + 2.0 * d[0],
-        inputs[1] + b[1] + 2.0 * d[1],
-        inputs[2] + b[2] + 2.0 * d[2],
-        inputs[3],
+        inputs[AX] + b[0] + 2.0 * d[0],
+        inputs[AY] + b[1] + 2.0 * d[1],
+        inputs[AZ] + b[2] + 2.0 * d[2],
+        inputs[TURN],
     )
 
 

@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 
 from slosh_model.effects.base import Effect, Parameter, Stage, compiled
+from slosh_model.indices import RADIUS, VX, VY
 
 
 @compiled
 def _term(mode, elapsed, q, inputs, p):  # type: ignore[no-untyped-def]
-    vx, vy = q[2], q[3]
+    vx, vy = q[VX], q[VY]
     # Not math.hypot, which keeps the compiler from vector instructions.
-    drag = -p[0] / mode[3] * math.sqrt(vx * vx + vy * vy)
+    drag = -p[0] / mode[RADIUS] * math.sqrt(vx * vx + vy * vy)
     return drag * vx, drag * vy, 0.0, 0.0, 0.0
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from slosh_model.effects.base import SETTLING, Effect, Parameter, Stage, compiled
+from slosh_model.indices import TURN
 
 _STEP = 0.1  # of 1/ω; the error per step is below 1e-7 of the signal
 
@@ -43,7 +44,7 @@ def _drive(dt, inputs, pose, memory, p):  # type: ignore[no-untyped-def]
                 )
     for axis in range(3):
         memory[axis] = inputs[axis]
-    return memory[3], memory[4], memory[5], inputs[3]
+    return memory[3], memory[4], memory[5], inputs[TURN]
 
 
 EFFECT = Effect(

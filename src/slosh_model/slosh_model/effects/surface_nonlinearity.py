@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from slosh_model.effects.base import Effect, Parameter, Parameters, Stage, compiled
+from slosh_model.indices import CURVATURE, DAMPING, FREQUENCY, RADIUS
 from slosh_model.modes import Mode
 
 ALPHA = 0.58
@@ -11,7 +12,8 @@ ALPHA = 0.58
 
 @compiled
 def _term(mode, elapsed, q, inputs, p):  # type: ignore[no-untyped-def]
-    omega, zeta, curvature, radius = mode[0], mode[1], mode[2], mode[3]
+    omega, zeta = mode[FREQUENCY], mode[DAMPING]
+    curvature, radius = mode[CURVATURE], mode[RADIUS]
     x, y, vx, vy = q
     xr, yr = x / radius, y / radius
     c2 = curvature * curvature

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from slosh_model.constants import GRAVITY
 from slosh_model.effects.base import Effect, Stage, compiled
+from slosh_model.indices import AZ, FREQUENCY, X, Y
 
 
 @compiled
 def _term(mode, elapsed, q, inputs, p):  # type: ignore[no-untyped-def]
-    stiffness = mode[0] * mode[0] * inputs[2] / GRAVITY
-    return -stiffness * q[0], -stiffness * q[1], 0.0, 0.0, 0.0
+    stiffness = mode[FREQUENCY] * mode[FREQUENCY] * inputs[AZ] / GRAVITY
+    return -stiffness * q[X], -stiffness * q[Y], 0.0, 0.0, 0.0
 
 
 EFFECT = Effect(

@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 
 from slosh_model.effects.base import Effect, Parameter, Stage, compiled
+from slosh_model.indices import WALL_AZIMUTH, WALL_X, WALL_Y
 
 
 @compiled
 def _reading(dt, eta, wall, memory, p):  # type: ignore[no-untyped-def]
-    if wall[2] == wall[2]:  # a height at an azimuth is no maximum
+    if wall[WALL_AZIMUTH] == wall[WALL_AZIMUTH]:  # a height at an azimuth is no maximum
         return eta
-    from_centre = math.atan2(wall[1], wall[0]) - p[0]
+    from_centre = math.atan2(wall[WALL_Y], wall[WALL_X]) - p[0]
     from_centre -= 2.0 * math.pi * math.floor(from_centre / (2.0 * math.pi) + 0.5)
     beyond = max(abs(from_centre) - 0.5 * p[1], 0.0)
     return eta * math.cos(beyond)
