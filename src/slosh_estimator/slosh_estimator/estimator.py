@@ -213,8 +213,10 @@ class Estimator:
         flags = self._take(sample)
         row: list[float] = self._row.tolist()
         middle = ROW + MODAL * self._modes
-        linear = ModelState(*row[:ANSWERS], row[ROW:middle], row[READINGS])
-        nonlinear = ModelState(*row[ANSWERS:JERK], row[middle:], row[READINGS + 1])
+        msh, azimuth, sh_x, sh_y = row[:ANSWERS]
+        linear = ModelState(msh, azimuth, sh_x, sh_y, row[ROW:middle], row[READINGS])
+        msh, azimuth, sh_x, sh_y = row[ANSWERS:JERK]
+        nonlinear = ModelState(msh, azimuth, sh_x, sh_y, row[middle:], row[READINGS + 1])
         return Estimate(sample, linear, nonlinear, row[JERK], flags)
 
     def update_many(self, samples: Samples) -> Estimates:

@@ -48,6 +48,18 @@ def cycloidal(u: Array) -> tuple[Array, Array, Array]:
     return u - np.sin(angle) / turn, velocity, turn * np.sin(angle)
 
 
+def harmonic(u: Array) -> tuple[Array, Array, Array]:
+    """Half a period of a cosine, (1 − cos πu)/2: the acceleration jumps at both ends.
+
+    Its peak, π²/2 = 4.93, is the least but that of constant accelerations.
+    """
+    inside = (u > 0.0) & (u < 1.0)
+    angle = math.pi * np.clip(u, 0.0, 1.0)
+    velocity = np.where(inside, 0.5 * math.pi * np.sin(angle), 0.0)
+    acceleration = np.where((u >= 0.0) & (u <= 1.0), 0.5 * math.pi**2 * np.cos(angle), 0.0)
+    return np.sin(0.5 * angle) ** 2, velocity, acceleration
+
+
 def modified_trapezoid(u: Array) -> tuple[Array, Array, Array]:
     """A trapezoid in the acceleration whose edges are quarter sines: six segments.
 
@@ -74,6 +86,7 @@ LAWS: Mapping[str, Law] = MappingProxyType(
         "acceleration_pulse": acceleration_pulse,
         "modified_trapezoidal": modified_trapezoid,
         "cycloidal": cycloidal,
+        "harmonic": harmonic,
     }
 )
 """The laws by name."""
