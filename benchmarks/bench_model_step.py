@@ -161,7 +161,7 @@ def constants(model: Model) -> tuple[float, ...]:
         mode.natural_frequency,
         mode.damping_ratio,
         mode.curvature,
-        mode.container.radius,
+        mode.reach,
         alpha,
     )
 

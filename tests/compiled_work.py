@@ -99,6 +99,8 @@ def _model() -> Path:
 
 
 def _digests(name: str, strengths: Mapping[str, Mapping[str, float]]) -> dict[str, object]:
+    from example_effects import in_fitting_container
+
     from slosh_estimator.estimator import Estimator
     from slosh_estimator.sample import Sample, Samples
     from slosh_model.containers import Cylinder
@@ -106,7 +108,8 @@ def _digests(name: str, strengths: Mapping[str, Mapping[str, float]]) -> dict[st
     from slosh_model.model import Model
     from slosh_model.simulate import Inputs, simulate
 
-    model = Model(Cylinder(0.05, 0.07), damping_ratio=0.02).with_effect(name, **strengths[name])
+    cup = Model(Cylinder(0.05, 0.07), damping_ratio=0.02)
+    model = in_fitting_container(cup, name).with_effect(name, **strengths[name])
     t = np.arange(SAMPLES) / 256
     push = np.column_stack([4 * np.sin(18 * t), 3 * np.cos(15 * t) - 3, np.sin(20 * t)])
     attitude = np.column_stack(

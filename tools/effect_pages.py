@@ -19,7 +19,7 @@ from matplotlib.style import context
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from slosh_model.containers import Cylinder
+from slosh_model.containers import Cylinder, Rectangle
 from slosh_model.effects.base import Effect, Parameter
 from slosh_model.effects.registry import EFFECTS
 from slosh_model.measure import predicted_heights
@@ -33,6 +33,7 @@ START = "<!-- from the registry: tools/effect_pages.py -->"
 END = "<!-- by hand -->"
 
 CUP = Cylinder(radius=0.05, fill_height=0.07)
+TANK = Rectangle(width=0.1, depth=0.08, fill_height=0.07)
 RATE = 500  # samples of the motion per second
 FRAMES = 60  # heights per second
 STYLE = {
@@ -80,6 +81,7 @@ SCENES = {
     "height_offset": Scene({"offset": 0.002}),
     "height_scale": Scene({"gain": 1.15}),
     "lever_arm": Scene({"x": 0.15, "y": 0.0, "z": 0.1}, motion="turning"),
+    "pendulum_nonlinearity": Scene(base="3D-L"),
     "quadratic_damping": Scene({"beta": 0.4}),
     "robot_dynamics": Scene({"frequency": 25.0, "damping_ratio": 0.5}),
     "second_mode": Scene({"damping_ratio": 0.01}),
@@ -129,6 +131,7 @@ def part(effect: Effect) -> str:
     blocks = [
         f"$${effect.equation}$$",
         f"Acts on: {stages}. Source: {effect.source}.",
+        " ".join(f"Only for a {shape}." for shape in effect.shapes),
         parameter_table(effect),
         f"```yaml\n{use(effect)}\n```",
         f"![Heights with and without {effect.name}, and the difference]({effect.name}.svg)",
@@ -189,10 +192,22 @@ def caption(name: str) -> str:
     if scene.motion == "turning":
         moves += ", while the container yaws and tilts"
     return (
-        f"*{what} over a motion {moves}; cup of {1e3 * CUP.radius:g} mm radius filled "
+        f"*{what} over a motion {moves}; {described(name)} filled "
         f"{1e3 * CUP.fill_height:g} mm high, base model {scene.base}. Difference: RMS "
         f"{np.sqrt(np.mean(gap**2)):.2f} mm, largest {np.max(np.abs(gap)):.1f} mm.*"
     )
+
+
+def container(name: str) -> Cylinder | Rectangle:
+    """The cup, or the tank where the effect is for a rectangle."""
+    return CUP if EFFECTS[name].fits(CUP.shape) else TANK
+
+
+def described(name: str) -> str:
+    """The container in words."""
+    if container(name) is CUP:
+        return f"cup of {1e3 * CUP.radius:g} mm radius"
+    return f"tank of {1e3 * TANK.width:g} mm × {1e3 * TANK.depth:g} mm"
 
 
 def table() -> str:
@@ -212,7 +227,7 @@ def table() -> str:
 def heights(name: str) -> tuple[Array, Array, Array]:
     """Times [s] and the heights at them without and with an effect [m]."""
     scene = SCENES[name]
-    base = Model(CUP)
+    base = Model(container(name))
     if "3D" in scene.base:
         base = base.spatial()
     if "NL" in scene.base:

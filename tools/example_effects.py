@@ -2,9 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+from slosh_model.containers import Rectangle
+from slosh_model.effects.registry import EFFECTS
+from slosh_model.model import Model
+
 STRENGTHS: dict[str, dict[str, float]] = {
     "vertical_acceleration": {},
     "surface_nonlinearity": {"alpha": 0.7},
+    "pendulum_nonlinearity": {},
     "second_mode": {"damping_ratio": 0.03},
     "damping_mismatch": {"factor": 3.0},
     "quadratic_damping": {"beta": 2.0},
@@ -26,3 +33,11 @@ STRENGTHS: dict[str, dict[str, float]] = {
     "crest_asymmetry": {"kappa": 0.6},
     "draining_film": {"speed": 0.02},
 }
+
+
+def in_fitting_container(model: Model, name: str) -> Model:
+    """The model, or the same in a rectangle where the effect is for one."""
+    if EFFECTS[name].fits(model.container.shape):
+        return model
+    tank = Rectangle(0.1, 0.08, model.container.fill_height)
+    return replace(model.linear(), container=tank, limits=tank.validated)

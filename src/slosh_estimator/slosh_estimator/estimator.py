@@ -12,18 +12,23 @@ from numpy.typing import NDArray
 from slosh_estimator import estimate_kernel
 from slosh_estimator.estimate_kernel import (
     ANSWERS,
+    AZIMUTH,
     CHECKS,
     FLAGS,
     JERK,
     LEFT_RANGE,
     MODAL,
+    MSH,
     READINGS,
     ROW,
+    SH_X,
+    SH_Y,
     new_checks,
 )
 from slosh_estimator.sample import Sample, Samples
 from slosh_estimator.self_test import check_model
 from slosh_estimator.validity import EstimateFlag, validity_limits
+from slosh_model.containers import X_AXIS, Y_AXIS
 from slosh_model.indices import POSE_COUNT
 from slosh_model.layout import back_to_rest, divided
 from slosh_model.measure import delay
@@ -34,7 +39,7 @@ Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 RUNAWAY = 5.0
-"""A sloshing mass farther out than so many radii is no liquid any more."""
+"""A sloshing mass farther out than so many radii, or half sides, is no liquid any more."""
 STILL = 0.0005
 """A wave of less height is none [m]: the camera's own noise."""
 SETTLED = 3.0
@@ -156,7 +161,7 @@ class Estimator:
         checks = self._checks.view(CHECKS)
         for name, limit in validity_limits(model).items():
             checks[name] = limit
-        checks["runaway"] = RUNAWAY * model.container.radius
+        checks["runaway"] = RUNAWAY * max(model.container.reaches)
         checks["reads"] = float(bool(model.uses("reading")))
         self._modes = len(linear.modal)
         self._row = np.zeros(ROW + 2 * MODAL * self._modes)
@@ -164,7 +169,8 @@ class Estimator:
         # Only what changes the input looks at the attitude.
         self._pose = np.zeros((1, POSE_COUNT)) if model.uses("drive") else None
         first = model.mode_constants()[0]
-        rate = first.damping_ratio * first.natural_frequency
+        slowest = min(first.along(axis).natural_frequency for axis in (X_AXIS, Y_AXIS))
+        rate = first.damping_ratio * slowest
         self._settling_ns = round(SETTLED / rate * 1e9) if rate > 1e-6 else 2**62
 
     def reset(self) -> None:
@@ -333,8 +339,9 @@ def _distance(modes: NDArray[np.void], others: NDArray[np.void]) -> float:
     """How far the liquid is from another state: the highest wave that may come of it [m]."""
     places = np.hypot(modes["x"] - others["x"], modes["y"] - others["y"])
     speeds = np.hypot(modes["vx"] - others["vx"], modes["vy"] - others["vy"])
-    amplitudes = np.hypot(places, speeds / modes["natural_frequency"])
-    return float((modes["height_gain"] * amplitudes).sum())
+    slower = np.minimum(modes["natural_frequency"], modes["natural_frequency_y"])
+    gains = np.maximum(modes["height_gain"], modes["height_gain_y"])
+    return float((gains * np.hypot(places, speeds / slower)).sum())
 
 
 class _Batch(NamedTuple):

@@ -5,11 +5,12 @@ Pure physics: no ROS, no files, no clock. SI units throughout.
 
 from slosh_model import self_test as self_test  # its checks belong to the compiled functions
 from slosh_model.batch import wall_heights
-from slosh_model.containers import Cylinder
+from slosh_model.containers import Cylinder, Rectangle
 from slosh_model.errors import SloshModelError
+from slosh_model.limits import ValidityLimits
 from slosh_model.liquid import Liquid
 from slosh_model.measure import measured_heights, predicted_heights
-from slosh_model.model import EffectUse, Model, ValidityLimits
+from slosh_model.model import EffectUse, Model
 from slosh_model.model_text import format_model, parse_model
 from slosh_model.simulate import Inputs, Response, Simulator, State, simulate
 
@@ -19,6 +20,7 @@ __all__ = [
     "Inputs",
     "Liquid",
     "Model",
+    "Rectangle",
     "Response",
     "Simulator",
     "SloshModelError",

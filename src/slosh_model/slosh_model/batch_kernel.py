@@ -28,7 +28,9 @@ from slosh_model.indices import (
     FORCE_X,
     FORCE_Y,
     FREQUENCY,
+    FREQUENCY_Y,
     GAIN,
+    GAIN_Y,
     INPUT_COUNT,
     MASS_XX,
     MASS_XY,
@@ -99,6 +101,7 @@ def _accelerate(lanes, w):  # type: ignore[no-untyped-def]
     all_lane_terms(lanes, w)
     for k in range(lanes):
         omega, zeta = w[MODE + FREQUENCY * LANES + k], w[MODE + DAMPING * LANES + k]
+        omega_y = w[MODE + FREQUENCY_Y * LANES + k]
         x, y = w[STATE + X * LANES + k], w[STATE + Y * LANES + k]
         vx, vy = w[STATE + VX * LANES + k], w[STATE + VY * LANES + k]
         fx = (
@@ -107,7 +110,7 @@ def _accelerate(lanes, w):  # type: ignore[no-untyped-def]
             - omega * omega * x
             - w[INPUTS + AX * LANES + k]
         )
-        fy = w[SUMS + FORCE_Y * LANES + k] - 2.0 * zeta * omega * vy - omega * omega * y
+        fy = w[SUMS + FORCE_Y * LANES + k] - 2.0 * zeta * omega_y * vy - omega_y * omega_y * y
         fy -= w[INPUTS + AY * LANES + k]
         mxx, mxy = w[SUMS + MASS_XX * LANES + k] + 1.0, w[SUMS + MASS_XY * LANES + k]
         myy = w[SUMS + MASS_YY * LANES + k] + 1.0
@@ -252,9 +255,8 @@ def _advance_mode(lanes, w, count, modulated):  # type: ignore[no-untyped-def]
     if modulated:
         all_lane_modulations(lanes, w)
     for k in range(lanes):
-        gain = w[MODE + GAIN * LANES + k]
-        w[HEIGHTS + k] += gain * w[STATE + X * LANES + k]
-        w[HEIGHTS + LANES + k] += gain * w[STATE + Y * LANES + k]
+        w[HEIGHTS + k] += w[MODE + GAIN * LANES + k] * w[STATE + X * LANES + k]
+        w[HEIGHTS + LANES + k] += w[MODE + GAIN_Y * LANES + k] * w[STATE + Y * LANES + k]
 
 
 @compiled

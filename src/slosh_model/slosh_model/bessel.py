@@ -13,6 +13,12 @@ from slosh_model.errors import SloshModelError
 MAXIMUM_MODE = 200
 
 
+def check_mode(n: int) -> None:
+    """Raises SloshModelError unless n is in 1 … MAXIMUM_MODE."""
+    if not 1 <= n <= MAXIMUM_MODE:
+        raise SloshModelError(f"mode = {n} must lie in 1 … {MAXIMUM_MODE}")
+
+
 @cache
 def bessel_derivative_root(n: int) -> float:
     """The n-th positive root ξₙ of J₁′, n ≥ 1 (DL22, eq. (3)): 1.8412, 5.3314 and so on.
@@ -20,8 +26,7 @@ def bessel_derivative_root(n: int) -> float:
     Raises:
         SloshModelError: n is not in 1 … MAXIMUM_MODE.
     """
-    if not 1 <= n <= MAXIMUM_MODE:
-        raise SloshModelError(f"mode = {n} must lie in 1 … {MAXIMUM_MODE}")
+    check_mode(n)
     return float(jnp_zeros(1, n)[-1])
 
 

@@ -1,37 +1,112 @@
-"""Containers: their dimensions and what follows from them alone."""
+"""Containers: their dimensions and what follows from them alone.
+
+Every container is upright, of constant cross-section and symmetric about its x and its y axis.
+Its antisymmetric waves n = 1, 2, … along an axis have the wave number ξₙ/R, with R from the axis
+to the wall and roots ξₙ that are those of the cross-section's shape.
+"""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+from typing import ClassVar, Self
 
-from slosh_model.bessel import bessel_derivative_root
+from slosh_model.bessel import bessel_derivative_root, check_mode
 from slosh_model.checks import within
 from slosh_model.constants import GRAVITY
 from slosh_model.errors import SloshModelError
+from slosh_model.limits import ValidityLimits
 
 DIMENSIONS = (1e-4, 10.0)  # m; any other value is a unit mistaken for another
+X_AXIS, Y_AXIS = 0, 1
+# The formula's own rounding of the first root of J1'.
+FIRST_ROOT = 1.84
 
 
-@dataclass(frozen=True, slots=True)
-class Cylinder:
-    """An upright circular cylinder.
+class Container(ABC):
+    """What the models need to know of a container.
 
     Attributes:
-        radius: inner radius R [m].
         fill_height: height h of the still liquid above the floor [m].
         rim_height: height of the rim above the floor [m]; None: unknown.
-
-    Raises:
-        SloshModelError: a dimension is outside DIMENSIONS, or the rim not above the liquid.
+        shape: its name, as in model.yaml.
+        nonlinear_effect: the effect that makes its linear model the nonlinear one.
+        built_in: effects that its shape has by itself, with their parameters.
+        straight_alone: whether the surface of its linear model is straight with one mode only:
+            with more of them it has their own shapes.
+        validated: where its models were validated.
     """
 
-    radius: float
+    __slots__ = ()
     fill_height: float
-    rim_height: float | None = None
+    rim_height: float | None
+    shape: ClassVar[str]
+    nonlinear_effect: ClassVar[str]
+    built_in: ClassVar[Mapping[str, Mapping[str, float]]]
+    straight_alone: ClassVar[bool]
+    validated: ClassVar[ValidityLimits]
 
-    def __post_init__(self) -> None:
-        within("container.radius", self.radius, "m", *DIMENSIONS)
+    @abstractmethod
+    def root(self, n: int) -> float:
+        """ξₙ of the n-th antisymmetric mode.
+
+        Raises:
+            SloshModelError: n is not in 1 … MAXIMUM_MODE.
+        """
+
+    @property
+    @abstractmethod
+    def reaches(self) -> tuple[float, float]:
+        """R along x and along y: from the axis to the wall [m]."""
+
+    @property
+    @abstractmethod
+    def corner(self) -> tuple[float, float] | None:
+        """Place of the corner between +x and +y [m]; None: it is round."""
+
+    @property
+    @abstractmethod
+    def described(self) -> str:
+        """Its dimensions for people [mm]."""
+
+    @abstractmethod
+    def mass_ratio(self, n: int, axis: int = X_AXIS) -> float:
+        """mₙ/m_F, the share of the liquid's mass that sloshes in mode n."""
+
+    @abstractmethod
+    def plane_gain(self, n: int, axis: int = X_AXIS) -> float:
+        """Wall height per displacement of a mode's mass where the surface is a plane [1]."""
+
+    @abstractmethod
+    def curved_gain(self, n: int, axis: int = X_AXIS) -> float:
+        """Wall height per displacement of a mode's mass where it has the mode's shape [1]."""
+
+    @abstractmethod
+    def widened(self, factor: float) -> Self:
+        """The same container with its horizontal dimensions larger by a factor."""
+
+    @abstractmethod
+    def damping_ratio(self, kinematic_viscosity: float) -> float:
+        """ζ₁ from the viscosity ν [m²/s] where none was measured."""
+
+    @property
+    def freeboard(self) -> float | None:
+        """Height of the rim above the still level [m]; None: unknown."""
+        return None if self.rim_height is None else self.rim_height - self.fill_height
+
+    def depth_factor(self, n: int, axis: int = X_AXIS) -> float:
+        """tanh(ξₙ h/R), the share of the deep-liquid frequency squared that this depth leaves."""
+        return math.tanh(self.root(n) * self.fill_height / self.reaches[axis])
+
+    def natural_frequency(self, n: int, axis: int = X_AXIS) -> float:
+        """ωₙ [rad/s] (DL22, eq. (3); TM20, eq. (20))."""
+        return math.sqrt(GRAVITY * self.root(n) / self.reaches[axis] * self.depth_factor(n, axis))
+
+    def _check_heights(self) -> None:
+        """Raises SloshModelError: a height outside DIMENSIONS, or the rim not above the liquid."""
         within("container.fill_height", self.fill_height, "m", *DIMENSIONS)
         if self.rim_height is None:
             return
@@ -43,21 +118,176 @@ class Cylinder:
                 ("container", "rim_height"),
             )
 
+
+@dataclass(frozen=True, slots=True)
+class Cylinder(Container):
+    """An upright circular cylinder.
+
+    Attributes:
+        radius: inner radius R [m].
+        fill_height: height h of the still liquid above the floor [m].
+        rim_height: height of the rim above the floor [m]; None: unknown.
+
+    Raises:
+        SloshModelError: a dimension is outside DIMENSIONS, or the rim not above the liquid.
+    """
+
+    shape: ClassVar[str] = "cylinder"
+    nonlinear_effect: ClassVar[str] = "surface_nonlinearity"
+    built_in: ClassVar[Mapping[str, Mapping[str, float]]] = MappingProxyType({})
+    straight_alone: ClassVar[bool] = False
+    validated: ClassVar[ValidityLimits] = ValidityLimits()
+
+    radius: float
+    fill_height: float
+    rim_height: float | None = None
+
+    def __post_init__(self) -> None:
+        within("container.radius", self.radius, "m", *DIMENSIONS)
+        self._check_heights()
+
+    def root(self, n: int) -> float:
+        """ξₙ, the n-th root of J₁′."""
+        return bessel_derivative_root(n)
+
     @property
-    def freeboard(self) -> float | None:
-        """Height of the rim above the still level [m]; None: unknown."""
-        return None if self.rim_height is None else self.rim_height - self.fill_height
+    def reaches(self) -> tuple[float, float]:
+        """The radius, twice [m]."""
+        return self.radius, self.radius
 
-    def depth_factor(self, n: int) -> float:
-        """tanh(ξₙ h/R), the share of the deep-liquid frequency squared that this depth leaves."""
-        return math.tanh(bessel_derivative_root(n) * self.fill_height / self.radius)
+    @property
+    def described(self) -> str:
+        """Its dimensions for people [mm]."""
+        return f"radius {1e3 * self.radius:g} mm, filled to {1e3 * self.fill_height:g} mm"
 
-    def natural_frequency(self, n: int) -> float:
-        """ωₙ [rad/s] (DL22, eq. (3))."""
-        return math.sqrt(GRAVITY * bessel_derivative_root(n) / self.radius * self.depth_factor(n))
+    @property
+    def corner(self) -> None:
+        """None: it is round."""
+        return None
 
-    def mass_ratio(self, n: int) -> float:
+    def mass_ratio(self, n: int, axis: int = X_AXIS) -> float:
         """mₙ/m_F, the share of the liquid's mass that sloshes in mode n (DL22, eq. (4))."""
         xi = bessel_derivative_root(n)
         slenderness = xi * self.fill_height / self.radius
         return 2.0 * self.depth_factor(n) / (slenderness * (xi**2 - 1.0))
+
+    def plane_gain(self, n: int, axis: int = X_AXIS) -> float:
+        """4 h mₙ/(m_F R) (DL22, eq. (22))."""
+        slenderness = self.fill_height / self.radius
+        return 4.0 * slenderness * self.mass_ratio(n)
+
+    def curved_gain(self, n: int, axis: int = X_AXIS) -> float:
+        """Of the Bessel surface: ξₙ² h mₙ/(m_F R) (DL22, eq. (24))."""
+        return self.plane_gain(n) * self.root(n) ** 2 / 4.0
+
+    def widened(self, factor: float) -> Self:
+        """The same with a larger radius."""
+        return replace(self, radius=self.radius * factor)
+
+    def damping_ratio(self, kinematic_viscosity: float) -> float:
+        """ζ₁ of a smooth cylinder.
+
+        The empirical formula in Ibrahim, *Liquid Sloshing Dynamics* (2005), and Dodge, *The New
+        "Dynamic Behavior of Liquids in Moving Containers"* (2000).
+        """
+        viscous = math.sqrt(kinematic_viscosity / math.sqrt(GRAVITY * self.radius**3))
+        ratio = self.fill_height / self.radius
+        # 1/sinh and 1/cosh by exp(-x): a deep container must not overflow.
+        decay = math.exp(-FIRST_ROOT * ratio)
+        inverse_sinh = 2.0 * decay / (1.0 - decay**2)
+        inverse_cosh = 2.0 * decay / (1.0 + decay**2)
+        return 0.92 * viscous * (1.0 + 0.318 * inverse_sinh * (1.0 + (1.0 - ratio) * inverse_cosh))
+
+
+@dataclass(frozen=True, slots=True)
+class Rectangle(Container):
+    """An upright container of rectangular cross-section.
+
+    Its liquid follows its yaw: the modes' axes are its own.
+
+    Attributes:
+        width: inner width w along the container's x [m].
+        depth: inner depth d along the container's y [m].
+        fill_height: height h of the still liquid above the floor [m].
+        rim_height: height of the rim above the floor [m]; None: unknown.
+
+    Raises:
+        SloshModelError: a dimension is outside DIMENSIONS, or the rim not above the liquid.
+    """
+
+    shape: ClassVar[str] = "rectangle"
+    nonlinear_effect: ClassVar[str] = "pendulum_nonlinearity"
+    built_in: ClassVar[Mapping[str, Mapping[str, float]]] = MappingProxyType(
+        {"yaw_coupling": MappingProxyType({"kappa": 1.0})}
+    )
+    straight_alone: ClassVar[bool] = True
+    # The motions that TM20 measured, quintic with a stroke of 100 mm and b = 0.4: the slowest and
+    # the fastest of the speeds up to which the surface is a line (Table 4: 42 … 57 1/min).
+    validated: ClassVar[ValidityLimits] = ValidityLimits(
+        acceleration=3.3, jerk=80.0, planar_acceleration=1.8, planar_jerk=32.0
+    )
+
+    width: float
+    depth: float
+    fill_height: float
+    rim_height: float | None = None
+
+    def __post_init__(self) -> None:
+        within("container.width", self.width, "m", *DIMENSIONS)
+        within("container.depth", self.depth, "m", *DIMENSIONS)
+        self._check_heights()
+
+    def root(self, n: int) -> float:
+        """ξₙ = (2n - 1) π/2: half a wave, three halves and so on lie between the walls."""
+        check_mode(n)
+        return (2 * n - 1) * math.pi / 2.0
+
+    @property
+    def reaches(self) -> tuple[float, float]:
+        """Half the width and half the depth [m]."""
+        return self.width / 2.0, self.depth / 2.0
+
+    @property
+    def described(self) -> str:
+        """Its dimensions for people [mm]."""
+        sides = f"width {1e3 * self.width:g} mm, depth {1e3 * self.depth:g} mm"
+        return f"{sides}, filled to {1e3 * self.fill_height:g} mm"
+
+    @property
+    def corner(self) -> tuple[float, float]:
+        """Half the width and half the depth [m]."""
+        return self.reaches
+
+    def mass_ratio(self, n: int, axis: int = X_AXIS) -> float:
+        """mₙ/m_F = 2 R tanh(ξₙ h/R)/(ξₙ³ h) (Ibrahim 2005, ch. 5; Dodge 2000, ch. 3)."""
+        xi = self.root(n)
+        return 2.0 * self.depth_factor(n, axis) * self.reaches[axis] / (xi**3 * self.fill_height)
+
+    def plane_gain(self, n: int, axis: int = X_AXIS) -> float:
+        """ωₙ² R/g: the straight line takes all of a static tilt (TM20, eq. (9), η = θ w/2)."""
+        return self.root(n) * self.depth_factor(n, axis)
+
+    def curved_gain(self, n: int, axis: int = X_AXIS) -> float:
+        """Of a standing wave, sin(ξₙ x/R): 2/ξₙ² of the line's, together with all others all."""
+        return 2.0 / self.root(n) ** 2 * self.plane_gain(n, axis)
+
+    def widened(self, factor: float) -> Self:
+        """The same with a larger width and depth."""
+        return replace(self, width=self.width * factor, depth=self.depth * factor)
+
+    def damping_ratio(self, kinematic_viscosity: float) -> float:
+        """ζ₁ along the longer side, from the layers on floor and walls (Keulegan 1959)."""
+        along, across = max(self.width, self.depth), min(self.width, self.depth)
+        axis = X_AXIS if self.width >= self.depth else Y_AXIS
+        omega, k = self.natural_frequency(1, axis), math.pi / along
+        # 2kh/sinh(2kh) by exp(-x): a deep container must not overflow.
+        decay = math.exp(-2.0 * k * self.fill_height)
+        floor = 2.0 * k * self.fill_height * 2.0 * decay / (1.0 - decay**2)
+        layers = floor / (2.0 * self.fill_height) + (1.0 - floor) / along + 1.0 / across
+        return math.sqrt(kinematic_viscosity / (2.0 * omega)) * layers
+
+
+SHAPES: Mapping[str, type[Cylinder] | type[Rectangle]] = MappingProxyType(
+    {kind.shape: kind for kind in (Cylinder, Rectangle)}
+)
+"""Every kind of container by the name of its shape."""

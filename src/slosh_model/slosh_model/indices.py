@@ -6,12 +6,14 @@ one without a change to the others.
 
 from __future__ import annotations
 
-FREQUENCY, DAMPING, CURVATURE, RADIUS, GAIN, XI, FILL = range(7)
-"""A mode's constants: ω [rad/s], ζ, C, R [m], wall height per displacement, ξ, h [m]."""
-MODE_COUNT = 7
+FREQUENCY, DAMPING, CURVATURE, RADIUS, GAIN, XI, FILL, FREQUENCY_Y, RADIUS_Y, GAIN_Y = range(10)
+"""A mode's constants: ω [rad/s], ζ, C, R [m], wall height per displacement, ξ, h [m]; ω, R and
+wall height per displacement along y. R of a rectangle is half its width and half its depth."""
+MODE_COUNT = 10
 
 X, Y, VX, VY = range(4)
-"""A mode's mass: its place [m] and velocity [m/s] in axes that do not yaw."""
+"""A mode's mass: its place [m] and velocity [m/s] in axes that do not yaw, or in those of a
+container whose liquid follows its yaw."""
 STATE_COUNT = 4
 
 AX, AY, AZ, TURN = range(4)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from numba.types import Tuple, float64, void
+from numba.types import Tuple, boolean, float64, void
 
 from slosh_model.chains import all_drives, all_modulations, all_readings, all_terms
 from slosh_model.compilation import (
@@ -17,7 +17,22 @@ from slosh_model.compilation import (
     entry_point,
 )
 from slosh_model.effects.base import SETTLING
-from slosh_model.indices import AX, AY, DAMPING, FREQUENCY, GAIN, QW, QX, QY, QZ, TURN, X, Y
+from slosh_model.indices import (
+    AX,
+    AY,
+    DAMPING,
+    FREQUENCY,
+    FREQUENCY_Y,
+    GAIN,
+    GAIN_Y,
+    QW,
+    QX,
+    QY,
+    QZ,
+    TURN,
+    X,
+    Y,
+)
 from slosh_model.layout import records
 
 UPRIGHT = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -31,11 +46,11 @@ _TWO_PI = 2.0 * math.pi
 def _acceleration(mode, elapsed, q, inputs, parameters):  # type: ignore[no-untyped-def]
     """q̈ of one mode from (I + m) q̈ = f (DL22, eqs. (11), (12), (14), (15)), 2×2 in closed form."""
     mode = all_modulations(mode, elapsed, parameters)
-    omega, zeta = mode[FREQUENCY], mode[DAMPING]
+    omega, omega_y, zeta = mode[FREQUENCY], mode[FREQUENCY_Y], mode[DAMPING]
     x, y, vx, vy = q
     gx, gy, mxx, mxy, myy = all_terms(mode, elapsed, q, inputs, parameters)
     fx = gx - 2.0 * zeta * omega * vx - omega * omega * x - inputs[AX]
-    fy = gy - 2.0 * zeta * omega * vy - omega * omega * y - inputs[AY]
+    fy = gy - 2.0 * zeta * omega_y * vy - omega_y * omega_y * y - inputs[AY]
     mxx += 1.0
     myy += 1.0
     inverse = 1.0 / (mxx * myy - mxy * mxy)
@@ -83,7 +98,8 @@ def constants_of(mode):  # type: ignore[no-untyped-def]
     """A mode's constants as the effects' hooks take them."""
     return (
         mode["natural_frequency"], mode["damping_ratio"], mode["curvature"], mode["radius"],
-        mode["height_gain"], mode["xi"], mode["fill_height"],
+        mode["height_gain"], mode["xi"], mode["fill_height"], mode["natural_frequency_y"],
+        mode["radius_y"], mode["height_gain_y"],
     )  # fmt: skip
 
 
@@ -110,12 +126,14 @@ def _settle(run, modes, pose):  # type: ignore[no-untyped-def]
         return
     for n in range(modes.shape[0]):
         mode, constants = modes[n], constants_of(modes[n])
-        x, y, stiffness = 0.0, 0.0, constants[FREQUENCY] * constants[FREQUENCY]
+        x, y = 0.0, 0.0
+        stiffness_x = constants[FREQUENCY] * constants[FREQUENCY]
+        stiffness_y = constants[FREQUENCY_Y] * constants[FREQUENCY_Y]
         for _ in range(_SETTLING_TURNS):
             q = (x, y, 0.0, 0.0)
             ax, ay = _acceleration(constants, run["elapsed"], q, inputs, parameters)
-            x += ax / stiffness
-            y += ay / stiffness
+            x += ax / stiffness_x
+            y += ay / stiffness_y
         mode["x"], mode["y"] = x, y
 
 
@@ -165,9 +183,9 @@ def advance(run, modes, ax, ay, az, yaw, pose, dt):  # type: ignore[no-untyped-d
             q = _runge_kutta_step(constants, q, u0, u1, dt / count, moment, parameters)
             u0 = u1
         mode["x"], mode["y"], mode["vx"], mode["vy"] = q
-        gain = all_modulations(constants, run["elapsed"], parameters)[GAIN]
-        height_x += gain * q[X]
-        height_y += gain * q[Y]
+        now = all_modulations(constants, run["elapsed"], parameters)
+        height_x += now[GAIN] * q[X]
+        height_y += now[GAIN_Y] * q[Y]
     return height_x, height_y, new[TURN]
 
 
@@ -225,9 +243,25 @@ def advance_many(  # type: ignore[no-untyped-def]
             history[i, n, 2], history[i, n, 3] = mode["vx"], mode["vy"]
 
 
-@entry_point(void(GIVEN_1, float64, GIVEN_2, float64, float64, GIVEN_1, CHANGED_1, CHANGED_1))
+@compiled
+def corner_height(height_x, height_y):  # type: ignore[no-untyped-def]
+    """The maximum over a wall with corners, of a plane [m]: it is at one of them."""
+    return abs(height_x) + abs(height_y)
+
+
+@compiled
+def corner_azimuth(height_x, height_y, radius_x, radius_y):  # type: ignore[no-untyped-def]
+    """Where that is [rad]: the corner, or the middle of the side along which it is the same."""
+    x = 0.0 if height_x == 0.0 else math.copysign(radius_x, height_x)
+    y = 0.0 if height_y == 0.0 else math.copysign(radius_y, height_y)
+    return math.atan2(y, x)
+
+
+@entry_point(
+    void(GIVEN_1, float64, GIVEN_2, float64, GIVEN_1, boolean, GIVEN_1, CHANGED_1, CHANGED_1)
+)
 def read_many(  # type: ignore[no-untyped-def]
-    t, started, heights, azimuth, radius, parameters, memory, read
+    t, started, heights, azimuth, reaches, cornered, parameters, memory, read
 ):
     """What the sensor reads of the heights at one azimuth, or of their maximum.
 
@@ -236,15 +270,21 @@ def read_many(  # type: ignore[no-untyped-def]
         started: time since rest at t[0] [s].
         heights: (N, 2) at the container's +x and +y [m].
         azimuth: [rad]; NaN: the maximum over the wall.
-        radius: R [m].
+        reaches: (2,) R along x and along y [m].
+        cornered: whether the wall is a rectangle, not a circle.
         parameters: as in `advance`.
         memory: (READING_MEMORY_COUNT,) zeros at the start; changed.
         read: (N,) receives the heights [m].
     """
+    radius, radius_y = reaches[0], reaches[1]
     c, s = math.cos(azimuth), math.sin(azimuth)
+    if cornered:  # from the axis to the wall in that direction, in units of R
+        c, s = c / radius, s / radius_y
+        distance = 1.0 / max(abs(c), abs(s))
+        c, s = c * distance, s * distance
     for i in range(t.shape[0]):
         height_x, height_y = heights[i, 0], heights[i, 1]
-        eta = math.hypot(height_x, height_y)
+        eta = corner_height(height_x, height_y) if cornered else math.hypot(height_x, height_y)
         if azimuth == azimuth:
             eta = c * height_x + s * height_y
         dt = t[i] - t[i - 1] if i > 0 else 0.0

@@ -15,6 +15,7 @@ from slosh_model.effects.registry import DRIVE_MEMORY_COUNT, PARAMETER_COUNT
 RUN = np.dtype(
     [
         ("max_step", np.float64),  # longest sub-step [s]
+        ("cornered", np.float64),  # not 0 where the wall has corners
         ("parameters", np.float64, (PARAMETER_COUNT,)),  # switches and parameters of the effects
         ("started", np.float64),  # 0 before the first sample
         ("elapsed", np.float64),  # time since rest [s]
@@ -29,7 +30,7 @@ RUN = np.dtype(
     ],
     align=True,
 )
-"""A model that runs. All zeros but for max_step and parameters: at rest, before any sample."""
+"""A model that runs. Zeros from `started` on: at rest, before any sample."""
 
 MODE = np.dtype(
     [
@@ -40,6 +41,9 @@ MODE = np.dtype(
         ("height_gain", np.float64),  # wall height per displacement [1]
         ("xi", np.float64),
         ("fill_height", np.float64),  # h [m]
+        ("natural_frequency_y", np.float64),  # the same along y, where they may differ
+        ("radius_y", np.float64),
+        ("height_gain_y", np.float64),
         # Its mass: place [m] and velocity [m/s].
         ("x", np.float64),
         ("y", np.float64),

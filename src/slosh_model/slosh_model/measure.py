@@ -37,11 +37,14 @@ def measured_heights(
     started = 0.0 if rest is None else float(response.t[0]) - rest
     places = np.array([np.nan]) if azimuths is None else np.atleast_1d(np.asarray(azimuths))
     heights = np.column_stack([response.sh_x, response.sh_y])
-    parameters, radius = effect_parameters(model), model.container.radius
+    parameters, container = effect_parameters(model), model.container
+    reaches, cornered = np.array(container.reaches), container.corner is not None
     read = np.empty((len(places), len(response.t)))
     for azimuth, row in zip(places.tolist(), read, strict=True):
         memory = np.zeros(READING_MEMORY_COUNT)
-        kernel.read_many(response.t, started, heights, azimuth, radius, parameters, memory, row)
+        kernel.read_many(
+            response.t, started, heights, azimuth, reaches, cornered, parameters, memory, row
+        )
     return read.T
 
 

@@ -9,40 +9,18 @@ from types import MappingProxyType
 
 from slosh_model.bessel import MAXIMUM_MODE
 from slosh_model.checks import within
-from slosh_model.containers import Cylinder
+from slosh_model.containers import X_AXIS, Cylinder, Rectangle
 from slosh_model.covariance import Covariance
 from slosh_model.effects.base import Effect, Parameters
 from slosh_model.effects.registry import BY_HOOK, find_effect
 from slosh_model.errors import SloshModelError
-from slosh_model.liquid import Liquid, cylinder_damping_ratio
+from slosh_model.limits import ValidityLimits
+from slosh_model.liquid import Liquid
 from slosh_model.modes import Mode
 
 VERTICAL = "vertical_acceleration"
-NONLINEAR = "surface_nonlinearity"
+_OF_THE_SHAPE = ValidityLimits()
 FREQUENCIES = (1e-2, 1e3)  # rad/s; any other value is a unit mistaken for another
-
-
-@dataclass(frozen=True, slots=True)
-class ValidityLimits:
-    """Where the models were validated; beyond, the estimator raises flags (DL22, §4.2).
-
-    Attributes:
-        acceleration: ‖a‖ [m/s²] up to which NL follows the liquid.
-        jerk: [m/s³] likewise.
-        planar_acceleration: ‖a‖ [m/s²] up to which the surface stays a plane (L).
-        planar_jerk: [m/s³] likewise.
-    """
-
-    acceleration: float = 9.5
-    jerk: float = 74.0
-    planar_acceleration: float = 8.0
-    planar_jerk: float = 60.0
-
-    def __post_init__(self) -> None:
-        for name in ("acceleration", "planar_acceleration"):
-            within(f"limits.{name}", getattr(self, name), "m/s²", 1e-3, 1e3)
-        for name in ("jerk", "planar_jerk"):
-            within(f"limits.{name}", getattr(self, name), "m/s³", 1e-3, 1e5)
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,23 +62,25 @@ class Model:
             None: from the container.
         effects: what is added, each effect at most once.
         modes: number of modes, from the first.
-        limits: where the model was validated.
+        limits: where the model was validated; not given: where models of the shape were.
         covariance: of the parameters that were identified; None: unknown.
 
     Raises:
         SloshModelError: an impossible value.
     """
 
-    container: Cylinder
+    container: Cylinder | Rectangle
     liquid: Liquid = field(default_factory=Liquid)
     damping_ratio: float | None = None
     effects: tuple[EffectUse, ...] = ()
     modes: int = 1
-    limits: ValidityLimits = field(default_factory=ValidityLimits)
+    limits: ValidityLimits = _OF_THE_SHAPE
     natural_frequency: float | None = None
     covariance: Covariance | None = None
 
     def __post_init__(self) -> None:
+        if self.limits is _OF_THE_SHAPE:
+            object.__setattr__(self, "limits", self.container.validated)
         if self.natural_frequency is not None:
             within("natural_frequency", self.natural_frequency, "rad/s", *FREQUENCIES)
         if self.damping_ratio is not None and not (
@@ -118,6 +98,10 @@ class Model:
         for index, name in enumerate(names):
             if name in names[:index]:
                 raise SloshModelError(f"effect {name!r} is listed twice", ("effects", index))
+            if not find_effect(name).fits(self.container.shape):
+                raise SloshModelError(
+                    f"effect {name!r} is not for a {self.container.shape}", ("effects", index)
+                )
         try:
             modes = self.mode_constants()
         except SloshModelError as error:
@@ -134,8 +118,9 @@ class Model:
     def name(self) -> str:
         """2D-L, 3D-L, 2D-NL or 3D-NL, with '+' and the names of further effects."""
         space = "3D" if self.has(VERTICAL) else "2D"
-        surface = "NL" if self.has(NONLINEAR) else "L"
-        others = sorted(use.name for use in self.effects if use.name not in (VERTICAL, NONLINEAR))
+        nonlinear = self.container.nonlinear_effect
+        surface = "NL" if self.has(nonlinear) else "L"
+        others = sorted(use.name for use in self.effects if use.name not in (VERTICAL, nonlinear))
         return "+".join([f"{space}-{surface}", *others])
 
     def has(self, effect: str) -> bool:
@@ -154,20 +139,26 @@ class Model:
         """The model without the effect."""
         return replace(self, effects=tuple(use for use in self.effects if use.name != effect))
 
+    @property
+    def acting(self) -> dict[str, Parameters]:
+        """Parameters of all that acts, by name: the container's own effects and those added."""
+        return {**self.container.built_in, **{use.name: use.parameters for use in self.effects}}
+
     def uses(self, hook: str) -> tuple[tuple[Effect, Parameters], ...]:
         """The model's effects that have a hook, in the order in which they act."""
-        used = {use.name: use.parameters for use in self.effects}
+        used = self.acting
         return tuple(
             (effect, used[effect.name]) for effect in BY_HOOK[hook] if effect.name in used
         )
 
     def linear(self) -> Model:
-        """The L twin: everything but the surface's nonlinearity."""
-        return self.without_effect(NONLINEAR)
+        """The L twin: everything but the nonlinearity of the container's shape."""
+        return self.without_effect(self.container.nonlinear_effect)
 
     def nonlinear(self) -> Model:
-        """The NL twin; α as it stands, or the default."""
-        return self if self.has(NONLINEAR) else self.with_effect(NONLINEAR)
+        """The NL twin; its parameters as they stand, or the defaults."""
+        nonlinear = self.container.nonlinear_effect
+        return self if self.has(nonlinear) else self.with_effect(nonlinear)
 
     def planar(self) -> Model:
         """The 2D twin: everything but the vertical acceleration."""
@@ -181,7 +172,7 @@ class Model:
         """The modes after every effect that changes them."""
         damping = self.damping_ratio
         if damping is None:
-            damping = cylinder_damping_ratio(self.container, self.liquid)
+            damping = self.container.damping_ratio(self.liquid.kinematic_viscosity)
         factor = self._frequency_factor()
         modes = tuple(Mode(n + 1, self.container, damping, factor) for n in range(self.modes))
         for effect, parameters in self.uses("modes"):
@@ -189,7 +180,7 @@ class Model:
             modes = effect.modes(modes, parameters)  # type: ignore[misc]
             if self.damping_ratio is None and modes[0].container != before:
                 # What the formula gives follows the container.
-                formula = cylinder_damping_ratio(modes[0].container, self.liquid)
+                formula = modes[0].container.damping_ratio(self.liquid.kinematic_viscosity)
                 modes = tuple(replace(mode, damping_ratio=formula) for mode in modes)
         return modes
 
@@ -202,15 +193,20 @@ class Model:
             return 1.0
         return self.natural_frequency / self.container.natural_frequency(1)
 
-    def height_gains(self, modes: tuple[Mode, ...] | None = None) -> tuple[float, ...]:
+    def height_gains(
+        self, modes: tuple[Mode, ...] | None = None, axis: int = X_AXIS
+    ) -> tuple[float, ...]:
         """Wall height per displacement of each mode's mass [1] (DL22, Tables 1, 2).
 
         Args:
             modes: what `mode_constants` gives; None: computed.
+            axis: along which.
         """
+        modes = self.mode_constants() if modes is None else modes
+        curved = self.container.straight_alone and len(modes) > 1
         gains = []
-        for mode in self.mode_constants() if modes is None else modes:
-            gain = mode.linear_gain
+        for mode in (mode.along(axis) for mode in modes):
+            gain = mode.curved_gain if curved else mode.plane_gain
             for effect, parameters in self.uses("height_gain"):
                 gain = effect.height_gain(mode, parameters)  # type: ignore[misc]
             gains.append(gain)

@@ -7,23 +7,23 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import fields
+from dataclasses import MISSING, fields
 from typing import Any
 
 from slosh_files.errors import YamlError
 from slosh_files.yaml_document import KeyPath, dotted, parse_yaml, shown
 from slosh_files.yaml_text import format_yaml
-from slosh_model.containers import Cylinder
+from slosh_model.containers import SHAPES, Cylinder, Rectangle
 from slosh_model.covariance import Covariance
 from slosh_model.errors import SloshModelError
+from slosh_model.limits import ValidityLimits
 from slosh_model.liquid import Liquid
-from slosh_model.model import EffectUse, Model, ValidityLimits
+from slosh_model.model import EffectUse, Model
 
 KEYS = (
     "container", "liquid", "damping_ratio", "natural_frequency", "modes", "limits", "effects",
     "covariance",
 )  # fmt: skip
-SHAPES = ("cylinder",)
 AUTO = "auto"
 LONGEST = 64_000
 """Characters of a model, at most; it is a page of text."""
@@ -53,7 +53,7 @@ def parse_model(text: str, source: str = "model.yaml") -> Model:
 
 def format_model(model: Model) -> str:
     """The text of a `model.yaml` that `parse_model` reads back to an equal model."""
-    container = {"shape": "cylinder", **_given_fields(model.container)}
+    container = {"shape": model.container.shape, **_given_fields(model.container)}
     document: dict[str, Any] = {
         "container": container,
         "liquid": _given_fields(model.liquid),
@@ -63,7 +63,7 @@ def format_model(model: Model) -> str:
         document["natural_frequency"] = model.natural_frequency
     if model.modes != 1:
         document["modes"] = model.modes
-    if model.limits != ValidityLimits():
+    if model.limits != model.container.validated:
         document["limits"] = _given_fields(model.limits)
     document["effects"] = [{"name": use.name, **use.parameters} for use in model.effects]
     if model.covariance is not None:
@@ -83,14 +83,18 @@ def _model(document: Mapping[str, Any]) -> Model:
     _refuse_unknown(document, KEYS, ())
     if "container" not in document:
         raise SloshModelError("key 'container' is missing")
+    container = _container(_mapping(document["container"], ("container",)))
+    limits = _mapping(document.get("limits", {}), ("limits",))
     return Model(
-        container=_container(_mapping(document["container"], ("container",))),
+        container=container,
         liquid=_numbers(Liquid, document.get("liquid", {}), ("liquid",)),
         damping_ratio=_auto(document, "damping_ratio"),
         natural_frequency=_auto(document, "natural_frequency"),
         effects=_effects(document.get("effects", [])),
         modes=_whole(document.get("modes", 1), ("modes",)),
-        limits=_numbers(ValidityLimits, document.get("limits", {}), ("limits",)),
+        limits=_numbers(
+            ValidityLimits, {**_given_fields(container.validated), **limits}, ("limits",)
+        ),
         covariance=_covariance(document.get("covariance")),
     )
 
@@ -122,15 +126,16 @@ def _covariance(section: Any) -> Covariance | None:
     return Covariance(tuple(names), matrix)
 
 
-def _container(section: Mapping[str, Any]) -> Cylinder:
-    shape = section.get("shape", "cylinder")
-    if shape not in SHAPES:
+def _container(section: Mapping[str, Any]) -> Cylinder | Rectangle:
+    shape = section.get("shape", Cylinder.shape)
+    kind = SHAPES.get(shape) if isinstance(shape, str) else None
+    if kind is None:
         raise _refusal(("container", "shape"), shape, f"(known: {', '.join(SHAPES)})")
-    for key in ("radius", "fill_height"):
-        if key not in section:
-            raise SloshModelError(f"key 'container.{key}' is missing", ("container",))
+    for item in fields(kind):
+        if item.default is MISSING and item.name not in section:
+            raise SloshModelError(f"key 'container.{item.name}' is missing", ("container",))
     dimensions = {key: value for key, value in section.items() if key != "shape"}
-    container: Cylinder = _numbers(Cylinder, dimensions, ("container",), also=("shape",))
+    container: Cylinder | Rectangle = _numbers(kind, dimensions, ("container",), also=("shape",))
     return container
 
 

@@ -2,56 +2,64 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-from slosh_model.bessel import bessel_derivative_root
 from slosh_model.constants import GRAVITY
-from slosh_model.containers import Cylinder
+from slosh_model.containers import X_AXIS, Cylinder, Rectangle
 
 
 @dataclass(frozen=True, slots=True)
 class Mode:
-    """Mode n of a container: an equivalent mass on a spring and a damper.
+    """Mode n of a container along one axis: an equivalent mass on a spring and a damper.
 
     Attributes:
         number: n ≥ 1.
         container: the container.
         damping_ratio: ζₙ [1].
         frequency_factor: natural frequency as measured, relative to the container's own [1].
+        axis: of the container, X_AXIS or Y_AXIS; all the same in a round one.
     """
 
     number: int
-    container: Cylinder
+    container: Cylinder | Rectangle
     damping_ratio: float
     frequency_factor: float = 1.0
+    axis: int = X_AXIS
+
+    def along(self, axis: int) -> Mode:
+        """The same mode along an axis."""
+        return replace(self, axis=axis)
 
     @property
     def xi(self) -> float:
-        """ξₙ, the n-th root of J₁′."""
-        return bessel_derivative_root(self.number)
+        """ξₙ of the container's shape."""
+        return self.container.root(self.number)
+
+    @property
+    def reach(self) -> float:
+        """R: from the container's axis to the wall [m]."""
+        return self.container.reaches[self.axis]
 
     @property
     def natural_frequency(self) -> float:
-        """ωₙ [rad/s] (DL22, eq. (3)), or as measured."""
-        return self.frequency_factor * self.container.natural_frequency(self.number)
+        """ωₙ [rad/s] (DL22, eq. (3); TM20, eq. (20)), or as measured."""
+        return self.frequency_factor * self.container.natural_frequency(self.number, self.axis)
 
     @property
     def curvature(self) -> float:
         """Cₙ = ωₙ² R/g, the paraboloid's dimensionless curvature (DL22, eq. (5))."""
-        return self.natural_frequency**2 * self.container.radius / GRAVITY
+        return self.natural_frequency**2 * self.reach / GRAVITY
 
     @property
-    def linear_gain(self) -> float:
-        """Wall height per displacement, plane surface: 4 h mₙ/(m_F R) (DL22, eq. (22)).
+    def plane_gain(self) -> float:
+        """Wall height per displacement where the surface is a plane [1].
 
         It goes with ω²: under a constant acceleration the surface stands where gravity puts it,
         whatever frequency was measured, as in TM20's pendulum, eq. (9).
         """
-        slenderness = self.container.fill_height / self.container.radius
-        gain = 4.0 * slenderness * self.container.mass_ratio(self.number)
-        return self.frequency_factor**2 * gain
+        return self.frequency_factor**2 * self.container.plane_gain(self.number, self.axis)
 
     @property
-    def nonlinear_gain(self) -> float:
-        """Wall height per displacement, Bessel surface: ξₙ² h mₙ/(m_F R) (DL22, eq. (24))."""
-        return self.linear_gain * self.xi**2 / 4.0
+    def curved_gain(self) -> float:
+        """Wall height per displacement where the surface has the mode's own shape [1]."""
+        return self.frequency_factor**2 * self.container.curved_gain(self.number, self.axis)

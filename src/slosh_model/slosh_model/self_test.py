@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from functools import cache
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,7 @@ from numpy.typing import NDArray
 from slosh_model import batch_kernel, kernel
 from slosh_model.compilation import EntryPoint, uncompiled
 from slosh_model.compile_cache import cache_folder
-from slosh_model.containers import Cylinder
+from slosh_model.containers import Cylinder, Rectangle
 from slosh_model.effects.base import Effect
 from slosh_model.effects.registry import BY_HOOK, READING_MEMORY_COUNT
 from slosh_model.errors import SloshModelError
@@ -31,7 +32,7 @@ TOLERANCE, LEAST = 1e-9, 1e-13
 """Relative to the value, and to the largest one beside it: what cancels is known no better. The
 elementary functions of two libraries differ by 1e-16."""
 SAMPLES = 24
-REFERENCE = Model(Cylinder(0.05, 0.07))
+REFERENCES = (Model(Cylinder(0.05, 0.07)), Model(Rectangle(0.07, 0.05, 0.06)))
 
 
 def compare(entry: EntryPoint, *arguments: Any) -> None:
@@ -47,13 +48,15 @@ def compare(entry: EntryPoint, *arguments: Any) -> None:
         _check_equal(entry, one.ravel(), other.ravel())
 
 
-def reference_models(model: Model = REFERENCE) -> tuple[Model, Model]:
-    """A model, and the same with every effect that acts on the liquid."""
-    every = model
-    for effect in _effects("drive", "modulation", "term"):
-        if not model.has(effect.name):
-            every = every.with_effect(effect.name, **example_parameters(effect))
-    return model, every
+def reference_models() -> Iterator[Model]:
+    """Of each shape a model, and the same with every effect that acts on its liquid."""
+    for model in REFERENCES:
+        every = model
+        for effect in _effects("drive", "modulation", "term"):
+            if effect.fits(model.container.shape):
+                every = every.with_effect(effect.name, **example_parameters(effect))
+        yield model
+        yield every
 
 
 def example_parameters(effect: Effect) -> dict[str, float]:
@@ -97,15 +100,21 @@ def _check_step() -> None:
 
 
 def _check_read_many() -> None:
-    t, radius = reference_motion().t, REFERENCE.container.radius
+    t = reference_motion().t
     heights = 0.01 * np.column_stack([np.sin(60 * t), np.cos(45 * t)])
-    for effect in _effects("reading"):
+    for model, effect in product(REFERENCES, _effects("reading")):
+        if not effect.fits(model.container.shape):
+            continue
         parameters = effect_parameters(
-            REFERENCE.with_effect(effect.name, **example_parameters(effect))
+            model.with_effect(effect.name, **example_parameters(effect))
         )
+        reaches, cornered = np.array(model.container.reaches), model.container.corner is not None
         for azimuth in (np.nan, 0.4):
             memory, read = np.zeros(max(READING_MEMORY_COUNT, 1)), np.zeros(len(t))
-            compare(kernel.read_many, t, 0.5, heights, azimuth, radius, parameters, memory, read)
+            compare(
+                kernel.read_many, t, 0.5, heights, azimuth, reaches, cornered, parameters, memory,
+                read,
+            )  # fmt: skip
 
 
 def _check_advance_block() -> None:

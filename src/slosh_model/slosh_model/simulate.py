@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_model import kernel
+from slosh_model.containers import X_AXIS, Y_AXIS
 from slosh_model.effects.registry import (
     EFFECTS,
     PARAMETER_COUNT,
@@ -144,13 +145,16 @@ class Response:
     Attributes:
         t: (N,) time [s].
         sh_x, sh_y: (N,) signed height on the wall at the container's +x and +y [m].
-        modal: (N, modes, 4) x, y, vx, vy in axes that do not yaw [m, m/s].
+        modal: (N, modes, 4) x, y, vx, vy in axes that do not yaw, or in those of a rectangle
+            [m, m/s].
+        corner: place of the wall's corner between +x and +y [m]; None: it is round.
     """
 
     t: Array
     sh_x: Array
     sh_y: Array
     modal: Array
+    corner: tuple[float, float] | None = None
 
     @property
     def msh(self) -> Array:
@@ -158,12 +162,20 @@ class Response:
 
         Of the liquid itself: what a sensor reads of it is `slosh_model.measure`.
         """
+        if self.corner is not None:
+            return np.abs(self.sh_x) + np.abs(self.sh_y)
         return np.hypot(self.sh_x, self.sh_y)
 
     @property
     def azimuth(self) -> Array:
-        """(N,) azimuth of the maximum [rad], in (-π, π] (DL22, eq. (26))."""
-        return np.arctan2(self.sh_y, self.sh_x)
+        """(N,) azimuth of the maximum [rad], in (-π, π] (DL22, eq. (26)).
+
+        In a rectangle that of its corner, or of a side's middle where all of it is as high.
+        """
+        x, y = self.sh_x, self.sh_y
+        if self.corner is not None:
+            x, y = self.corner[0] * np.sign(x), self.corner[1] * np.sign(y)
+        return np.arctan2(y, x)
 
 
 class Simulator:
@@ -237,7 +249,8 @@ class Simulator:
             )
         for array in (heights, history):
             array.setflags(write=False)
-        response = Response(inputs.t, heights[:, 0], heights[:, 1], history)
+        corner = self.model.container.corner
+        response = Response(inputs.t, heights[:, 0], heights[:, 1], history, corner)
         return response, self._state(float(inputs.t[-1]))
 
     def _continue(self, state: State, start: float) -> None:
@@ -308,12 +321,15 @@ def store_of(model: Model, max_step: float = MAXIMUM_STEP) -> Array:
     store = new_store(len(constants))
     run, modes = divided(store)
     run["max_step"] = float(max_step)
+    run["cornered"] = float(model.container.corner is not None)
     run["parameters"] = effect_parameters(model)
-    for n, (mode, gain) in enumerate(zip(constants, model.height_gains(constants), strict=True)):
-        cup = mode.container
+    gains = (model.height_gains(constants, axis) for axis in (X_AXIS, Y_AXIS))
+    for n, (mode, gain, gain_y) in enumerate(zip(constants, *gains, strict=True)):
+        across = mode.along(Y_AXIS)
         modes[n] = (
-            mode.natural_frequency, mode.damping_ratio, mode.curvature, cup.radius, gain, mode.xi,
-            cup.fill_height, 0.0, 0.0, 0.0, 0.0,
+            mode.natural_frequency, mode.damping_ratio, mode.curvature, mode.reach, gain, mode.xi,
+            mode.container.fill_height, across.natural_frequency, across.reach, gain_y,
+            0.0, 0.0, 0.0, 0.0,
         )  # fmt: skip
     return store
 
@@ -321,13 +337,13 @@ def store_of(model: Model, max_step: float = MAXIMUM_STEP) -> Array:
 def effect_parameters(model: Model) -> Array:
     """The kernel's switches and parameters for a model: (PARAMETER_COUNT,)."""
     flat = np.zeros(PARAMETER_COUNT)
-    for use in model.effects:
-        slot = SLOTS.get(use.name)
+    for name, values in model.acting.items():
+        slot = SLOTS.get(name)
         if slot is None:
             continue
         flat[slot] = 1.0
-        for offset, parameter in enumerate(EFFECTS[use.name].parameters, start=1):
-            flat[slot + offset] = use.parameters[parameter.name]
+        for offset, parameter in enumerate(EFFECTS[name].parameters, start=1):
+            flat[slot + offset] = values[parameter.name]
     return flat
 
 

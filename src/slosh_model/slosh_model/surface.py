@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from slosh_model.bessel import radial_shape
 from slosh_model.errors import SloshModelError
-from slosh_model.model import NONLINEAR, Model
+from slosh_model.model import Model
 from slosh_model.simulate import Response
 
 Array = NDArray[np.float64]
@@ -83,10 +83,40 @@ def surface_height(
     """
     gains = np.array(model.height_gains())
     heights = gains[:, np.newaxis] * np.asarray(modal, dtype=np.float64)[:, :2]
-    if not model.has(NONLINEAR):
+    if not model.has(model.container.nonlinear_effect):
         return plane_surface(heights, relative_radius, azimuth)
     numbers = [mode.number for mode in model.mode_constants()]
     return bessel_surface(heights, relative_radius, azimuth, numbers)
+
+
+def rectangle_surface(model: Model, modal: ArrayLike, x: ArrayLike, y: ArrayLike = 0.0) -> Array:
+    """Height of the surface in a rectangular container.
+
+    With one mode a plane (TM20, section 2.2), with several their standing waves along either axis.
+
+    Args:
+        model: a model of a rectangle.
+        modal: (…, modes, 4) x, y, vx, vy [m, m/s], as `simulate` gives them.
+        x, y: places from the container's axis [m]; shapes that broadcast to S.
+
+    Returns:
+        η [m], shape (…) + S.
+
+    Raises:
+        SloshModelError: the container is another one.
+    """
+    if model.container.corner is None:
+        raise SloshModelError(f"the surface of a rectangle, of a {model.container.shape}'s model")
+    states, modes = np.asarray(modal, dtype=np.float64), model.mode_constants()
+    places = np.broadcast_arrays(x, y)
+    total = np.zeros((*states.shape[:-2], *places[0].shape))
+    for axis, place in enumerate(places):
+        for n, gain in enumerate(model.height_gains(modes, axis)):
+            relative = place / modes[n].along(axis).reach
+            xi = modes[n].xi
+            shape = relative if len(modes) == 1 else np.sin(xi * relative) / math.sin(xi)
+            total += np.multiply.outer(gain * states[..., n, axis], shape)
+    return total
 
 
 def wall_profile(sh_x: ArrayLike, sh_y: ArrayLike, azimuth: ArrayLike) -> Array:
@@ -144,11 +174,11 @@ def sloshing_height(response: Response, acceleration: ArrayLike) -> tuple[str, A
         acceleration: (N, 3) in the response's axes [m/s²].
 
     Returns:
-        'SH' with the signed height (N,) on the side to which `motion_axis` points, or 'MSH' with
-        the maximum over the wall (N,) [m].
+        'SH' with the signed height (N,) on the side to which `motion_axis` points, in a rectangle
+        along its axes only, or 'MSH' with the maximum over the wall (N,) [m].
     """
     axis = motion_axis(acceleration)
-    if axis is None:
+    if axis is None or (response.corner is not None and axis not in (0.0, math.pi / 2.0)):
         return "MSH", response.msh
     return "SH", math.cos(axis) * response.sh_x + math.sin(axis) * response.sh_y
 

@@ -6,7 +6,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from example_effects import STRENGTHS
+from example_effects import STRENGTHS, in_fitting_container
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -18,7 +18,10 @@ from slosh_model.model import Model
 from slosh_model.simulate import Inputs, simulate
 
 CUP = Cylinder(0.05, 0.07)
-ALONE = [Model(CUP, damping_ratio=0.02).with_effect(name, **STRENGTHS[name]) for name in EFFECTS]
+PLAIN = Model(CUP, damping_ratio=0.02)
+ALONE = [
+    in_fitting_container(PLAIN, name).with_effect(name, **STRENGTHS[name]) for name in EFFECTS
+]
 
 
 @cache

@@ -55,10 +55,13 @@ from slosh_model.effects.base import Effect, Parameter, Stage, compiled
 
 @compiled
 def _modulation(mode, elapsed, p):
-    omega, zeta, c, radius, gain, xi, height = mode
+    omega, zeta, c, radius, gain, xi, height, omega_y, radius_y, gain_y = mode
     if elapsed < p[0]:
         return mode
-    return 2.0 * omega, zeta, 4.0 * c, radius, 3.0 * gain, xi, height
+    return (
+        2.0 * omega, zeta, 4.0 * c, radius, 3.0 * gain, xi, height,
+        2.0 * omega_y, radius_y, 3.0 * gain_y,
+    )
 
 EFFECT = Effect(
     name="double", title="stiffer later", stages=(Stage.DYNAMICS, Stage.HEIGHT), equation="2",
@@ -149,7 +152,7 @@ from slosh_model.effects.base import Effect, Stage
 
 EFFECT = Effect(
     name="tall", title="tall", stages=(Stage.HEIGHT,), equation="2 eta", source="test",
-    height_gain=lambda mode, p: 2.0 * mode.linear_gain,
+    height_gain=lambda mode, p: 2.0 * mode.plane_gain,
 )
 """,
 }

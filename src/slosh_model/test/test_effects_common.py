@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from example_effects import in_fitting_container
 from scipy.spatial.transform import Rotation
 
 from slosh_model.containers import Cylinder
@@ -29,6 +30,7 @@ VALUES = {
     "height_offset": {"offset": 0.002},
     "height_scale": {"gain": 1.2},
     "lever_arm": {"x": 0.1, "y": 0.2, "z": -0.1},
+    "pendulum_nonlinearity": {},
     "quadratic_damping": {"beta": 0.5},
     "robot_dynamics": {"frequency": 30.0, "damping_ratio": 0.5},
     "second_mode": {"damping_ratio": 0.01},
@@ -45,7 +47,10 @@ LIMITS = {
     "draining_film": ({"speed": 10.0}, 1e-12),
 }
 # What does nothing only in a motion without it: checked with the effect's own tests.
-NEEDS = {"gravity_tilt", "second_mode", "surface_nonlinearity", "vertical_acceleration"}
+NEEDS = {
+    "gravity_tilt", "pendulum_nonlinearity", "second_mode", "surface_nonlinearity",
+    "vertical_acceleration",
+}  # fmt: skip
 PLAIN = Model(Cylinder(0.05, 0.07), damping_ratio=0.02)
 TIMES = np.arange(0.0, 2.0, 1.0 / 60.0)
 AZIMUTHS = np.array([0.2, 2.0, -1.4])
@@ -53,11 +58,15 @@ AZIMUTHS = np.array([0.2, 2.0, -1.4])
 
 def test_the_effects_are_those_of_the_list():
     assert set(EFFECTS) == set(VALUES)
-    assert len(EFFECTS) == 22
+    assert len(EFFECTS) == 23
 
 
 def with_effect(name, **parameters):
-    return PLAIN.with_effect(name, **(parameters or VALUES[name]))
+    return plain(name).with_effect(name, **(parameters or VALUES[name]))
+
+
+def plain(name):
+    return in_fitting_container(PLAIN, name)
 
 
 @pytest.fixture
@@ -81,7 +90,7 @@ def both(model, inputs):
 
 @pytest.mark.parametrize("name", EFFECTS)
 def test_every_effect_changes_what_is_read(name, inputs):
-    gap = both(with_effect(name), inputs) - both(PLAIN, inputs)
+    gap = both(with_effect(name), inputs) - both(plain(name), inputs)
     assert np.max(np.abs(gap)) > 2e-4
 
 
@@ -101,6 +110,7 @@ def test_the_neutral_value_is_nothing(name, inputs):
 def test_liquid_at_rest_stays_there(name, base):
     t = np.linspace(0.0, 1.0, 101)
     still = Inputs(t, np.zeros((101, 3)))
+    base = in_fitting_container(base, name)
     found = predicted_heights(base.with_effect(name, **VALUES[name]), still, t)
     assert np.ptp(found) < 1e-12  # a tilted surface rests, too
     expected = {"height_offset": 0.002}.get(name, 0.0)
@@ -133,10 +143,10 @@ def test_in_a_mirror_everything_is_mirrored(name, inputs):
     )
     odd = {"axis", "y", "roll", "centre"}
     values = {key: -value if key in odd else value for key, value in VALUES[name].items()}
-    found = predicted_heights(PLAIN.with_effect(name, **values), mirrored, TIMES, -AZIMUTHS)
+    found = predicted_heights(with_effect(name, **values), mirrored, TIMES, -AZIMUTHS)
     expected = predicted_heights(with_effect(name), inputs, TIMES, AZIMUTHS)
     assert found == pytest.approx(expected, abs=1e-9)
-    msh = predicted_heights(PLAIN.with_effect(name, **values), mirrored, TIMES)
+    msh = predicted_heights(with_effect(name, **values), mirrored, TIMES)
     assert msh == pytest.approx(predicted_heights(with_effect(name), inputs, TIMES), abs=1e-9)
 
 

@@ -9,7 +9,7 @@ import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from slosh_model.containers import Cylinder
+from slosh_model.containers import Cylinder, Rectangle
 from slosh_model.covariance import covariance_of
 from slosh_model.effects.registry import EFFECTS
 from slosh_model.errors import SloshModelError
@@ -58,15 +58,52 @@ def test_limits_and_modes_are_read():
     assert model.limits == ValidityLimits(acceleration=5.0, planar_jerk=30.5)
 
 
+RECTANGLE = "container: {shape: rectangle, width: 0.06, depth: 0.04, fill_height: 0.067}\n"
+
+
+def test_reads_a_rectangle():
+    model = parse_model(RECTANGLE + "limits: {jerk: 50}\n")
+    assert model.container == Rectangle(0.06, 0.04, 0.067)
+    assert model.name == "2D-L"
+    # What is not given is what TM20's motions reached, not what DL22's cylinder bore.
+    assert model.limits == ValidityLimits(3.3, 50.0, 1.8, 32.0)
+
+
+@pytest.mark.parametrize(
+    ("text", "refusal"),
+    [
+        ("container: {shape: rectangle, width: 0.06, fill_height: 0.067}", "'container.depth' is"),
+        (
+            "container: {shape: rectangle, radius: 0.06, width: 1, depth: 1, fill_height: 1}",
+            r"unknown key 'container.radius' \(known: shape, width, depth, fill_height, rim",
+        ),
+        ("container: {shape: oval}", r"container.shape = 'oval' \(known: cylinder, rectangle\)"),
+        (
+            "container: {shape: [1], radius: 1}",
+            r"container.shape = .*\(known: cylinder, rectangle",
+        ),
+        (
+            RECTANGLE + "effects:\n  - name: surface_nonlinearity",
+            "cup.yaml:3: effect 'surface_nonlinearity' is not for a rectangle",
+        ),
+        (RECTANGLE.replace("0.04", "40"), "container.depth = 40.0 m must lie in"),
+    ],
+)
+def test_a_rectangle_that_cannot_be_is_refused_with_the_key(text, refusal):
+    with pytest.raises(SloshModelError, match=refusal):
+        parse_model(text, "cup.yaml")
+
+
 def test_no_effect_is_the_planar_linear_model():
     assert parse_model("container: {radius: 0.05, fill_height: 0.07}").name == "2D-L"
 
 
 @st.composite
-def effect_uses(draw):
-    """Effects with parameters anywhere within their bounds."""
+def effect_uses(draw, shape):
+    """Effects of a container with parameters anywhere within their bounds."""
     uses = []
-    for name in draw(st.lists(st.sampled_from(sorted(EFFECTS)), unique=True)):
+    fitting = [name for name, effect in EFFECTS.items() if effect.fits(shape)]
+    for name in draw(st.lists(st.sampled_from(fitting), unique=True)):
         values = {
             parameter.name: draw(
                 st.sampled_from(parameter.choices)
@@ -80,30 +117,36 @@ def effect_uses(draw):
     return tuple(uses)
 
 
-models = st.builds(
-    Model,
-    container=st.builds(
-        Cylinder,
-        st.floats(1e-3, 5.0),
-        st.floats(1e-3, 5.0),
-        st.one_of(st.none(), st.floats(5.1, 9.0)),
-    ),
-    liquid=st.builds(Liquid, st.floats(1.0, 2e4), st.floats(1e-8, 1e-5)),
-    damping_ratio=st.one_of(st.none(), st.floats(0.0, 0.99)),
-    effects=effect_uses(),
-    modes=st.integers(1, 5),
-    limits=st.builds(ValidityLimits, st.floats(0.1, 900.0)),
-    natural_frequency=st.one_of(st.none(), st.floats(1e-2, 1e3)),
-    covariance=st.one_of(
-        st.none(),
-        st.builds(
-            lambda root: covariance_of(
-                ("natural_frequency", "damping_ratio"), np.array(root) @ np.transpose(root)
-            ),
-            st.lists(st.lists(st.integers(-9, 9), min_size=2, max_size=2), min_size=2, max_size=2),
-        ),
-    ),
+length, rim = st.floats(1e-3, 5.0), st.one_of(st.none(), st.floats(5.1, 9.0))
+containers = st.one_of(
+    st.builds(Cylinder, length, length, rim), st.builds(Rectangle, length, length, length, rim)
 )
+models = containers.flatmap(lambda container: models_of(container))
+
+
+def models_of(container):
+    """Models of a container."""
+    return st.builds(
+        Model,
+        container=st.just(container),
+        liquid=st.builds(Liquid, st.floats(1.0, 2e4), st.floats(1e-8, 1e-5)),
+        damping_ratio=st.one_of(st.none(), st.floats(0.0, 0.99)),
+        effects=effect_uses(container.shape),
+        modes=st.integers(1, 5),
+        limits=st.builds(ValidityLimits, st.floats(0.1, 900.0)),
+        natural_frequency=st.one_of(st.none(), st.floats(1e-2, 1e3)),
+        covariance=st.one_of(
+            st.none(),
+            st.builds(
+                lambda root: covariance_of(
+                    ("natural_frequency", "damping_ratio"), np.array(root) @ np.transpose(root)
+                ),
+                st.lists(
+                    st.lists(st.integers(-9, 9), min_size=2, max_size=2), min_size=2, max_size=2
+                ),
+            ),
+        ),
+    )
 
 
 @settings(max_examples=50, deadline=None)

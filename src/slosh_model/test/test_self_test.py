@@ -10,6 +10,7 @@ import pytest
 
 from slosh_model import batch_kernel, kernel
 from slosh_model.compilation import EntryPoint
+from slosh_model.containers import SHAPES
 from slosh_model.effects.registry import PARAMETER_COUNT
 from slosh_model.errors import SloshModelError
 from slosh_model.model import Model
@@ -60,13 +61,15 @@ def test_right_code_passes(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_the_reference_shows_every_effect() -> None:
     """Each of the effects with its example parameters moves the reference motion's heights."""
-    plain, every = reference_models()
+    models = list(reference_models())
     motion = reference_motion()
     assert np.ptp(motion.yaws) > 0.1
-    for use in every.effects:
-        without = every.without_effect(use.name)
-        assert heights(every) != heights(without), use.name
-    assert plain.effects == ()
+    for plain, every in zip(models[::2], models[1::2], strict=True):
+        for use in every.effects:
+            without = every.without_effect(use.name)
+            assert heights(every) != heights(without), use.name
+        assert plain.effects == ()
+    assert {model.container.shape for model in models} == set(SHAPES)
 
 
 def heights(model: Model) -> bytes:
@@ -77,8 +80,8 @@ def heights(model: Model) -> bytes:
 def test_not_a_number_in_both_is_equal() -> None:
     state = np.full(len(reference_motion().t), np.nan)
     compare(
-        kernel.read_many, reference_motion().t, 0.0, np.full((len(state), 2), np.nan), 0.1, 0.05,
-        np.zeros(PARAMETER_COUNT), np.zeros(8), state,
+        kernel.read_many, reference_motion().t, 0.0, np.full((len(state), 2), np.nan), 0.1,
+        np.full(2, 0.05), False, np.zeros(PARAMETER_COUNT), np.zeros(8), state,
     )  # fmt: skip
 
 

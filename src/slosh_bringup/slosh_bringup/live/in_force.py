@@ -92,13 +92,9 @@ def _limits(monitor: NodeStart) -> str:
 def _model(estimator: NodeStart) -> str:
     model = parse_model(estimator.files["model"], "the estimator's model")
     effects = ", ".join(use.name for use in model.effects) or "no effects"
-    cup = model.container
     # One that was loaded since has no file that the parameters name.
     path = "as loaded" if estimator.stamp_ns else estimator.parameters["model"]
-    return (
-        f"{path}: radius {1e3 * cup.radius:g} mm, filled to {1e3 * cup.fill_height:g} mm; "
-        f"{effects}"
-    )
+    return f"{path}: {model.container.described}; {effects}"
 
 
 def _calibration(camera: NodeStart) -> str:

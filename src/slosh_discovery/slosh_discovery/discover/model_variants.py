@@ -9,8 +9,8 @@ from slosh_model.effects.registry import EFFECTS
 from slosh_model.errors import SloshModelError
 from slosh_model.model import Model
 
-RADIUS_CHANGE = 0.003
-"""Relative change of the radius: 0.15 % of the natural frequency."""
+WIDTH_CHANGE = 0.003
+"""Relative change of the container's width: 0.15 % of the natural frequency."""
 DAMPING_CHANGE = 0.03
 """Relative change of the damping."""
 PARAMETER_CHANGE = 0.03
@@ -20,10 +20,12 @@ bounds' span."""
 
 def variants_of(model: Model) -> Iterator[Model]:
     """Models with the natural frequency, the damping or one parameter of an effect changed."""
-    container = model.container
-    yield replace(
-        model, container=replace(container, radius=container.radius * (1.0 + RADIUS_CHANGE))
-    )
+    wider = model.container.widened(1.0 + WIDTH_CHANGE)
+    if model.natural_frequency is None:
+        yield replace(model, container=wider)
+    else:
+        slower = wider.natural_frequency(1) / model.container.natural_frequency(1)
+        yield replace(model, natural_frequency=slower * model.natural_frequency)
     damping = model.mode_constants()[0].damping_ratio
     yield replace(model, damping_ratio=min(damping * (1.0 + DAMPING_CHANGE), 0.99))
     for use in model.effects:

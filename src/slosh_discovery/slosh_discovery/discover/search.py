@@ -200,7 +200,8 @@ class Search:
         pool.add(self._fit_all(chosen, one))
 
     def _may_join(self, name: str, explanation: Explanation) -> bool:
-        if name in explanation.effects:
+        fits = EFFECTS[name].fits(explanation.base.container.shape)
+        if name in explanation.effects or not fits:
             return False
         # What the base has already can only be fitted anew.
         return not explanation.base.has(name) or any(

@@ -280,7 +280,7 @@ def _unmeasured(model: Model) -> Model:
 
 def _ceiling(model: Model) -> float:
     freeboard = model.container.freeboard
-    open_height = HIGHEST * model.container.radius
+    open_height = HIGHEST * min(model.container.reaches)
     return open_height if freeboard is None else min(open_height, FREEBOARD_SHARE * freeboard)
 
 

@@ -26,6 +26,7 @@ EFFECT = Effect(
         r"\quad u = (\cos\varphi, \sin\varphi),\ v \perp u"
     ),
     source="elliptic and slightly oval tanks: Ibrahim 2005, ch. 2",
+    shapes=("cylinder",),
     parameters=(
         Parameter(
             name="e",

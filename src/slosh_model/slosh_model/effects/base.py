@@ -102,6 +102,7 @@ class Effect:
         parameters: in the order in which `term` receives them.
         order: effects of one stage act in this order, then by name.
         needs_rotation: whether it does nothing while the container does not turn.
+        shapes: of the containers for which it has a meaning; empty: of all.
         drive: changes what drives the liquid (INPUT).
         drive_memory: length of its memory.
         modes: replaces the modes before anything else is computed (DYNAMICS, HEIGHT).
@@ -121,6 +122,7 @@ class Effect:
     parameters: tuple[Parameter, ...] = ()
     order: int = 0
     needs_rotation: bool = False
+    shapes: tuple[str, ...] = ()
     drive: Drive | None = None
     drive_memory: int = 0
     modes: Callable[[tuple[Mode, ...], Parameters], tuple[Mode, ...]] | None = None
@@ -130,6 +132,10 @@ class Effect:
     reading: Reading | None = None
     reading_memory: int = 0
     delay: Callable[[Parameters], float] | None = None
+
+    def fits(self, shape: str) -> bool:
+        """Whether it has a meaning for a container of that shape."""
+        return not self.shapes or shape in self.shapes
 
     def complete(self, given: Parameters) -> dict[str, float]:
         """All parameters in order: the given ones, checked, and the defaults.

@@ -10,8 +10,11 @@ from slosh_model.indices import (
     DAMPING,
     FILL,
     FREQUENCY,
+    FREQUENCY_Y,
     GAIN,
+    GAIN_Y,
     RADIUS,
+    RADIUS_Y,
     WALL_ELAPSED,
     XI,
 )
@@ -23,11 +26,18 @@ _SHALLOW = 0.02  # of R; below, the model of standing waves has lost its sense
 def _modulation(mode, elapsed, p):  # type: ignore[no-untyped-def]
     omega, radius, xi, height = mode[FREQUENCY], mode[RADIUS], mode[XI], mode[FILL]
     now = max(height - p[0] * elapsed, _SHALLOW * radius)
-    # ω² and the gains of DL22's Tables 1 and 2 are proportional to tanh(ξ h/R).
+    # ω² and the gains of a shape are proportional to tanh(ξ h/R).
     factor = math.tanh(xi * now / radius) / math.tanh(xi * height / radius)
     omega_now = omega * math.sqrt(factor)
-    curvature = omega_now * omega_now * radius / GRAVITY
-    return omega_now, mode[DAMPING], curvature, radius, mode[GAIN] * factor, xi, now
+    radius_y = mode[RADIUS_Y]
+    factor_y = factor
+    if radius_y != radius:
+        factor_y = math.tanh(xi * now / radius_y) / math.tanh(xi * height / radius_y)
+    return (
+        omega_now, mode[DAMPING], omega_now * omega_now * radius / GRAVITY, radius,
+        mode[GAIN] * factor, xi, now,
+        mode[FREQUENCY_Y] * math.sqrt(factor_y), radius_y, mode[GAIN_Y] * factor_y,
+    )  # fmt: skip
 
 
 @compiled

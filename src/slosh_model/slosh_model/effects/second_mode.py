@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from slosh_model.effects.base import Effect, Parameter, Parameters, Stage
 from slosh_model.modes import Mode
 
 
 def _modes(modes: tuple[Mode, ...], parameters: Parameters) -> tuple[Mode, ...]:
-    second = Mode(2, modes[0].container, parameters["damping_ratio"])
+    second = replace(modes[0], number=2, damping_ratio=parameters["damping_ratio"])
     return (modes[0], second, *(mode for mode in modes[1:] if mode.number != 2))
 
 

@@ -28,7 +28,7 @@ def _term(mode, elapsed, q, inputs, p):  # type: ignore[no-untyped-def]
 
 
 def _height_gain(mode: Mode, parameters: Parameters) -> float:
-    return mode.nonlinear_gain
+    return mode.curved_gain
 
 
 EFFECT = Effect(
@@ -40,6 +40,7 @@ EFFECT = Effect(
         r" + \omega^2\alpha\lVert\bar q\rVert^2 q"
     ),
     source="DL22, eqs. (5)-(11), (19), (24), (30); Bauer 1966",
+    shapes=("cylinder",),
     parameters=(
         Parameter(
             name="alpha",

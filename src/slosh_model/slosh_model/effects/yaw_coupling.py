@@ -25,6 +25,7 @@ EFFECT = Effect(
         r"\ddot q|_{\mathrm{drag}} = \kappa\dot\psi\,\hat z\times\dot q"
     ),
     source="wall friction and inserts that turn the liquid; the wave's axes turn by a part of ψ",
+    shapes=("cylinder",),
     parameters=(
         Parameter(
             name="kappa",

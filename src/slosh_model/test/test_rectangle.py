@@ -1,0 +1,388 @@
+"""Rectangles: constants, limits, and TM20's models against equations that are solved elsewhere."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from example_effects import STRENGTHS
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from slosh_model.batch import wall_heights
+from slosh_model.constants import GRAVITY
+from slosh_model.containers import X_AXIS, Y_AXIS, Cylinder, Rectangle
+from slosh_model.effects.registry import EFFECTS
+from slosh_model.errors import SloshModelError
+from slosh_model.measure import measured_heights, predicted_heights
+from slosh_model.model import Model
+from slosh_model.self_test import example_parameters
+from slosh_model.simulate import Inputs, Simulator, State, simulate
+from slosh_model.surface import rectangle_surface, sloshing_height
+
+TM20_GEOMETRIES = {  # width [m]: ω₀ that TM20 identified [rad/s] (Tables 2 and 4)
+    0.060: 22.498, 0.040: 27.347, 0.070: 21.001, 0.047: 25.351, 0.079: 19.622, 0.054: 23.729,
+}  # fmt: skip
+FILL, ZETA = 0.067, 0.04
+TANK = Rectangle(0.06, 0.045, FILL)
+M1 = Model(TANK, damping_ratio=ZETA)
+OMEGA_X = math.sqrt(math.pi * GRAVITY / 0.06 * math.tanh(math.pi * FILL / 0.06))
+OMEGA_Y = math.sqrt(math.pi * GRAVITY / 0.045 * math.tanh(math.pi * FILL / 0.045))
+T = np.arange(0.0, 2.0, 1e-4)  # the straight lines between samples are the model's input
+dimensions = st.floats(0.02, 1.0)
+
+
+def push(t):
+    """A smooth spatial acceleration [m/s²], (..., 3)."""
+    envelope = np.sin(np.pi * np.clip(t / 2.0, 0.0, 1.0)) ** 2
+    columns = (2.0 * np.sin(17.0 * t), 1.5 * np.cos(23.0 * t + 0.4), 4.0 * np.sin(9.0 * t + 1.0))
+    return np.stack(columns, axis=-1) * np.asarray(envelope)[..., np.newaxis]
+
+
+def along_x(t):
+    return push(t) * [1.0, 0.0, 0.0]
+
+
+def run(model, acceleration=push, t=T):
+    return simulate(model, Inputs(t, acceleration(t)))[0]
+
+
+def constant(ax, ay=0.0, az=0.0):
+    return lambda t: np.tile([ax, ay, az], (len(t), 1))
+
+
+def fitting(shape="rectangle"):
+    return [effect for effect in EFFECTS.values() if effect.fits(shape)]
+
+
+# ---- constants
+
+
+@pytest.mark.parametrize(("width", "identified"), TM20_GEOMETRIES.items())
+def test_natural_frequencies_are_those_of_tm20(width, identified):
+    omega = Rectangle(width, 0.05, FILL).natural_frequency(1)
+    equation_20 = math.sqrt(math.pi * GRAVITY / width * math.tanh(math.pi * FILL / width))
+    assert omega == pytest.approx(equation_20, rel=1e-14)
+    assert omega == pytest.approx(identified, rel=0.02)
+
+
+@given(dimensions, dimensions, dimensions)
+def test_sloshing_masses_and_the_one_that_stays_are_all_the_liquid(width, depth, fill):
+    """The mass that stays, by another series: the flow where the surface cannot rise in time."""
+    tank = Rectangle(width, depth, fill)
+    odd = 2.0 * np.arange(1, 20001) - 1.0
+    for axis, length in ((X_AXIS, width), (Y_AXIS, depth)):
+        reach = odd * np.pi / (2.0 * fill) * length / 2.0
+        fixed = np.sum(8.0 / (odd * np.pi) ** 2 * np.tanh(reach) / reach)
+        moving = sum(tank.mass_ratio(n, axis) for n in range(1, 200))
+        assert moving + fixed == pytest.approx(1.0, abs=1e-4)
+
+
+@given(dimensions, dimensions, dimensions)
+def test_a_displaced_mass_is_the_displaced_liquid(width, depth, fill):
+    """Its moment is that of the wave: m x = ρ d ∫ η x dx."""
+    tank = Rectangle(width, depth, fill)
+    x = np.linspace(-width / 2.0, width / 2.0, 4001)
+    for n in (1, 2, 3):
+        shape = np.sin(tank.root(n) * 2.0 * x / width) / math.sin(tank.root(n))
+        moment = np.trapezoid(tank.curved_gain(n) * shape * x, x) / (width * fill)
+        assert moment == pytest.approx(tank.mass_ratio(n), rel=1e-4)
+
+
+def test_the_first_mode_bears_eight_over_pi_squared_of_a_static_tilt_and_all_together_all():
+    modes = range(1, 150)
+    shares = [TANK.curved_gain(n) * GRAVITY / (TANK.natural_frequency(n) ** 2) for n in modes]
+    half = TANK.width / 2.0
+    assert shares[0] == pytest.approx(8.0 / math.pi**2 * half)
+    assert sum(shares) == pytest.approx(half, rel=2.0 / math.pi**2 / 149 * 1.01)
+    assert TANK.plane_gain(1) * GRAVITY / OMEGA_X**2 == pytest.approx(half)
+
+
+def test_damping_is_that_of_the_boundary_layers():
+    """Energy lost on floor and walls in one swing, integrated over them."""
+    nu, tank = 1e-6, Rectangle(0.12, 0.05, 0.04)
+    omega, k = tank.natural_frequency(1), math.pi / 0.12
+    x, z = np.linspace(0.0, 0.12, 2001), np.linspace(-0.04, 0.0, 2001)
+    u, w = np.cosh(k * (z + 0.04)), np.sinh(k * (z + 0.04))
+    floor = 0.05 * np.trapezoid(np.sin(k * x) ** 2, x)
+    ends = 2.0 * 0.05 * np.trapezoid(w**2, z)
+    sides = 2.0 * 0.06 * np.trapezoid(u**2 + w**2, z)
+    energy = 0.5 * 0.05 * 0.06 * np.cosh(k * 0.04) * np.sinh(k * 0.04) / k
+    lost = 0.5 * math.sqrt(nu * omega / 2.0) * (floor + ends + sides)
+    assert tank.damping_ratio(nu) == pytest.approx(lost / (2.0 * omega * energy), rel=1e-5)
+    assert tank.damping_ratio(nu) == Rectangle(0.05, 0.12, 0.04).damping_ratio(nu)
+
+
+@pytest.mark.parametrize(
+    ("values", "named"),
+    [
+        ((6e-5, 0.05, 0.05), r"container.width = 6e-05 m must lie in \[0.0001, 10\] m"),
+        ((0.05, 60.0, 0.05), "container.depth = 60.0 m must lie in"),
+        ((0.05, 0.05, math.nan), "container.fill_height = nan m must lie in"),
+        ((0.05, 0.05, 0.06, 0.05), "rim_height = 0.05 m must lie above fill_height = 0.06 m"),
+    ],
+)
+def test_impossible_dimensions_are_named(values, named):
+    with pytest.raises(SloshModelError, match=named):
+        Rectangle(*values)
+
+
+# ---- models against equations that are written here
+
+
+def m1(model, a, p, omega):
+    """θ of TM20, eqs. (9) and (10), along one axis, with g -> g + z̈ where the model has it."""
+    spatial = model.has("vertical_acceleration")
+
+    def derivative(t, s):
+        stiffness = omega**2 * (1.0 + (push(t)[2] / GRAVITY if spatial else 0.0))
+        return [s[1], -2.0 * ZETA * omega * s[1] - stiffness * s[0] + p * a(t)]
+
+    return derivative
+
+
+def pendulum(model, a, p, omega):
+    """θ of TM20, eq. (6), with l = g/ω², d/m = 2ζω, and g + z̈."""
+    spatial = model.has("vertical_acceleration")
+    length = GRAVITY / omega**2
+
+    def derivative(t, s):
+        pull = GRAVITY + (push(t)[2] if spatial else 0.0)
+        drag = 2.0 * ZETA * omega * math.cos(s[0]) ** 2 * s[1]
+        return [s[1], -drag - pull / length * math.sin(s[0]) + p * a(t) * math.cos(s[0])]
+
+    return derivative
+
+
+MODELS = {
+    "M1": (M1, m1, 1.0),
+    "M1, vertical": (M1.spatial(), m1, 1.0),
+    "M2": (M1.with_effect("accel_gain", gain=1.07), m1, 1.07),
+    "pendulum": (M1.nonlinear(), pendulum, 1.0),
+    "pendulum, vertical": (M1.nonlinear().spatial(), pendulum, 1.0),
+}
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_agrees_with_tm20s_equations_integrated_elsewhere(name, integrated, same):
+    model, equations, gain = MODELS[name]
+    response = run(model)
+    for axis, omega, heights in (
+        (0, OMEGA_X, response.sh_x),
+        (1, OMEGA_Y, response.sh_y),
+    ):
+        acceleration = lambda t, axis=axis: float(push(t)[axis])  # noqa: E731
+        derivative = equations(model, acceleration, gain * omega**2 / GRAVITY, omega)
+        theta = integrated(derivative, T, (0.0, 0.0))[:, 0]
+        assert np.max(np.abs(theta)) > 0.1
+        # θ > 0 where the liquid is high at the wall that the container leaves.
+        same(-heights, theta * (TANK.width, TANK.depth)[axis] / 2.0, 1e-6)
+
+
+def test_multimodal_theory_gives_the_surface(integrated, same):
+    """Linear potential flow, from Bernoulli's equation and w = dη/dt in a moving tank."""
+    count, model = 3, Model(TANK, damping_ratio=ZETA, modes=3)
+    x = np.linspace(-0.03, 0.03, 41)
+    odd = 2 * np.arange(count) + 1
+    k = odd * np.pi / 0.06
+    kappa = k * np.tanh(k * FILL)
+    omega = np.sqrt(GRAVITY * kappa)
+    shapes = np.cos(np.multiply.outer(k, x + 0.03))
+    tilt = 2.0 * 0.06 * ((-1.0) ** odd - 1.0) / (odd * np.pi) ** 2  # x as a series of the shapes
+
+    def derivative(t, s):
+        b, rate = s[:count], s[count:]
+        forced = -kappa * tilt * push(t)[0]
+        return [*rate, *(forced - 2.0 * ZETA * omega * rate - omega**2 * b)]
+
+    waves = integrated(derivative, T, (0.0,) * (2 * count))[:, :count] @ shapes
+    response = run(model, along_x)
+    same(rectangle_surface(model, response.modal, x), waves, 1e-6)
+    same(response.sh_x, waves[:, -1], 1e-6)
+
+
+def test_a_yawing_tank_takes_its_waves_along(integrated, motion, same):
+    moving = motion(tilt=0.0)
+    inputs = moving.inputs()
+    response, _ = simulate(M1, inputs)
+
+    def derivative(t, s):
+        turn = moving.turn(t)
+        ax, ay, _ = moving.acceleration(np.asarray(t))
+        c, sn = math.cos(turn), math.sin(turn)
+        felt = (c * ax + sn * ay, c * ay - sn * ax)
+        omega = (OMEGA_X, OMEGA_Y)
+        pulled = [
+            -felt[i] - 2.0 * ZETA * omega[i] * s[2 + i] - omega[i] ** 2 * s[i] for i in (0, 1)
+        ]
+        return [s[2], s[3], *pulled]
+
+    expected = integrated(derivative, inputs.t)
+    same(response.modal[:, 0, :2], expected[:, :2], 1e-6)
+    same(response.sh_x, 0.03 * OMEGA_X**2 / GRAVITY * expected[:, 0], 1e-6)
+
+
+# ---- limits and symmetries
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_rest_stays_rest(name):
+    response = run(MODELS[name][0], lambda t: np.zeros((len(t), 3)))
+    assert not response.modal.any()
+
+
+def test_small_pendulums_are_m1():
+    small = lambda t: 1e-3 * push(t)  # noqa: E731
+    linear, pendulous = run(M1, small), run(M1.nonlinear(), small)
+    gap = np.max(np.abs(pendulous.msh - linear.msh))
+    assert 0.0 < gap < 1e-6 * np.max(linear.msh)
+
+
+@given(st.floats(-3.0, 3.0), st.floats(-3.0, 3.0))
+@settings(max_examples=20, deadline=None)
+def test_a_static_tilt_stands_at_half_the_width_times_a_over_g(ax, ay):
+    damped = dataclasses.replace(M1, damping_ratio=0.5)
+    t = np.arange(0.0, 3.0, 0.002)
+    response = run(damped, constant(ax, ay), t)
+    assert response.sh_x[-1] == pytest.approx(-0.03 * ax / GRAVITY, abs=1e-9)
+    assert response.sh_y[-1] == pytest.approx(-0.0225 * ay / GRAVITY, abs=1e-9)
+    pendulous = run(damped.nonlinear(), constant(ax, ay), t)
+    assert pendulous.sh_x[-1] == pytest.approx(-0.03 * math.atan(ax / GRAVITY), abs=1e-9)
+    many = run(dataclasses.replace(damped, modes=60), constant(ax, ay), t)
+    x, y = np.array([-0.02, 0.0, 0.01])[:, np.newaxis], np.array([-0.01, 0.015])
+    expected = -(ax * x + ay * y) / GRAVITY
+    found = rectangle_surface(dataclasses.replace(damped, modes=60), many.modal[-1], x, y)
+    assert found == pytest.approx(expected, abs=1e-4)
+
+
+@given(st.floats(0.02, 0.3), st.floats(0.02, 0.3), st.floats(0.02, 0.3), st.booleans())
+@settings(max_examples=15, deadline=None)
+def test_mirrored_and_turned_tanks_mirror_and_turn_their_waves(width, depth, fill, nonlinear):
+    model = Model(Rectangle(width, depth, fill), damping_ratio=ZETA, modes=2).spatial()
+    turned = dataclasses.replace(model, container=Rectangle(depth, width, fill))
+    if nonlinear:
+        model, turned = model.nonlinear(), turned.nonlinear()
+    t = np.arange(0.0, 0.5, 0.002)
+    found = run(model, push, t)
+    mirrored = run(model, lambda t: push(t) * [-1.0, 1.0, 1.0], t)
+    swapped = run(turned, lambda t: push(t)[:, [1, 0, 2]], t)
+    assert np.array_equal(mirrored.sh_x, -found.sh_x)
+    assert np.array_equal(mirrored.sh_y, found.sh_y)
+    assert swapped.sh_x == pytest.approx(found.sh_y, rel=1e-9, abs=1e-12)
+    assert swapped.msh == pytest.approx(found.msh, rel=1e-9, abs=1e-12)
+
+
+@pytest.mark.parametrize("model", [M1, M1.nonlinear()], ids=["M1", "pendulum"])
+def test_without_damping_energy_stays(model):
+    undamped, t = dataclasses.replace(model, damping_ratio=0.0), np.arange(0.0, 10.0, 0.001)
+    start = State(0.0, np.array([[0.005, 0.0, 0.0, 0.0]]), np.zeros(4))
+    modal = simulate(undamped, Inputs(t, np.zeros((len(t), 3))), start, max_step=0.0005)[0].modal
+    x, v = modal[:, 0, 0], modal[:, 0, 2]
+    potential = 0.5 * OMEGA_X**2 * x**2
+    if model.name == "2D-NL":
+        length = GRAVITY / OMEGA_X**2
+        potential = GRAVITY * length * (1.0 - np.cos(x / length))
+    energy = 0.5 * v**2 + potential
+    assert np.ptp(energy) < 1e-6 * energy[0]
+
+
+@pytest.mark.parametrize("model", [M1.spatial(), M1.spatial().nonlinear()], ids=["M1", "pendulum"])
+def test_in_free_fall_nothing_pulls_the_surface_back(model):
+    undamped, t = dataclasses.replace(model, damping_ratio=0.0), np.arange(0.0, 0.3, 0.001)
+    start = State(0.0, np.array([[0.002, 0.0, 0.01, 0.0]]), np.array([0.0, 0.0, -GRAVITY, 0.0]))
+    modal = simulate(undamped, Inputs(t, constant(0.0, 0.0, -GRAVITY)(t)), start)[0].modal
+    assert modal[:, 0, 0] == pytest.approx(0.002 + 0.01 * t, abs=1e-12)
+
+
+# ---- heights on the wall
+
+
+def test_the_highest_place_of_a_plane_is_a_corner():
+    response = run(M1)
+    turns = np.linspace(-np.pi, np.pi, 3601)
+    corners = np.arctan2([0.0225, 0.0225, -0.0225, -0.0225], [0.03, -0.03, 0.03, -0.03])
+    rows = np.arange(0, len(T), 500)[1:]
+    around = measured_heights(M1, response, np.concatenate([turns, corners]))[rows]
+    assert around.max(axis=1) == pytest.approx(response.msh[rows], rel=1e-12)
+    where = np.concatenate([turns, corners])[around.argmax(axis=1)]
+    assert where == pytest.approx(response.azimuth[rows], abs=1e-9)
+
+
+def test_along_one_axis_the_whole_side_is_highest():
+    response = run(M1, along_x)
+    assert np.array_equal(response.msh, np.abs(response.sh_x))
+    assert set(np.round(response.azimuth[1:], 9)) == {0.0, round(math.pi, 9)}
+    kind, heights = sloshing_height(response, along_x(T))
+    assert kind == "SH"
+    assert np.array_equal(np.abs(heights), response.msh)
+    oblique = run(M1, lambda t: along_x(t) * 1.0 + along_x(t)[:, [1, 0, 2]])
+    assert sloshing_height(oblique, along_x(T) + along_x(T)[:, [1, 0, 2]])[0] == "MSH"
+
+
+# ---- one mechanism
+
+
+@pytest.mark.parametrize("effect", fitting(), ids=lambda effect: effect.name)
+def test_every_effect_that_fits_gives_the_same_bits_three_ways(effect, motion):
+    model = M1.with_effect(effect.name, **example_parameters(effect)).spatial()
+    step = 1.0 / 128.0
+    t = step * np.arange(64)
+    inputs = Inputs(t, motion().acceleration(t + 1.0))
+    whole = simulate(model, inputs)[0]
+    expected = np.column_stack([whole.sh_x, whole.sh_y])
+    simulator = Simulator(model)
+    assert np.array_equal([simulator.step(step, *row) for row in inputs.acceleration], expected)
+    for heights in wall_heights([model] * 9, inputs):
+        assert heights.tobytes() == expected.tobytes()
+
+
+@pytest.mark.parametrize("effect", fitting(), ids=lambda effect: effect.name)
+def test_every_effect_that_fits_does_something(effect, motion):
+    full = motion().inputs()
+    inputs = Inputs(
+        full.t[::10], full.acceleration[::10], full.attitude[::10], full.angular_velocity[::10]
+    )
+    model = M1.with_effect(effect.name, **STRENGTHS[effect.name])
+    times = np.arange(0.0, 2.0, 1.0 / 60.0)
+    gap = predicted_heights(model, inputs, times) - predicted_heights(M1, inputs, times)
+    assert np.max(np.abs(gap)) > 1e-4
+
+
+def test_loss_of_liquid_is_that_of_both_axes(integrated, same):
+    rate, tank = 0.01, Rectangle(0.12, 0.05, 0.05)
+    model = Model(tank, damping_ratio=ZETA).with_effect("fill_loss", rate=rate)
+
+    def derivative(t, s):
+        slopes = []
+        for axis, length in ((0, 0.12), (1, 0.05)):
+            factor = math.pi / length * math.tanh(math.pi * (0.05 - rate * t) / length)
+            omega = math.sqrt(GRAVITY * factor)
+            drag = 2.0 * ZETA * omega * s[2 + axis]
+            slopes.append(-drag - omega**2 * s[axis] - push(t)[axis])
+        return [s[2], s[3], *slopes]
+
+    expected = integrated(derivative, T)
+    same(run(model).modal[:, 0, :2], expected[:, :2], 1e-6)
+    deep = np.tanh(np.multiply.outer(0.05 - rate * T, [math.pi / 0.12, math.pi / 0.05]))
+    same(run(model).sh_y, math.pi / 2.0 * deep[:, 1] * expected[:, 1], 1e-6)
+
+
+@pytest.mark.parametrize(
+    "name", ["anisotropic_stiffness", "surface_nonlinearity", "visible_arc", "yaw_coupling"]
+)
+def test_what_a_rectangle_cannot_have_is_refused(name):
+    with pytest.raises(SloshModelError) as caught:
+        M1.with_effect(name, **example_parameters(EFFECTS[name]))
+    assert str(caught.value) == f"effect {name!r} is not for a rectangle"
+    with pytest.raises(SloshModelError, match="effect 'pendulum_nonlinearity' is not for a cyl"):
+        Model(Cylinder(0.05, 0.07)).with_effect("pendulum_nonlinearity")
+
+
+def test_twins_are_those_of_the_shape():
+    assert [model.name for model in (M1, M1.nonlinear(), M1.spatial())] == [
+        "2D-L",
+        "2D-NL",
+        "3D-L",
+    ]
+    assert M1.nonlinear().has("pendulum_nonlinearity")
+    assert M1.nonlinear().linear() == M1
