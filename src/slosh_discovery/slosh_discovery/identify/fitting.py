@@ -1,0 +1,239 @@
+"""Least squares that bears coloured noise and outliers, with the covariance that belongs to it.
+
+The residual is freed of its colour, and what still stands out counts by its size, not by its
+square (Huber). Colour and fit are found in turns. The covariance is the sandwich A⁻¹BA⁻¹ of an
+M-estimator: A from the slopes of Huber's function, B from the scores of whole images, also of
+neighbouring ones. So what the colour leaves counts, and what the heights of one image share.
+
+The solver is the trust-region reflective form of Levenberg-Marquardt: it keeps to bounds, as a
+damping ratio must, and takes a loss, and away from the bounds it ends where MINPACK's does.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+from scipy.optimize import least_squares
+
+from slosh_discovery.identify.colour import Colour, Neighbours, estimate_colour, neighbours_of
+from slosh_discovery.identify.problem import Problem
+
+Array = NDArray[np.float64]
+
+HUBER = 2.0
+"""Residuals beyond so many standard deviations count by their size; 1 % of the efficiency."""
+TURNS = 3
+"""Of fit and colour."""
+TOLERANCE = 1e-9
+EVALUATIONS = 60
+LAGS = 3
+"""Neighbouring images whose scores count together."""
+SINGULAR = 1e-12
+"""Relative size of eigenvalues of the information that are none."""
+DIFFER = 0.99
+"""Motions differ where their scores scatter more than those of 99 of 100 equal ones would."""
+LEAST_MOTIONS = 5
+"""Scores of fewer motions tell of no scatter between them."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Estimate:
+    """A fit.
+
+    Attributes:
+        problem: what was fitted.
+        vector: (V,) parameters, then nuisances.
+        covariance: (V, V) of the vector.
+        colour: of the noise.
+        residual: (N,) measured minus predicted [m].
+        jacobian: (N, V) of the residual.
+        outliers: share of the samples that stand out.
+        scatter: by how much the standard errors were raised, as motions differ by more than their
+            noise explains; 1: they do not.
+        degrees: of freedom for confidence intervals.
+    """
+
+    problem: Problem
+    vector: Array
+    covariance: Array
+    colour: Colour
+    residual: Array
+    jacobian: Array
+    outliers: float
+    scatter: float
+    degrees: float
+
+    @property
+    def values(self) -> Array:
+        """(P,) of the parameters."""
+        return self.vector[: len(self.problem.parameters)]
+
+    @property
+    def shared(self) -> Array:
+        """(P, P) covariance of the parameters."""
+        count = len(self.problem.parameters)
+        return self.covariance[:count, :count]
+
+    @property
+    def standard_errors(self) -> Array:
+        """(P,) of the parameters."""
+        errors: Array = np.sqrt(np.diag(self.shared))
+        return errors
+
+    @property
+    def correlations(self) -> Array:
+        """(P, P) of the parameters."""
+        errors = self.standard_errors
+        scale = np.where(errors > 0.0, errors, 1.0)
+        correlations: Array = self.shared / np.outer(scale, scale)
+        return correlations
+
+    def interval(self, confidence: float = 0.95) -> tuple[Array, Array]:
+        """(P,) lower and upper ends of the parameters' confidence intervals."""
+        reach = self.quantile(confidence) * self.standard_errors
+        return self.values - reach, self.values + reach
+
+    def quantile(self, confidence: float = 0.95) -> float:
+        """Half width of a confidence interval in standard errors."""
+        return float(stats.t.ppf(0.5 + 0.5 * confidence, self.degrees))
+
+    def band(self) -> Array:
+        """(N,) standard error of the predicted heights [m]."""
+        variances = np.einsum("ij,jk,ik->i", self.jacobian, self.covariance, self.jacobian)
+        band: Array = np.sqrt(np.maximum(variances, 0.0))
+        return band
+
+
+def fit(problem: Problem, start: Array) -> Estimate:
+    """Fits parameters and nuisances.
+
+    Args:
+        problem: the data and what is free.
+        start: (V,) where to begin.
+    """
+    neighbours = neighbours_of(problem.trials)
+    vector = start
+    residual = problem.residuals([vector])[:, 0]
+    colour = Colour(estimate_colour(residual, neighbours, 0).stddev, 0.0)
+    bounds = problem.bounds(start)
+    for turn in range(TURNS):
+        if turn:
+            colour = estimate_colour(residual, neighbours, problem.size)
+        if problem.size:
+            vector = _solve(problem, neighbours, colour, vector, bounds)
+        residual = problem.residuals([vector])[:, 0]
+    colour = estimate_colour(residual, neighbours, problem.size)
+    return _estimate(problem, neighbours, colour, vector, residual)
+
+
+def information(problem: Problem, vector: Array, colour: Colour) -> Array:
+    """(P, P) what the data tell of the parameters, the nuisances being unknown, too."""
+    white = neighbours_of(problem.trials).whitened(problem.derivative(vector), colour)
+    return shared_information(white.T @ white, len(problem.parameters))
+
+
+def shared_information(full: Array, count: int) -> Array:
+    """(P, P) from that of the whole vector (V, V): the Schur complement of the nuisances."""
+    own = full[count:, count:]
+    mixed = full[:count, count:]
+    shared: Array = full[:count, :count] - mixed @ np.linalg.pinv(own, SINGULAR, True) @ mixed.T
+    return shared
+
+
+def _solve(
+    problem: Problem,
+    neighbours: Neighbours,
+    colour: Colour,
+    vector: Array,
+    bounds: tuple[Array, Array],
+) -> Array:
+    lower, upper = bounds
+    inside = 1e-9 * (upper - lower)
+    solution = least_squares(
+        lambda v: neighbours.whitened(problem.residuals([v])[:, 0], colour),
+        np.clip(vector, lower + inside, upper - inside),
+        jac=lambda v: neighbours.whitened(problem.derivative(v), colour),
+        bounds=bounds,
+        method="trf",
+        loss="huber",
+        f_scale=HUBER,
+        x_scale=problem.widths,
+        ftol=TOLERANCE,
+        xtol=TOLERANCE,
+        gtol=None,
+        max_nfev=EVALUATIONS,
+    )
+    found: Array = solution.x
+    return found
+
+
+def _estimate(
+    problem: Problem, neighbours: Neighbours, colour: Colour, vector: Array, residual: Array
+) -> Estimate:
+    white = neighbours.whitened(residual, colour)
+    jacobian = problem.derivative(vector)
+    scaled = neighbours.whitened(jacobian, colour) * problem.widths
+    inside = np.abs(white) < HUBER
+    slopes = scaled.T @ (scaled * inside[:, np.newaxis])
+    scores = _frame_scores(scaled * np.clip(white, -HUBER, HUBER)[:, np.newaxis], neighbours)
+    frames = len(scores)
+    degrees = max(frames - problem.size, 1)
+    inverse: Array = np.linalg.pinv(slopes, SINGULAR, True).astype(np.float64)
+    covariance = np.asarray(inverse @ _spread(scores) @ inverse, np.float64) * (frames / degrees)
+    scatter = _scatter(problem, scores, inverse, covariance)
+    widths = problem.widths
+    return Estimate(
+        problem=problem,
+        vector=vector,
+        covariance=scatter**2 * covariance * np.outer(widths, widths),
+        colour=colour,
+        residual=residual,
+        jacobian=jacobian,
+        outliers=float(np.mean(~inside)) if len(inside) else 0.0,
+        scatter=scatter,
+        degrees=float(degrees),
+    )
+
+
+def _frame_scores(scores: Array, neighbours: Neighbours) -> Array:
+    """(F, V) the scores of each image's heights together."""
+    summed = np.zeros((int(neighbours.frames[-1]) + 1, scores.shape[1]))
+    np.add.at(summed, neighbours.frames, scores)
+    return summed
+
+
+def _spread(scores: Array) -> Array:
+    """(V, V) variance of the scores' sum, with that of neighbours weighted down (Bartlett)."""
+    spread = scores.T @ scores
+    for lag in range(1, min(LAGS, len(scores) - 1) + 1):
+        together = scores[lag:].T @ scores[:-lag]
+        spread += (1.0 - lag / (LAGS + 1.0)) * (together + together.T)
+    # Weighted so, it has no negative variance but by rounding.
+    values, vectors = np.linalg.eigh(spread)
+    even: Array = (vectors * np.maximum(values, 0.0)) @ vectors.T
+    return even
+
+
+def _scatter(problem: Problem, scores: Array, inverse: Array, covariance: Array) -> float:
+    """By how much motions differ more than their noise explains; 1: they do not.
+
+    Each motion's score says where it would draw the parameters; their scatter is compared with
+    the covariance, the parameters taken together.
+    """
+    count, motions = len(problem.parameters), len(problem.trials)
+    if motions < LEAST_MOTIONS or not count:
+        return 1.0
+    ends = np.cumsum([len(trial.prepared.t) for trial in problem.trials])[:-1]
+    own = np.array([part.sum(axis=0) for part in np.split(scores, ends)])
+    drawn = (own @ inverse)[:, :count]
+    expected = np.linalg.pinv(covariance[:count, :count], SINGULAR, True)
+    square = float(np.einsum("mi,ij,mj->", drawn, expected, drawn)) / count
+    degrees = count * (motions - 1)
+    ratio = square * motions / (motions - 1)
+    if ratio * degrees < stats.chi2.ppf(DIFFER, degrees):
+        return 1.0
+    return math.sqrt(ratio)

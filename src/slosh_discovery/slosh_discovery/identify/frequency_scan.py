@@ -1,0 +1,71 @@
+"""Where the fit of a natural frequency starts.
+
+A wave of a slightly wrong frequency falls out of step within a long record, and the sum of squares
+has a valley at each step. So frequencies around the model's are tried before the fit, each with
+dampings like the model's and larger ones, as that of a formula may be far too small.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_discovery.identify.parameters import DAMPING, FREQUENCY
+from slosh_discovery.identify.problem import Problem
+from slosh_discovery.identify.trials import Trial
+
+Array = NDArray[np.float64]
+
+SPAN = 1.3
+"""Frequencies up to this factor from the model's are tried."""
+PHASE = 1.0
+"""Between two of them waves part by so much over the record [rad]."""
+FEWEST, MOST = 15, 120
+DAMPINGS = (1.0, 3.0, 8.0)
+"""In units of the model's."""
+TRIALS = 3
+"""So many motions are enough to tell."""
+
+
+def scanned_start(problem: Problem) -> Array:
+    """(P,) where the parameters start: with the frequency and damping that fit best."""
+    starts = problem.starts
+    names = [parameter.name for parameter in problem.parameters]
+    if FREQUENCY not in names:
+        return starts
+    place = names.index(FREQUENCY)
+    reduced = replace(problem, trials=_distinct(problem))
+    values = []
+    for factor in DAMPINGS if DAMPING in names else (1.0,):
+        for frequency in _grid(reduced, starts[place]):
+            value = starts.copy()
+            value[place] = frequency
+            if DAMPING in names:
+                value[names.index(DAMPING)] *= factor
+            values.append(value)
+    residuals = reduced.residuals([reduced.start(value) for value in values])
+    # By sizes, not squares: outliers must not choose.
+    costs = np.sum(np.abs(residuals), axis=0)
+    best: Array = values[int(np.argmin(costs))]
+    return best
+
+
+def _distinct(problem: Problem) -> tuple[Trial, ...]:
+    """The longest trials of different operating points, some of them."""
+    firsts = {trial.point: trial for trial in reversed(problem.trials)}
+    longest = sorted(firsts.values(), key=lambda trial: -float(np.ptp(trial.prepared.t)))
+    return tuple(longest[:TRIALS])
+
+
+def _grid(problem: Problem, middle: float) -> Array:
+    model = problem.model
+    damping = model.mode_constants()[0].damping_ratio
+    record = max(float(np.ptp(trial.prepared.t)) for trial in problem.trials)
+    remembered = min(record, 1.0 / max(damping * middle, 1e-6))
+    count = math.ceil(math.log(SPAN**2) * middle * remembered / PHASE)
+    half = min(max(count, FEWEST), MOST) // 2
+    grid: Array = middle * SPAN ** (np.arange(-half, half + 1) / half)
+    return grid

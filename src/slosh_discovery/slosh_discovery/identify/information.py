@@ -1,0 +1,154 @@
+"""Which parameters the motions tell of, and which motion would tell of the others."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_discovery.discover.problem import LONGEST_STEP
+from slosh_discovery.discover.separating_families import FAMILIES, Motion, inputs_of, text_of
+from slosh_discovery.identify.colour import Colour
+from slosh_discovery.identify.fitting import information
+from slosh_discovery.identify.problem import STEP, Problem
+from slosh_model.batch import wall_heights
+from slosh_model.measure import measured_heights
+from slosh_model.simulate import Inputs, Response
+
+Array = NDArray[np.float64]
+
+UNKNOWN = 1.0
+"""A direction whose standard error exceeds what is known without any data is not identified."""
+INVOLVED = 0.3
+"""Share of a direction from which on a parameter belongs to it."""
+ENOUGH = 2.0
+"""The simplest motion, the first of the list, may tell so many times less than the best."""
+FREQUENCIES = (0.4, 0.8, 1.0)
+"""Of the motions that are tried, relative to the natural frequency,"""
+ACCELERATIONS = (1.0, 4.0)
+"""and their greatest accelerations [m/s²]."""
+SAMPLES = 60.0
+"""Heights a second of a motion that is tried [Hz]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Unidentified:
+    """A parameter that the motions do not tell of.
+
+    Attributes:
+        name: of the parameter; it keeps its value.
+        with_others: those from which the motions cannot tell it apart; empty: no motion moves it.
+        error: its standard error from these motions, relative to what is known without them.
+        help: the motion that would tell of it, in words; empty: none in the list does.
+        inputs: of that motion.
+        helped: the error with it.
+    """
+
+    name: str
+    with_others: tuple[str, ...]
+    error: float
+    help: str = ""
+    inputs: Inputs | None = None
+    helped: float = float("nan")
+
+
+def unidentified(
+    problem: Problem, vector: Array, colour: Colour
+) -> tuple[tuple[str, ...], list[Unidentified]]:
+    """Parts the parameters into those that the motions tell of, and the others.
+
+    The one that takes the largest part in the least known direction is held, of equals the one
+    named last, until what is left is known.
+
+    Args:
+        problem: the data and what is free.
+        vector: (V,) about where the fit is.
+        colour: of the noise.
+
+    Returns:
+        the names of the parameters that can be fitted, and the others.
+    """
+    widths = problem.widths[: len(problem.parameters)]
+    known = information(problem, vector, colour) * np.outer(widths, widths)
+    names = [parameter.name for parameter in problem.parameters]
+    left, held = list(range(len(names))), []
+    while left:
+        values, vectors = np.linalg.eigh(known[np.ix_(left, left)])
+        if values[0] * UNKNOWN**2 >= 1.0:
+            break
+        shares = np.abs(vectors[:, 0])
+        worst = len(left) - 1 - int(np.argmax(shares[::-1] > shares.max() - 1e-3))
+        others = [names[left[i]] for i in np.flatnonzero(shares > INVOLVED) if i != worst]
+        error = float(1.0 / np.sqrt(max(values[0], 1e-300)))
+        held.append(_with_help(problem, vector, colour, known, left, left[worst], others, error))
+        del left[worst]
+    return tuple(names[i] for i in left), held
+
+
+def _with_help(
+    problem: Problem,
+    vector: Array,
+    colour: Colour,
+    known: Array,
+    left: Sequence[int],
+    worst: int,
+    others: Sequence[str],
+    error: float,
+) -> Unidentified:
+    """With the first motion that makes the least known direction about as known as any does."""
+    found = []
+    for motion, inputs, gained in _candidates(problem, vector, colour):
+        together = known[np.ix_(left, left)] + gained[np.ix_(left, left)]
+        least = max(float(np.linalg.eigvalsh(together)[0]), 1e-300)
+        found.append((float(1.0 / np.sqrt(least)), motion, inputs))
+    best = min((entry[0] for entry in found), default=np.inf)
+    name = problem.parameters[worst].name
+    if best > UNKNOWN:
+        return Unidentified(name, tuple(others), error)
+    helped, motion, inputs = next(entry for entry in found if entry[0] <= ENOUGH * best)
+    return Unidentified(name, tuple(others), error, text_of(motion), inputs, helped)
+
+
+def _candidates(
+    problem: Problem, vector: Array, colour: Colour
+) -> Iterator[tuple[Motion, Inputs, Array]]:
+    """Motions with the information (P, P) that each would add, in the parameters' widths."""
+    model = problem.model_at(vector)
+    if model is None:
+        return
+    first = model.mode_frequency(1) / (2.0 * np.pi)
+    for family, share, acceleration in product(FAMILIES, FREQUENCIES, ACCELERATIONS):
+        motion = Motion(family, share * first, acceleration)
+        inputs = inputs_of(motion)
+        jacobian = _answers_change(problem, vector, inputs)
+        if jacobian is not None:
+            spacing = float(np.median(np.diff(inputs.t)))
+            coloured = (1.0 - colour.correlation) / (1.0 + colour.correlation)
+            weight = SAMPLES * spacing * coloured / colour.stddev**2
+            yield motion, inputs, weight * jacobian.T @ jacobian
+
+
+def _answers_change(problem: Problem, vector: Array, inputs: Inputs) -> Array | None:
+    """(N, P) by how much the heights change with each parameter [m per width]; None: no answer."""
+    azimuths = problem.trials[0].prepared.azimuths
+    columns = []
+    for place, parameter in enumerate(problem.parameters):
+        heights, ends = [], []
+        for sign in (1.0, -1.0):
+            moved = vector.copy()
+            value = moved[place] + sign * STEP * parameter.width
+            moved[place] = min(max(value, parameter.lower), parameter.upper)
+            model = problem.model_at(moved)
+            if model is None:
+                return None
+            (liquid,) = wall_heights(model, inputs, max_step=LONGEST_STEP)
+            response = Response(inputs.t, liquid[:, 0], liquid[:, 1], np.empty((0, 0, 4)))
+            heights.append(measured_heights(model, response, azimuths).ravel())
+            ends.append(float(moved[place]))
+        change = (heights[0] - heights[1]) / (ends[0] - ends[1])
+        columns.append(parameter.width * change)
+    jacobian = np.column_stack(columns)
+    return jacobian if np.isfinite(jacobian).all() else None

@@ -1,0 +1,144 @@
+"""What of a model can be fitted: damping, natural frequency, fill height, effects' parameters."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_discovery.discover.explanation import plausible
+from slosh_discovery.errors import SloshDiscoveryError
+from slosh_model.effects.base import Parameter
+from slosh_model.effects.registry import EFFECTS
+from slosh_model.errors import SloshModelError
+from slosh_model.model import Model
+
+Array = NDArray[np.float64]
+
+DAMPING, FREQUENCY = "damping_ratio", "natural_frequency"
+FILL_HEIGHT = "container.fill_height"
+DEFAULT = (FREQUENCY, DAMPING)
+"""What every container has and no formula knows exactly."""
+ALIASES = {"p": "accel_gain.gain", "fill_height": FILL_HEIGHT}
+"""TM20's factor p of the acceleration is ω₀²/g times the gain (eq. (10))."""
+FREQUENCY_SPAN = 2.0
+"""A measured frequency lies within this factor of the model's,"""
+FREQUENCY_WIDTH = 0.1
+"""and usually within this share of it."""
+FILL_SPAN = 2.0
+FILL_WIDTH = 0.2
+MOST_DAMPING = 0.9
+DAMPING_WIDTH = 0.02
+"""Damping ratios of liquids on robots differ by so much."""
+
+
+@dataclass(frozen=True, slots=True)
+class FreeParameter:
+    """A parameter that is fitted.
+
+    Attributes:
+        name: as in model.yaml: `damping_ratio`, `natural_frequency`, `container.fill_height`,
+            `EFFECT.PARAMETER`.
+        unit: SI unit, "1" for none.
+        start: where the fit begins.
+        lower, upper: bounds.
+        width: what is known of it before any data: it lies about so far from its start. Motions
+            that tell no more do not identify it.
+    """
+
+    name: str
+    unit: str
+    start: float
+    lower: float
+    upper: float
+    width: float
+
+
+def free_parameters(model: Model, names: Sequence[str]) -> tuple[FreeParameter, ...]:
+    """The parameters of these names, which start as the model has them.
+
+    Raises:
+        SloshDiscoveryError: none of a name, a name twice, or none at all.
+    """
+    if not names:
+        raise SloshDiscoveryError("no parameter to fit; name one (--fit)")
+    full = [ALIASES.get(name, name) for name in names]
+    for index, name in enumerate(full):
+        if name in full[:index]:
+            raise SloshDiscoveryError(f"--fit names {name} twice")
+    return tuple(_parameter(model, name) for name in full)
+
+
+def fitted_model(model: Model, values: Mapping[str, float]) -> Model | None:
+    """The model with these values of its parameters; None: together they are impossible."""
+    try:
+        effects: dict[str, dict[str, float]] = {}
+        for name, value in values.items():
+            if name == DAMPING:
+                model = replace(model, damping_ratio=value)
+            elif name == FREQUENCY:
+                model = replace(model, natural_frequency=value)
+            elif name == FILL_HEIGHT:
+                model = replace(model, container=replace(model.container, fill_height=value))
+            else:
+                effect, parameter = name.split(".")
+                effects.setdefault(effect, _values(model, effect))[parameter] = value
+        for effect, parameters in effects.items():
+            model = model.with_effect(effect, **parameters)
+    except SloshModelError:
+        return None
+    return model
+
+
+def _parameter(model: Model, name: str) -> FreeParameter:
+    if name == DAMPING:
+        start = _bare(model).mode_constants()[0].damping_ratio
+        return FreeParameter(name, "1", start, 0.0, MOST_DAMPING, max(DAMPING_WIDTH, start))
+    if name == FREQUENCY:
+        start = model.mode_frequency(1)
+        low, high = start / FREQUENCY_SPAN, start * FREQUENCY_SPAN
+        return FreeParameter(name, "rad/s", start, low, high, FREQUENCY_WIDTH * start)
+    if name == FILL_HEIGHT:
+        start, rim = model.container.fill_height, model.container.rim_height
+        high = min(start * FILL_SPAN, math.inf if rim is None else math.nextafter(rim, 0.0))
+        return FreeParameter(name, "m", start, start / FILL_SPAN, high, FILL_WIDTH * start)
+    return _effect_parameter(model, name)
+
+
+def _effect_parameter(model: Model, name: str) -> FreeParameter:
+    effect, _, wanted = name.partition(".")
+    parameters = EFFECTS[effect].parameters if effect in EFFECTS else ()
+    parameter = next((entry for entry in parameters if entry.name == wanted), None)
+    if parameter is None or parameter.choices is not None:
+        known = [*ALIASES, *DEFAULT, FILL_HEIGHT, "EFFECT.PARAMETER of docs/effects"]
+        raise SloshDiscoveryError(
+            f"--fit {name!r:.60}: no such parameter (known: {', '.join(known)})"
+        )
+    low, high = plausible(parameter)
+    start = _values(model, effect)[wanted]
+    width = 0.5 * (high - low)
+    return FreeParameter(name, parameter.unit, start, parameter.lower, parameter.upper, width)
+
+
+def _values(model: Model, effect: str) -> dict[str, float]:
+    """An effect's parameters as the model has them, or where they do as good as nothing."""
+    for use in model.effects:
+        if use.name == effect:
+            return dict(use.parameters)
+    return {entry.name: _quiet(entry) for entry in EFFECTS[effect].parameters}
+
+
+def _quiet(parameter: Parameter) -> float:
+    if parameter.neutral is not None and math.isfinite(parameter.neutral):
+        return parameter.neutral
+    if parameter.default is not None:
+        return parameter.default
+    low, high = plausible(parameter)
+    return 0.5 * (low + high)
+
+
+def _bare(model: Model) -> Model:
+    return replace(model, effects=())

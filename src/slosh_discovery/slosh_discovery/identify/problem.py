@@ -1,0 +1,223 @@
+"""The least-squares problem: measured minus predicted heights, by parameters and nuisances.
+
+Nuisances are a motion's own: the offset of its clock where inputs and heights have two, and the
+state in which a free decay begins. A still level that is unknown is taken out of the residual.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_discovery.discover.fitting import CLOCK_SPAN
+from slosh_discovery.discover.problem import LONGEST_STEP, Answer
+from slosh_discovery.identify.free_decay import decayed, guessed_state, state_basis
+from slosh_discovery.identify.parameters import FreeParameter, fitted_model
+from slosh_discovery.identify.trials import Trial
+from slosh_model.batch import wall_heights
+from slosh_model.model import Model
+from slosh_model.simulate import Inputs
+
+Array = NDArray[np.float64]
+
+STEP = 1e-4
+"""Step of the derivatives, relative to a parameter's width."""
+CLOCK_WIDTH = 0.05
+"""What is known of a clock's offset [s]."""
+STATE_SPAN = 3.0
+"""A decay's first state lies within so many heights of its wave."""
+IMPOSSIBLE = 1.0
+"""Residual where a model has no answer [m]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Problem:
+    """Residuals of a model over several trials.
+
+    Attributes:
+        model: whose parameters are fitted.
+        parameters: (P,) those that are.
+        trials: the data.
+        clocks, states: for each trial its places in the vector behind the parameters: of the clock
+            offset, and of the state's components; empty: none.
+        size: V, length of the vector: parameters, then nuisances.
+    """
+
+    model: Model
+    parameters: tuple[FreeParameter, ...]
+    trials: tuple[Trial, ...]
+    clocks: tuple[tuple[int, ...], ...] = field(init=False)
+    states: tuple[tuple[int, ...], ...] = field(init=False)
+    size: int = field(init=False)
+
+    def __post_init__(self) -> None:
+        at = len(self.parameters)
+        clocks, states = [], []
+        for trial in self.trials:
+            clock = 0 if trial.prepared.motion.same_clock else 1
+            state = state_basis(trial.prepared).shape[1] if trial.free else 0
+            clocks.append(tuple(range(at, at + clock)))
+            states.append(tuple(range(at + clock, at + clock + state)))
+            at += clock + state
+        for name, value in (("clocks", tuple(clocks)), ("states", tuple(states)), ("size", at)):
+            object.__setattr__(self, name, value)
+
+    @property
+    def starts(self) -> Array:
+        """(P,) of the parameters."""
+        return np.array([parameter.start for parameter in self.parameters])
+
+    def start(self, values: Array) -> Array:
+        """(V,) the parameters' values, and nuisances that suit them."""
+        vector = np.zeros(self.size)
+        vector[: len(values)] = values
+        model = self.model_at(vector)
+        for trial, clock, state in zip(self.trials, self.clocks, self.states, strict=True):
+            vector[list(clock)] = trial.clock_offset
+            if state and model is not None:
+                vector[list(state)] = guessed_state(trial.prepared, model)
+        return vector
+
+    def bounds(self, start: Array) -> tuple[Array, Array]:
+        """(V,) lower and upper."""
+        reach = self.widths * np.where(np.arange(self.size) < len(self.parameters), 0.0, 1.0)
+        for clock in self.clocks:
+            reach[list(clock)] = CLOCK_SPAN
+        for state in self.states:
+            reach[list(state)] *= STATE_SPAN
+        lower, upper = start - reach, start + reach
+        for place, parameter in enumerate(self.parameters):
+            lower[place], upper[place] = parameter.lower, parameter.upper
+        return lower, upper
+
+    @property
+    def widths(self) -> Array:
+        """(V,) what is known of parameters and nuisances before any data."""
+        widths = np.full(self.size, CLOCK_WIDTH)
+        widths[: len(self.parameters)] = [parameter.width for parameter in self.parameters]
+        gain = self.model.height_gains()[0]
+        for trial, state in zip(self.trials, self.states, strict=True):
+            widths[list(state)] = np.nanmax(np.abs(trial.prepared.heights)) / gain
+        return widths
+
+    def model_at(self, vector: Array) -> Model | None:
+        """The model with the vector's parameters; None: they are impossible."""
+        values = {p.name: float(v) for p, v in zip(self.parameters, vector, strict=False)}
+        return fitted_model(self.model, values)
+
+    def predicted(self, vectors: Sequence[Array]) -> list[list[Array | None]]:
+        """For each vector and trial the heights (M, K) at the measured times [m]; None: none."""
+        models = [self.model_at(vector) for vector in vectors]
+        liquid = self._from_rest(models)
+        return [
+            [
+                None if model is None else self._heights(trial, index, model, vector, rows)
+                for index, trial in enumerate(self.trials)
+            ]
+            for model, vector, rows in zip(models, vectors, liquid, strict=True)
+        ]
+
+    def residuals(self, vectors: Sequence[Array]) -> Array:
+        """(N, number of vectors) measured minus predicted [m], all kept heights in a row."""
+        columns = []
+        for answers in self.predicted(vectors):
+            parts = [self._part(t, a) for t, a in zip(self.trials, answers, strict=True)]
+            columns.append(np.concatenate(parts))
+        count = sum(trial.count for trial in self.trials)
+        return np.column_stack(columns) if columns else np.empty((count, 0))
+
+    def derivative(self, vector: Array) -> Array:
+        """(N, V) of the residual, by central differences.
+
+        A trial's residual knows its own nuisances alone, so that all trials' first ones are moved
+        at a time, and so on.
+        """
+        groups = self._moved_together()
+        moved = [other for group in groups for other in self._moved(vector, group)]
+        residuals = self.residuals(moved)
+        ends = np.cumsum([0, *(trial.count for trial in self.trials)])
+        jacobian = np.zeros((len(residuals), self.size))
+        for number, group in enumerate(groups):
+            ahead, behind = 2 * number, 2 * number + 1
+            change = residuals[:, ahead] - residuals[:, behind]
+            for place, trial in group:
+                rows = slice(None) if trial is None else slice(ends[trial], ends[trial + 1])
+                jacobian[rows, place] = change[rows] / (moved[ahead][place] - moved[behind][place])
+        return jacobian
+
+    def _moved_together(self) -> list[list[tuple[int, int | None]]]:
+        """Places of the vector that are moved at a time, each with the trial that it is of."""
+        groups: list[list[tuple[int, int | None]]] = [
+            [(place, None)] for place in range(len(self.parameters))
+        ]
+        own = [(*clock, *state) for clock, state in zip(self.clocks, self.states, strict=True)]
+        most = max(map(len, own), default=0)
+        groups += [
+            [(places[n], trial) for trial, places in enumerate(own) if len(places) > n]
+            for n in range(most)
+        ]
+        return groups
+
+    def _moved(self, vector: Array, group: list[tuple[int, int | None]]) -> list[Array]:
+        """The vector with these places a step ahead and a step back, within their bounds."""
+        places = [place for place, _ in group]
+        lower, upper = self.bounds(vector)
+        moved = []
+        for step in (STEP, -STEP):
+            other = vector.copy()
+            other[places] += step * self.widths[places]
+            moved.append(np.clip(other, lower, upper))
+        return moved
+
+    def _from_rest(self, models: Sequence[Model | None]) -> list[dict[int, Array]]:
+        """For each model the liquid's heights at the inputs, by the inputs' identity."""
+        inputs: dict[int, Inputs] = {
+            id(trial.prepared.coarse): trial.prepared.coarse
+            for trial in self.trials
+            if not trial.free
+        }
+        pairs = [
+            (number, one)
+            for number, model in enumerate(models)
+            if model is not None
+            for one in inputs.values()
+        ]
+        found: list[dict[int, Array]] = [{} for _ in models]
+        if pairs:
+            rows = wall_heights(
+                [models[number] for number, _ in pairs],  # type: ignore[misc]
+                [one for _, one in pairs],
+                max_step=LONGEST_STEP,
+            )
+            for (number, one), heights in zip(pairs, rows, strict=True):
+                found[number][id(one)] = heights
+        return found
+
+    def _heights(
+        self, trial: Trial, index: int, model: Model, vector: Array, liquid: dict[int, Array]
+    ) -> Array | None:
+        prepared = trial.prepared
+        if trial.free:
+            state = state_basis(prepared) @ vector[list(self.states[index])]
+            heights = decayed(prepared, model, state)
+        else:
+            heights = liquid[id(prepared.coarse)]
+        answer: Answer | None = prepared.answer(model, prepared.inputs_for(model), heights)
+        if answer is None:
+            return None
+        clock = self.clocks[index]
+        return answer.at(prepared.t, float(vector[clock[0]]) if clock else 0.0)
+
+    @staticmethod
+    def _part(trial: Trial, heights: Array | None) -> Array:
+        prepared = trial.prepared
+        if heights is None:
+            return np.full(trial.count, IMPOSSIBLE)
+        difference = (prepared.heights - heights)[prepared.kept]
+        difference = np.clip(np.nan_to_num(difference, nan=IMPOSSIBLE), -IMPOSSIBLE, IMPOSSIBLE)
+        if not prepared.motion.level_known:
+            difference = difference - difference.mean()
+        return difference

@@ -1,0 +1,163 @@
+"""What an identification found."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_discovery.identify.colour import Colour
+from slosh_discovery.identify.information import Unidentified
+from slosh_discovery.identify.trials import OperatingPoint
+from slosh_model.model import Model
+
+Array = NDArray[np.float64]
+
+
+class Strategy(Enum):
+    """For how many operating points a model stands (TM20, §2.4)."""
+
+    SOSM = "sosm"
+    MOSM = "mosm"
+
+
+class Role(Enum):
+    """What a motion was used for."""
+
+    FIT = "fit"
+    HOLDOUT = "holdout"
+
+
+@dataclass(frozen=True, slots=True)
+class FoundParameter:
+    """A parameter with what is known of it.
+
+    Attributes:
+        name: as in model.yaml; of derived ones their own.
+        unit: SI unit, "1" for none.
+        before: what the model had.
+        value: what was found.
+        error: standard error.
+        lower, upper: ends of the 95 % interval.
+    """
+
+    name: str
+    unit: str
+    before: float
+    value: float
+    error: float
+    lower: float
+    upper: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class IdentifiedModel:
+    """A model and what it was identified from.
+
+    Attributes:
+        label: of the operating point; "all" for one of all motions.
+        speed: n [1/min]; NaN: of all, or none.
+        model: with its covariance.
+        parameters: those fitted.
+        derived: what follows from them: natural frequency and damping ratio of the first mode
+            where they were not fitted themselves, TM20's p.
+        correlations: (P, P) of the fitted parameters.
+        held: parameters that these motions do not tell of; they keep their values.
+        noise: of the measurement.
+        outliers: share of the heights that stand out.
+        scatter: by how much the standard errors were raised, as the motions differ by more than
+            their noise explains; 1: they do not.
+        seoe: root mean square residual over all its motions [m].
+    """
+
+    label: str
+    speed: float
+    model: Model
+    parameters: tuple[FoundParameter, ...]
+    derived: tuple[FoundParameter, ...]
+    correlations: Array
+    held: tuple[Unidentified, ...]
+    noise: Colour
+    outliers: float
+    scatter: float
+    seoe: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FittedMotion:
+    """A motion and what the identified model says of it.
+
+    Attributes:
+        name: of the motion.
+        point: label of its operating point.
+        role: what it was used for.
+        free_decay: whether its first state was fitted.
+        t: (M,) [s].
+        measured: (M, K) heights [m]; NaN: no sample.
+        azimuths: (K,) [rad]; None: the maximum over the wall.
+        before, after: (M, K) of the model that came in, and of the identified one [m].
+        band: (M, K) half width of the 95 % band of `after` [m].
+        clock_offset: measured minus inputs' clock [s].
+        seoe_before, seoe: root mean square residuals [m].
+        sigma, epsilon: mean absolute error of the highest height, relative error of its maximum.
+    """
+
+    name: str
+    point: str
+    role: Role
+    free_decay: bool
+    t: Array
+    measured: Array
+    azimuths: Array | None
+    before: Array
+    after: Array
+    band: Array
+    clock_offset: float
+    seoe_before: float
+    seoe: float
+    sigma: float
+    epsilon: float
+
+
+@dataclass(frozen=True, slots=True)
+class PointAgreement:
+    """How well the models describe an operating point.
+
+    Attributes:
+        point: the point.
+        repetitions: number of its motions.
+        before: root mean square residual of the model that came in [m].
+        sosm: of the model of this point alone [m]; NaN: there is none.
+        mosm: of the model of all points [m].
+    """
+
+    point: OperatingPoint
+    repetitions: int
+    before: float
+    sosm: float
+    mosm: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Identification:
+    """What was found.
+
+    Attributes:
+        base: the model that came in.
+        strategy: which of the models are the answer.
+        overall: of all motions.
+        single: one for each operating point; empty: not asked for.
+        points: how well they describe each operating point.
+        motions: what they say of each motion: the point's own where the strategy is SOSM.
+        remarks: what the reader must know, a sentence each.
+    """
+
+    base: Model
+    strategy: Strategy
+    overall: IdentifiedModel
+    single: tuple[IdentifiedModel, ...]
+    points: tuple[PointAgreement, ...]
+    motions: tuple[FittedMotion, ...]
+    remarks: tuple[str, ...]

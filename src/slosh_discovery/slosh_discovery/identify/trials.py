@@ -1,0 +1,248 @@
+"""Measured motions laid out for an identification: every sample, at its own time.
+
+Motions with equal inputs are repetitions of one operating point; they are simulated once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_discovery.discover.clock import first_offset
+from slosh_discovery.discover.input_series import REST
+from slosh_discovery.discover.motion import MeasuredMotion
+from slosh_discovery.discover.noise import estimate_noise
+from slosh_discovery.discover.problem import MOST_AZIMUTHS, PreparedMotion
+from slosh_discovery.discover_data.heights import sample_noise
+from slosh_model.interpolation import columns_at
+from slosh_model.model import Model
+from slosh_model.simulate import Inputs
+
+Array = NDArray[np.float64]
+Places = NDArray[np.int64]
+
+MOVES = 1e-4
+"""A container of less acceleration [m/s²] does not move: the liquid decays freely."""
+ALIKE = 1e-9
+"""Inputs that differ by less are the same motion."""
+SPEED_DIGITS = 3
+"""A motion's ends are told to a thousandth of its length."""
+CLEAR = 4.0
+"""A container moves where its acceleration exceeds so many standard deviations of its noise."""
+REPEATED = 0.1
+"""Accelerations that differ by less than this share are repetitions of one motion."""
+PAUSE, PAUSE_SAMPLES = 0.02, 5
+"""A dwell is longer than this share of the motion, and than so many samples."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Trial:
+    """A measured motion.
+
+    Attributes:
+        prepared: how it is compared with models.
+        point: number of its operating point.
+        clock_offset: measured minus inputs' clock, to start from [s].
+        free: whether it is a free decay: its state at the first sample is fitted, too.
+        before: (N,) for each kept height the one before in its series, -1: none.
+        lags: (N,) how many sampling intervals lie between the two.
+        frames: (N,) number of the image that the height comes from.
+    """
+
+    prepared: PreparedMotion
+    point: int
+    clock_offset: float
+    free: bool
+    before: Places
+    lags: Places
+    frames: Places
+
+    @property
+    def name(self) -> str:
+        """Of the motion."""
+        return self.prepared.motion.name
+
+    @property
+    def count(self) -> int:
+        """Number of heights."""
+        return len(self.before)
+
+
+@dataclass(frozen=True, slots=True)
+class OperatingPoint:
+    """Motions with the same inputs.
+
+    Attributes:
+        label: for people; the speed, or the first motion's name.
+        speed: n [1/min]; NaN: it has none.
+        motions: names.
+    """
+
+    label: str
+    speed: float
+    motions: tuple[str, ...]
+
+
+def make_trials(
+    motions: Sequence[MeasuredMotion], model: Model, ratio: float
+) -> tuple[tuple[Trial, ...], tuple[OperatingPoint, ...]]:
+    """Lays motions out.
+
+    Args:
+        motions: the data.
+        model: with which unknown clocks are laid over each other.
+        ratio: b, the share of a cycle in which the container moves; for the speeds' names.
+    """
+    kinds: list[Inputs] = []
+    firsts: list[Inputs] = []
+    merged: dict[tuple[int, bytes], Inputs] = {}
+    trials: list[Trial] = []
+    for motion in motions:
+        kind = _place(motion.inputs, kinds, _same)
+        kinds += [motion.inputs] if kind == len(kinds) else []
+        point = _place(motion.inputs, firsts, _repeated)
+        firsts += [motion.inputs] if point == len(firsts) else []
+        key = (kind, motion.t.tobytes() if motion.same_clock else b"")
+        if key not in merged:
+            merged[key] = _with_samples(kinds[kind], motion)
+        trials.append(_trial(motion, merged[key], point, model))
+    points = []
+    for number, inputs in enumerate(firsts):
+        group = [trial.name for trial in trials if trial.point == number]
+        speed = operating_speed(inputs, ratio)
+        label = group[0] if np.isnan(speed) else f"{speed:.4g} 1/min"
+        points.append(OperatingPoint(label, speed, tuple(group)))
+    return tuple(trials), _distinct(points)
+
+
+def operating_speed(inputs: Inputs, ratio: float) -> float:
+    """The speed n of a rise and dwell [1/min], by how long the container moves; NaN: it does not.
+
+    Of several cycles the first rise counts.
+    """
+    size = np.linalg.norm(inputs.acceleration, axis=1)
+    peak = float(size.max(initial=0.0))
+    moving = np.flatnonzero(size > max(REST * peak, CLEAR * sample_noise(size)))
+    if peak < MOVES or len(moving) < 2:
+        return float("nan")
+    t = inputs.t[moving]
+    # In the middle of its rise a law passes through zero, too, but that is soon over.
+    shortest = max(PAUSE_SAMPLES * float(np.median(np.diff(inputs.t))), PAUSE * (t[-1] - t[0]))
+    pauses = np.flatnonzero(np.diff(t) > shortest)
+    last = int(moving[pauses[0] if len(pauses) else -1])
+    end = float(inputs.t[min(last + 1, len(inputs.t) - 1)])
+    start = float(inputs.t[max(int(moving[0]) - 1, 0)])
+    return float(f"{60.0 * ratio / (end - start):.{SPEED_DIGITS}g}")
+
+
+def _distinct(points: Sequence[OperatingPoint]) -> tuple[OperatingPoint, ...]:
+    """The points with labels of their own: two motions may take the same time."""
+    labels = [point.label for point in points]
+    return tuple(
+        OperatingPoint(
+            point.label if labels.count(point.label) == 1 else point.motions[0],
+            point.speed,
+            point.motions,
+        )
+        for point in points
+    )
+
+
+def _place(
+    inputs: Inputs, known: Sequence[Inputs], alike: Callable[[Inputs, Inputs], bool]
+) -> int:
+    """Number of the known inputs that are alike; as many as there are: none."""
+    found = (number for number, other in enumerate(known) if alike(inputs, other))
+    return next(found, len(known))
+
+
+def _same(first: Inputs, second: Inputs) -> bool:
+    return (
+        len(first.t) == len(second.t)
+        and first.poses.shape == second.poses.shape
+        and np.allclose(first.t, second.t, rtol=0.0, atol=ALIKE)
+        and np.allclose(first.acceleration, second.acceleration, rtol=0.0, atol=ALIKE)
+        and np.allclose(first.poses, second.poses, rtol=0.0, atol=ALIKE)
+    )
+
+
+def _repeated(first: Inputs, second: Inputs) -> bool:
+    """Whether two inputs are the same motion but for noise and the time at which it began."""
+    if (len(first.poses) > 0) != (len(second.poses) > 0):
+        return False
+    size = max(float(np.sum(one.acceleration**2)) for one in (first, second))
+    if size == 0.0:
+        return True
+    shift = _centre(second) - _centre(first)
+    other = columns_at(first.t + shift, second.t, second.acceleration)
+    apart = float(np.sum((first.acceleration - other) ** 2))
+    noise = len(first.t) * sum(
+        sample_noise(column) ** 2 for one in (first, second) for column in one.acceleration.T
+    )
+    return apart - noise < REPEATED**2 * size
+
+
+def _centre(inputs: Inputs) -> float:
+    """The moment about which the acceleration lies [s]."""
+    power = np.sum(inputs.acceleration**2, axis=1)
+    total = float(np.sum(power))
+    return float(np.sum(power * inputs.t)) / total if total > 0.0 else float(inputs.t[0])
+
+
+def _with_samples(inputs: Inputs, motion: MeasuredMotion) -> Inputs:
+    """The inputs with samples at the heights' times, nothing averaged."""
+    if not motion.same_clock:
+        return inputs
+    t = np.union1d(inputs.t, motion.t[motion.t >= inputs.t[0]])
+    return inputs if len(t) == len(inputs.t) else inputs.resampled(t)
+
+
+def _trial(motion: MeasuredMotion, inputs: Inputs, point: int, model: Model) -> Trial:
+    prepared = _prepared(motion, inputs)
+    before, lags, frames = _neighbours(prepared)
+    moving = float(np.linalg.norm(motion.inputs.acceleration, axis=1).max(initial=0.0)) > MOVES
+    turning = len(motion.inputs.poses) > 0
+    offset = 0.0 if motion.same_clock else first_offset(prepared, model)
+    return Trial(prepared, point, offset, not moving and not turning, before, lags, frames)
+
+
+def _prepared(motion: MeasuredMotion, inputs: Inputs) -> PreparedMotion:
+    heights, azimuths = motion.heights, motion.eta_azimuth if motion.eta is not None else None
+    if azimuths is not None and len(azimuths) > MOST_AZIMUTHS:
+        columns = np.linspace(0, len(azimuths), MOST_AZIMUTHS, endpoint=False).astype(np.int64)
+        azimuths, heights = azimuths[columns], heights[:, columns]
+    used = np.isfinite(heights).any(axis=1)
+    t, heights = motion.t[used], heights[used]
+    rows = np.searchsorted(inputs.t, np.maximum(t, inputs.t[0])).clip(max=len(inputs.t) - 1)
+    return PreparedMotion(
+        motion=motion,
+        noise=estimate_noise(motion).stddev,
+        t=t,
+        azimuths=azimuths,
+        heights=heights,
+        kept=np.isfinite(heights),
+        coarse=inputs,
+        rows=rows,
+        fine=inputs,
+    )
+
+
+def _neighbours(prepared: PreparedMotion) -> tuple[Places, Places, Places]:
+    """Of each kept height, in the order of `kept`: the one before, the lag, the frame."""
+    kept = prepared.kept
+    spacing = float(np.median(np.diff(prepared.t)))
+    slots = np.round((prepared.t - prepared.t[0]) / spacing).astype(np.int64)
+    numbers = np.full(kept.shape, -1, dtype=np.int64)
+    numbers[kept] = np.arange(int(kept.sum()))
+    before = np.full(int(kept.sum()), -1, dtype=np.int64)
+    lags = np.ones_like(before)
+    for column in range(kept.shape[1]):
+        rows = np.flatnonzero(kept[:, column])
+        own = numbers[rows, column]
+        before[own[1:]] = own[:-1]
+        lags[own[1:]] = np.maximum(np.diff(slots[rows]), 1)
+    frames = np.broadcast_to(np.arange(len(kept))[:, np.newaxis], kept.shape)[kept]
+    return before, lags, frames

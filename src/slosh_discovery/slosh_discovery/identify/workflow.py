@@ -1,0 +1,360 @@
+"""The workflow: measured motions and a model in, identified models out."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_discovery.discover.motion import MeasuredMotion
+from slosh_discovery.discover.noise import whiteness
+from slosh_discovery.errors import SloshDiscoveryError
+from slosh_discovery.identify.colour import neighbours_of
+from slosh_discovery.identify.fitting import Estimate, fit
+from slosh_discovery.identify.frequency_scan import scanned_start
+from slosh_discovery.identify.information import Unidentified, unidentified
+from slosh_discovery.identify.parameters import (
+    ALIASES,
+    DAMPING,
+    DEFAULT,
+    FREQUENCY,
+    FreeParameter,
+    free_parameters,
+)
+from slosh_discovery.identify.problem import STEP, Problem
+from slosh_discovery.identify.result import (
+    FittedMotion,
+    FoundParameter,
+    Identification,
+    IdentifiedModel,
+    PointAgreement,
+    Role,
+    Strategy,
+)
+from slosh_discovery.identify.trials import OperatingPoint, Trial, make_trials
+from slosh_model.constants import GRAVITY
+from slosh_model.covariance import covariance_of
+from slosh_model.model import Model
+from slosh_report.metrics import mean_absolute_error, peak_error
+
+Array = NDArray[np.float64]
+Progress = Callable[[str, float], object]
+
+RATIO = 0.4
+"""TM20's share of a cycle in which the container moves."""
+ALL = "all"
+SURELY = 1e-3
+"""A residual is called more than noise where noise is that unlikely to look so."""
+FACTOR = "p"
+_NO_SPEED = OperatingPoint(ALL, float("nan"), ())
+
+
+def identify(
+    motions: Sequence[MeasuredMotion],
+    base: Model,
+    names: Sequence[str] = DEFAULT,
+    *,
+    strategy: Strategy = Strategy.MOSM,
+    holdout: Sequence[MeasuredMotion] = (),
+    ratio: float = RATIO,
+    progress: Progress | None = None,
+) -> Identification:
+    """Identifies a model's parameters from measured motions.
+
+    Args:
+        motions: from rest, or free decays.
+        base: the model; what is not fitted stays as it has it.
+        names: parameters to fit; see `parameters`.
+        strategy: one model for all motions (MOSM), or one for each operating point beside it.
+        holdout: motions that the fit does not see.
+        ratio: b, share of a cycle in which the container moves; for the names of speeds.
+        progress: told what is done and the share of it in [0, 1].
+
+    Raises:
+        SloshDiscoveryError: no motions, or parameters that cannot be fitted.
+    """
+    if not motions:
+        raise SloshDiscoveryError("no motion with measured heights: nothing to identify from")
+    told = progress or (lambda text, share: None)
+    told("preparing", 0.0)
+    free = free_parameters(base, names)
+    every = [*motions, *holdout]
+    trials, points = make_trials(every, base, ratio)
+    fitted, others = trials[: len(motions)], trials[len(motions) :]
+    told("all motions", 0.1)
+    overall = _identified(base, free, fitted, _NO_SPEED)
+    used = sorted({trial.point for trial in fitted})
+    single = {}
+    if strategy is Strategy.SOSM:
+        for number, place in enumerate(used):
+            told(points[place].label, 0.3 + 0.6 * number / len(used))
+            own = tuple(trial for trial in fitted if trial.point == place)
+            single[place] = _identified(base, free, own, points[place])
+    told("what they say of each motion", 0.9)
+    shown = tuple(
+        _shown(base, single.get(trial.point, overall), trial, points[trial.point].label, role)
+        for trial, role in (
+            *((trial, Role.FIT) for trial in fitted),
+            *((trial, Role.HOLDOUT) for trial in others),
+        )
+    )
+    agreements = tuple(
+        _agreement(points[place], place, overall, single.get(place), shown) for place in used
+    )
+    told("done", 1.0)
+    return Identification(
+        base=base,
+        strategy=strategy,
+        overall=overall.result,
+        single=tuple(single[place].result for place in used if place in single),
+        points=agreements,
+        motions=shown,
+        remarks=_remarks(overall),
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Identified:
+    """A result and the fit that it comes from."""
+
+    result: IdentifiedModel
+    estimate: Estimate
+
+
+def _identified(
+    base: Model,
+    free: tuple[FreeParameter, ...],
+    trials: tuple[Trial, ...],
+    point: OperatingPoint,
+) -> _Identified:
+    problem = Problem(base, free, trials)
+    estimate, held = _fit_known(problem)
+    problem = estimate.problem
+    names = tuple(parameter.name for parameter in problem.parameters)
+    found = problem.model_at(estimate.vector)
+    assert found is not None  # a fit ends within its bounds
+    model = replace(found, covariance=covariance_of(names, estimate.shared) if names else None)
+    result = IdentifiedModel(
+        label=point.label,
+        speed=point.speed,
+        model=model,
+        parameters=_found(estimate),
+        derived=_derived(base, estimate),
+        correlations=estimate.correlations,
+        held=held,
+        noise=estimate.colour,
+        outliers=estimate.outliers,
+        scatter=estimate.scatter,
+        seoe=float(np.sqrt(np.mean(estimate.residual**2))),
+    )
+    return _Identified(result, estimate)
+
+
+def _fit_known(problem: Problem) -> tuple[Estimate, tuple[Unidentified, ...]]:
+    """Fits what the motions tell of; what they do not keeps its value.
+
+    Raises:
+        SloshDiscoveryError: they tell of nothing.
+    """
+    held: list[Unidentified] = []
+    while True:
+        estimate = fit(problem, problem.start(scanned_start(problem)))
+        left, missing = unidentified(problem, estimate.vector, estimate.colour)
+        held += missing
+        if not missing or not left:
+            break
+        kept = tuple(one for one in problem.parameters if one.name in left)
+        problem = replace(problem, parameters=kept)
+    if not left:
+        raise SloshDiscoveryError(
+            f"these motions tell nothing of {', '.join(one.name for one in held)}: "
+            + (f"add {held[0].help}" if held[0].help else "other motions are needed")
+        )
+    return estimate, tuple(held)
+
+
+def _found(estimate: Estimate) -> tuple[FoundParameter, ...]:
+    lower, upper = estimate.interval()
+    rows = zip(
+        estimate.problem.parameters, estimate.values.tolist(), estimate.standard_errors.tolist(),
+        lower.tolist(), upper.tolist(), strict=True,
+    )  # fmt: skip
+    return tuple(
+        FoundParameter(
+            one.name, one.unit, one.start, value, error, max(low, one.lower), min(high, one.upper)
+        )
+        for one, value, error, low, high in rows
+    )
+
+
+def _derived(base: Model, estimate: Estimate) -> tuple[FoundParameter, ...]:
+    """Frequency and damping of the first mode, and p, where they are not parameters themselves."""
+    problem = estimate.problem
+    names = [parameter.name for parameter in problem.parameters]
+    wanted: list[tuple[str, str, Callable[[Model], float]]] = [
+        (FREQUENCY, "rad/s", lambda model: model.mode_constants()[0].natural_frequency),
+        (DAMPING, "1", lambda model: model.mode_constants()[0].damping_ratio),
+        (FACTOR, "1/m", _factor),
+    ]
+    found = []
+    for name, unit, of in wanted:
+        fitted = ALIASES[FACTOR] in names if name == FACTOR else name not in names
+        if fitted:
+            value, error = _propagated(estimate, of)
+            reach = estimate.quantile() * error
+            entry = (name, unit, of(base), value, error, value - reach, value + reach)
+            found.append(FoundParameter(*entry))
+    return tuple(found)
+
+
+def _factor(model: Model) -> float:
+    """TM20's p = gain ω₀²/g [1/m], eq. (10)."""
+    gain = next((u.parameters["gain"] for u in model.effects if u.name == "accel_gain"), 1.0)
+    return gain * model.mode_constants()[0].natural_frequency ** 2 / GRAVITY
+
+
+def _propagated(estimate: Estimate, of: Callable[[Model], float]) -> tuple[float, float]:
+    """A function of the model at the fit, and its standard error."""
+    problem, vector = estimate.problem, estimate.vector
+    gradient = np.zeros(len(problem.parameters))
+    for place, parameter in enumerate(problem.parameters):
+        ends = []
+        for sign in (1.0, -1.0):
+            moved = vector.copy()
+            value = moved[place] + sign * STEP * parameter.width
+            moved[place] = min(max(value, parameter.lower), parameter.upper)
+            ends.append((moved[place], of(_sure(problem.model_at(moved)))))
+        gradient[place] = (ends[0][1] - ends[1][1]) / (ends[0][0] - ends[1][0])
+    error = math.sqrt(max(float(gradient @ estimate.shared @ gradient), 0.0))
+    return of(_sure(problem.model_at(vector))), error
+
+
+def _sure(model: Model | None) -> Model:
+    assert model is not None  # next to a fit, within its bounds
+    return model
+
+
+def _shown(
+    base: Model, identified: _Identified, trial: Trial, label: str, role: Role
+) -> FittedMotion:
+    estimate, prepared = identified.estimate, trial.prepared
+    fitted = role is Role.FIT
+    own = estimate if fitted else _answered(identified.result.model, trial)
+    after, offset = _heights_and_clock(own, trial)
+    before, _ = _heights_and_clock(_answered(base, trial), trial)
+    band = np.full(prepared.kept.shape, np.nan)
+    if fitted:
+        band[prepared.kept] = estimate.quantile() * _own_part(estimate, trial, estimate.band())
+    measured, peaks = prepared.heights, _highest(prepared.heights, prepared.kept)
+    answered = _highest(after, prepared.kept)
+    return FittedMotion(
+        name=trial.name,
+        point=label,
+        role=role,
+        free_decay=trial.free,
+        t=prepared.t,
+        measured=measured,
+        azimuths=prepared.azimuths,
+        before=before,
+        after=after,
+        band=band,
+        clock_offset=offset,
+        seoe_before=_rms(measured - before),
+        seoe=_rms(measured - after),
+        sigma=mean_absolute_error(peaks, answered),
+        epsilon=peak_error(peaks, answered),
+    )
+
+
+def _answered(model: Model, trial: Trial) -> Estimate:
+    """A model's answer to one trial, with the trial's own nuisances fitted."""
+    problem = Problem(model, (), (trial,))
+    return fit(problem, problem.start(np.empty(0)))
+
+
+def _heights_and_clock(estimate: Estimate, trial: Trial) -> tuple[Array, float]:
+    """(M, K) heights on the measured clock and level [m], and the clock's offset [s]."""
+    problem = estimate.problem
+    place = problem.trials.index(trial)
+    heights = problem.predicted([estimate.vector])[0][place]
+    prepared, clock = trial.prepared, problem.clocks[place]
+    offset = float(estimate.vector[clock[0]]) if clock else 0.0
+    if heights is None:
+        return np.full(prepared.heights.shape, np.nan), offset
+    if not prepared.motion.level_known:
+        heights = heights + float(np.mean((prepared.heights - heights)[prepared.kept]))
+    return heights, offset
+
+
+def _own_part(estimate: Estimate, trial: Trial, row: Array) -> Array:
+    """A trial's part of a row of all kept heights."""
+    trials = estimate.problem.trials
+    place = trials.index(trial)
+    start = sum(other.count for other in trials[:place])
+    return row[start : start + trial.count]
+
+
+def _agreement(
+    point: OperatingPoint,
+    place: int,
+    overall: _Identified,
+    single: _Identified | None,
+    shown: Sequence[FittedMotion],
+) -> PointAgreement:
+    own = [trial for trial in overall.estimate.problem.trials if trial.point == place]
+    before = [
+        motion.measured - motion.before
+        for motion in shown
+        if motion.role is Role.FIT and motion.point == point.label
+    ]
+
+    def seoe(identified: _Identified | None) -> float:
+        if identified is None:
+            return float("nan")
+        estimate = identified.estimate
+        return _rms(np.concatenate([_own_part(estimate, t, estimate.residual) for t in own]))
+
+    known = np.concatenate([part[np.isfinite(part)] for part in before])
+    return PointAgreement(point, len(own), _rms(known), seoe(single), seoe(overall))
+
+
+def _remarks(overall: _Identified) -> tuple[str, ...]:
+    result, estimate = overall.result, overall.estimate
+    remarks = []
+    if result.scatter > 1.0:
+        remarks.append(
+            "The motions differ by more than their noise explains: the standard errors are "
+            f"{result.scatter:.1f} times what it alone would give."
+        )
+    elif not _noise_alone(estimate):
+        remarks.append(
+            "The residual is more than noise: the model lacks something, and the standard errors "
+            "know only of noise. `slosh discover` looks for what it is."
+        )
+    return tuple(remarks)
+
+
+def _noise_alone(estimate: Estimate) -> bool:
+    """Whether the residual freed of its colour may be white in each motion."""
+    trials = estimate.problem.trials
+    white = neighbours_of(trials).whitened(estimate.residual, estimate.colour)
+    for trial in trials:
+        prepared = trial.prepared
+        laid = np.full(prepared.kept.shape, np.nan)
+        laid[prepared.kept] = _own_part(estimate, trial, white)
+        if whiteness(prepared.t, laid) < SURELY / len(trials):
+            return False
+    return True
+
+
+def _highest(heights: Array, kept: NDArray[np.bool_]) -> Array:
+    """(M,) of the heights that were measured [m]; NaN: none."""
+    highest = np.where(kept, heights, -np.inf).max(axis=1)
+    return np.where(kept.any(axis=1), highest, np.nan)
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.nanmean(np.square(values))))
