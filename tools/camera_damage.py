@@ -120,7 +120,8 @@ def _shifted(across: int, down: int) -> Callable[[Image], Image]:
 def _turned(degrees: float, scale: float = 1.0) -> Callable[[Image], Image]:
     def turned(image: Image) -> Image:
         middle = (0.5 * (image.shape[1] - 1), 0.5 * (image.shape[0] - 1))
-        return _warped(image, cv2.getRotationMatrix2D(middle, degrees, scale))
+        matrix = cv2.getRotationMatrix2D(middle, degrees, scale)
+        return _warped(image, np.asarray(matrix, np.float64))
 
     return turned
 
@@ -188,7 +189,7 @@ def damaged_files(
     for number, frame in enumerate(frames):
         options = [value for pair in _WRITTEN[number % len(_WRITTEN)].items() for value in pair]
         data, other = (
-            cv2.imencode(".jpg", cv2.imread(str(path)), options)[1].tobytes()
+            cv2.imencode(".jpg", np.asarray(cv2.imread(str(path)), np.uint8), options)[1].tobytes()
             for path in (frame.path, frames[number - 5].path)
         )
         # An image that is torn above the container is the other one.

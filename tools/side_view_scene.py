@@ -229,10 +229,12 @@ def _exposed(picture: FloatArray, look: Look, seed: int) -> Image:
     ramp = np.linspace(-0.5, 0.5, picture.shape[1])[:, np.newaxis]
     picture = picture * look.brightness * (1.0 + look.gradient * ramp)
     if look.blur > 0.0:
-        picture = cv2.GaussianBlur(picture, (0, 0), look.blur).reshape(picture.shape)
+        blurred = cv2.GaussianBlur(picture, (0, 0), look.blur)
+        picture = np.asarray(blurred, np.float64).reshape(picture.shape)
     if look.motion > 1:
         kernel = np.full((1, look.motion), 1.0 / look.motion)
-        picture = cv2.filter2D(picture, -1, kernel).reshape(picture.shape)
+        smeared = cv2.filter2D(picture, -1, kernel)
+        picture = np.asarray(smeared, np.float64).reshape(picture.shape)
     if look.noise > 0.0:
         picture = picture + np.random.default_rng(seed).normal(0.0, look.noise, picture.shape)
     image = np.clip(np.rint(picture), 0, 255).astype(np.uint8)

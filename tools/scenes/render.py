@@ -99,10 +99,11 @@ class Renderer:
         for wave in waves:
             text = povray.photo_text(scene, wave, self._size, shift, self._folder)
             light = light + povray.run(text, self._size, self._folder, smooth=True)
-        image: Image = cv2.remap(light / len(waves), *self._maps, cv2.INTER_CUBIC)
+        seen = cv2.remap(light / len(waves), *self._maps, cv2.INTER_CUBIC)
+        image: Image = np.asarray(seen, np.float32)
         photo = scene.photo
         if photo.lens_blur:
-            image = cv2.GaussianBlur(image, (0, 0), photo.lens_blur)
+            image = np.asarray(cv2.GaussianBlur(image, (0, 0), photo.lens_blur), np.float32)
         image = np.clip(image * photo.gain, 0, 1.5)
         spread = np.sqrt(photo.shot**2 * image + photo.read**2)
         noisy = image + spread * self._rng.standard_normal(image.shape)
@@ -111,8 +112,8 @@ class Renderer:
     def mask(self, wave: Wave) -> NDArray[np.uint8]:
         """Classes 0 nothing, 1 liquid through the wall, 2 free surface, 3 floor."""
         text = povray.mask_text(self._scene, wave, self._size)
-        colours = povray.run(text, self._size, self._folder, smooth=False)
-        colours = cv2.remap(colours, *self._maps, cv2.INTER_NEAREST)
+        drawn = povray.run(text, self._size, self._folder, smooth=False)
+        colours = cv2.remap(drawn, *self._maps, cv2.INTER_NEAREST)
         mask = np.argmax(colours, axis=-1).astype(np.uint8) + 1
         mask[colours.max(axis=-1) < 0.5] = 0
         return np.asarray(mask, np.uint8)

@@ -59,9 +59,10 @@ def motion_from_table(name: str, table: MotionTable, rate: float) -> Motion:
     t = np.arange(math.floor((table.t[-1] - table.t[0]) * rate + 1e-6) + 1) / rate
     moments = np.minimum(table.t[0] + t, table.t[-1])
     acceleration = columns_at(moments, table.t, table.acceleration)
-    velocity = cumulative_trapezoid(acceleration, t, axis=0, initial=0.0)
-    position = cumulative_trapezoid(velocity, t, axis=0, initial=0.0)
-    turn = None if table.attitude is None else _attitude(name, table, moments)
+    velocity = cumulative_trapezoid(acceleration, t, axis=0, initial=0)
+    position = cumulative_trapezoid(velocity, t, axis=0, initial=0)
+    attitude = table.attitude
+    turn = None if attitude is None else _attitude(name, table.t, attitude, moments)
     rate_of_turn = None if turn is None else _angular_velocity(turn, rate)
     if table.angular_velocity is not None:
         rate_of_turn = columns_at(moments, table.t, table.angular_velocity)
@@ -69,13 +70,13 @@ def motion_from_table(name: str, table: MotionTable, rate: float) -> Motion:
     return Motion(name, t, position, acceleration, quaternion, rate_of_turn)
 
 
-def _attitude(name: str, table: MotionTable, moments: Array) -> Rotation:
-    zero = np.flatnonzero(~np.any(table.attitude, axis=1))
+def _attitude(name: str, t: Array, attitude: Array, moments: Array) -> Rotation:
+    zero = np.flatnonzero(~np.any(attitude, axis=1))
     if len(zero):
         raise SloshBringupError(
-            f"{name}: qx, qy, qz, qw: all zero at t = {table.t[zero[0]]:g} s, no rotation"
+            f"{name}: qx, qy, qz, qw: all zero at t = {t[zero[0]]:g} s, no rotation"
         )
-    return Slerp(table.t, Rotation.from_quat(table.attitude))(moments)
+    return Slerp(t, Rotation.from_quat(attitude))(moments)
 
 
 def _angular_velocity(turn: Rotation, rate: float) -> Array:

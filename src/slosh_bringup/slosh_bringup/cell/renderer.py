@@ -108,7 +108,7 @@ class CupRenderer:
         """
         image, wet = self._paint(sh_x, sh_y)
         grey = self._exposed(image)
-        colour: ColourImage = cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR)
+        colour: ColourImage = np.asarray(cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR), np.uint8)
         cup = grey[self._region].astype(np.float32)
         wet *= cup
         channels = [cv2.convertScaleAbs(cup + tint * wet) for tint in self._tint]
@@ -134,8 +134,7 @@ class CupRenderer:
             down, right = self._random.integers(0, NOISE_SHIFT, 2)
             height, width = image.shape
             image += self._noise[down : down + height, right : right + width]
-        result: GrayImage = cv2.convertScaleAbs(cv2.max(image, 0.0))
-        return result
+        return np.asarray(cv2.convertScaleAbs(np.maximum(image, 0.0)), np.uint8)
 
     def _above_floor(self, edge: Array) -> Layer:
         """Share of each pixel below an edge, above the floor and between the cup's sides."""
@@ -189,8 +188,7 @@ class CupRenderer:
     def _blurred(self, image: Layer) -> Layer:
         if self._look.blur == 0.0:
             return image
-        result: Layer = cv2.GaussianBlur(image, (0, 0), self._look.blur)
-        return result
+        return np.asarray(cv2.GaussianBlur(image, (0, 0), self._look.blur), np.float32)
 
     def _draw_backdrop(self) -> Layer:
         """An unevenly lit wall, the plate, and the cup's outline in front."""

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import cv2
+import numpy as np
 
 from slosh_bag.errors import SloshBagError
 from slosh_bag.mcap_files.bag_folder import files_of
@@ -184,7 +185,7 @@ def _captured(capture: cv2.VideoCapture, source: FrameSource) -> Iterator[Source
         # The stamp is that of the image just read; some files have none.
         told = capture.get(cv2.CAP_PROP_POS_MSEC) * 1e6
         stamp = told if told > stamp else stamp + period
-        waiting = SourceFrame(round(stamp), f"frame {index}", image)
+        waiting = SourceFrame(round(stamp), f"frame {index}", np.asarray(image, np.uint8))
         index += 1
     capture.release()
     if source.total is not None and index < source.total - 1:

@@ -157,10 +157,14 @@ def find_board(image: Image, camera: PinholeCamera, board: Board) -> BoardFit:
             f"board: its corners lie {residual:.2f} px rms from the best pose, more than "
             f"{_MAX_RESIDUAL:g}; check its description and the intrinsic parameters"
         )
-    _, slope = cv2.projectPoints(points, vector[:3], vector[3:], matrix, lens)
-    slope = slope[:, :6] / max(residual, _LEAST_ERROR)
+    _, change = cv2.projectPoints(points, vector[:3], vector[3:], matrix, lens)
+    slope = np.asarray(change, np.float64)[:, :6] / max(residual, _LEAST_ERROR)
     return BoardFit(
-        _pose(vector), vector, np.linalg.pinv(slope.T @ slope), corners.reshape(-1, 2), residual
+        _pose(vector),
+        vector,
+        np.asarray(np.linalg.pinv(slope.T @ slope), np.float64),
+        corners.reshape(-1, 2),
+        residual,
     )
 
 
@@ -175,11 +179,11 @@ def _solved(
     except cv2.error as error:
         raise SloshCameraError("board: its corners seen lie on one line") from error
     found = []
-    for turn, shift in zip(turns, shifts, strict=True):
-        turn, shift = cv2.solvePnPRefineLM(points, corners, matrix, lens, turn, shift)
+    for pose in zip(turns, shifts, strict=True):
+        turn, shift = cv2.solvePnPRefineLM(points, corners, matrix, lens, *pose)
         pixels, _ = cv2.projectPoints(points, turn, shift, matrix, lens)
         rms = float(np.sqrt(np.mean(np.sum((pixels.reshape(-1, 2) - corners) ** 2, axis=1))))
-        found.append((np.concatenate((turn.ravel(), shift.ravel())), rms))
+        found.append((np.concatenate((turn.ravel(), shift.ravel()), dtype=np.float64), rms))
     found.sort(key=lambda pair: pair[1])
     if not found or not np.all(np.isfinite(found[0][0])):
         raise SloshCameraError("board: no pose explains its corners")
@@ -195,7 +199,7 @@ def _solved(
 
 def _pose(vector: FloatArray) -> Pose:
     rotation, _ = cv2.Rodrigues(vector[:3])
-    return Pose(rotation, vector[3:])
+    return Pose(np.asarray(rotation, np.float64), vector[3:])
 
 
 def hint_of_flat_board(fit: BoardFit, cup: Cup, base_thickness: float) -> Hint:

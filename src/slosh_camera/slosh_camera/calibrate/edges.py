@@ -51,9 +51,14 @@ class EdgeImage:
 def edge_image(image: Image) -> EdgeImage:
     """Derivatives of an 8-bit image, grey or blue-green-red."""
     levels = image.astype(np.float32)
-    smooth = cv2.GaussianBlur(levels, (0, 0), SMOOTHING).reshape(*image.shape[:2], -1)
-    across = _strongest(cv2.Scharr(smooth, cv2.CV_32F, 1, 0, scale=1.0 / 32.0))
-    down = _strongest(cv2.Scharr(smooth, cv2.CV_32F, 0, 1, scale=1.0 / 32.0))
+    blurred = cv2.GaussianBlur(levels, (0, 0), SMOOTHING).reshape(*image.shape[:2], -1)
+    smooth = np.asarray(blurred, np.float32)
+    across, down = (
+        _strongest(
+            np.asarray(cv2.Scharr(smooth, cv2.CV_32F, *along, scale=1.0 / 32.0), np.float32)
+        )
+        for along in ((1, 0), (0, 1))
+    )
     noise = float(np.median(np.hypot(across, down)))
     reference = max(_LEAST_STEP * _STEP_TO_SLOPE, 4.0 * noise)
     return EdgeImage(smooth, across, down, reference)
@@ -132,10 +137,11 @@ def _slopes(edges: EdgeImage, along: FloatArray) -> FloatArray:
     inside &= (along[..., 0] >= 1.0) & (along[..., 0] <= columns - 2.0)
     inside &= (along[..., 1] >= 1.0) & (along[..., 1] <= rows - 2.0)
     where = np.where(inside[..., np.newaxis], along, -1.0).astype(np.float32)
-    values = cv2.remap(
+    # OpenCV's types do not know that one map may hold both coordinates.
+    strips = cv2.remap(  # type: ignore[call-overload]
         edges.smooth, where, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
     )
-    values = values.reshape(*along.shape[:2], -1).astype(np.float64)
+    values = strips.reshape(*along.shape[:2], -1).astype(np.float64)
     slope = np.zeros(along.shape[:2])
     change = (values[:, 2:] - values[:, :-2]) / (2.0 * _STEP)
     whole = inside[:, 2:] & inside[:, 1:-1] & inside[:, :-2]

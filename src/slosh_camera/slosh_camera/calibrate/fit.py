@@ -201,7 +201,8 @@ class _Problem:
         result = least_squares(
             self._cost, first, jac=self._slope, loss="soft_l1", max_nfev=12, xtol=1e-6
         )
-        covariance = np.linalg.pinv(result.jac.T @ result.jac)[:_PLACE, :_PLACE]
+        slope = np.asarray(result.jac)
+        covariance = np.linalg.pinv(slope.T @ slope)[:_PLACE, :_PLACE]
         place = CameraPlace(*(float(value) for value in result.x[:_PLACE] * self._scale))
         return place, covariance * np.outer(self._scale, self._scale)
 

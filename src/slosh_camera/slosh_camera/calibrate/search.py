@@ -94,7 +94,10 @@ def _support_maps(edges: EdgeImage) -> _Maps:
     upright = edges.support(edges.across).astype(np.float32)
     tall = np.ones((2 * _SLACK + 1, 1), np.uint8)
     wide = np.ones((1, 2 * _SLACK - 1), np.uint8)
-    return _Maps(cv2.dilate(level, tall), cv2.dilate(upright, wide))
+    return _Maps(
+        np.asarray(cv2.dilate(level, tall), np.float32),
+        np.asarray(cv2.dilate(upright, wide), np.float32),
+    )
 
 
 def _axes(

@@ -73,7 +73,7 @@ class ContainerEdges:
     def _scores(self, image: Image) -> FloatArray:
         """Agreement of every turn of the left and the right side with the picture, (2, turns)."""
         strips = cv2.remap(image, *self._map, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-        levels = to_gray(strips).astype(np.float32)
+        levels = to_gray(np.asarray(strips, np.uint8)).astype(np.float32)
         parts = slice(None, self._first), slice(self._first, None)
         return np.array(
             [_agreement(levels[part], self._height[part], _TURNS, _SHIFTS) for part in parts]

@@ -214,4 +214,4 @@ def _remap_tables(
 ) -> tuple[NDArray[np.int16], NDArray[np.uint16]]:
     local = (pixels - window[:2]).astype(np.float32)
     places, fractions = cv2.convertMaps(local[..., 0], local[..., 1], cv2.CV_16SC2)
-    return places, fractions
+    return np.asarray(places, np.int16), np.asarray(fractions, np.uint16)

@@ -120,8 +120,9 @@ class StillEdges:
         clipped = (grey <= _BLACK) | (grey >= _WHITE)
         # Along the strips alone: neighbours may lie anywhere.
         levels = cv2.GaussianBlur(grey.astype(np.float32), (0, 0), _BLUR, sigmaY=1e-3)
-        steps = np.diff(levels, axis=1)
-        edges = np.abs(steps) / (np.abs(steps) + np.float32(_HALF_EDGE))
+        steps = np.diff(np.asarray(levels, np.float32), axis=1)
+        sizes = np.abs(steps)
+        edges = np.asarray(sizes / (sizes + np.float32(_HALF_EDGE)), np.float32)
         edges -= edges.mean(axis=1, keepdims=True)
         return [
             _Seen(steps[rows], edges[rows], bool(clipped[rows].mean() > _CLIPPED))

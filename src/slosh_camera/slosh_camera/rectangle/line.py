@@ -81,7 +81,8 @@ def split_columns(speaks: Single, region: SideRegion) -> Split:
     """
     inside = region.inside[::2, ::2]
     # Neighbours are heard as well: the line goes on from column to column.
-    speaks = cv2.blur(np.where(inside, speaks, np.float32(0.0)), (3, 1))
+    heard = cv2.blur(np.where(inside, speaks, np.float32(0.0)), (3, 1))
+    speaks = np.asarray(heard, np.float32)
     sums = np.vstack((np.zeros((1, speaks.shape[1]), np.float32), np.cumsum(speaks, axis=0)))
     rows = np.argmax(sums, axis=0)
     at = np.arange(rows.size)

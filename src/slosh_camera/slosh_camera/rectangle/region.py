@@ -150,13 +150,13 @@ def _mask(view: BoxView, limits: RegionOfInterest, low: float, high: float) -> B
     cv2.fillPoly(mask, [np.rint(near).astype(np.int32)], 1)
     size = 2 * _EDGE_INSET + 1
     # The frame's border is no edge of the container.
-    mask = cv2.erode(mask, np.ones((size, size), np.uint8), borderValue=1)
+    eroded = cv2.erode(mask, np.ones((size, size), np.uint8), borderValue=1)
     inside = np.zeros(mask.shape, np.bool_)
     window = (
         slice(limits.y_offset, limits.y_offset + limits.height),
         slice(limits.x_offset, limits.x_offset + limits.width),
     )
-    inside[window] = mask[window] > 0
+    inside[window] = eroded[window] > 0
     return inside
 
 

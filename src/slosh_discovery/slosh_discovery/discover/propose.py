@@ -227,12 +227,13 @@ def _fitted(
         last = problem.residuals(support, coefficients)
     except SloshModelError:
         return None
+    step = np.full(len(coefficients), 1e-3)
     solution = optimize.least_squares(
-        residual, np.sign(coefficients), diff_step=1e-3, xtol=1e-4, ftol=1e-5, max_nfev=15
+        residual, np.sign(coefficients), diff_step=step, xtol=1e-4, ftol=1e-5, max_nfev=15
     )
     lengths = np.cumsum([len(each) for each in last])[:-1]
     residuals = np.split(solution.fun, lengths)
-    slopes = np.split(solution.jac, lengths)
+    slopes = np.split(np.asarray(solution.jac), lengths)
     fitted = tuple((scale * solution.x).tolist())
     return _Fit(support, fitted, residuals, _foreseen(residuals, slopes))
 
