@@ -12,17 +12,13 @@ from numpy.typing import NDArray
 from slosh_estimator import estimate_kernel
 from slosh_estimator.estimate_kernel import (
     ANSWERS,
-    AZIMUTH,
     CHECKS,
     FLAGS,
     JERK,
     LEFT_RANGE,
     MODAL,
-    MSH,
     READINGS,
     ROW,
-    SH_X,
-    SH_Y,
     new_checks,
 )
 from slosh_estimator.sample import Sample, Samples
