@@ -137,7 +137,7 @@ def check_extended(path, *, second=True):
     assert reader.warnings == []
     for lenient in (False, True):
         walk = McapWalk(path, lenient=lenient)
-        assert sum(len(piece) for piece in walk.pieces()) == 10
+        assert sum(len(chunk) for chunk in walk.chunks()) == 10
         assert (walk.found.gaps, walk.warnings) == ([], [])
         assert [record.metadata for record in walk.found.metadata] == [{"foo": "bar"}]
     with path.open("rb") as stream:
