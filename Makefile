@@ -12,7 +12,7 @@ REAL_TIME := tests/real_time src/slosh_bringup/test/test_cell_node.py
 WORKERS ?= logical
 PYTEST := tools/run python -m pytest -n $(WORKERS) --no-loadscope-reorder
 
-.PHONY: help setup demo test test-all lint bench docs tables clean
+.PHONY: help setup demo test test-all lint bench docs tables study clean
 
 help:
 	@echo "make demo      set up, run the simulated cell with all nodes, record, report"
@@ -22,6 +22,7 @@ help:
 	@echo "make bench     the measurements behind each claim of speed"
 	@echo "make docs      the documentation, to docs/_build/html"
 	@echo "make tables    write the tables in docs/ anew, measuring what they state"
+	@echo "make study     the packaging study: 1,530 experiments, models, limits; to docs/packaging_study.md"
 	@echo "make clean     remove everything that setup made"
 
 setup:
@@ -54,6 +55,9 @@ tables: setup
 	@tools/run python tools/accuracy_tables.py
 	@tools/run python tools/camera_accuracy.py --disturb --docs
 	@tools/run python tools/side_view_tables.py --docs
+
+study: setup
+	@tools/run python tools/packaging/study.py --docs
 
 docs: setup
 	@tools/run sphinx-build -W --keep-going -q -b html docs docs/_build/html

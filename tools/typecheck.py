@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
+SCRIPTS = ("tools", "tools/scenes", "tools/packaging", "benchmarks")
 
 
 def main() -> int:
@@ -15,7 +16,7 @@ def main() -> int:
     roots = sorted(path.parent for path in ROOT.glob("src/*/setup.py"))
     packages = [str(root / root.name) for root in roots]
     # A script finds what lies beside it.
-    beside = [ROOT, ROOT / "tools", ROOT / "tools" / "scenes", ROOT / "benchmarks"]
+    beside = [ROOT, *(ROOT / name for name in SCRIPTS)]
     scripts = [str(path) for folder in beside[1:] for path in sorted(folder.glob("*.py"))]
     environment = {**os.environ, "MYPYPATH": ":".join(map(str, [*beside[1:], *roots, ROOT]))}
     command = [sys.executable, "-m", "mypy", "--explicit-package-bases", *packages, *scripts]

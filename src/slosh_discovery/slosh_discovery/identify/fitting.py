@@ -153,10 +153,17 @@ def _solve(
 ) -> Array:
     lower, upper = bounds
     inside = 1e-9 * (upper - lower)
+
+    def missed(vector: Array) -> Array:
+        return neighbours.whitened(problem.residuals([vector])[:, 0], colour)
+
+    def derivative(vector: Array) -> Array:
+        return neighbours.whitened(problem.derivative(vector), colour)
+
     solution = least_squares(
-        lambda v: neighbours.whitened(problem.residuals([v])[:, 0], colour),
+        missed,
         np.clip(vector, lower + inside, upper - inside),
-        jac=lambda v: neighbours.whitened(problem.derivative(v), colour),
+        jac=derivative,
         bounds=bounds,
         method="trf",
         loss="huber",

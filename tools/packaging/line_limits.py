@@ -1,0 +1,108 @@
+"""What bends the surface: n_max of all geometries by other truths and by other motion laws.
+
+One repetition without noise or scatter; what remains is the theory's own.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from experiments import MODES, WATER, places
+from study_design import (
+    FILL_HEIGHT,
+    FRAMES,
+    GEOMETRIES,
+    IDENTIFICATION,
+    RATIO,
+    SPEEDS,
+    STROKE,
+    TOLERANCE,
+    Geometry,
+)
+
+from slosh_model.errors import SloshModelError
+from slosh_model.motion_profiles import LAWS, Cycle
+from slosh_model.multimodal import Tanks, simulate_tanks
+from slosh_report.surface_metrics import line_approximation_error
+
+SLOWEST = 30
+"""Below no geometry and no truth comes near the tolerance [1/min]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Truth:
+    """How the surface is computed.
+
+    Attributes:
+        name: in words.
+        law: of the motion.
+        order: in the surface's steepness.
+        tension: σ/ρ [m³/s²].
+        noise: of a measured profile that is added [m].
+    """
+
+    name: str
+    law: str = IDENTIFICATION.law
+    order: int = 3
+    tension: float = WATER
+    noise: float = 0.0
+
+
+WHOLE = Truth("third order, with surface tension")
+TRUTHS = (
+    Truth("linear multimodal theory", order=1, tension=0.0),
+    Truth("second order", order=2, tension=0.0),
+    Truth("third order", order=3, tension=0.0),
+    WHOLE,
+    replace(WHOLE, name="the same, edges off by 0.15 mm", noise=0.15e-3),
+    *(replace(WHOLE, name=f"the same, {law}", law=law) for law in LAWS if law != WHOLE.law),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """Of one truth.
+
+    Attributes:
+        truth: it.
+        fastest: n_max of each geometry [1/min]; 0: below SLOWEST.
+        errors: ε̄ at the n_max of TM20 [m]; NaN: the wave broke.
+    """
+
+    truth: Truth
+    fastest: tuple[int, ...]
+    errors: tuple[float, ...]
+
+
+def limits(truth: Truth) -> Limits:
+    """n_max of all geometries."""
+    fastest, errors = [], []
+    for geometry in GEOMETRIES:
+        by_speed = {n: line_error(truth, geometry, n) for n in SPEEDS if n >= SLOWEST}
+        valid = 0
+        for speed, error in by_speed.items():
+            if not error <= TOLERANCE:
+                break
+            valid = speed
+        fastest.append(valid)
+        errors.append(by_speed[geometry.published.fastest])
+    return Limits(truth, tuple(fastest), tuple(errors))
+
+
+def line_error(truth: Truth, geometry: Geometry, speed: int) -> float:
+    """ε̄ [m]; NaN: the wave breaks."""
+    cycle = Cycle(truth.law, speed, STROKE, RATIO)
+    count = round(FRAMES * RATIO)
+    times = np.linspace(0.0, cycle.motion_time, 2 * count - 1)
+    tanks = Tanks.of(geometry.width, FILL_HEIGHT, geometry.published.damping_ratio, truth.tension)
+    try:
+        surfaces = simulate_tanks(
+            tanks, cycle.at(times)[2][:, np.newaxis], float(times[1]), order=truth.order,
+            modes=MODES,
+        )  # fmt: skip
+    except SloshModelError:
+        return float("nan")
+    x = places(geometry)
+    profile = surfaces.profile(x / geometry.width)[::2, 0]
+    return float(np.hypot(line_approximation_error(x, profile), truth.noise))
