@@ -31,10 +31,10 @@ UPWARDS = {
         "slosh_camera.detection",
     ),
     "A bag is read in one place, below replay and interchange": (
-        "slosh_bag/mcap_files/seal.py",
+        "slosh_bag/mcap_files/checksum.py",
         "slosh_bag.reader",
     ),
-    "The cores know nothing of the command line": (
+    "The command line is above all, a live run above replay and nodes": (
         "slosh_bringup/cell/__init__.py",
         "slosh_bringup.cli",
     ),
