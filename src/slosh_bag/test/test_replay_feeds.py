@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from slosh_bag.recording.heights import Measurements
 from slosh_bag.replay.columns import chosen
 from slosh_bag.replay.monitor_feed import CHECK_NS, Heights, MonitorFeed
-from slosh_bag.replay.motions import BIN_NS, MOVING, PAUSE_NS, MotionFinder
 from slosh_estimator.monitor import EstimatePoint, MeasuredPoint, Monitor, MonitorSettings
 from slosh_estimator.validity import EstimateFlag
 
@@ -137,79 +135,3 @@ def test_a_silence_of_an_hour_costs_nothing():
     feed.monitor.check = lambda now: calls.append(now) or check(now)
     feed.add(later, chosen(measured, slice(0)))
     assert 0 < len(calls) < 30
-
-
-RATE = 500
-NS = 10**9
-
-
-def accelerations(*stretches, noise=0.0, seed=0):
-    """Stamps and accelerations at 500 Hz: stretches of (seconds, size [m/s²])."""
-    sizes = np.concatenate([np.full(round(seconds * RATE), size) for seconds, size in stretches])
-    values = np.column_stack((sizes, np.zeros((len(sizes), 2))))
-    values += noise * np.random.default_rng(seed).standard_normal(values.shape)
-    return START + 2 * MS * np.arange(len(sizes)), values
-
-
-def spans_of(stamps, values, block=10**9):
-    finder = MotionFinder()
-    for start in range(0, len(stamps), block):
-        finder.add(stamps[start : start + block], values[start : start + block])
-    finder.finish()
-    return [((s.start_ns - START) / NS, (s.end_ns - START) / NS) for s in finder.spans]
-
-
-def test_a_motion_is_where_the_container_is_accelerated():
-    assert spans_of(*accelerations((1.0, 0.0), (2.0, 1.0), (1.0, 0.0))) == [(1.0, 3.0)]
-    assert spans_of(*accelerations((3.0, 0.9 * MOVING))) == []
-    assert spans_of(*accelerations((3.0, 1.1 * MOVING))) == [(0.0, 3.0)]
-
-
-def test_a_motion_that_lasts_to_the_end_is_one():
-    assert spans_of(*accelerations((1.0, 0.0), (0.51, 1.0))) == [(1.0, 1.55)]
-
-
-@pytest.mark.parametrize(("pause", "motions"), [(0.5, 1), (0.95, 1), (1.0, 2), (3.0, 2)])
-def test_a_pause_of_a_second_separates_motions(pause, motions):
-    found = spans_of(*accelerations((1.0, 1.0), (pause, 0.0), (1.0, 1.0)))
-    assert len(found) == motions
-    assert PAUSE_NS == NS
-
-
-def test_noise_moves_nothing():
-    stamps, values = accelerations((20.0, 0.0), noise=0.1)
-    assert np.linalg.norm(values, axis=1).max() > 2 * MOVING
-    assert spans_of(stamps, values) == []
-
-
-@settings(max_examples=30, deadline=None)
-@given(st.integers(0, 1000), st.integers(1, 700))
-def test_the_size_of_the_blocks_does_not_matter(seed, block):
-    random = np.random.default_rng(seed)
-    stretches = [(random.uniform(0.1, 2.0), random.choice([0.0, 1.0])) for _ in range(5)]
-    stamps, values = accelerations(*stretches, noise=0.1, seed=seed)
-    assert spans_of(stamps, values, block) == spans_of(stamps, values)
-
-
-def test_moments_belong_to_the_motion_before_them_for_a_while():
-    stamps, values = accelerations((1.0, 0.0), (1.0, 1.0), (3.0, 0.0), (1.0, 1.0), (3.0, 0.0))
-    finder = MotionFinder()
-    finder.add(stamps, values)
-    finder.finish()
-    moments = START + np.array([0.5, 1.0, 1.9, 2.9, 3.1, 4.9, 5.5, 6.9, 7.1, 8.0]) * NS
-    numbers = finder.number_at(moments.astype(np.int64), NS)
-    assert numbers.tolist() == [-1, 0, 0, 0, -1, -1, 1, 1, -1, -1]
-    assert finder.number_at(moments[:0].astype(np.int64), NS).tolist() == []
-
-
-def test_moments_within_the_bin_that_is_being_filled_belong_to_its_motion():
-    finder = MotionFinder()
-    finder.add(*accelerations((1.0, 0.0), (0.03, 1.0)))
-    assert finder.number_at(np.array([START + NS - 1, START + NS]), NS).tolist() == [-1, 0]
-    assert finder.spans == []
-    assert BIN_NS == 50 * MS
-
-
-def test_there_are_no_motions_before_the_first():
-    finder = MotionFinder()
-    assert finder.number_at(np.array([START]), NS).tolist() == [-1]

@@ -7,7 +7,7 @@ is one that the model does not describe: it is worth a discovery. Times are whol
 from __future__ import annotations
 
 import math
-from array import array
+from collections import deque
 from typing import NamedTuple
 
 import numpy as np
@@ -15,16 +15,12 @@ import numpy as np
 from slosh_estimator.rotation import Vector
 from slosh_files.nanoseconds import SECOND
 from slosh_report.alignment import despike
+from slosh_report.metrics import rms_error
+from slosh_report.motion_spans import AFTER_NS, MotionFinder, MotionSpan
 
 NAN = float("nan")
-MOVING = 0.15
-"""Size of the smoothed acceleration from which the container counts as moving [m/s²]."""
-SMOOTHING = 0.05
-"""Time constant of the mean over a sensor's noise [s]."""
-PAUSE_NS = 2 * SECOND
-"""A rest of this length ends a motion; by then the camera has told what it saw of it [ns]."""
-AFTER_NS = SECOND
-"""How long after its end a motion's liquid still counts [ns]."""
+TOLD_NS = 2 * SECOND
+"""So long after its end a motion is judged: by then the camera has told what it saw of it [ns]."""
 LONGEST_NS = 60 * SECOND
 """A motion that does not end is judged by the minute [ns]."""
 LEAST = 20
@@ -72,6 +68,15 @@ class MotionAgreement(NamedTuple):
         )
 
 
+class _Pair(NamedTuple):
+    """Heights of one moment [m]."""
+
+    stamp_ns: int
+    measured: float
+    stddev: float
+    estimated: float
+
+
 class MotionWatch:
     """Takes accelerations and pairs of heights in the order of their stamps.
 
@@ -88,11 +93,8 @@ class MotionWatch:
         self.finished = self.disagreeing = 0
         self.last: MotionAgreement | None = None
         self._least = SHARE_OF_LIMIT * limit if math.isfinite(limit) else 0.0
-        self._smooth: Vector = (0.0, 0.0, 0.0)
-        self._stamp_ns: int | None = None
-        self._start_ns: int | None = None
-        self._end_ns = 0
-        self._pairs = array("d")
+        self._moving = MotionFinder()
+        self._pairs: deque[_Pair] = deque()
         self._news: list[MotionAgreement] = []
 
     def reset(self) -> None:
@@ -103,8 +105,8 @@ class MotionWatch:
 
     def forget(self) -> None:
         """Drops the motion under way: its stamps mean nothing any more."""
-        self._smooth, self._stamp_ns, self._start_ns = (0.0, 0.0, 0.0), None, None
-        self._pairs = array("d")
+        self._moving = MotionFinder()
+        self._pairs.clear()
 
     def take_finished(self) -> list[MotionAgreement]:
         """The motions that were judged since the last call."""
@@ -113,50 +115,44 @@ class MotionWatch:
 
     def add_acceleration(self, stamp_ns: int, acceleration: Vector) -> None:
         """Takes what drives the model: rising stamps [ns], gravity excluded [m/s²]."""
-        size = self._smoothed(stamp_ns, acceleration)
-        start = self._start_ns
-        if start is not None and (
-            stamp_ns - self._end_ns >= PAUSE_NS or stamp_ns - start >= LONGEST_NS
-        ):
-            self._judge(start)
-        if size > MOVING:
-            self._end_ns = stamp_ns
-            if self._start_ns is None:
-                self._start_ns = stamp_ns
+        self._moving.add_one(stamp_ns, acceleration)
+        if not self._moving.spans:
+            return
+        motion = self._moving.spans[0]
+        if stamp_ns - motion.end_ns >= TOLD_NS or stamp_ns - motion.start_ns >= LONGEST_NS:
+            self._moving.forget_first()
+            self._judge(motion)
 
     def add_pair(self, stamp_ns: int, measured: float, stddev: float, estimated: float) -> None:
         """Takes heights of one moment [m]; the standard deviation may be NaN."""
-        start = self._start_ns
-        if start is None or not start <= stamp_ns <= self._end_ns + AFTER_NS:
+        if not (math.isfinite(measured) and math.isfinite(estimated)):
             return
-        if math.isfinite(measured) and math.isfinite(estimated):
-            self._pairs.extend((measured, stddev, estimated))
+        self._pairs.append(_Pair(stamp_ns, measured, stddev, estimated))
+        if not self._moving.spans:
+            # Of a motion that has just begun, the first moments are not known as such yet.
+            self._forget_pairs(stamp_ns - TOLD_NS)
 
-    def _smoothed(self, stamp_ns: int, acceleration: Vector) -> float:
-        dt = 0.0 if self._stamp_ns is None else max(stamp_ns - self._stamp_ns, 0) / SECOND
-        self._stamp_ns = stamp_ns
-        blend = dt / (SMOOTHING + dt)
-        x, y, z = self._smooth
-        ax, ay, az = acceleration
-        if math.isfinite(ax + ay + az):
-            self._smooth = (x + blend * (ax - x), y + blend * (ay - y), z + blend * (az - z))
-        return math.hypot(*self._smooth)
+    def _forget_pairs(self, until_ns: int) -> None:
+        while self._pairs and self._pairs[0].stamp_ns <= until_ns:
+            self._pairs.popleft()
 
-    def _judge(self, start_ns: int) -> None:
-        measured, stddev, estimated = np.array(self._pairs).reshape(-1, 3).T
-        self._start_ns, self._pairs = None, array("d")
+    def _judge(self, motion: MotionSpan) -> None:
+        until = motion.end_ns + AFTER_NS
+        seen = [pair for pair in self._pairs if motion.start_ns <= pair.stamp_ns <= until]
+        self._forget_pairs(until)
+        _, measured, stddev, estimated = np.array(seen, dtype=np.float64).reshape(-1, 4).T
         clean = despike(measured)
         kept = np.isfinite(clean)
         images = int(np.count_nonzero(kept))
         if images < LEAST:
             return
-        rms = float(np.sqrt(np.mean((clean[kept] - estimated[kept]) ** 2)))
+        rms = rms_error(clean, estimated)
         known = stddev[kept & np.isfinite(stddev)]
         noise = float(np.sqrt(np.mean(known**2))) if len(known) else NAN
         peak = float(clean[kept].max())
         # Python's max: a NaN that comes later is passed over.
         explained = max(self._least, SHARE_OF_PEAK * peak, NOISES * noise)
-        found = MotionAgreement(start_ns, self._end_ns, images, rms, noise, peak, explained)
+        found = MotionAgreement(*motion, images, rms, noise, peak, explained)
         self.finished += 1
         self.disagreeing += found.disagrees
         self.last = found

@@ -19,6 +19,7 @@ from slosh_estimator.validity import EstimateFlag
 from slosh_model.containers import Cylinder
 from slosh_model.model import Model
 from slosh_model.simulate import Inputs, simulate
+from slosh_report.motion_spans import motion_spans
 
 MS = 1_000_000
 TRUTH = Model(Cylinder(0.05, 0.07), damping_ratio=0.01).spatial().nonlinear()
@@ -148,6 +149,42 @@ def test_a_container_that_never_rests_is_judged_by_the_minute() -> None:
         watch.add_acceleration(k * 10 * MS, (1.0, 0.0, 0.0))
         watch.add_pair(k * 10 * MS, 0.02, 1e-4, 0.01)
     assert watch.finished == 2
+
+
+@pytest.mark.parametrize(("rest", "judged"), [(90, 1), (110, 2), (150, 2), (300, 2)])
+def test_motions_are_those_of_a_replay(rest: int, judged: int) -> None:
+    """A rest of more than a second ends a motion, though it is judged a second later."""
+    watch, stamps, felt = MotionWatch(), [], []
+    for k in range(200 + rest + 400):
+        moves = k < 100 or 100 + rest <= k < 200 + rest
+        felt.append((1.0 if moves else 0.0, 0.0, 0.0))
+        stamps.append(k * 10 * MS)
+        watch.add_acceleration(stamps[-1], felt[-1])
+        watch.add_pair(stamps[-1], 0.01 if k < 100 + rest else 0.03, 1e-4, 0.01)
+    told = watch.take_finished()
+    assert len(told) == watch.finished == judged
+    spans = motion_spans(np.array(stamps), np.array(felt))
+    assert [(motion.start_ns, motion.end_ns) for motion in told] == spans
+    if judged == 2:  # the pairs of one are not those of the other
+        assert [motion.rms for motion in told] == pytest.approx([0.0, 0.02])
+
+
+def test_images_that_come_late_are_judged_with_their_motion() -> None:
+    watch = MotionWatch()
+    for k in range(500):
+        watch.add_acceleration(k * 10 * MS, (1.0 if k < 100 else 0.0, 0.0, 0.0))
+        if k >= 50:
+            watch.add_pair((k - 50) * 10 * MS, 0.01, 1e-4, 0.01)
+    (motion,) = watch.take_finished()
+    assert motion.images == 201  # up to a second after its end, that second's last moment too
+
+
+def test_at_rest_pairs_are_not_kept() -> None:
+    watch = MotionWatch()
+    for k in range(10_000):
+        watch.add_acceleration(k * 10 * MS, (0.0, 0.0, 0.0))
+        watch.add_pair(k * 10 * MS, 0.01, 1e-4, 0.01)
+    assert len(watch._pairs) <= 200
 
 
 def test_a_reset_forgets_the_count_and_the_motion_under_way() -> None:

@@ -212,7 +212,7 @@ def whole_run(
         SloshBagError: no usable input or no measurement.
     """
     models = ModelSet(model)
-    answers, sizes, measured = [], [], []
+    answers, felt, measured = [], [], []
     for batch in batches:
         if batch.topic == sources.input:
             stamps = stamps_of(batch.columns)
@@ -220,7 +220,7 @@ def whole_run(
             if len(samples.stamps):
                 answer = models.update_many(samples)
                 answers.append(answer.heights)
-                sizes.append(np.linalg.norm(answer.own.accelerations, axis=1))
+                felt.append(answer.own.accelerations)
         elif batch.topic == sources.surface:
             measured.append(measurements(batch.columns))
     if not answers or not measured:
@@ -232,7 +232,7 @@ def whole_run(
         raise SloshBagError(f"{path}: the stamps of {sources.input} go back; cut the bag in two")
     found = joined(measured)
     order = np.argsort(found.stamps, kind="stable")
-    return WholeRun(models.names, heights, np.concatenate(sizes), chosen(found, order))
+    return WholeRun(models.names, heights, np.concatenate(felt), chosen(found, order))
 
 
 def _hand_over(batch: TopicBatch, sources: Sources, stream: ReplayStream) -> None:

@@ -22,7 +22,6 @@ from slosh_bag.replay.columns import chosen, joined
 from slosh_bag.replay.input_matching import Decision, InputMatcher
 from slosh_bag.replay.model_set import ModelSet, ModelSetEstimates
 from slosh_bag.replay.monitor_feed import Heights, MonitorFeed
-from slosh_bag.replay.motions import BIN_NS, MotionFinder
 from slosh_bag.replay.series import Series
 from slosh_bag.replay.verification import Verifier, comparison_columns, estimate_columns
 from slosh_bag.strays import StrayFilter
@@ -30,6 +29,7 @@ from slosh_estimator.limits import Event
 from slosh_estimator.monitor import Comparison
 from slosh_estimator.validity import EstimateFlag
 from slosh_files.nanoseconds import SECOND
+from slosh_report.motion_spans import BIN_NS, MotionFinder
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -40,8 +40,6 @@ BEHIND_NS = 2_000_000_000
 that has been silent for so long, by the recorder's clock, holds nothing up."""
 KEPT_NS = 200_000_000
 """Estimates that are kept before the oldest that was released, to interpolate between."""
-AFTER_MOTION_NS = SECOND
-"""How long after its end a motion's liquid still counts [ns]."""
 AHEAD_NS = 10_000_000_000
 """An image that is so far ahead of the inputs that are recorded with it shows another time."""
 MAXIMUM = 2**31 * SECOND - 1
@@ -350,7 +348,7 @@ class ReplayStream:
             found = at_images(estimates, measured.stamps)
             rows["heights"], rows["model_azimuth"] = found.heights, found.azimuth
             rows["usable"] = found.usable
-        rows["motion"] = self.motions.number_at(measured.stamps, AFTER_MOTION_NS)
+        rows["motion"] = self.motions.number_at(measured.stamps)
         series.append(rows)
 
 

@@ -29,11 +29,9 @@ from slosh_report.alignment import (
     onset_offset,
 )
 from slosh_report.errors import SloshReportError
+from slosh_report.motion_spans import motion_spans
 
 Array = NDArray[np.float64]
-
-MOTION = 0.05
-"""The container moves where its acceleration exceeds this [m/s²]."""
 
 
 class WholeRun(NamedTuple):
@@ -42,7 +40,7 @@ class WholeRun(NamedTuple):
     Attributes:
         names: of the models.
         heights: of the models.
-        acceleration: (M,) size of the input [m/s²].
+        acceleration: (M, 3) the input [m/s²].
         measured: by the camera.
     """
 
@@ -113,10 +111,11 @@ def judge_unrelated(
 
 def _align(name: str, t: Array, raw: Array, run: WholeRun) -> _Alignment:
     model_t = _seconds(run.heights.stamps)
-    moving = np.flatnonzero(run.acceleration > MOTION)
-    if len(moving) == 0:
+    spans = motion_spans(run.heights.stamps, run.acceleration)
+    if not spans:
         raise SloshBagError(f"{name}: the container does not move; there is nothing to compare")
-    motion = slice(int(moving[0]), int(moving[-1]) + 1)
+    first, last = np.searchsorted(run.heights.stamps, (spans[0].start_ns, spans[-1].end_ns))
+    motion = slice(int(first), int(last))
     heights = _raised(run)
     try:
         still = find_still_level(t, raw)

@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_bag.recording.motion import Motion
-from slosh_bag.replay.motions import BIN_NS, MOVING, MotionFinder, MotionSpan
 from slosh_discovery.discover_data.heights import Still, find_still, rms_about
 from slosh_discovery.discover_data.recording import Heights, Recording
 from slosh_files.nanoseconds import SECOND
+from slosh_report.motion_spans import BIN_NS, MotionSpan, motion_spans
 
 Array = NDArray[np.float64]
 Stamps = NDArray[np.int64]
@@ -35,8 +35,6 @@ LONGEST_NS = 120 * SECOND
 LEAD_IN_NS = 60 * SECOND
 """Inputs before a part that begins while the liquid sloshes [ns]: in a cup of water less than 1 %
 is left of what was there before."""
-TURNING = 0.05
-"""Tilting faster than this counts as moving [rad/s]: it moves the liquid as MOVING does."""
 AT_REST_NOISES = 3.0
 """The liquid is at rest where its height's RMS is below so many of the noise's,"""
 AT_REST_SHARE = 0.02
@@ -66,7 +64,7 @@ class Split(NamedTuple):
 def split(recording: Recording) -> Split:
     """The parts of a recording."""
     stamps, rest = recording.motion.stamps, _Rest(recording.heights)
-    spans = motion_spans(recording.motion)
+    spans = recorded_spans(recording.motion)
     gaps = _gaps_in_motion(stamps, spans, recording.max_gap_ns)
     notes: list[str] = []
     if spans and rest.sloshes_at_the_start(int(stamps[0]), spans[0]):
@@ -92,37 +90,17 @@ def split(recording: Recording) -> Split:
     return Split(parts, notes)
 
 
-def motion_spans(motion: Motion) -> list[MotionSpan]:
-    """When the container accelerates or tilts.
+def recorded_spans(motion: Motion) -> list[MotionSpan]:
+    """When the container of a recording moves.
 
     What is constant, as with a sensor that is mounted askew or has a bias, is no motion.
     """
-    still = np.median(motion.acceleration, axis=0)
-    spans = _spans(motion.stamps, motion.acceleration - still)
-    if motion.angular_velocity is not None:
-        turning = motion.angular_velocity - np.median(motion.angular_velocity, axis=0)
-        tilting = turning * (MOVING / TURNING)
-        tilting[:, 2] = 0.0  # a round container's liquid does not follow its yaw
-        spans = _united(spans + _spans(motion.stamps, tilting))
-    return spans
-
-
-def _spans(stamps: Stamps, values: Array) -> list[MotionSpan]:
-    finder = MotionFinder()
-    finder.add(stamps, values)
-    finder.finish()
-    return finder.spans
-
-
-def _united(spans: list[MotionSpan]) -> list[MotionSpan]:
-    found: list[MotionSpan] = []
-    for span in sorted(spans):
-        if found and span.start_ns - found[-1].end_ns < SECOND:
-            end = max(found[-1].end_ns, span.end_ns)
-            found[-1] = MotionSpan(found[-1].start_ns, end)
-        else:
-            found.append(span)
-    return found
+    turning = motion.angular_velocity
+    return motion_spans(
+        motion.stamps,
+        motion.acceleration - np.median(motion.acceleration, axis=0),
+        None if turning is None else turning - np.median(turning, axis=0),
+    )
 
 
 class _Rest:

@@ -18,7 +18,7 @@ from slosh_bag.recording.motion import Motion
 from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_discovery.discover_data.heights import without_spikes
 from slosh_discovery.discover_data.recording import Recording, Tell
-from slosh_discovery.discover_data.splitting import DWELL_NS, motion_spans
+from slosh_discovery.discover_data.splitting import DWELL_NS, recorded_spans
 from slosh_discovery.errors import SloshDiscoveryError
 from slosh_files.nanoseconds import SECOND
 from slosh_model.constants import GRAVITY
@@ -59,7 +59,7 @@ def unrelated_motion(
         SloshDiscoveryError: the container does not move, or too few heights lie over its motion.
     """
     path = recording.path
-    if not motion_spans(recording.motion):
+    if not recorded_spans(recording.motion):
         raise SloshDiscoveryError(
             f"{path}: the container does not move; there is nothing to compare"
         )
@@ -137,7 +137,7 @@ def _offset(
 ) -> tuple[float, str]:
     """Measured clock minus motion's clock [s], and by what it was found."""
     felt = felt_acceleration(motion)
-    moving = motion_spans(motion)
+    moving = recorded_spans(motion)
     origin = int(motion.stamps[0])
     first, last = ((ns - origin) / SECOND for ns in (moving[0].start_ns, moving[-1].end_ns))
     over = (t >= first) & (t <= last)
