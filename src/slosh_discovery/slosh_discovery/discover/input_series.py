@@ -8,15 +8,17 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from slosh_files.nanoseconds import SECOND
 from slosh_model.interpolation import columns_at
 from slosh_model.simulate import Inputs
+from slosh_report.motion_spans import motion_spans
 
 Array = NDArray[np.float64]
 
-REST = 1e-3
-"""The container rests where its acceleration is below this share of the motion's peak,"""
-REST_RATE = 1e-4
-"""and where it turns more slowly than this [rad/s]."""
+STILL = 1e-3
+"""Nothing drives the liquid where the acceleration is below this share of the inputs' peak,"""
+STILL_RATE = 1e-4
+"""and where the container turns more slowly than this [rad/s]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -25,7 +27,7 @@ class InputSeries:
 
     Attributes:
         t: (M,) on the inputs' clock [s].
-        span: when the motion starts and ends [s].
+        span: when the first motion starts and the last one ends [s].
         acceleration: (M, 3) [m/s²].
         jerk: (M, 3) [m/s³].
         tilt: (M,) angle between the container's axis and the vertical [rad].
@@ -70,18 +72,30 @@ class InputSeries:
 
 
 def motion_span(inputs: Inputs) -> tuple[float, float]:
-    """When the container starts to move and when it has come to rest [s].
+    """When the container's first motion starts and its last one ends [s].
 
-    A motion that never moves starts and ends at the inputs' end.
+    Of a container that never moves both are the inputs' end.
+    """
+    stamps = np.rint(inputs.t * SECOND).astype(np.int64)
+    spans = motion_spans(stamps, inputs.acceleration, angular_velocity(inputs))
+    if not spans:
+        return float(inputs.t[-1]), float(inputs.t[-1])
+    start, end = spans[0].start_ns / SECOND, spans[-1].end_ns / SECOND
+    return max(start, float(inputs.t[0])), min(end, float(inputs.t[-1]))
+
+
+def still_until(inputs: Inputs) -> float:
+    """Until when nothing at all drives the liquid [s]; the inputs' end: nothing ever does.
+
+    That is before the first motion starts: an acceleration that is no motion yet raises the
+    liquid by a millimetre, which is no noise. With a sensor's noise on the inputs nobody knows,
+    and the answer is their start.
     """
     size = np.linalg.norm(inputs.acceleration, axis=1)
-    moving = size > REST * float(size.max(initial=0.0))
-    moving |= np.linalg.norm(angular_velocity(inputs), axis=1) > REST_RATE
-    rows = np.flatnonzero(moving)
-    if len(rows) == 0:
-        return float(inputs.t[-1]), float(inputs.t[-1])
-    last = min(int(rows[-1]) + 1, len(inputs.t) - 1)
-    return float(inputs.t[max(int(rows[0]) - 1, 0)]), float(inputs.t[last])
+    driven = size > STILL * float(size.max(initial=0.0))
+    driven |= np.linalg.norm(angular_velocity(inputs), axis=1) > STILL_RATE
+    rows = np.flatnonzero(driven)
+    return float(inputs.t[max(int(rows[0]) - 1, 0)] if len(rows) else inputs.t[-1])
 
 
 def angular_velocity(inputs: Inputs) -> Array:

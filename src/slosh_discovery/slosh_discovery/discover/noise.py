@@ -26,7 +26,7 @@ from slosh_discovery.discover.differences import (
     normalised_differences,
     robust_scale,
 )
-from slosh_discovery.discover.input_series import motion_span
+from slosh_discovery.discover.input_series import still_until
 from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_model.simulate import Inputs
 
@@ -208,7 +208,7 @@ def still_noise(motion: MeasuredMotion) -> Noise | None:
     """
     if not motion.same_clock:
         return None
-    still = motion.t < motion_span(motion.inputs)[0] - SETTLE
+    still = motion.t < still_until(motion.inputs) - SETTLE
     part = motion.heights[still]
     levels = np.nanmedian(part, axis=0) if len(part) >= LEAST_SAMPLES else None
     if levels is None:
