@@ -335,7 +335,7 @@ def _distance(modes: NDArray[np.void], others: NDArray[np.void]) -> float:
     """How far the liquid is from another state: the highest wave that may come of it [m]."""
     places = np.hypot(modes["x"] - others["x"], modes["y"] - others["y"])
     speeds = np.hypot(modes["vx"] - others["vx"], modes["vy"] - others["vy"])
-    slower = np.minimum(modes["natural_frequency"], modes["natural_frequency_y"])
+    slower = modes["natural_frequency"] * np.minimum(modes["frequency_ratio"], 1.0)
     gains = np.maximum(modes["height_gain"], modes["height_gain_y"])
     return float((gains * np.hypot(places, speeds / slower)).sum())
 

@@ -28,7 +28,7 @@ from slosh_model.indices import (
     FORCE_X,
     FORCE_Y,
     FREQUENCY,
-    FREQUENCY_Y,
+    FREQUENCY_RATIO,
     GAIN,
     GAIN_Y,
     INPUT_COUNT,
@@ -101,7 +101,7 @@ def _accelerate(lanes, w):  # type: ignore[no-untyped-def]
     all_lane_terms(lanes, w)
     for k in range(lanes):
         omega, zeta = w[MODE + FREQUENCY * LANES + k], w[MODE + DAMPING * LANES + k]
-        omega_y = w[MODE + FREQUENCY_Y * LANES + k]
+        omega_y = omega * w[MODE + FREQUENCY_RATIO * LANES + k]
         x, y = w[STATE + X * LANES + k], w[STATE + Y * LANES + k]
         vx, vy = w[STATE + VX * LANES + k], w[STATE + VY * LANES + k]
         fx = (

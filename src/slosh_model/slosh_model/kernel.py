@@ -22,7 +22,7 @@ from slosh_model.indices import (
     AY,
     DAMPING,
     FREQUENCY,
-    FREQUENCY_Y,
+    FREQUENCY_RATIO,
     GAIN,
     GAIN_Y,
     QW,
@@ -46,7 +46,8 @@ _TWO_PI = 2.0 * math.pi
 def _acceleration(mode, elapsed, q, inputs, parameters):  # type: ignore[no-untyped-def]
     """q̈ of one mode from (I + m) q̈ = f (DL22, eqs. (11), (12), (14), (15)), 2×2 in closed form."""
     mode = all_modulations(mode, elapsed, parameters)
-    omega, omega_y, zeta = mode[FREQUENCY], mode[FREQUENCY_Y], mode[DAMPING]
+    omega, zeta = mode[FREQUENCY], mode[DAMPING]
+    omega_y = omega * mode[FREQUENCY_RATIO]
     x, y, vx, vy = q
     gx, gy, mxx, mxy, myy = all_terms(mode, elapsed, q, inputs, parameters)
     fx = gx - 2.0 * zeta * omega * vx - omega * omega * x - inputs[AX]
@@ -98,7 +99,7 @@ def constants_of(mode):  # type: ignore[no-untyped-def]
     """A mode's constants as the effects' hooks take them."""
     return (
         mode["natural_frequency"], mode["damping_ratio"], mode["curvature"], mode["radius"],
-        mode["height_gain"], mode["xi"], mode["fill_height"], mode["natural_frequency_y"],
+        mode["height_gain"], mode["xi"], mode["fill_height"], mode["frequency_ratio"],
         mode["radius_y"], mode["height_gain_y"],
     )  # fmt: skip
 
@@ -128,7 +129,7 @@ def _settle(run, modes, pose):  # type: ignore[no-untyped-def]
         mode, constants = modes[n], constants_of(modes[n])
         x, y = 0.0, 0.0
         stiffness_x = constants[FREQUENCY] * constants[FREQUENCY]
-        stiffness_y = constants[FREQUENCY_Y] * constants[FREQUENCY_Y]
+        stiffness_y = stiffness_x * constants[FREQUENCY_RATIO] * constants[FREQUENCY_RATIO]
         for _ in range(_SETTLING_TURNS):
             q = (x, y, 0.0, 0.0)
             ax, ay = _acceleration(constants, run["elapsed"], q, inputs, parameters)

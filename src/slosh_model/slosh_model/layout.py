@@ -41,7 +41,7 @@ MODE = np.dtype(
         ("height_gain", np.float64),  # wall height per displacement [1]
         ("xi", np.float64),
         ("fill_height", np.float64),  # h [m]
-        ("natural_frequency_y", np.float64),  # the same along y, where they may differ
+        ("frequency_ratio", np.float64),  # natural frequency along y relative to that along x
         ("radius_y", np.float64),
         ("height_gain_y", np.float64),
         # Its mass: place [m] and velocity [m/s].

@@ -328,7 +328,8 @@ def store_of(model: Model, max_step: float = MAXIMUM_STEP) -> Array:
         across = mode.along(Y_AXIS)
         modes[n] = (
             mode.natural_frequency, mode.damping_ratio, mode.curvature, mode.reach, gain, mode.xi,
-            mode.container.fill_height, across.natural_frequency, across.reach, gain_y,
+            mode.container.fill_height, across.natural_frequency / mode.natural_frequency,
+            across.reach, gain_y,
             0.0, 0.0, 0.0, 0.0,
         )  # fmt: skip
     return store

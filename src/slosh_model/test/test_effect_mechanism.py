@@ -55,12 +55,12 @@ from slosh_model.effects.base import Effect, Parameter, Stage, compiled
 
 @compiled
 def _modulation(mode, elapsed, p):
-    omega, zeta, c, radius, gain, xi, height, omega_y, radius_y, gain_y = mode
+    omega, zeta, c, radius, gain, xi, height, omega_ratio, radius_y, gain_y = mode
     if elapsed < p[0]:
         return mode
     return (
         2.0 * omega, zeta, 4.0 * c, radius, 3.0 * gain, xi, height,
-        2.0 * omega_y, radius_y, 3.0 * gain_y,
+        omega_ratio, radius_y, 3.0 * gain_y,
     )
 
 EFFECT = Effect(

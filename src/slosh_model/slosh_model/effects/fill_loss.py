@@ -10,7 +10,7 @@ from slosh_model.indices import (
     DAMPING,
     FILL,
     FREQUENCY,
-    FREQUENCY_Y,
+    FREQUENCY_RATIO,
     GAIN,
     GAIN_Y,
     RADIUS,
@@ -36,7 +36,7 @@ def _modulation(mode, elapsed, p):  # type: ignore[no-untyped-def]
     return (
         omega_now, mode[DAMPING], omega_now * omega_now * radius / GRAVITY, radius,
         mode[GAIN] * factor, xi, now,
-        mode[FREQUENCY_Y] * math.sqrt(factor_y), radius_y, mode[GAIN_Y] * factor_y,
+        mode[FREQUENCY_RATIO] * math.sqrt(factor_y / factor), radius_y, mode[GAIN_Y] * factor_y,
     )  # fmt: skip
 
 

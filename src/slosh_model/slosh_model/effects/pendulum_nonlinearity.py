@@ -6,7 +6,7 @@ import math
 
 from slosh_model.constants import GRAVITY
 from slosh_model.effects.base import Effect, Stage, compiled
-from slosh_model.indices import AX, AY, DAMPING, FREQUENCY, FREQUENCY_Y, VX, VY, X, Y
+from slosh_model.indices import AX, AY, DAMPING, FREQUENCY, FREQUENCY_RATIO, VX, VY, X, Y
 
 _SMALL = 1e-4
 """Angle below which sin(θ)/θ is its series, to the last bit [rad]."""
@@ -30,9 +30,9 @@ def _axis(omega, zeta, x, v, a):  # type: ignore[no-untyped-def]
 
 @compiled
 def _term(mode, elapsed, q, inputs, p):  # type: ignore[no-untyped-def]
-    zeta = mode[DAMPING]
-    fx, mxx = _axis(mode[FREQUENCY], zeta, q[X], q[VX], inputs[AX])
-    fy, myy = _axis(mode[FREQUENCY_Y], zeta, q[Y], q[VY], inputs[AY])
+    omega, zeta = mode[FREQUENCY], mode[DAMPING]
+    fx, mxx = _axis(omega, zeta, q[X], q[VX], inputs[AX])
+    fy, myy = _axis(omega * mode[FREQUENCY_RATIO], zeta, q[Y], q[VY], inputs[AY])
     return fx, fy, mxx, 0.0, myy
 
 

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from slosh_model.constants import GRAVITY
 from slosh_model.effects.base import Effect, Stage, compiled
-from slosh_model.indices import AZ, FREQUENCY, FREQUENCY_Y, X, Y
+from slosh_model.indices import AZ, FREQUENCY, FREQUENCY_RATIO, X, Y
 
 
 @compiled
 def _term(mode, elapsed, q, inputs, p):  # type: ignore[no-untyped-def]
-    stiffness_x = mode[FREQUENCY] * mode[FREQUENCY] * inputs[AZ] / GRAVITY
-    stiffness_y = mode[FREQUENCY_Y] * mode[FREQUENCY_Y] * inputs[AZ] / GRAVITY
-    return -stiffness_x * q[X], -stiffness_y * q[Y], 0.0, 0.0, 0.0
+    stiffness = mode[FREQUENCY] * mode[FREQUENCY] * inputs[AZ] / GRAVITY
+    across = stiffness * mode[FREQUENCY_RATIO] * mode[FREQUENCY_RATIO]
+    return -stiffness * q[X], -across * q[Y], 0.0, 0.0, 0.0
 
 
 EFFECT = Effect(
