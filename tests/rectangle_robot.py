@@ -1,8 +1,8 @@
 """A linear drive with a rectangular tank and a camera beside it, as a process that speaks DDS.
 
-    python tests/rectangle_robot.py CAMERA.yaml
+    python tests/rectangle_robot.py
 
-Publishes a motion along x and pictures of what the liquid does, and ends when the motion has ended.
+Publishes a motion along x and pictures of what the liquid does, and ends with the motion.
 The liquid is TM20's pendulum; the pictures are drawn by other means than the camera node's.
 """
 

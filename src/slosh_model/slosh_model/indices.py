@@ -6,11 +6,11 @@ one without a change to the others.
 
 from __future__ import annotations
 
-FREQUENCY, DAMPING, CURVATURE, RADIUS, GAIN, XI, FILL, FREQUENCY_RATIO, RADIUS_Y, GAIN_Y = range(
-    10
-)
-"""A mode's constants: ω [rad/s], ζ, C, R [m], wall height per displacement, ξ, h [m]; along y
-ω relative to that along x, R and wall height per displacement. R of a rectangle is half a side."""
+FREQUENCY, DAMPING, CURVATURE, RADIUS, GAIN, XI, FILL = range(7)
+"""A mode's constants: ω [rad/s], ζ, C, R [m], wall height per displacement, ξ, h [m]. R of a
+rectangle is half a side."""
+FREQUENCY_RATIO, RADIUS_Y, GAIN_Y = range(7, 10)
+"""And along y: ω relative to that along x, R, wall height per displacement."""
 MODE_COUNT = 10
 
 X, Y, VX, VY = range(4)
