@@ -63,7 +63,8 @@ class Robot:
             for topic, kind in types.items()
         }
         self.picture: Image | None = None
-        self._surfaces = self._pictures = None
+        self._surfaces: Any = None
+        self._pictures: Any = None
         self._due = dict.fromkeys(("sample", "image"), time.monotonic())
 
     def listen(self) -> None:

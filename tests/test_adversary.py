@@ -234,7 +234,7 @@ class TestNoFall:
         assert time.monotonic() - started < 5.0
         assert "\n" not in answer.message
         for push in (0.0, 1900.0, 0.0):
-            rough.push = lambda t, push=push: push  # type: ignore[misc]
+            rough.push = lambda t, push=push: push
             from_now_on(rough, 20)
         assert 0 <= rough.new_estimate().flags < 2**16
 
@@ -278,7 +278,7 @@ class TestNoFall:
 
     def test_stamps_at_the_ends_of_time(self, calm: Robot) -> None:
         for sec in (-(2**31), 2**31 - 1, 0):
-            calm.surface.header.stamp.sec = sec  # type: ignore[union-attr]
+            calm.surface.header.stamp.sec = sec
             for ahead in (sec - time.time(), 0.0):
                 if abs(ahead + time.time()) < 2**31 - 1:
                     calm.sample(ahead=ahead)

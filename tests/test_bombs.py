@@ -10,6 +10,7 @@ import struct
 import zlib
 from collections.abc import Callable, Iterable
 from pathlib import Path
+from typing import Any
 
 import cv2
 import lz4.frame
@@ -63,7 +64,7 @@ def check_survived(ended: Ended, idle: int) -> None:
 # MCAP
 
 
-def record(content: object) -> bytes:
+def record(content: Any) -> bytes:
     builder = RecordBuilder()
     content.write(builder)
     return bytes(builder.end())
@@ -99,7 +100,7 @@ def write_mcap(path: Path, parts: Iterable[bytes]) -> Path:
     return path
 
 
-def pour(compressor: object, size: int, filler: bytes = bytes(MB)) -> bytes:
+def pour(compressor: Any, size: int, filler: bytes = bytes(MB)) -> bytes:
     """A compressor's output for that many bytes."""
     parts = [compressor.compress(filler) for _ in range(size // len(filler))]
     return b"".join([*parts, compressor.flush()])

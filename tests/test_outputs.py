@@ -476,7 +476,7 @@ def writes(tree):
         modes = [*node.args[0 if method else 1 :][:1], *(k.value for k in node.keywords)]
         texts = [mode.value for mode in modes if isinstance(mode, ast.Constant)]
         opens = name == "open" and any(set("wax+") & set(str(text)) for text in texts)
-        moves = method and (getattr(node.func.value, "id", ""), name) in MOVING
+        moves = method and (getattr(getattr(node.func, "value", None), "id", ""), name) in MOVING
         if opens or moves or (method and name in WRITING):
             yield node.lineno
 

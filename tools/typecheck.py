@@ -1,4 +1,4 @@
-"""Checks the types of every package, one mypy run with the packages' roots on its path."""
+"""Checks the types of packages, tests, tools and benchmarks, in one mypy run."""
 
 from __future__ import annotations
 
@@ -9,15 +9,19 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 SCRIPTS = ("tools", "tools/scenes", "tools/packaging", "benchmarks")
+TESTS = ("src/*/test/*.py", "tests/**/*.py")
 
 
 def main() -> int:
-    """Runs mypy over the packages, tools and benchmarks; returns its exit code."""
+    """Runs mypy over all of it; returns its exit code."""
     roots = sorted(path.parent for path in ROOT.glob("src/*/setup.py"))
     packages = [str(root / root.name) for root in roots]
     # A script finds what lies beside it.
     beside = [ROOT, *(ROOT / name for name in SCRIPTS)]
     scripts = [str(path) for folder in beside[1:] for path in sorted(folder.glob("*.py"))]
+    # A package's `test` folder is the module `test`, whichever package: one name, one file.
+    tests = [path for folder in TESTS for path in sorted(ROOT.glob(folder))]
+    scripts += [str(path) for path in tests if path.name != "conftest.py"]
     environment = {**os.environ, "MYPYPATH": ":".join(map(str, [*beside[1:], *roots, ROOT]))}
     command = [sys.executable, "-m", "mypy", "--explicit-package-bases", *packages, *scripts]
     return subprocess.run(command, env=environment, cwd=ROOT, check=False).returncode

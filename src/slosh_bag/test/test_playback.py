@@ -19,8 +19,9 @@ from slosh_bag.playing.play_plan import (
     renamed,
     without,
 )
-from slosh_bag.playing.playback import SECOND, Playback, PlaybackSettings
+from slosh_bag.playing.playback import Playback, PlaybackSettings
 from slosh_bag.reader import BagMessage
+from slosh_files.nanoseconds import SECOND
 
 MS = 1_000_000
 BEGIN = 1_700_000_000 * SECOND

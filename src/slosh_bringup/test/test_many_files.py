@@ -1,5 +1,6 @@
 """Work on many files: each item has its outcome, whatever becomes of the others."""
 
+import importlib
 import logging
 import os
 import signal
@@ -59,9 +60,7 @@ def work(tmp_path, monkeypatch):
     monkeypatch.syspath_prepend(str(tmp_path))
     path = os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")])
     monkeypatch.setenv("PYTHONPATH", path.rstrip(os.pathsep))
-    import many_files_work
-
-    yield many_files_work
+    yield importlib.import_module("many_files_work")
     del sys.modules["many_files_work"]
 
 

@@ -248,20 +248,21 @@ class _Sheet:
 def test_sheets_hold_few_images_of_many(tmp_path):
     calibration = read_calibration(CAMERA)
     strip, worst = (kind(tmp_path / "x.png", calibration, 4) for kind in (Strip, Worst))
+    sheets = {strip: _Sheet(), worst: _Sheet()}
     for number in range(1001):
         measurement = Measurement(0, msh=0.0, msh_stddev=1e-3 * (number * 7 % 1000))
         result = Result(SourceFrame(0, str(number), Path("none")), measurement, "")
         for sink in (strip, worst):
-            sink._sheet = _Sheet()
+            sink._sheet = sheets[sink]
             sink.add(result)
             assert len(getattr(sink, "_kept", getattr(sink, "_heap", ()))) <= 16
     strip.finish()
     worst.finish()
-    places = [int(name) for name in strip._sheet.names]
+    places = [int(name) for name in sheets[strip].names]
     assert len(places) == 4
     assert places[0] == 0
     assert min(np.diff(places)) > 200
-    assert worst._sheet.names == ["857", "714", "571", "428"]
+    assert sheets[worst].names == ["857", "714", "571", "428"]
 
 
 def test_a_still_image_moves_the_zero(tmp_path, folder):

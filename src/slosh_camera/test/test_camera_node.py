@@ -21,7 +21,8 @@ from slosh_camera.errors import SloshCameraError  # noqa: E402
 from slosh_camera.measurement import Flag  # noqa: E402
 from slosh_camera.nodes.camera_node import CameraNode  # noqa: E402
 from slosh_camera.nodes.complaints import Complaints  # noqa: E402
-from slosh_camera.nodes.frame_gaps import SECOND, FrameGaps  # noqa: E402
+from slosh_camera.nodes.frame_gaps import FrameGaps  # noqa: E402
+from slosh_files.nanoseconds import SECOND  # noqa: E402
 from slosh_msgs.msg import FreeSurface  # noqa: E402
 from slosh_msgs_py import images, qos, topics  # noqa: E402
 from slosh_msgs_py.errors import SloshMessageError  # noqa: E402

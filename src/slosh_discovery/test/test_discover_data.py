@@ -80,7 +80,7 @@ def parts_of(starts: tuple[float, ...], seconds: float) -> list[tuple[float, flo
     t, acceleration = bursts(starts, seconds)
     found = split(recording(t, acceleration, seen(t, acceleration)))
     assert found.notes == []
-    return [tuple((ns - START) / SECOND for ns in part) for part in found.parts]  # type: ignore[misc]
+    return [tuple((ns - START) / SECOND for ns in part) for part in found.parts]
 
 
 def table_of(seconds: float = 4.0) -> MotionTable:

@@ -9,12 +9,12 @@ import pytest
 
 from slosh_estimator.agreement import LEAST, MotionAgreement, MotionWatch
 from slosh_estimator.monitor import (
-    SATURATED,
     EstimatePoint,
     MeasuredPoint,
     Monitor,
     MonitorSettings,
 )
+from slosh_estimator.sight import SATURATED
 from slosh_estimator.validity import EstimateFlag
 from slosh_model.containers import Cylinder
 from slosh_model.model import Model

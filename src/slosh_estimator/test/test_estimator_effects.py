@@ -122,7 +122,7 @@ def in_parts(model: Model, samples: Samples, size: int) -> list[Estimates]:
     estimator, parts = Estimator(model), []
     for start in range(0, len(samples.stamps), size):
         rows = slice(start, start + size)
-        part = Samples(*(None if one is None else one[rows] for one in samples))  # type: ignore[arg-type]
+        part = Samples(*(None if one is None else one[rows] for one in samples))
         parts.append(estimator.update_many(part))
     return parts
 

@@ -13,7 +13,7 @@ STILL, BAD = (0.0, 0.0, 0.0), (0.0, math.nan, 0.0)
 
 
 def gate(**settings: float) -> SampleGate:
-    made = SampleGate(GateSettings(**settings))  # type: ignore[arg-type]
+    made = SampleGate(GateSettings(**settings))
     assert made.judge(1000 * MS, STILL) is Verdict.RESTART
     return made
 

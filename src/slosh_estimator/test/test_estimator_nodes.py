@@ -134,7 +134,7 @@ def test_accelerations_in_estimates_out_and_faults_counted(start: Callable[..., 
     begin = cell.now()
     for k in range(1, 21):
         publisher.publish(accel(begin + k * MS, 2.0))
-        cell.until(lambda k=k: len(estimates) >= k)  # type: ignore[misc]
+        cell.until(lambda k=k: len(estimates) >= k)
     publisher.publish(accel(begin + 20 * MS, 2.0))
     publisher.publish(accel(begin + 21 * MS, float("nan")))
     publisher.publish(accel(begin + 22 * MS, 2.0, "tool0"))
@@ -450,7 +450,7 @@ def test_a_found_model_is_loaded_and_acts_on_the_liquid_and_on_the_comparison(
     poses = cell.publisher(PoseStamped, topics.POSE)
     surfaces = cell.publisher(FreeSurface, topics.FREE_SURFACE)
     for topic in (topics.ESTIMATE, topics.EXPECTED_READING, topics.COMPARISON):
-        cell.until(lambda topic=topic: cell.probe.count_publishers(topic) > 0)  # type: ignore[misc]
+        cell.until(lambda topic=topic: cell.probe.count_publishers(topic) > 0)
     begin, sent = cell.now(), 0
 
     def tilt(count: int) -> None:
@@ -464,7 +464,7 @@ def test_a_found_model_is_loaded_and_acts_on_the_liquid_and_on_the_comparison(
             poses.publish(message)
             sent += 1
             if sent >= 5:
-                cell.until(lambda before=before: len(estimates) > before)  # type: ignore[misc]
+                cell.until(lambda before=before: len(estimates) > before)
 
     tilt(20)
     assert estimates[-1].nonlinear.msh == 0.0  # blind to gravity on a tilted floor

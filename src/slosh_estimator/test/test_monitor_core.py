@@ -349,7 +349,7 @@ def both_speak(
 )
 def test_who_cannot_compare_is_blind_and_says_why(given: dict[str, int], reason: str) -> None:
     monitor = Monitor(MonitorSettings())
-    assert both_speak(monitor, **given).state is Condition.BLIND  # type: ignore[arg-type]
+    assert both_speak(monitor, **given).state is Condition.BLIND
     assert re.search(reason, monitor.blindness(11_000 * MS))
     assert monitor.nonlinear.count == 0
 

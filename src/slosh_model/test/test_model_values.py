@@ -31,7 +31,7 @@ def test_models_are_copied_pickled_hashed():
 
 def test_a_models_parameters_cannot_change():
     with pytest.raises(TypeError):
-        MODEL.effects[0].parameters["alpha"] = 1.0  # type: ignore[index]
+        MODEL.effects[0].parameters["alpha"] = 1.0
 
 
 def test_an_effect_with_other_parameters_keeps_its_place():
