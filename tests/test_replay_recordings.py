@@ -12,11 +12,12 @@ from slosh_bag.bag_writer import BagWriter
 from slosh_bag.definitions import find_interfaces
 from slosh_bag.errors import SloshBagError
 from slosh_bag.reader import BagReader
+from slosh_bag.recording.heights import measurements
 from slosh_bag.recording.sources import find_sources
 from slosh_bag.replay import replay_bag
 from slosh_bag.replay.checking import excesses
 from slosh_bag.replay.output_bag import OutputBag
-from slosh_bag.replay.replay_bag import feed, measurements
+from slosh_bag.replay.replay_bag import feed
 from slosh_bag.replay.stream import ReplayStream
 from slosh_estimator.monitor import MonitorSettings
 from slosh_model.model_text import parse_model

@@ -11,7 +11,8 @@ from slosh_estimator.estimator import Estimate, Estimator
 from slosh_estimator.sample import Sample, Samples
 from slosh_estimator.validity import EstimateFlag
 from slosh_model.containers import Cylinder
-from slosh_model.model import Model, ValidityLimits
+from slosh_model.limits import ValidityLimits
+from slosh_model.model import Model
 from slosh_model.simulate import Inputs, simulate
 
 MODEL = Model(Cylinder(0.05, 0.07, rim_height=0.09)).spatial()

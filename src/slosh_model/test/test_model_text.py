@@ -13,8 +13,9 @@ from slosh_model.containers import Cylinder, Rectangle
 from slosh_model.covariance import covariance_of
 from slosh_model.effects.registry import EFFECTS
 from slosh_model.errors import SloshModelError
+from slosh_model.limits import ValidityLimits
 from slosh_model.liquid import Liquid
-from slosh_model.model import EffectUse, Model, ValidityLimits
+from slosh_model.model import EffectUse, Model
 from slosh_model.model_text import format_model, parse_model
 
 TEXT = """\

@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_discovery.discover.clock import first_offset
-from slosh_discovery.discover.input_series import REST
 from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_discovery.discover.noise import estimate_noise
 from slosh_discovery.discover.problem import MOST_AZIMUTHS, PreparedMotion
@@ -30,6 +29,8 @@ ALIKE = 1e-9
 """Inputs that differ by less are the same motion."""
 SPEED_DIGITS = 3
 """A motion's ends are told to a thousandth of its length."""
+REST = 1e-3
+"""A law's rise begins where the acceleration is above this share of its peak,"""
 CLEAR = 4.0
 """A container moves where its acceleration exceeds so many standard deviations of its noise."""
 REPEATED = 0.1
