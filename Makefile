@@ -13,11 +13,13 @@ WORKERS ?= logical
 PYTEST := tools/run python -m pytest -n $(WORKERS) --no-loadscope-reorder
 
 .PHONY: help setup demo test test-all lint bench docs tables study clean
+.PHONY: help setup demo test test-all coverage lint bench docs tables clean
 
 help:
 	@echo "make demo      set up, run the simulated cell with all nodes, record, report"
 	@echo "make test      set up, run the tests"
 	@echo "make test-all  the long suites too"
+	@echo "make coverage  which lines the tests run, to docs/coverage.md"
 	@echo "make lint      formatting, style, types, import rules"
 	@echo "make bench     the measurements behind each claim of speed"
 	@echo "make docs      the documentation, to docs/_build/html"
@@ -38,6 +40,9 @@ test: setup
 test-all: setup
 	@$(PYTEST) --hypothesis-profile=search $(TESTS) $(REAL_TIME:%=--ignore=%)
 	@tools/run python -m pytest $(REAL_TIME)
+
+coverage: setup
+	@tools/run python tools/coverage_table.py
 
 lint: setup
 	@tools/run ruff format --check .
