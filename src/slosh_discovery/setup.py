@@ -15,6 +15,8 @@ setup(
             "py.typed",
             "discovery_report/*.j2",
             "discovery_report/*.css",
+            "identification_report/*.j2",
+            "identification_report/*.css",
         ]
     },
     data_files=[

@@ -2,8 +2,9 @@
 
 Columns: `t,ax,ay,az` [s, m/s²: container's origin, world frame, gravity excluded]; optional
 `qx,qy,qz,qw` (attitude, world ← container), `wx,wy,wz` (angular velocity, container's frame,
-rad/s), `msh` [m] and `eta_000` … `eta_359` (height on the wall by azimuth in degrees from the
-container's +x, m). `.csv.gz` is compressed.
+rad/s), `msh` [m], `eta_000` … `eta_359` (height on the wall by azimuth in degrees from the
+container's +x, m) and `profile_X` (height of the surface seen from the side at X metres along the
+container's x axis, as in `profile_-0.0295`, m). `.csv.gz` is compressed.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from __future__ import annotations
 import csv
 import gzip
 import io
+import math
 from array import array
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, contextmanager
@@ -32,6 +34,7 @@ ATTITUDE = ("qx", "qy", "qz", "qw")
 ANGULAR_VELOCITY = ("wx", "wy", "wz")
 MSH = "msh"
 ETA = "eta_"
+PROFILE = "profile_"
 _BATCH = 10_000  # rows that are turned into text at a time
 
 
@@ -47,6 +50,10 @@ class MotionTable:
         msh: (N,) measured maximum sloshing height [m], NaN where the camera has no sample.
         eta_azimuth: (K,) azimuths of the measured wall heights from the container's +x [rad].
         eta: (N, K) measured wall heights above the still level [m], NaN likewise.
+        profile_x: (I,) places of the measured profile from the container's middle along its x axis
+            [m], rising.
+        profile: (N, I) measured heights of the surface there, above the still level [m], NaN
+            likewise.
     """
 
     t: Array
@@ -56,6 +63,8 @@ class MotionTable:
     msh: Array | None = None
     eta_azimuth: Array | None = None
     eta: Array | None = None
+    profile_x: Array | None = None
+    profile: Array | None = None
 
     @property
     def measured(self) -> Array | None:
@@ -149,6 +158,18 @@ def _is_eta(name: str) -> bool:
     return name.startswith(ETA) and len(digits) == 3 and digits.isdecimal() and int(digits) < 360
 
 
+def _is_profile(name: str) -> bool:
+    try:
+        return name.startswith(PROFILE) and math.isfinite(_place(name))
+    except ValueError:
+        return False
+
+
+def _place(name: str) -> float:
+    """A profile column's x [m]."""
+    return float(name.removeprefix(PROFILE))
+
+
 def _heading(path: Path, rows: Iterator[list[str]]) -> list[str]:
     heading = next(rows, [])
     blank = not any(cell.strip() for cell in heading)
@@ -162,10 +183,11 @@ def _check_columns(path: Path, names: list[str]) -> None:
     for name in names:
         if names.count(name) > 1:
             raise SloshBagError(f"{path}: line 1: column {name!r} stands twice")
-        if name not in known and not _is_eta(name):
+        if name not in known and not (_is_eta(name) or _is_profile(name)):
             raise SloshBagError(
                 f"{path}: line 1: column {name!r} is unknown; known are {', '.join(MOTION)}, "
-                f"{', '.join(ATTITUDE)}, {', '.join(ANGULAR_VELOCITY)}, {MSH}, eta_000 … eta_359"
+                f"{', '.join(ATTITUDE)}, {', '.join(ANGULAR_VELOCITY)}, {MSH}, eta_000 … eta_359, "
+                f"{PROFILE}X"
             )
     for group in (MOTION, ATTITUDE, ANGULAR_VELOCITY):
         missing = [name for name in group if name not in names]
@@ -200,7 +222,7 @@ def _number(path: Path, line: int, name: str, text: str) -> float:
 
 def _check_finite(path: Path, names: list[str], data: Array) -> None:
     for column, name in enumerate(names):
-        heights = name == MSH or _is_eta(name)
+        heights = name == MSH or _is_eta(name) or _is_profile(name)
         bad = np.isinf(data[:, column]) if heights else ~np.isfinite(data[:, column])
         if bad.any():
             row = int(np.argmax(bad))
@@ -227,6 +249,7 @@ def _table(names: list[str], data: Array) -> MotionTable:
         return np.ascontiguousarray(data[:, [names.index(name) for name in columns]])
 
     etas = tuple(sorted(name for name in names if _is_eta(name)))
+    places = tuple(sorted((name for name in names if _is_profile(name)), key=_place))
     return MotionTable(
         t=data[:, names.index("t")].copy(),
         acceleration=np.ascontiguousarray(data[:, [names.index(name) for name in MOTION[1:]]]),
@@ -235,6 +258,8 @@ def _table(names: list[str], data: Array) -> MotionTable:
         msh=data[:, names.index(MSH)].copy() if MSH in names else None,
         eta_azimuth=eta_azimuths(etas) if etas else None,
         eta=group(etas) if etas else None,
+        profile_x=np.array([_place(name) for name in places]) if places else None,
+        profile=group(places) if places else None,
     )
 
 
@@ -251,6 +276,9 @@ def _columns(path: Path, table: MotionTable) -> tuple[list[str], list[Array]]:
     if table.eta is not None and table.eta_azimuth is not None:
         names += _eta_names(path, table.eta_azimuth)
         columns.append(table.eta)
+    if table.profile is not None and table.profile_x is not None:
+        names += [f"{PROFILE}{x!r}" for x in table.profile_x.tolist()]
+        columns.append(table.profile)
     return names, columns
 
 

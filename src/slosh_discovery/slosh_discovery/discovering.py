@@ -101,8 +101,8 @@ def prepare(request: Request, tell: Tell) -> Prepared:
         notes.append(line)
         tell(line)
 
-    fit = _read(request.data, base, note, from_bag=request.from_bag)
-    holdout = _read(request.holdout, base, note, from_bag=False)
+    fit = read_all(request.data, base, note, from_bag=request.from_bag)
+    holdout = read_all(request.holdout, base, note, from_bag=False)
     if request.most is not None and len(fit) > request.most:
         note(f"the first {request.most} of {len(fit)} motions are used")
         fit = fit[: request.most]
@@ -156,23 +156,27 @@ def write_results(folder: Path, report: DiscoveryReport) -> str:
     return text
 
 
-def check_paths(request: Request) -> None:
+def check_paths(data: Sequence[Path], holdout: Sequence[Path], output: Path) -> None:
     """Refuses files that stand for two things.
+
+    Args:
+        data, holdout: what is read.
+        output: folder of the results.
 
     Raises:
         SloshDiscoveryError: a path is named twice.
         SloshFileError: the results would lie in a bag.
     """
     seen: dict[Path, str] = {}
-    for kind, paths in (("DATA", request.data), ("--holdout", request.holdout)):
+    for kind, paths in (("DATA", data), ("--holdout", holdout)):
         for path in paths:
             real = path.resolve()
             if real in seen:
                 where = f"in {kind} twice" if seen[real] == kind else "in both DATA and --holdout"
                 raise SloshDiscoveryError(f"{path}: is {where}; name it once")
             seen[real] = kind
-    bags = [path for path in (*request.data, *request.holdout) if any(path.glob("*.mcap"))]
-    check_outside(request.output, bags)
+    bags = [path for path in (*data, *holdout) if any(path.glob("*.mcap"))]
+    check_outside(output, bags)
 
 
 def recorded_model(bag: Path) -> Model:
@@ -273,7 +277,8 @@ def _line(*words: object) -> str:
     return shlex.join(map(str, words))
 
 
-def _read(paths: Iterable[Path], base: Model, tell: Tell, *, from_bag: bool) -> Motions:
+def read_all(paths: Iterable[Path], base: Model, tell: Tell, *, from_bag: bool) -> Motions:
+    """The motions of several files; from bags first those in which the estimate was off most."""
     if not from_bag:
         return tuple(motion for path in paths for motion in read_motions(path, base, tell))
     found = [entry for path in paths for entry in day_motions(path, base, tell)]

@@ -104,10 +104,14 @@ def write_table_bag(
         progress: is told the number of rows so far and in all.
 
     Raises:
-        SloshBagError: a time or an attitude does not fit into a message.
+        SloshBagError: a time or an attitude does not fit into a message, or it holds a profile.
         SloshFileError: the bag's folder holds something.
         OSError: the bag cannot be written.
     """
+    if table.profile is not None:
+        raise SloshBagError(
+            f"{path}: holds a profile (columns profile_X), which no message carries; leave it out"
+        )
     origin_ns, stamps = table_stamps(path, table.t)
     messages = _TableMessages(path, table, definitions or Definitions())
     columns = ",".join(column_names(path, table))

@@ -55,7 +55,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Discovers, writes the results and prints them; the verdict does not change the exit code."""
     request = make_request(arguments)
-    check_paths(request)
+    check_paths(request.data, request.holdout, request.output)
     # Made before the work: long work must not end at a folder that takes no file.
     with new_folder(request.output) as folder:
         prepared = prepare(request, tell)

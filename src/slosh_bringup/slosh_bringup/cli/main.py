@@ -27,12 +27,12 @@ COMMANDS: dict[str, str] = {
     "import": "motion tables, foreign bags and public measured data to bags",
     "recover": "a finished bag of what is whole in an unfinished or damaged one",
     "export": "a bag's topics as CSV or Parquet, or its motion as a table",
-    "identify": "parameters from measurements (not in this version)",
+    "identify": "a model's parameters from measured motions",
     "discover": "where model and measurement disagree, and the missing effect",
     "predict": "peak heights of candidate motions (not in this version)",
     "doctor": "what works here, what is missing, how to mend it",
 }
-LATER = ("identify", "predict")
+LATER = ("predict",)
 LIVE = ("demo", "cell")
 
 EXIT_DONE, EXIT_FAILED, EXIT_WRONG_INPUT = 0, 1, 2

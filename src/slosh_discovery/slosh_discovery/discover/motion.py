@@ -29,6 +29,9 @@ class MeasuredMotion:
             wall heights by azimuth are given instead.
         eta_azimuth: (K,) azimuths of the measured wall heights from the container's +x [rad].
         eta: (M, K) measured wall heights above the still level [m], NaN: no sample.
+        profile_x: (I,) places of a profile seen from the side, from the middle along x [m].
+        profile: (M, I) measured heights of the surface there [m], NaN: no sample; what `eta` was
+            taken from, for indices of the surface's shape.
         stddev: (M,) the sensor's own standard deviation [m], NaN: unknown; None: never known.
         same_clock: whether t is the inputs' clock; otherwise an unknown small offset lies between.
         level_known: whether the heights' zero is the still level; otherwise it is unknown.
@@ -44,6 +47,8 @@ class MeasuredMotion:
     msh: Array | None = None
     eta_azimuth: Array | None = None
     eta: Array | None = None
+    profile_x: Array | None = None
+    profile: Array | None = None
     stddev: Array | None = None
     same_clock: bool = True
     level_known: bool = True

@@ -56,7 +56,7 @@ def read_motions(
         path: a motion table (`.csv`, `.csv.gz`), a bag (folder or `.mcap`, also an unfinished
             one), or a folder of these.
         model: by whose container heights are laid over the motion where their clocks are
-            unrelated; None: what the bag says of its container.
+            unrelated, and profiles become heights; None: what the bag says of its container.
         tell: is told what is left out or assumed, one line each.
 
     Returns:
@@ -110,7 +110,7 @@ def _sources(path: Path) -> list[Path]:
 def _read(path: Path, model: Model | None, tell: Tell) -> Iterator[tuple[MeasuredMotion, float]]:
     """The motions of a table or a bag, with the recorded disagreement [m]."""
     if is_table(path):
-        yield table_motion(path, tell), float("nan")
+        yield table_motion(path, tell, model), float("nan")
         return
     name = path.name.removesuffix(".mcap")
     reader, sources = sources_of(path)
@@ -120,7 +120,7 @@ def _read(path: Path, model: Model | None, tell: Tell) -> Iterator[tuple[Measure
     elif TABLE_COLUMNS in sources.facts:
         # A table that became a bag is one motion, with wall heights where it had them.
         table = read_bag_table(path, TableSettings()).table
-        yield motion_of_table(path, name, table, tell), float("nan")
+        yield motion_of_table(path, name, table, tell, model), float("nan")
     else:
         yield from _motions(name, read_recording(path, reader, sources, tell), tell)
 

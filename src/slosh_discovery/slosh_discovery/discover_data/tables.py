@@ -13,7 +13,9 @@ from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_discovery.discover_data.heights import without_spikes
 from slosh_discovery.errors import SloshDiscoveryError
 from slosh_model.errors import SloshModelError
+from slosh_model.model import Model
 from slosh_model.simulate import Inputs
+from slosh_report.surface_metrics import line_slopes
 
 Array = NDArray[np.float64]
 
@@ -25,11 +27,14 @@ def is_table(path: Path) -> bool:
     return path.name.lower().endswith(SUFFIXES)
 
 
-def table_motion(path: Path, tell: Callable[[str], object]) -> MeasuredMotion:
+def table_motion(
+    path: Path, tell: Callable[[str], object], model: Model | None = None
+) -> MeasuredMotion:
     """A table's motion.
 
     Args:
         path: `.csv` or `.csv.gz`.
+        model: whose container a profile was seen in; None: unknown.
         tell: is told what is left out, one line each.
 
     Raises:
@@ -39,32 +44,40 @@ def table_motion(path: Path, tell: Callable[[str], object]) -> MeasuredMotion:
     name = path.name
     for suffix in reversed(SUFFIXES):
         name = name.removesuffix(suffix)
-    return motion_of_table(path, name, read_motion_table(path), tell)
+    return motion_of_table(path, name, read_motion_table(path), tell, model)
 
 
 def motion_of_table(
-    path: Path, name: str, table: MotionTable, tell: Callable[[str], object]
+    path: Path,
+    name: str,
+    table: MotionTable,
+    tell: Callable[[str], object],
+    model: Model | None = None,
 ) -> MeasuredMotion:
     """The motion that a table's values tell.
 
     Of msh and wall heights the latter are taken: their maximum is the msh, so that nothing is
-    lost. Where more moments have an msh than wall heights it is the other way round.
+    lost. Where more moments have an msh than wall heights it is the other way round. A profile
+    without either gives the height at the container's +x, on the line that is nearest to it.
 
     Args:
         path: where the table comes from; for what is said of it.
         name: of the motion.
         table: the table.
         tell: is told what is left out, one line each.
+        model: whose container a profile was seen in; None: unknown.
 
     Raises:
         SloshDiscoveryError: no measured heights, too few of them, or inputs that cannot be.
     """
     sampled, walls = _sampled(table.msh), _sampled(table.eta)
-    if table.msh is None and table.eta is None:
+    if table.msh is None and table.eta is None and table.profile is None:
         raise SloshDiscoveryError(
             f"{path}: holds no measured heights; add a column msh or columns eta_000 … eta_359"
         )
     try:
+        if table.msh is None and table.eta is None:
+            return _profile_motion(path, name, table, model)
         inputs = Inputs(table.t, table.acceleration, table.attitude, table.angular_velocity)
         if table.eta is not None and len(walls) >= len(sampled):
             return MeasuredMotion(
@@ -81,6 +94,27 @@ def motion_of_table(
         return MeasuredMotion(name, inputs, table.t[sampled][kept], msh=clean[kept])
     except (SloshModelError, SloshDiscoveryError) as error:
         raise SloshDiscoveryError(f"{path}: {error}") from None
+
+
+def _profile_motion(
+    path: Path, name: str, table: MotionTable, model: Model | None
+) -> MeasuredMotion:
+    """The line nearest to each frame of a profile, as the height at +x (TM20, eqs. (11), (12))."""
+    if model is None:
+        raise SloshDiscoveryError(f"{path}: holds a profile; only a model says how wide it is")
+    assert table.profile is not None and table.profile_x is not None  # noqa: PT018  # by the caller
+    rows = _sampled(table.profile)
+    profile = table.profile[rows]
+    half = model.container.reaches[0]
+    return MeasuredMotion(
+        name,
+        Inputs(table.t, table.acceleration, table.attitude, table.angular_velocity),
+        table.t[rows],
+        eta_azimuth=np.zeros(1),
+        eta=half * line_slopes(table.profile_x, profile)[:, np.newaxis],
+        profile_x=table.profile_x,
+        profile=profile,
+    )
 
 
 def _sampled(heights: Array | None) -> NDArray[np.intp]:

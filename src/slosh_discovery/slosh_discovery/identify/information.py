@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
@@ -74,42 +74,49 @@ def unidentified(
     widths = problem.widths[: len(problem.parameters)]
     known = information(problem, vector, colour) * np.outer(widths, widths)
     names = [parameter.name for parameter in problem.parameters]
-    left, held = list(range(len(names))), []
+    left = list(range(len(names)))
+    held: list[tuple[int, tuple[str, ...], float]] = []
     while left:
         values, vectors = np.linalg.eigh(known[np.ix_(left, left)])
         if values[0] * UNKNOWN**2 >= 1.0:
             break
         shares = np.abs(vectors[:, 0])
         worst = len(left) - 1 - int(np.argmax(shares[::-1] > shares.max() - 1e-3))
-        others = [names[left[i]] for i in np.flatnonzero(shares > INVOLVED) if i != worst]
+        others = tuple(names[left[i]] for i in np.flatnonzero(shares > INVOLVED) if i != worst)
         error = float(1.0 / np.sqrt(max(values[0], 1e-300)))
-        held.append(_with_help(problem, vector, colour, known, left, left[worst], others, error))
+        held.append((left[worst], others, error))
         del left[worst]
-    return tuple(names[i] for i in left), held
+    candidates = list(_candidates(problem, vector, colour)) if held else []
+    return tuple(names[i] for i in left), [
+        _with_help(Unidentified(names[place], others, error), known, [*left, place], candidates)
+        for place, others, error in held
+    ]
 
 
 def _with_help(
-    problem: Problem,
-    vector: Array,
-    colour: Colour,
+    missing: Unidentified,
     known: Array,
-    left: Sequence[int],
-    worst: int,
-    others: Sequence[str],
-    error: float,
+    places: Sequence[int],
+    candidates: Sequence[tuple[Motion, Inputs, Array]],
 ) -> Unidentified:
-    """With the first motion that makes the least known direction about as known as any does."""
+    """With the first motion that makes it about as well known as any does, if one does.
+
+    Args:
+        missing: the parameter.
+        known: (P, P) what the data tell.
+        places: of the parameter and of those that are fitted.
+        candidates: motions with what each would tell.
+    """
+    part = np.ix_(places, places)
     found = []
-    for motion, inputs, gained in _candidates(problem, vector, colour):
-        together = known[np.ix_(left, left)] + gained[np.ix_(left, left)]
-        least = max(float(np.linalg.eigvalsh(together)[0]), 1e-300)
+    for motion, inputs, gained in candidates:
+        least = max(float(np.linalg.eigvalsh((known + gained)[part])[0]), 1e-300)
         found.append((float(1.0 / np.sqrt(least)), motion, inputs))
     best = min((entry[0] for entry in found), default=np.inf)
-    name = problem.parameters[worst].name
     if best > UNKNOWN:
-        return Unidentified(name, tuple(others), error)
+        return missing
     helped, motion, inputs = next(entry for entry in found if entry[0] <= ENOUGH * best)
-    return Unidentified(name, tuple(others), error, text_of(motion), inputs, helped)
+    return replace(missing, help=text_of(motion), inputs=inputs, helped=helped)
 
 
 def _candidates(

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from slosh_discovery.identify.colour import Colour
 from slosh_discovery.identify.information import Unidentified
 from slosh_discovery.identify.trials import OperatingPoint
+from slosh_discovery.identify.validity import LineLimit
 from slosh_model.model import Model
 
 Array = NDArray[np.float64]
@@ -140,6 +141,25 @@ class PointAgreement:
     mosm: float
 
 
+@dataclass(frozen=True, slots=True)
+class DwellVibration:
+    """Residual vibration at an operating point (TM20, eqs. (17)-(19)).
+
+    Attributes:
+        point: label of the operating point.
+        repetitions: number of its motions.
+        measured: greatest η_eff of them [m].
+        line: Δη_appr, effective distance of the surface from the nearest lines [m].
+        simulated: Δη_simul, that from the simulated lines [m].
+    """
+
+    point: str
+    repetitions: int
+    measured: float
+    line: float
+    simulated: float
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Identification:
     """What was found.
@@ -151,6 +171,8 @@ class Identification:
         single: one for each operating point; empty: not asked for.
         points: how well they describe each operating point.
         motions: what they say of each motion: the point's own where the strategy is SOSM.
+        line: up to which speed the surface is a line; None: no profiles tell.
+        dwell: residual vibration by operating point, of motions with profiles.
         remarks: what the reader must know, a sentence each.
     """
 
@@ -160,4 +182,6 @@ class Identification:
     single: tuple[IdentifiedModel, ...]
     points: tuple[PointAgreement, ...]
     motions: tuple[FittedMotion, ...]
+    line: LineLimit | None
+    dwell: tuple[DwellVibration, ...]
     remarks: tuple[str, ...]

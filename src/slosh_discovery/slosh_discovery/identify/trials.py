@@ -122,21 +122,46 @@ def make_trials(
 def operating_speed(inputs: Inputs, ratio: float) -> float:
     """The speed n of a rise and dwell [1/min], by how long the container moves; NaN: it does not.
 
-    Of several cycles the first rise counts.
+    Of several cycles the first rise counts. The samples leave its length open by two of their
+    intervals: where a whole number lies within, it is that, as machines are set by whole numbers.
     """
+    moving = _rise_rows(inputs)
+    if moving is None:
+        return float("nan")
+    start, end = rise_span(inputs)
+    slowest = 60.0 * ratio / (end - start)
+    fastest = 60.0 * ratio / float(inputs.t[moving[1]] - inputs.t[moving[0]])
+    whole = round(0.5 * (slowest + fastest))
+    if slowest - ALIKE <= whole <= fastest + ALIKE:
+        return float(whole)
+    return float(f"{0.5 * (slowest + fastest):.{SPEED_DIGITS}g}")
+
+
+def rise_span(inputs: Inputs) -> tuple[float, float]:
+    """From when to when a container moves on in its first cycle, by its law [s].
+
+    Unlike a live monitor, which bears a sensor's noise, it knows slow motions, too. One that never
+    moves starts and ends at the inputs' end.
+    """
+    moving = _rise_rows(inputs)
+    if moving is None:
+        return float(inputs.t[-1]), float(inputs.t[-1])
+    first, last = max(moving[0] - 1, 0), min(moving[1] + 1, len(inputs.t) - 1)
+    return float(inputs.t[first]), float(inputs.t[last])
+
+
+def _rise_rows(inputs: Inputs) -> tuple[int, int] | None:
+    """First and last row of the first rise; None: the container does not move."""
     size = np.linalg.norm(inputs.acceleration, axis=1)
     peak = float(size.max(initial=0.0))
     moving = np.flatnonzero(size > max(REST * peak, CLEAR * sample_noise(size)))
     if peak < MOVES or len(moving) < 2:
-        return float("nan")
+        return None
     t = inputs.t[moving]
     # In the middle of its rise a law passes through zero, too, but that is soon over.
     shortest = max(PAUSE_SAMPLES * float(np.median(np.diff(inputs.t))), PAUSE * (t[-1] - t[0]))
     pauses = np.flatnonzero(np.diff(t) > shortest)
-    last = int(moving[pauses[0] if len(pauses) else -1])
-    end = float(inputs.t[min(last + 1, len(inputs.t) - 1)])
-    start = float(inputs.t[max(int(moving[0]) - 1, 0)])
-    return float(f"{60.0 * ratio / (end - start):.{SPEED_DIGITS}g}")
+    return int(moving[0]), int(moving[pauses[0] if len(pauses) else -1])
 
 
 def _distinct(points: Sequence[OperatingPoint]) -> tuple[OperatingPoint, ...]:

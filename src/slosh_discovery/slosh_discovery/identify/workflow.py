@@ -13,6 +13,7 @@ from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_discovery.discover.noise import whiteness
 from slosh_discovery.errors import SloshDiscoveryError
 from slosh_discovery.identify.colour import neighbours_of
+from slosh_discovery.identify.dwell import dwell_vibration
 from slosh_discovery.identify.fitting import Estimate, fit
 from slosh_discovery.identify.frequency_scan import scanned_start
 from slosh_discovery.identify.information import Unidentified, unidentified
@@ -35,6 +36,7 @@ from slosh_discovery.identify.result import (
     Strategy,
 )
 from slosh_discovery.identify.trials import OperatingPoint, Trial, make_trials
+from slosh_discovery.identify.validity import TOLERANCE, LineLimit, limited, line_limit
 from slosh_model.constants import GRAVITY
 from slosh_model.covariance import covariance_of
 from slosh_model.model import Model
@@ -60,6 +62,7 @@ def identify(
     strategy: Strategy = Strategy.MOSM,
     holdout: Sequence[MeasuredMotion] = (),
     ratio: float = RATIO,
+    tolerance: float = TOLERANCE,
     progress: Progress | None = None,
 ) -> Identification:
     """Identifies a model's parameters from measured motions.
@@ -71,6 +74,7 @@ def identify(
         strategy: one model for all motions (MOSM), or one for each operating point beside it.
         holdout: motions that the fit does not see.
         ratio: b, share of a cycle in which the container moves; for the names of speeds.
+        tolerance: the greatest ε̄ of a surface that is taken for a line [m].
         progress: told what is done and the share of it in [0, 1].
 
     Raises:
@@ -104,16 +108,23 @@ def identify(
     agreements = tuple(
         _agreement(points[place], place, overall, single.get(place), shown) for place in used
     )
+    line = line_limit(motions, ratio, tolerance)
     told("done", 1.0)
     return Identification(
         base=base,
         strategy=strategy,
-        overall=overall.result,
-        single=tuple(single[place].result for place in used if place in single),
+        overall=_limited(overall.result, line),
+        single=tuple(_limited(single[place].result, line) for place in used if place in single),
         points=agreements,
         motions=shown,
-        remarks=_remarks(overall),
+        line=line,
+        dwell=dwell_vibration(every, shown, base.container.reaches[0]),
+        remarks=(*_remarks(overall), *_line_remarks(line)),
     )
+
+
+def _limited(result: IdentifiedModel, line: LineLimit | None) -> IdentifiedModel:
+    return replace(result, model=limited(result.model, line))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -335,6 +346,24 @@ def _remarks(overall: _Identified) -> tuple[str, ...]:
             "know only of noise. `slosh discover` looks for what it is."
         )
     return tuple(remarks)
+
+
+def _line_remarks(line: LineLimit | None) -> tuple[str, ...]:
+    if line is None:
+        return ()
+    tolerance = f"{1e3 * line.tolerance:g} mm"
+    if not math.isfinite(line.speed):
+        return (f"Even at the slowest speed the surface is no line to {tolerance}.",)
+    if not line.exceeded:
+        return (
+            f"The surface is a line to {tolerance} at all speeds, up to {line.speed:g} 1/min: "
+            "where that ends was not seen, and no limit is written.",
+        )
+    return (
+        f"The surface is a line to {tolerance} up to {line.speed:g} 1/min. Beyond the greatest "
+        "acceleration and jerk of that motion, now in the model's limits, an estimator flags that "
+        "planarity is lost.",
+    )
 
 
 def _noise_alone(estimate: Estimate) -> bool:

@@ -1,0 +1,118 @@
+"""`slosh identify`: a model's parameters from measured motions."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+from pathlib import Path
+
+from slosh_bringup.cli.progress import share_bar
+from slosh_bringup.errors import SloshBringupError
+from slosh_discovery.discovering import check_paths
+from slosh_discovery.identification_report import identification_text
+from slosh_discovery.identify import Strategy, identify
+from slosh_discovery.identify.parameters import DEFAULT
+from slosh_discovery.identifying import PAGE, Request, make_report, prepare, write_results
+from slosh_files import new_folder
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declares the subcommand's options."""
+    parser.add_argument(
+        "data", type=Path, nargs="+", metavar="DATA",
+        help="bag, motion table with measured heights, or folder of these",
+    )  # fmt: skip
+    parser.add_argument(
+        "--model", type=Path,
+        help="model.yaml to start from; with --from-bag by default the one that was recorded",
+    )  # fmt: skip
+    parser.add_argument(
+        "--strategy", choices=[strategy.value for strategy in Strategy],
+        default=Strategy.MOSM.value,
+        help="mosm: one model for all operating points (default); sosm: one for each beside it",
+    )  # fmt: skip
+    parser.add_argument(
+        "--fit", metavar="NAME,…", default=",".join(DEFAULT),
+        help="parameters: natural_frequency, damping_ratio, p (TM20's M2), fill_height, "
+        "EFFECT.PARAMETER (default: %(default)s)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--holdout", type=Path, nargs="+", metavar="DATA", default=[],
+        help="motions that the fit does not see",
+    )  # fmt: skip
+    parser.add_argument(
+        "--from-bag", action="store_true", help="DATA are recordings, with their model"
+    )
+    parser.add_argument(
+        "--ratio", type=float, default=0.4, metavar="B",
+        help="share of a cycle in which the container moves, to tell speeds by (default: 0.4)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--tolerance", type=float, default=0.0005, metavar="M",
+        help="greatest distance of a profile from a straight line (default: 0.0005 m)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--beside", type=Path, nargs="+", metavar="DIR", default=[],
+        help="results for other containers, to be shown with this one",
+    )  # fmt: skip
+    parser.add_argument(
+        "-o", "--output", type=Path, required=True,
+        help="new or empty; gets model.yaml, identification.json, report.html",
+    )  # fmt: skip
+    parser.add_argument(
+        "--json", action="store_true", help="print identification.json, not the text"
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Identifies, writes the results and prints them."""
+    request = make_request(arguments)
+    check_paths(request.data, request.holdout, request.output)
+    # Made before the work: long work must not end at a folder that takes no file.
+    with new_folder(request.output) as folder:
+        prepared = prepare(request, tell)
+        with share_bar("identify") as progress:
+            found = identify(
+                prepared.fit, prepared.base, request.names, strategy=request.strategy,
+                holdout=prepared.holdout, ratio=request.ratio, tolerance=request.tolerance,
+                progress=progress,
+            )  # fmt: skip
+        report = make_report(request, prepared, found)
+        document = write_results(folder, report)
+    if arguments.json:
+        print(document, end="")
+    else:
+        print(identification_text(report))
+        print(f"\nreport {request.output / PAGE}")
+    return 0
+
+
+def make_request(arguments: argparse.Namespace) -> Request:
+    """What the options ask for.
+
+    Raises:
+        SloshBringupError: they do not fit together.
+    """
+    if arguments.model is None and not arguments.from_bag:
+        raise SloshBringupError("no model: give one (--model), or --from-bag for the recorded one")
+    if not 0.0 < arguments.ratio <= 1.0:
+        raise SloshBringupError(f"--ratio {arguments.ratio:g}: must lie in (0, 1]")
+    if not (math.isfinite(arguments.tolerance) and arguments.tolerance > 0.0):
+        raise SloshBringupError(f"--tolerance {arguments.tolerance:g}: must be positive")
+    return Request(
+        data=tuple(arguments.data),
+        output=arguments.output,
+        model=arguments.model,
+        holdout=tuple(arguments.holdout),
+        names=tuple(name.strip() for name in arguments.fit.split(",") if name.strip()),
+        strategy=Strategy(arguments.strategy),
+        ratio=arguments.ratio,
+        tolerance=arguments.tolerance,
+        beside=tuple(arguments.beside),
+    )
+
+
+def tell(line: str) -> None:
+    """Tells the user something that must be known of the data."""
+    print(f"slosh identify: note: {line}", file=sys.stderr)

@@ -1,0 +1,200 @@
+"""`slosh identify`: what it reads, writes and prints, and how it refuses wrong input."""
+
+import json
+import math
+import re
+
+import numpy as np
+import pytest
+
+from slosh_bag.interchange.table_bag import import_table
+from slosh_bag.motion_table import MotionTable, read_motion_table, write_motion_table
+from slosh_bringup.cli.main import main
+from slosh_bringup.processes import config_folder
+from slosh_estimator.model_file import read_model
+from slosh_model.containers import Cylinder
+from slosh_model.measure import predicted_heights
+from slosh_model.model import Model
+from slosh_model.model_text import format_model
+from slosh_model.motion_profiles import Cycle
+from slosh_model.simulate import Inputs
+
+TRUTH = Model(Cylinder(0.03, 0.067), damping_ratio=0.042, natural_frequency=24.0)
+
+
+def write_run(path, speed, seed, truth=TRUTH):
+    cycle = Cycle("acceleration_pulse", speed, 0.1)
+    t = np.arange(0.0, cycle.cycle_time, 2e-3)
+    acceleration = np.zeros((len(t), 3))
+    acceleration[:, 0] = cycle.at(t)[2]
+    eta = predicted_heights(truth, Inputs(t, acceleration), t, [0.0, math.pi])
+    eta += 2e-4 * np.random.default_rng(seed).normal(size=eta.shape)
+    eta[np.arange(len(t)) % 5 != 0] = np.nan
+    table = MotionTable(t, acceleration, eta_azimuth=np.array([0.0, math.pi]), eta=eta)
+    write_motion_table(path, table)
+
+
+@pytest.fixture(scope="module")
+def shop(tmp_path_factory):
+    """Two repetitions at each of two speeds, one at a third, and the model to start from."""
+    folder = tmp_path_factory.mktemp("shop")
+    (folder / "runs").mkdir()
+    for speed in (36, 48):
+        for repeat in range(2):
+            write_run(folder / "runs" / f"n{speed}_{repeat}.csv", speed, 10 * speed + repeat)
+    write_run(folder / "other.csv", 42, 7)
+    (folder / "model.yaml").write_text(format_model(Model(Cylinder(0.03, 0.067))))
+    return folder
+
+
+def words(shop, output, *more):
+    return [
+        "identify", str(shop / "runs"), "--model", str(shop / "model.yaml"), *map(str, more),
+        "-o", str(output),
+    ]  # fmt: skip
+
+
+def fails_with(capsys, *arguments):
+    """Runs the command; returns its one line of complaint."""
+    assert main([str(word) for word in arguments]) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    (line,) = [line for line in captured.err.splitlines() if not line.startswith("identify:")]
+    return line
+
+
+def test_it_writes_a_model_with_its_covariance_a_document_and_a_page(shop, tmp_path, capsys):
+    output = tmp_path / "found"
+    assert main(words(shop, output, "--holdout", shop / "other.csv")) == 0
+    printed = capsys.readouterr().out
+    assert printed.startswith("natural_frequency, damping_ratio from 4 motions, 2 operating")
+    assert "36 1/min" in printed
+    model = read_model(output / "model.yaml")
+    assert model.natural_frequency == pytest.approx(24.0, abs=0.05)
+    assert model.damping_ratio == pytest.approx(0.042, abs=0.002)
+    assert model.covariance.parameters == ("natural_frequency", "damping_ratio")
+    assert 0.0 < model.covariance.standard_errors[0] < 0.05
+    document = json.loads((output / "identification.json").read_text())
+    assert document["strategy"] == "mosm"
+    assert [motion["role"] for motion in document["motions"]].count("holdout") == 1
+    assert document["motions"][-1]["seoe"] == pytest.approx(2e-4, rel=0.1)
+    for entry in document["overall"]["parameters"]:
+        assert entry["lower"] < entry["value"] < entry["upper"]
+    assert sorted(path.name for path in output.iterdir()) == [
+        "identification.json", "model.yaml", "report.html",
+    ]  # fmt: skip
+    assert_page_agrees((output / "report.html").read_text(encoding="utf-8"), document)
+
+
+def assert_page_agrees(page, document):
+    """Each number of the page is in the document, to the last bit."""
+    numbers = re.findall(r'<data value="([^"]*)" data-path="([^"]*)">', page)
+    assert len(numbers) > 50
+    for value, path in numbers:
+        found = document
+        for key in path.split("/")[1:]:
+            found = found[int(key)] if isinstance(found, list) else found[key]
+        assert json.loads(value) == found, path
+    assert page.count("<svg") >= 10
+
+
+def test_one_model_for_each_speed(shop, tmp_path, capsys):
+    output = tmp_path / "found"
+    assert main(words(shop, output, "--strategy", "sosm", "--json")) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert [one["file"] for one in document["single"]] == ["model_36.yaml", "model_48.yaml"]
+    for one in document["single"]:
+        model = read_model(output / one["file"])
+        assert model.natural_frequency == one["parameters"][0]["value"]
+    assert all(point["sosm"] <= 1.01 * point["mosm"] for point in document["points"])
+    page = (output / "report.html").read_text(encoding="utf-8")
+    assert "a model for each" in page
+    assert_page_agrees(page, document)
+
+
+def test_what_the_motions_do_not_tell_is_said_with_the_motion_that_would(tmp_path, capsys):
+    # Wall heights on one line tell nothing of the yaw; and a scale nothing that a gain does not.
+    run = tmp_path / "run.csv"
+    write_run(run, 48, 1)
+    model = tmp_path / "model.yaml"
+    model.write_text(
+        format_model(Model(Cylinder(0.03, 0.067)).with_effect("yaw_coupling", kappa=0.1))
+    )
+    fit = "natural_frequency,damping_ratio,yaw_coupling.kappa,p,height_scale.gain"
+    output = tmp_path / "found"
+    assert (
+        main(["identify", str(run), "--model", str(model), "--fit", fit, "-o", str(output)]) == 0
+    )
+    printed = capsys.readouterr().out
+    assert "These motions cannot tell height_scale.gain from accel_gain.gain" in printed
+    assert "These motions tell nothing of yaw_coupling.kappa" in printed
+    document = json.loads((output / "identification.json").read_text())
+    helped = next(h for h in document["overall"]["held"] if h["name"] == "yaw_coupling.kappa")
+    assert "yaw" in helped["help"]
+    assert read_motion_table(output / helped["file"]).attitude is not None
+
+
+def test_bags_are_read_as_tables_are_with_their_model(shop, tmp_path, capsys):
+    bag = tmp_path / "bag"
+    import_table(shop / "runs" / "n48_0.csv", bag)
+    output = tmp_path / "found"
+    arguments = ["identify", str(bag), "--model", str(shop / "model.yaml"), "-o", str(output)]
+    assert main(arguments) == 0
+    found = read_model(output / "model.yaml")
+    assert found.natural_frequency == pytest.approx(24.0, abs=0.1)
+    capsys.readouterr()
+    line = fails_with(capsys, "identify", bag, "--from-bag", "-o", tmp_path / "o")
+    assert "does not say which model ran" in line
+
+
+def test_earlier_results_are_shown_beside(shop, tmp_path, capsys):
+    first, second = tmp_path / "first", tmp_path / "second"
+    assert main(words(shop, first)) == 0
+    assert main(words(shop, second, "--beside", first)) == 0
+    document = json.loads((second / "identification.json").read_text())
+    assert [entry["name"] for entry in document["beside"]] == ["first"]
+    assert document["beside"][0]["frequency"][0] == pytest.approx(24.0, abs=0.05)
+    capsys.readouterr()
+    (first / "identification.json").write_text("{}")
+    line = fails_with(capsys, *words(shop, tmp_path / "third", "--beside", first))
+    assert "is no identification of slosh identify" in line
+
+
+@pytest.mark.parametrize(
+    ("change", "match"),
+    [
+        (["--fit", "omega"], "--fit 'omega': no such parameter (known: p, fill_height"),
+        (["--fit", ""], "no parameter to fit"),
+        (["--ratio", "0"], "--ratio 0: must lie in (0, 1]"),
+        (["--tolerance", "-1"], "--tolerance -1: must be positive"),
+        (["--holdout", "nowhere.csv"], "nowhere.csv: no such file or folder"),
+        (["--beside", "nowhere"], "nowhere/identification.json"),
+    ],
+)
+def test_wrong_input_is_refused_in_one_line(shop, tmp_path, capsys, change, match):
+    output = tmp_path / "found"
+    assert match in fails_with(capsys, *words(shop, output, *change))
+    assert not output.exists()
+
+
+def test_without_a_model_it_asks_for_one(shop, tmp_path, capsys):
+    line = fails_with(capsys, "identify", shop / "runs", "-o", tmp_path / "o")
+    assert "no model: give one (--model)" in line
+
+
+def test_the_same_data_give_the_same_files(shop, tmp_path):
+    for name in ("a", "b"):
+        assert main(words(shop, tmp_path / name)) == 0
+    for name in ("model.yaml", "identification.json", "report.html"):
+        assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
+
+
+def test_the_shipped_models_own_default_is_fitted(tmp_path, capsys):
+    model = read_model(config_folder() / "model.yaml")
+    run = tmp_path / "run.csv"
+    write_run(run, 48, 3, truth=model)
+    arguments = ["identify", str(run), "--model", str(config_folder() / "model.yaml")]
+    assert main([*arguments, "-o", str(tmp_path / "found")]) == 0
+    found = read_model(tmp_path / "found" / "model.yaml")
+    assert found.natural_frequency == pytest.approx(model.mode_frequency(1), rel=0.02)
+    assert found.has("surface_nonlinearity") == model.has("surface_nonlinearity")

@@ -1,0 +1,188 @@
+"""Measured files and a model to an identification, and the identification to files."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from slosh_bag.motion_table import MotionTable, write_motion_table
+from slosh_discovery.discovering import (
+    Motions,
+    check_apart,
+    read_all,
+    recorded_model,
+    unique_names,
+)
+from slosh_discovery.errors import SloshDiscoveryError
+from slosh_discovery.identification_report import (
+    Beside,
+    IdentificationReport,
+    identification_json,
+    render_identification,
+)
+from slosh_discovery.identify.parameters import DAMPING, DEFAULT, FREQUENCY
+from slosh_discovery.identify.result import Identification, Strategy
+from slosh_estimator.model_file import read_model
+from slosh_files import write_text
+from slosh_files.errors import TextFileError
+from slosh_files.text_file import read_text
+from slosh_model.model import Model
+from slosh_model.model_text import format_model
+
+MODEL, DOCUMENT, PAGE = "model.yaml", "identification.json", "report.html"
+POINT_MODEL, HELP = "model_{}.yaml", "helps_{}.csv"
+LONGEST_DOCUMENT = 64_000_000
+"""Characters of an earlier identification, at most."""
+
+Tell = Callable[[str], object]
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    """What is asked.
+
+    Attributes:
+        data: bags, motion tables, folders of these.
+        output: folder of the results.
+        model: file of the model; None: the one that the first bag's estimator ran.
+        holdout: motions that the fit does not see.
+        names: parameters to fit.
+        strategy: one model for all operating points, or one for each beside it.
+        ratio: b, share of a cycle in which the container moves.
+        tolerance: greatest ε̄ of a surface that is taken for a line [m].
+        beside: folders of earlier identifications that are shown with it.
+    """
+
+    data: tuple[Path, ...]
+    output: Path
+    model: Path | None = None
+    holdout: tuple[Path, ...] = ()
+    names: tuple[str, ...] = DEFAULT
+    strategy: Strategy = Strategy.MOSM
+    ratio: float = 0.4
+    tolerance: float = 0.0005
+    beside: tuple[Path, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Prepared:
+    """What an identification starts from.
+
+    Attributes:
+        base: the model that came in.
+        fit, holdout: the motions.
+        beside: earlier identifications.
+        notes: how the data were read, a sentence each.
+    """
+
+    base: Model
+    fit: Motions
+    holdout: Motions
+    beside: tuple[Beside, ...]
+    notes: tuple[str, ...]
+
+
+def prepare(request: Request, tell: Tell) -> Prepared:
+    """Reads the model, the motions and what is shown beside them.
+
+    Args:
+        request: what is asked.
+        tell: is told what the reader must know of the data, one line each.
+
+    Raises:
+        SloshBagError, SloshEstimatorError, SloshModelError, SloshDiscoveryError: a file is not
+            usable.
+    """
+    base = recorded_model(request.data[0]) if request.model is None else read_model(request.model)
+    notes: list[str] = []
+
+    def note(line: str) -> None:
+        notes.append(line)
+        tell(line)
+
+    fit = read_all(request.data, base, note, from_bag=False)
+    holdout = read_all(request.holdout, base, note, from_bag=False)
+    check_apart(fit, holdout)
+    beside = tuple(read_beside(path) for path in request.beside)
+    return Prepared(base, *unique_names(fit, holdout), beside, tuple(notes))
+
+
+def read_beside(folder: Path) -> Beside:
+    """An earlier identification's first mode.
+
+    Args:
+        folder: with its `model.yaml` and `identification.json`.
+
+    Raises:
+        SloshDiscoveryError: it holds no identification.
+        SloshEstimatorError, SloshModelError: its model cannot be read.
+    """
+    path = folder / DOCUMENT
+    try:
+        overall = json.loads(read_text(path, LONGEST_DOCUMENT))["overall"]
+        known = {entry["name"]: entry for entry in (*overall["parameters"], *overall["derived"])}
+        frequency, damping = (
+            (float(known[name]["value"]), float(known[name]["error"]))
+            for name in (FREQUENCY, DAMPING)
+        )
+    except TextFileError as error:
+        raise SloshDiscoveryError(str(error)) from None
+    except (ValueError, KeyError, TypeError):
+        raise SloshDiscoveryError(f"{path}: is no identification of slosh identify") from None
+    return Beside(folder.name, read_model(folder / MODEL), frequency, damping)
+
+
+def make_report(
+    request: Request, prepared: Prepared, found: Identification
+) -> IdentificationReport:
+    """What the page and the text show of an identification."""
+    count, held = len(prepared.fit), len(prepared.holdout)
+    source = "the recorded model" if request.model is None else str(request.model)
+    return IdentificationReport(
+        found,
+        subtitle=f"{source} ({prepared.base.name}) and {count} measured "
+        f"motion{'s' if count != 1 else ''}" + (f", {held} held out" if held else ""),
+        notes=prepared.notes,
+        beside=prepared.beside,
+        model_files=point_files([one.label for one in found.single]),
+        help_files=tuple(
+            (one.name, HELP.format(one.name.replace(".", "_")))
+            for one in found.overall.held
+            if one.inputs is not None
+        ),
+    )
+
+
+def point_files(labels: Sequence[str]) -> tuple[str, ...]:
+    """Names of the files of operating points' models: of their labels, each its own."""
+    plain = [re.sub(r"[^A-Za-z0-9._-]+", "_", label.removesuffix(" 1/min")) for label in labels]
+    return tuple(
+        POINT_MODEL.format(name if plain.count(name) == 1 else f"{name}_{number}")
+        for number, name in enumerate(plain, start=1)
+    )
+
+
+def write_results(folder: Path, report: IdentificationReport) -> str:
+    """Writes models, document, page and motions that would help; returns the document's text.
+
+    Raises:
+        OSError: a file cannot be written.
+    """
+    found, text = report.found, identification_json(report)
+    write_text(folder / MODEL, format_model(found.overall.model))
+    for name, one in zip(report.model_files, found.single, strict=True):
+        write_text(folder / name, format_model(one.model))
+    tables = dict(report.help_files)
+    for held in found.overall.held:
+        if held.inputs is not None:
+            inputs = held.inputs
+            table = MotionTable(
+                inputs.t, inputs.acceleration, inputs.attitude, inputs.angular_velocity
+            )
+            write_motion_table(folder / tables[held.name], table)
+    write_text(folder / PAGE, render_identification(report))
+    write_text(folder / DOCUMENT, text)
+    return text
