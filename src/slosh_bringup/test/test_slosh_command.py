@@ -77,6 +77,20 @@ def test_simulate_writes_heights(capsys, motion, tmp_path):
     assert not table["sh_x"].any()  # a motion along y
 
 
+def test_simulate_takes_a_rectangle(capsys, motion, tmp_path):
+    model, output = tmp_path / "tank.yaml", tmp_path / "out.csv"
+    tank = "container: {shape: rectangle, width: 0.06, depth: 0.04, fill_height: 0.067}\n"
+    model.write_text(tank + "effects: [{name: pendulum_nonlinearity}]\n")
+    assert main(["simulate", str(model), str(motion), "-o", str(output)]) == 0
+    assert capsys.readouterr().out.startswith("2D-NL: peak ")
+    table = np.genfromtxt(output, delimiter=",", names=True)
+    assert np.array_equal(table["msh"], np.abs(table["sh_x"]) + np.abs(table["sh_y"]))
+    assert table["msh"].max() > 0.002
+    model.write_text(tank + "effects:\n  - name: surface_nonlinearity\n")
+    line = fails_with(capsys, "simulate", str(model), str(motion), "-o", str(output))
+    assert line.endswith("tank.yaml:3: effect 'surface_nonlinearity' is not for a rectangle")
+
+
 def test_simulate_writes_what_a_sensor_would_read(capsys, motion, tmp_path):
     plain, output = tmp_path / "plain.csv", tmp_path / "out.csv"
     model = tmp_path / "model.yaml"

@@ -9,6 +9,7 @@ from example_motions import BASE, DURATION, NOISE, inputs_of, measured
 from slosh_discovery.discover import MeasuredMotion, Verdict, discover
 from slosh_discovery.discover.finding import Role
 from slosh_discovery.errors import SloshDiscoveryError
+from slosh_model import Model, Rectangle
 
 
 def names(finding) -> set[str]:
@@ -40,6 +41,17 @@ def test_a_missing_effect_is_named_with_its_parameters(effect, parameters):
     assert finding.gap.holdout_after == pytest.approx(NOISE, rel=0.2)
     assert finding.model.has(effect)
     assert [case.role for case in finding.motions] == [Role.FIT] * 3 + [Role.HOLDOUT]
+
+
+def test_in_a_rectangle_what_its_shape_can_have_is_tried():
+    base = Model(Rectangle(0.1, 0.09, 0.07), damping_ratio=0.006)
+    truth = base.with_effect("quadratic_damping", beta=0.1)
+    finding = discover([measured(truth, seed) for seed in range(3)], base)
+    assert names(finding) == {"quadratic_damping"}
+    assert finding.effects[0].parameters["beta"] == pytest.approx(0.1, rel=0.1)
+    tried = {name for case in finding.candidates for name in case.effects}
+    assert "pendulum_nonlinearity" in tried
+    assert not tried & {"surface_nonlinearity", "anisotropic_stiffness", "visible_arc"}
 
 
 def test_two_effects_are_named_together():

@@ -7,10 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from slosh_estimator.estimate_kernel import MAX_STEP
 from slosh_estimator.estimator import Estimate, Estimator
 from slosh_estimator.sample import Sample, Samples
 from slosh_estimator.validity import EstimateFlag
-from slosh_model.containers import Cylinder
+from slosh_model.containers import Cylinder, Rectangle
 from slosh_model.limits import ValidityLimits
 from slosh_model.model import Model
 from slosh_model.simulate import Inputs, simulate
@@ -184,6 +185,41 @@ def test_limits_come_from_the_model_and_the_rim_from_the_container() -> None:
     model = Model(Cylinder(0.05, 0.07, rim_height=0.072), limits=ValidityLimits(acceleration=1.0))
     flags = run(Estimator(model), 150, (2.0, 0.0, 0.0))
     assert flags == EstimateFlag.ACCELERATION_LIMIT | EstimateFlag.ABOVE_RIM
+
+
+TANK = Model(Rectangle(0.06, 0.04, 0.067, rim_height=0.079), damping_ratio=0.02)
+
+
+def test_a_rectangle_is_estimated_as_it_is_simulated() -> None:
+    """One by one, as columns and by a simulation: the same bits, corners included."""
+    t = np.arange(500) / 256
+    push = np.column_stack([1.5 * np.sin(18 * t), 1.2 * np.sin(22 * t), np.sin(20 * t)])
+    attitude = np.column_stack([0 * t, 0 * t, np.sin(2 * t), np.ones(500)])
+    inputs = Inputs(t, push, attitude)
+    samples = [
+        Sample(k * 3_906_250, *push[k], inputs.yaws[k], k == 0, tuple(inputs.poses[k]))
+        for k in range(500)
+    ]
+    estimator, model = Estimator(TANK.spatial()), TANK.spatial()
+    assert estimator.names == ("3D-L", "3D-NL")
+    live = [estimator.update(sample) for sample in samples]
+    columns = Estimator(model).update_many(Samples.of(samples))
+    for which, twin in enumerate((model, model.nonlinear())):
+        found = np.array([answer[1 + which][:4] for answer in live])
+        assert np.array_equal(columns.heights[:, which], found)
+        response, _ = simulate(twin, inputs, max_step=MAX_STEP)
+        expected = [response.msh, response.azimuth, response.sh_x, response.sh_y]
+        assert np.array_equal(found, np.column_stack(expected))
+    assert np.ptp(inputs.yaws) > 0.5
+
+
+def test_limits_of_a_rectangle_are_those_of_tm20s_motions_and_its_corner_spills() -> None:
+    assert run(Estimator(TANK), 150, (1.7, 0.0, 0.0)) == EstimateFlag.NONE
+    assert run(Estimator(TANK), 150, (1.9, 0.0, 0.0)) == EstimateFlag.PLANARITY_LOST
+    # Neither side's middle reaches the rim, the corner between them does.
+    either = [run(Estimator(TANK), 150, push) for push in ((1.7, 0.0, 0.0), (0.0, 1.2, 0.0))]
+    both = run(Estimator(TANK), 150, (1.7, 1.2, 0.0))
+    assert [flags & EstimateFlag.ABOVE_RIM for flags in (*either, both)] == [0, 0, 8]
 
 
 def test_without_a_rim_nothing_is_above_it() -> None:

@@ -24,7 +24,8 @@ EPILOG = """columns of the table:
   azimuth     of the liquid's own maximum, from the container's +x [rad]
   sh_x, sh_y  the liquid's own signed height at the container's +x and +y [m]
 
-Without effects on the measurement msh is the length of (sh_x, sh_y)."""
+Without effects on the measurement msh is the length of (sh_x, sh_y); in a rectangle the sum of
+their sizes, the height of its corner."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
