@@ -9,12 +9,14 @@ from slosh_bag.definitions import find_interfaces
 from slosh_bag.reader import BagReader
 from slosh_bag.replay import replay_bag
 from slosh_bag.replay.output_bag import OutputBag
+from slosh_model import Model, Rectangle
 from slosh_model.model_text import parse_model
 from tests.live_bag import MODEL, TEXT, LiveBag
 
 pytestmark = pytest.mark.skipif(
     find_interfaces("slosh_msgs") is None, reason="the interfaces are not built"
 )
+TANK = Model(Rectangle(0.09, 0.07, 0.06), modes=2).spatial().with_effect("gravity_tilt")
 SHALLOW = TEXT.replace("0.07", "0.06")
 
 
@@ -36,6 +38,16 @@ def test_a_recording_gives_its_own_estimates_again(live, tmp_path):
     assert result.limits.measured_limit == 0.006  # the recorded monitor's
     (row,) = [row for row in result.accuracy if row.name == "3D-NL"]
     assert row.sigma == pytest.approx(0.0, abs=1e-15)
+
+
+@pytest.mark.parametrize("kind", ["accel", "imu", "pose"])
+def test_a_rectangle_that_turns_gives_its_own_estimates_again(kind, tmp_path):
+    live = LiveBag(kind)
+    live.model = TANK
+    live.attitude = lambda index: (0.0, 0.0, math.sin(1e-3 * index), math.cos(1e-3 * index))
+    result, found = verified(live.write(tmp_path / "bag"))
+    assert found.exact, found.lines()
+    assert result.model == TANK
 
 
 def test_inputs_that_the_estimator_never_got_are_left_out(live, tmp_path):
