@@ -16,6 +16,7 @@ from slosh_model.effects.registry import EFFECTS
 from slosh_model.errors import SloshModelError
 from slosh_model.measure import measured_heights, predicted_heights
 from slosh_model.model import Model
+from slosh_model.multimodal import Tanks, simulate_tanks
 from slosh_model.self_test import example_parameters
 from slosh_model.simulate import Inputs, Simulator, State, simulate
 from slosh_model.surface import rectangle_surface, sloshing_height
@@ -199,6 +200,19 @@ def test_multimodal_theory_gives_the_surface(integrated, same):
     response = run(model, along_x)
     same(rectangle_surface(model, response.modal, x), waves, 1e-6)
     same(response.sh_x, waves[:, -1], 1e-6)
+
+
+def test_the_modes_are_those_of_the_flow_to_first_order(same):
+    """With a lift, the liquid's own nonlinear model cut off at its first order."""
+    model = Model(TANK, damping_ratio=0.0, modes=3).spatial()
+    t, x = np.arange(0.0, 1.0, 0.001), np.linspace(-0.5, 0.5, 21)
+    moves = push(t)
+    flow = simulate_tanks(
+        Tanks.of(TANK.width, FILL), moves[:, :1], 0.001, vertical=moves[:, 2:], order=1, modes=5
+    )
+    response = run(model, lambda t: push(t) * [1.0, 0.0, 1.0], t)
+    found = rectangle_surface(model, response.modal, x * TANK.width)
+    same(found, flow.profile(x)[:, 0], 1e-5)
 
 
 def test_a_yawing_tank_takes_its_waves_along(integrated, motion, same):
