@@ -12,8 +12,7 @@ REAL_TIME := tests/real_time src/slosh_bringup/test/test_cell_node.py
 WORKERS ?= logical
 PYTEST := tools/run python -m pytest -n $(WORKERS) --no-loadscope-reorder
 
-.PHONY: help setup demo test test-all lint bench docs tables study clean
-.PHONY: help setup demo test test-all coverage lint bench docs tables clean
+.PHONY: help setup demo test test-all lint bench docs tables study coverage clean
 
 help:
 	@echo "make demo      set up, run the simulated cell with all nodes, record, report"
