@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from example_effects import in_fitting_container
 from example_motions import BASE, DURATION, NOISE, inputs_of, measured
 
 from slosh_discovery.discover.clock import first_offset, slipped_offsets
@@ -63,7 +64,7 @@ def test_a_parameter_that_does_nothing_costs_little_and_one_that_is_pinned_down_
 @pytest.mark.parametrize("name", sorted(EFFECTS))
 def test_every_effect_has_starts_within_its_bounds(name):
     for values, choices in starts(name):
-        explanation = Explanation(BASE).with_effect(name, choices)
+        explanation = Explanation(in_fitting_container(BASE, name)).with_effect(name, choices)
         model = explanation.model(explanation.vector({name: values}))
         assert model is not None
         assert model.has(name)
