@@ -19,8 +19,10 @@ from slosh_discovery.identify.trials import Trial
 Array = NDArray[np.float64]
 Places = NDArray[np.int64]
 
-MOST = 0.98
-"""A residual that goes together more strongly than this is no noise, but what the model lacks."""
+MOST = 0.9
+"""A residual that goes together more strongly than this is no noise, but what the model lacks: to
+free it of that would leave to the fit what the model gets wrong fastest."""
+LARGEST = 0.99
 LEAST_PAIRS = 12
 """Fewer neighbours tell of no colour."""
 
@@ -36,6 +38,11 @@ class Colour:
 
     stddev: float
     correlation: float
+
+    @property
+    def memory(self) -> float:
+        """ρ of which a residual is freed; 0 where it is no noise's."""
+        return self.correlation if abs(self.correlation) <= MOST else 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -55,7 +62,7 @@ class Neighbours:
     def whitened(self, values: Array, colour: Colour) -> Array:
         """Values (N,) or (N, P) without the colour, in units of the noise."""
         linked = self.before >= 0
-        memory = np.where(linked, colour.correlation**self.lags, 0.0)
+        memory = np.where(linked, colour.memory**self.lags, 0.0)
         fresh = colour.stddev * np.sqrt(1.0 - memory**2)
         if values.ndim == 2:
             memory, fresh = memory[:, np.newaxis], fresh[:, np.newaxis]
@@ -97,4 +104,4 @@ def estimate_colour(residual: Array, neighbours: Neighbours, parameters: int) ->
     one, other = residual[linked], residual[neighbours.before[linked]]
     sums, differences = robust_scale(one + other) ** 2, robust_scale(one - other) ** 2
     correlation = (sums - differences) / (sums + differences)
-    return Colour(max(stddev, LEAST_NOISE), float(np.clip(correlation, -MOST, MOST)))
+    return Colour(max(stddev, LEAST_NOISE), float(np.clip(correlation, -LARGEST, LARGEST)))

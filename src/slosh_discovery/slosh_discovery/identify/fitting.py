@@ -31,7 +31,11 @@ TURNS = 3
 TOLERANCE = 1e-9
 EVALUATIONS = 60
 LAGS = 3
-"""Neighbouring images whose scores count together."""
+"""Neighbouring images whose scores count together,"""
+MEMORIES = 3.0
+"""and where a residual keeps its colour so many times as many as it remembers,"""
+MOST_LAGS = 0.1
+"""at most this share of all images."""
 SINGULAR = 1e-12
 """Relative size of eigenvalues of the information that are none."""
 DIFFER = 0.99
@@ -190,7 +194,9 @@ def _estimate(
     frames = len(scores)
     degrees = max(frames - problem.size, 1)
     inverse: Array = np.linalg.pinv(slopes, SINGULAR, True).astype(np.float64)
-    covariance = np.asarray(inverse @ _spread(scores) @ inverse, np.float64) * (frames / degrees)
+    covariance = np.asarray(
+        inverse @ _spread(scores, _lags(colour, frames)) @ inverse, np.float64
+    ) * (frames / degrees)
     scatter = _scatter(problem, scores, inverse, covariance)
     widths = problem.widths
     return Estimate(
@@ -213,12 +219,20 @@ def _frame_scores(scores: Array, neighbours: Neighbours) -> Array:
     return summed
 
 
-def _spread(scores: Array) -> Array:
+def _lags(colour: Colour, frames: int) -> int:
+    """How many neighbouring images count together."""
+    if colour.memory == colour.correlation:
+        return LAGS
+    remembered = MEMORIES / (1.0 - abs(colour.correlation))
+    return max(LAGS, min(round(remembered), round(MOST_LAGS * frames)))
+
+
+def _spread(scores: Array, lags: int) -> Array:
     """(V, V) variance of the scores' sum, with that of neighbours weighted down (Bartlett)."""
     spread = scores.T @ scores
-    for lag in range(1, min(LAGS, len(scores) - 1) + 1):
+    for lag in range(1, min(lags, len(scores) - 1) + 1):
         together = scores[lag:].T @ scores[:-lag]
-        spread += (1.0 - lag / (LAGS + 1.0)) * (together + together.T)
+        spread += (1.0 - lag / (lags + 1.0)) * (together + together.T)
     # Weighted so, it has no negative variance but by rounding.
     values, vectors = np.linalg.eigh(spread)
     even: Array = (vectors * np.maximum(values, 0.0)) @ vectors.T

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from slosh_discovery.discover.problem import LONGEST_STEP, PreparedMotion
 from slosh_model.measure import measured_heights
 from slosh_model.model import Model
-from slosh_model.simulate import Response, State, simulate
+from slosh_model.simulate import Inputs, Response, State, simulate
 
 Array = NDArray[np.float64]
 
@@ -38,14 +38,14 @@ def state_basis(prepared: PreparedMotion) -> Array:
 
 
 def decayed(prepared: PreparedMotion, model: Model, state: Array) -> Array:
-    """(N, 2) the liquid's heights at +x and +y after it was let go, at the fine inputs [m].
+    """(N, 2) the liquid's heights at +x and +y after it was let go, at the inputs' moments [m].
 
     Args:
         prepared: the motion.
         model: the model.
         state: (4,) of the first mode at the inputs' start, velocities over ω [m].
     """
-    response = _response(prepared, model, state)
+    response = _response(prepared.inputs_for(model), model, state)
     return np.column_stack([response.sh_x, response.sh_y])
 
 
@@ -57,7 +57,7 @@ def guessed_state(prepared: PreparedMotion, model: Model) -> Array:
     linear = model.linear()
     columns = []
     for direction in range(basis.shape[1]):
-        response = _response(prepared, linear, basis[:, direction])
+        response = _response(prepared.coarse, linear, basis[:, direction])
         heights = measured_heights(linear, response, prepared.azimuths)[prepared.rows]
         columns.append(heights[kept])
     measured = prepared.heights[kept]
@@ -65,8 +65,8 @@ def guessed_state(prepared: PreparedMotion, model: Model) -> Array:
     return np.asarray(state, dtype=np.float64)
 
 
-def _response(prepared: PreparedMotion, model: Model, state: Array) -> Response:
-    inputs, modes = prepared.coarse, model.mode_constants()
+def _response(inputs: Inputs, model: Model, state: Array) -> Response:
+    modes = model.mode_constants()
     modal = np.zeros((len(modes), 4))
     omega = modes[0].natural_frequency
     modal[0] = state * np.array([1.0, 1.0, omega, omega])

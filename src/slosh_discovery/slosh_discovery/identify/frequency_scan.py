@@ -26,6 +26,9 @@ PHASE = 1.0
 FEWEST, MOST = 15, 120
 DAMPINGS = (1.0, 3.0, 8.0)
 """In units of the model's."""
+CLEARLY = 0.8
+"""Another start takes the place of the model's own where it leaves less than this share: what a
+model lacks makes many valleys, hardly deeper than one another."""
 TRIALS = 3
 """So many motions are enough to tell."""
 
@@ -49,8 +52,12 @@ def scanned_start(problem: Problem) -> Array:
     residuals = reduced.residuals([reduced.start(value) for value in values])
     # By sizes, not squares: outliers must not choose.
     costs = np.sum(np.abs(residuals), axis=0)
-    best: Array = values[int(np.argmin(costs))]
-    return best
+    best = int(np.argmin(costs))
+    own = reduced.residuals([reduced.start(starts)])[:, 0]
+    if costs[best] > CLEARLY * float(np.sum(np.abs(own))):
+        return starts
+    found: Array = values[best]
+    return found
 
 
 def _distinct(problem: Problem) -> tuple[Trial, ...]:

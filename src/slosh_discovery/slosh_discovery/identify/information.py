@@ -133,7 +133,7 @@ def _candidates(
         jacobian = _answers_change(problem, vector, inputs)
         if jacobian is not None:
             spacing = float(np.median(np.diff(inputs.t)))
-            coloured = (1.0 - colour.correlation) / (1.0 + colour.correlation)
+            coloured = (1.0 - colour.memory) / (1.0 + colour.memory)
             weight = SAMPLES * spacing * coloured / colour.stddev**2
             yield motion, inputs, weight * jacobian.T @ jacobian
 

@@ -174,17 +174,11 @@ class Problem:
 
     def _from_rest(self, models: Sequence[Model | None]) -> list[dict[int, Array]]:
         """For each model the liquid's heights at the inputs, by the inputs' identity."""
-        inputs: dict[int, Inputs] = {
-            id(trial.prepared.coarse): trial.prepared.coarse
-            for trial in self.trials
-            if not trial.free
-        }
-        pairs = [
-            (number, one)
-            for number, model in enumerate(models)
-            if model is not None
-            for one in inputs.values()
-        ]
+        pairs: list[tuple[int, Inputs]] = []
+        for number, model in enumerate(models):
+            if model is not None:
+                driven = [t.prepared.inputs_for(model) for t in self.trials if not t.free]
+                pairs += [(number, one) for one in {id(one): one for one in driven}.values()]
         found: list[dict[int, Array]] = [{} for _ in models]
         if pairs:
             rows = wall_heights(
@@ -204,7 +198,7 @@ class Problem:
             state = state_basis(prepared) @ vector[list(self.states[index])]
             heights = decayed(prepared, model, state)
         else:
-            heights = liquid[id(prepared.coarse)]
+            heights = liquid[id(prepared.inputs_for(model))]
         answer: Answer | None = prepared.answer(model, prepared.inputs_for(model), heights)
         if answer is None:
             return None

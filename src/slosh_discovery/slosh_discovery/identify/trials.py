@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from slosh_discovery.discover.clock import first_offset
 from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_discovery.discover.noise import estimate_noise
-from slosh_discovery.discover.problem import MOST_AZIMUTHS, PreparedMotion
+from slosh_discovery.discover.problem import FINE_SPACING, MOST_AZIMUTHS, PreparedMotion
 from slosh_discovery.discover_data.heights import sample_noise
 from slosh_model.interpolation import columns_at
 from slosh_model.model import Model
@@ -99,7 +99,7 @@ def make_trials(
     """
     kinds: list[Inputs] = []
     firsts: list[Inputs] = []
-    merged: dict[tuple[int, bytes], Inputs] = {}
+    merged: dict[tuple[int, bytes], tuple[Inputs, Inputs]] = {}
     trials: list[Trial] = []
     for motion in motions:
         kind = _place(motion.inputs, kinds, _same)
@@ -108,8 +108,8 @@ def make_trials(
         firsts += [motion.inputs] if point == len(firsts) else []
         key = (kind, motion.t.tobytes() if motion.same_clock else b"")
         if key not in merged:
-            merged[key] = _with_samples(kinds[kind], motion)
-        trials.append(_trial(motion, merged[key], point, model))
+            merged[key] = _with_samples(kinds[kind], motion), _fine(kinds[kind])
+        trials.append(_trial(motion, *merged[key], point, model))
     points = []
     for number, inputs in enumerate(firsts):
         group = [trial.name for trial in trials if trial.point == number]
@@ -226,8 +226,18 @@ def _with_samples(inputs: Inputs, motion: MeasuredMotion) -> Inputs:
     return inputs if len(t) == len(inputs.t) else inputs.resampled(t)
 
 
-def _trial(motion: MeasuredMotion, inputs: Inputs, point: int, model: Model) -> Trial:
-    prepared = _prepared(motion, inputs)
+def _fine(inputs: Inputs) -> Inputs:
+    """The inputs on a grid between whose moments heights can be read."""
+    count = int(np.ceil((inputs.t[-1] - inputs.t[0]) / FINE_SPACING))
+    grid = np.linspace(inputs.t[0], inputs.t[-1], max(count, 1) + 1)
+    dense = len(inputs.t) > count
+    return inputs.resampled(inputs.t if dense else np.union1d(inputs.t, grid))
+
+
+def _trial(
+    motion: MeasuredMotion, inputs: Inputs, fine: Inputs, point: int, model: Model
+) -> Trial:
+    prepared = _prepared(motion, inputs, fine)
     before, lags, frames = _neighbours(prepared)
     moving = float(np.linalg.norm(motion.inputs.acceleration, axis=1).max(initial=0.0)) > MOVES
     turning = len(motion.inputs.poses) > 0
@@ -235,7 +245,7 @@ def _trial(motion: MeasuredMotion, inputs: Inputs, point: int, model: Model) -> 
     return Trial(prepared, point, offset, not moving and not turning, before, lags, frames)
 
 
-def _prepared(motion: MeasuredMotion, inputs: Inputs) -> PreparedMotion:
+def _prepared(motion: MeasuredMotion, inputs: Inputs, fine: Inputs) -> PreparedMotion:
     heights, azimuths = motion.heights, motion.eta_azimuth if motion.eta is not None else None
     if azimuths is not None and len(azimuths) > MOST_AZIMUTHS:
         columns = np.linspace(0, len(azimuths), MOST_AZIMUTHS, endpoint=False).astype(np.int64)
@@ -252,7 +262,7 @@ def _prepared(motion: MeasuredMotion, inputs: Inputs) -> PreparedMotion:
         kept=np.isfinite(heights),
         coarse=inputs,
         rows=rows,
-        fine=inputs,
+        fine=fine,
     )
 
 
