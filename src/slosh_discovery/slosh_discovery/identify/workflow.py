@@ -98,12 +98,12 @@ def identify(
             own = tuple(trial for trial in fitted if trial.point == place)
             single[place] = _identified(base, free, own, points[place])
     told("what they say of each motion", 0.9)
+    answers = [(trial, single.get(trial.point, overall).estimate, Role.FIT) for trial in fitted]
+    for trial in others:
+        model = single.get(trial.point, overall).result.model
+        answers.append((trial, _answered(model, trial), Role.HOLDOUT))
     shown = tuple(
-        _shown(base, single.get(trial.point, overall), trial, points[trial.point].label, role)
-        for trial, role in (
-            *((trial, Role.FIT) for trial in fitted),
-            *((trial, Role.HOLDOUT) for trial in others),
-        )
+        _shown(base, own, trial, points[trial.point].label, role) for trial, own, role in answers
     )
     agreements = tuple(
         _agreement(points[place], place, overall, single.get(place), shown) for place in used
@@ -125,6 +125,18 @@ def identify(
 
 def _limited(result: IdentifiedModel, line: LineLimit | None) -> IdentifiedModel:
     return replace(result, model=limited(result.model, line))
+
+
+def answered(motions: Sequence[MeasuredMotion], model: Model) -> tuple[FittedMotion, ...]:
+    """What a model says of motions, nothing fitted but their clocks and, of decays, first states.
+
+    Of the answers `before` and `after` are the same.
+    """
+    trials, points = make_trials(motions, model, RATIO)
+    return tuple(
+        _shown(model, _answered(model, trial), trial, points[trial.point].label, Role.HOLDOUT)
+        for trial in trials
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -248,19 +260,16 @@ def _sure(model: Model | None) -> Model:
     return model
 
 
-def _shown(
-    base: Model, identified: _Identified, trial: Trial, label: str, role: Role
-) -> FittedMotion:
-    estimate, prepared = identified.estimate, trial.prepared
-    fitted = role is Role.FIT
-    own = estimate if fitted else _answered(identified.result.model, trial)
+def _shown(base: Model, own: Estimate, trial: Trial, label: str, role: Role) -> FittedMotion:
+    """A trial with the answers of the base and of an estimate that knows it."""
+    prepared = trial.prepared
     after, offset = _heights_and_clock(own, trial)
     before, _ = _heights_and_clock(_answered(base, trial), trial)
     band = np.full(prepared.kept.shape, np.nan)
-    if fitted:
-        band[prepared.kept] = estimate.quantile() * _own_part(estimate, trial, estimate.band())
+    if role is Role.FIT:
+        band[prepared.kept] = own.quantile() * _own_part(own, trial, own.band())
     measured, peaks = prepared.heights, _highest(prepared.heights, prepared.kept)
-    answered = _highest(after, prepared.kept)
+    highest = _highest(after, prepared.kept)
     return FittedMotion(
         name=trial.name,
         point=label,
@@ -275,8 +284,8 @@ def _shown(
         clock_offset=offset,
         seoe_before=_rms(measured - before),
         seoe=_rms(measured - after),
-        sigma=mean_absolute_error(peaks, answered),
-        epsilon=peak_error(peaks, answered),
+        sigma=mean_absolute_error(peaks, highest),
+        epsilon=peak_error(peaks, highest),
     )
 
 
