@@ -176,6 +176,7 @@ def test_an_output_that_is_an_input_is_refused(own, tmp_path, monkeypatch, capsy
         ("import rosbag SHOP/bag/bag_0.mcap SHOP/bag -o SHOP", "SHOP/bag: exists already"),
         ("import antisloshing SHOP/measured -o SHOP/full", "SHOP/full/B: exists already"),
         ("discover SHOP/motion.csv --model SHOP/model.yaml -o SHOP", "SHOP: exists already"),
+        ("identify SHOP/motion.csv --model SHOP/model.yaml -o SHOP", "SHOP: exists already"),
         ("discover SHOP/recording --from-bag -o SHOP/recording/new", "lies in the input"),
     ],
 )
@@ -299,6 +300,11 @@ CASES = {
     ),
     "recover": Case(
         "recover SHOP/bag -o OUT/new", "new", "recover SHOP/many_messages -o OUT/new", limit=1_000
+    ),
+    "motion": Case("motion quintic --speed 30 --stroke 0.1 -o OUT/a.csv", "a.csv"),
+    "identify": Case(
+        "identify SHOP/motion.csv --model SHOP/model.yaml -o OUT/new", "new",
+        "identify SHOP/motion.csv --model SHOP/model.yaml -o OUT/new",
     ),
     "discover": Case(
         "discover SHOP/motion.csv --model SHOP/model.yaml -o OUT/new", "new",

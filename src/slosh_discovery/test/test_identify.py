@@ -238,6 +238,30 @@ def test_held_out_motions_are_shown_and_not_fitted():
     assert [point.point.label for point in found.points] == ["48 1/min"]
 
 
+def test_unrelated_clocks_and_an_unknown_level_are_fitted_with_the_parameters():
+    (motion,) = measured(np.random.default_rng(22), 30, noise=1e-4)
+    shifted = replace(
+        motion, t=motion.t + 0.137, eta=motion.eta + 5e-4, same_clock=False, level_known=False
+    )
+    found = identify([shifted], BASE)
+    assert found.motions[0].clock_offset == pytest.approx(0.137, abs=1e-3)
+    assert found.motions[0].seoe == pytest.approx(1e-4, rel=0.1)
+    for entry in found.overall.parameters:
+        assert abs(entry.value - TRUE[entry.name]) < 3.0 * entry.error
+
+
+def test_a_delay_is_an_effect_like_others():
+    late = TRUTH.with_effect("time_offset", tau=0.021)
+    motions = measured(np.random.default_rng(23), 30, truth=late)
+    found = identify(motions, BASE, (*NAMES, "time_offset.tau")).overall
+    assert values(found)["time_offset.tau"] == pytest.approx(0.021, abs=1e-3)
+
+
+def test_what_remembers_too_long_to_be_noise_is_not_taken_out():
+    assert Colour(1e-3, 0.7).memory == 0.7
+    assert Colour(1e-3, 0.96).memory == 0.0
+
+
 @pytest.mark.parametrize("kind", ["msh", "line", "round"])
 def test_free_decay_alone_is_enough(kind):
     rng = np.random.default_rng(13)
