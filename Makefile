@@ -61,7 +61,7 @@ tables: setup
 	@tools/run python tools/side_view_tables.py --docs
 
 study: setup
-	@tools/run python tools/packaging/study.py --docs
+	@tools/run python tools/packaging_study.py --docs
 
 docs: setup
 	@tools/run sphinx-build -W --keep-going -q -b html docs docs/_build/html

@@ -2,7 +2,7 @@
 
 Experiments that are there already are not carried out again: an interrupted study goes on.
 
-    tools/run python tools/packaging/study.py [-o out/study] [--jobs N] [--docs]
+    tools/run python tools/packaging_study.py [-o out/study] [--jobs N] [--docs]
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
-from camera_sample import Sample, sample
-from drawings import draw_all
-from evaluation import M1, M2, Findings, Study, fits, residual, standard_error, validity
-from experiments import EDGES, Experiment, Measured, measure, read
-from line_limits import TRUTHS, limits
-from study_design import GEOMETRIES, IDENTIFICATION, SPEEDS, VALIDATION, Series
-from study_page import page
+from tm20.camera_sample import Sample, sample
+from tm20.design import GEOMETRIES, IDENTIFICATION, SPEEDS, VALIDATION, Series
+from tm20.drawings import draw_all
+from tm20.evaluation import M1, M2, Findings, Study, fits, residual, standard_error, validity
+from tm20.experiments import EDGES, Experiment, Measured, measure, read
+from tm20.line_limits import TRUTHS, limits
+from tm20.page import page
 
 from slosh_bringup.cli.progress import Progress, Unit, say
 from slosh_bringup.many_files import map_files
@@ -29,7 +29,7 @@ from slosh_files.new_file import NewFile
 
 Item = TypeVar("Item")
 Value = TypeVar("Value")
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs" / "packaging_study.md"
 SAMPLES = tuple((geometry.number, 36) for geometry in GEOMETRIES)
 """Experiments that go through the whole camera."""

@@ -7,11 +7,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from camera_sample import Sample
-from experiments import Measured, geometry_of, places
-from line_limits import Limits
 from numpy.typing import NDArray
-from study_design import DEPTH, FILL_HEIGHT, TOLERANCE, Geometry
+from tm20.camera_sample import Sample
+from tm20.design import DEPTH, FILL_HEIGHT, TOLERANCE, Geometry
+from tm20.experiments import Measured, geometry_of, places
+from tm20.line_limits import Limits
 
 from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_discovery.identify import identify

@@ -8,8 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from experiments import MODES, WATER, places
-from study_design import (
+from tm20.design import (
     FILL_HEIGHT,
     FRAMES,
     GEOMETRIES,
@@ -20,6 +19,7 @@ from study_design import (
     TOLERANCE,
     Geometry,
 )
+from tm20.experiments import MODES, WATER, places
 
 from slosh_model.errors import SloshModelError
 from slosh_model.motion_profiles import LAWS, Cycle

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from study_design import FILL_HEIGHT, FRAMES, GEOMETRIES, PLACES, RATIO, STROKE, Geometry
+from tm20.design import FILL_HEIGHT, FRAMES, GEOMETRIES, PLACES, RATIO, STROKE, Geometry
 
 from slosh_files.new_file import NewFile
 from slosh_model.errors import SloshModelError

@@ -8,11 +8,11 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
-from evaluation import Fits, Study
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.style import context
-from study_design import FILL_HEIGHT, GEOMETRIES, TOLERANCE
+from tm20.design import FILL_HEIGHT, GEOMETRIES, TOLERANCE
+from tm20.evaluation import Fits, Study
 
 from slosh_model.constants import GRAVITY
 

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from experiments import NO_NOISE, Experiment, geometry_of, true_amplitudes
 from numpy.typing import NDArray
 from side_view_scene import Liquid, Look, Setup, draw, still
-from study_design import DEPTH, FILL_HEIGHT, IDENTIFICATION
+from tm20.design import DEPTH, FILL_HEIGHT, IDENTIFICATION
+from tm20.experiments import NO_NOISE, Experiment, geometry_of, true_amplitudes
 
 from slosh_camera.rectangle.detector import SideViewDetector
 from slosh_report.surface_metrics import line_slopes

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from evaluation import Findings, Study
-from study_design import FILL_HEIGHT, GEOMETRIES, SPEEDS, Geometry
+from tm20.design import FILL_HEIGHT, GEOMETRIES, SPEEDS, Geometry
+from tm20.evaluation import Findings, Study
 
 from slosh_model.constants import GRAVITY
 
