@@ -359,6 +359,15 @@ def test_speeds_are_told_from_the_motion(speed, law):
     assert operating_speed(drive(speed, law), 0.4) == pytest.approx(speed, rel=5e-3)
 
 
+def test_a_robots_path_has_no_operating_speed():
+    t = np.arange(0.0, 4.0, 2e-3)
+    window = np.sin(np.pi * t / 4.0) ** 2
+    there_and_back = np.column_stack([window * np.sin(9.0 * t), 0.0 * t, 0.0 * t])
+    circle = np.column_stack([window * np.sin(9.0 * t), window * np.cos(9.0 * t), 0.0 * t])
+    for acceleration in (there_and_back, circle, np.zeros((len(t), 3))):
+        assert math.isnan(operating_speed(Inputs(t, acceleration), 0.4))
+
+
 def test_repetitions_are_one_point_though_their_inputs_are_noisy():
     rng = np.random.default_rng(20)
     motions = []

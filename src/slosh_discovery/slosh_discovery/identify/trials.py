@@ -31,6 +31,9 @@ SPEED_DIGITS = 3
 """A motion's ends are told to a thousandth of its length."""
 REST = 1e-3
 """A law's rise begins where the acceleration is above this share of its peak,"""
+ACROSS, STOPPED = 0.3, 0.1
+"""A stroke has less than this share of its acceleration across its line, and ends within this
+share of its greatest way and velocity."""
 CLEAR = 4.0
 """A container moves where its acceleration exceeds so many standard deviations of its noise."""
 REPEATED = 0.1
@@ -120,13 +123,13 @@ def make_trials(
 
 
 def operating_speed(inputs: Inputs, ratio: float) -> float:
-    """The speed n of a rise and dwell [1/min], by how long the container moves; NaN: it does not.
+    """The speed n of a rise and dwell [1/min], by how long the container moves; NaN: it is none.
 
     Of several cycles the first rise counts. The samples leave its length open by two of their
     intervals: where a whole number lies within, it is that, as machines are set by whole numbers.
     """
     moving = _rise_rows(inputs)
-    if moving is None:
+    if moving is None or not _is_stroke(inputs, *moving):
         return float("nan")
     start, end = rise_span(inputs)
     slowest = 60.0 * ratio / (end - start)
@@ -148,6 +151,27 @@ def rise_span(inputs: Inputs) -> tuple[float, float]:
         return float(inputs.t[-1]), float(inputs.t[-1])
     first, last = max(moving[0] - 1, 0), min(moving[1] + 1, len(inputs.t) - 1)
     return float(inputs.t[first]), float(inputs.t[last])
+
+
+def _is_stroke(inputs: Inputs, first: int, last: int) -> bool:
+    """Whether a motion leads along one line to another place and stops there."""
+    rows = slice(max(first - 1, 0), last + 2)
+    t, acceleration = inputs.t[rows], inputs.acceleration[rows]
+    _, sizes, directions = np.linalg.svd(acceleration, full_matrices=False)
+    if len(sizes) > 1 and sizes[1] > ACROSS * sizes[0]:
+        return False
+    velocity = _integrated(acceleration @ directions[0], t)
+    place = _integrated(velocity, t)
+    return bool(
+        abs(place[-1]) > (1.0 - STOPPED) * np.abs(place).max()
+        and abs(velocity[-1]) < STOPPED * np.abs(velocity).max()
+    )
+
+
+def _integrated(rates: Array, t: Array) -> Array:
+    """(N,) the integral from the first moment, by the trapezoidal rule."""
+    steps = 0.5 * (rates[1:] + rates[:-1]) * np.diff(t)
+    return np.concatenate([np.zeros(1), np.cumsum(steps)])
 
 
 def _rise_rows(inputs: Inputs) -> tuple[int, int] | None:
