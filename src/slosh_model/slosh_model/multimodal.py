@@ -138,6 +138,7 @@ def simulate_tanks(
     order: int = 2,
     modes: int = 15,
     start: ArrayLike | None = None,
+    may_break: bool = False,
 ) -> FreeSurfaces:
     """Free surfaces of tanks that sway, from rest.
 
@@ -149,10 +150,11 @@ def simulate_tanks(
         order: in the surface's steepness, 1…5.
         modes: N, how many.
         start: (L, N) amplitudes at the start [m], the liquid still; None: a level surface.
+        may_break: whether a tank whose wave breaks is NaN from there on, and the others go on.
 
     Raises:
-        SloshModelError: shapes that do not fit, what is not finite, or a surface so steep that
-            the expansion fails: a wave that breaks.
+        SloshModelError: shapes that do not fit, what is not finite, or, unless it may break, a
+            surface so steep that the expansion fails: a wave that breaks.
     """
     sway = _samples("accelerations", accelerations, tanks)
     lift = np.zeros_like(sway) if vertical is None else _samples("vertical", vertical, tanks)
@@ -175,8 +177,9 @@ def simulate_tanks(
                 for u in (j / steps, (j + 0.5) / steps, (j + 1) / steps)
             ]
             state = _runge_kutta(basis, state, ends, interval / steps, order)
+        state[:, ~np.isfinite(state).all(axis=(0, 2))] = np.nan
         amplitudes[i] = state[0]
-        if not np.isfinite(state).all():
+        if not may_break and not np.isfinite(state).all():
             tank = int(np.flatnonzero(~np.isfinite(state).all(axis=(0, 2)))[0])
             raise SloshModelError(
                 f"tank {tank}: the surface is too steep for order {order} at t = "

@@ -170,6 +170,15 @@ def test_the_surface_tension_of_water_quickens_short_waves() -> None:
     assert np.allclose(fifth.amplitudes[:, 0, 4], 1e-5 * np.cos(frequency * times), atol=1e-9)
 
 
+def test_one_tank_may_break_and_the_others_go_on() -> None:
+    hard, soft = np.full((400, 1), 9.0), sway(np.arange(400) * 0.01)
+    tanks = Tanks.of([WIDTH, WIDTH], HEIGHT)
+    both = simulate_tanks(tanks, np.hstack((hard, soft)), 0.01, order=3, modes=7, may_break=True)
+    alone = simulate_tanks(Tanks.of(WIDTH, HEIGHT), soft, 0.01, order=3, modes=7)
+    assert np.isnan(both.amplitudes[-1, 0]).all()
+    assert np.allclose(both.amplitudes[:, 1], alone.amplitudes[:, 0], rtol=0.0, atol=1e-9)
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [
