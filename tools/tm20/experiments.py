@@ -163,7 +163,7 @@ def measure(experiment: Experiment) -> Path:
         return experiment.file
     rng = np.random.default_rng([experiment.geometry, experiment.speed, len(experiment.law)])
     amplitudes = true_amplitudes(experiment, rng)
-    whole = np.isfinite(amplitudes).all(axis=(0, 2))
+    whole = np.asarray(np.isfinite(amplitudes).all(axis=(0, 2)))
     slopes = errors = dwell = np.empty(0)
     if 2 * np.count_nonzero(whole) > len(whole):
         slopes, errors, dwell = _columns(experiment, amplitudes[:, whole], rng)
