@@ -23,7 +23,7 @@ from slosh_discovery.identification_report import (
     identification_json,
     render_identification,
 )
-from slosh_discovery.identify.parameters import DAMPING, DEFAULT, FREQUENCY
+from slosh_discovery.identify.parameters import DEFAULT
 from slosh_discovery.identify.result import Identification, Strategy
 from slosh_estimator.model_file import read_model
 from slosh_files import write_text
@@ -31,6 +31,7 @@ from slosh_files.errors import TextFileError
 from slosh_files.text_file import read_text
 from slosh_model.model import Model
 from slosh_model.model_text import format_model
+from slosh_model.parameters import DAMPING, FREQUENCY
 
 MODEL, DOCUMENT, PAGE = "model.yaml", "identification.json", "report.html"
 POINT_MODEL, HELP = "model_{}.yaml", "helps_{}.csv"

@@ -18,7 +18,7 @@ from slosh_model.indices import POSE_COUNT
 from slosh_model.lane_rows import LANES
 from slosh_model.layout import divided
 from slosh_model.model import Model
-from slosh_model.simulate import MAXIMUM_STEP, Inputs, store_of
+from slosh_model.simulate import MAXIMUM_STEP, Inputs, Simulator, State
 
 Array = NDArray[np.float64]
 Counts = NDArray[np.int64]
@@ -58,16 +58,18 @@ def wall_heights(
     models: Model | Sequence[Model],
     inputs: Inputs | Sequence[Inputs],
     *,
+    state: State | None = None,
     max_step: float = MAXIMUM_STEP,
     threads: int | None = None,
 ) -> list[Array]:
-    """Wall heights of many simulations from rest, the bits of `simulate`.
+    """Wall heights of many simulations from one state, the bits of `simulate`.
 
     Fastest where many models have the same effects and the motions are about equally long.
 
     Args:
         models: one for all motions, or one for each.
         inputs: one for all models, or one for each.
+        state: where all start, at the time of their first samples; None: at rest.
         max_step: longest sub-step [s].
         threads: how many work at a time; None: one per processor.
 
@@ -76,15 +78,16 @@ def wall_heights(
         finite from where a solution has left the finite numbers.
 
     Raises:
-        SloshModelError: numbers of models and inputs that do not fit.
+        SloshModelError: numbers of models and inputs that do not fit, or a state that does not.
     """
     simulations = _simulations(models, inputs)
+    _check_start(simulations, state)
     total = len(simulations.models)
     workers = threads or len(os.sched_getaffinity(0))
     share = -(-total // workers)
     blocks = list(_blocks(simulations, min(LANES, max(share, VECTOR)), max_step))
     distinct = {id(one): one for one in simulations.models}
-    stores = {key: store_of(model, max_step) for key, model in distinct.items()}
+    stores = {key: _store(model, state, max_step) for key, model in distinct.items()}
     found: dict[int, Array] = {}
 
     def run(block: Block, room: Array) -> None:
@@ -119,6 +122,21 @@ def _simulations(
         every_input,
         list(_intervals(every_input)),
     )
+
+
+def _check_start(simulations: _Simulations, state: State | None) -> None:
+    for one in simulations.inputs if state is not None else ():
+        if state is not None and one.t[0] != state.t:
+            raise SloshModelError(
+                f"a motion starts at {one.t[0]:.9g} s, the state is of {state.t:.9g} s"
+            )
+
+
+def _store(model: Model, state: State | None, max_step: float) -> Array:
+    """A model before its first sample."""
+    simulator = Simulator(model, max_step=max_step)
+    simulator.start(state, 0.0 if state is None else state.t)
+    return simulator.store
 
 
 def _intervals(inputs: Iterable[Inputs]) -> Iterator[Array]:

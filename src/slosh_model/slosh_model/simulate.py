@@ -230,10 +230,9 @@ class Simulator:
 
     def run(self, inputs: Inputs, state: State | None = None) -> tuple[Response, State]:
         """Simulates a whole motion from a state; see `simulate`."""
-        self.reset()
         start = float(inputs.t[0])
+        self.start(state, start)
         if state is not None:
-            self._continue(state, start)
             start = state.t
         heights = np.empty((len(inputs.t), 2))
         history = np.empty((len(inputs.t), len(self._modes), len(MODAL)))
@@ -253,12 +252,15 @@ class Simulator:
         response = Response(inputs.t, heights[:, 0], heights[:, 1], history, corner)
         return response, self._state(float(inputs.t[-1]))
 
-    def _continue(self, state: State, start: float) -> None:
-        """Takes up a state.
+    def start(self, state: State | None, start: float) -> None:
+        """Takes up a state, or rest, before a motion that starts at `start` [s].
 
         Raises:
             SloshModelError: another model's state, or one that does not lead to the start.
         """
+        self.reset()
+        if state is None:
+            return
         if len(state.modal) != len(self._modes):
             raise SloshModelError(
                 f"the state has {len(state.modal)} modes, the model {len(self._modes)}"

@@ -106,3 +106,15 @@ def test_numbers_of_models_and_motions_that_do_not_fit_are_refused() -> None:
         wall_heights([Model(CUP)] * 2, [motion(3, seed) for seed in range(3)])
     with pytest.raises(SloshModelError, match="0 inputs"):
         wall_heights(Model(CUP), [])
+
+
+@pytest.mark.parametrize("name", ["surface_nonlinearity", "gravity_tilt"])
+def test_all_start_from_one_state(name: str) -> None:
+    model = PLAIN.with_effect(name)
+    _, state = simulate(model, motion(50, 1))
+    rest = [one.resampled(one.t - one.t[0] + state.t) for one in (motion(90, k) for k in range(9))]
+    for inputs, heights in zip(rest, wall_heights(model, rest, state=state), strict=True):
+        response, _ = simulate(model, inputs, state)
+        assert heights.tobytes() == np.column_stack([response.sh_x, response.sh_y]).tobytes()
+    with pytest.raises(SloshModelError, match=r"a motion starts at .* the state is of"):
+        wall_heights(model, [motion(90, 3)], state=state)

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_discovery.identification_report.data import Beside, first_mode
-from slosh_discovery.identify.parameters import DAMPING, FREQUENCY
 from slosh_discovery.identify.result import FittedMotion, Identification, PointAgreement
 from slosh_model.errors import SloshModelError
 from slosh_model.model import Model
+from slosh_model.parameters import DAMPING, FREQUENCY
 from slosh_report.page.lines import DASHES, chart_points, draw_line, time_chart, time_ends
 from slosh_report.page.svg import (
     GAP,

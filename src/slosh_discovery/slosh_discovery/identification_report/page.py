@@ -20,8 +20,8 @@ from slosh_discovery.identification_report.charts import (
 from slosh_discovery.identification_report.data import IdentificationReport
 from slosh_discovery.identification_report.document import Document, identification_document
 from slosh_discovery.identification_report.figures import minus, rounded, shown_value
-from slosh_discovery.identify.parameters import DAMPING, FREQUENCY
 from slosh_discovery.identify.result import FittedMotion, Identification, IdentifiedModel, Role
+from slosh_model.parameters import DAMPING, FREQUENCY
 from slosh_report.page.lines import NARROW, SMALL, WIDE
 from slosh_report.page.template import data_element, make_environment
 from slosh_report.page.units import shown

@@ -13,9 +13,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from slosh_discovery.identify.parameters import DAMPING, FREQUENCY
 from slosh_discovery.identify.problem import Problem
 from slosh_discovery.identify.trials import Trial
+from slosh_model.parameters import DAMPING, FREQUENCY
 
 Array = NDArray[np.float64]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,11 +15,17 @@ from slosh_model.effects.base import Parameter
 from slosh_model.effects.registry import EFFECTS
 from slosh_model.errors import SloshModelError
 from slosh_model.model import Model
+from slosh_model.parameters import (
+    DAMPING,
+    FILL_HEIGHT,
+    FREQUENCY,
+    parameter_value,
+    with_parameters,
+)
 
 Array = NDArray[np.float64]
 
-DAMPING, FREQUENCY = "damping_ratio", "natural_frequency"
-FILL_HEIGHT = "container.fill_height"
+_OF_THE_MODEL = (DAMPING, FREQUENCY, FILL_HEIGHT)
 DEFAULT = (FREQUENCY, DAMPING)
 """What every container has and no formula knows exactly."""
 ALIASES = {"p": "accel_gain.gain", "fill_height": FILL_HEIGHT}
@@ -74,28 +80,19 @@ def free_parameters(model: Model, names: Sequence[str]) -> tuple[FreeParameter, 
 
 def fitted_model(model: Model, values: Mapping[str, float]) -> Model | None:
     """The model with these values of its parameters; None: together they are impossible."""
+    named = {name.partition(".")[0] for name in values if name not in _OF_THE_MODEL}
     try:
-        effects: dict[str, dict[str, float]] = {}
-        for name, value in values.items():
-            if name == DAMPING:
-                model = replace(model, damping_ratio=value)
-            elif name == FREQUENCY:
-                model = replace(model, natural_frequency=value)
-            elif name == FILL_HEIGHT:
-                model = replace(model, container=replace(model.container, fill_height=value))
-            else:
-                effect, parameter = name.split(".")
-                effects.setdefault(effect, _values(model, effect))[parameter] = value
-        for effect, parameters in effects.items():
-            model = model.with_effect(effect, **parameters)
+        for effect in named:
+            if not model.has(effect):
+                model = model.with_effect(effect, **_values(model, effect))
+        return with_parameters(model, values)
     except SloshModelError:
         return None
-    return model
 
 
 def _parameter(model: Model, name: str) -> FreeParameter:
     if name == DAMPING:
-        start = _bare(model).mode_constants()[0].damping_ratio
+        start = parameter_value(model, DAMPING)
         return FreeParameter(name, "1", start, 0.0, MOST_DAMPING, max(DAMPING_WIDTH, start))
     if name == FREQUENCY:
         start = model.mode_frequency(1)
@@ -138,7 +135,3 @@ def _quiet(parameter: Parameter) -> float:
         return parameter.default
     low, high = plausible(parameter)
     return 0.5 * (low + high)
-
-
-def _bare(model: Model) -> Model:
-    return replace(model, effects=())

@@ -19,9 +19,7 @@ from slosh_discovery.identify.frequency_scan import scanned_start
 from slosh_discovery.identify.information import Unidentified, unidentified
 from slosh_discovery.identify.parameters import (
     ALIASES,
-    DAMPING,
     DEFAULT,
-    FREQUENCY,
     FreeParameter,
     free_parameters,
 )
@@ -40,6 +38,7 @@ from slosh_discovery.identify.validity import TOLERANCE, LineLimit, limited, lin
 from slosh_model.constants import GRAVITY
 from slosh_model.covariance import covariance_of
 from slosh_model.model import Model
+from slosh_model.parameters import DAMPING, FREQUENCY
 from slosh_report.metrics import mean_absolute_error, peak_error
 
 Array = NDArray[np.float64]
