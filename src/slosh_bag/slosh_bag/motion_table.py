@@ -14,7 +14,7 @@ import gzip
 import io
 import math
 from array import array
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -87,17 +87,30 @@ def read_motion_table(path: Path) -> MotionTable:
             twice, a value is no number, an input is not finite, time does not increase; one line
             that names the file, the line and the column.
     """
+    names, data = read_columns(path, _check_columns)
+    _check_finite(path, names, data)
+    _check_time(path, data[:, names.index("t")])
+    return _table(names, data)
+
+
+def read_columns(path: Path, check: Callable[[Path, list[str]], None]) -> tuple[list[str], Array]:
+    """Names and numbers (N, K) of a table.
+
+    Args:
+        path: a `.csv` or `.csv.gz` file.
+        check: raises where the names of its columns are not as they should be.
+
+    Raises:
+        SloshBagError: the file is missing, empty or cut off, or a value is no number.
+    """
     with bounded_text(path, "a motion table is CSV") as text:
         rows = csv.reader(text)
         try:
             names = [name.strip() for name in _heading(path, rows)]
-            _check_columns(path, names)
-            data = _numbers(path, names, rows)
+            check(path, names)
+            return names, _numbers(path, names, rows)
         except csv.Error as error:
             raise SloshBagError(f"{path}: line {rows.line_num}: is no CSV: {error}") from None
-    _check_finite(path, names, data)
-    _check_time(path, data[:, names.index("t")])
-    return _table(names, data)
 
 
 def write_motion_table(path: Path, table: MotionTable) -> None:

@@ -21,6 +21,7 @@ OWN_PACKAGES = (
     "slosh_msgs_py",
     "slosh_model",
     "slosh_camera",
+    "slosh_plan",
     "slosh_report",
     "slosh_estimator",
     "slosh_bag",

@@ -7,7 +7,7 @@ import re
 import numpy as np
 import pytest
 
-from slosh_bringup.cli.main import COMMANDS, LATER, main
+from slosh_bringup.cli.main import COMMANDS, main
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.live.cell_setup import read_setup
 from slosh_bringup.processes import config_folder
@@ -45,11 +45,6 @@ def test_it_tells_its_version(capsys):
         main(["--version"])
     assert caught.value.code == 0
     assert re.fullmatch(r"slosh \d+\.\d+\.\d+\n", capsys.readouterr().out)
-
-
-@pytest.mark.parametrize("name", LATER)
-def test_reserved_commands_say_so(capsys, name):
-    assert "not in this version" in fails_with(capsys, name, "whatever", "--even", "this")
 
 
 def test_a_call_leaves_the_environment_of_the_process_as_it_is(capsys, motion, tmp_path):

@@ -29,10 +29,9 @@ COMMANDS: dict[str, str] = {
     "export": "a bag's topics as CSV or Parquet, or its motion as a table",
     "identify": "a model's parameters from measured motions",
     "discover": "where model and measurement disagree, and the missing effect",
-    "predict": "peak heights of candidate motions (not in this version)",
+    "predict": "peak heights of candidate motions, and how fast they may be run",
     "doctor": "what works here, what is missing, how to mend it",
 }
-LATER = ("predict",)
 LIVE = ("demo", "cell")
 
 EXIT_DONE, EXIT_FAILED, EXIT_WRONG_INPUT = 0, 1, 2
@@ -66,9 +65,6 @@ def _run(words: list[str], name: str | None, stop: StopRequest | None) -> int:
     if parsed.command is None:
         parser.print_help()
         return EXIT_WRONG_INPUT
-    if parsed.command in LATER:
-        print(f"slosh {parsed.command}: not in this version; see docs/roadmap.md", file=sys.stderr)
-        return EXIT_WRONG_INPUT
     parsed.stop = stop
     return run_guarded(parsed)
 
@@ -82,9 +78,7 @@ def build_parser(chosen: str | None) -> argparse.ArgumentParser:
     subparsers = parser.add_subparsers(dest="command", metavar="COMMAND")
     for name, summary in COMMANDS.items():
         subparser = subparsers.add_parser(name, help=summary, description=summary)
-        if name in LATER:
-            subparser.add_argument("rest", nargs=argparse.REMAINDER, help=argparse.SUPPRESS)
-        elif name == chosen:
+        if name == chosen:
             module = importlib.import_module(f"slosh_bringup.cli.{module_name(name)}")
             module.add_arguments(subparser)
             subparser.set_defaults(run=module.run)

@@ -1,0 +1,77 @@
+"""Planned motions as CSV: motion tables, and tables of poses.
+
+Columns: `t` [s] with `ax,ay,az` [m/s²] or `x,y,z` [m] of the container's origin in the world's
+axes, or both; optional `qx,qy,qz,qw` (attitude, world ← container) and, with accelerations,
+`wx,wy,wz` (container's frame, rad/s). Accelerations are taken where there are any.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_bag.errors import SloshBagError
+from slosh_bag.motion_table import (
+    ANGULAR_VELOCITY,
+    ATTITUDE,
+    ETA,
+    MOTION,
+    MSH,
+    PROFILE,
+    read_columns,
+)
+from slosh_plan import Trajectory
+
+Array = NDArray[np.float64]
+
+ACCELERATION = MOTION[1:]
+POSITION = ("x", "y", "z")
+_GROUPS = (ACCELERATION, POSITION, ATTITUDE, ANGULAR_VELOCITY)
+
+
+def read_trajectory(path: Path) -> Trajectory:
+    """Reads a planned motion, named as the file; measured columns of a motion table are left out.
+
+    Args:
+        path: a `.csv` or `.csv.gz` file.
+
+    Raises:
+        SloshBagError: no such table.
+        SloshPlanError: no such motion; one line with the file, the row and what is wrong.
+    """
+    names, data = read_columns(path, _check_columns)
+
+    def group(columns: tuple[str, ...]) -> Array | None:
+        if columns[0] not in names:
+            return None
+        return np.asarray(data[:, [names.index(name) for name in columns]])
+
+    t, acceleration, position = data[:, names.index("t")], group(ACCELERATION), group(POSITION)
+    if acceleration is not None:
+        rate = group(ANGULAR_VELOCITY)
+        return Trajectory(t, acceleration, group(ATTITUDE), rate, position, str(path))
+    assert position is not None
+    return Trajectory.from_poses(t, position, group(ATTITUDE), str(path))
+
+
+def _check_columns(path: Path, names: list[str]) -> None:
+    known = {"t", MSH}.union(*_GROUPS)
+    for name in names:
+        if names.count(name) > 1:
+            raise SloshBagError(f"{path}: line 1: column {name!r} stands twice")
+        if name not in known and not name.startswith((ETA, PROFILE)):
+            raise SloshBagError(
+                f"{path}: line 1: column {name!r} is unknown; known are t, "
+                f"{', '.join(','.join(group) for group in _GROUPS)}"
+            )
+    if "t" not in names or not {"ax", "x"} & set(names):
+        raise SloshBagError(f"{path}: line 1: a planned motion needs t, and ax,ay,az or x,y,z")
+    for group in _GROUPS:
+        missing = [name for name in group if name not in names]
+        if missing and len(missing) < len(group):
+            raise SloshBagError(
+                f"{path}: line 1: column {missing[0]!r} is missing; "
+                f"{', '.join(group)} belong together"
+            )

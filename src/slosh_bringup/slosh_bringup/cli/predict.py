@@ -1,0 +1,182 @@
+"""`slosh predict`: peak heights of candidate motions, and which time scales are safe."""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import json
+import math
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+from slosh_bag.trajectory_table import read_trajectory
+from slosh_bringup.cli.progress import share_bar
+from slosh_estimator.model_file import read_model
+from slosh_files import check_apart, new_text
+from slosh_plan import (
+    HeightLimits,
+    ModelError,
+    Prediction,
+    SafeScales,
+    predict,
+    safe_scales,
+)
+from slosh_report.json_values import plain
+from slosh_report.text_table import aligned
+
+EXIT_KEPT, EXIT_EXCEEDED = 0, 1
+HEADING = (
+    "motion", "lasts [s]", "peak [mm]", "L [mm]", "at [s]", "wall [deg]", "after [mm]",
+    "settles [s]", "safe from", "remarks",
+)  # fmt: skip
+COLUMNS = (
+    "trajectory", "duration", "peak_linear", "peak_nonlinear", "peak_lower", "peak_upper",
+    "peak_time", "azimuth", "residual_linear", "residual_nonlinear", "settling_time", "excess",
+    "residual_excess", "flags", "time_scale",
+)  # fmt: skip
+EPILOG = """peak and after are of the NL model, L beside them: the greatest height over the wall
+above the still level during the motion, and after its end. With the model's error (--sigma,
+--epsilon, or the covariance in model.yaml) the peak has an interval, whose upper end counts.
+safe from: multiple of the duration from which on every slower run keeps the limits.
+
+exit code: 0, 1 where a limit is exceeded, 2 for wrong input"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declares the subcommand's options."""
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
+    parser.epilog = EPILOG
+    parser.add_argument("model", type=Path, help="model.yaml")
+    parser.add_argument(
+        "trajectories", type=Path, nargs="+", metavar="TRAJECTORY",
+        help="motion table t,ax,ay,az[,...], or poses t,x,y,z[,qx,qy,qz,qw] (.csv, .csv.gz)",
+    )  # fmt: skip
+    for name, unit, text in (
+        ("limit", "M", "greatest height above the still level [m]"),
+        ("residual", "M", "greatest height after the motion's end [m]"),
+        ("horizon", "S", "how long after the end [s] (default: three periods of the liquid)"),
+    ):
+        parser.add_argument(f"--{name}", type=float, metavar=unit, help=text)
+    parser.add_argument(
+        "--sigma", type=float, default=0.0, metavar="M",
+        help="the model's mean absolute error, as slosh replay tells it [m]",
+    )  # fmt: skip
+    parser.add_argument(
+        "--epsilon", type=float, default=0.0, metavar="E",
+        help="the model's relative error of the maximum, as a fraction",
+    )  # fmt: skip
+    parser.add_argument("-o", "--output", type=Path, metavar="TABLE.csv", help="table of answers")
+    parser.add_argument("--json", action="store_true", help="print the answers as JSON")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Predicts, prints and writes the answers; 1 where a limit is exceeded."""
+    if arguments.output is not None:
+        check_apart([arguments.output], [arguments.model, *arguments.trajectories])
+    model = read_model(arguments.model)
+    limits = HeightLimits(
+        *(math.inf if value is None else value for value in (arguments.limit, arguments.residual))
+    )
+    error = ModelError(arguments.sigma, arguments.epsilon)
+    motions = [read_trajectory(path) for path in arguments.trajectories]
+    found = predict(model, motions, limits=limits, horizon=arguments.horizon, error=error)
+    scales: list[SafeScales | None] = [None] * len(motions)
+    if limits.given:
+        with share_bar("time scales") as progress:
+            for place, (motion, one) in enumerate(zip(motions, found, strict=True)):
+                scales[place] = safe_scales(
+                    model, motion, limits, horizon=arguments.horizon, margin=one.margin
+                )
+                progress(motion.name, (place + 1) / len(motions))
+    if arguments.output is not None:
+        write_table(arguments.output, found, scales)
+    show = as_json if arguments.json else as_text
+    print(show(found, scales))
+    return EXIT_KEPT if all(one.kept for one in found) else EXIT_EXCEEDED
+
+
+def write_table(
+    path: Path, found: Sequence[Prediction], scales: Sequence[SafeScales | None]
+) -> None:
+    """Writes COLUMNS [s, m, rad], one row per motion."""
+    with new_text(path) as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(COLUMNS)
+        for facts in _facts(found, scales):
+            writer.writerow([facts[name] for name in COLUMNS])
+
+
+def as_json(found: Sequence[Prediction], scales: Sequence[SafeScales | None]) -> str:
+    """The answers as a list of objects with COLUMNS and more; what is unknown is null."""
+    return json.dumps(plain(list(_facts(found, scales))), indent=1)
+
+
+def as_text(found: Sequence[Prediction], scales: Sequence[SafeScales | None]) -> str:
+    """The answers as a table for people."""
+    rows = [list(HEADING)]
+    for one, scale in zip(found, scales, strict=True):
+        answer = one.nonlinear
+        rows.append(
+            [
+                one.name,
+                f"{one.duration:.3f}",
+                _interval(one),
+                f"{1e3 * one.linear.peak:.1f}",
+                f"{answer.peak_time:.3f}",
+                f"{math.degrees(answer.azimuth):.0f}",
+                f"{1e3 * answer.residual:.1f}",
+                f"{answer.settling_time:.1f}",
+                "-" if scale is None or math.isnan(scale.safe_from) else f"{scale.safe_from:.3f}",
+                "; ".join(_remarks(one, scale)) or "-",
+            ]
+        )
+    return "\n".join(aligned(rows, "<>>>>>>>><"))
+
+
+def _interval(one: Prediction) -> str:
+    peak = f"{1e3 * one.nonlinear.peak:.1f}"
+    if one.upper == one.nonlinear.peak:
+        return peak
+    return f"{peak} ({1e3 * one.lower:.1f} … {1e3 * one.upper:.1f})"
+
+
+def _remarks(one: Prediction, scale: SafeScales | None) -> Iterator[str]:
+    if one.excess > 0.0:
+        yield f"{1e3 * one.excess:.1f} mm above the limit"
+    if one.residual_excess > 0.0:
+        yield f"{1e3 * one.residual_excess:.1f} mm above the residual limit"
+    if scale is not None and scale.islands:
+        yield "also safe: " + ", ".join(f"{low:.3f} … {high:.3f}" for low, high in scale.islands)
+    if one.limits.given and (scale is None or math.isnan(scale.safe_from)):
+        yield "no safe time scale"
+    names = [flag.name.lower().replace("_", " ") for flag in type(one.flags) if flag in one.flags
+             and flag.name]  # fmt: skip
+    yield from (name for name in names if name != "none")
+
+
+def _facts(
+    found: Sequence[Prediction], scales: Sequence[SafeScales | None]
+) -> Iterator[dict[str, Any]]:
+    for one, scale in zip(found, scales, strict=True):
+        linear, nonlinear = one.linear, one.nonlinear
+        yield {
+            "trajectory": one.name,
+            "models": [linear.model, nonlinear.model],
+            "duration": one.duration,
+            "peak_linear": linear.peak,
+            "peak_nonlinear": nonlinear.peak,
+            "peak_lower": one.lower,
+            "peak_upper": one.upper,
+            "peak_time": nonlinear.peak_time,
+            "azimuth": nonlinear.azimuth,
+            "residual_linear": linear.residual,
+            "residual_nonlinear": nonlinear.residual,
+            "settling_time": nonlinear.settling_time,
+            "excess": one.excess,
+            "residual_excess": one.residual_excess,
+            "kept": one.kept,
+            "flags": int(one.flags),
+            "time_scale": math.nan if scale is None else scale.safe_from,
+            "safe_scales": [] if scale is None else [list(pair) for pair in scale.intervals],
+        }

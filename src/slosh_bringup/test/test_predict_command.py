@@ -1,0 +1,100 @@
+"""`slosh predict`: what it prints and writes, its exit codes, what it refuses."""
+
+import json
+
+import numpy as np
+import pytest
+
+from slosh_bringup.cli.main import main
+from slosh_bringup.processes import config_folder
+from slosh_model.motion_profiles import quintic
+
+MODEL = str(config_folder() / "model.yaml")
+
+
+def line(path, duration=1.0, *, poses=False, count=501):
+    t = np.linspace(0.0, duration, count)
+    position, _, acceleration = quintic(t / duration)
+    along = 0.4 * (position if poses else acceleration / duration**2)
+    rows = np.column_stack([t, along, np.zeros((count, 2))])
+    heading = "t,x,y,z" if poses else "t,ax,ay,az"
+    np.savetxt(path, rows, "%.12g", ",", header=heading, comments="")
+    return str(path)
+
+
+def answers(capsys, *words):
+    code = main(["predict", MODEL, *words, "--json"])
+    return code, json.loads(capsys.readouterr().out)
+
+
+def test_accelerations_and_poses_of_one_motion_agree(capsys, tmp_path):
+    motions = line(tmp_path / "a.csv"), line(tmp_path / "p.csv", poses=True)
+    code, (one, other) = answers(capsys, *motions)
+    assert code == 0
+    assert one["trajectory"] == motions[0]
+    assert one["peak_nonlinear"] == pytest.approx(other["peak_nonlinear"], rel=1e-3)
+    assert one["models"] == ["3D-L", "3D-NL"]
+    assert one["time_scale"] is None
+
+
+def test_an_exceeded_limit_is_exit_code_one_and_a_safe_scale(capsys, tmp_path):
+    motion = line(tmp_path / "a.csv")
+    code, (found,) = answers(capsys, motion, "--limit", "0.01", "--residual", "0.002")
+    assert code == 1
+    assert not found["kept"]
+    assert found["excess"] == pytest.approx(found["peak_nonlinear"] - 0.01)
+    slow = line(tmp_path / "slow.csv", 1.001 * found["time_scale"])
+    code, (kept,) = answers(capsys, slow, "--limit", "0.01", "--residual", "0.002")
+    assert (code, kept["kept"]) == (0, True)
+    assert kept["time_scale"] == pytest.approx(1.0 / 1.001, rel=1e-3)
+
+
+def test_what_is_known_of_the_error_counts(capsys, tmp_path):
+    motion = line(tmp_path / "a.csv", 2.0)
+    _, (plain,) = answers(capsys, motion)
+    limit = str(plain["peak_nonlinear"] + 0.001)
+    assert answers(capsys, motion, "--limit", limit)[0] == 0
+    code, (unsure,) = answers(capsys, motion, "--limit", limit, "--sigma", "0.001")
+    assert code == 1
+    assert unsure["excess"] == pytest.approx(0.001)
+
+
+def test_people_get_a_table_and_programs_a_file(capsys, tmp_path):
+    motion, output = line(tmp_path / "a.csv"), tmp_path / "out.csv"
+    assert main(["predict", MODEL, motion, motion, "--limit", "0.01", "-o", str(output)]) == 1
+    heading, *rows = capsys.readouterr().out.splitlines()
+    assert heading.split("  ")[0].strip() == "motion"
+    assert len(rows) == 2
+    assert "above the limit" in rows[0]
+    table = np.genfromtxt(output, delimiter=",", names=True)
+    assert table["peak_nonlinear"][0] > 0.01
+    assert table["time_scale"][0] > 1.0
+
+
+def test_no_limit_left_is_no_safe_scale(capsys, tmp_path):
+    motion = line(tmp_path / "a.csv")
+    assert main(["predict", MODEL, motion, "--limit", "0.01", "--sigma", "0.01"]) == 1
+    assert "no safe time scale" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("text", "options", "match"),
+    [
+        ("t,ax,ay,az\n0,0,0,0\n", "", "1 point: a motion needs at least 2"),
+        ("t,ax,ay,az\n0,0,0,0\n0.2,0,0,0\n0.1,0,0,0\n", "", "t[2] = 0.1 s comes before"),
+        ("t,x,y,z\n0,0,0,0\n0.1,nan,0,0\n0.2,0,0,0\n", "", "position[1].x = nan is not finite"),
+        ("t,x,y\n0,0,0\n", "", "column 'z' is missing; x, y, z belong together"),
+        ("t,wx,wy,wz\n0,0,0,0\n", "", "a planned motion needs t, and ax,ay,az or x,y,z"),
+        ("t,ax,ay,az,speed\n0,0,0,0,0\n", "", "column 'speed' is unknown"),
+        ("t,ax,ay,az\n0,0,0,0\n0.1,1,0,0\n", "--limit -1", "height limit = -1.0 m must lie above"),
+        ("t,ax,ay,az\n0,0,0,0\n0.1,1,0,0\n", "--horizon 1e9", "horizon = 1000000000.0 s"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_is_one_line_and_exit_code_two(capsys, tmp_path, text, options, match):
+    path = tmp_path / "m.csv"
+    path.write_text(text)
+    assert main(["predict", MODEL, str(path), *options.split()]) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    (said,) = captured.err.strip().split("\n")
+    assert match in said

@@ -1,0 +1,23 @@
+"""Asks before the robot moves: how high the liquid will rise, and how fast it may go.
+
+Pure: no ROS, no files, no clock. SI units throughout.
+"""
+
+from slosh_plan.errors import SloshPlanError
+from slosh_plan.limits import HeightLimits
+from slosh_plan.prediction import ModelError, Prediction, predict
+from slosh_plan.scaling import SafeScales, safe_scales
+from slosh_plan.start import LiquidState
+from slosh_plan.trajectory import Trajectory
+
+__all__ = [
+    "HeightLimits",
+    "LiquidState",
+    "ModelError",
+    "Prediction",
+    "SafeScales",
+    "SloshPlanError",
+    "Trajectory",
+    "predict",
+    "safe_scales",
+]

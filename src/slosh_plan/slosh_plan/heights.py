@@ -1,0 +1,120 @@
+"""Heights of many motions at once, and what of them matters."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_model.batch import wall_heights
+from slosh_model.errors import SloshModelError
+from slosh_model.model import Model
+from slosh_model.simulate import MAXIMUM_STEP, Inputs, Response
+from slosh_plan.errors import SloshPlanError
+from slosh_plan.start import begun
+
+Array = NDArray[np.float64]
+
+PERIODS = 3.0
+"""Usual horizon after a motion, in periods of the first mode: what follows is lower."""
+_NO_MODES = np.empty((0, 0, 4))
+
+
+@dataclass(frozen=True, slots=True)
+class Extremes:
+    """What of a motion's heights matters.
+
+    Attributes:
+        peak: greatest MSH [m]; infinite where the model has left its range.
+        peak_time: when [s].
+        azimuth: where on the wall, from the container's +x [rad].
+        residual: greatest MSH after the motion's end [m].
+        last: the same within the last period of the horizon [m].
+    """
+
+    peak: float
+    peak_time: float
+    azimuth: float
+    residual: float
+    last: float
+
+
+def first_period(model: Model) -> float:
+    """Period of the first mode [s]."""
+    return 2.0 * math.pi / model.mode_constants()[0].natural_frequency
+
+
+def usual_horizon(model: Model) -> float:
+    """How long a prediction looks beyond a motion's end [s]."""
+    return PERIODS * first_period(model)
+
+
+def all_extremes(
+    model: Model,
+    inputs: Sequence[Inputs],
+    ends: Sequence[float],
+    modal: Array | None,
+    *,
+    max_step: float = MAXIMUM_STEP,
+) -> list[Extremes]:
+    """Extremes of many motions.
+
+    Args:
+        model: the model.
+        inputs: motions with what follows them.
+        ends: when each motion ends [s].
+        modal: (modes, 4) how the liquid stands when each begins; None: at rest.
+        max_step: of the integration [s].
+
+    Raises:
+        SloshPlanError: the state of another model.
+    """
+    period, corner = first_period(model), model.container.corner
+    try:
+        found = _heights(model, inputs, modal, max_step)
+    except SloshModelError as error:
+        raise SloshPlanError(str(error)) from None
+    return [
+        _extremes(motion.t, heights, end, period, corner)
+        for motion, heights, end in zip(inputs, found, ends, strict=True)
+    ]
+
+
+def _heights(
+    model: Model, inputs: Sequence[Inputs], modal: Array | None, max_step: float
+) -> list[Array]:
+    """(N, 2) of each; those that begin at the same time go together."""
+    groups: dict[float, list[int]] = {}
+    for place, motion in enumerate(inputs):
+        t = 0.0 if modal is None else float(motion.t[0])
+        groups.setdefault(t, []).append(place)
+    answers: dict[int, Array] = {}
+    for t, places in groups.items():
+        state = begun(model, modal, t)
+        chosen = [inputs[place] for place in places]
+        found = wall_heights(model, chosen, state=state, max_step=max_step)
+        answers.update(zip(places, found, strict=True))
+    return [answers[place] for place in range(len(inputs))]
+
+
+def _extremes(
+    t: Array, heights: Array, end: float, period: float, corner: tuple[float, float] | None
+) -> Extremes:
+    response = Response(t, heights[:, 0], heights[:, 1], _NO_MODES, corner)
+    msh = response.msh
+    if not math.isfinite(float(msh.sum())):
+        lost = float(t[int(np.argmin(np.isfinite(msh)))])
+        return Extremes(math.inf, lost, math.nan, math.inf, math.inf)
+    top = int(np.argmax(msh))
+    x, y = heights[top]
+    if corner is not None:
+        x, y = corner[0] * np.sign(x), corner[1] * np.sign(y)
+    after = int(np.searchsorted(t, end, side="left"))
+    tail = int(np.searchsorted(t, max(end, t[-1] - period), side="left"))
+    return Extremes(
+        float(msh[top]), float(t[top]), math.atan2(y, x), float(msh[after:].max()),
+        float(msh[tail:].max()),
+    )  # fmt: skip

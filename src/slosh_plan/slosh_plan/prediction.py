@@ -1,0 +1,291 @@
+"""How high the liquid rises on candidate motions, and how sure that is."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_model.errors import SloshModelError
+from slosh_model.model import Model
+from slosh_model.parameters import parameter_value, with_parameters
+from slosh_plan.errors import SloshPlanError
+from slosh_plan.heights import Extremes, all_extremes, usual_horizon
+from slosh_plan.limits import HeightLimits
+from slosh_plan.start import LiquidState
+from slosh_plan.trajectory import Trajectory
+from slosh_plan.validity import MotionFlag, motion_flags
+
+Array = NDArray[np.float64]
+
+LONGEST_HORIZON = 120.0
+SETTLED = 1e-3
+"""Liquid lower than this is still, where no residual limit says so [m]."""
+COVERAGE = 2.0
+"""Half widths of intervals, in standard errors: about 95 %."""
+
+
+@dataclass(frozen=True, slots=True)
+class ModelError:
+    """How well the model did so far; σ and ε as the monitor and `slosh replay` tell them.
+
+    Attributes:
+        sigma: mean absolute error of the height [m].
+        epsilon: relative error of the maximum, as a fraction, of either sign.
+
+    Raises:
+        SloshPlanError: a negative or impossible value.
+    """
+
+    sigma: float = 0.0
+    epsilon: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.sigma <= 1.0:
+            raise SloshPlanError(f"sigma = {self.sigma!r} m must lie in 0 … 1 m")
+        if not -1.0 <= self.epsilon <= 10.0:
+            raise SloshPlanError(f"epsilon = {self.epsilon!r} must lie in -1 … 10")
+
+
+@dataclass(frozen=True, slots=True)
+class ModelAnswer:
+    """What one model predicts of a motion.
+
+    Attributes:
+        model: its name.
+        peak: greatest height over the wall, MSH [m]; infinite where the model left its range.
+        peak_time: when, on the motion's clock [s].
+        azimuth: where on the wall, from the container's +x [rad].
+        residual: greatest MSH after the motion's end [m].
+        settling_time: from the motion's end until the liquid is still [s]: lower than the residual
+            limit, or than SETTLED; by the first mode's decay.
+    """
+
+    model: str
+    peak: float
+    peak_time: float
+    azimuth: float
+    residual: float
+    settling_time: float
+
+
+@dataclass(frozen=True, slots=True)
+class Prediction:
+    """What is predicted of a motion.
+
+    Attributes:
+        name: the motion's.
+        duration: of the motion [s].
+        linear, nonlinear: the L and the NL model's answers.
+        lower, upper: interval of the NL model's peak [m]: the peak itself where nothing is known
+            of the model's error.
+        residual_upper: upper end of the residual's interval [m].
+        limits: what was asked to be kept.
+        flags: where the motion leaves what the models were validated for.
+    """
+
+    name: str
+    duration: float
+    linear: ModelAnswer
+    nonlinear: ModelAnswer
+    lower: float
+    upper: float
+    residual_upper: float
+    limits: HeightLimits
+    flags: MotionFlag
+
+    @property
+    def excess(self) -> float:
+        """By how much the interval's upper end exceeds the limit of the height [m]; 0: not."""
+        return max(self.upper - self.limits.height, 0.0)
+
+    @property
+    def residual_excess(self) -> float:
+        """The same of the residual."""
+        return max(self.residual_upper - self.limits.residual, 0.0)
+
+    @property
+    def margin(self) -> float:
+        """What the model's error takes of the limit [m]; 0 where the model has no answer."""
+        finite = math.isfinite(self.upper)
+        return self.upper - self.nonlinear.peak if finite else 0.0
+
+    @property
+    def kept(self) -> bool:
+        """Whether both limits are kept, by the whole interval."""
+        return self.excess == 0.0 and self.residual_excess == 0.0
+
+
+def predict(
+    model: Model,
+    trajectories: Trajectory | Sequence[Trajectory],
+    *,
+    limits: HeightLimits | None = None,
+    state: LiquidState | None = None,
+    horizon: float | None = None,
+    error: ModelError | None = None,
+) -> list[Prediction]:
+    """Predicts motions, one or thousands.
+
+    The interval holds the model's parameters, where it has their covariance, and its measured
+    error: half of it is √((2 s)² + (2 σ)² + (ε · peak)²) with the standard error s of the peak,
+    linearised along the covariance's principal axes.
+
+    Args:
+        model: the model; its L and its NL twin answer.
+        trajectories: candidates.
+        limits: what is to be kept; None: nothing.
+        state: the liquid when each motion begins; None: at rest.
+        horizon: how long the container is watched at rest after each motion [s]; None: three
+            periods of the first mode.
+        error: the model's measured error; None: unknown.
+
+    Returns:
+        as many predictions, in the same order.
+
+    Raises:
+        SloshPlanError: the limit is exceeded when the motion begins, the state of another model,
+            an impossible horizon.
+    """
+    given = [trajectories] if isinstance(trajectories, Trajectory) else list(trajectories)
+    limits, error = limits or HeightLimits(), error or ModelError()
+    horizon = checked_horizon(model, horizon)
+    check_start(model, state, limits)
+    inputs = [one.inputs(horizon) for one in given]
+    ends = [float(one.t[-1]) for one in given]
+    linear_modal, modal = (state.linear, state.nonlinear) if state else (None, None)
+    linear, nonlinear = model.linear(), model.nonlinear()
+    flat = all_extremes(linear, inputs, ends, linear_modal) if given else []
+    curved = all_extremes(nonlinear, inputs, ends, modal) if given else []
+    spread = np.zeros((len(given), 2))
+    for variant in _principal_variants(nonlinear):
+        pair = [all_extremes(one, inputs, ends, modal) for one in variant]
+        spread += [
+            [0.25 * (a.peak - b.peak) ** 2, 0.25 * (a.residual - b.residual) ** 2]
+            if math.isfinite(a.peak + b.peak)
+            else [math.inf, math.inf]
+            for a, b in zip(*pair, strict=True)
+        ]
+    quiet = SETTLED if limits.residual == math.inf else limits.residual
+    found = []
+    for one, low, high, variances in zip(given, flat, curved, spread, strict=True):
+        answers = (
+            _answer(linear, low, quiet, horizon),
+            _answer(nonlinear, high, quiet, horizon),
+        )
+        flags = motion_flags(model, one, high.peak)
+        found.append(_prediction(one, answers, np.sqrt(variances), limits, error, flags))
+    return found
+
+
+def checked_horizon(model: Model, horizon: float | None) -> float:
+    """The horizon [s], the usual one for None.
+
+    Raises:
+        SloshPlanError: an impossible one.
+    """
+    if horizon is None:
+        return min(usual_horizon(model), LONGEST_HORIZON)
+    if not 0.0 < horizon <= LONGEST_HORIZON:
+        raise SloshPlanError(
+            f"horizon = {horizon!r} s must lie above 0 and up to {LONGEST_HORIZON:g} s"
+        )
+    return horizon
+
+
+def check_start(model: Model, state: LiquidState | None, limits: HeightLimits) -> None:
+    """Raises SloshPlanError where the liquid stands above the limit before the motion begins."""
+    if state is None:
+        return
+    nonlinear = model.nonlinear()
+    gains = zip(nonlinear.height_gains(), nonlinear.height_gains(axis=1), strict=True)
+    if len(state.nonlinear) != model.modes:
+        raise SloshPlanError(
+            f"the liquid's state has {len(state.nonlinear)} modes, the model {model.modes}"
+        )
+    x = y = 0.0
+    for (gain, gain_y), mode in zip(gains, state.nonlinear, strict=True):
+        x, y = x + gain * mode[0], y + gain_y * mode[1]
+    height = abs(x) + abs(y) if model.container.corner is not None else math.hypot(x, y)
+    if height > limits.height:
+        raise SloshPlanError(
+            f"the liquid stands {1e3 * height:.1f} mm high before the motion begins, above the "
+            f"limit of {1e3 * limits.height:g} mm; wait until it has settled"
+        )
+
+
+def _principal_variants(model: Model) -> list[tuple[Model, Model]]:
+    """The model one standard error to either side along each principal axis of its covariance."""
+    covariance = model.covariance
+    if covariance is None:
+        return []
+    try:
+        centre = np.array([parameter_value(model, name) for name in covariance.parameters])
+        scale = np.where(covariance.standard_errors > 0.0, covariance.standard_errors, 1.0)
+        values, axes = np.linalg.eigh(covariance.array / np.outer(scale, scale))
+        steps = [
+            root * axis * scale
+            for root, axis in zip(np.sqrt(np.maximum(values, 0.0)), axes.T, strict=True)
+            if root > 0.0
+        ]
+        return [
+            (
+                with_parameters(
+                    model, dict(zip(covariance.parameters, centre + step, strict=True))
+                ),
+                with_parameters(
+                    model, dict(zip(covariance.parameters, centre - step, strict=True))
+                ),
+            )
+            for step in steps
+        ]
+    except SloshModelError as error:
+        raise SloshPlanError(f"the model's covariance cannot be used: {error}") from None
+
+
+def _answer(model: Model, found: Extremes, quiet: float, horizon: float) -> ModelAnswer:
+    return ModelAnswer(
+        model.name, found.peak, found.peak_time, found.azimuth, found.residual,
+        _settling(model, found, quiet, horizon),
+    )  # fmt: skip
+
+
+def _settling(model: Model, found: Extremes, quiet: float, horizon: float) -> float:
+    """From the height in the horizon's last period, which decays with the first mode."""
+    if found.residual <= quiet:
+        return 0.0
+    if not math.isfinite(found.last):
+        return math.inf
+    mode = model.mode_constants()[0]
+    rate = mode.damping_ratio * mode.natural_frequency
+    if found.last > quiet:
+        return horizon + math.log(found.last / quiet) / rate if rate > 0.0 else math.inf
+    # Between the end's height and the last one, on the exponential through both.
+    share = math.log(found.residual / quiet) / math.log(found.residual / found.last)
+    return horizon * share
+
+
+def _prediction(
+    trajectory: Trajectory,
+    answers: tuple[ModelAnswer, ModelAnswer],
+    standard: Array,
+    limits: HeightLimits,
+    error: ModelError,
+    flags: MotionFlag,
+) -> Prediction:
+    linear, nonlinear = answers
+    half, after = (
+        math.sqrt(
+            (COVERAGE * float(s)) ** 2
+            + (COVERAGE * error.sigma) ** 2
+            + (error.epsilon * (height if math.isfinite(height) else 0.0)) ** 2
+        )
+        for s, height in zip(standard, (nonlinear.peak, nonlinear.residual), strict=True)
+    )
+    return Prediction(
+        trajectory.name, trajectory.duration, linear, nonlinear, max(nonlinear.peak - half, 0.0),
+        nonlinear.peak + half, nonlinear.residual + after, limits, flags,
+    )  # fmt: skip

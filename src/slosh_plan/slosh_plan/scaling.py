@@ -1,0 +1,235 @@
+"""How fast a motion may be run: which uniform time scales keep the limits.
+
+Which do is not monotone: a motion whose residual is limited may be safe, unsafe and safe again as
+it slows down, as its spectrum's zeros pass the liquid's frequency. So the whole range is looked
+at, and only the edges that are found are refined.
+
+The slow end of the range needs no guess. The response of an undamped linear mode to an
+acceleration is that to its changes, each of which the mode answers with at most twice its static
+displacement: height ≤ 2 G V/ω², and G V/ω² after the motion, with the acceleration's total
+variation V, which goes with 1/scale². Slower than where this meets the limits every scale is safe.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_model.containers import X_AXIS, Y_AXIS
+from slosh_model.model import Model
+from slosh_plan.errors import SloshPlanError
+from slosh_plan.heights import Extremes, all_extremes
+from slosh_plan.limits import HeightLimits
+from slosh_plan.prediction import check_start, checked_horizon
+from slosh_plan.resampling import Averaged
+from slosh_plan.start import LiquidState
+from slosh_plan.trajectory import LONGEST, Trajectory
+from slosh_plan.validity import greatest
+
+Array = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+COUNT = 1000
+"""Scales that are looked at."""
+SLOWEST = 10.0
+"""Where the bound tells nothing, or less."""
+ROUNDS, PARTS = 2, 16
+"""An edge's bracket is divided so often, into so many parts."""
+SCAN_STEP = 0.005
+"""Sampling, and integration, of the scan [s]; what comes near a limit is simulated in full."""
+DOUBT = 0.02
+"""How near, as a share of the limit, and of the residual's, of the peak."""
+
+
+@dataclass(frozen=True, slots=True)
+class SafeScales:
+    """Which time scales keep the limits.
+
+    Attributes:
+        name: the motion's.
+        duration: of the motion as given [s].
+        intervals: (from, to) of all that are safe, rising; a scale of 2 takes twice as long.
+        fastest, slowest: what was looked at; at the fastest the motion reaches the acceleration
+            or jerk for which the model was validated. NaN: nothing.
+        proven: whether a bound, and not the scan alone, says that all slower ones are safe.
+    """
+
+    name: str
+    duration: float
+    intervals: tuple[tuple[float, float], ...]
+    fastest: float
+    slowest: float
+    proven: bool
+
+    @property
+    def safe_from(self) -> float:
+        """The smallest safe scale beyond which every slower one is safe; NaN: there is none."""
+        if self.intervals and self.intervals[-1][1] == self.slowest:
+            return self.intervals[-1][0]
+        return math.nan
+
+    @property
+    def islands(self) -> tuple[tuple[float, float], ...]:
+        """Safe intervals that are faster, with unsafe ones between."""
+        end = len(self.intervals) - (not math.isnan(self.safe_from))
+        return self.intervals[:end]
+
+
+def safe_scales(
+    model: Model,
+    trajectory: Trajectory,
+    limits: HeightLimits,
+    *,
+    state: LiquidState | None = None,
+    horizon: float | None = None,
+    margin: float = 0.0,
+    count: int = COUNT,
+) -> SafeScales:
+    """Finds the time scales at which a motion keeps the limits, by the NL model.
+
+    Args:
+        model: the model.
+        trajectory: the motion.
+        limits: at least one of them.
+        state: the liquid when the motion begins; None: at rest.
+        horizon: how long the container is watched at rest after it [s]; None: three periods.
+        margin: kept from the limits [m]; where it leaves nothing of one, no scale is safe.
+        count: scales that are looked at, at geometric distances.
+
+    Raises:
+        SloshPlanError: no limit, or one exceeded before the motion begins.
+    """
+    if not limits.given:
+        raise SloshPlanError("no limit given: every time scale would be safe")
+    check_start(model, state, limits)
+    if min(limits.height, limits.residual) <= margin:
+        return SafeScales(trajectory.name, trajectory.duration, (), math.nan, math.nan, False)
+    kept = HeightLimits(limits.height - margin, limits.residual - margin)
+    horizon = checked_horizon(model, horizon)
+    nonlinear = model.nonlinear()
+    bound = None if state is not None else _bound(nonlinear, trajectory, kept)
+    fastest = _fastest(nonlinear, trajectory)
+    ceiling = max(min(SLOWEST, LONGEST / trajectory.duration), 1.01 * fastest)
+    slowest = min(max(1.05 * bound, 1.01 * fastest), ceiling) if bound else ceiling
+    scan = _Scan(nonlinear, trajectory, kept, state.nonlinear if state else None, horizon)
+    scales = np.geomspace(fastest, slowest, max(count, 2))
+    safe = scan.looked_at(scales)
+    intervals = _refined(scan.exact, scales, safe)
+    proven = bool(bound and bound < slowest)
+    return SafeScales(
+        trajectory.name,
+        trajectory.duration,
+        intervals,
+        float(scales[0]),
+        float(scales[-1]),
+        proven,
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Scan:
+    """What is looked at, and how."""
+
+    model: Model
+    trajectory: Trajectory
+    limits: HeightLimits
+    modal: Array | None
+    horizon: float
+
+    def looked_at(self, scales: Array) -> Bools:
+        """Whether each is safe: coarsely, and in full where that leaves a doubt."""
+        found = self._coarse(scales)
+        safe = np.array([self._keeps(one) for one in found])
+        doubtful = np.flatnonzero([self._doubtful(one) for one in found])
+        if len(doubtful):
+            safe[doubtful] = self.exact(scales[doubtful])
+        return safe
+
+    def exact(self, scales: Array) -> Bools:
+        """Whether each is safe, every sample simulated."""
+        motions = [self.trajectory.scaled(float(scale)) for scale in scales]
+        inputs = [one.inputs(self.horizon) for one in motions]
+        ends = [float(one.t[-1]) for one in motions]
+        found = all_extremes(self.model, inputs, ends, self.modal)
+        return np.array([self._keeps(one) for one in found])
+
+    def _coarse(self, scales: Array) -> list[Extremes]:
+        averaged = Averaged(self.trajectory)
+        inputs, ends = [], []
+        for scale in scales:
+            motion = averaged.scaled(float(scale), SCAN_STEP)
+            inputs.append(motion.inputs(self.horizon, SCAN_STEP))
+            ends.append(float(motion.t[-1]))
+        return all_extremes(self.model, inputs, ends, self.modal, max_step=2.0 * SCAN_STEP)
+
+    def _keeps(self, one: Extremes) -> bool:
+        return one.peak <= self.limits.height and one.residual <= self.limits.residual
+
+    def _doubtful(self, one: Extremes) -> bool:
+        height, residual = self.limits.height, self.limits.residual
+        if not math.isfinite(one.peak):
+            return False
+        near = abs(one.peak - height) < DOUBT * height if math.isfinite(height) else False
+        slack = DOUBT * (residual + 0.25 * one.peak)
+        return near or (math.isfinite(residual) and abs(one.residual - residual) < slack)
+
+
+def _refined(
+    exact: Callable[[Array], Bools], scales: Array, safe: Bools
+) -> tuple[tuple[float, float], ...]:
+    """Intervals of the safe scales, whose edges are the outermost that were found safe."""
+    edges = np.flatnonzero(safe[1:] != safe[:-1])
+    low, high = scales[edges], scales[edges + 1]
+    rising = safe[edges + 1]
+    for _ in range(ROUNDS if len(edges) else 0):
+        share = np.arange(1, PARTS) / PARTS
+        inner = low[:, np.newaxis] + (high - low)[:, np.newaxis] * share
+        ok = exact(inner.ravel()).reshape(inner.shape)
+        for edge in range(len(edges)):
+            points = np.concatenate(([low[edge]], inner[edge], [high[edge]]))
+            flags = np.concatenate(([not rising[edge]], ok[edge], [rising[edge]]))
+            # The unsafe point next to the safe side.
+            unsafe = np.flatnonzero(~flags)
+            at = int(unsafe[-1]) if rising[edge] else int(unsafe[0]) - 1
+            low[edge], high[edge] = points[at], points[at + 1]
+    starts = [float(scales[0])] if safe[0] else []
+    starts += [float(value) for value in high[rising]]
+    ends = [float(value) for value in low[~rising]]
+    ends += [float(scales[-1])] if safe[-1] else []
+    return tuple(zip(starts, ends, strict=True))
+
+
+def _fastest(model: Model, trajectory: Trajectory) -> float:
+    """The scale at which the motion reaches what the model was validated for."""
+    acceleration, jerk = greatest(trajectory)
+    reached = max(
+        math.sqrt(acceleration / model.limits.acceleration), (jerk / model.limits.jerk) ** (1 / 3)
+    )
+    return float(max(reached, 0.01))
+
+
+def _bound(model: Model, trajectory: Trajectory, limits: HeightLimits) -> float | None:
+    """The scale from which the linear bound proves all safe; None: it tells nothing.
+
+    It does not where gravity or the container's turning drives the liquid: those do not fade with
+    1/scale².
+    """
+    if trajectory.turns or model.uses("drive"):
+        return None
+    modes = model.mode_constants()
+    reach = []
+    for axis in (X_AXIS, Y_AXIS):
+        gains = model.height_gains(modes, axis)
+        pairs = zip(gains, (mode.along(axis) for mode in modes), strict=True)
+        reach.append(sum(abs(gain) / mode.natural_frequency**2 for gain, mode in pairs))
+    ends = np.zeros((1, 2))
+    change = np.abs(np.diff(trajectory.acceleration[:, :2], axis=0, prepend=ends, append=ends))
+    variation = change.sum(axis=0)
+    if model.container.corner is None:
+        variation = np.array([np.hypot(change[:, 0], change[:, 1]).sum(), 0.0])
+    height = float(variation @ np.array(reach))
+    return math.sqrt(max(2.0 * height / limits.height, height / limits.residual))

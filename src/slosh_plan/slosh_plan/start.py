@@ -1,0 +1,54 @@
+"""How the liquid stands when a motion begins."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_model.model import Model
+from slosh_model.simulate import State
+from slosh_plan.errors import SloshPlanError
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LiquidState:
+    """The liquid's state, in the axes of `slosh_model.State.modal`.
+
+    Attributes:
+        linear: (modes, 4) x, y, vx, vy of each mode's mass in the L model [m, m/s].
+        nonlinear: the same of the NL model.
+
+    Raises:
+        SloshPlanError: a shape that is none, or a value that is not finite.
+    """
+
+    linear: Array
+    nonlinear: Array
+
+    def __post_init__(self) -> None:
+        for name in ("linear", "nonlinear"):
+            value = np.array(getattr(self, name), dtype=np.float64)
+            if value.ndim != 2 or value.shape[1] != 4 or not np.isfinite(value).all():
+                raise SloshPlanError(
+                    f"the liquid's state ({name}) must be finite numbers of the shape (modes, 4), "
+                    f"not {value.shape}"
+                )
+            value.setflags(write=False)
+            object.__setattr__(self, name, value)
+
+
+def begun(model: Model, modal: Array | None, t: float) -> State | None:
+    """A model's state as a motion starts at time t [s]; None: at rest.
+
+    Raises:
+        SloshPlanError: the state of another model.
+    """
+    if modal is None:
+        return None
+    if len(modal) != model.modes:
+        raise SloshPlanError(f"the liquid's state has {len(modal)} modes, the model {model.modes}")
+    return State(t, modal, np.zeros(4))

@@ -1,0 +1,54 @@
+"""Where a motion leaves what the models were validated for."""
+
+from __future__ import annotations
+
+from enum import IntFlag
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_model.interpolation import columns_at
+from slosh_model.model import Model
+from slosh_plan.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+JERK_TIME = 0.02
+"""The jerk is the change of the acceleration over so long [s]: noise of samples is no jerk."""
+
+
+class MotionFlag(IntFlag):
+    """What limits a prediction; the values of SloshEstimate.msg."""
+
+    NONE = 0
+    PLANARITY_LOST = 1
+    ACCELERATION_LIMIT = 2
+    JERK_LIMIT = 4
+    ABOVE_RIM = 8
+    DIVERGED = 64
+
+
+def motion_flags(model: Model, trajectory: Trajectory, peak: float) -> MotionFlag:
+    """Flags of a motion on which the liquid rises to `peak` [m]."""
+    limits, freeboard = model.limits, model.container.freeboard
+    acceleration, jerk = greatest(trajectory)
+    flags = MotionFlag.NONE
+    if acceleration > limits.planar_acceleration or jerk > limits.planar_jerk:
+        flags |= MotionFlag.PLANARITY_LOST
+    if acceleration > limits.acceleration:
+        flags |= MotionFlag.ACCELERATION_LIMIT
+    if jerk > limits.jerk:
+        flags |= MotionFlag.JERK_LIMIT
+    if freeboard is not None and peak > freeboard:
+        flags |= MotionFlag.ABOVE_RIM
+    if peak == np.inf:
+        flags |= MotionFlag.DIVERGED
+    return flags
+
+
+def greatest(trajectory: Trajectory) -> tuple[float, float]:
+    """Greatest ‖a‖ [m/s²] and greatest change of it over JERK_TIME [m/s³] of a motion."""
+    t, acceleration = trajectory.t, trajectory.acceleration
+    before = columns_at(t - JERK_TIME, t, acceleration)
+    jerk = np.linalg.norm(acceleration - before, axis=1) / JERK_TIME
+    return float(np.linalg.norm(acceleration, axis=1).max()), float(jerk.max())

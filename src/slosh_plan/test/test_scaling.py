@@ -1,0 +1,77 @@
+"""Which time scales are safe, on motions where that is not monotone."""
+
+import math
+
+import numpy as np
+import pytest
+
+from slosh_plan import HeightLimits, LiquidState, SloshPlanError, predict, safe_scales
+
+
+def safe_at(model, motion, limits, scales):
+    """One by one, every sample simulated."""
+    motions = [motion.scaled(scale) for scale in scales]
+    return np.array([found.kept for found in predict(model, motions, limits=limits)])
+
+
+def inside(found, scales):
+    return np.any([(low <= scales) & (scales <= high) for low, high in found.intervals], axis=0)
+
+
+@pytest.mark.parametrize(
+    ("limits", "islands"),
+    [
+        (HeightLimits(0.015), 0),
+        (HeightLimits(0.015, 0.002), 1),
+        (HeightLimits(0.005, 0.0005), 3),
+    ],
+)
+def test_safe_scales_and_islands_are_those_of_single_predictions(cup, line, limits, islands):
+    motion = line(1.0)
+    found = safe_scales(cup, motion, limits)
+    assert len(found.islands) == islands
+    edges = np.array(found.intervals).ravel()
+    scales = np.linspace(found.fastest, found.slowest, 701)
+    scales = scales[np.abs(scales[:, np.newaxis] - edges).min(axis=1) > 2e-5]
+    assert np.array_equal(inside(found, scales), safe_at(cup, motion, limits, scales))
+    slower = found.slowest * np.array([1.0, 1.3, 2.0, 4.0])
+    assert found.proven
+    assert safe_at(cup, motion, limits, slower).all()
+
+
+def test_edges_are_on_the_safe_side_and_sharp(cup, line):
+    motion, limits = line(1.0), HeightLimits(0.015, 0.002)
+    found = safe_scales(cup, motion, limits)
+    for low, high in found.intervals:
+        assert safe_at(cup, motion, limits, [low * 1.0000001, high]).all()
+        assert not safe_at(cup, motion, limits, [low * (1.0 - 2e-4)]).any()
+    island = found.islands[0]
+    assert not safe_at(cup, motion, limits, [island[1] * (1.0 + 2e-4)]).any()
+
+
+def test_a_margin_and_a_state_cost_time(cup, line):
+    motion, limits = line(1.0), HeightLimits(0.015)
+    free = safe_scales(cup, motion, limits).safe_from
+    assert safe_scales(cup, motion, limits, margin=0.003).safe_from > 1.05 * free
+    moving = LiquidState([[0.003, 0.0, 0.0, 0.0]], [[0.003, 0.0, 0.0, 0.0]])
+    found = safe_scales(cup, motion, limits, state=moving)
+    assert not found.proven
+    assert found.safe_from != pytest.approx(free, rel=0.01)
+
+
+def test_where_no_scale_is_safe_it_says_so(cup, line):
+    moving = LiquidState([[0.005, 0.0, 0.0, 0.0]], [[0.005, 0.0, 0.0, 0.0]])
+    found = safe_scales(cup, line(1.0), HeightLimits(residual=1e-5), state=moving, count=50)
+    assert math.isnan(found.safe_from)
+    assert found.intervals == ()
+
+
+def test_what_is_no_limit_is_refused(cup, line):
+    with pytest.raises(SloshPlanError, match="no limit given"):
+        safe_scales(cup, line(), HeightLimits())
+    assert safe_scales(cup, line(), HeightLimits(0.015), margin=0.02).intervals == ()
+
+
+def test_few_poses_far_apart_are_no_gap_when_slow(cup, line):
+    motion = line(1.0, rate=20.0)
+    assert safe_scales(cup, motion, HeightLimits(0.01)).safe_from > 1.0

@@ -1,0 +1,124 @@
+"""A planned motion is one, or is refused in one line."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as arrays
+from scipy.spatial.transform import Rotation
+
+from slosh_plan import SloshPlanError, Trajectory
+from slosh_plan.resampling import Averaged
+
+
+def still(t):
+    return Trajectory(np.asarray(t, dtype=float), np.zeros((len(t), 3)), name="m")
+
+
+def with_row(row, column, value):
+    acceleration = np.zeros((5, 3))
+    acceleration[row, column] = value
+    return Trajectory(np.arange(5) * 0.01, acceleration, name="m")
+
+
+@pytest.mark.parametrize(
+    ("make", "match"),
+    [
+        (lambda: still([0.0, 0.2, 0.1, 0.3]), r"m: t\[2\] = 0.1 s comes before t\[1\] = 0.2 s"),
+        (lambda: still([0.0, 0.1, 0.1, 0.2]), r"m: t\[2\] = 0.1 s repeats t\[1\] = 0.1 s"),
+        (lambda: still([1.0, 1.0]), "m: the motion lasts 0 s"),
+        (lambda: still([0.0]), "m: 1 point: a motion needs at least 2"),
+        (lambda: still([]), "m: 0 points"),
+        (lambda: still([0.0, np.nan, 1.0]), r"m: t\[1\] = nan is not finite"),
+        (lambda: still([*np.arange(20) * 0.01, 3.0]), r"m: a gap: 2.81 s between t\[19\]"),
+        (lambda: still(np.arange(1_000_000) * 1e-3), "m: 1000000 points are more than 200000"),
+        (lambda: still(np.arange(10_000) * 0.1), "lasts 999.9 s, more than 600 s"),
+        (lambda: with_row(3, 1, np.nan), r"m: acceleration\[3\].y = nan is not finite"),
+        (lambda: with_row(3, 2, -2e3), r"m: acceleration\[3\] reaches 2000 m/s².*another unit"),
+        (
+            lambda: Trajectory([0.0, 1.0], np.zeros((2, 2)), name="m"),
+            r"acceleration has the shape \(2, 2\), expected \(2, 3\)",
+        ),
+        (
+            lambda: Trajectory([0.0, 1.0], np.zeros((2, 3)), np.zeros((2, 4)), name="m"),
+            r"m: attitude\[0\] has the length 0",
+        ),
+        (lambda: Trajectory("ab", [], name="m"), "m: t is no array of numbers"),
+        (lambda: Trajectory.from_poses([0.0, 1.0], np.zeros((2, 3)), name="m"), "2 poses tell no"),
+        (
+            lambda: Trajectory.from_poses([0.0, 1.0, 2.0], np.full((3, 3), 1e6), name="m"),
+            r"m: position\[0\] reaches 1e\+06 m",
+        ),
+        (
+            lambda: Trajectory.from_poses(np.arange(9) * 1e-3, np.eye(9, 3), name="m"),
+            "Are the poses at rest at both ends",
+        ),
+    ],
+)
+def test_what_is_no_motion_is_refused_in_one_line(make, match):
+    with pytest.raises(SloshPlanError, match=match) as caught:
+        make()
+    assert "\n" not in str(caught.value)
+
+
+ANY = st.floats(width=64)
+
+
+@given(
+    t=arrays.arrays(float, st.integers(0, 8), elements=ANY),
+    acceleration=arrays.arrays(
+        float, st.tuples(st.integers(0, 8), st.integers(2, 3)), elements=ANY
+    ),
+    poses=st.booleans(),
+)
+def test_a_motion_is_made_or_refused_never_anything_else(t, acceleration, poses):
+    make = Trajectory.from_poses if poses else Trajectory
+    try:
+        motion = make(t, acceleration)
+    except SloshPlanError as error:
+        assert "\n" not in str(error)
+        return
+    assert (np.diff(motion.t) > 0.0).all()
+    assert motion.acceleration.shape == (len(motion.t), 3)
+    assert not motion.acceleration.flags.writeable
+
+
+@given(factor=st.floats(0.2, 5.0))
+def test_a_scaled_motion_follows_the_same_path(factor):
+    t = np.linspace(2.0, 3.0, 101)
+    position = np.column_stack([np.cos(2.0 * np.pi * t), np.sin(np.pi * t) ** 2, 0.0 * t])
+    poses = Trajectory.from_poses(t, position)
+    slow = poses.scaled(factor)
+    again = Trajectory.from_poses(2.0 + (t - 2.0) * factor, position)
+    assert np.allclose(slow.acceleration, again.acceleration, rtol=1e-9, atol=1e-6)
+    assert np.allclose(slow.t, again.t)
+    assert slow.position is poses.position
+
+
+def test_attitudes_between_poses_turn_smoothly():
+    t = np.linspace(0.0, 1.0, 11)
+    turns = Rotation.from_rotvec(np.outer(0.2 * t**2, [1.0, 0.0, 0.0]))
+    motion = Trajectory.from_poses(t, np.zeros((11, 3)), turns.as_quat())
+    assert np.diff(motion.t).max() <= 0.002 + 1e-9
+    assert motion.angular_velocity[len(motion.t) // 2, 0] == pytest.approx(0.2, abs=0.01)
+    half = motion.scaled(2.0)
+    assert np.allclose(half.angular_velocity, motion.angular_velocity / 2.0)
+
+
+@pytest.mark.parametrize("factor", [0.0, -1.0, np.nan, np.inf])
+def test_an_impossible_scale_is_refused(factor):
+    with pytest.raises(SloshPlanError, match="time scale"):
+        still([0.0, 1.0]).scaled(factor)
+
+
+def test_fewer_samples_keep_the_speed():
+    rng = np.random.default_rng(3)
+    t = np.linspace(0.0, 2.0, 2001)
+    noisy = rng.normal(size=(2001, 3))
+    noisy[0] = noisy[-1] = 0.0
+    coarse = Averaged(Trajectory(t, noisy)).scaled(1.0, 0.01)
+    assert len(coarse.t) < 250
+    speed = [
+        np.trapezoid(a, x) for a, x in ((noisy[:, 0], t), (coarse.acceleration[:, 0], coarse.t))
+    ]
+    assert speed[0] == pytest.approx(speed[1], abs=0.01)
