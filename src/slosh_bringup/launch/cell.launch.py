@@ -26,7 +26,7 @@ def check(context: LaunchContext) -> None:
 
 
 def generate_launch_description() -> LaunchDescription:
-    """Declares the arguments and the five nodes."""
+    """Declares the arguments and the six nodes."""
     config = PathJoinSubstitution([FindPackageShare("slosh_bringup"), "config"])
     arguments = [
         DeclareLaunchArgument(name, default_value=default, description=description)
@@ -41,6 +41,7 @@ def generate_launch_description() -> LaunchDescription:
             ("calibration", [config, "/camera.yaml"], "calibration of the camera"),
             ("output", "bag", "folder of the recorded bag"),
             ("record", "true", "record all topics of the cell"),
+            ("predict", "false", "answer what planned motions will do: the service predict"),
             ("simulate", "false", "play a motion instead of listening to a robot"),
             ("motion", "c3", "motion of the simulated cell"),
         )
@@ -48,6 +49,7 @@ def generate_launch_description() -> LaunchDescription:
     parameters = LaunchConfiguration("parameters")
     simulate = IfCondition(LaunchConfiguration("simulate"))
     record = IfCondition(LaunchConfiguration("record"))
+    predict = IfCondition(LaunchConfiguration("predict"))
 
     # The motion begins when those that are started are ready.
     is_recorded = ["'", LaunchConfiguration("record"), "'.lower() in ('true', '1')"]
@@ -78,6 +80,7 @@ def generate_launch_description() -> LaunchDescription:
             node("slosh_camera", "camera", calibration=calibration),
             node("slosh_estimator", "estimator", model=model),
             node("slosh_estimator", "monitor"),
+            node("slosh_estimator", "predictor", predict, model=model),
             node(
                 "slosh_bringup",
                 "cell",

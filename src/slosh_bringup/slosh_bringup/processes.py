@@ -29,6 +29,7 @@ NODES: Mapping[str, str] = {
     "estimator": "slosh_estimator.nodes.estimator_node",
     "monitor": "slosh_estimator.nodes.monitor_node",
     "player": "slosh_bag.nodes.player_node",
+    "predictor": "slosh_estimator.nodes.predictor_node",
     "recorder": "slosh_bag.nodes.recorder_node",
 }
 # Those that end by themselves.

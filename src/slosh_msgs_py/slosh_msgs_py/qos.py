@@ -32,6 +32,8 @@ STREAM_OUT: Final = _profile(Reliability.RELIABLE, Durability.VOLATILE, STREAM_D
 """To publish accelerations, estimates, measurements."""
 STREAM_IN: Final = _profile(Reliability.BEST_EFFORT, Durability.VOLATILE, STREAM_DEPTH)
 """To read them: sensor data, with room for a pause."""
+NEWEST_IN: Final = _profile(Reliability.BEST_EFFORT, Durability.VOLATILE, 1)
+"""To look at the newest of them, now and then."""
 IMAGE_OUT: Final = _profile(Reliability.RELIABLE, Durability.VOLATILE, 10)
 """To publish images."""
 IMAGE_IN: Final = _profile(Reliability.BEST_EFFORT, Durability.VOLATILE, 1)

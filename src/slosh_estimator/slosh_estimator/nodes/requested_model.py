@@ -27,10 +27,24 @@ def requested_model(request: Any, tell: Callable[[str], object]) -> Model:
         raise SloshEstimatorError("give either a path or a text")
     if request.text:
         return parse_model(request.text, "text")
+    return model_at(request.path, tell, "load_model")
+
+
+def model_at(path: str, tell: Callable[[str], object], service: str) -> Model:
+    """The model in a file that a service's caller has named.
+
+    Args:
+        path: of the file, on this machine.
+        tell: as in `requested_model`.
+        service: for what is told.
+
+    Raises:
+        SloshEstimatorError: there is none.
+    """
     try:
-        return read_model(request.path)
+        return read_model(path)
     except SloshModelError as error:
-        tell(f"load_model: {error}")
+        tell(f"{service}: {error}")
         raise SloshEstimatorError(
-            f"{request.path}: no model; the estimator's log tells the line and the key"
+            f"{path}: no model; the node's log tells the line and the key"
         ) from None

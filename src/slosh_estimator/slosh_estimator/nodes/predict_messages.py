@@ -1,0 +1,123 @@
+"""The `predict` service's request to plain values, and answers to its response."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_estimator.errors import SloshEstimatorError
+from slosh_plan import HeightLimits, ModelError, Prediction, SafeScales, Trajectory
+from slosh_plan.trajectory import MOST_POINTS
+
+Array = NDArray[np.float64]
+
+NAME = "the motion"
+AXES = ("acceleration_x", "acceleration_y", "acceleration_z")
+
+
+def trajectory_of(request: Any) -> Trajectory:
+    """The motion of a request.
+
+    Raises:
+        SloshEstimatorError, SloshPlanError: there is none, or it cannot be one.
+    """
+    points = request.trajectory.points
+    if bool(len(request.time)) == bool(points):
+        raise SloshEstimatorError(
+            "give the motion either as time and acceleration or a trajectory"
+        )
+    if points:
+        return _of_points(points)
+    count = len(request.time)
+    columns = []
+    for name in AXES:
+        values = getattr(request, name)
+        if len(values) != count:
+            raise SloshEstimatorError(f"{name} has {len(values)} values, time has {count}")
+        columns.append(np.asarray(values))
+    return Trajectory(np.asarray(request.time), np.column_stack(columns), name=NAME)
+
+
+def limits_of(request: Any) -> HeightLimits:
+    """The limits of a request.
+
+    Raises:
+        SloshPlanError: a limit that is none.
+    """
+    height = math.inf if math.isnan(request.limit) else request.limit
+    return HeightLimits(height, _given(request.residual_limit, math.inf))
+
+
+def error_of(request: Any) -> ModelError:
+    """The model's measured error of a request.
+
+    Raises:
+        SloshPlanError: impossible values.
+    """
+    return ModelError(_given(request.sigma, 0.0), _given(request.epsilon, 0.0))
+
+
+def horizon_of(request: Any) -> float | None:
+    """The horizon of a request [s]; None: the usual one."""
+    return _given(request.horizon, 0.0) or None
+
+
+def fill(response: Any, prediction: Prediction) -> None:
+    """Writes a prediction."""
+    linear, nonlinear = prediction.linear, prediction.nonlinear
+    response.peak_linear, response.peak_nonlinear = linear.peak, nonlinear.peak
+    response.peak_time, response.azimuth = nonlinear.peak_time, nonlinear.azimuth
+    response.peak_lower, response.peak_upper = prediction.lower, prediction.upper
+    response.residual_linear = linear.residual
+    response.residual_nonlinear = nonlinear.residual
+    response.settling_time = nonlinear.settling_time
+    response.excess, response.residual_excess = prediction.excess, prediction.residual_excess
+    response.flags = int(prediction.flags)
+
+
+def fill_unknown(response: Any) -> None:
+    """NaN in all that only an answer knows."""
+    for name, kind in response.get_fields_and_field_types().items():
+        if kind == "double":
+            setattr(response, name, math.nan)
+
+
+def fill_scales(response: Any, scales: SafeScales) -> None:
+    """Writes which time scales are safe."""
+    response.time_scale = scales.safe_from
+    response.safe_from = [low for low, _ in scales.intervals]
+    response.safe_to = [high for _, high in scales.intervals]
+    response.fastest_scale, response.slowest_scale = scales.fastest, scales.slowest
+
+
+def _given(value: float, otherwise: float) -> float:
+    return otherwise if value == 0.0 or math.isnan(value) else value
+
+
+def _of_points(points: Any) -> Trajectory:
+    if len(points) > MOST_POINTS:
+        raise SloshEstimatorError(f"{len(points)} points are more than {MOST_POINTS}")
+    t = np.array([p.time_from_start.sec + 1e-9 * p.time_from_start.nanosec for p in points])
+    placed = all(point.transforms for point in points)
+    attitude = _attitude(points) if placed else None
+    if all(point.accelerations for point in points):
+        linear = [point.accelerations[0].linear for point in points]
+        acceleration = np.array([(a.x, a.y, a.z) for a in linear])
+        return Trajectory(t, acceleration, attitude, name=NAME)
+    if not placed:
+        raise SloshEstimatorError(
+            "the trajectory's points need a transform each, or an acceleration each"
+        )
+    shifts = [point.transforms[0].translation for point in points]
+    return Trajectory.from_poses(t, np.array([(p.x, p.y, p.z) for p in shifts]), attitude, NAME)
+
+
+def _attitude(points: Any) -> Array | None:
+    """(N, 4); None where the container stands upright throughout."""
+    turns = [point.transforms[0].rotation for point in points]
+    attitude = np.array([(q.x, q.y, q.z, q.w) for q in turns])
+    attitude[~attitude.any(axis=1), 3] = 1.0
+    return attitude if attitude[:, :3].any() else None

@@ -1,0 +1,119 @@
+"""The predictor node: answers, before the robot moves, how high the liquid will rise."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+from slosh_estimator.model_file import read_model
+from slosh_estimator.nodes import predict_messages
+from slosh_estimator.nodes.newest_estimate import NewestEstimate
+from slosh_estimator.nodes.requested_model import model_at
+from slosh_model.arithmetic import arithmetic_fingerprint
+from slosh_model.compilation import load_telling
+from slosh_model.compile_cache import sources_digest
+from slosh_model.model import Model
+from slosh_model.model_text import format_model
+from slosh_msgs.srv import PredictSlosh
+from slosh_msgs_py import topics
+from slosh_msgs_py.node.diagnostics import OK, Health
+from slosh_msgs_py.node.parameters import ParameterSpec, declare
+from slosh_msgs_py.node.prepared import PreparedNode
+from slosh_msgs_py.node.readiness import Progress
+from slosh_msgs_py.node.run import run_node
+from slosh_msgs_py.node.settings import SettingsPublisher
+from slosh_plan import predict, safe_scales
+from slosh_plan.scaling import COUNT
+
+PACKAGE = Path(__file__).parents[1]
+PARAMETERS = (
+    ParameterSpec("model", "", "model file of the container and its liquid (model.yaml)"),
+    ParameterSpec("scales", COUNT, "time scales that a request looks at", (10, 10_000)),
+)
+
+
+class PredictorNode(PreparedNode):
+    """Converts, calls the core, answers.
+
+    Args:
+        later: it gets ready by `run_node`.
+    """
+
+    def __init__(self, *, later: bool = False) -> None:
+        super().__init__("predictor")
+        self._values = values = declare(self, PARAMETERS)
+        self._model = read_model(values["model"])
+        self._settings = SettingsPublisher(
+            self, sources_digest(PACKAGE), arithmetic_fingerprint(), values, (topics.ESTIMATE,)
+        )
+        self._refused = 0
+        self._watch(self._health, self._facts)
+        self._get_ready(later=later)
+
+    def prepare(self, progress: Progress) -> None:
+        """Compiles or loads the kernels, one motion and many at once."""
+        for module in ("slosh_model.kernel", "slosh_model.batch_kernel"):
+            load_telling(progress, module)
+
+    def begin(self) -> None:
+        """Answers from now on."""
+        self._settings.publish({"model": format_model(self._model)})
+        self._estimate = NewestEstimate(self)
+        self.create_service(PredictSlosh, topics.PREDICT, self._on_predict)
+
+    def _on_predict(
+        self, request: PredictSlosh.Request, response: PredictSlosh.Response
+    ) -> PredictSlosh.Response:
+        self._report.counts["request"] += 1
+        predict_messages.fill_unknown(response)
+        try:
+            response.message = self._answer(request, response)
+            response.success = True
+        except ValueError as error:
+            if not type(error).__module__.startswith("slosh_"):
+                raise
+            self._refused += 1
+            predict_messages.fill_unknown(response)
+            response.success, response.message = False, str(error)
+        return response
+
+    def _answer(self, request: PredictSlosh.Request, response: PredictSlosh.Response) -> str:
+        """Fills the response; returns a sentence."""
+        model = self._model_of(request.model_path)
+        motion = predict_messages.trajectory_of(request)
+        limits = predict_messages.limits_of(request)
+        horizon = predict_messages.horizon_of(request)
+        error = predict_messages.error_of(request)
+        state = self._estimate.state() if request.from_estimate else None
+        (prediction,) = predict(
+            model, motion, limits=limits, state=state, horizon=horizon, error=error
+        )
+        predict_messages.fill(response, prediction)
+        if limits.given and not request.no_time_scales:
+            scales = safe_scales(
+                model, motion, limits, state=state, horizon=horizon, margin=prediction.margin,
+                count=self._values["scales"],
+            )  # fmt: skip
+            predict_messages.fill_scales(response, scales)
+        return "the limits are kept" if prediction.kept else "a limit is exceeded"
+
+    def _model_of(self, path: str) -> Model:
+        if not path:
+            return self._model
+        return model_at(path, self.get_logger().warning, "predict")
+
+    def _health(self) -> Health:
+        return OK, f"predicting with {self._model.nonlinear().name}"
+
+    def _facts(self) -> dict[str, Any]:
+        return {"refused requests": self._refused}
+
+
+def main() -> int:
+    """Runs the node."""
+    return run_node(lambda: PredictorNode(later=True))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,197 @@
+"""The predictor over DDS: it answers like the core, refuses with a reason, and goes on."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+
+rclpy = pytest.importorskip("rclpy", reason="ROS 2 is not installed")
+
+from geometry_msgs.msg import Transform, Twist  # noqa: E402
+from rclpy.executors import SingleThreadedExecutor  # noqa: E402
+from rclpy.node import Node  # noqa: E402
+from trajectory_msgs.msg import MultiDOFJointTrajectoryPoint  # noqa: E402
+
+from slosh_estimator.nodes.predictor_node import PredictorNode  # noqa: E402
+from slosh_model.model_text import parse_model  # noqa: E402
+from slosh_model.motion_profiles import quintic  # noqa: E402
+from slosh_msgs.msg import SloshEstimate  # noqa: E402
+from slosh_msgs.srv import PredictSlosh  # noqa: E402
+from slosh_msgs_py import qos, topics  # noqa: E402
+from slosh_msgs_py.stamps import to_time  # noqa: E402
+from slosh_plan import HeightLimits, LiquidState, Trajectory, predict, safe_scales  # noqa: E402
+
+PATIENCE = 20.0
+TEXT = """
+container: {shape: cylinder, radius: 0.05, fill_height: 0.07}
+damping_ratio: auto
+effects: [{name: vertical_acceleration}]
+"""
+MODEL = parse_model(TEXT, "text")
+
+
+class Cell:
+    """The node, and who asks it."""
+
+    def __init__(self, probe: Node, node: Node) -> None:
+        self.probe, self.node = probe, node
+        self.executor = SingleThreadedExecutor()
+        self.executor.add_node(probe)
+        self.executor.add_node(node)
+        self.client = probe.create_client(PredictSlosh, topics.PREDICT)
+        self.until(self.client.service_is_ready)
+
+    def until(self, condition: Callable[[], bool]) -> None:
+        deadline = time.monotonic() + PATIENCE
+        while not condition():
+            assert time.monotonic() < deadline, "what was awaited did not come"
+            self.executor.spin_once(timeout_sec=0.05)
+
+    def ask(self, **fields: Any) -> PredictSlosh.Response:
+        future = self.client.call_async(request(**fields))
+        self.until(future.done)
+        return future.result()
+
+
+@pytest.fixture(scope="module")
+def cell(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cell]:
+    model = tmp_path_factory.mktemp("model") / "model.yaml"
+    model.write_text(TEXT)
+    rclpy.init(args=["--ros-args", "-p", f"model:={model}", "-p", "scales:=200"])
+    made = Cell(Node("probe"), PredictorNode())
+    yield made
+    for node in (made.probe, made.node):
+        made.executor.remove_node(node)
+        node.destroy_node()
+    rclpy.try_shutdown()
+
+
+def motion() -> Trajectory:
+    t = np.linspace(0.0, 1.0, 501)
+    position, _, acceleration = quintic(t)
+    x = np.array([0.4, 0.0, 0.0])
+    return Trajectory(t, np.outer(acceleration, x), position=np.outer(position, x))
+
+
+def request(**fields: Any) -> PredictSlosh.Request:
+    one = motion()
+    values: dict[str, Any] = {"time": one.t.tolist(), "limit": math.nan}
+    columns = one.acceleration.T.tolist()
+    values |= {f"acceleration_{axis}": column for axis, column in zip("xyz", columns, strict=True)}
+    message = PredictSlosh.Request()
+    for name, value in {**values, **fields}.items():
+        setattr(message, name, value)
+    return message
+
+
+def test_it_answers_like_the_core(cell: Cell) -> None:
+    limits = HeightLimits(0.015, 0.002)
+    answer = cell.ask(limit=0.015, residual_limit=0.002, sigma=0.0005)
+    (found,) = predict(MODEL, motion(), limits=limits)
+    assert answer.success, answer.message
+    assert answer.message == "a limit is exceeded"
+    assert answer.peak_linear == found.linear.peak
+    assert answer.peak_nonlinear == found.nonlinear.peak
+    assert answer.peak_upper == pytest.approx(found.nonlinear.peak + 0.001)
+    assert answer.peak_time == found.nonlinear.peak_time
+    assert answer.residual_nonlinear == found.nonlinear.residual
+    assert answer.settling_time == found.nonlinear.settling_time
+    assert answer.excess == pytest.approx(answer.peak_upper - 0.015)
+    scales = safe_scales(MODEL, motion(), limits, margin=0.001, count=200)
+    assert answer.time_scale == pytest.approx(scales.safe_from)
+    both = zip(answer.safe_from, answer.safe_to, strict=True)
+    assert [value for pair in both for value in pair] == pytest.approx(sum(scales.intervals, ()))
+
+
+def test_without_a_limit_there_is_no_time_scale(cell: Cell) -> None:
+    for answer in (cell.ask(), cell.ask(limit=0.02, no_time_scales=True)):
+        assert answer.success
+        assert answer.peak_nonlinear > 0.01
+        assert math.isnan(answer.time_scale)
+        assert len(answer.safe_from) == 0
+
+
+def points(*, poses: bool) -> list[MultiDOFJointTrajectoryPoint]:
+    one = motion()
+    made = []
+    for t, position, acceleration in zip(one.t, one.position, one.acceleration, strict=True):
+        point = MultiDOFJointTrajectoryPoint()
+        point.time_from_start.sec = int(t)
+        point.time_from_start.nanosec = round((t % 1.0) * 1e9)
+        if poses:
+            transform = Transform()
+            transform.translation.x, transform.rotation.w = float(position[0]), 1.0
+            point.transforms = [transform]
+        else:
+            twist = Twist()
+            twist.linear.x = float(acceleration[0])
+            point.accelerations = [twist]
+        made.append(point)
+    return made
+
+
+@pytest.mark.parametrize("poses", [False, True])
+def test_a_planners_trajectory_is_taken(cell: Cell, poses: bool) -> None:
+    made = PredictSlosh.Request()
+    made.trajectory.points = points(poses=poses)
+    answer = cell.ask(time=[], trajectory=made.trajectory)
+    assert answer.success, answer.message
+    assert answer.peak_nonlinear == pytest.approx(cell.ask().peak_nonlinear, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("fields", "match"),
+    [
+        ({"time": [1.0] * 501}, "the motion lasts 0 s"),
+        ({"time": []}, "give the motion either as time and acceleration or a trajectory"),
+        ({"acceleration_y": [0.0]}, "acceleration_y has 1 values, time has 501"),
+        ({"acceleration_x": [math.nan] * 501}, "acceleration[0].x = nan is not finite"),
+        ({"limit": -1.0}, "height limit = -1.0 m must lie above 0"),
+        ({"horizon": 1e9}, "horizon"),
+        ({"sigma": -1.0}, "sigma"),
+        ({"model_path": "/nowhere/model.yaml"}, "/nowhere/model.yaml"),
+        ({"from_estimate": True}, "no estimate has come on /estimate"),
+    ],
+)
+def test_what_cannot_be_answered_is_refused_and_the_node_goes_on(
+    cell: Cell, fields: dict[str, Any], match: str
+) -> None:
+    answer = cell.ask(**fields)
+    assert not answer.success
+    assert match in answer.message
+    assert math.isnan(answer.peak_nonlinear)
+    assert cell.node.faults.total == 0
+    assert cell.ask().success
+
+
+def test_the_liquid_goes_on_from_the_estimate(cell: Cell) -> None:
+    publisher = cell.probe.create_publisher(SloshEstimate, topics.ESTIMATE, qos.STREAM_OUT)
+    cell.until(lambda: publisher.get_subscription_count() > 0)
+
+    def told(age: float, flags: int = 0) -> PredictSlosh.Response:
+        message = SloshEstimate(flags=flags)
+        now = cell.probe.get_clock().now().nanoseconds
+        message.header.stamp = to_time(int(now - age * 1e9))
+        for answer in (message.linear, message.nonlinear):
+            answer.modal_position, answer.modal_velocity = [0.002, 0.0], [0.0, 0.01]
+        publisher.publish(message)
+        publisher.wait_for_all_acked(rclpy.duration.Duration(seconds=1))
+        time.sleep(0.1)
+        return cell.ask(from_estimate=True, limit=0.02)
+
+    answer = told(0.0)
+    assert answer.success, answer.message
+    state = LiquidState([[0.002, 0.0, 0.0, 0.01]], [[0.002, 0.0, 0.0, 0.01]])
+    (found,) = predict(MODEL, motion(), state=state)
+    assert answer.peak_nonlinear == found.nonlinear.peak
+    assert answer.peak_nonlinear != cell.ask().peak_nonlinear
+    assert "s old" in told(5.0).message
+    assert "0x20" in told(0.0, flags=0x20).message
+    high = cell.ask(from_estimate=True, limit=0.001)
+    assert not high.success
+    cell.probe.destroy_publisher(publisher)
