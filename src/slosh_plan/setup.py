@@ -16,6 +16,7 @@ setup(
         (f"share/{PACKAGE}", ["package.xml"]),
     ],
     install_requires=["setuptools"],
+    extras_require={"plan": ["casadi"]},
     zip_safe=False,
     maintainer="Slosh Monitor maintainers",
     maintainer_email="slosh-monitor@users.noreply.github.com",

@@ -1,8 +1,9 @@
 """Motion tables: a container's motion, and measured heights where there are any, as CSV.
 
 Columns: `t,ax,ay,az` [s, m/s²: container's origin, world frame, gravity excluded]; optional
-`qx,qy,qz,qw` (attitude, world ← container), `wx,wy,wz` (angular velocity, container's frame,
-rad/s), `msh` [m], `eta_000` … `eta_359` (height on the wall by azimuth in degrees from the
+`x,y,z` (of the container's origin in the world, m, as in a plan: passed over), `qx,qy,qz,qw`
+(attitude, world ← container), `wx,wy,wz` (angular velocity, container's frame, rad/s), `msh` [m],
+`eta_000` … `eta_359` (height on the wall by azimuth in degrees from the
 container's +x, m) and `profile_X` (height of the surface seen from the side at X metres along the
 container's x axis, as in `profile_-0.0295`, m). `.csv.gz` is compressed.
 """
@@ -30,6 +31,7 @@ from slosh_files import NewFile
 Array = NDArray[np.float64]
 
 MOTION = ("t", "ax", "ay", "az")
+POSITION = ("x", "y", "z")
 ATTITUDE = ("qx", "qy", "qz", "qw")
 ANGULAR_VELOCITY = ("wx", "wy", "wz")
 MSH = "msh"
@@ -192,17 +194,18 @@ def _heading(path: Path, rows: Iterator[list[str]]) -> list[str]:
 
 
 def _check_columns(path: Path, names: list[str]) -> None:
-    known = {*MOTION, *ATTITUDE, *ANGULAR_VELOCITY, MSH}
+    known = {*MOTION, *POSITION, *ATTITUDE, *ANGULAR_VELOCITY, MSH}
     for name in names:
         if names.count(name) > 1:
             raise SloshBagError(f"{path}: line 1: column {name!r} stands twice")
         if name not in known and not (_is_eta(name) or _is_profile(name)):
             raise SloshBagError(
                 f"{path}: line 1: column {name!r} is unknown; known are {', '.join(MOTION)}, "
+                f"{', '.join(POSITION)}, "
                 f"{', '.join(ATTITUDE)}, {', '.join(ANGULAR_VELOCITY)}, {MSH}, eta_000 … eta_359, "
                 f"{PROFILE}X"
             )
-    for group in (MOTION, ATTITUDE, ANGULAR_VELOCITY):
+    for group in (MOTION, POSITION, ATTITUDE, ANGULAR_VELOCITY):
         missing = [name for name in group if name not in names]
         if missing and (group is MOTION or len(missing) < len(group)):
             raise SloshBagError(

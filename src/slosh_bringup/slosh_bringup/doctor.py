@@ -23,6 +23,7 @@ OWN_PACKAGES = (
     "slosh_camera",
     "slosh_plan",
     "slosh_report",
+    "slosh_plan",
     "slosh_estimator",
     "slosh_bag",
     "slosh_discovery",

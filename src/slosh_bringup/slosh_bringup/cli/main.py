@@ -30,6 +30,7 @@ COMMANDS: dict[str, str] = {
     "identify": "a model's parameters from measured motions",
     "discover": "where model and measurement disagree, and the missing effect",
     "predict": "peak heights of candidate motions, and how fast they may be run",
+    "plan": "the fastest motion along a path that keeps the liquid below a limit",
     "doctor": "what works here, what is missing, how to mend it",
 }
 LIVE = ("demo", "cell")

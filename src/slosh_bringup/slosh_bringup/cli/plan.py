@@ -1,0 +1,128 @@
+"""`slosh plan`: the fastest motion along a path that keeps the liquid below a limit."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+
+from slosh_bringup.errors import SloshBringupError
+from slosh_estimator.model_file import read_model
+from slosh_files import check_apart
+from slosh_plan.planning.limits import PlanLimits
+from slosh_plan.planning.path import path_through
+from slosh_plan.planning.path_table import read_path_table, write_plan_table
+from slosh_plan.planning.plan import TIME_LIMIT, NoSafeMotionError, Plan, plan
+
+EPILOG = """PATH is a table of waypoints, t,x,y,z[,qx,qy,qz,qw]: positions of the container's
+origin in the world's axes [s, m]; its times are a proposal that the plan replaces. The answer has
+the same columns and ax,ay,az, at 1 kHz, from rest to rest: a motion table. It passes all waypoints
+within 0.1 mm; where the line between them turns by more than 60 degrees, it stops. Exit code 1: no
+motion keeps the limits."""
+EXIT_NONE = 1
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declares the subcommand's options."""
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
+    parser.epilog = EPILOG
+    parser.add_argument("model", type=Path, help="model.yaml")
+    parser.add_argument("path", type=Path, help="waypoints: t,x,y,z[,qx,qy,qz,qw] (.csv)")
+    parser.add_argument(
+        "--limit", type=float, required=True, metavar="M", help="height of the liquid [m]"
+    )
+    parser.add_argument(
+        "--residual", type=float, metavar="M",
+        help="height after the motion's end [m] (default: as --limit)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--max-acceleration", type=float, default=9.5, metavar="A", help="[m/s²] (default: 9.5)"
+    )
+    parser.add_argument(
+        "--max-jerk", type=float, default=74.0, metavar="J", help="[m/s³] (default: 74)"
+    )
+    parser.add_argument(
+        "--max-tilt", type=float, default=0.0, metavar="DEG",
+        help="of the container; other than 0 is not in this version",
+    )  # fmt: skip
+    parser.add_argument(
+        "--margin", type=float, default=0.0, metavar="M",
+        help="by which the heights stay below their limits [m] (default: 0)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--time-limit", type=float, default=TIME_LIMIT, metavar="S",
+        help=f"after which the search ends with what it has [s] (default: {TIME_LIMIT:g})",
+    )  # fmt: skip
+    parser.add_argument("-o", "--output", type=Path, required=True, help="motion table (.csv)")
+    parser.add_argument("--json", action="store_true", help="print the summary as JSON")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Plans and writes the motion; prints what it reaches."""
+    if arguments.max_tilt != 0.0:
+        raise SloshBringupError("--max-tilt: tilting the container is not in this version; give 0")
+    if arguments.output.suffix != ".csv":
+        raise SloshBringupError(f"{arguments.output}: a motion table ends in .csv")
+    check_apart([arguments.output], [arguments.model, arguments.path])
+    residual = arguments.limit if arguments.residual is None else arguments.residual
+    limits = PlanLimits(arguments.limit, residual, arguments.max_acceleration, arguments.max_jerk)
+    model = read_model(arguments.model)
+    waypoints = read_path_table(arguments.path)
+    try:
+        answer = plan(
+            model, path_through(waypoints.position), limits, attitude=waypoints.attitude,
+            margin=arguments.margin, time_limit=arguments.time_limit,
+        )  # fmt: skip
+    except NoSafeMotionError as error:
+        print(f"slosh plan: {arguments.path}: {error}", file=sys.stderr)
+        return EXIT_NONE
+    write_plan_table(arguments.output, answer.found.motion, waypoints.attitude)
+    text = json.dumps(facts(answer)) if arguments.json else summary(answer, arguments.output)
+    print(text)
+    return 0
+
+
+def facts(answer: Plan) -> dict[str, object]:
+    """The plan for a program; SI units."""
+    found, scaled = answer.found, answer.scaled
+    return {
+        "duration": found.motion.duration,
+        "method": answer.method,
+        "reason": answer.reason or None,
+        "peak": found.peak,
+        "residual": found.residual,
+        "acceleration": found.acceleration,
+        "jerk": found.jerk,
+        "margin": answer.margin,
+        "scaled": {"law": scaled.law, "duration": scaled.found.motion.duration},
+        "length": answer.path.length,
+        "stops": len(answer.path.legs) - 1,
+        "departure": answer.path.departure,
+        "seconds": answer.seconds,
+    }
+
+
+def summary(answer: Plan, output: Path) -> str:
+    """The plan in some lines."""
+    found, limits = answer.found, answer.limits
+    duration = found.motion.duration
+    other = f"{answer.scaled.found.motion.duration:.3f} s by the {answer.scaled.law} law"
+    lines = [
+        f"{duration:.3f} s, optimal time law ({other}, scaled)"
+        if answer.method == "optimal"
+        else f"{other}, scaled: {answer.reason}",
+        f"height {1e3 * found.peak:.2f} of {1e3 * limits.height:g} mm, after the end "
+        f"{1e3 * found.residual:.2f} of {1e3 * limits.residual:g} mm, margin "
+        + (f"{1e3 * answer.margin:g} mm" if answer.margin else "none"),
+        f"acceleration {found.acceleration:.2f} of {limits.acceleration:g} m/s², "
+        f"jerk {found.jerk:.1f} of {limits.jerk:g} m/s³",
+        f"path {answer.path.length:.3f} m, {_stops(len(answer.path.legs) - 1)}, up to "
+        f"{1e3 * answer.path.departure:.2f} mm from straight lines between the waypoints",
+        f"{len(found.motion.t)} rows in {output}, planned in {answer.seconds:.1f} s",
+    ]
+    return "\n".join(lines)
+
+
+def _stops(count: int) -> str:
+    return {0: "no stop", 1: "1 stop"}.get(count, f"{count} stops")

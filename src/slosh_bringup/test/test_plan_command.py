@@ -1,0 +1,121 @@
+import json
+
+import numpy as np
+import pytest
+
+from slosh_bag.motion_table import read_motion_table
+from slosh_bringup.cli.main import main
+
+MODEL = """container: {shape: cylinder, radius: 0.05, fill_height: 0.07}
+liquid: {density: 998.2, kinematic_viscosity: 1.0e-6}
+damping_ratio: auto
+effects: [{name: vertical_acceleration}, {name: surface_nonlinearity, alpha: 0.58}]
+"""
+HEAD = "t,x,y,z\n"
+LINE = HEAD + "0,0,0,0\n1,0.4,0,0\n"
+
+
+@pytest.fixture
+def slosh_plan(tmp_path, capsys):
+    """`slosh plan` on a table; its exit code, what it prints and what it writes to."""
+    (tmp_path / "model.yaml").write_text(MODEL)
+
+    def run(table, *options, limit="0.015"):
+        (tmp_path / "path.csv").write_text(table)
+        words = [
+            "plan",
+            str(tmp_path / "model.yaml"),
+            str(tmp_path / "path.csv"),
+            "--limit",
+            limit,
+        ]
+        code = main([*words, "-o", str(tmp_path / "out.csv"), *options])
+        out, err = capsys.readouterr()
+        return code, out, err, tmp_path / "out.csv"
+
+    return run
+
+
+def test_a_plan_is_a_motion_table_that_can_be_simulated(slosh_plan, tmp_path, capsys):
+    code, out, _, table = slosh_plan(LINE, "--residual", "0.002", "--json", "--time-limit", "5")
+    assert code == 0
+    facts = json.loads(out)
+    motion = read_motion_table(table)
+    assert motion.t[-1] == pytest.approx(facts["duration"], abs=1e-9)
+    assert table.read_text().splitlines()[0] == "t,x,y,z,ax,ay,az"
+    simulated = main(["simulate", str(tmp_path / "model.yaml"), str(table), "--json",
+                      "-o", str(tmp_path / "heights.csv")])  # fmt: skip
+    assert simulated == 0
+    assert json.loads(capsys.readouterr().out)["peak"] <= 0.015
+
+
+def test_the_attitude_is_kept(slosh_plan):
+    rows = "t,x,y,z,qx,qy,qz,qw\n0,0,0,0,0,0,0.6,0.8\n1,0.1,0,0,0,0,0.6,0.8\n"
+    code, _, _, table = slosh_plan(rows, "--time-limit", "0")
+    assert code == 0
+    assert read_motion_table(table).attitude == pytest.approx(
+        np.tile([0, 0, 0.6, 0.8], (len(read_motion_table(table).t), 1))
+    )
+
+
+def test_the_summary_says_what_is_reached_and_why_no_optimum(slosh_plan):
+    code, out, _, _ = slosh_plan(LINE, "--time-limit", "0", "--margin", "0.001")
+    assert code == 0
+    assert "scaled:" in out
+    assert "of 15 mm" in out
+    assert "margin 1 mm" in out
+
+
+def test_no_safe_motion_is_exit_code_1(slosh_plan):
+    code, out, err, table = slosh_plan(LINE, "--max-acceleration", "1e-5")
+    assert (code, out) == (1, "")
+    assert err.count("\n") == 1
+    assert "no motion of up to 120 s" in err
+    assert not table.exists()
+
+
+WRONG = {
+    "unsorted": (HEAD + "0,0,0,0\n2,0.1,0,0\n1,0.2,0,0\n", "line 4: t = 1 s comes before 2 s"),
+    "repeated": (HEAD + "0,0,0,0\n0,0.1,0,0\n", "line 3: t = 0 s repeats"),
+    "one point": (HEAD + "0,0,0,0\n", "holds 1 rows"),
+    "empty": ("", "'t' is missing"),
+    "NaN": (HEAD + "0,0,0,0\n1,nan,0,0\n", "line 3: column 'x': nan"),
+    "a word": (HEAD + "0,0,0,0\n1,far,0,0\n", "'far' is no number"),
+    "no length": (HEAD + "0,0,0,0\n1,0,0,0\n", "no length"),
+    "a column": ("t,x,y,z,w\n0,0,0,0,0\n1,1,0,0,0\n", "'w' is unknown"),
+    "half an attitude": ("t,x,y,z,qx\n0,0,0,0,0\n1,1,0,0,0\n", "'qy' is missing"),
+    "a cell": (HEAD + "0,0,0,0\n1,0,0\n", "line 3: has 3 of 4"),
+    "turning": (
+        "t,x,y,z,qx,qy,qz,qw\n0,0,0,0,0,0,0,1\n1,1,0,0,0,0,0.6,0.8\n", "attitude changes",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_wrong_paths_are_refused_in_one_line(slosh_plan, name):
+    table, text = WRONG[name]
+    code, out, err, written = slosh_plan(table)
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert text in err
+    assert not written.exists()
+
+
+def test_a_million_points_are_refused(slosh_plan):
+    code, _, err, _ = slosh_plan(HEAD + 1_000_000 * "0,0,0,0\n")
+    assert code == 2
+    assert "more than 200000 rows" in err
+
+
+@pytest.mark.parametrize(
+    ("options", "text"),
+    [
+        (("--max-tilt", "10"), "tilting the container is not in this version"),
+        (("--max-jerk", "nan"), "jerk = nan"),
+        (("--residual", "0"), "residual = 0 m"),
+        (("--margin", "0.02"), "leaves nothing"),
+    ],
+)
+def test_wrong_options_are_refused_in_one_line(slosh_plan, options, text):
+    code, _, err, _ = slosh_plan(LINE, *options)
+    assert (code, err.count("\n")) == (2, 1)
+    assert text in err

@@ -1,0 +1,1 @@
+"""The fastest motion along a path that keeps the liquid's height, acceleration and jerk."""

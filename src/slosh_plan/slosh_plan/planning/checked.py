@@ -1,0 +1,94 @@
+"""What a motion does to the liquid, by the product's own simulation at 1 kHz."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_model import Inputs, Model, wall_heights
+from slosh_plan.planning.limits import PlanLimits
+from slosh_plan.planning.time_law import STEP, Motion
+
+Array = NDArray[np.float64]
+
+PERIODS = 8.0
+"""Of the first mode that are looked at after a motion's end."""
+TOLERANCE = 1e-9
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Checked:
+    """A motion and what it reaches.
+
+    Attributes:
+        motion: the motion.
+        msh: (M,) maximum height over the wall at 1 kHz, over motion and horizon [m].
+        peak: largest height, in the motion or after it [m].
+        residual: largest height after the motion's end [m].
+        acceleration: largest ‖a‖ [m/s²].
+        jerk: largest change of the acceleration from row to row, by time [m/s³].
+    """
+
+    motion: Motion
+    msh: Array
+    peak: float
+    residual: float
+    acceleration: float
+    jerk: float
+
+    def excess(self, limits: PlanLimits) -> dict[str, float]:
+        """By how much of itself each limit is exceeded; not above 0: it is kept."""
+        return {
+            "height": self.peak / limits.height - 1.0,
+            "residual": self.residual / limits.residual - 1.0,
+            "acceleration": self.acceleration / limits.acceleration - 1.0,
+            "jerk": self.jerk / limits.jerk - 1.0,
+        }
+
+    def keeps(self, limits: PlanLimits) -> bool:
+        """Whether the motion keeps every limit."""
+        return max(self.excess(limits).values()) <= TOLERANCE
+
+
+def horizon(model: Model) -> float:
+    """How long the liquid is looked at after a motion [s]."""
+    return float(PERIODS * 2.0 * np.pi / model.mode_constants()[0].natural_frequency)
+
+
+def checked(model: Model, motions: Sequence[Motion], attitude: Array | None) -> list[Checked]:
+    """Simulates motions from a liquid at rest.
+
+    Args:
+        model: the model.
+        motions: any number.
+        attitude: (4,) quaternion that the container keeps; None: upright.
+    """
+    rest = np.zeros((int(np.ceil(horizon(model) / STEP)), 3))
+    inputs = []
+    for motion in motions:
+        acceleration = np.concatenate([motion.acceleration, rest])
+        t: Array = STEP * np.arange(len(acceleration), dtype=np.float64)
+        turned = None if attitude is None else np.tile(attitude, (len(t), 1))
+        inputs.append(Inputs(t, acceleration, turned))
+    heights = wall_heights(model, inputs)
+    return [_checked(model, one, both) for one, both in zip(motions, heights, strict=True)]
+
+
+def _checked(model: Model, motion: Motion, heights: Array) -> Checked:
+    if model.container.corner is None:
+        msh = np.hypot(heights[:, 0], heights[:, 1])
+    else:
+        msh = np.abs(heights).sum(axis=1)
+    msh = np.where(np.isfinite(msh), msh, np.inf)
+    steps = np.linalg.norm(np.diff(motion.acceleration, axis=0), axis=1)
+    return Checked(
+        motion,
+        msh,
+        float(msh.max()),
+        float(msh[len(motion.t) - 1 :].max()),
+        float(np.linalg.norm(motion.acceleration, axis=1).max()),
+        float(steps.max()) / STEP,
+    )

@@ -1,0 +1,124 @@
+"""The first mode's equations as CasADi expressions, for the search of a time law.
+
+The same equations as in the model's effects `vertical_acceleration`, `surface_nonlinearity` (DL22,
+eqs. (11), (14)) and `pendulum_nonlinearity` (TM20, eq. (6)); the search uses no others. What it
+finds is simulated with the whole model.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from slosh_model import Model
+from slosh_model.constants import GRAVITY
+from slosh_model.containers import X_AXIS, Y_AXIS
+from slosh_model.model import VERTICAL
+
+ROUNDED = 1e-4
+"""Square of a wave, by its limit, below which the corner of a square root is rounded."""
+Expression = Any
+"""A CasADi expression, or a number: CasADi has no types."""
+
+
+@dataclass(frozen=True, slots=True)
+class Flow:
+    """What the equations need of a model.
+
+    Attributes:
+        frequency: ω along the container's x and y [rad/s].
+        damping: ζ.
+        gain: wall height by displacement along x and y.
+        curvature: Cₙ; 0: the mass slides on a plane.
+        radius: R [m].
+        alpha: of the cubic spring.
+        pendulum: whether the liquid swings as a pendulum does.
+        cornered: whether the heights along x and y add up in a corner.
+        vertical: whether the vertical acceleration acts.
+    """
+
+    frequency: tuple[float, float]
+    damping: float
+    gain: tuple[float, float]
+    curvature: float
+    radius: float
+    alpha: float
+    pendulum: bool
+    cornered: bool
+    vertical: bool
+
+    def acceleration(self, q: Expression, a: Expression) -> list[Expression]:
+        """q̈ [m/s²] of q = (x, y, ẋ, ẏ) under the container's acceleration in its own axes."""
+        lift = 1.0 + a[2] / GRAVITY if self.vertical else 1.0
+        if self.pendulum:
+            return [self._swing(q[n], q[n + 2], a[n], lift, self.frequency[n]) for n in (0, 1)]
+        force = [
+            -2.0 * self.damping * w * q[n + 2] - w * w * lift * q[n] - a[n]
+            for n, w in enumerate(self.frequency)
+        ]
+        return force if self.curvature == 0.0 else self._slide(q, force)
+
+    def _swing(
+        self, q: Expression, v: Expression, a: Expression, lift: Expression, w: float
+    ) -> Expression:
+        from casadi import cos, sin
+
+        angle = q * w * w / GRAVITY
+        c = cos(angle)
+        return -2.0 * self.damping * w * c * c * v - GRAVITY * lift * sin(angle) - a * c
+
+    def _slide(self, q: Expression, force: list[Expression]) -> list[Expression]:
+        x, y, vx, vy = q[0], q[1], q[2], q[3]
+        xr, yr, w, c2 = x / self.radius, y / self.radius, self.frequency[0], self.curvature**2
+        radial = (
+            2.0 * self.damping * w * c2 * (xr * vx + yr * vy)
+            + c2 * (vx * vx + vy * vy) / self.radius
+            + w * w * self.alpha * (xr * xr + yr * yr) * self.radius
+        )
+        fx, fy = force[0] - radial * xr, force[1] - radial * yr
+        mxx, mxy, myy = 1.0 + c2 * xr * xr, c2 * xr * yr, 1.0 + c2 * yr * yr
+        determinant = mxx * myy - mxy * mxy
+        return [(myy * fx - mxy * fy) / determinant, (mxx * fy - mxy * fx) / determinant]
+
+    def heights(self, q: Expression, limit: Expression) -> list[Expression]:
+        """Expressions that are at most 1 where the height keeps a limit [m]."""
+        x, y = self.gain[0] * q[0] / limit, self.gain[1] * q[1] / limit
+        return [x + y, x - y, -x - y, y - x] if self.cornered else [x * x + y * y]
+
+    def residual(self, q: Expression, limit: Expression) -> list[Expression]:
+        """Expressions that are at most 0 where a free wave of the linear model keeps a limit [m].
+
+        The wave runs on an ellipse whose half axes a, b follow from a² + b² = E, ab = L; its
+        largest height is a ≤ 1 where 1 - E + L² ≥ 0 and E ≤ 2 (heights by the limit).
+        """
+        x, y, vx, vy = (
+            self.gain[n % 2] * q[n] / limit / (1.0 if n < 2 else self.frequency[n % 2])
+            for n in range(4)
+        )
+        if self.cornered:
+            from casadi import sqrt
+
+            along, across = x * x + vx * vx, y * y + vy * vy
+            return [sqrt(along + ROUNDED) + sqrt(across + ROUNDED) - 1.0]
+        energy, turn = x * x + y * y + vx * vx + vy * vy, x * vy - y * vx
+        return [energy - 1.0 - turn * turn, energy - 2.0]
+
+
+def flow_of(model: Model) -> Flow:
+    """The first mode of a model."""
+    mode = model.mode_constants()[0]
+    acting = model.acting
+    curved = acting.get("surface_nonlinearity")
+    gains = tuple(model.height_gains(axis=axis)[0] for axis in (X_AXIS, Y_AXIS))
+    frequencies = tuple(mode.along(axis).natural_frequency for axis in (X_AXIS, Y_AXIS))
+    return Flow(
+        frequency=(frequencies[0], frequencies[1]),
+        damping=mode.damping_ratio,
+        gain=(gains[0], gains[1]),
+        curvature=0.0 if curved is None else mode.curvature,
+        radius=mode.reach,
+        alpha=0.0 if curved is None else curved["alpha"],
+        pendulum="pendulum_nonlinearity" in acting,
+        cornered=model.container.corner is not None,
+        vertical=VERTICAL in acting,
+    )

@@ -1,0 +1,147 @@
+"""The fastest of some known time laws, slowed uniformly until every limit holds.
+
+Whether a law is safe is not monotone in its duration: waves of its parts add up or cancel. So the
+durations are gone through from the fastest that acceleration and jerk allow, and each is
+simulated.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import partial
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_model import Model
+from slosh_model.motion_profiles import cycloidal, modified_trapezoid, quintic
+from slosh_plan.planning.checked import Checked, checked
+from slosh_plan.planning.limits import PlanLimits
+from slosh_plan.planning.path import Path
+from slosh_plan.planning.time_law import Motion, motion_along, scaled_law, whole_rows
+
+Array = NDArray[np.float64]
+UnitLaw = Callable[[Array], tuple[Array, Array, Array]]
+
+RATIO = 1.02
+"""From one duration to the next."""
+LONGEST = 120.0
+"""Duration up to which a motion is looked for [s]."""
+_TOGETHER = 16
+
+
+def septic(u: Array) -> tuple[Array, Array, Array]:
+    """The polynomial 35u⁴ − 84u⁵ + 70u⁶ − 20u⁷: no jump in the jerk, either."""
+    u = np.clip(u, 0.0, 1.0)
+    rest = 1.0 - u
+    place = u**4 * (35.0 + u * (-84.0 + u * (70.0 - 20.0 * u)))
+    rate = 140.0 * (u * rest) ** 3
+    return place, rate, 420.0 * (u * rest) ** 2 * (1.0 - 2.0 * u)
+
+
+UNIT_LAWS: Mapping[str, UnitLaw] = MappingProxyType(
+    {
+        "quintic": quintic,
+        "septic": septic,
+        "cycloidal": cycloidal,
+        "modified trapezoidal": modified_trapezoid,
+    }
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Scaled:
+    """A law that keeps the limits.
+
+    Attributes:
+        law: its name.
+        found: the motion.
+    """
+
+    law: str
+    found: Checked
+
+
+def best_scaled(
+    model: Model,
+    path: Path,
+    limits: PlanLimits,
+    attitude: Array | None = None,
+    laws: Mapping[str, UnitLaw] = UNIT_LAWS,
+) -> Scaled | None:
+    """The fastest of the laws that keeps the limits; None: none does up to LONGEST."""
+    best: Scaled | None = None
+    for name, law in laws.items():
+        longest = LONGEST if best is None else best.found.motion.duration
+        found = fastest(model, partial(scaled, path, law), limits, attitude, longest)
+        if found is not None:
+            best = Scaled(name, found)
+    return best
+
+
+def scaled(path: Path, law: UnitLaw, duration: float) -> Motion:
+    """A law on every leg of a path, the legs' times by the roots of their lengths."""
+    durations = leg_durations(path, duration)
+    laws = [scaled_law(law, leg, time) for leg, time in zip(path.legs, durations, strict=True)]
+    return motion_along(path, laws, durations)
+
+
+def leg_durations(path: Path, duration: float) -> tuple[float, ...]:
+    """The time that each leg takes of a motion's [s]."""
+    roots = [math.sqrt(leg.length) for leg in path.legs]
+    return tuple(duration * root / sum(roots) for root in roots)
+
+
+def fastest(
+    model: Model,
+    make: Callable[[float], Motion],
+    limits: PlanLimits,
+    attitude: Array | None,
+    longest: float = LONGEST,
+) -> Checked | None:
+    """The shortest duration of a scan that keeps the limits.
+
+    Args:
+        model: the model.
+        make: a duration [s] to the motion.
+        limits: what to keep.
+        attitude: that the container keeps.
+        longest: duration that is not reached [s].
+    """
+    ahead: list[Motion] = []
+    for duration in _durations(_least(make, limits), longest):
+        ahead.append(make(duration))
+        if len(ahead) == _TOGETHER:
+            if (found := _first(model, ahead, limits, attitude)) is not None:
+                return found
+            ahead = []
+    return _first(model, ahead, limits, attitude) if ahead else None
+
+
+def _first(
+    model: Model, motions: list[Motion], limits: PlanLimits, attitude: Array | None
+) -> Checked | None:
+    kept = (one for one in checked(model, motions, attitude) if one.keeps(limits))
+    return next(kept, None)
+
+
+def _durations(least: float, longest: float) -> Iterator[float]:
+    duration = whole_rows(least)
+    while duration < longest:
+        yield duration
+        duration = whole_rows(max(RATIO * duration, duration + 1e-3))
+
+
+def _least(make: Callable[[float], Motion], limits: PlanLimits) -> float:
+    """Duration that acceleration and jerk allow: they go with 1/T² and 1/T³."""
+    trial = 4.0
+    motion = make(trial)
+    acceleration = float(np.linalg.norm(motion.acceleration, axis=1).max())
+    steps = np.linalg.norm(np.diff(motion.acceleration, axis=0), axis=1)
+    jerk = float(steps.max()) / (motion.t[1] - motion.t[0])
+    return trial * max(
+        math.sqrt(acceleration / limits.acceleration), math.cbrt(jerk / limits.jerk)
+    )

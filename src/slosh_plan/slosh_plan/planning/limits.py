@@ -1,0 +1,57 @@
+"""What a planned motion has to keep."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+from slosh_plan.errors import SloshPlanError
+
+LARGEST = 1e6
+"""Of any limit: more is a unit mistaken for another."""
+
+
+@dataclass(frozen=True, slots=True)
+class PlanLimits:
+    """Limits of a motion; all of them hold at every moment.
+
+    Attributes:
+        height: of the liquid above its still level, at the wall [m].
+        residual: of the same after the motion's end [m].
+        acceleration: ‖a‖ of the container's origin [m/s²].
+        jerk: ‖da/dt‖ of the same [m/s³].
+
+    Raises:
+        SloshPlanError: a limit that is not positive and finite.
+    """
+
+    height: float
+    residual: float
+    acceleration: float
+    jerk: float
+
+    def __post_init__(self) -> None:
+        for name, unit in UNITS.items():
+            value = getattr(self, name)
+            if not (math.isfinite(value) and 0.0 < value <= LARGEST):
+                bounds = f"must lie above 0 and not above {LARGEST:g}"
+                raise SloshPlanError(f"limit of {name} = {value:g} {unit} {bounds}")
+
+    def lowered(self, margin: float) -> PlanLimits:
+        """The same with both heights lower by a margin [m].
+
+        Raises:
+            SloshPlanError: a negative margin, or one that leaves no height.
+        """
+        if not (math.isfinite(margin) and margin >= 0.0):
+            raise SloshPlanError(f"margin = {margin:g} m must not be negative")
+        least = min(self.height, self.residual)
+        if margin >= least:
+            raise SloshPlanError(
+                f"margin = {1e3 * margin:g} mm leaves nothing of a limit of {1e3 * least:g} mm"
+            )
+        return replace(self, height=self.height - margin, residual=self.residual - margin)
+
+
+UNITS = {"height": "m", "residual": "m", "acceleration": "m/s²", "jerk": "m/s³"}
+"""The limits by name, with their units."""

@@ -1,0 +1,230 @@
+"""A smooth path through waypoints, by its length.
+
+Between corners the path is a spline of the fifth degree through the waypoints, four times
+continuously differentiable: acceleration and jerk along it are bounded. Points that come densely,
+as in a recorded motion, are thinned as far as all of them stay within `KEPT` of the path. At a
+corner, where the line from waypoint to waypoint turns by more than `CORNER`, the container stops:
+no curve through the corner is smooth, and one beside it would leave the waypoint.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import BSpline, make_interp_spline
+
+from slosh_plan.errors import SloshPlanError
+
+Array = NDArray[np.float64]
+
+MOST_POINTS = 200_000
+KEPT = 5e-5
+"""Farthest that a waypoint lies from the path [m]."""
+SAME = 2e-5
+"""Points closer than that are one [m]."""
+CORNER = math.radians(60.0)
+REVERSAL = math.radians(179.0)
+"""A turn by more than this leads back along the same tangent."""
+DEGREE = 5
+_SHORTEST = 1e-3  # m
+_FEWEST = 8
+_FINE = 4000
+
+
+@dataclass(frozen=True)
+class Leg:
+    """A smooth part of a path, by its length s.
+
+    Attributes:
+        spline: (3,) position [m] over s [m].
+        length: where s ends [m]; it begins at 0.
+    """
+
+    spline: BSpline
+    length: float
+
+    @cached_property
+    def derivatives(self) -> tuple[BSpline, ...]:
+        """The spline and its first three derivatives by s."""
+        return (self.spline, *(self.spline.derivative(n) for n in (1, 2, 3)))
+
+    def at(self, s: Array) -> tuple[Array, ...]:
+        """Position [m] and its first three derivatives by s, (N, 3) each."""
+        inside = np.clip(s, 0.0, self.length)
+        return tuple(np.asarray(spline(inside)) for spline in self.derivatives)
+
+
+@dataclass(frozen=True)
+class Path:
+    """A path: legs one after another, with a stop between two.
+
+    Attributes:
+        legs: at least one.
+        reversals: (legs - 1) whether the next leg leads back along the tangent.
+        departure: farthest that the path lies from straight lines between the waypoints [m].
+    """
+
+    legs: tuple[Leg, ...]
+    reversals: tuple[bool, ...]
+    departure: float
+
+    @property
+    def length(self) -> float:
+        """Of all legs [m]."""
+        return sum(leg.length for leg in self.legs)
+
+
+def path_through(points: Array) -> Path:
+    """The path through waypoints.
+
+    Args:
+        points: (N, 3) positions [m].
+
+    Raises:
+        SloshPlanError: fewer than two different points, too many, one that is not finite, or
+            points that no smooth curve follows.
+    """
+    points = np.asarray(points, dtype=np.float64)
+    if points.ndim != 2 or points.shape[1] != 3:
+        raise SloshPlanError(f"waypoints have the shape {points.shape}, expected (N, 3)")
+    if len(points) > MOST_POINTS:
+        raise SloshPlanError(f"{len(points)} waypoints are more than {MOST_POINTS}: take fewer")
+    bad = np.argwhere(~np.isfinite(points))
+    if len(bad):
+        row, column = bad[0]
+        raise SloshPlanError(
+            f"waypoint {row} has {'xyz'[column]} = {points[row, column]}: it must be finite"
+        )
+    distinct = _distinct(points)
+    if len(distinct) < 2:
+        raise SloshPlanError(f"the path has no length: its {len(points)} waypoints are one place")
+    corners, reversals = _corners(distinct)
+    bounds = [0, *corners, len(distinct) - 1]
+    parts = [distinct[a : b + 1] for a, b in pairwise(bounds)]
+    tangents = _tangents(parts, reversals)
+    legs = tuple(_leg(part, *ends) for part, ends in zip(parts, tangents, strict=True))
+    departure = max(_departure(leg, part) for leg, part in zip(legs, parts, strict=True))
+    path = Path(legs, reversals, departure)
+    if path.length < _SHORTEST:
+        raise SloshPlanError(f"the path is {1e3 * path.length:g} mm long, less than 1 mm")
+    return path
+
+
+def _distinct(points: Array) -> Array:
+    """Without the points that lie where the one before them does; the last point stays."""
+    kept = [0]
+    for row in range(1, len(points)):
+        if not _near(points[row], points[kept[-1]]):
+            kept.append(row)
+    if len(kept) > 1:
+        kept[-1] = len(points) - 1 if _near(points[-1], points[kept[-1]]) else kept[-1]
+    return points[kept]
+
+
+def _near(one: Array, other: Array) -> bool:
+    return bool(np.linalg.norm(one - other) <= SAME)
+
+
+def _corners(points: Array) -> tuple[list[int], tuple[bool, ...]]:
+    """Rows of the corners, and which of them lead back."""
+    steps = np.diff(points, axis=0)
+    directions = steps / np.linalg.norm(steps, axis=1, keepdims=True)
+    cosines = np.einsum("ij,ij->i", directions[:-1], directions[1:])
+    turns = np.arccos(np.clip(cosines, -1.0, 1.0))
+    rows = np.flatnonzero(turns > CORNER)
+    return [int(row) + 1 for row in rows], tuple(bool(turns[row] > REVERSAL) for row in rows)
+
+
+Ends = tuple[Array | None, Array | None]
+
+
+def _tangents(parts: list[Array], reversals: tuple[bool, ...]) -> list[Ends]:
+    """Tangents at the legs' ends; None: free. Two legs of a reversal share theirs."""
+    first: list[Array | None] = [None] * len(parts)
+    last: list[Array | None] = [None] * len(parts)
+    for n, back in enumerate(reversals):
+        if back:
+            along = parts[n][-1] - parts[n][-2] - (parts[n + 1][1] - parts[n + 1][0])
+            tangent = along / np.linalg.norm(along)
+            last[n], first[n + 1] = tangent, -tangent
+    return list(zip(first, last, strict=True))
+
+
+def _leg(points: Array, first: Array | None, last: Array | None) -> Leg:
+    """A spline by its own length through a part's points."""
+    chords = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+    rough = _thinned(chords, points, first, last)
+    # Once more, by the length of the curve itself.
+    fine = np.linspace(0.0, chords[-1], max(_FINE, 4 * len(points)))
+    speed = np.linalg.norm(rough.derivative()(fine), axis=1)
+    lengths = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(fine))])
+    at = np.interp(chords, fine, lengths)
+    if len(points) < _FINE:
+        # A few waypoints alone would not hold the length between them.
+        places = np.linspace(0.0, lengths[-1], _FINE)
+        dense = np.asarray(rough(np.interp(places, lengths, fine)))
+        spline = _thinned(places, dense, first, last, tolerance=0.2 * KEPT)
+    else:
+        spline = _thinned(at, points, first, last)
+    return Leg(spline, float(lengths[-1]))
+
+
+def _thinned(
+    at: Array, points: Array, first: Array | None, last: Array | None, tolerance: float = KEPT
+) -> BSpline:
+    """The spline through as few of the points as keep all of them."""
+    count = _FEWEST
+    while count < len(points):
+        rows = np.searchsorted(at, np.linspace(0.0, at[-1], count)[1:-1])
+        rows = np.unique(np.concatenate([[0], rows, [len(points) - 1]]))
+        spline = _through(at[rows], points[rows], first, last)
+        if np.linalg.norm(spline(at) - points, axis=1).max() <= 0.5 * tolerance:
+            return spline
+        count *= 2
+    return _through(at, points, first, last)
+
+
+def _through(at: Array, points: Array, first: Array | None, last: Array | None) -> BSpline:
+    """Interpolates; ends of fifth degree need two conditions each, fewer points a lower degree."""
+    if len(points) == 2:
+        inside = at[0] + (at[1] - at[0]) * np.linspace(0.0, 1.0, DEGREE + 1)
+        share = ((inside - at[0]) / (at[1] - at[0]))[:, None]
+        at, points = inside, points[0] + share * (points[1] - points[0])
+        first = last = None
+    if len(points) <= DEGREE:
+        cubic = len(points) > 3
+        coarse = make_interp_spline(at, points, k=3 if cubic else len(points) - 1)
+        inside = np.linspace(at[0], at[-1], DEGREE + 1)
+        points, at = np.asarray(coarse(inside)), inside
+    conditions = (
+        None if first is None else [(1, first), (3, np.zeros(3))],
+        None if last is None else [(1, last), (3, np.zeros(3))],
+    )
+    found: BSpline = make_interp_spline(at, points, k=DEGREE, bc_type=_conditions(conditions))
+    return found
+
+
+def _conditions(ends: tuple[list[tuple[int, Array]] | None, ...]) -> Any:
+    """Scipy takes conditions at both ends or at none: natural ones at an end that is free."""
+    if all(end is None for end in ends):
+        return None
+    free = [(3, np.zeros(3)), (4, np.zeros(3))]
+    return tuple(free if end is None else end for end in ends)
+
+
+def _departure(leg: Leg, points: Array) -> float:
+    """Farthest that a leg lies from the straight lines between its points [m]."""
+    curve = leg.at(np.linspace(0.0, leg.length, 1000))[0]
+    if len(points) > 500:
+        return float(KEPT)
+    starts, steps = points[:-1], np.diff(points, axis=0)
+    share = np.einsum("nij,ij->ni", curve[:, None] - starts, steps) / (steps**2).sum(axis=1)
+    nearest = starts + np.clip(share, 0.0, 1.0)[..., None] * steps
+    distance: float = np.linalg.norm(curve[:, None] - nearest, axis=2).min(axis=1).max()
+    return float(distance)

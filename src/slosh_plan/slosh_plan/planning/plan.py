@@ -1,0 +1,208 @@
+"""The fastest motion along a path that keeps every limit.
+
+First the fastest of some known laws, slowed until it is safe: something safe is there whatever
+follows. Then the search of the optimal law, from several starts. What a search finds is simulated
+with the whole model at 1 kHz; where it exceeds a limit, that limit is lowered by the excess and
+the search goes on, until the simulation keeps all of them.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_model import Model
+from slosh_plan.errors import SloshPlanError
+from slosh_plan.planning import optimise
+from slosh_plan.planning.checked import Checked, checked
+from slosh_plan.planning.flow import flow_of
+from slosh_plan.planning.guess import guess_of
+from slosh_plan.planning.known_laws import LONGEST, UNIT_LAWS, Scaled, best_scaled, leg_durations
+from slosh_plan.planning.limits import PlanLimits
+from slosh_plan.planning.path import Path
+from slosh_plan.planning.time_law import motion_along, whole_rows
+
+Array = NDArray[np.float64]
+
+TIME_LIMIT = 30.0
+"""Of a search [s]."""
+STARTS = (1.0, 0.7)
+"""Where searches start: the fastest known law, slower by such factors."""
+ROUNDS = 8
+"""How often a limit is lowered."""
+SLACK = 2e-4
+"""By how much more than its excess."""
+UPRIGHT = 1e-3
+"""Tilt of a container that counts as upright [rad]."""
+HOW_TO_GET = "CasADi is not installed (pip install -r requirements/plan.txt)"
+
+
+class NoSafeMotionError(SloshPlanError):
+    """No motion along the path keeps the limits."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Plan:
+    """A motion that keeps every limit.
+
+    Attributes:
+        found: the motion and what it reaches, by simulation at 1 kHz.
+        limits: as asked for.
+        margin: by which the heights were to stay below [m].
+        method: 'optimal', or the name of the known law that was scaled.
+        reason: why there is no optimal law; empty: there is one.
+        scaled: the fastest known law.
+        path: along which.
+        seconds: that the planning took [s].
+    """
+
+    found: Checked
+    limits: PlanLimits
+    margin: float
+    method: str
+    reason: str
+    scaled: Scaled
+    path: Path
+    seconds: float
+
+
+def plan(
+    model: Model,
+    path: Path,
+    limits: PlanLimits,
+    *,
+    attitude: Array | None = None,
+    margin: float = 0.0,
+    time_limit: float = TIME_LIMIT,
+    clock: Callable[[], float] = time.monotonic,
+) -> Plan:
+    """Plans a motion from rest to rest, of a liquid at rest.
+
+    Args:
+        model: the model; the search knows its first mode, the check all of it.
+        path: the path.
+        limits: to keep.
+        attitude: (4,) quaternion x, y, z, w that the container keeps: upright; None: not turned.
+        margin: by which the heights stay below their limits [m].
+        time_limit: after which the search ends with what it has [s].
+        clock: tells seconds.
+
+    Raises:
+        NoSafeMotionError: no known law keeps the limits, however slow.
+        SloshPlanError: a container that is not upright, or a margin that leaves nothing.
+    """
+    began = clock()
+    kept = limits.lowered(margin)
+    yaw = upright_yaw(attitude)
+    scaled = best_scaled(model, path, kept, attitude)
+    if scaled is None:
+        raise NoSafeMotionError(
+            f"no motion of up to {LONGEST:g} s along the path keeps "
+            f"{1e3 * kept.height:.3g} mm, afterwards {1e3 * kept.residual:.3g} mm, "
+            f"{kept.acceleration:g} m/s² and {kept.jerk:g} m/s³"
+        )
+    best, reason = scaled.found, HOW_TO_GET
+    if optimise.available():
+        search = _Search(model, path, kept, attitude, yaw, scaled, began + time_limit, clock)
+        best, reason = search.run()
+    method = scaled.law if best is scaled.found else "optimal"
+    return Plan(best, limits, margin, method, reason, scaled, path, clock() - began)
+
+
+def upright_yaw(attitude: Array | None) -> float:
+    """Yaw of a container that stands upright [rad].
+
+    Raises:
+        SloshPlanError: it is tilted.
+    """
+    if attitude is None:
+        return 0.0
+    x, y, z, w = np.asarray(attitude) / np.linalg.norm(attitude)
+    if 2.0 * math.hypot(x, y) > UPRIGHT:
+        tilt = math.degrees(2.0 * math.asin(min(1.0, math.hypot(x, y))))
+        raise SloshPlanError(
+            f"the container is tilted by {tilt:.3g}°: planning is for upright ones"
+        )
+    return 2.0 * math.atan2(z, w)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Search:
+    """The search of an optimal law, from several starts."""
+
+    model: Model
+    path: Path
+    limits: PlanLimits
+    attitude: Array | None
+    yaw: float
+    scaled: Scaled
+    end: float
+    clock: Callable[[], float]
+
+    def run(self) -> tuple[Checked, str]:
+        """The best motion, and why it is the scaled one where it is."""
+        durations = leg_durations(self.path, self.scaled.found.motion.duration)
+        problem = optimise.Search(flow_of(self.model), self.path, self.yaw, durations)
+        best, last = self.scaled.found, "the search found nothing faster"
+        for factor in STARTS:
+            guess = guess_of(
+                self.model, self.path, UNIT_LAWS[self.scaled.law], self.scaled, problem.counts,
+                factor,
+            )  # fmt: skip
+            found, words = self._tightened(problem, guess, best.motion.duration)
+            if found is not None and found.motion.duration < best.motion.duration:
+                best = found
+            elif words:
+                last = words
+            if self.clock() >= self.end:
+                break
+        return best, last if best is self.scaled.found else ""
+
+    def _tightened(
+        self, problem: optimise.Search, guess: optimise.Guess, fastest: float
+    ) -> tuple[Checked | None, str]:
+        """Searches until the simulation keeps the limits; None and the reason: it does not.
+
+        What is not faster than the fastest so far is not gone on with.
+        """
+        asked = self.limits
+        for _ in range(ROUNDS):
+            left = self.end - self.clock()
+            if left <= 0.0:
+                return None, "the search's time was up"
+            solution = problem.solve(asked, guess, left)
+            found = self._checked(solution)
+            if found is None:
+                return None, f"the search failed ({solution.status})"
+            if solution.converged and found.motion.duration >= fastest:
+                return None, "the search found nothing faster"
+            if found.keeps(self.limits):
+                return found, ""
+            if solution.converged:
+                guess = solution.guess
+            asked = _lowered(asked, found.excess(self.limits))
+        return None, f"the search kept exceeding a limit after {ROUNDS} rounds"
+
+    def _checked(self, solution: optimise.Solution) -> Checked | None:
+        duration = sum(law.duration for law in solution.laws)
+        if not (math.isfinite(duration) and 0.0 < duration < LONGEST):
+            return None
+        factor = whole_rows(duration) / duration
+        laws = [law.stretched(factor) for law in solution.laws]
+        motion = motion_along(self.path, laws, [law.duration for law in laws])
+        return checked(self.model, [motion], self.attitude)[0]
+
+
+def _lowered(limits: PlanLimits, excess: dict[str, float]) -> PlanLimits:
+    """Limits that are exceeded, lowered by their excess."""
+    lower = {
+        name: getattr(limits, name) / (1.0 + min(share, 1.0)) * (1.0 - SLACK)
+        for name, share in excess.items()
+        if share > 0.0
+    }
+    return replace(limits, **lower)

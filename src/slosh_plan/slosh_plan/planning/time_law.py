@@ -1,0 +1,129 @@
+"""When to be where on a path: time laws, and the motion at 1 kHz that they make of it.
+
+A law runs over all legs of a path, one after another. That of a leg is given by its third
+derivative, constant between nodes, so that place, speed and acceleration are polynomials, exact at
+every moment.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_plan.planning.path import Leg, Path
+
+Array = NDArray[np.float64]
+Law = Callable[[Array], tuple[Array, Array, Array]]
+"""Time [s] to s [m] and its first two derivatives."""
+
+STEP = 1e-3
+"""Between two rows of a motion [s]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class JerkLaw:
+    """The time law of a leg, from rest to rest, by a jerk that is constant between nodes.
+
+    Attributes:
+        duration: of the leg [s]; the nodes are evenly spaced.
+        jerk: (N,) third derivative of s between them [m/s³].
+        start: second derivative at the start [m/s²]: not 0 where a path turns back.
+    """
+
+    duration: float
+    jerk: Array
+    start: float = 0.0
+
+    def __call__(self, t: Array) -> tuple[Array, Array, Array]:
+        """Place s [m], ds/dt and d²s/dt² at times from the leg's start [s], (M,) each."""
+        step = self.duration / len(self.jerk)
+        nodes = self.nodes()
+        row = np.clip((t / step).astype(np.int64), 0, len(self.jerk) - 1)
+        since = np.clip(t, 0.0, self.duration) - row * step
+        s, v, a = nodes[row].T
+        j = self.jerk[row]
+        return (
+            s + since * (v + since * (a / 2.0 + since * j / 6.0)),
+            v + since * (a + since * j / 2.0),
+            a + since * j,
+        )
+
+    def nodes(self) -> Array:
+        """(N + 1, 3) s, ds/dt, d²s/dt² at the nodes."""
+        step = self.duration / len(self.jerk)
+        a = self.start + np.concatenate([[0.0], np.cumsum(self.jerk) * step])
+        v = np.concatenate([[0.0], np.cumsum(step * (a[:-1] + step * self.jerk / 2.0))])
+        ways = step * (v[:-1] + step * (a[:-1] / 2.0 + step * self.jerk / 6.0))
+        return np.column_stack([np.concatenate([[0.0], np.cumsum(ways)]), v, a])
+
+    def stretched(self, factor: float) -> JerkLaw:
+        """The same, slower by a factor."""
+        return JerkLaw(self.duration * factor, self.jerk / factor**3, self.start / factor**2)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Motion:
+    """A motion from rest to rest, at 1 kHz.
+
+    Attributes:
+        t: (N,) time from 0 [s].
+        position: (N, 3) of the container's origin in the world's axes [m].
+        acceleration: (N, 3) its second derivative [m/s²].
+        speed: (N,) along the path [m/s].
+    """
+
+    t: Array
+    position: Array
+    acceleration: Array
+    speed: Array
+
+    @property
+    def duration(self) -> float:
+        """Of the motion [s]."""
+        return float(self.t[-1])
+
+
+def motion_along(path: Path, laws: Sequence[Law], durations: Sequence[float]) -> Motion:
+    """The motion that a time law makes of a path.
+
+    Args:
+        path: the path.
+        laws: one for each leg.
+        durations: of the legs [s]; their sum is taken to be a whole number of rows.
+    """
+    count = round(sum(durations) / STEP)
+    t: Array = STEP * np.arange(count + 1, dtype=np.float64)
+    ends = np.cumsum(durations)
+    leg_of = np.minimum(np.searchsorted(ends, t), len(durations) - 1)
+    position, acceleration = np.empty((2, len(t), 3))
+    speed = np.empty(len(t))
+    for n, (leg, law) in enumerate(zip(path.legs, laws, strict=True)):
+        rows = np.flatnonzero(leg_of == n)
+        s, v, a = law(t[rows] - (ends[n] - durations[n]))
+        place, tangent, bend, _ = leg.at(s)
+        position[rows] = place
+        acceleration[rows] = bend * (v**2)[:, None] + tangent * a[:, None]
+        speed[rows] = v
+    acceleration[0] = acceleration[-1] = 0.0
+    speed[0] = speed[-1] = 0.0
+    return Motion(t, position, acceleration, speed)
+
+
+def whole_rows(duration: float) -> float:
+    """The next whole number of rows [s]."""
+    return STEP * math.ceil(duration / STEP - 1e-9)
+
+
+def scaled_law(unit: Law, leg: Leg, duration: float) -> Law:
+    """A law from 0 to 1 as that of a leg."""
+
+    def law(t: Array) -> tuple[Array, Array, Array]:
+        place, rate, change = unit(t / duration)
+        length = leg.length
+        return length * place, length / duration * rate, length / duration**2 * change
+
+    return law

@@ -1,0 +1,70 @@
+import numpy as np
+import pytest
+
+from slosh_plan.errors import SloshPlanError
+from slosh_plan.planning.path import MOST_POINTS, path_through
+
+
+def circle(count, turns=1.0):
+    angle = np.linspace(0.0, 2.0 * np.pi * turns, count)
+    return 0.25 * np.column_stack([np.cos(angle), np.sin(angle), 0.0 * angle])
+
+
+def test_a_path_is_by_its_length_and_smooth():
+    path = path_through(circle(2000))
+    (leg,) = path.legs
+    assert leg.length == pytest.approx(0.5 * np.pi, rel=1e-4)
+    _, tangent, bend, change = leg.at(np.linspace(0.0, leg.length, 5001))
+    assert np.linalg.norm(tangent, axis=1) == pytest.approx(1.0, abs=2e-3)
+    assert np.linalg.norm(bend, axis=1) == pytest.approx(4.0, rel=0.05)
+    assert np.abs(change).max() < 25.0
+
+
+@pytest.mark.parametrize("count", [9, 60, 3000])
+def test_every_waypoint_is_kept(count):
+    points = circle(count, 2.0 if count > 20 else 1.0)
+    (leg,) = path_through(points).legs
+    curve = leg.at(np.linspace(0.0, leg.length, 200_001))[0]
+    for point in points[:: max(1, count // 20)]:
+        assert np.linalg.norm(curve - point, axis=1).min() < 1e-4
+
+
+def test_two_points_are_a_straight_line():
+    path = path_through(np.array([[0.0, 0.0, 0.0], [0.3, 0.4, 0.0]]))
+    assert path.length == pytest.approx(0.5)
+    assert path.departure < 1e-12
+
+
+@pytest.mark.parametrize("count", [3, 4, 5, 6, 7])
+def test_few_points(count):
+    points = circle(count, 0.05 * count)
+    (leg,) = path_through(points).legs
+    curve = leg.at(np.linspace(0.0, leg.length, 100_001))[0]
+    assert max(np.linalg.norm(curve - point, axis=1).min() for point in points) < 1e-4
+
+
+def test_a_corner_is_a_stop():
+    path = path_through(np.array([[0.0, 0, 0], [0.2, 0, 0], [0.2, 0.3, 0]]))
+    assert [leg.length for leg in path.legs] == pytest.approx([0.2, 0.3])
+    assert path.reversals == (False,)
+
+
+def test_repeated_points_and_a_closed_path():
+    points = np.repeat(circle(50), 3, axis=0)
+    assert path_through(points).length == pytest.approx(0.5 * np.pi, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("points", "text"),
+    [
+        (np.zeros((1, 3)), "no length"),
+        (np.zeros((5, 3)), "no length"),
+        (np.array([[0.0, 0, 0], [1e-4, 0, 0]]), "less than 1 mm"),
+        (np.array([[0.0, 0, 0], [np.nan, 0, 0]]), "waypoint 1 has x = nan"),
+        (np.zeros((MOST_POINTS + 1, 3)), "take fewer"),
+        (np.zeros((4, 2)), "shape"),
+    ],
+)
+def test_what_is_no_path(points, text):
+    with pytest.raises(SloshPlanError, match=text):
+        path_through(points)
