@@ -19,6 +19,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -114,7 +115,7 @@ def round_trips(rounds: int) -> dict[str, float]:
                 times: dict[str, list[float]] = {name: [] for name in kinds}
                 for number in range(rounds + 1):
                     for name, one in kinds.items():
-                        seconds = timed(lambda one=one: call(asking, client, one))
+                        seconds = timed(partial(call, asking, client, one))
                         times[name] += [seconds] if number else []
             finally:
                 asking.destroy_node()

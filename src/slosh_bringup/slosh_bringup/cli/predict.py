@@ -179,4 +179,5 @@ def _facts(
             "flags": int(one.flags),
             "time_scale": math.nan if scale is None else scale.safe_from,
             "safe_scales": [] if scale is None else [list(pair) for pair in scale.intervals],
+            "proven": scale is not None and scale.proven,
         }
