@@ -237,3 +237,14 @@ def test_the_scan_finds_the_fastest_that_is_safe():
     for law in UNIT_LAWS.values():
         faster = [scaled(path, law, round(duration * s, 3)) for s in (0.85, 0.93)]
         assert not any(one.keeps(LIMITS) for one in checked(CUP, faster, None))
+
+
+@pytest.mark.parametrize("name", UNIT_LAWS)
+def test_a_known_law_leads_from_rest_to_rest_and_its_columns_are_derivatives(name):
+    u = np.linspace(0.0, 1.0, 20_001)
+    place, rate, change = UNIT_LAWS[name](u)
+    assert (place[0], place[-1]) == pytest.approx((0.0, 1.0), abs=1e-12)
+    ends = [*rate[[0, -1]], *change[[0, -1]]]
+    assert ends == pytest.approx([0.0] * 4, abs=1e-9)
+    assert np.gradient(place, u)[1:-1] == pytest.approx(rate[1:-1], abs=1e-5)
+    assert np.gradient(rate, u)[1:-1] == pytest.approx(change[1:-1], abs=0.05)

@@ -42,12 +42,35 @@ def septic(u: Array) -> tuple[Array, Array, Array]:
     return place, rate, 420.0 * (u * rest) ** 2 * (1.0 - 2.0 * u)
 
 
+def _steady(share: float) -> UnitLaw:
+    """A steady speed between two smooth ramps, each a share of the motion; for curved paths."""
+
+    def law(u: Array) -> tuple[Array, Array, Array]:
+        u = np.clip(u, 0.0, 1.0)
+        second = u > 0.5
+        x = np.minimum(np.where(second, 1.0 - u, u) / share, 1.0)
+        top = 1.0 / (1.0 - share)
+        ramp = x**4 * (2.5 + x * (x - 3.0))
+        past = np.maximum(np.where(second, 1.0 - u, u) - share, 0.0)
+        place = top * (share * ramp + past)
+        change = 30.0 * (x * (1.0 - x)) ** 2 * top / share
+        return (
+            np.where(second, 1.0 - place, place),
+            top * x**3 * (10.0 + x * (6.0 * x - 15.0)),
+            np.where(second, -change, change),
+        )
+
+    return law
+
+
 UNIT_LAWS: Mapping[str, UnitLaw] = MappingProxyType(
     {
         "quintic": quintic,
         "septic": septic,
         "cycloidal": cycloidal,
         "modified trapezoidal": modified_trapezoid,
+        "steady, 30 % ramps": _steady(0.3),
+        "steady, 15 % ramps": _steady(0.15),
     }
 )
 

@@ -52,6 +52,12 @@ class PlanLimits:
             )
         return replace(self, height=self.height - margin, residual=self.residual - margin)
 
+    def reduced(self, share: float) -> PlanLimits:
+        """The same with both heights lower by a share of themselves."""
+        return replace(
+            self, height=self.height * (1.0 - share), residual=self.residual * (1.0 - share)
+        )
+
 
 UNITS = {"height": "m", "residual": "m", "acceleration": "m/s²", "jerk": "m/s³"}
 """The limits by name, with their units."""

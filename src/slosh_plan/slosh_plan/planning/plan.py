@@ -33,8 +33,12 @@ TIME_LIMIT = 30.0
 """Of a search [s]."""
 STARTS = (1.0, 0.7)
 """Where searches start: the fastest known law, slower by such factors."""
+AGAIN = 0.2
+"""Share of the time limit after which a motion that was found is not searched for again."""
 ROUNDS = 8
 """How often a limit is lowered."""
+AHEAD = 0.004
+"""By so much of themselves the heights are lowered at once: the usual excess between nodes."""
 SLACK = 2e-4
 """By how much more than its excess."""
 UPRIGHT = 1e-3
@@ -108,7 +112,17 @@ def plan(
         )
     best, reason = scaled.found, HOW_TO_GET
     if optimise.available():
-        search = _Search(model, path, kept, attitude, yaw, scaled, began + time_limit, clock)
+        search = _Search(
+            model,
+            path,
+            kept,
+            attitude,
+            yaw,
+            scaled,
+            began + AGAIN * time_limit,
+            began + time_limit,
+            clock,
+        )
         best, reason = search.run()
     method = scaled.law if best is scaled.found else "optimal"
     return Plan(best, limits, margin, method, reason, scaled, path, clock() - began)
@@ -141,6 +155,7 @@ class _Search:
     attitude: Array | None
     yaw: float
     scaled: Scaled
+    again: float
     end: float
     clock: Callable[[], float]
 
@@ -159,7 +174,7 @@ class _Search:
                 best = found
             elif words:
                 last = words
-            if self.clock() >= self.end:
+            if self.clock() >= (self.again if best is not self.scaled.found else self.end):
                 break
         return best, last if best is self.scaled.found else ""
 
@@ -170,7 +185,7 @@ class _Search:
 
         What is not faster than the fastest so far is not gone on with.
         """
-        asked = self.limits
+        asked = self.limits.reduced(AHEAD)
         for _ in range(ROUNDS):
             left = self.end - self.clock()
             if left <= 0.0:
