@@ -6,6 +6,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from slosh_model import Cylinder, Model, Rectangle
+from slosh_model.covariance import Covariance
 from slosh_plan.errors import SloshPlanError
 from slosh_plan.planning import optimise
 from slosh_plan.planning.checked import checked
@@ -121,7 +122,7 @@ def test_a_line_is_run_as_fast_as_the_liquid_allows(line):
 
 
 @needs_casadi
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.long)])
 def test_random_paths_keep_the_limits_by_another_integrator(seed):
     points = random_path(seed)
     answer = plan(CUP, path_through(points), LIMITS, time_limit=10.0)
@@ -180,6 +181,20 @@ def test_a_margin_lowers_the_heights():
     answer = plan(CUP, path_through(LINE), LIMITS, margin=0.0005, time_limit=0.0)
     assert answer.found.peak <= 0.0145
     assert answer.found.residual <= 0.0015
+
+
+def test_a_covariance_gives_an_interval_that_is_wider_than_the_answer():
+    unsure = replace(CUP, damping_ratio=0.006, natural_frequency=19.0)
+    known = plan(unsure, path_through(LINE), LIMITS, time_limit=0.0)
+    assert known.upper is None
+    covariance = Covariance(("natural_frequency",), ((0.05**2,),))
+    answer = plan(
+        replace(unsure, covariance=covariance), path_through(LINE), LIMITS, time_limit=0.0
+    )
+    assert answer.found.motion.duration == known.found.motion.duration
+    peak, residual = answer.upper
+    assert 1.0 < peak / answer.found.peak < 1.2
+    assert residual > answer.found.residual
 
 
 def test_without_casadi_a_known_law_is_scaled(monkeypatch):

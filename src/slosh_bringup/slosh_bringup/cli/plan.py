@@ -95,6 +95,8 @@ def facts(answer: Plan) -> dict[str, object]:
         "acceleration": found.acceleration,
         "jerk": found.jerk,
         "margin": answer.margin,
+        "upper": answer.upper and answer.upper[0],
+        "residual_upper": answer.upper and answer.upper[1],
         "scaled": {"law": scaled.law, "duration": scaled.found.motion.duration},
         "length": answer.path.length,
         "stops": len(answer.path.legs) - 1,
@@ -115,6 +117,7 @@ def summary(answer: Plan, output: Path) -> str:
         f"height {1e3 * found.peak:.2f} of {1e3 * limits.height:g} mm, after the end "
         f"{1e3 * found.residual:.2f} of {1e3 * limits.residual:g} mm, margin "
         + (f"{1e3 * answer.margin:g} mm" if answer.margin else "none"),
+        interval(answer),
         f"acceleration {found.acceleration:.2f} of {limits.acceleration:g} m/s², "
         f"jerk {found.jerk:.1f} of {limits.jerk:g} m/s³",
         f"path {answer.path.length:.3f} m, {_stops(len(answer.path.legs) - 1)}, up to "
@@ -122,6 +125,22 @@ def summary(answer: Plan, output: Path) -> str:
         f"{len(found.motion.t)} rows in {output}, planned in {answer.seconds:.1f} s",
     ]
     return "\n".join(lines)
+
+
+def interval(answer: Plan) -> str:
+    """What the model's covariance makes of the heights."""
+    if answer.upper is None:
+        return "the model tells no covariance of its parameters: no interval"
+    peak, residual = answer.upper
+    limits = answer.limits
+    missing = max(peak - limits.height, residual - limits.residual)
+    kept = (
+        "both limits are kept" if missing <= 0.0 else f"exceeds a limit by {1e3 * missing:.2f} mm"
+    )
+    return (
+        f"with the covariance of the model's parameters up to {1e3 * peak:.2f} mm, after the end "
+        f"{1e3 * residual:.2f} mm (95 %): {kept}"
+    )
 
 
 def _stops(count: int) -> str:

@@ -19,13 +19,15 @@ from numpy.typing import NDArray
 from slosh_model import Model
 from slosh_plan.errors import SloshPlanError
 from slosh_plan.planning import optimise
-from slosh_plan.planning.checked import Checked, checked
+from slosh_plan.planning.checked import Checked, checked, horizon
 from slosh_plan.planning.flow import flow_of
 from slosh_plan.planning.guess import guess_of
 from slosh_plan.planning.known_laws import LONGEST, UNIT_LAWS, Scaled, best_scaled, leg_durations
 from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.path import Path
-from slosh_plan.planning.time_law import motion_along, whole_rows
+from slosh_plan.planning.time_law import Motion, motion_along, whole_rows
+from slosh_plan.prediction import predict
+from slosh_plan.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
@@ -60,6 +62,8 @@ class Plan:
         margin: by which the heights were to stay below [m].
         method: 'optimal', or the name of the known law that was scaled.
         reason: why there is no optimal law; empty: there is one.
+        upper: upper ends of the intervals (95 %) of the peak and of the height after the end [m],
+            from the covariance of the model's parameters; None: it has none.
         scaled: the fastest known law.
         path: along which.
         seconds: that the planning took [s].
@@ -70,6 +74,7 @@ class Plan:
     margin: float
     method: str
     reason: str
+    upper: tuple[float, float] | None
     scaled: Scaled
     path: Path
     seconds: float
@@ -125,7 +130,18 @@ def plan(
         )
         best, reason = search.run()
     method = scaled.law if best is scaled.found else "optimal"
-    return Plan(best, limits, margin, method, reason, scaled, path, clock() - began)
+    upper = _upper(model, best.motion, attitude)
+    return Plan(best, limits, margin, method, reason, upper, scaled, path, clock() - began)
+
+
+def _upper(model: Model, motion: Motion, attitude: Array | None) -> tuple[float, float] | None:
+    """Upper ends of a motion's intervals, as `predict` tells them."""
+    if model.covariance is None:
+        return None
+    turned = None if attitude is None else np.tile(attitude, (len(motion.t), 1))
+    trajectory = Trajectory(motion.t, motion.acceleration, turned, name="plan")
+    (found,) = predict(model, trajectory, horizon=horizon(model))
+    return found.upper, found.residual_upper
 
 
 def upright_yaw(attitude: Array | None) -> float:
