@@ -51,6 +51,8 @@ def shop(tmp_path_factory):
     cv2.imwrite(str(folder / "still.png"), CupRenderer(view).render_colour(0.0, 0.0))
     make_motion(folder / "motion.csv", 1500)
     make_motion(folder / "many_rows.csv", MANY_ROWS)
+    rows = [f"{0.05 * k},{0.01 * k},0,0" for k in range(41)]
+    (folder / "path.csv").write_text("\n".join(["t,x,y,z", *rows]), encoding="utf-8")
     make_bag(folder / "bag", 1000)
     make_bag(folder / "many_messages", MANY_MESSAGES)
     shutil.copytree(ROOT / "bags" / "l", folder / "recording")
@@ -112,6 +114,7 @@ INPUT_AS_OUTPUT = [
     ("simulate SHOP/model.yaml SHOP/motion.csv -o OUT", "model.yaml"),
     ("simulate SHOP/model.yaml SHOP/motion.csv -o OUT", "motion.csv"),
     ("predict SHOP/model.yaml SHOP/motion.csv -o OUT", "motion.csv"),
+    ("plan SHOP/model.yaml SHOP/path.csv --limit 0.02 -o OUT", "path.csv"),
     (f"{CALIBRATE} -o OUT", "still.png"),
     (f"{CALIBRATE} -o OUT", "camera.yaml"),
     (f"{CALIBRATE} -o NEW.yaml --picture OUT", "still.png"),
@@ -252,6 +255,7 @@ CASES = {
         "simulate SHOP/model.yaml SHOP/many_rows.csv -o OUT/a.csv",
     ),
     "predict": Case("predict SHOP/model.yaml SHOP/motion.csv -o OUT/a.csv", "a.csv"),
+    "plan": Case("plan SHOP/model.yaml SHOP/path.csv --limit 0.02 -o OUT/a.csv", "a.csv"),
     "calibrate": Case(f"{CALIBRATE} -o OUT/a.yaml", "a.yaml"),
     "calibrate --picture": Case(f"{CALIBRATE} -o OUT/a.yaml --picture OUT/a.png", "a.png"),
     "detect": Case(
