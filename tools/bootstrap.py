@@ -112,7 +112,10 @@ def once(name: str, folder: Path, inputs: Iterable[bytes], action: Callable[[], 
 def requirement_files() -> list[Path]:
     """The lock files to install, in order."""
     names = ["runtime.txt", "development.txt"]
-    return [REQUIREMENTS / name for name in (names if ROS.is_dir() else ["ros.txt", *names])]
+    return [
+        REQUIREMENTS / name
+        for name in (names if ROS.is_dir() else ["ros.txt", *names, "plan.txt"])
+    ]
 
 
 def environment_inputs(python: Path) -> list[bytes]:
