@@ -43,6 +43,15 @@ def test_few_points(count):
     assert max(np.linalg.norm(curve - point, axis=1).min() for point in points) < 1e-4
 
 
+@pytest.mark.parametrize("count", [3, 4, 5, 6])
+def test_few_points_at_uneven_distances(count):
+    shares = np.array([0.0, 0.07, 0.3, 0.36, 0.8, 1.0])[[*range(count - 1), 5]]
+    points = np.column_stack([0.6 * shares, 0.1 * np.sin(3.0 * shares), 0.05 * shares**2])
+    (leg,) = path_through(points).legs
+    curve = leg.at(np.linspace(0.0, leg.length, 100_001))[0]
+    assert max(np.linalg.norm(curve - point, axis=1).min() for point in points) < 1e-4
+
+
 def test_a_corner_is_a_stop():
     path = path_through(np.array([[0.0, 0, 0], [0.2, 0, 0], [0.2, 0.3, 0]]))
     assert [leg.length for leg in path.legs] == pytest.approx([0.2, 0.3])

@@ -198,8 +198,8 @@ def _through(at: Array, points: Array, first: Array | None, last: Array | None) 
         at, points = inside, points[0] + share * (points[1] - points[0])
         first = last = None
     if len(points) <= DEGREE:
-        cubic = len(points) > 3
-        coarse = make_interp_spline(at, points, k=3 if cubic else len(points) - 1)
+        # One polynomial, which a spline of a higher degree through more of its points repeats.
+        coarse = make_interp_spline(at, points, k=len(points) - 1)
         inside = np.linspace(at[0], at[-1], DEGREE + 1)
         points, at = np.asarray(coarse(inside)), inside
     conditions = (
