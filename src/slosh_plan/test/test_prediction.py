@@ -31,7 +31,14 @@ def curve(name):
     return Trajectory(t, np.column_stack(columns) * rise[:, np.newaxis], name=name)
 
 
-@pytest.mark.parametrize("name", ["swing", "round", "rising"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "swing",
+        pytest.param("round", marks=pytest.mark.long),
+        pytest.param("rising", marks=pytest.mark.long),
+    ],
+)
 def test_peaks_are_those_of_an_independent_integration(cup, reference, name):
     motion = curve(name)
     (found,) = predict(cup, motion, horizon=0.5)
