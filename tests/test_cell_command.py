@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 import yaml
 
+from slosh_bag.errors import SloshBagError
 from slosh_bag.motion_table import MotionTable, write_motion_table
 from slosh_bag.reader import BagReader
 from slosh_bag.replay import replay_bag
@@ -193,8 +194,9 @@ def test_a_cell_goes_on_when_its_nodes_are_killed(domain, tmp_path, write_cell):
         )
         settles = "estimator: validity flags 0x10"
         running.wait_for(lambda: settles in running.said, settles)
-        # Seconds of images: the two new ones must find each other first.
-        running.wait_for_recording(folder / "bag_2", recorded(folder / "bag_2") + 1_500_000)
+        running.wait_for_recording(folder / "bag_2", recorded(folder / "bag_2") + 400_000)
+        # On a busy machine the two new ones take longer to find each other.
+        running.wait_for(lambda: holds_settling(folder / "bag_2"), "estimates that settle")
         running.process.terminate()
         assert running.end() == 1
     ends = [f"node {name} ended with exit code -9: " for name in ("estimator", "recorder")]
@@ -203,11 +205,18 @@ def test_a_cell_goes_on_when_its_nodes_are_killed(domain, tmp_path, write_cell):
         assert end in (folder / "report.html").read_text()
         assert end in json.loads((folder / "result.json").read_text())["problems"][0]
     assert f"it is started again, recording to {folder.resolve() / 'bag_2'}" in running.said
-    flags = [message.flags for bag in ("bag", "bag_2") for message in estimates_of(folder / bag)]
-    assert flags[0] & SETTLING == 0
-    assert any(flag & SETTLING for flag in flags)
+    assert estimates_of(folder / "bag")[0].flags & SETTLING == 0
+    assert holds_settling(folder / "bag_2")
     verification = replay_bag(folder / "bag").verification
     assert verification.exact, verification.lines()
+
+
+def holds_settling(bag):
+    """Whether a bag, finished or not, holds an estimate of a liquid whose state is unknown."""
+    try:
+        return any(message.flags & SETTLING for message in estimates_of(bag))
+    except SloshBagError:
+        return False  # not a chunk is in it yet
 
 
 def estimates_of(bag):
