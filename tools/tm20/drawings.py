@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
+from effect_pages import STYLE
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.style import context
@@ -16,16 +17,6 @@ from tm20.evaluation import Fits, Study
 
 from slosh_model.constants import GRAVITY
 
-STYLE = {
-    "svg.fonttype": "none",
-    "svg.hashsalt": "packaging study",
-    "font.size": 9.0,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.grid": True,
-    "grid.color": "#e4e4e4",
-    "axes.axisbelow": True,
-}
 OURS, PAPER, THEORY = "#0b5fa5", "#d1495b", "#5a5a5a"
 SPEED = "operating speed n [1/min]"
 
@@ -43,7 +34,7 @@ def draw_all(study: Study) -> dict[str, str]:
 def _drawn(
     size: tuple[float, float], count: int, columns: int, draw: Callable[[Sequence[Any]], None]
 ) -> str:
-    with context(STYLE, after_reset=True):
+    with context({**STYLE, "svg.hashsalt": "packaging study"}, after_reset=True):
         figure = Figure(figsize=size, layout="constrained")
         FigureCanvasSVG(figure)
         rows = math.ceil(count / columns)

@@ -16,6 +16,7 @@ from tm20.line_limits import Limits
 from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_discovery.identify import identify
 from slosh_discovery.identify.result import IdentifiedModel
+from slosh_discovery.identify.validity import count_within
 from slosh_model.containers import Rectangle
 from slosh_model.measure import predicted_heights
 from slosh_model.model import Model
@@ -55,8 +56,7 @@ def validity(series: Sequence[Measured]) -> Validity:
     mean = np.array([math.nan if one.broke else one.errors.mean() for one in series])
     spread = np.array([math.nan if one.broke else one.errors.std(ddof=1) for one in series])
     speeds = tuple(one.experiment.speed for one in series)
-    within = np.flatnonzero(~(mean <= TOLERANCE))
-    count = int(within[0]) if len(within) else len(speeds)
+    count = count_within(mean.tolist(), TOLERANCE)
     return Validity(speeds, mean, spread, speeds[count - 1] if count else 0)
 
 

@@ -21,6 +21,7 @@ from tm20.design import (
 )
 from tm20.experiments import MODES, TENSION, places
 
+from slosh_discovery.identify.validity import count_within
 from slosh_model.errors import SloshModelError
 from slosh_model.motion_profiles import LAWS, Cycle
 from slosh_model.multimodal import Tanks, simulate_tanks
@@ -82,12 +83,8 @@ def limits(truth: Truth) -> Limits:
     fastest, errors = [], []
     for geometry in GEOMETRIES:
         by_speed = {n: line_error(truth, geometry, n) for n in SPEEDS if n >= SLOWEST}
-        valid = 0
-        for speed, error in by_speed.items():
-            if not error <= TOLERANCE:
-                break
-            valid = speed
-        fastest.append(valid)
+        count = count_within(list(by_speed.values()), TOLERANCE)
+        fastest.append([0, *by_speed][count])
         errors.append(by_speed[geometry.published.fastest])
     return Limits(truth, tuple(fastest), tuple(errors))
 

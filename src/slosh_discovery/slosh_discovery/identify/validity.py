@@ -94,11 +94,16 @@ def line_limit(
     errors = tuple(error for error in found if error is not None)
     if not errors:
         return None
-    kept = 0
-    while kept < len(errors) and errors[kept].mean <= tolerance:
-        kept += 1
+    kept = count_within([error.mean for error in errors], tolerance)
     speed = errors[kept - 1].speed if kept else NAN
     return LineLimit(tolerance, errors, speed, kept < len(errors))
+
+
+def count_within(errors: Sequence[float], tolerance: float) -> int:
+    """How many speeds, from the slowest, keep to the tolerance; NaN does not."""
+    return next(
+        (place for place, error in enumerate(errors) if not error <= tolerance), len(errors)
+    )
 
 
 def error_at(speed: float, motions: Sequence[MeasuredMotion]) -> LineError | None:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_model import Inputs, Model, wall_heights
+from slosh_plan.heights import first_period
 from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.time_law import STEP, Motion
 
@@ -55,7 +56,7 @@ class Checked:
 
 def horizon(model: Model) -> float:
     """How long the liquid is looked at after a motion [s]."""
-    return float(PERIODS * 2.0 * np.pi / model.mode_constants()[0].natural_frequency)
+    return PERIODS * first_period(model)
 
 
 def checked(model: Model, motions: Sequence[Motion], attitude: Array | None) -> list[Checked]:
