@@ -100,11 +100,15 @@ def _heights(
     return [answers[place] for place in range(len(inputs))]
 
 
+def msh_of(t: Array, heights: Array, corner: tuple[float, float] | None) -> Array:
+    """(N,) MSH of heights (N, 2) at +x and +y [m]; see `Response`."""
+    return Response(t, heights[:, 0], heights[:, 1], _NO_MODES, corner).msh
+
+
 def _extremes(
     t: Array, heights: Array, end: float, period: float, corner: tuple[float, float] | None
 ) -> Extremes:
-    response = Response(t, heights[:, 0], heights[:, 1], _NO_MODES, corner)
-    msh = response.msh
+    msh = msh_of(t, heights, corner)
     if not math.isfinite(float(msh.sum())):
         lost = float(t[int(np.argmin(np.isfinite(msh)))])
         return Extremes(math.inf, lost, math.nan, math.inf, math.inf)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_model import Inputs, Model, wall_heights
-from slosh_plan.heights import first_period
+from slosh_plan.heights import first_period, msh_of
 from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.time_law import STEP, Motion
 
@@ -79,10 +79,8 @@ def checked(model: Model, motions: Sequence[Motion], attitude: Array | None) -> 
 
 
 def _checked(model: Model, motion: Motion, heights: Array) -> Checked:
-    if model.container.corner is None:
-        msh = np.hypot(heights[:, 0], heights[:, 1])
-    else:
-        msh = np.abs(heights).sum(axis=1)
+    t: Array = STEP * np.arange(len(heights), dtype=np.float64)
+    msh = msh_of(t, heights, model.container.corner)
     msh = np.where(np.isfinite(msh), msh, np.inf)
     steps = np.linalg.norm(np.diff(motion.acceleration, axis=0), axis=1)
     return Checked(
