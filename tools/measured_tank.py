@@ -29,6 +29,7 @@ from slosh_model.measure import predicted_heights
 from slosh_model.model import Model
 from slosh_model.multimodal import Tanks, simulate_tanks
 from slosh_model.simulate import Inputs
+from slosh_report.metrics import rms_error
 
 Array = NDArray[np.float64]
 
@@ -179,8 +180,8 @@ def compared(record: Record, every: Sequence[Candidate]) -> str:
     for one in every:
         there, after = one.heights(first.t), one.heights(second.t)
         text += (
-            f"| {one.name} | {one.found} | {_rms(there - first.height):.1f} | "
-            f"{_rms(after - second.height):.1f} | "
+            f"| {one.name} | {one.found} | {1e3 * rms_error(first.height, there):.1f} | "
+            f"{1e3 * rms_error(second.height, after):.1f} | "
             f"{np.corrcoef(after, second.height)[0, 1]:.3f} | "
             f"{1e3 * after.max():+.0f}, {1e3 * after.min():+.0f} |\n"
         )
@@ -200,10 +201,6 @@ def found_gap(record: Record) -> str:
         name = " + ".join(f"`{effect}`" for effect in row.effects) or "M2 as it is"
         text += f"| {name} | {row.probability:.3f} | {1e3 * row.fit_rms:.1f} |\n"
     return text
-
-
-def _rms(values: Array) -> float:
-    return 1e3 * float(np.sqrt(np.mean(values**2)))
 
 
 if __name__ == "__main__":
