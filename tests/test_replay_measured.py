@@ -14,6 +14,7 @@ from slosh_bag.motion_table import read_motion_table
 from slosh_bag.replay import replay_bag, replay_table
 from slosh_model.containers import Cylinder
 from slosh_model.model import Model
+from tests.robot_runs import RUNS, write_runs
 
 REPOSITORY = Path(__file__).resolve().parent.parent
 DATA = Path(os.environ.get("SLOSH_SHARED_DATA", REPOSITORY.parent / "shared" / "data"))
@@ -21,15 +22,24 @@ ANTISLOSHING = DATA / "antisloshing"
 CFD = DATA / "cfd"
 CUP = Model(Cylinder(0.05, 0.07))
 
-needs_runs = [
-    pytest.mark.skipif(not ANTISLOSHING.is_dir(), reason=f"no measured runs in {ANTISLOSHING}"),
-    pytest.mark.skipif(find_interfaces("slosh_msgs") is None, reason="interfaces are not built"),
-]
+needs_messages = pytest.mark.skipif(
+    find_interfaces("slosh_msgs") is None, reason="interfaces are not built"
+)
 
 
-@pytest.fixture(scope="module")
-def untilted(tmp_path_factory):
-    bags = import_antisloshing(ANTISLOSHING, tmp_path_factory.mktemp("bags"))
+@pytest.fixture(scope="module", params=["published", "own"])
+def untilted(request, tmp_path_factory):
+    """Replays of runs of a robot's cup: those that are published, and our own."""
+    folder = ANTISLOSHING
+    if request.param == "own":
+        folder = write_runs(tmp_path_factory.mktemp("own"))
+    elif not folder.is_dir():
+        pytest.skip(f"no measured runs in {folder}")
+    return replays(folder, tmp_path_factory.mktemp("bags"))
+
+
+def replays(folder, output):
+    bags = import_antisloshing(folder, output)
     return [replay_bag(bag) for bag in bags if not bag.name.startswith("Tilt")]
 
 
@@ -38,9 +48,8 @@ def mean(results, model, field):
     return float(np.mean(values))
 
 
+@needs_messages
 class TestMeasuredRuns:
-    pytestmark = needs_runs
-
     def test_3d_nl_has_the_smallest_mean_error(self, untilted):
         sigma = {name: mean(untilted, name, "sigma") for name in ("2D-L", "3D-L", "2D-NL")}
         best = mean(untilted, "3D-NL", "sigma")
@@ -68,6 +77,16 @@ class TestMeasuredRuns:
         for result in untilted:
             own = np.sqrt(np.nanmean(result.heights["3D-NL"] ** 2))
             assert result.accuracy[-1].rms < own, result.name
+
+
+@needs_messages
+def test_two_clocks_are_laid_over_each_other_where_they_are(tmp_path):
+    found = replays(write_runs(tmp_path / "runs"), tmp_path / "bags")
+    assert {result.name for result in found} == set(RUNS)
+    for result in found:
+        clock = result.accuracy[-1].clock
+        assert clock.offset == pytest.approx(RUNS[result.name], abs=1e-2), result.name
+        assert result.accuracy[-1].sigma < 1.2e-3, result.name
 
 
 @pytest.mark.skipif(not CFD.is_dir(), reason=f"no CFD tables in {CFD}")

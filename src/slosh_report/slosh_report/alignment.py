@@ -97,7 +97,7 @@ def find_still_level(t: Array, height: Array) -> StillLevel:
         SloshReportError: the record does not hold a quiet part before its highest point.
     """
     t, height = _finite(t, height)
-    peak = int(np.argmax(despike(height)))
+    peak = int(np.nanargmax(despike(height)))
     best: StillLevel | None = None
     for first in range(0, peak, 5):
         last = int(np.searchsorted(t, t[first] + QUIET_WINDOW))

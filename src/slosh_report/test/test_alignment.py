@@ -63,6 +63,12 @@ def test_still_level_and_noise_come_from_before_the_motion():
     assert still.end < 7.0
 
 
+def test_a_wrong_height_before_the_motion_is_not_the_highest():
+    t, height = record(6.0, level=0.005)
+    height[20] = 0.02  # 0.3 s into the record: no still part comes before it
+    assert find_still_level(t, height).level == pytest.approx(0.005, abs=1e-4)
+
+
 def test_a_quiet_part_that_reaches_beyond_the_peak_is_no_still_level():
     t = np.arange(0.0, 12.0, 1.0 / 60.0)
     height = 0.005 + 3e-4 * np.random.default_rng(0).standard_normal(t.size)
