@@ -26,7 +26,7 @@ def check(context: LaunchContext) -> None:
 
 
 def generate_launch_description() -> LaunchDescription:
-    """Declares the arguments and the six nodes."""
+    """Declares the arguments and the nodes."""
     config = PathJoinSubstitution([FindPackageShare("slosh_bringup"), "config"])
     arguments = [
         DeclareLaunchArgument(name, default_value=default, description=description)
@@ -42,6 +42,7 @@ def generate_launch_description() -> LaunchDescription:
             ("output", "bag", "folder of the recorded bag"),
             ("record", "true", "record all topics of the cell"),
             ("predict", "false", "answer what planned motions will do: the service predict"),
+            ("watch", "false", "serve the operator's page to this machine, on port 8765"),
             ("simulate", "false", "play a motion instead of listening to a robot"),
             ("motion", "c3", "motion of the simulated cell"),
         )
@@ -50,6 +51,7 @@ def generate_launch_description() -> LaunchDescription:
     simulate = IfCondition(LaunchConfiguration("simulate"))
     record = IfCondition(LaunchConfiguration("record"))
     predict = IfCondition(LaunchConfiguration("predict"))
+    watch = IfCondition(LaunchConfiguration("watch"))
 
     # The motion begins when those that are started are ready.
     is_recorded = ["'", LaunchConfiguration("record"), "'.lower() in ('true', '1')"]
@@ -81,6 +83,7 @@ def generate_launch_description() -> LaunchDescription:
             node("slosh_estimator", "estimator", model=model),
             node("slosh_estimator", "monitor"),
             node("slosh_estimator", "predictor", predict, model=model),
+            node("slosh_bringup", "watch", watch),
             node(
                 "slosh_bringup",
                 "cell",

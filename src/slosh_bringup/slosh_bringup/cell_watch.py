@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, NamedTuple
 
 OK, WARN, ERROR, STALE = range(4)
 """Levels of diagnostic_msgs/DiagnosticStatus."""
@@ -74,3 +74,18 @@ class CellWatch:
                 heard.silent = True
                 lines.append(f"{node}: has said nothing for {now - heard.at:.0f} s")
         return lines
+
+
+def reports(message: Any, namespace: str) -> Iterator[NodeReport]:
+    """What the nodes of a namespace say; a robot's other nodes speak on the same topic."""
+    prefix = f"{namespace.rstrip('/')}/"
+    for status in message.status:
+        name = status.name.removeprefix(prefix)
+        if status.name.startswith(prefix) and "/" not in name:
+            facts = {pair.key: pair.value for pair in status.values}
+            yield NodeReport(name, _number(status.level), status.message, facts)
+
+
+def _number(level: bytes | int) -> int:
+    """A level as a number; rclpy has a byte as bytes, readers of bags as a number."""
+    return ord(level) if isinstance(level, bytes) else int(level)

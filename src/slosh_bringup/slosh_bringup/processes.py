@@ -31,6 +31,7 @@ NODES: Mapping[str, str] = {
     "player": "slosh_bag.nodes.player_node",
     "predictor": "slosh_estimator.nodes.predictor_node",
     "recorder": "slosh_bag.nodes.recorder_node",
+    "watch": "slosh_bringup.nodes.watch_node",
 }
 # Those that end by themselves.
 ENDING = ("cell", "player")

@@ -2,8 +2,7 @@
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
-from slosh_bringup.cell_watch import ERROR, OK, SILENT, STALE, WARN, CellWatch, NodeReport
-from slosh_bringup.nodes.cell_listener import reports
+from slosh_bringup.cell_watch import ERROR, OK, SILENT, STALE, WARN, CellWatch, NodeReport, reports
 
 
 def told(*said, nodes=("camera",)):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from slosh_bringup.cli.live import run_live
+from slosh_bringup.cli.live import add_watch, run_live
 from slosh_bringup.cli.progress import clock
 from slosh_bringup.live.cell_setup import read_setup
 from slosh_bringup.live.run import LiveRun
@@ -18,10 +18,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "-o", "--output", type=Path, default=Path("out/cell"),
         help="gets a dated folder for each run, and the link latest to the newest one",
     )  # fmt: skip
+    add_watch(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Runs the nodes until it is told to end; prints the figures and where the results are."""
     config: Path = arguments.config
-    run = LiveRun("cell", read_setup(config), arguments.output, f"Cell {config.stem}")
+    run = LiveRun(
+        "cell", read_setup(config), arguments.output, f"Cell {config.stem}", watch=arguments.watch
+    )
     return run_live(run, clock("recording, Ctrl-C to stop"), arguments.stop)

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from slosh_bringup.cell.motions import MOTIONS, make_motion
-from slosh_bringup.cli.live import run_live
+from slosh_bringup.cli.live import add_watch, run_live
 from slosh_bringup.cli.progress import progress_bar
 from slosh_bringup.live.cell_setup import NODES_OF_A_CELL, default_setup
 from slosh_bringup.live.run import LiveRun
@@ -24,6 +24,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument("--repeat", type=int, default=1, help="how often the motion is played")
     parser.add_argument("--json", action="store_true", help="print the figures as JSON")
+    add_watch(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -43,6 +44,6 @@ def run(arguments: argparse.Namespace) -> int:
     )
     length = STARTING + arguments.repeat * motion.duration
     title = f"Simulated cell, motion {motion.name}"
-    run = LiveRun("demo", setup, arguments.output, title, simulated)
+    run = LiveRun("demo", setup, arguments.output, title, simulated, arguments.watch)
     bar = progress_bar(f"motion {motion.name}", length, quiet=arguments.json)
     return run_live(run, bar, arguments.stop, as_json=arguments.json)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import contextlib
 import json
 import os
@@ -13,7 +14,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import NoReturn
 
-from slosh_bringup.cli.progress import STOPPING, Tell, say
+from slosh_bringup.cli.progress import STOPPING, Tell, can_draw, say
 from slosh_bringup.live.report import REPORT, LiveResult, make_live_report
 from slosh_bringup.live.run import BAG, LiveRun, check_files, run_nodes
 from slosh_bringup.live.run_folder import new_run
@@ -21,6 +22,21 @@ from slosh_bringup.live.run_result import print_replay, table
 from slosh_bringup.stop_request import StopRequest
 
 _STDERR = 2
+WATCH_PORT = 8765
+
+
+def add_watch(parser: argparse.ArgumentParser) -> None:
+    """Declares the option of who wants to look on."""
+    parser.add_argument(
+        "--watch", nargs="?", type=_port, const=WATCH_PORT, metavar="PORT",
+        help=f"serve the operator's page to this machine on a port ({WATCH_PORT})",
+    )  # fmt: skip
+
+
+def _port(text: str) -> int:
+    if not (text.isascii() and text.isdigit() and 1 <= int(text) <= 65535):
+        raise argparse.ArgumentTypeError(f"{text!r} is no port from 1 to 65535")
+    return int(text)
 
 
 class LiveScreen:
@@ -36,10 +52,11 @@ class LiveScreen:
         self._stop = stop
         self._elapsed = 0.0
 
-    def show(self, elapsed: float, text: str) -> None:
+    def show(self, elapsed: float, text: str, status: str = "") -> None:
         """Shows how long it has taken [s] and what is going on, in place of what was shown."""
         self._elapsed = elapsed
-        self._try(lambda: self._progress(elapsed, text))
+        shown = text or (status if can_draw(sys.stderr) else "")
+        self._try(lambda: self._progress(elapsed, shown))
 
     def stopped(self) -> None:
         """What was shown last is all that there was."""

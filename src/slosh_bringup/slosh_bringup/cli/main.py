@@ -31,6 +31,7 @@ COMMANDS: dict[str, str] = {
     "discover": "where model and measurement disagree, and the missing effect",
     "predict": "peak heights of candidate motions, and how fast they may be run",
     "plan": "the fastest motion along a path that keeps the liquid below a limit",
+    "watch": "the operator's page, of a running cell or of a recording",
     "doctor": "what works here, what is missing, how to mend it",
 }
 LIVE = ("demo", "cell")

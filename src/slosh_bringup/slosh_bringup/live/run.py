@@ -54,6 +54,7 @@ class LiveRun:
         folder: its own; the results go there.
         title: of the report.
         simulated: the simulated cell; None: a robot speaks.
+        watch: port of the operator's page; None: there is none.
     """
 
     command: str
@@ -61,6 +62,7 @@ class LiveRun:
     folder: Path
     title: str
     simulated: NodeProcess | None = None
+    watch: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,6 +99,11 @@ def run_nodes(run: LiveRun, screen: Screen, stop: StopRequest) -> Outcome:
     claim = own_domain() if run.simulated else nullcontext()
     processes = run.setup.processes(run.folder / BAG)
     ready = f"ready: recording to {run.folder / BAG}"
+    if run.watch is not None:
+        given = {"host": "127.0.0.1", "port": str(run.watch)}
+        setup = run.setup
+        processes.append(NodeProcess("watch", [setup.parameters], given, setup.remap))
+        ready += f", the page of it on http://127.0.0.1:{run.watch}/"
     if run.simulated is not None:
         processes.append(run.simulated)
         ready += ", the motion begins"
@@ -110,7 +117,7 @@ def run_nodes(run: LiveRun, screen: Screen, stop: StopRequest) -> Outcome:
         os.environ.update(environment)
         group = stack.enter_context(NodeGroup(namespace, run.folder / LOGS, environment))
         listener = stack.enter_context(
-            CellListener(namespace, watch.take_settings, watch.take_report, diagnostics)
+            CellListener(namespace, watch, remap.get(topics.COMPARISON), diagnostics)
         )
         supervision = Supervision(group, processes, watch.tell)
         freed = remove_leftovers()

@@ -5,11 +5,12 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 from slosh_bag.recording.settings import NodeStart
 from slosh_bringup.cell_watch import CellWatch, NodeReport
 from slosh_bringup.live.in_force import TELLING, in_force_lines, settings_document
+from slosh_bringup.live.status import CellStatus
 from slosh_bringup.ready_wait import ReadyWait, sentence
 from slosh_files import write_text
 from slosh_msgs_py.node.readiness import COMPILING, READY, STATE
@@ -18,8 +19,11 @@ from slosh_msgs_py.node.readiness import COMPILING, READY, STATE
 class Screen(Protocol):
     """Whoever watches a run."""
 
-    def show(self, elapsed: float, text: str) -> None:
-        """Is shown how long it has taken [s] and what is going on, ten times a second."""
+    def show(self, elapsed: float, text: str, status: str = "") -> None:
+        """Is shown how long it has taken [s] and what is going on, ten times a second.
+
+        A status is what holds at this moment: nothing for a log, which keeps what it is told.
+        """
 
     def tell(self, line: str) -> None:
         """Is told what has happened."""
@@ -45,6 +49,7 @@ class LiveWatch:
         self._health: CellWatch | None = None
         self._starts: dict[str, NodeStart] = {}
         self._told: dict[str, str] = {}
+        self._status = CellStatus()
 
     @property
     def began(self) -> bool:
@@ -64,6 +69,7 @@ class LiveWatch:
     def take_settings(self, start: NodeStart) -> None:
         """Takes what a node works with, at its start or later."""
         self._starts[start.node] = start
+        self._status.take_parameters(start.node, start.parameters)
         try:
             write_text(self._file, settings_document(self._starts))
         except OSError as error:  # a full disk ends no run: the recorder waits for room, too
@@ -73,12 +79,18 @@ class LiveWatch:
     def take_report(self, report: NodeReport) -> None:
         """Takes what a node says of itself."""
         now = time.monotonic()
+        self._status.take_report(report)
         if self._health is not None:
             self._tell(self._health.take(report, now))
             return
         self._wait.take(report, now)
         self._tell_readiness(report)
         self._begin()
+
+    def take_comparison(self, comparison: Any) -> None:
+        """Takes the newest SloshComparison."""
+        heights = comparison.measured, comparison.estimated_nonlinear
+        self._status.take_comparison(*heights, comparison.state, time.monotonic())
 
     def look(self) -> None:
         """Looks at the clock; several times a second."""
@@ -87,7 +99,7 @@ class LiveWatch:
             self._screen.show(0.0, self.waits_for)
             return
         self._tell(self._health.look(now))
-        self._screen.show(now - self._began, "")
+        self._screen.show(now - self._began, "", self._status.line(now))
 
     def tell(self, line: str) -> None:
         """Tells what somebody else has noticed."""

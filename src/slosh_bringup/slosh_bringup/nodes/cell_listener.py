@@ -5,8 +5,8 @@ from __future__ import annotations
 import contextlib
 import os
 import time
-from collections.abc import Callable, Iterator
 from types import TracebackType
+from typing import Protocol
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
@@ -15,10 +15,23 @@ from rclpy.node import Node
 
 from slosh_bag.errors import SloshBagError
 from slosh_bag.recording.settings import NodeStart, node_start
-from slosh_bringup.cell_watch import NodeReport
-from slosh_msgs.msg import NodeSettings
+from slosh_bringup.cell_watch import NodeReport, reports
+from slosh_msgs.msg import NodeSettings, SloshComparison
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.node.run import initialise, make_heard
+
+
+class Hearer(Protocol):
+    """Whoever wants to know how a cell is."""
+
+    def take_settings(self, start: NodeStart) -> None:
+        """Is given what a node says that it works with."""
+
+    def take_report(self, report: NodeReport) -> None:
+        """Is given what a node says of its health."""
+
+    def take_comparison(self, comparison: SloshComparison) -> None:
+        """Is given the newest comparison."""
 
 
 class CellListener:
@@ -28,20 +41,21 @@ class CellListener:
 
     Args:
         namespace: of the cell.
-        on_settings: gets what a node says that it works with.
-        on_report: gets what it says of its health.
-        diagnostics: topic of that.
+        hearer: is given what is heard.
+        comparison: topic of the monitor's comparisons; None: as it is by itself.
+        diagnostics: topic of the nodes' health.
     """
 
     def __init__(
         self,
         namespace: str,
-        on_settings: Callable[[NodeStart], None],
-        on_report: Callable[[NodeReport], None],
+        hearer: Hearer,
+        comparison: str | None = None,
         diagnostics: str = topics.DIAGNOSTICS,
     ) -> None:
         self._namespace = namespace
-        self._on_settings, self._on_report = on_settings, on_report
+        self._hearer = hearer
+        self._comparison = comparison or topics.COMPARISON
         self._diagnostics = diagnostics
 
     def __enter__(self) -> CellListener:
@@ -79,22 +93,15 @@ class CellListener:
         node.create_subscription(
             DiagnosticArray, self._diagnostics, self._take_diagnostics, qos.DIAGNOSTICS
         )
+        node.create_subscription(
+            SloshComparison, self._comparison, self._hearer.take_comparison, qos.NEWEST_IN
+        )
         return node
 
     def _take_diagnostics(self, message: DiagnosticArray) -> None:
         for report in reports(message, self._namespace):
-            self._on_report(report)
+            self._hearer.take_report(report)
 
     def _take_settings(self, message: NodeSettings) -> None:
         with contextlib.suppress(SloshBagError):  # a stranger's; ours can be read
-            self._on_settings(node_start(message, time.time_ns(), topics.SETTINGS))
-
-
-def reports(message: DiagnosticArray, namespace: str) -> Iterator[NodeReport]:
-    """What the nodes of a namespace say; a robot's other nodes speak on the same topic."""
-    prefix = f"{namespace.rstrip('/')}/"
-    for status in message.status:
-        name = status.name.removeprefix(prefix)
-        if status.name.startswith(prefix) and "/" not in name:
-            facts = {pair.key: pair.value for pair in status.values}
-            yield NodeReport(name, ord(status.level), status.message, facts)
+            self._hearer.take_settings(node_start(message, time.time_ns(), topics.SETTINGS))

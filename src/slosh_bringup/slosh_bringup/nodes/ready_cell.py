@@ -9,7 +9,7 @@ from threading import Event
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.node import Node
 
-from slosh_bringup.nodes.cell_listener import reports
+from slosh_bringup.cell_watch import reports
 from slosh_bringup.ready_wait import ReadyWait, sentence
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.node.rivals import node_of

@@ -1,0 +1,70 @@
+"""`slosh watch`: the operator's page, of a running cell or of a recording."""
+
+from __future__ import annotations
+
+import argparse
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+from slosh_bringup.live.cell_setup import NAMESPACE
+from slosh_bringup.processes import NodeProcess, node_environment
+
+PORT, HOST = 8765, "127.0.0.1"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declares the subcommand's options."""
+    parser.add_argument(
+        "bag", nargs="?", type=Path, help="a recording; without one a running cell is watched"
+    )
+    parser.add_argument("--port", type=int, default=PORT, help="of the page; 0: any (%(default)s)")
+    parser.add_argument(
+        "--host", default=HOST,
+        help="address on which the page is served (%(default)s: this machine alone); 0.0.0.0: on "
+        "all, its address then holds a token",
+    )  # fmt: skip
+    parser.add_argument("--namespace", default=NAMESPACE, help="of the cell (%(default)s)")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Serves the page until Ctrl-C."""
+    if arguments.bag is None:
+        return _watch_cell(arguments)
+    return _watch_recording(arguments)
+
+
+def _watch_cell(arguments: argparse.Namespace) -> int:
+    """Starts the node and waits for its end; on a robot the same node is launched."""
+    given = {"host": arguments.host, "port": str(arguments.port)}
+    words = NodeProcess("watch", parameters=given).command(arguments.namespace)
+    with subprocess.Popen(words, env=node_environment()) as node:
+        try:
+            return node.wait()
+        except KeyboardInterrupt:  # the terminal has told the node, too
+            node.send_signal(signal.SIGINT)
+            node.wait()
+            return 0
+
+
+def _watch_recording(arguments: argparse.Namespace) -> int:
+    from slosh_bringup.watch.access import new_access
+    from slosh_bringup.watch.recording import Recording
+    from slosh_bringup.watch.server import WatchServer, listen, recording_app
+
+    listener = listen(arguments.host, arguments.port)
+    recording = Recording(arguments.bag, _say)
+    access = new_access(arguments.host, listener.getsockname()[1])
+    server = WatchServer(listener, lambda: recording_app(recording, access))
+    server.start()
+    _say(f"{arguments.bag} on {access.url} (Ctrl-C to stop)")
+    try:
+        server.wait()
+    except KeyboardInterrupt:
+        server.stop()
+    return 0
+
+
+def _say(line: str) -> None:
+    print(f"slosh watch: {line}", file=sys.stderr)

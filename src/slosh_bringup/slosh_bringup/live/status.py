@@ -1,0 +1,55 @@
+"""What a running cell does, in one line for its terminal."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from slosh_bringup.cell_watch import NodeReport
+from slosh_bringup.watch.verdict import judge
+
+RATES = {"camera": "measurement [Hz]", "estimator": "output [Hz]"}
+"""Whose rates are shown, and the fact that tells it."""
+
+
+class CellStatus:
+    """Takes what the nodes say; gives the line."""
+
+    def __init__(self) -> None:
+        self._state: int | None = None
+        self._measured = self._estimated = self._limit = math.nan
+        self._at = -math.inf
+        self._rates: dict[str, str] = {}
+
+    def take_comparison(self, measured: float, estimated: float, state: int, now: float) -> None:
+        """Takes the newest heights [m] and the monitor's state, at a steady time [s]."""
+        self._measured, self._estimated = measured, estimated
+        self._state, self._at = state, now
+
+    def take_report(self, report: NodeReport) -> None:
+        """Takes what a node says of its rates."""
+        if report.node in RATES:
+            self._rates[report.node] = report.facts.get(RATES[report.node], "")
+
+    def take_parameters(self, node: str, parameters: Mapping[str, Any]) -> None:
+        """Takes the monitor's limit."""
+        limit = parameters.get("measured_limit")
+        if node == "monitor" and isinstance(limit, int | float):
+            self._limit = float(limit)
+
+    def line(self, now: float) -> str:
+        """State, heights, limit and rates at a steady time [s]."""
+        verdict, reason = judge(self._state, now - self._at)
+        words = [verdict.value.upper()]
+        if now - self._at > 1.0:
+            words.append(reason)
+        else:
+            heights = f"measured {_shown(self._measured)}, estimated {_shown(self._estimated)}"
+            words.append(f"{heights} of {_shown(self._limit)} mm")
+        rates = [f"{node} {float(rate):.0f} Hz" for node, rate in self._rates.items() if rate]
+        return " · ".join([*words, *rates])
+
+
+def _shown(height: float) -> str:
+    return f"{1e3 * height:.1f}" if math.isfinite(height) else "–"

@@ -1,0 +1,211 @@
+"""The watch node: serves the operator's page, and costs the cell as little as it can.
+
+It takes messages in batches, ten times a second, as the recorder does: an executor that woke up
+for each of them would cost more than everything else here. Of what comes a thousand times a
+second it takes the newest alone. What viewers do costs their own connection and nobody else.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import sys
+import time
+from collections import deque
+from collections.abc import Callable, Iterator
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.clock import Clock, ClockType
+from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.qos import QoSProfile
+from rclpy.subscription import Subscription
+from sensor_msgs.msg import CompressedImage, Image
+
+from slosh_bag.errors import SloshBagError
+from slosh_bag.recording.settings import node_start
+from slosh_bringup.cell_watch import reports
+from slosh_bringup.watch import hearing
+from slosh_bringup.watch.access import new_access
+from slosh_bringup.watch.hub import Hub
+from slosh_bringup.watch.picture import Camera
+from slosh_bringup.watch.server import WatchServer, listen, live_app
+from slosh_bringup.watch.state import PERIOD, WatchState
+from slosh_camera.errors import SloshCameraError
+from slosh_camera.images.colour import Image as Pixels
+from slosh_camera.images.decoding import decode_compressed, to_image
+from slosh_msgs.msg import FreeSurface, LimitEvent, NodeSettings, SloshComparison, SloshEstimate
+from slosh_msgs_py import qos, topics
+from slosh_msgs_py.node.diagnostics import OK, DiagnosticsReporter, Health
+from slosh_msgs_py.node.guarded import GuardedNode
+from slosh_msgs_py.node.parameters import ParameterSpec, declare
+from slosh_msgs_py.node.run import run_node
+from slosh_msgs_py.stamps import to_nanoseconds
+
+PICTURE_EVERY = 3
+"""Frames between two camera images."""
+BATCH = 2000
+"""Most messages of a topic that are taken at once."""
+PARAMETERS = (
+    ParameterSpec("host", "127.0.0.1", "address on which the page is served; 0.0.0.0: on all"),
+    ParameterSpec("port", 8765, "its port; 0: any that is free", (0, 65535)),
+)
+
+
+class WatchNode(GuardedNode):
+    """Takes what the cell says, and publishes to browsers."""
+
+    def __init__(self) -> None:
+        self._batched: set[Subscription] = set()
+        super().__init__("watch")
+        given = declare(self, PARAMETERS)
+        listener = listen(given["host"], given["port"])
+        self.access = new_access(given["host"], listener.getsockname()[1])
+        self._hub = Hub()
+        self._server = WatchServer(listener, lambda: live_app(self._hub, self.access))
+        self._state = WatchState()
+        self._camera = Camera()
+        self._surfaces: deque[FreeSurface] = deque(maxlen=120)
+        self._taken: list[tuple[Subscription, Any, Callable[[Any], None]]] = []
+        self._add(NodeSettings, topics.SETTINGS, qos.EVENT, self._on_settings)
+        self._add(DiagnosticArray, topics.DIAGNOSTICS, qos.DIAGNOSTICS, self._on_diagnostics)
+        self._add(LimitEvent, topics.LIMIT_EVENT, qos.EVENT, self._on_event)
+        self._add(FreeSurface, topics.FREE_SURFACE, qos.STREAM_IN, self._on_surface)
+        self._add(SloshComparison, topics.COMPARISON, qos.STREAM_IN, self._on_comparison)
+        self._add(SloshEstimate, topics.ESTIMATE, qos.NEWEST_IN, self._on_estimate)
+        self._images: tuple[Subscription, Any] | None = None
+        self._image: Image | CompressedImage | None = None
+        self._frames = 0
+        self._report = DiagnosticsReporter(self, self._health, self._facts)
+        self._server.start()
+        self.create_timer(PERIOD, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self.get_logger().info(f"the page of this cell: {self.access.url}")
+
+    @property
+    def subscriptions(self) -> Iterator[Subscription]:
+        """What an executor serves: nothing of what is taken in batches."""
+        return (entry for entry in super().subscriptions if entry not in self._batched)
+
+    def close(self) -> None:
+        """Ends the page."""
+        self._server.stop()
+
+    def _add(self, kind: Any, topic: str, profile: QoSProfile, use: Callable[[Any], None]) -> None:
+        self._taken.append((self._subscribe(kind, topic, profile), kind, use))
+
+    def _subscribe(self, kind: Any, topic: str, profile: QoSProfile) -> Subscription:
+        events = SubscriptionEventCallbacks(use_default_callbacks=False)
+        made = self.create_subscription(
+            kind, topic, lambda message: None, profile, event_callbacks=events
+        )
+        self._batched.add(made)
+        return made
+
+    def _look(self) -> None:
+        for subscription, kind, use in self._taken:
+            for message in _take(subscription, kind, BATCH):
+                self._report.counts[subscription.topic.rpartition("/")[2]] += 1
+                try:
+                    use(message)
+                except Exception as error:  # one bad message must not cost those after it
+                    self.faults.add(subscription.topic, error)
+        if self._frames % PICTURE_EVERY == 0:
+            self._look_at_camera()
+        self._frames += 1
+        self._server.call(self._hub.put_frame, self._state.frame(time.monotonic()))
+
+    def _look_at_camera(self) -> None:
+        """Shows the image of last time, which has been measured by now, and takes a new one."""
+        if self._image is not None:
+            self._show(self._image)
+            self._image = None
+        if not self._hub.viewers:
+            self._stop_images()
+            return
+        if self._images is None:
+            self._images = self._subscribe_images()
+            return
+        subscription, kind = self._images
+        self._image = next(_take(subscription, kind, 1), None)
+
+    def _subscribe_images(self) -> tuple[Subscription, Any]:
+        """The compressed images where somebody sends them: the others are ten times as large."""
+        kind, topic = CompressedImage, topics.IMAGE_COMPRESSED
+        if not self.count_publishers(self.resolve_topic_name(topic)):
+            kind, topic = Image, topics.IMAGE
+        return self._subscribe(kind, topic, qos.IMAGE_IN), kind
+
+    def _stop_images(self) -> None:
+        """Nobody looks: images cost nothing."""
+        if self._images is not None:
+            subscription, self._images = self._images[0], None
+            self._batched.discard(subscription)
+            self.destroy_subscription(subscription)
+
+    def _show(self, message: Image | CompressedImage) -> None:
+        try:
+            image = _decoded(message)
+        except SloshCameraError:
+            return  # the camera node says what is wrong with it
+        stamp_ns = to_nanoseconds(message.header.stamp)
+        near = min(
+            self._surfaces,
+            key=lambda surface: abs(to_nanoseconds(surface.header.stamp) - stamp_ns),
+            default=None,
+        )
+        self._server.call(self._hub.put_picture, self._camera.picture(image, stamp_ns, near))
+
+    def _on_comparison(self, message: SloshComparison) -> None:
+        hearing.hear_comparison(self._state, message, time.monotonic())
+
+    def _on_surface(self, message: FreeSurface) -> None:
+        self._surfaces.append(message)
+        hearing.hear_surface(self._state, message)
+
+    def _on_estimate(self, message: SloshEstimate) -> None:
+        hearing.hear_estimate(self._state, message, time.monotonic())
+
+    def _on_event(self, message: LimitEvent) -> None:
+        hearing.hear_event(self._state, message)
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        for report in reports(message, self.get_namespace()):
+            self._state.take_report(report, time.monotonic())
+
+    def _on_settings(self, message: NodeSettings) -> None:
+        with contextlib.suppress(SloshBagError):  # a stranger's; ours can be read
+            start = node_start(message, time.time_ns(), topics.SETTINGS)
+            hearing.hear_start(self._state, self._camera, start)
+
+    def _health(self) -> Health:
+        return OK, f"serves {self._hub.viewers} viewers on {self.access.host}:{self.access.port}"
+
+    def _facts(self) -> dict[str, Any]:
+        return {"viewers": self._hub.viewers, "frames": self._frames}
+
+
+def _decoded(message: Image | CompressedImage) -> Pixels:
+    if isinstance(message, CompressedImage):
+        return decode_compressed(message.format, message.data)
+    return to_image(
+        message.encoding, message.height, message.width, message.step, message.data,
+        big_endian=bool(message.is_bigendian),
+    )  # fmt: skip
+
+
+def _take(subscription: Subscription, kind: Any, most: int) -> Iterator[Any]:
+    """What has come on a subscription that no executor serves."""
+    with subscription.handle:
+        for _ in range(most):
+            taken = subscription.handle.take_message(kind, False)
+            if taken is None:
+                return
+            yield taken[0]
+
+
+def main() -> int:
+    """Runs the node."""
+    return run_node(WatchNode)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

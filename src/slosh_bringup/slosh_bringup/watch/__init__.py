@@ -1,0 +1,11 @@
+"""The operator's page: what a cell does, at a glance, in a browser.
+
+state       what has been heard, as frames ten times a second → verdict
+hearing     a message, live or recorded → state
+picture     the camera's image and the liquid's line in it
+access      who may look
+hub         frames to viewers, none of whom can hold another up
+server      the page over HTTP and one WebSocket → hub, access
+recording   a bag as the same frames → state, hearing, picture
+page/       what the browser gets; nothing comes from elsewhere
+"""

@@ -1,0 +1,79 @@
+"""Messages of a cell, live or of a recording, given to the state of its page."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+from slosh_bag.recording.settings import NodeStart
+from slosh_bringup.watch.picture import Camera
+from slosh_bringup.watch.state import Compared, Estimated, LimitNews, Surface, WatchState
+from slosh_files.nanoseconds import SECOND
+
+CAMERA, MODEL = "the camera", "the estimator"
+
+
+def hear_comparison(state: WatchState, message: Any, now: float) -> None:
+    """Gives a SloshComparison that came now [s]."""
+    silent = ((CAMERA, message.measured_stale), (MODEL, message.estimate_stale))
+    compared = Compared(
+        stamp_ns(message),
+        message.measured,
+        message.measured_stddev,
+        message.estimated_nonlinear,
+        message.residual_nonlinear,
+        message.sigma_nonlinear,
+        message.epsilon_nonlinear,
+        message.state,
+        tuple(name for name, stale in silent if stale),
+    )
+    state.take_comparison(compared, now)
+
+
+def hear_surface(state: WatchState, message: Any) -> None:
+    """Gives a FreeSurface."""
+    state.take_surface(
+        Surface(
+            stamp_ns(message),
+            message.msh,
+            message.azimuth,
+            message.profile_azimuth,
+            message.profile_height,
+            message.flags,
+        )
+    )
+
+
+def hear_estimate(state: WatchState, message: Any, now: float) -> None:
+    """Gives a SloshEstimate that came now [s]."""
+    highest = message.nonlinear
+    state.take_estimate(Estimated(stamp_ns(message), highest.msh, highest.azimuth), now)
+
+
+def hear_event(state: WatchState, message: Any) -> None:
+    """Gives a LimitEvent."""
+    state.take_event(
+        LimitNews(
+            stamp_ns(message),
+            message.id,
+            message.kind,
+            message.source,
+            message.peak if message.peak == message.peak else math.nan,
+            message.description,
+        )
+    )
+
+
+def hear_start(state: WatchState, camera: Camera, start: NodeStart) -> None:
+    """Gives what a node works with: the monitor's limits, the camera's calibration."""
+    state.take_parameters(start.node, start.parameters)
+    if start.node == "camera":
+        folder = Path(str(start.parameters.get("calibration", ""))).parent
+        camera.take_calibration(start.files.get("calibration", ""), folder)
+
+
+def stamp_ns(message: Any) -> int:
+    """A message's stamp [ns]."""
+    stamp = message.header.stamp
+    return int(stamp.sec) * SECOND + int(stamp.nanosec)

@@ -1,0 +1,151 @@
+"use strict";
+// What is drawn: heights over time, the wall from above, the camera's image.
+
+const SPAN = 30;
+
+function colour(name) {
+  return getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
+}
+
+class Heights {
+  constructor(place) {
+    this.place = place;
+    this.drawing = null;
+    this.limits = {};
+    this.rows = [[], [], []];
+    this.plot = null;
+    new ResizeObserver(() => this.fit()).observe(place);
+    matchMedia("(prefers-color-scheme: light)").addEventListener("change", () => this.renew());
+    this.renew();
+  }
+
+  renew() {
+    if (this.plot) this.plot.destroy();
+    const axis = { stroke: colour("soft"), grid: { stroke: colour("rule") }, ticks: { stroke: colour("rule") } };
+    const line = (label, name) => ({
+      label, stroke: colour(name), width: 2, spanGaps: false, points: { show: false },
+      value: (_, v) => (v === null || v === undefined ? "–" : v.toFixed(2)),
+    });
+    this.plot = new uPlot({
+      ...this.size(),
+      scales: { x: { time: false, range: () => [this.end() - SPAN, this.end()] }, y: { range: (_, lo, hi) => this.range(lo, hi) } },
+      axes: [{ ...axis, values: (_, ticks) => ticks.map((t) => `${t} s`) }, axis],
+      series: [{ label: "time", value: (_, v) => (v === null ? "–" : `${v.toFixed(2)} s`) },
+        line("measured", "measured"), line("estimated", "estimated")],
+      hooks: { draw: [(plot) => this.drawLimits(plot)] },
+      cursor: { drag: { x: false, y: false } },
+    }, this.rows, this.place);
+  }
+
+  size() { return { width: Math.max(this.place.clientWidth, 200), height: 280 }; }
+  fit() { if (this.plot) this.plot.setSize(this.size()); }
+  end() { const t = this.rows[0]; return Math.max(t.length ? t[t.length - 1] : SPAN, SPAN); }
+
+  range(low, high) {
+    const limit = 1e3 * Math.max(this.limits.measured || 0, this.limits.estimated || 0);
+    return [Math.min(low ?? 0, 0), 1.12 * Math.max(high ?? 1, limit, 1)];
+  }
+
+  drawLimits(plot) {
+    const context = plot.ctx;
+    context.save();
+    context.strokeStyle = colour("limit");
+    context.setLineDash([8, 6]);
+    context.lineWidth = 2;
+    for (const limit of new Set([this.limits.measured, this.limits.estimated])) {
+      if (!limit) continue;
+      const y = plot.valToPos(1e3 * limit, "y", true);
+      context.beginPath();
+      context.moveTo(plot.bbox.left, y);
+      context.lineTo(plot.bbox.left + plot.bbox.width, y);
+      context.stroke();
+    }
+    context.restore();
+  }
+
+  clear() { this.rows = [[], [], []]; this.drawing = null; }
+
+  add(frame) {
+    if (frame.drawing !== this.drawing) { this.clear(); this.drawing = frame.drawing; }
+    for (const [t, measured, estimated] of frame.rows) {
+      this.rows[0].push(t);
+      this.rows[1].push(measured === null ? null : 1e3 * measured);
+      this.rows[2].push(estimated === null ? null : 1e3 * estimated);
+    }
+    const first = this.rows[0].findIndex((t) => t >= this.end() - SPAN);
+    if (first > 0) this.rows = this.rows.map((row) => row.slice(first));
+    if (frame.limits) this.limits = frame.limits;
+  }
+
+  draw() { this.plot.setData(this.rows); }
+}
+
+// The wall as a circle, +x to the right and counter-clockwise as in the container's frame; outwards is higher.
+function drawAbove(canvas, surface, limit) {
+  const size = canvas.clientWidth || 300;
+  const dense = devicePixelRatio || 1;
+  canvas.width = canvas.height = Math.round(size * dense);
+  const context = canvas.getContext("2d");
+  context.scale(dense, dense);
+  const middle = size / 2, still = 0.27 * size;
+  const scale = 0.15 * size / (limit || 0.02);
+  const place = (azimuth, height) => {
+    const radius = Math.max(still + scale * height, 2);
+    return [middle + radius * Math.cos(azimuth), middle - radius * Math.sin(azimuth)];
+  };
+  const ring = (radius, name, dashes) => {
+    context.setLineDash(dashes);
+    context.strokeStyle = colour(name);
+    context.beginPath();
+    context.arc(middle, middle, radius, 0, 2 * Math.PI);
+    context.stroke();
+  };
+  context.lineWidth = 1.5;
+  ring(still, "soft", []);
+  if (limit) ring(still + scale * limit, "limit", [6, 5]);
+  context.setLineDash([]);
+  context.fillStyle = colour("soft");
+  context.font = "12px system-ui, sans-serif";
+  context.fillText("+x", size - 20, middle + 4);
+  context.fillText("+y", middle - 7, 13);
+  if (limit) context.fillText(`limit ${(1e3 * limit).toFixed(0)} mm`, 4, size - 6);
+  const arrow = (end, name) => {
+    if (!end || end[0] === null || end[1] === null) return;
+    context.strokeStyle = context.fillStyle = colour(name);
+    context.lineWidth = 3;
+    const [x, y] = place(end[0], end[1]);
+    context.beginPath();
+    context.moveTo(middle, middle);
+    context.lineTo(x, y);
+    context.stroke();
+    context.beginPath();
+    context.arc(x, y, 5, 0, 2 * Math.PI);
+    context.fill();
+  };
+  if (surface.line && surface.line.length) {
+    context.fillStyle = colour("measured");
+    for (const [azimuth, height] of surface.line) {
+      const [x, y] = place(azimuth, height);
+      context.fillRect(x - 1.5, y - 1.5, 3, 3);
+    }
+  }
+  arrow(surface.estimated, "estimated");
+  arrow(surface.measured, "measured");
+}
+
+async function drawCamera(canvas, buffer) {
+  const length = new DataView(buffer).getUint32(0, true);
+  const heading = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, length)));
+  const image = await createImageBitmap(new Blob([new Uint8Array(buffer, 4 + length)], { type: "image/jpeg" }));
+  canvas.width = image.width;
+  canvas.height = image.height;
+  const context = canvas.getContext("2d");
+  context.drawImage(image, 0, 0);
+  image.close();
+  context.fillStyle = "#35ff8a";
+  for (const [u, v] of heading.line) {
+    context.beginPath();
+    context.arc(u, v, 2, 0, 2 * Math.PI);
+    context.fill();
+  }
+}

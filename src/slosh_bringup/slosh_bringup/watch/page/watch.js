@@ -1,0 +1,154 @@
+"use strict";
+// Puts frames on the page. Whatever comes is shown as text, never as markup.
+
+const LOST = 1000; // ms without a frame
+const CLASSES = { "safe": "safe", "near limit": "near", "limit exceeded": "exceeded", "blind": "blind" };
+const part = (id) => document.getElementById(id);
+const recorded = document.documentElement.dataset.mode === "recording";
+const heights = new Heights(part("plot"));
+const state = { limits: {}, heard: -Infinity, held: false, playing: false, pending: false };
+
+function millimetres(value, digits = 1) {
+  return value === null || value === undefined ? "–" : (1e3 * value).toFixed(digits);
+}
+
+function put(id, text) {
+  const node = part(id);
+  if (node.textContent !== text) node.textContent = text;
+}
+
+function banner(verdict, reason) {
+  part("banner").className = CLASSES[verdict] || "lost";
+  put("verdict", verdict);
+  put("reason", reason);
+  document.title = `${verdict} – slosh monitor`;
+}
+
+function limitText(name) {
+  const limit = state.limits[name];
+  return limit ? `limit ${millimetres(limit)} mm` : "";
+}
+
+function showNow(now) {
+  put("measured", millimetres(now.measured));
+  put("estimated", millimetres(now.estimated));
+  put("residual", millimetres(now.residual));
+  put("sigma", millimetres(now.sigma, 2));
+  put("epsilon", now.epsilon === null || now.epsilon === undefined ? "–" : (100 * now.epsilon).toFixed(1));
+  put("measured-limit", limitText("measured"));
+  put("estimated-limit", limitText("estimated"));
+  put("residual-limit", limitText("disagreement"));
+}
+
+function row(cells) {
+  const line = document.createElement("tr");
+  for (const [text, name] of cells) {
+    const cell = document.createElement("td");
+    cell.textContent = text;
+    if (name) cell.className = name;
+    line.append(cell);
+  }
+  return line;
+}
+
+function showNodes(nodes) {
+  part("nodes").replaceChildren(...nodes.map((node) => {
+    const facts = Object.entries(node.facts);
+    const rates = facts.filter(([key]) => key.endsWith(" [Hz]")).map(([key, value]) => `${key.slice(0, -5)} ${value}`);
+    const lost = facts.filter(([key]) => /dropped|lost/.test(key) && !/Hz|while/.test(key)).map(([, value]) => Number(value));
+    const dropped = lost.reduce((sum, value) => sum + (value || 0), 0);
+    return row([[node.name], [node.level, node.level], [rates.join(", ") || "–"], [lost.length ? String(dropped) : "–"], [node.age.toFixed(1)], [node.sentence]]);
+  }));
+}
+
+function showEvents(events) {
+  part("events").replaceChildren(...events.map((event) => {
+    const line = document.createElement("li");
+    line.className = event.start ? "start" : "end";
+    line.textContent = `${event.time.toFixed(2)} s  ${event.start ? "began" : "ended"}: ${event.text}`;
+    return line;
+  }));
+}
+
+function show(frame) {
+  banner(frame.verdict, frame.reason);
+  showNow(frame.now);
+  drawAbove(part("above"), frame.surface, state.limits.measured);
+  heights.draw();
+}
+
+function take(frames, fresh) {
+  state.heard = performance.now();
+  if (fresh) heights.clear();
+  for (const frame of frames) {
+    heights.add(frame);
+    if (frame.limits) state.limits = frame.limits;
+    if (frame.nodes) state.slow = frame;
+  }
+  state.frame = frames[frames.length - 1] || state.frame;
+  if (!state.pending && !state.held) {
+    state.pending = true;
+    // A page in the background draws nothing, and loses nothing.
+    requestAnimationFrame(() => { state.pending = false; draw(); });
+  }
+}
+
+function draw() {
+  if (!state.frame) return;
+  show(state.frame);
+  if (state.slow) {
+    showNodes(state.slow.nodes);
+    showEvents(state.slow.events);
+    part("advice").hidden = !state.slow.command;
+    put("command", state.slow.command);
+    state.slow = null;
+  }
+  if (recorded) {
+    part("at").value = source.at;
+    put("time", `${(source.at * source.about.period).toFixed(1)} s`);
+  }
+}
+
+function picture(buffer) {
+  if (!state.held) drawCamera(part("camera"), buffer).catch(() => {});
+}
+
+function hold() {
+  if (recorded) {
+    state.playing = !state.playing;
+    put("play", state.playing ? "hold" : "play");
+  } else {
+    state.held = !state.held;
+    if (state.held) put("reason", "held: the page shows a moment of the past (Space goes on)");
+    else draw();
+  }
+}
+
+const source = recorded
+  ? new RecordedSource(take, picture, (about) => {
+    part("slider").hidden = false;
+    part("at").max = Math.max(about.frames - 1, 0);
+    put("name", about.name);
+  })
+  : new LiveSource(take, picture);
+
+if (recorded) {
+  setInterval(async () => { if (state.playing && !(await source.step())) hold(); }, 100);
+  part("at").addEventListener("input", () => source.seek(Number(part("at").value)));
+  part("play").addEventListener("click", hold);
+} else {
+  setInterval(() => {
+    if (performance.now() - state.heard > LOST) banner("no connection", "nothing comes from the cell's page server; trying again");
+  }, 100);
+}
+
+addEventListener("keydown", (event) => {
+  if (event.target instanceof HTMLInputElement && event.key !== " ") return;
+  if (event.key === " ") { event.preventDefault(); hold(); }
+  if (event.key.toLowerCase() === "f") {
+    if (document.fullscreenElement) document.exitFullscreen();
+    else document.documentElement.requestFullscreen().catch(() => {});
+  }
+  if (recorded && event.key === "ArrowLeft") source.seek(source.at - 10);
+  if (recorded && event.key === "ArrowRight") source.seek(source.at + 10);
+});

@@ -1,0 +1,108 @@
+"""The camera's image for the page: a small JPEG, and the liquid's line in it."""
+
+from __future__ import annotations
+
+import json
+import struct
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_camera.calibrate.camera_file import parse_any_calibration
+from slosh_camera.errors import SloshCameraError
+from slosh_camera.optics.calibration import AnyCalibration, Calibration
+from slosh_files.nanoseconds import SECOND
+
+WIDTH, QUALITY = 640, 70
+"""Largest width [px], and the JPEG's quality."""
+MOST_POINTS = 60
+AT_ONCE = 50_000_000
+"""A surface so near to an image is drawn into it [ns]: three of them at 60 fps."""
+
+
+class Camera:
+    """Makes pictures of a camera's images, once its calibration is known with the line in them."""
+
+    def __init__(self) -> None:
+        self._calibration: AnyCalibration | None = None
+
+    def take_calibration(self, text: str, folder: Path) -> None:
+        """Takes the camera.yaml that the camera node works with; without one no line is drawn."""
+        try:
+            self._calibration = parse_any_calibration(text, "the camera's calibration", folder)
+        except SloshCameraError:
+            self._calibration = None
+
+    def picture(self, image: NDArray[np.uint8], stamp_ns: int, surface: Any) -> bytes:
+        """A picture with its heading; see `pack`.
+
+        Args:
+            image: (height, width) grey or (height, width, 3) blue-green-red.
+            stamp_ns: its stamp [ns].
+            surface: the FreeSurface next to it in time; None: there is none.
+        """
+        jpeg, scale = small_jpeg(image)
+        line: list[list[float]] = []
+        if surface is not None and self._calibration is not None:
+            stamp = surface.header.stamp
+            measured_ns = int(stamp.sec) * SECOND + int(stamp.nanosec)
+            if abs(measured_ns - stamp_ns) < AT_ONCE:
+                places, heights = surface.profile_azimuth, surface.profile_height
+                line = line_in_image(self._calibration, places, heights)
+        return pack(jpeg, {"line": [[scale * u, scale * v] for u, v in line]})
+
+
+def pack(jpeg: bytes, heading: dict[str, Any]) -> bytes:
+    """A JPEG behind its heading: the heading's length as four bytes, JSON, the image."""
+    text = json.dumps(heading, allow_nan=False, separators=(",", ":")).encode()
+    return struct.pack("<I", len(text)) + text + jpeg
+
+
+def small_jpeg(image: NDArray[np.uint8]) -> tuple[bytes, float]:
+    """An image as JPEG, not wider than WIDTH.
+
+    Args:
+        image: (height, width) grey or (height, width, 3) blue-green-red.
+
+    Returns:
+        the JPEG, and by how much it was scaled.
+    """
+    scale = min(WIDTH / image.shape[1], 1.0)
+    if scale < 1.0:
+        size = (WIDTH, max(round(scale * image.shape[0]), 1))
+        image = np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
+    done, coded = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, QUALITY])
+    return (coded.tobytes() if done else b""), scale
+
+
+def line_in_image(
+    calibration: AnyCalibration, azimuth: Sequence[float], height: Sequence[float]
+) -> list[list[float]]:
+    """Where a measured line lies in the image.
+
+    Args:
+        calibration: of the camera that measured it.
+        azimuth: (N,) on a round wall [rad]; of a side view none.
+        height: (N,) above the still level [m].
+
+    Returns:
+        (M, 2) pixels, M <= MOST_POINTS; places that the camera does not see are left out.
+    """
+    levels = np.asarray(height, dtype=np.float64)
+    if levels.size == 0:
+        return []
+    kept = slice(None, None, max(levels.size // MOST_POINTS, 1))
+    if isinstance(calibration, Calibration):
+        places = np.asarray(azimuth, dtype=np.float64)
+        if places.size != levels.size:
+            return []
+        pixels = calibration.view.project_wall(places[kept], levels[kept])
+    else:
+        across = np.linspace(-0.5, 0.5, levels.size) * calibration.view.box.width
+        pixels = calibration.view.project_face(across[kept], levels[kept])
+    seen = pixels[np.isfinite(pixels).all(axis=1)]
+    return [[round(float(u), 1), round(float(v), 1)] for u, v in seen]

@@ -1,0 +1,143 @@
+"""A recording as the frames that a viewer would have seen."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+from slosh_bag.errors import SloshBagError
+from slosh_bag.reader import BagMessage, BagReader
+from slosh_bag.recording.cells import COMPARISON, ESTIMATE, SURFACE, CellTopics
+from slosh_bag.recording.settings import MESSAGE_TYPE, TOPIC, node_start
+from slosh_bringup.cell_watch import reports
+from slosh_bringup.detect.source import frames_at
+from slosh_bringup.errors import SloshBringupError
+from slosh_bringup.watch import hearing
+from slosh_bringup.watch.picture import Camera
+from slosh_bringup.watch.state import PERIOD, WatchState
+from slosh_camera.errors import SloshCameraError
+from slosh_files.nanoseconds import SECOND
+
+HEIGHTS = {"comparison": COMPARISON, "free_surface": SURFACE, "estimate": ESTIMATE}
+"""Topics without one of which nothing of a cell is in a bag, and their types."""
+BESIDE = {
+    TOPIC: MESSAGE_TYPE,
+    "limit_event": "slosh_msgs/msg/LimitEvent",
+    "diagnostics": "diagnostic_msgs/msg/DiagnosticArray",
+}
+MOST = 36_000
+"""Frames that are kept: an hour."""
+STEP = round(PERIOD * SECOND)
+
+
+class Recording:
+    """Frames of a bag.
+
+    Args:
+        bag: the bag.
+        tell: is told of what is left out.
+
+    Attributes:
+        frames: as JSON, one every PERIOD of its time.
+
+    Raises:
+        SloshBringupError: nothing of a cell is in it.
+        SloshBagError: it cannot be read.
+    """
+
+    def __init__(self, bag: Path, tell: Callable[[str], None] = lambda line: None) -> None:
+        self._bag = bag
+        self._listener = _Listener(BagReader(bag), bag)
+        self.frames: list[str] = []
+        self._surfaces: list[Any] = []
+        for frame, surface in self._listener.frames():
+            if len(self.frames) == MOST:
+                tell(f"{bag}: the page shows the first {MOST * PERIOD / 60.0:.0f} minutes")
+                break
+            self.frames.append(frame)
+            self._surfaces.append(surface)
+        for warning in self._listener.reader.warnings:
+            tell(warning)
+
+    def about(self) -> dict[str, Any]:
+        """What the page must know before it asks for frames."""
+        return {"name": self._bag.name, "frames": len(self.frames), "period": PERIOD}
+
+    def picture(self, frame: int) -> bytes | None:
+        """The camera's image at a frame, with its heading; None: there is none."""
+        surface = self._surfaces[frame] if 0 <= frame < len(self._surfaces) else None
+        if surface is None:
+            return None
+        stamp_ns = hearing.stamp_ns(surface)
+        try:
+            found = frames_at(self._bag, [stamp_ns]).get(stamp_ns)
+            camera = self._listener.camera
+            return camera.picture(found.image(), stamp_ns, surface) if found else None
+        except (SloshBagError, SloshBringupError, SloshCameraError):
+            return None  # a recording without images, or with a damaged one
+
+
+class _Listener:
+    """Hears a recording's messages as the watch node hears a cell's."""
+
+    def __init__(self, reader: BagReader, bag: Path) -> None:
+        self.reader = reader
+        self.camera = Camera()
+        self._state = WatchState(f"slosh discover {bag} --model MODEL -o out/why")
+        self._surface: Any = None
+        self._estimate: BagMessage | None = None
+        cell = CellTopics(reader.topics())
+        self._namespace = cell.cells[0] if cell.cells else "/slosh"
+        wanted = (HEIGHTS | BESIDE).items()
+        found = {cell.topic(name, kind): name for name, kind in wanted}
+        self._names = {topic: name for topic, name in found.items() if topic is not None}
+        if not HEIGHTS.keys() & set(self._names.values()):
+            raise SloshBringupError(
+                f"{bag}: nothing of a cell is in this recording (no comparison, free_surface or "
+                "estimate); `slosh replay` makes them of a robot's topics"
+            )
+
+    def frames(self) -> Iterator[tuple[str, Any]]:
+        """Frames, and the newest surface at each."""
+        end_ns = None
+        for message in self.reader.messages(self._names):
+            name = self._names[message.topic]
+            if end_ns is None and name in HEIGHTS:
+                end_ns = message.log_ns + STEP  # before that the nodes get ready
+            while end_ns is not None and message.log_ns >= end_ns:
+                yield self._frame(end_ns)
+                end_ns += STEP
+            with contextlib.suppress(SloshBagError):  # one that is damaged is left out
+                self._hear(name, message)
+        if end_ns is not None:
+            yield self._frame(end_ns)
+
+    def _hear(self, name: str, message: BagMessage) -> None:
+        now = message.log_ns * 1e-9
+        if name == "estimate":
+            self._estimate = message  # of a thousand a second the last before a frame is decoded
+            return
+        decoded = self.reader.decode(message)
+        if name == "comparison":
+            hearing.hear_comparison(self._state, decoded, now)
+        elif name == "free_surface":
+            self._surface = decoded
+            hearing.hear_surface(self._state, decoded)
+        elif name == "limit_event":
+            hearing.hear_event(self._state, decoded)
+        elif name == TOPIC:
+            start = node_start(decoded, message.log_ns, message.topic)
+            hearing.hear_start(self._state, self.camera, start)
+        else:
+            for report in reports(decoded, self._namespace):
+                self._state.take_report(report, now)
+
+    def _frame(self, now_ns: int) -> tuple[str, Any]:
+        now = now_ns * 1e-9
+        if self._estimate is not None:
+            with contextlib.suppress(SloshBagError):
+                hearing.hear_estimate(self._state, self.reader.decode(self._estimate), now)
+            self._estimate = None
+        return self._state.frame(now), self._surface

@@ -1,0 +1,239 @@
+"""What a cell's topics have said, as the frames that its page is drawn from.
+
+A frame holds what is new since the one before it, and what is true now. Heights are in metres,
+azimuths in radians, times in seconds from the first stamp; NaN is null. Time is an argument: live
+it is the steady clock, of a recording the time of its messages.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections import deque
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+from slosh_bringup.cell_watch import SILENT, NodeReport
+from slosh_bringup.watch.verdict import SILENCE, judge
+from slosh_files.nanoseconds import SECOND
+from slosh_report.json_values import plain
+
+PERIOD = 0.1
+"""Time between two frames [s]."""
+KEPT_EVENTS, SLOW = 20, 10
+"""Events that are shown; every so manieth frame holds events and nodes."""
+ALONE = SILENCE
+"""After so long without a comparison the estimate is drawn by itself [s]."""
+BACKWARDS = 3.0
+"""A stamp so far before the newest one begins a new drawing [s]; less is a camera that is late."""
+START = 0
+"""Kind of a limit event."""
+LIMITS = {
+    "measured": "measured_limit",
+    "estimated": "estimated_limit",
+    "disagreement": "disagreement_limit",
+}
+"""What is limited, and the monitor's parameter."""
+
+
+class Compared(NamedTuple):
+    """Of a SloshComparison, what is shown; heights of the nonlinear model."""
+
+    stamp_ns: int
+    measured: float
+    stddev: float
+    estimated: float
+    residual: float
+    sigma: float
+    epsilon: float
+    state: int
+    stale: tuple[str, ...]
+
+
+class Surface(NamedTuple):
+    """Of a FreeSurface, what is shown: the highest place and the line on the wall."""
+
+    stamp_ns: int
+    height: float
+    azimuth: float
+    line_azimuth: Sequence[float]
+    line_height: Sequence[float]
+    flags: int
+
+
+class Estimated(NamedTuple):
+    """Of a SloshEstimate, what is shown: the nonlinear model's highest place."""
+
+    stamp_ns: int
+    height: float
+    azimuth: float
+
+
+class LimitNews(NamedTuple):
+    """Of a LimitEvent, what is shown."""
+
+    stamp_ns: int
+    id: int
+    kind: int
+    source: int
+    peak: float
+    description: str
+
+
+class WatchState:
+    """Takes what is said, gives frames.
+
+    Args:
+        command: the command that finds why the two sides disagree; empty: none fits.
+    """
+
+    def __init__(self, command: str = "") -> None:
+        self.command = command
+        self._origin = 0
+        self._newest = 0
+        self._drawing = 0
+        self._count = 0
+        self._compared: Compared | None = None
+        self._compared_at = self._estimated_at = -math.inf
+        self._surface: Surface | None = None
+        self._estimated: Estimated | None = None
+        self._limits: dict[str, float] = {}
+        self._events: deque[LimitNews] = deque(maxlen=KEPT_EVENTS)
+        self._open: dict[int, LimitNews] = {}
+        self._nodes: dict[str, tuple[NodeReport, float]] = {}
+        self._rows: list[tuple[float, float, float]] = []
+
+    def take_comparison(self, compared: Compared, now: float) -> None:
+        """Takes a comparison that came now [s]."""
+        self._compared, self._compared_at = compared, now
+        self._add(compared.stamp_ns, compared.measured, compared.estimated)
+
+    def take_surface(self, surface: Surface) -> None:
+        """Takes a measured surface."""
+        self._surface = surface
+
+    def take_estimate(self, estimated: Estimated, now: float) -> None:
+        """Takes the newest estimate; it is drawn where no comparison holds it."""
+        self._estimated, self._estimated_at = estimated, now
+        if now - self._compared_at > ALONE:
+            self._add(estimated.stamp_ns, math.nan, estimated.height)
+
+    def take_event(self, event: LimitNews) -> None:
+        """Takes start or end of an excess."""
+        self._events.append(event)
+        if event.kind == START:
+            self._open[event.source] = event
+        else:
+            self._open.pop(event.source, None)
+
+    def take_parameters(self, node: str, parameters: Mapping[str, Any]) -> None:
+        """Takes what a node works with: the monitor's limits; at its start none is exceeded."""
+        if node != "monitor":
+            return
+        self._open.clear()
+        for name, key in LIMITS.items():
+            value = parameters.get(key)
+            if isinstance(value, int | float) and math.isfinite(value):
+                self._limits[name] = float(value)
+
+    def take_report(self, report: NodeReport, now: float) -> None:
+        """Takes what a node says of its health."""
+        self._nodes[report.node] = (report, now)
+
+    def frame(self, now: float) -> str:
+        """The next frame, as JSON; to be asked for every PERIOD."""
+        compared = self._compared
+        exceeded = "; ".join(event.description for event in self._open.values())
+        judgement = judge(
+            compared.state if compared else None,
+            now - self._compared_at,
+            compared.stale if compared else (),
+            exceeded,
+        )
+        rows, self._rows = self._rows, []
+        frame: dict[str, Any] = {
+            "drawing": self._drawing,
+            "verdict": judgement.verdict.value,
+            "reason": judgement.reason,
+            "time": self._seconds(self._newest),
+            "rows": [[None if v != v else round(v, 7) for v in row] for row in rows],
+            "now": self._now(now),
+            "surface": self._shown_surface(),
+        }
+        if self._count % SLOW == 0:
+            frame |= {"limits": self._limits, "nodes": self._shown_nodes(now)}
+            frame |= {"events": self._shown_events(), "command": self._advice()}
+        self._count += 1
+        return json.dumps(plain(frame), allow_nan=False, separators=(",", ":"))
+
+    def _add(self, stamp_ns: int, measured: float, estimated: float) -> None:
+        if not self._origin or stamp_ns < self._newest - BACKWARDS * SECOND:
+            self._drawing, self._origin = self._drawing + 1, stamp_ns
+            self._rows.clear()
+        elif stamp_ns <= self._newest:
+            return  # an estimate that a later comparison holds
+        self._newest = stamp_ns
+        self._rows.append((self._seconds(stamp_ns), measured, estimated))
+
+    def _seconds(self, stamp_ns: int) -> float:
+        return round((stamp_ns - self._origin) * 1e-9, 4)
+
+    def _now(self, now: float) -> dict[str, Any]:
+        compared, estimated = self._compared, self._estimated
+        shown: dict[str, Any] = {}
+        if compared is not None:
+            shown = compared._asdict() | {"age": round(now - self._compared_at, 2)}
+            shown["time"] = self._seconds(compared.stamp_ns)
+        if estimated is not None and now - self._compared_at > ALONE:
+            shown |= {"measured": math.nan, "residual": math.nan}
+            shown["estimated"] = estimated.height
+            if now - self._estimated_at > ALONE:
+                shown["estimated"] = math.nan
+        return shown
+
+    def _shown_surface(self) -> dict[str, Any]:
+        surface, estimated = self._surface, self._estimated
+        shown: dict[str, Any] = {}
+        if surface is not None:
+            pairs = list(zip(surface.line_azimuth, surface.line_height, strict=False))
+            step = max(len(pairs) // 60, 1)
+            shown["line"] = [[round(float(a), 3), round(float(h), 5)] for a, h in pairs[::step]]
+            shown["measured"] = [surface.azimuth, surface.height]
+            shown["flags"] = surface.flags
+        if estimated is not None:
+            shown["estimated"] = [estimated.azimuth, estimated.height]
+        return shown
+
+    def _shown_nodes(self, now: float) -> list[dict[str, Any]]:
+        return [
+            {
+                "name": name,
+                "level": "STALE" if now - at > SILENT else _LEVELS.get(report.level, "ERROR"),
+                "sentence": report.sentence,
+                "age": round(now - at, 1),
+                "facts": dict(report.facts),
+            }
+            for name, (report, at) in sorted(self._nodes.items())
+        ]
+
+    def _shown_events(self) -> list[dict[str, Any]]:
+        return [
+            {
+                "time": self._seconds(event.stamp_ns),
+                "start": event.kind == START,
+                "peak": event.peak,
+                "text": event.description,
+            }
+            for event in reversed(self._events)
+        ]
+
+    def _advice(self) -> str:
+        """The command for who sees the two sides disagree."""
+        limit, compared = self._limits.get("disagreement"), self._compared
+        facts = self._nodes["monitor"][0].facts if "monitor" in self._nodes else {}
+        disagreeing = facts.get("motions that disagree", "0") not in ("0", "")
+        apart = bool(limit and compared and abs(compared.residual) > limit)
+        return self.command if disagreeing or apart else ""
+
+
+_LEVELS = {0: "OK", 1: "WARN", 2: "ERROR", 3: "STALE"}

@@ -1,0 +1,57 @@
+"""Whether a cell is safe, in one word and one sentence."""
+
+from __future__ import annotations
+
+from enum import Enum
+from typing import NamedTuple
+
+SILENCE = 1.0
+"""After so long without a comparison nobody sees the liquid [s]."""
+OK, WARN, ERROR, STALE, BLIND = range(5)
+"""States of slosh_msgs/SloshComparison."""
+
+
+class Verdict(Enum):
+    """What an operator reads across the room."""
+
+    SAFE = "safe"
+    NEAR = "near limit"
+    EXCEEDED = "limit exceeded"
+    BLIND = "blind"
+
+
+class Judgement(NamedTuple):
+    """A verdict and why."""
+
+    verdict: Verdict
+    reason: str
+
+
+def judge(
+    state: int | None, age: float, stale: tuple[str, ...] = (), exceeded: str = ""
+) -> Judgement:
+    """Judges a cell.
+
+    Silence is never safe: what is not compared is not known.
+
+    Args:
+        state: of the newest comparison; None: there was none yet.
+        age: how long ago it came [s].
+        stale: which sides are silent.
+        exceeded: what exceeds its limit; empty: nothing does.
+    """
+    if state is None:
+        return Judgement(Verdict.BLIND, "no comparison has come yet: is the monitor running?")
+    if age > SILENCE:
+        return Judgement(Verdict.BLIND, f"the monitor has been silent for {age:.0f} s")
+    if state == ERROR or exceeded:
+        return Judgement(Verdict.EXCEEDED, exceeded or "a limit is exceeded")
+    if state == STALE:
+        return Judgement(Verdict.BLIND, f"nothing comes of {' and '.join(stale) or 'one side'}")
+    if state == BLIND:
+        return Judgement(Verdict.BLIND, "measurement and estimate cannot be compared")
+    if state == WARN:
+        return Judgement(Verdict.NEAR, "a limit is near, or was exceeded a moment ago")
+    if state == OK:
+        return Judgement(Verdict.SAFE, "measured and estimated below their limits")
+    return Judgement(Verdict.BLIND, f"the monitor is in state {state}, which is not known here")

@@ -1,0 +1,37 @@
+"""The line that `slosh cell` shows on a terminal, and keeps out of a log."""
+
+import pytest
+
+from slosh_bringup.cell_watch import OK, NodeReport
+from slosh_bringup.cli import live
+from slosh_bringup.live.status import CellStatus
+
+
+@pytest.fixture
+def status():
+    found = CellStatus()
+    found.take_parameters("monitor", {"measured_limit": 0.02})
+    found.take_report(NodeReport("camera", OK, "measuring", {"measurement [Hz]": "59.9"}))
+    found.take_report(NodeReport("recorder", OK, "recording", {}))
+    return found
+
+
+def test_it_tells_state_heights_limit_and_rates(status):
+    status.take_comparison(0.0123, 0.0112, 0, 5.0)
+    assert status.line(5.1) == "SAFE · measured 12.3, estimated 11.2 of 20.0 mm · camera 60 Hz"
+
+
+def test_silence_is_told_in_place_of_old_heights(status):
+    status.take_comparison(0.0123, float("nan"), 0, 5.0)
+    assert "estimated – of" in status.line(5.1)
+    assert status.line(9.0).startswith("BLIND · the monitor has been silent for 4 s")
+
+
+@pytest.mark.parametrize(("terminal", "expected"), [(True, "SAFE"), (False, "")])
+def test_a_log_is_not_told(monkeypatch, terminal, expected):
+    shown = []
+    monkeypatch.setattr(live, "can_draw", lambda stream: terminal)
+    screen = live.LiveScreen(lambda elapsed, text: shown.append(text), None)
+    screen.show(1.0, "", "SAFE")
+    screen.show(2.0, "waiting for camera", "SAFE")
+    assert shown == [expected, "waiting for camera"]

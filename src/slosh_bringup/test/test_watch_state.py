@@ -1,0 +1,154 @@
+"""Frames of the operator's page: what was said, and whether the cell is safe."""
+
+import json
+import math
+
+import pytest
+
+from slosh_bringup.cell_watch import ERROR, OK, NodeReport
+from slosh_bringup.watch.state import (
+    KEPT_EVENTS,
+    SLOW,
+    Compared,
+    Estimated,
+    LimitNews,
+    Surface,
+    WatchState,
+)
+from slosh_bringup.watch.verdict import Verdict, judge
+
+SECOND = 1_000_000_000
+START_NS = 1_700_000_000 * SECOND
+
+
+def compared(seconds, measured=0.004, estimated=0.005, state=0, stale=()):
+    stamp_ns = START_NS + round(seconds * SECOND)
+    return Compared(
+        stamp_ns, measured, 1e-4, estimated, measured - estimated, 2e-4, -0.03, state, stale
+    )
+
+
+def event(number, kind, source=0, text="measured height 20.1 mm"):
+    return LimitNews(START_NS + number * SECOND, number, kind, source, 0.02, text)
+
+
+def frame(state, now):
+    return json.loads(state.frame(now))
+
+
+class TestVerdict:
+    @pytest.mark.parametrize(
+        ("state", "expected"),
+        [
+            (0, Verdict.SAFE), (1, Verdict.NEAR), (2, Verdict.EXCEEDED), (3, Verdict.BLIND),
+            (4, Verdict.BLIND), (17, Verdict.BLIND), (None, Verdict.BLIND),
+        ],
+    )  # fmt: skip
+    def test_each_state_of_the_monitor_has_one(self, state, expected):
+        assert judge(state, 0.1).verdict is expected
+
+    @pytest.mark.parametrize("state", [0, 1, 2, 3, 4])
+    def test_silence_is_never_safe(self, state):
+        verdict, reason = judge(state, 3.2)
+        assert verdict is Verdict.BLIND
+        assert "silent for 3 s" in reason
+
+    def test_an_open_excess_wins_over_a_state_that_is_back(self):
+        assert judge(0, 0.0, exceeded="disagreement 12 mm").verdict is Verdict.EXCEEDED
+
+    def test_who_is_silent_is_named(self):
+        assert "the camera" in judge(3, 0.1, ("the camera",)).reason
+
+
+class TestFrames:
+    def test_a_frame_holds_what_is_new_and_the_next_one_does_not(self):
+        state = WatchState()
+        for step in range(5):
+            state.take_comparison(compared(step / 60.0), step / 60.0)
+        found = frame(state, 0.1)
+        assert [row[0] for row in found["rows"]] == pytest.approx(
+            [step / 60.0 for step in range(5)], abs=1e-4
+        )
+        assert found["rows"][0][1:] == [0.004, 0.005]
+        assert found["now"]["measured"] == 0.004
+        assert found["verdict"] == "safe"
+        assert frame(state, 0.2)["rows"] == []
+
+    def test_what_is_unknown_is_null(self):
+        state = WatchState()
+        state.take_comparison(compared(0.0, measured=math.nan), 0.0)
+        found = frame(state, 0.0)
+        assert found["rows"] == [[0.0, None, 0.005]]
+        assert found["now"]["measured"] is None
+
+    def test_without_a_camera_the_estimate_goes_on_alone(self):
+        state = WatchState()
+        state.take_comparison(compared(0.0), 0.0)
+        state.take_estimate(Estimated(START_NS + SECOND // 10, 0.006, 0.3), 0.1)
+        assert len(frame(state, 0.1)["rows"]) == 1  # a comparison holds it
+        state.take_estimate(Estimated(START_NS + 2 * SECOND, 0.007, 0.3), 2.0)
+        found = frame(state, 2.0)
+        assert found["rows"] == [[2.0, None, 0.007]]
+        assert (found["now"]["measured"], found["now"]["estimated"]) == (None, 0.007)
+        assert found["verdict"] == "blind"
+
+    def test_a_late_camera_does_not_begin_a_new_drawing_a_played_loop_does(self):
+        state = WatchState()
+        state.take_comparison(compared(10.0), 0.0)
+        drawing = frame(state, 0.0)["drawing"]
+        state.take_comparison(compared(9.0), 0.1)
+        assert frame(state, 0.1)["drawing"] == drawing
+        state.take_comparison(compared(0.0), 0.2)
+        found = frame(state, 0.2)
+        assert found["drawing"] == drawing + 1
+        assert found["rows"] == [[0.0, 0.004, 0.005]]
+
+    def test_an_excess_is_shown_until_it_ends_or_the_monitor_starts_anew(self):
+        state = WatchState()
+        state.take_comparison(compared(0.0), 0.0)
+        state.take_event(event(1, 0))
+        found = frame(state, 0.1)
+        assert (found["verdict"], found["reason"]) == ("limit exceeded", "measured height 20.1 mm")
+        state.take_event(event(1, 1))
+        assert frame(state, 0.1)["verdict"] == "safe"
+        state.take_event(event(2, 0))
+        state.take_parameters("monitor", {"measured_limit": 0.02})
+        assert frame(state, 0.1)["verdict"] == "safe"
+
+    def test_the_newest_events_come_first_and_not_without_end(self):
+        state = WatchState()
+        for number in range(100):
+            state.take_event(event(number, number % 2, text=f"event {number}"))
+        texts = [entry["text"] for entry in frame(state, 0.0)["events"]]
+        assert len(texts) == KEPT_EVENTS
+        assert texts[0] == "event 99"
+
+    def test_what_changes_slowly_comes_once_a_second(self):
+        state = WatchState()
+        state.take_parameters("monitor", {"measured_limit": 0.02, "disagreement_limit": "no"})
+        state.take_report(NodeReport("camera", OK, "measuring", {"lost": "0"}), 0.0)
+        frames = [frame(state, 0.1 * step) for step in range(2 * SLOW)]
+        assert ["nodes" in found for found in frames] == [step % SLOW == 0 for step in range(20)]
+        assert frames[0]["limits"] == {"measured": 0.02}
+        assert frames[0]["nodes"][0]["level"] == "OK"
+        late = frame(state, 30.0)
+        assert late["nodes"][0]["level"] == "STALE"
+
+    def test_the_command_is_shown_to_whoever_sees_the_sides_disagree(self):
+        state = WatchState("slosh discover bag")
+        state.take_parameters("monitor", {"disagreement_limit": 0.01})
+        state.take_comparison(compared(0.0, measured=0.02, estimated=0.005), 0.0)
+        assert frame(state, 0.0)["command"] == "slosh discover bag"
+        other = WatchState("slosh discover bag")
+        other.take_comparison(compared(0.0), 0.0)
+        assert frame(other, 0.0)["command"] == ""
+        facts = {"motions that disagree": "2"}
+        third = WatchState("slosh discover bag")
+        third.take_report(NodeReport("monitor", ERROR, "", facts), 0.0)
+        assert frame(third, 0.0)["command"] == "slosh discover bag"
+
+    def test_a_line_of_thousands_of_points_is_thinned(self):
+        state = WatchState()
+        many = [0.001 * k for k in range(5000)]
+        state.take_surface(Surface(START_NS, 0.004, 0.1, many, many, 0))
+        assert len(frame(state, 0.0)["surface"]["line"]) < 130
