@@ -143,7 +143,7 @@ def test_the_launch_file_starts_programs_that_exist():
     text = (ROOT / "src/slosh_bringup/launch/cell.launch.py").read_text()
     ast.parse(text)
     started = re.findall(r'node\(\s*"(slosh_\w+)",\s*"(\w+)"', text)
-    assert len(started) == 7
+    assert len(started) == 8
     for package, program in started:
         assert program in scripts(ROOT / "src" / package)
 

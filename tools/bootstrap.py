@@ -174,7 +174,7 @@ def flatten(option: str, paths: Iterable[Path]) -> list[str]:
 def workspace_inputs() -> list[bytes]:
     """What the build depends on; the packages' Python modules are linked, not copied."""
     patterns = ["*/package.xml", "*/setup.py", "*/setup.cfg", "*/CMakeLists.txt"]
-    patterns += ["slosh_msgs/msg/*", "slosh_msgs/srv/*"]
+    patterns += ["slosh_msgs/msg/*", "slosh_msgs/srv/*", "slosh_msgs/action/*"]
     files = sorted(path for pattern in patterns for path in (ROOT / "src").glob(pattern))
     linked = sorted(
         str(path)

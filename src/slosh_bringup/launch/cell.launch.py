@@ -43,6 +43,7 @@ def generate_launch_description() -> LaunchDescription:
             ("record", "true", "record all topics of the cell"),
             ("predict", "false", "answer what planned motions will do: the service predict"),
             ("watch", "false", "serve the operator's page to this machine, on port 8765"),
+            ("plan", "false", "plan motions: the service plan, the action plan_motion"),
             ("simulate", "false", "play a motion instead of listening to a robot"),
             ("motion", "c3", "motion of the simulated cell"),
         )
@@ -52,6 +53,7 @@ def generate_launch_description() -> LaunchDescription:
     record = IfCondition(LaunchConfiguration("record"))
     predict = IfCondition(LaunchConfiguration("predict"))
     watch = IfCondition(LaunchConfiguration("watch"))
+    plan = IfCondition(LaunchConfiguration("plan"))
 
     # The motion begins when those that are started are ready.
     is_recorded = ["'", LaunchConfiguration("record"), "'.lower() in ('true', '1')"]
@@ -84,6 +86,7 @@ def generate_launch_description() -> LaunchDescription:
             node("slosh_estimator", "monitor"),
             node("slosh_estimator", "predictor", predict, model=model),
             node("slosh_bringup", "watch", watch),
+            node("slosh_estimator", "planner", plan, model=model),
             node(
                 "slosh_bringup",
                 "cell",

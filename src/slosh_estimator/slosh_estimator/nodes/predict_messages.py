@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_estimator.errors import SloshEstimatorError
+from slosh_estimator.nodes.trajectory_messages import trajectory_of_points
 from slosh_plan import HeightLimits, ModelError, Prediction, SafeScales, Trajectory
-from slosh_plan.trajectory import MOST_POINTS
 
 Array = NDArray[np.float64]
 
@@ -30,7 +30,7 @@ def trajectory_of(request: Any) -> Trajectory:
             "give the motion either as time and acceleration or a trajectory"
         )
     if points:
-        return _of_points(points)
+        return trajectory_of_points(points, NAME)
     count = len(request.time)
     columns = []
     for name in AXES:
@@ -48,7 +48,7 @@ def limits_of(request: Any) -> HeightLimits:
         SloshPlanError: a limit that is none.
     """
     height = math.inf if math.isnan(request.limit) else request.limit
-    return HeightLimits(height, _given(request.residual_limit, math.inf))
+    return HeightLimits(height, given(request.residual_limit, math.inf))
 
 
 def error_of(request: Any) -> ModelError:
@@ -57,12 +57,12 @@ def error_of(request: Any) -> ModelError:
     Raises:
         SloshPlanError: impossible values.
     """
-    return ModelError(_given(request.sigma, 0.0), _given(request.epsilon, 0.0))
+    return ModelError(given(request.sigma, 0.0), given(request.epsilon, 0.0))
 
 
 def horizon_of(request: Any) -> float | None:
     """The horizon of a request [s]; None: the usual one."""
-    return _given(request.horizon, 0.0) or None
+    return given(request.horizon, 0.0) or None
 
 
 def fill(response: Any, prediction: Prediction) -> None:
@@ -93,31 +93,6 @@ def fill_scales(response: Any, scales: SafeScales) -> None:
     response.fastest_scale, response.slowest_scale = scales.fastest, scales.slowest
 
 
-def _given(value: float, otherwise: float) -> float:
+def given(value: float, otherwise: float) -> float:
+    """A number of a request; another where it is NaN or 0."""
     return otherwise if value == 0.0 or math.isnan(value) else value
-
-
-def _of_points(points: Any) -> Trajectory:
-    if len(points) > MOST_POINTS:
-        raise SloshEstimatorError(f"{len(points)} points are more than {MOST_POINTS}")
-    t = np.array([p.time_from_start.sec + 1e-9 * p.time_from_start.nanosec for p in points])
-    placed = all(point.transforms for point in points)
-    attitude = _attitude(points) if placed else None
-    if all(point.accelerations for point in points):
-        linear = [point.accelerations[0].linear for point in points]
-        acceleration = np.array([(a.x, a.y, a.z) for a in linear])
-        return Trajectory(t, acceleration, attitude, name=NAME)
-    if not placed:
-        raise SloshEstimatorError(
-            "the trajectory's points need a transform each, or an acceleration each"
-        )
-    shifts = [point.transforms[0].translation for point in points]
-    return Trajectory.from_poses(t, np.array([(p.x, p.y, p.z) for p in shifts]), attitude, NAME)
-
-
-def _attitude(points: Any) -> Array | None:
-    """(N, 4); None where the container stands upright throughout."""
-    turns = [point.transforms[0].rotation for point in points]
-    attitude = np.array([(q.x, q.y, q.z, q.w) for q in turns])
-    attitude[~attitude.any(axis=1), 3] = 1.0
-    return attitude if attitude[:, :3].any() else None

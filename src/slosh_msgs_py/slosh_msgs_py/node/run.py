@@ -13,7 +13,11 @@ from types import FrameType
 from typing import Any, TypeVar
 
 import rclpy
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.executors import (
+    ExternalShutdownException,
+    MultiThreadedExecutor,
+    SingleThreadedExecutor,
+)
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
@@ -36,6 +40,7 @@ def run_node(
     factory: Callable[[], Node],
     arguments: Sequence[str] | None = None,
     finished: Callable[[Any], bool] = lambda node: False,
+    threads: int = 1,
 ) -> int:
     """Runs a node until SIGINT, SIGTERM, SIGHUP, its own end or that of whoever started it.
 
@@ -46,6 +51,7 @@ def run_node(
         factory: makes the node; a ValueError of ours is a wrong parameter or file.
         arguments: the command line; None: the process's own.
         finished: asks the node whether its work is done.
+        threads: of the executor; more than one for a node whose callbacks take seconds.
 
     Returns:
         exit code: 0 done; 2 a wrong parameter or file; where the node has failed its attribute
@@ -56,7 +62,7 @@ def run_node(
     preparation = None
     try:
         initialise(arguments)
-        executor = make_executor()
+        executor = make_executor() if threads == 1 else MultiThreadedExecutor(threads)
         node = make_heard(factory)
         executor.add_node(node)
         if isinstance(node, PreparedNode) and node.readiness.state != READY:

@@ -22,6 +22,7 @@ from slosh_plan.planning.checked import Checked, checked
 from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.path import Path
 from slosh_plan.planning.time_law import Motion, motion_along, scaled_law, whole_rows
+from slosh_plan.planning.watch import NOBODY, Watch
 
 Array = NDArray[np.float64]
 UnitLaw = Callable[[Array], tuple[Array, Array, Array]]
@@ -94,12 +95,16 @@ def best_scaled(
     limits: PlanLimits,
     attitude: Array | None = None,
     laws: Mapping[str, UnitLaw] = UNIT_LAWS,
+    watch: Watch = NOBODY,
 ) -> Scaled | None:
-    """The fastest of the laws that keeps the limits; None: none does up to LONGEST."""
+    """The fastest of the laws that keeps the limits; None: none does up to LONGEST.
+
+    Where the watch ends it: of those that were looked at.
+    """
     best: Scaled | None = None
     for name, law in laws.items():
         longest = LONGEST if best is None else best.found.motion.duration
-        found = fastest(model, partial(scaled, path, law), limits, attitude, longest)
+        found = fastest(model, partial(scaled, path, law), limits, attitude, longest, watch)
         if found is not None:
             best = Scaled(name, found)
     return best
@@ -124,6 +129,7 @@ def fastest(
     limits: PlanLimits,
     attitude: Array | None,
     longest: float = LONGEST,
+    watch: Watch = NOBODY,
 ) -> Checked | None:
     """The shortest duration of a scan that keeps the limits.
 
@@ -133,9 +139,12 @@ def fastest(
         limits: what to keep.
         attitude: that the container keeps.
         longest: duration that is not reached [s].
+        watch: may end the scan.
     """
     ahead: list[Motion] = []
     for duration in _durations(_least(make, limits), longest):
+        if watch.stopped():
+            return None
         ahead.append(make(duration))
         if len(ahead) == _TOGETHER:
             if (found := _first(model, ahead, limits, attitude)) is not None:

@@ -22,6 +22,7 @@ from slosh_plan.planning.flow import Flow
 from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.path import DEGREE, Leg, Path
 from slosh_plan.planning.time_law import JerkLaw
+from slosh_plan.planning.watch import NOBODY, Watch, iteration_callback
 
 Array = NDArray[np.float64]
 Expression = Any
@@ -94,12 +95,16 @@ class Search:
         path: the path.
         yaw: of the container [rad].
         durations: of the legs as far as they are known [s]: the nodes are laid out by them.
+        watch: may end the solver.
 
     Attributes:
         counts: intervals of each leg.
     """
 
-    def __init__(self, flow: Flow, path: Path, yaw: float, durations: Sequence[float]) -> None:
+    def __init__(
+        self, flow: Flow, path: Path, yaw: float, durations: Sequence[float],
+        watch: Watch = NOBODY,
+    ) -> None:  # fmt: skip
         ca = casadi()
 
         self.counts = counts = node_counts(durations)
@@ -133,6 +138,7 @@ class Search:
         self._total = total
         self._made: Any = None
         self._made_for = 0.0
+        self._watch = watch
 
     def _add(self, expression: Expression, lower: float, upper: float) -> None:
         self._constraints.append(expression)
@@ -190,6 +196,9 @@ class Search:
                 "x": ca.vertcat(*self._unknowns), "f": self._total,
                 "g": ca.vertcat(*self._constraints), "p": self._limits,
             }  # fmt: skip
+            # Kept beside the solver, which does not hold it.
+            self._callback = iteration_callback(ca, problem, self._watch)
+            options["iteration_callback"] = self._callback
             self._made = ca.nlpsol("plan", "ipopt", problem, options)
             self._made_for = seconds
         return self._made

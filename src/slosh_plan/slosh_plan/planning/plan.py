@@ -26,6 +26,7 @@ from slosh_plan.planning.known_laws import LONGEST, UNIT_LAWS, Scaled, best_scal
 from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.path import Path
 from slosh_plan.planning.time_law import Motion, motion_along, whole_rows
+from slosh_plan.planning.watch import NOBODY, Watch
 from slosh_plan.prediction import predict
 from slosh_plan.trajectory import Trajectory
 
@@ -89,6 +90,7 @@ def plan(
     margin: float = 0.0,
     time_limit: float = TIME_LIMIT,
     clock: Callable[[], float] = time.monotonic,
+    watch: Watch = NOBODY,
 ) -> Plan:
     """Plans a motion from rest to rest, of a liquid at rest.
 
@@ -100,15 +102,20 @@ def plan(
         margin: by which the heights stay below their limits [m].
         time_limit: after which the search ends with what it has [s].
         clock: tells seconds.
+        watch: is told how far it is, and may end it.
 
     Raises:
         NoSafeMotionError: no known law keeps the limits, however slow.
-        SloshPlanError: a container that is not upright, or a margin that leaves nothing.
+        SloshPlanError: a container that is not upright, a margin that leaves nothing, or it was
+            ended before there was a safe motion.
     """
     began = clock()
     kept = limits.lowered(margin)
     yaw = upright_yaw(attitude)
-    scaled = best_scaled(model, path, kept, attitude)
+    watch.begun()
+    scaled = best_scaled(model, path, kept, attitude, watch=watch)
+    if scaled is None and watch.stopped():
+        raise SloshPlanError("ended before there was a safe motion")
     if scaled is None:
         raise NoSafeMotionError(
             f"no motion of up to {LONGEST:g} s along the path keeps "
@@ -116,6 +123,7 @@ def plan(
             f"{kept.acceleration:g} m/s² and {kept.jerk:g} m/s³"
         )
     best, reason = scaled.found, HOW_TO_GET
+    watch.found(best.motion.duration)
     if optimise.available():
         search = _Search(
             model,
@@ -127,6 +135,7 @@ def plan(
             began + AGAIN * time_limit,
             began + time_limit,
             clock,
+            watch,
         )
         best, reason = search.run()
     method = scaled.law if best is scaled.found else "optimal"
@@ -174,11 +183,12 @@ class _Search:
     again: float
     end: float
     clock: Callable[[], float]
+    watch: Watch
 
     def run(self) -> tuple[Checked, str]:
         """The best motion, and why it is the scaled one where it is."""
         durations = leg_durations(self.path, self.scaled.found.motion.duration)
-        problem = optimise.Search(flow_of(self.model), self.path, self.yaw, durations)
+        problem = optimise.Search(flow_of(self.model), self.path, self.yaw, durations, self.watch)
         best, last = self.scaled.found, "the search found nothing faster"
         for factor in STARTS:
             guess = guess_of(
@@ -188,9 +198,12 @@ class _Search:
             found, words = self._tightened(problem, guess, best.motion.duration)
             if found is not None and found.motion.duration < best.motion.duration:
                 best = found
+                self.watch.found(best.motion.duration)
             elif words:
                 last = words
-            if self.clock() >= (self.again if best is not self.scaled.found else self.end):
+            if self.watch.stopped() or self.clock() >= (
+                self.again if best is not self.scaled.found else self.end
+            ):
                 break
         return best, last if best is self.scaled.found else ""
 
@@ -204,6 +217,8 @@ class _Search:
         asked = self.limits.reduced(AHEAD)
         for _ in range(ROUNDS):
             left = self.end - self.clock()
+            if self.watch.stopped():
+                return None, "the search was ended early"
             if left <= 0.0:
                 return None, "the search's time was up"
             solution = problem.solve(asked, guess, left)

@@ -1,0 +1,62 @@
+"""MultiDOFJointTrajectory messages to plain values: the first joint is the container's origin."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_estimator.errors import SloshEstimatorError
+from slosh_plan import Trajectory
+from slosh_plan.trajectory import MOST_POINTS
+
+Array = NDArray[np.float64]
+
+
+def trajectory_of_points(points: Any, name: str) -> Trajectory:
+    """The motion of a trajectory's points: by accelerations where all have one, else by poses.
+
+    Raises:
+        SloshEstimatorError, SloshPlanError: it cannot be one.
+    """
+    t = times_of(points)
+    placed = all(point.transforms for point in points)
+    attitude = attitude_of(points) if placed else None
+    if all(point.accelerations for point in points):
+        linear = [point.accelerations[0].linear for point in points]
+        acceleration = np.array([(a.x, a.y, a.z) for a in linear])
+        return Trajectory(t, acceleration, attitude, name=name)
+    if not placed:
+        raise SloshEstimatorError(
+            "the trajectory's points need a transform each, or an acceleration each"
+        )
+    return Trajectory.from_poses(t, positions_of(points), attitude, name)
+
+
+def times_of(points: Any) -> Array:
+    """(N,) times of points from the trajectory's start [s].
+
+    Raises:
+        SloshEstimatorError: there are too many.
+    """
+    if len(points) > MOST_POINTS:
+        raise SloshEstimatorError(f"{len(points)} points are more than {MOST_POINTS}")
+    return np.array([p.time_from_start.sec + 1e-9 * p.time_from_start.nanosec for p in points])
+
+
+def positions_of(points: Any) -> Array:
+    """(N, 3) of points that have a transform [m]."""
+    shifts = [point.transforms[0].translation for point in points]
+    return np.array([(p.x, p.y, p.z) for p in shifts])
+
+
+def attitude_of(points: Any) -> Array | None:
+    """(N, 4) of points that have a transform; None where the container stands unturned throughout.
+
+    A rotation of zeros is upright.
+    """
+    turns = [point.transforms[0].rotation for point in points]
+    attitude = np.array([(q.x, q.y, q.z, q.w) for q in turns])
+    attitude[~attitude.any(axis=1), 3] = 1.0
+    return attitude if attitude[:, :3].any() else None
