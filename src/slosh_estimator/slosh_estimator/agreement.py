@@ -43,6 +43,7 @@ class MotionAgreement(NamedTuple):
         noise: root mean square of the sensor's standard deviation [m]; NaN: unknown.
         peak: highest measured height, single spikes left out [m].
         explained: up to where noise and the watched limit leave nothing to explain [m].
+        estimated_peak: highest estimated height (NL) beside the measured ones [m].
     """
 
     start_ns: int
@@ -52,6 +53,7 @@ class MotionAgreement(NamedTuple):
     noise: float
     peak: float
     explained: float
+    estimated_peak: float
 
     @property
     def disagrees(self) -> bool:
@@ -152,7 +154,9 @@ class MotionWatch:
         peak = float(clean[kept].max())
         # Python's max: a NaN that comes later is passed over.
         explained = max(self._least, SHARE_OF_PEAK * peak, NOISES * noise)
-        found = MotionAgreement(*motion, images, rms, noise, peak, explained)
+        found = MotionAgreement(
+            *motion, images, rms, noise, peak, explained, float(estimated[kept].max())
+        )
         self.finished += 1
         self.disagreeing += found.disagrees
         self.last = found

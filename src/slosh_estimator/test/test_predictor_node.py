@@ -15,15 +15,19 @@ rclpy = pytest.importorskip("rclpy", reason="ROS 2 is not installed")
 from geometry_msgs.msg import Transform, Twist  # noqa: E402
 from rclpy.executors import SingleThreadedExecutor  # noqa: E402
 from rclpy.node import Node  # noqa: E402
-from trajectory_msgs.msg import MultiDOFJointTrajectoryPoint  # noqa: E402
+from trajectory_msgs.msg import (  # noqa: E402
+    MultiDOFJointTrajectory,
+    MultiDOFJointTrajectoryPoint,
+)
 
 from slosh_estimator.nodes.predictor_node import PredictorNode  # noqa: E402
 from slosh_model.model_text import parse_model  # noqa: E402
 from slosh_model.motion_profiles import quintic  # noqa: E402
-from slosh_msgs.msg import SloshEstimate  # noqa: E402
+from slosh_msgs.msg import MotionPrediction, PredictionOutcome, SloshEstimate  # noqa: E402
 from slosh_msgs.srv import PredictSlosh  # noqa: E402
 from slosh_msgs_py import qos, topics  # noqa: E402
-from slosh_msgs_py.stamps import to_time  # noqa: E402
+from slosh_msgs_py.node.diagnostics import WARN  # noqa: E402
+from slosh_msgs_py.stamps import to_nanoseconds, to_time  # noqa: E402
 from slosh_plan import HeightLimits, LiquidState, Trajectory, predict, safe_scales  # noqa: E402
 
 PATIENCE = 20.0
@@ -62,7 +66,9 @@ class Cell:
 def cell(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cell]:
     model = tmp_path_factory.mktemp("model") / "model.yaml"
     model.write_text(TEXT)
-    rclpy.init(args=["--ros-args", "-p", f"model:={model}", "-p", "scales:=200"])
+    rclpy.init(
+        args=["--ros-args", "-p", f"model:={model}", "-p", "scales:=200", "-p", "limit:=0.012"]
+    )
     made = Cell(Node("probe"), PredictorNode())
     yield made
     for node in (made.probe, made.node):
@@ -195,3 +201,121 @@ def test_the_liquid_goes_on_from_the_estimate(cell: Cell) -> None:
     high = cell.ask(from_estimate=True, limit=0.001)
     assert not high.success
     cell.probe.destroy_publisher(publisher)
+
+
+@pytest.fixture
+def told(cell: Cell) -> Iterator[Callable[..., MotionPrediction]]:
+    """Publishes a planned trajectory and returns what is predicted of it."""
+    heard: list[MotionPrediction] = []
+    publisher = cell.probe.create_publisher(
+        MultiDOFJointTrajectory, topics.PLANNED_TRAJECTORY, qos.DIAGNOSTICS
+    )
+    subscription = cell.probe.create_subscription(
+        MotionPrediction, topics.PREDICTION, heard.append, qos.EVENT
+    )
+    cell.until(lambda: publisher.get_subscription_count() > 0)
+    cell.until(lambda: subscription.get_publisher_count() > 0)
+
+    def tell(given: list[MultiDOFJointTrajectoryPoint], start_ns: int = 0) -> MotionPrediction:
+        message = MultiDOFJointTrajectory(points=given)
+        message.header.stamp = to_time(start_ns)
+        before = cell.node._planned.count
+        publisher.publish(message)
+        cell.until(lambda: bool(heard) and heard[-1].id == before + 1)
+        return heard[-1]
+
+    yield tell
+    cell.probe.destroy_publisher(publisher)
+    cell.probe.destroy_subscription(subscription)
+
+
+def test_a_planned_motion_is_predicted_before_it_begins(
+    cell: Cell, told: Callable[..., MotionPrediction]
+) -> None:
+    now = cell.probe.get_clock().now().nanoseconds
+    message = told(points(poses=False), now + 2_000_000_000)
+    (found,) = predict(MODEL, motion(), limits=HeightLimits(0.012))
+    assert message.state == MotionPrediction.EXCEEDED
+    assert message.peak == pytest.approx(found.nonlinear.peak, rel=1e-6)
+    assert message.excess == pytest.approx(found.excess, rel=1e-5)
+    assert message.limit == 0.012
+    assert message.residual_limit == math.inf
+    assert message.duration == pytest.approx(1.0)
+    assert to_nanoseconds(message.start) == now + 2_000_000_000
+    assert to_nanoseconds(message.header.stamp) < to_nanoseconds(message.start)
+    assert not message.from_estimate
+    assert "above the limit of 12 mm" in message.description
+    assert "; predicted from rest: " in message.description
+    level, sentence = cell.node._health()
+    assert level == WARN
+    assert sentence == f"planned motion {message.id}: {message.description}"
+
+
+def test_a_planned_motion_that_keeps_the_limit_is_no_warning(
+    cell: Cell, told: Callable[..., MotionPrediction]
+) -> None:
+    slow = points(poses=False)
+    for point in slow:
+        point.accelerations[0].linear.x *= 0.1
+    assert told(slow).state == MotionPrediction.KEPT
+    assert cell.node._health()[0] != WARN
+
+
+def test_the_cells_record_counts_against_the_limit(
+    cell: Cell, told: Callable[..., MotionPrediction]
+) -> None:
+    publisher = cell.probe.create_publisher(
+        PredictionOutcome, topics.PREDICTION_OUTCOME, qos.EVENT
+    )
+    publisher.publish(PredictionOutcome(count=5, sigma=0.001, epsilon=0.0))
+    cell.until(lambda: cell.node._planned._record is not None)
+    message = told(points(poses=False))
+    assert message.peak_upper == pytest.approx(message.peak + 0.002)
+    cell.probe.destroy_publisher(publisher)
+
+
+def broken(change: Callable[[list[MultiDOFJointTrajectoryPoint]], Any]) -> list[Any]:
+    made = points(poses=False)
+    return change(made) or made
+
+
+@pytest.mark.parametrize(
+    ("change", "match"),
+    [
+        (lambda made: made[:1], "1 point: a motion needs at least 2"),
+        (lambda made: made[::-1], "comes before"),
+        (lambda made: [made[0]] * 5, "the motion lasts 0 s"),
+        (lambda made: [*made[:9], *made[8:]], "repeats"),
+        (lambda made: [*made[:100], *made[300:]], "a gap"),
+        (lambda made: setattr(made[3].accelerations[0].linear, "x", math.nan), "is not finite"),
+        (lambda made: setattr(made[3], "accelerations", []), "a transform each"),
+    ],
+)
+def test_a_planned_trajectory_that_is_none_is_refused(
+    cell: Cell, told: Callable[..., MotionPrediction], change: Any, match: str
+) -> None:
+    message = told(broken(change))
+    assert message.state == MotionPrediction.REFUSED
+    assert match in message.description
+    assert math.isnan(message.peak)
+    assert cell.node.faults.total == 0
+    assert told(points(poses=False)).state == MotionPrediction.EXCEEDED
+
+
+def test_a_motion_that_is_over_is_refused(
+    cell: Cell, told: Callable[..., MotionPrediction]
+) -> None:
+    message = told(points(poses=False), 5_000_000_000)
+    assert message.state == MotionPrediction.REFUSED
+    assert "by its stamp it has ended" in message.description
+
+
+def test_a_million_points_are_refused(cell: Cell) -> None:
+    values = [0.0] * 1_000_000
+    answer = cell.ask(
+        time=np.arange(1e6).tolist(), acceleration_x=values, acceleration_y=values,
+        acceleration_z=values,
+    )  # fmt: skip
+    assert not answer.success
+    assert "1000000 points are more than 200000" in answer.message
+    assert cell.ask().success

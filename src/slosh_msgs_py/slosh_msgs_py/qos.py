@@ -40,6 +40,8 @@ IMAGE_IN: Final = _profile(Reliability.BEST_EFFORT, Durability.VOLATILE, 1)
 """To process images of any publisher: the newest alone."""
 IMAGE_RELIABLE_IN: Final = _profile(Reliability.RELIABLE, Durability.VOLATILE, 1)
 """The same where it is offered: of large images read as best effort Fast DDS loses many."""
+PLANNED_IN: Final = _profile(Reliability.RELIABLE, Durability.VOLATILE, 10)
+"""To read trajectories: too large for best effort, and whoever plans publishes reliable."""
 EVENT: Final = _profile(Reliability.RELIABLE, Durability.TRANSIENT_LOCAL, 100)
 """Events and latched facts, both ends: a late joiner receives the latest ones."""
 DIAGNOSTICS: Final = _profile(Reliability.RELIABLE, Durability.VOLATILE, 10)

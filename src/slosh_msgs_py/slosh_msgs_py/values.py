@@ -108,6 +108,51 @@ class SloshComparison:
 
 
 @dataclass(frozen=True, slots=True)
+class MotionPrediction:
+    """What the liquid will do on a motion that is about to begin; see MotionPrediction.msg."""
+
+    stamp_ns: int
+    frame_id: str = "container"
+    state: int = 0
+    id: int = 0
+    start_ns: int = 0
+    from_estimate: bool = False
+    duration: float = NAN
+    peak: float = NAN
+    peak_lower: float = NAN
+    peak_upper: float = NAN
+    peak_time: float = NAN
+    azimuth: float = NAN
+    residual: float = NAN
+    limit: float = NAN
+    residual_limit: float = NAN
+    excess: float = NAN
+    residual_excess: float = NAN
+    flags: int = 0
+    description: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class PredictionOutcome:
+    """Predicted against measured peak of a motion; see PredictionOutcome.msg."""
+
+    stamp_ns: int
+    frame_id: str = "container"
+    id: int = 0
+    start_ns: int = 0
+    predicted: float = NAN
+    estimated: float = NAN
+    measured: float = NAN
+    error: float = NAN
+    counted: bool = False
+    count: int = 0
+    sigma: float = NAN
+    epsilon: float = NAN
+    worst: float = NAN
+    description: str = ""
+
+
+@dataclass(frozen=True, slots=True)
 class LimitEvent:
     """Start or end of an excess; see LimitEvent.msg."""
 

@@ -20,6 +20,8 @@ KINDS = [
     values.SloshEstimate,
     values.ExpectedReading,
     values.SloshComparison,
+    values.MotionPrediction,
+    values.PredictionOutcome,
     values.LimitEvent,
 ]
 FLOAT32 = 3.402823466e38  # what ROS's own check admits; the greatest of all is a little more

@@ -150,6 +150,29 @@ class Trajectory:
             )
         return other
 
+    def after_rest(self, seconds: float) -> Trajectory:
+        """The same, after the container has rested for a while [s].
+
+        Raises:
+            SloshPlanError: it gets too long.
+        """
+        # As often as the motion's own samples: no interval of either is a gap beside the other's.
+        count = max(math.ceil(seconds / float(np.median(np.diff(self.t)))), 1)
+        before = self.t[0] - seconds * np.arange(count, 0, -1) / count
+
+        def rested(values: Array | None, still: bool = False) -> Array | None:
+            if values is None:
+                return None
+            first = np.zeros_like(values[0]) if still else values[0]
+            return np.concatenate((np.tile(first, (count, 1)), values))
+
+        moved = np.concatenate((np.zeros((count, 3)), self.acceleration))
+        return replace(
+            self, t=np.concatenate((before, self.t)), acceleration=moved,
+            attitude=rested(self.attitude), position=rested(self.position),
+            angular_velocity=rested(self.angular_velocity, still=True),
+        )  # fmt: skip
+
     def inputs(self, horizon: float = 0.0, spacing: float = PEAK_SPACING) -> Inputs:
         """As the simulation takes it, and the container at rest for `horizon` after it [s].
 

@@ -18,6 +18,7 @@ from slosh_estimator.monitor import (
     MonitorSettings,
 )
 from slosh_estimator.nodes.monitor_health import MonitorHealth
+from slosh_estimator.nodes.prediction_watch import PredictionWatch
 from slosh_estimator.readings import Reading, ReadingJoiner
 from slosh_model.arithmetic import arithmetic_fingerprint
 from slosh_model.compile_cache import sources_digest
@@ -85,6 +86,7 @@ class MonitorNode(GuardedNode):
         )
         self.create_service(Trigger, f"monitor/{topics.RESET}", self._on_reset)
         self._judge = MonitorHealth(self, self._core)
+        self._predictions = PredictionWatch(self, self._frame)
         self._measured = 0
         self._report = DiagnosticsReporter(self, self._health, self._facts)
         self.create_timer(CHECK_PERIOD, self._on_check, clock=self._steady)
@@ -124,6 +126,7 @@ class MonitorNode(GuardedNode):
     def _on_check(self) -> None:
         self._publish(self._core.check(self._arrival()))
         for motion in self._core.motions.take_finished():
+            self._predictions.judge(motion)
             if motion.disagrees:
                 self.get_logger().warning(motion.sentence)
 
@@ -151,6 +154,7 @@ class MonitorNode(GuardedNode):
 
     def _on_reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self._core.reset_accuracy()
+        self._predictions.reset()
         response.success, response.message = True, "sigma and epsilon start anew"
         return response
 
@@ -169,6 +173,7 @@ class MonitorNode(GuardedNode):
             "measurements without an estimate": core.unmatched,
             "estimates out of order": core.late_estimates,
             "estimates without an expected reading": self._joiner.lost,
+            **self._predictions.facts(),
         }
 
 

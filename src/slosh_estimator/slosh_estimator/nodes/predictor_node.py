@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,7 @@ from typing import Any
 from slosh_estimator.model_file import read_model
 from slosh_estimator.nodes import predict_messages
 from slosh_estimator.nodes.newest_estimate import NewestEstimate
+from slosh_estimator.nodes.planned_motions import PlannedMotions
 from slosh_estimator.nodes.requested_model import model_at
 from slosh_model.arithmetic import arithmetic_fingerprint
 from slosh_model.compilation import load_telling
@@ -23,18 +25,27 @@ from slosh_msgs_py.node.prepared import PreparedNode
 from slosh_msgs_py.node.readiness import Progress
 from slosh_msgs_py.node.run import run_node
 from slosh_msgs_py.node.settings import SettingsPublisher
-from slosh_plan import predict, safe_scales
+from slosh_plan import HeightLimits, predict, safe_scales
 from slosh_plan.scaling import COUNT
 
 PACKAGE = Path(__file__).parents[1]
 PARAMETERS = (
     ParameterSpec("model", "", "model file of the container and its liquid (model.yaml)"),
     ParameterSpec("scales", COUNT, "time scales that a request looks at", (10, 10_000)),
+    ParameterSpec(
+        "limit", 0.02, "limit of the height on planned motions [m]; 0: none", (0.0, 10.0)
+    ),
+    ParameterSpec(
+        "residual_limit", 0.0, "limit of the height after their end [m]; 0: none", (0.0, 10.0)
+    ),
+    ParameterSpec("container_frame", "container", "the container's frame, on all output"),
 )
+
+LIMITS = ("limit", "residual_limit")
 
 
 class PredictorNode(PreparedNode):
-    """Converts, calls the core, answers.
+    """Converts, calls the core, answers; tells of planned motions by itself.
 
     Args:
         later: it gets ready by `run_node`.
@@ -45,8 +56,9 @@ class PredictorNode(PreparedNode):
         self._values = values = declare(self, PARAMETERS)
         self._model = read_model(values["model"])
         self._settings = SettingsPublisher(
-            self, sources_digest(PACKAGE), arithmetic_fingerprint(), values, (topics.ESTIMATE,)
-        )
+            self, sources_digest(PACKAGE), arithmetic_fingerprint(), values,
+            (topics.ESTIMATE, topics.PLANNED_TRAJECTORY, topics.PREDICTION),
+        )  # fmt: skip
         self._refused = 0
         self._watch(self._health, self._facts)
         self._get_ready(later=later)
@@ -60,6 +72,10 @@ class PredictorNode(PreparedNode):
         """Answers from now on."""
         self._settings.publish({"model": format_model(self._model)})
         self._estimate = NewestEstimate(self)
+        limits = HeightLimits(*(self._values[name] or math.inf for name in LIMITS))
+        self._planned = PlannedMotions(
+            self, self._model, limits, self._estimate, self._values["container_frame"]
+        )
         self.create_service(PredictSlosh, topics.PREDICT, self._on_predict)
 
     def _on_predict(
@@ -104,10 +120,12 @@ class PredictorNode(PreparedNode):
         return model_at(path, self.get_logger().warning, "predict")
 
     def _health(self) -> Health:
-        return OK, f"predicting with {self._model.nonlinear().name}"
+        return self._planned.health() or (
+            OK, f"predicting with {self._model.nonlinear().name}"
+        )  # fmt: skip
 
     def _facts(self) -> dict[str, Any]:
-        return {"refused requests": self._refused}
+        return {"refused requests": self._refused, "planned motions": self._planned.count}
 
 
 def main() -> int:

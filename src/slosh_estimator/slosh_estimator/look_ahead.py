@@ -1,0 +1,81 @@
+"""What the liquid will do on a motion that is about to begin."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+from slosh_model.model import Model
+from slosh_plan import HeightLimits, LiquidState, ModelError, Prediction, Trajectory, predict
+
+FORGOTTEN = 60.0
+"""A motion that begins later than in so long [s] finds the liquid at rest."""
+LEAST = 3
+"""Outcomes after which the cell's own record counts."""
+
+
+class Record(NamedTuple):
+    """How well predictions did in this cell; see PredictionOutcome.msg."""
+
+    count: int  # type: ignore[assignment]  # the message's name, over tuple.count
+    sigma: float
+    epsilon: float
+
+
+def error_of(record: Record | None) -> ModelError:
+    """The model's error by the cell's own record; unknown before LEAST outcomes."""
+    if record is None or record.count < LEAST:
+        return ModelError()
+    return ModelError(min(record.sigma, 1.0), min(max(record.epsilon, -1.0), 10.0))
+
+
+def look_ahead(
+    model: Model,
+    motion: Trajectory,
+    delay: float,
+    *,
+    limits: HeightLimits,
+    state: LiquidState | None = None,
+    error: ModelError | None = None,
+) -> Prediction:
+    """Predicts a motion that begins in a moment.
+
+    Args:
+        model: the model.
+        motion: the motion.
+        delay: until it begins [s]; the container rests meanwhile.
+        limits: to be kept.
+        state: the liquid now; None: at rest.
+        error: the model's measured error.
+
+    Returns:
+        the prediction, on the motion's own clock.
+
+    Raises:
+        SloshPlanError: the liquid stands above the limit already, or in another model's state.
+    """
+    state = state if delay <= FORGOTTEN else None
+    if state is None or delay <= 0.0:
+        (found,) = predict(model, motion, limits=limits, state=state, error=error)
+        return found
+    later = motion.after_rest(delay)
+    (found,) = predict(model, later, limits=limits, state=state, error=error)
+    return replace(found, duration=motion.duration)
+
+
+def warning(prediction: Prediction) -> str:
+    """By how much a motion exceeds its limits, in a sentence; empty: it keeps them."""
+    limits, peak = prediction.limits, prediction.nonlinear
+    parts = []
+    if prediction.excess > 0.0:
+        parts.append(
+            f"the liquid will rise to {1e3 * prediction.upper:.1f} mm, "
+            f"{1e3 * prediction.excess:.1f} mm above the limit of {1e3 * limits.height:g} mm, "
+            f"{peak.peak_time:.2f} s after the start"
+        )
+    if prediction.residual_excess > 0.0:
+        parts.append(
+            f"{1e3 * prediction.residual_upper:.1f} mm will be left after the end, "
+            f"{1e3 * prediction.residual_excess:.1f} mm above the limit"
+        )
+    return "; ".join(parts)

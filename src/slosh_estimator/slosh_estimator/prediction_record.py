@@ -1,0 +1,146 @@
+"""What became of predictions: predicted against measured peaks, motion by motion.
+
+Times are whole nanoseconds. A prediction belongs to the motion that begins when it said, or, where
+it said nothing, to the next one.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from typing import NamedTuple
+
+from slosh_estimator.agreement import MotionAgreement
+from slosh_files.nanoseconds import SECOND
+
+NAN = float("nan")
+EARLY_NS = SECOND // 2
+"""A motion may begin so much before it was said to [ns]: clocks of two machines."""
+LATE = 1.0
+"""And so much later [s], with LATE_SHARE of its duration: its beginning may be too gentle."""
+LATE_SHARE = 0.25
+TOLERANCE, TOLERANCE_SHARE = 0.5, 0.25
+"""A motion that lasts as long as planned to within this [s], or this share, is the planned one."""
+LONGEST_WAIT_NS = 600 * SECOND
+MOST_WAITING = 16
+
+
+class Announced(NamedTuple):
+    """A prediction, as MotionPrediction.msg has it: stamps [ns], duration [s], peak [m]."""
+
+    id: int
+    stamp_ns: int
+    start_ns: int
+    duration: float
+    peak: float
+
+    @property
+    def expected_ns(self) -> int:
+        """The earliest that its motion can have begun [ns]."""
+        return (self.start_ns or self.stamp_ns) - EARLY_NS
+
+    @property
+    def latest_ns(self) -> int:
+        """The latest [ns]."""
+        if not self.start_ns:
+            return self.stamp_ns + LONGEST_WAIT_NS
+        return self.start_ns + round((LATE + LATE_SHARE * self.duration) * SECOND)
+
+
+class Outcome(NamedTuple):
+    """Predicted against measured; the fields of PredictionOutcome.msg."""
+
+    stamp_ns: int
+    id: int
+    start_ns: int
+    predicted: float
+    estimated: float
+    measured: float
+    error: float
+    counted: bool
+    count: int  # type: ignore[assignment]  # the message's name, over tuple.count
+    sigma: float
+    epsilon: float
+    worst: float
+    description: str
+
+
+class PredictionRecord:
+    """Takes predictions and motions as they come; keeps how well the first told the second.
+
+    Attributes:
+        count: predictions whose motion was measured.
+        last: the newest outcome; None: none.
+    """
+
+    def __init__(self) -> None:
+        self._waiting: deque[Announced] = deque(maxlen=MOST_WAITING)
+        self.reset()
+
+    def reset(self) -> None:
+        """Starts the record anew; what is announced stays so."""
+        self.count = 0
+        self.last: Outcome | None = None
+        self._absolute = self._relative = 0.0
+        self._worst = NAN
+
+    @property
+    def sigma(self) -> float:
+        """Mean of |measured - predicted| [m]; NaN: none yet."""
+        return self._absolute / self.count if self.count else NAN
+
+    @property
+    def epsilon(self) -> float:
+        """Mean of (predicted - measured) / measured; NaN: none yet."""
+        return self._relative / self.count if self.count else NAN
+
+    def announce(self, prediction: Announced) -> None:
+        """Takes a prediction; one without a finite peak is passed over.
+
+        Of those that do not say when their motion begins the newest counts.
+        """
+        if not (math.isfinite(prediction.peak) and math.isfinite(prediction.duration)):
+            return
+        if not prediction.start_ns:
+            kept = [waiting for waiting in self._waiting if waiting.start_ns]
+            self._waiting = deque(kept, maxlen=MOST_WAITING)
+        self._waiting.append(prediction)
+
+    def judge(self, motion: MotionAgreement) -> Outcome | None:
+        """What became of the prediction of a motion; None: there was none."""
+        there = [
+            one for one in self._waiting if one.expected_ns <= motion.start_ns <= one.latest_ns
+        ]
+        over = [one for one in self._waiting if one.latest_ns < motion.start_ns]
+        if there:
+            found = max(there, key=lambda one: one.expected_ns)
+            over += [one for one in there if one.expected_ns <= found.expected_ns]
+        self._waiting = deque(
+            (one for one in self._waiting if one not in over), maxlen=MOST_WAITING
+        )
+        return self._outcome(found, motion) if there else None
+
+    def _outcome(self, prediction: Announced, motion: MotionAgreement) -> Outcome:
+        lasted = (motion.end_ns - motion.start_ns) / SECOND
+        allowed = max(TOLERANCE, TOLERANCE_SHARE * prediction.duration)
+        counted = abs(lasted - prediction.duration) <= allowed
+        error = motion.peak - prediction.peak
+        if counted:
+            self._take(error, motion.peak)
+        words = (
+            f"predicted {1e3 * prediction.peak:.1f} mm, measured {1e3 * motion.peak:.1f} mm"
+            if counted
+            else f"the motion lasted {lasted:.1f} s, planned were {prediction.duration:.1f} s: "
+            "not the planned one"
+        )
+        self.last = Outcome(
+            motion.end_ns, prediction.id, motion.start_ns, prediction.peak, motion.estimated_peak,
+            motion.peak, error, counted, self.count, self.sigma, self.epsilon, self._worst, words,
+        )  # fmt: skip
+        return self.last
+
+    def _take(self, error: float, measured: float) -> None:
+        self.count += 1
+        self._absolute += abs(error)
+        self._relative -= error / max(measured, 1e-9)
+        self._worst = max(error, 0.0) if math.isnan(self._worst) else max(error, self._worst)
