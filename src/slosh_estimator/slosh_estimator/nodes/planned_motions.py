@@ -90,6 +90,8 @@ class PlannedMotions:
 
     def _predicted(self, data: bytes) -> values.MotionPrediction:
         now = self._now()
+        # Of this moment: while a long trajectory is unpacked the motion may begin.
+        state, whence = self._state()
         if len(data) > MOST_BYTES:
             raise SloshEstimatorError(
                 f"{NAME}: {1e-6 * len(data):.0f} MB are more than {1e-6 * MOST_BYTES:.0f} MB"
@@ -102,7 +104,6 @@ class PlannedMotions:
             raise SloshEstimatorError(
                 f"{NAME}: by its stamp it has ended {-delay - motion.duration:.1f} s ago"
             )
-        state, whence = self._state()
         found = look_ahead(
             self._model, motion, delay, limits=self._limits, state=state,
             error=error_of(self._record),

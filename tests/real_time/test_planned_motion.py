@@ -1,0 +1,61 @@
+"""A planned motion in the simulated cell: told before it begins, measured, and put on record."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from planned_cell import LIMITS, planned, play
+
+from slosh_bag.reader import BagReader
+from slosh_msgs.msg import MotionPrediction
+from slosh_msgs_py.stamps import to_nanoseconds
+from slosh_plan.planning import optimise
+
+pytestmark = pytest.mark.skipif(not optimise.available(), reason="CasADi is not installed")
+
+TOPICS = {f"/slosh/{name}" for name in ("planned_trajectory", "prediction", "prediction_outcome")}
+
+
+@pytest.fixture(scope="module")
+def line(tmp_path_factory, domain):
+    """The line of 0.4 m, and where its bag is."""
+    folder = tmp_path_factory.mktemp("line")
+    return play("p2p", planned("p2p"), folder, domain, record=True), folder / "bag"
+
+
+def test_the_motion_is_predicted_before_it_begins(line):
+    played, _ = line
+    prediction = played.prediction
+    assert played.ahead > 0.5
+    assert prediction.state == MotionPrediction.KEPT
+    assert prediction.from_estimate, prediction.description
+    assert prediction.duration == pytest.approx(played.plan.found.motion.duration)
+    # The sensors' noise has set the estimated liquid in motion, a little.
+    assert prediction.peak == pytest.approx(played.plan.found.peak, abs=5e-4)
+
+
+def test_predicted_estimated_and_measured_peak_agree(line):
+    played, _ = line
+    outcome = played.outcome
+    assert outcome.id == played.prediction.id
+    assert outcome.counted, outcome.description
+    assert outcome.count == 1
+    assert outcome.predicted == played.prediction.peak
+    assert outcome.measured == pytest.approx(outcome.predicted, abs=1e-3)
+    assert outcome.estimated == pytest.approx(outcome.predicted, abs=1e-3)
+    assert outcome.sigma == pytest.approx(abs(outcome.error))
+    assert math.isfinite(outcome.epsilon)
+    began, said = to_nanoseconds(outcome.start), to_nanoseconds(played.prediction.start)
+    assert abs(began - said) < 0.3e9
+    # What was promised: the simulated liquid, damped otherwise, stays below the limit.
+    assert played.truth <= LIMITS.height * 1.02
+
+
+def test_both_are_in_the_bag(line):
+    played, bag = line
+    reader = BagReader(bag)
+    said = {one.topic: reader.decode(one) for one in reader.messages(TOPICS)}
+    assert said["/slosh/prediction"].peak == played.prediction.peak
+    assert said["/slosh/prediction_outcome"].measured == played.outcome.measured
+    assert len(said["/slosh/planned_trajectory"].points) > 500
