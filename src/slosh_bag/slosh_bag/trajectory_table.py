@@ -1,4 +1,4 @@
-"""Planned motions as CSV: motion tables, and tables of poses.
+"""Planned motions as CSV: motion tables, tables of poses, tables of joints.
 
 Columns: `t` [s] with `ax,ay,az` [m/s²] or `x,y,z` [m] of the container's origin in the world's
 axes, or both; optional `qx,qy,qz,qw` (attitude, world ← container) and, with accelerations,
@@ -23,6 +23,7 @@ from slosh_bag.motion_table import (
     read_columns,
 )
 from slosh_plan import Trajectory
+from slosh_plan.joints import Arm
 
 Array = NDArray[np.float64]
 
@@ -54,6 +55,28 @@ def read_trajectory(path: Path) -> Trajectory:
         return Trajectory(t, acceleration, group(ATTITUDE), rate, position, str(path))
     assert position is not None
     return Trajectory.from_poses(t, position, group(ATTITUDE), str(path))
+
+
+def read_joint_trajectory(path: Path, arm: Arm) -> Trajectory:
+    """Reads a motion of a robot's joints: `t` [s], and a column of each joint [rad or m].
+
+    Args:
+        path: a `.csv` or `.csv.gz` file.
+        arm: the robot.
+
+    Raises:
+        SloshBagError: no such table.
+        SloshPlanError: no such motion.
+    """
+    names, data = read_columns(path, _check_joints)
+    columns = [place for place, name in enumerate(names) if name != "t"]
+    joints = [names[place] for place in columns]
+    return arm.motion(data[:, names.index("t")], joints, data[:, columns], name=str(path))
+
+
+def _check_joints(path: Path, names: list[str]) -> None:
+    if names.count("t") != 1 or len(names) < 2:
+        raise SloshBagError(f"{path}: line 1: a motion of joints needs t and the joints' names")
 
 
 def _check_columns(path: Path, names: list[str]) -> None:

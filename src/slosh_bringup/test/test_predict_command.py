@@ -8,6 +8,7 @@ import pytest
 from slosh_bringup.cli.main import main
 from slosh_bringup.processes import config_folder
 from slosh_model.motion_profiles import quintic
+from slosh_plan.joints import available
 
 MODEL = str(config_folder() / "model.yaml")
 
@@ -98,3 +99,31 @@ def test_what_is_wrong_is_one_line_and_exit_code_two(capsys, tmp_path, text, opt
     assert captured.out == ""
     (said,) = captured.err.strip().split("\n")
     assert match in said
+
+
+URDF = """<robot name="slide">
+  <link name="rail"/><link name="cup"/>
+  <joint name="slide" type="prismatic"><parent link="rail"/><child link="cup"/>
+    <axis xyz="1 0 0"/><limit lower="-1" upper="1" effort="1" velocity="9"/></joint>
+</robot>"""
+
+
+@pytest.mark.skipif(not available(), reason="Pinocchio (pin) is not installed")
+def test_motions_of_joints_by_a_robots_description(capsys, tmp_path):
+    t = np.linspace(0.0, 1.0, 501)
+    rows = np.column_stack([t, 0.4 * quintic(t)[0]])
+    np.savetxt(tmp_path / "j.csv", rows, "%.12g", ",", header="t,slide", comments="")
+    (tmp_path / "slide.urdf").write_text(URDF)
+    robot = ["--urdf", str(tmp_path / "slide.urdf"), "--tool-frame", "cup"]
+    code, (found,) = answers(capsys, str(tmp_path / "j.csv"), *robot)
+    assert code == 0
+    _, (same,) = answers(capsys, line(tmp_path / "a.csv"))
+    assert found["peak_nonlinear"] == pytest.approx(same["peak_nonlinear"], rel=1e-3)
+    assert main(["predict", MODEL, line(tmp_path / "a.csv"), *robot]) == 2
+    assert "has no moving joint 'ax' (it has slide)" in capsys.readouterr().err
+
+
+def test_a_robot_needs_its_tool_frame(capsys, tmp_path):
+    motion = line(tmp_path / "a.csv")
+    assert main(["predict", MODEL, motion, "--urdf", "robot.urdf"]) == 2
+    assert capsys.readouterr().err.strip().endswith("--urdf and --tool-frame belong together")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,11 +17,16 @@ from geometry_msgs.msg import Transform, Twist  # noqa: E402
 from rclpy.executors import SingleThreadedExecutor  # noqa: E402
 from rclpy.node import Node  # noqa: E402
 from trajectory_msgs.msg import (  # noqa: E402
+    JointTrajectory,
+    JointTrajectoryPoint,
     MultiDOFJointTrajectory,
     MultiDOFJointTrajectoryPoint,
 )
 
+from slosh_estimator.errors import SloshEstimatorError  # noqa: E402
+from slosh_estimator.nodes.predict_messages import trajectory_of  # noqa: E402
 from slosh_estimator.nodes.predictor_node import PredictorNode  # noqa: E402
+from slosh_estimator.robot_file import read_arm  # noqa: E402
 from slosh_model.model_text import parse_model  # noqa: E402
 from slosh_model.motion_profiles import quintic  # noqa: E402
 from slosh_msgs.msg import MotionPrediction, PredictionOutcome, SloshEstimate  # noqa: E402
@@ -29,6 +35,7 @@ from slosh_msgs_py import qos, topics  # noqa: E402
 from slosh_msgs_py.node.diagnostics import WARN  # noqa: E402
 from slosh_msgs_py.stamps import to_nanoseconds, to_time  # noqa: E402
 from slosh_plan import HeightLimits, LiquidState, Trajectory, predict, safe_scales  # noqa: E402
+from slosh_plan.joints import available  # noqa: E402
 
 PATIENCE = 20.0
 TEXT = """
@@ -37,6 +44,7 @@ damping_ratio: auto
 effects: [{name: vertical_acceleration}]
 """
 MODEL = parse_model(TEXT, "text")
+JOINTS = JointTrajectory(joint_names=["slide"], points=[JointTrajectoryPoint()])
 
 
 class Cell:
@@ -155,6 +163,11 @@ def test_a_planners_trajectory_is_taken(cell: Cell, poses: bool) -> None:
     [
         ({"time": [1.0] * 501}, "the motion lasts 0 s"),
         ({"time": []}, "give the motion either as time and acceleration or a trajectory"),
+        (
+            {"time": [], "joint_trajectory": JOINTS},
+            "the robot of the joint_trajectory is not known",
+        ),
+        ({"joint_trajectory": JOINTS}, "give the motion either as"),
         ({"acceleration_y": [0.0]}, "acceleration_y has 1 values, time has 501"),
         ({"acceleration_x": [math.nan] * 501}, "acceleration[0].x = nan is not finite"),
         ({"limit": -1.0}, "height limit = -1.0 m must lie above 0"),
@@ -251,6 +264,31 @@ def test_a_planned_motion_is_predicted_before_it_begins(
     assert sentence == f"planned motion {message.id}: {message.description}"
 
 
+def test_a_planned_motion_finds_the_liquid_as_it_is(
+    cell: Cell, told: Callable[..., MotionPrediction]
+) -> None:
+    publisher = cell.probe.create_publisher(SloshEstimate, topics.ESTIMATE, qos.STREAM_OUT)
+    message = SloshEstimate()
+    for answer in (message.linear, message.nonlinear):
+        answer.modal_position, answer.modal_velocity = [0.002, 0.0], [0.0, 0.0]
+
+    def tell() -> None:
+        message.header.stamp = to_time(cell.probe.get_clock().now().nanoseconds)
+        publisher.publish(message)
+
+    timer = cell.probe.create_timer(0.02, tell)
+    cell.until(lambda: publisher.get_subscription_count() > 0)
+    end = time.monotonic() + 0.3
+    cell.until(lambda: time.monotonic() > end)
+    found = told(points(poses=False))
+    cell.probe.destroy_timer(timer)
+    cell.probe.destroy_publisher(publisher)
+    assert found.from_estimate, found.description
+    state = LiquidState([[0.002, 0.0, 0.0, 0.0]], [[0.002, 0.0, 0.0, 0.0]])
+    (same,) = predict(MODEL, motion(), state=state)
+    assert found.peak == pytest.approx(same.nonlinear.peak, rel=1e-6)
+
+
 def test_a_planned_motion_that_keeps_the_limit_is_no_warning(
     cell: Cell, told: Callable[..., MotionPrediction]
 ) -> None:
@@ -319,3 +357,51 @@ def test_a_million_points_are_refused(cell: Cell) -> None:
     assert not answer.success
     assert "1000000 points are more than 200000" in answer.message
     assert cell.ask().success
+
+
+URDF = """<robot name="slide">
+  <link name="rail"/><link name="cup"/>
+  <joint name="slide" type="prismatic"><parent link="rail"/><child link="cup"/>
+    <axis xyz="1 0 0"/><limit lower="-1" upper="1" effort="1" velocity="9"/></joint>
+</robot>"""
+
+
+def joint_points() -> list[JointTrajectoryPoint]:
+    """The line along x as a motion of one joint."""
+    one = motion()
+    made = []
+    for t, position in zip(one.t, one.position[:, 0], strict=True):
+        point = JointTrajectoryPoint(positions=[float(position)])
+        point.time_from_start.nanosec = round((t % 1.0) * 1e9)
+        point.time_from_start.sec = int(t)
+        made.append(point)
+    return made
+
+
+@pytest.mark.skipif(not available(), reason="Pinocchio (pin) is not installed")
+def test_a_motion_of_joints_is_that_of_the_cup_that_they_carry(cell: Cell, tmp_path: Path) -> None:
+    (tmp_path / "slide.urdf").write_text(URDF)
+    arm = read_arm(tmp_path / "slide.urdf", "cup")
+    message = PredictSlosh.Request()
+    message.joint_trajectory = JointTrajectory(joint_names=["slide"], points=joint_points())
+    (found,) = predict(MODEL, trajectory_of(message, arm))
+    (same,) = predict(MODEL, motion())
+    assert found.nonlinear.peak == pytest.approx(same.nonlinear.peak, rel=1e-3)
+    # The node answers the same.
+    cell.node._arm = arm
+    try:
+        answer = cell.ask(time=[], joint_trajectory=message.joint_trajectory)
+    finally:
+        cell.node._arm = None
+    assert answer.success, answer.message
+    assert answer.peak_nonlinear == found.nonlinear.peak
+    message.joint_trajectory.points[7].positions = []
+    with pytest.raises(SloshEstimatorError, match="point 7 has 0 positions for 1 joints"):
+        trajectory_of(message, arm)
+
+
+def test_a_robot_that_is_none_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(SloshEstimatorError, match="name the link"):
+        read_arm(tmp_path / "no.urdf", "")
+    with pytest.raises(SloshEstimatorError, match="No such file"):
+        read_arm(tmp_path / "no.urdf", "cup")

@@ -108,7 +108,7 @@ class Trajectory:
         spline = CubicSpline(given.t, given.position, bc_type="clamped")
         if given.attitude is None:
             return replace(given, acceleration=spline(given.t, 2))
-        moments = _dense(given.t, POSE_SPACING)
+        moments = dense(given.t, POSE_SPACING)
         turns = RotationSpline(given.t, Rotation.from_quat(given.attitude))
         return cls(
             moments, spline(moments, 2), turns(moments).as_quat(), turns(moments, 1),
@@ -196,7 +196,7 @@ class Trajectory:
                 rate = np.concatenate((rate, np.zeros((count, 3))))
         try:
             given = Inputs(t, acceleration, attitude, rate)
-            moments = _dense(given.t, spacing)
+            moments = dense(given.t, spacing)
             return given if len(moments) == len(t) else given.resampled(moments)
         except SloshModelError as error:
             raise SloshPlanError(f"{self.name}: {error}") from None
@@ -290,7 +290,7 @@ def _check_sizes(trajectory: Trajectory) -> None:
             )
 
 
-def _dense(t: Array, spacing: float) -> Array:
+def dense(t: Array, spacing: float) -> Array:
     """The times, and more between those that are farther apart."""
     counts = np.maximum(np.ceil(np.diff(t) / spacing - 1e-3).astype(int), 1)
     if counts.max() == 1:

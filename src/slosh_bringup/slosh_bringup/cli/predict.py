@@ -10,15 +10,18 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from slosh_bag.trajectory_table import read_trajectory
+from slosh_bag.trajectory_table import read_joint_trajectory, read_trajectory
 from slosh_bringup.cli.progress import share_bar
+from slosh_bringup.errors import SloshBringupError
 from slosh_estimator.model_file import read_model
+from slosh_estimator.robot_file import read_arm
 from slosh_files import check_apart, new_text
 from slosh_plan import (
     HeightLimits,
     ModelError,
     Prediction,
     SafeScales,
+    Trajectory,
     predict,
     safe_scales,
 )
@@ -66,6 +69,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--epsilon", type=float, default=0.0, metavar="E",
         help="the model's relative error of the maximum, as a fraction",
     )  # fmt: skip
+    parser.add_argument(
+        "--urdf", type=Path, metavar="FILE",
+        help="robot's description: TRAJECTORY is then a table of t and its joints [s, rad, m]",
+    )  # fmt: skip
+    parser.add_argument(
+        "--tool-frame", metavar="LINK", help="the robot's link that is the container"
+    )
     parser.add_argument("-o", "--output", type=Path, metavar="TABLE.csv", help="table of answers")
     parser.add_argument("--json", action="store_true", help="print the answers as JSON")
 
@@ -79,7 +89,7 @@ def run(arguments: argparse.Namespace) -> int:
         *(math.inf if value is None else value for value in (arguments.limit, arguments.residual))
     )
     error = ModelError(arguments.sigma, arguments.epsilon)
-    motions = [read_trajectory(path) for path in arguments.trajectories]
+    motions = read_motions(arguments)
     found = predict(model, motions, limits=limits, horizon=arguments.horizon, error=error)
     scales: list[SafeScales | None] = [None] * len(motions)
     if limits.given:
@@ -94,6 +104,16 @@ def run(arguments: argparse.Namespace) -> int:
     show = as_json if arguments.json else as_text
     print(show(found, scales))
     return EXIT_KEPT if all(one.kept for one in found) else EXIT_EXCEEDED
+
+
+def read_motions(arguments: argparse.Namespace) -> list[Trajectory]:
+    """The motions in the files: of the container, or with --urdf of a robot's joints."""
+    if (arguments.urdf is None) != (arguments.tool_frame is None):
+        raise SloshBringupError("--urdf and --tool-frame belong together")
+    if arguments.urdf is None:
+        return [read_trajectory(path) for path in arguments.trajectories]
+    arm = read_arm(arguments.urdf, arguments.tool_frame)
+    return [read_joint_trajectory(path, arm) for path in arguments.trajectories]
 
 
 def write_table(

@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_estimator.errors import SloshEstimatorError
-from slosh_estimator.nodes.trajectory_messages import trajectory_of_points
+from slosh_estimator.nodes.trajectory_messages import trajectory_of_joints, trajectory_of_points
 from slosh_plan import HeightLimits, ModelError, Prediction, SafeScales, Trajectory
+from slosh_plan.joints import Arm
 
 Array = NDArray[np.float64]
 
@@ -18,17 +19,28 @@ NAME = "the motion"
 AXES = ("acceleration_x", "acceleration_y", "acceleration_z")
 
 
-def trajectory_of(request: Any) -> Trajectory:
+def trajectory_of(request: Any, arm: Arm | None) -> Trajectory:
     """The motion of a request.
+
+    Args:
+        request: of the service.
+        arm: the robot whose joints move; None: it is not known.
 
     Raises:
         SloshEstimatorError, SloshPlanError: there is none, or it cannot be one.
     """
-    points = request.trajectory.points
-    if bool(len(request.time)) == bool(points):
+    points, joints = request.trajectory.points, request.joint_trajectory
+    if sum(map(bool, (len(request.time), points, joints.points))) != 1:
         raise SloshEstimatorError(
-            "give the motion either as time and acceleration or a trajectory"
+            "give the motion either as time and acceleration or a trajectory or a joint_trajectory"
         )
+    if joints.points:
+        if arm is None:
+            raise SloshEstimatorError(
+                "the robot of the joint_trajectory is not known: start the predictor with the "
+                "parameters urdf and tool_frame"
+            )
+        return trajectory_of_joints(joints, arm, NAME)
     if points:
         return trajectory_of_points(points, NAME)
     count = len(request.time)

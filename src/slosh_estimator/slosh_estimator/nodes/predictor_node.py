@@ -12,6 +12,7 @@ from slosh_estimator.nodes import predict_messages
 from slosh_estimator.nodes.newest_estimate import NewestEstimate
 from slosh_estimator.nodes.planned_motions import PlannedMotions
 from slosh_estimator.nodes.requested_model import model_at
+from slosh_estimator.robot_file import read_arm
 from slosh_model.arithmetic import arithmetic_fingerprint
 from slosh_model.compilation import load_telling
 from slosh_model.compile_cache import sources_digest
@@ -38,6 +39,8 @@ PARAMETERS = (
     ParameterSpec(
         "residual_limit", 0.0, "limit of the height after their end [m]; 0: none", (0.0, 10.0)
     ),
+    ParameterSpec("urdf", "", "robot's description, for motions of its joints; empty: none"),
+    ParameterSpec("tool_frame", "", "link of the robot that is the container"),
     ParameterSpec("container_frame", "container", "the container's frame, on all output"),
 )
 
@@ -55,6 +58,8 @@ class PredictorNode(PreparedNode):
         super().__init__("predictor")
         self._values = values = declare(self, PARAMETERS)
         self._model = read_model(values["model"])
+        urdf = values["urdf"]
+        self._arm = read_arm(urdf, values["tool_frame"]) if urdf else None
         self._settings = SettingsPublisher(
             self, sources_digest(PACKAGE), arithmetic_fingerprint(), values,
             (topics.ESTIMATE, topics.PLANNED_TRAJECTORY, topics.PREDICTION),
@@ -97,7 +102,7 @@ class PredictorNode(PreparedNode):
     def _answer(self, request: PredictSlosh.Request, response: PredictSlosh.Response) -> str:
         """Fills the response; returns a sentence."""
         model = self._model_of(request.model_path)
-        motion = predict_messages.trajectory_of(request)
+        motion = predict_messages.trajectory_of(request, self._arm)
         limits = predict_messages.limits_of(request)
         horizon = predict_messages.horizon_of(request)
         error = predict_messages.error_of(request)

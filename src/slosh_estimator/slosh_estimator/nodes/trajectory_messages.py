@@ -1,4 +1,4 @@
-"""MultiDOFJointTrajectory messages to plain values: the first joint is the container's origin."""
+"""Trajectory messages to plain values; of several bodies the first is the container."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from slosh_estimator.errors import SloshEstimatorError
 from slosh_plan import Trajectory
+from slosh_plan.joints import Arm
 from slosh_plan.trajectory import MOST_POINTS
 
 Array = NDArray[np.float64]
@@ -32,6 +33,31 @@ def trajectory_of_points(points: Any, name: str) -> Trajectory:
             "the trajectory's points need a transform each, or an acceleration each"
         )
     return Trajectory.from_poses(t, positions_of(points), attitude, name)
+
+
+def trajectory_of_joints(message: Any, arm: Arm, name: str) -> Trajectory:
+    """The container's motion on a JointTrajectory.
+
+    Velocities and accelerations count where all points have them.
+
+    Raises:
+        SloshEstimatorError, SloshPlanError: it cannot be one.
+    """
+    points, joints = message.points, list(message.joint_names)
+    columns: list[Array] = []
+    for what in ("positions", "velocities", "accelerations"):
+        rows = [getattr(point, what) for point in points]
+        if columns and not all(len(row) for row in rows):
+            break
+        for number, row in enumerate(rows):
+            if len(row) != len(joints):
+                raise SloshEstimatorError(
+                    f"{name}: point {number} has {len(row)} {what} for {len(joints)} joints"
+                )
+        columns.append(np.array(rows))
+    position, velocity, acceleration = [*columns, None, None][:3]
+    assert position is not None
+    return arm.motion(times_of(points), joints, position, velocity, acceleration, name)
 
 
 def times_of(points: Any) -> Array:

@@ -1,0 +1,172 @@
+"""Motions of a robot's joints as motions of the container, by the robot's URDF and Pinocchio."""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import BPoly, CubicHermiteSpline, CubicSpline
+
+from slosh_plan.errors import SloshPlanError
+from slosh_plan.trajectory import PEAK_SPACING, Trajectory, dense
+
+Array = NDArray[np.float64]
+
+HOW_TO_GET = (
+    "a motion of joints needs Pinocchio, which is not installed "
+    "(pip install -r requirements/joints.txt)"
+)
+MOST = 1e4
+"""Of a joint's position, velocity or acceleration: more is no number of a machine."""
+
+
+def available() -> bool:
+    """Whether Pinocchio is installed."""
+    return importlib.util.find_spec("pinocchio") is not None
+
+
+class Arm:
+    """A robot that carries the container.
+
+    Args:
+        urdf: text of its description.
+        tool_frame: link whose origin is the container's, in the centre of the still free surface,
+            with z along the container's axis.
+        name: of the description, for messages.
+
+    Raises:
+        SloshPlanError: Pinocchio is missing, no such description, no such link.
+    """
+
+    def __init__(self, urdf: str, tool_frame: str, name: str = "URDF") -> None:
+        if not available():
+            raise SloshPlanError(HOW_TO_GET)
+        self._pin: Any = importlib.import_module("pinocchio")
+        try:
+            self._model = self._pin.buildModelFromXML(urdf)
+        except (ValueError, RuntimeError, IndexError) as error:
+            reason = " ".join(str(error).split()) or "cannot be read"
+            raise SloshPlanError(f"{name}: is no robot's description: {reason[:200]}") from None
+        links = [one.name for one in self._model.frames if one.type == self._pin.FrameType.BODY]
+        if tool_frame not in links:
+            known = ", ".join(links)
+            raise SloshPlanError(f"{name}: no link {tool_frame!r} (it has {known:.200})")
+        self._frame = self._model.getFrameId(tool_frame)
+        self._name = name
+
+    def motion(
+        self,
+        t: Array,
+        joints: Sequence[str],
+        position: Array,
+        velocity: Array | None = None,
+        acceleration: Array | None = None,
+        name: str = "trajectory",
+    ) -> Trajectory:
+        """The container's motion as the joints move.
+
+        Between the points joints move by splines, as a joint trajectory controller has them: of
+        the fifth degree with velocities and accelerations, of the third with velocities, and with
+        positions alone the cubic spline that rests at both ends.
+
+        Args:
+            t: (N,) [s].
+            joints: (J,) names of the columns.
+            position: (N, J) [rad or m].
+            velocity: (N, J) [rad/s or m/s]; None: not given.
+            acceleration: (N, J) [rad/s² or m/s²], with velocities only; None: not given.
+            name: for messages.
+
+        Raises:
+            SloshPlanError: joints that the robot does not have, or that are missing; points that
+                are no motion.
+        """
+        self._check_joints(joints, name)
+        # Times, shapes, gaps: the checks of every motion, before anything is computed.
+        Trajectory(t, np.zeros((np.size(t), 3)), name=name)
+        columns = [
+            _checked(values, what, (len(t), len(joints)), joints, name)
+            for what, values in (
+                ("position", position), ("velocity", velocity), ("acceleration", acceleration),
+            )
+            if values is not None
+        ]  # fmt: skip
+        moments = dense(np.asarray(t, dtype=np.float64), PEAK_SPACING)
+        curve = _spline(np.asarray(t, dtype=np.float64), columns, name)
+        states = [np.asarray(curve(moments, order)) for order in range(3)]
+        return self._moved(moments, joints, states, name)
+
+    def _check_joints(self, joints: Sequence[str], name: str) -> None:
+        model = self._model
+        for joint in joints:
+            if not model.existJointName(joint):
+                known = ", ".join(model.names[1:])
+                raise SloshPlanError(
+                    f"{name}: {self._name} has no moving joint {joint!r} (it has {known:.200})"
+                )
+            if joints.count(joint) > 1:
+                raise SloshPlanError(f"{name}: joint {joint!r} stands twice")
+        for number in model.supports[model.frames[self._frame].parentJoint]:
+            if number and model.names[number] not in joints:
+                raise SloshPlanError(
+                    f"{name}: joint {model.names[number]!r} carries the container and is missing"
+                )
+
+    def _moved(
+        self, t: Array, joints: Sequence[str], states: Sequence[Array], name: str
+    ) -> Trajectory:
+        """The frame's motion, with exact derivatives."""
+        pin, model = self._pin, self._model
+        data, places = model.createData(), [model.joints[model.getJointId(j)] for j in joints]
+        rest = pin.neutral(model)
+        found = np.empty((len(t), 13))
+        world, local = pin.LOCAL_WORLD_ALIGNED, pin.LOCAL
+        for row, (at, rate, change) in enumerate(zip(*states, strict=True)):
+            q, v, a = rest.copy(), np.zeros(model.nv), np.zeros(model.nv)
+            for place, value, speed, more in zip(places, at, rate, change, strict=True):
+                # A joint without stops is held as cosine and sine.
+                turned = [value] if place.nq == 1 else [np.cos(value), np.sin(value)]
+                q[place.idx_q : place.idx_q + place.nq] = turned
+                v[place.idx_v], a[place.idx_v] = speed, more
+            pin.forwardKinematics(model, data, q, v, a)
+            pose = pin.updateFramePlacement(model, data, self._frame)
+            found[row, :3] = pose.translation
+            found[row, 3:7] = pin.Quaternion(pose.rotation).coeffs()
+            felt = pin.getFrameClassicalAcceleration(model, data, self._frame, world)
+            found[row, 7:10] = felt.linear
+            found[row, 10:] = pin.getFrameVelocity(model, data, self._frame, local).angular
+        return Trajectory(t, found[:, 7:10], found[:, 3:7], found[:, 10:], found[:, :3], name)
+
+
+def _checked(
+    values: Array, what: str, shape: tuple[int, int], joints: Sequence[str], name: str
+) -> Array:
+    numbers = np.asarray(values, dtype=np.float64)
+    if numbers.shape != shape:
+        raise SloshPlanError(f"{name}: {what} has the shape {numbers.shape}, expected {shape}")
+    bad = np.argwhere(~(np.abs(numbers) <= MOST))
+    if len(bad):
+        row, column = bad[0]
+        raise SloshPlanError(
+            f"{name}: {what}[{row}] of joint {joints[column]!r} = {numbers[row, column]:g} is no "
+            "usable number"
+        )
+    return numbers
+
+
+def _spline(t: Array, columns: Sequence[Array], name: str) -> Any:
+    """The joints' positions over time [s], with derivatives."""
+    if len(columns) == 1:
+        if len(t) < 3:
+            raise SloshPlanError(
+                f"{name}: {len(t)} points with positions alone tell no acceleration; give at "
+                "least 3, or velocities"
+            )
+        return CubicSpline(t, columns[0], bc_type="clamped")
+    if len(columns) == 2:
+        return CubicHermiteSpline(t, columns[0], columns[1])
+    return BPoly.from_derivatives(t, np.stack(columns, axis=1))
