@@ -56,6 +56,8 @@ LIMITS = PlanLimits(0.015, 0.002, 9.5, 74.0)
 NAMESPACE = "/slosh"
 REST_BEFORE, REST_AFTER = 2.0, 4.0
 """Around the motion [s]; the monitor judges it two seconds after its end."""
+SETTLED = 0.5
+"""After so long it is announced [s]."""
 PATIENCE = 120.0
 WATCHING = ("estimator", "camera", "monitor", "predictor")
 
@@ -107,7 +109,7 @@ class Watcher:
 
     def __init__(self, trajectory: MultiDOFJointTrajectory) -> None:
         self._trajectory = trajectory
-        self._announced = False
+        self._announced, self._began = False, 0
         self.prediction: MotionPrediction | None = None
         self.outcome: PredictionOutcome | None = None
         self.truth = 0.0
@@ -122,11 +124,13 @@ class Watcher:
         hear(PredictionOutcome, topics.PREDICTION_OUTCOME, self._on_outcome, qos.EVENT)
 
     def _on_estimate(self, message: SloshEstimate) -> None:
-        if self._announced:
+        stamp = to_nanoseconds(message.header.stamp)
+        self._began = self._began or stamp
+        # By then all nodes have heard what the cell says.
+        if self._announced or stamp - self._began < SETTLED * SECOND:
             return
         self._announced = True
-        start = to_nanoseconds(message.header.stamp) + round(REST_BEFORE * SECOND)
-        self._trajectory.header.stamp = to_time(start)
+        self._trajectory.header.stamp = to_time(self._began + round(REST_BEFORE * SECOND))
         self._planned.publish(self._trajectory)
 
     def _on_truth(self, message: FreeSurface) -> None:

@@ -6,13 +6,14 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
+from slosh_bag.recording.predictions import predicted_motions
 from slosh_bag.replay import ReplayResult
 from slosh_bag.replay.checking import Checked
 from slosh_bag.replay.report import Surroundings, replay_report
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.replay.frames import bag_pictures, bag_topics
 from slosh_files import write_text
-from slosh_report.run_report import RunReport, render_report, report_document
+from slosh_report.run_report import Fact, RunReport, render_report, report_document
 
 
 def write_page(folder: Path, bag: Path, result: ReplayResult, checked: Checked | None) -> None:
@@ -43,12 +44,16 @@ def figures(report: RunReport, result: ReplayResult) -> str:
 
 
 def make_report(bag: Path, result: ReplayResult, around: Surroundings) -> RunReport:
-    """What the page of a replay shows, with the bag's own images and topics.
+    """What the page of a replay shows, with the bag's own images, predictions and topics.
 
     Args:
         bag: where these are.
         result: the replay.
         around: what else the page shows.
     """
+    facts = [
+        Fact(f"planned motion {motion.id}", motion.sentence) for motion in predicted_motions(bag)
+    ]
+    around = replace(around, facts=(*around.facts, *facts))
     pictures, topics = bag_pictures(bag, result), bag_topics(bag, result.seconds)
     return replay_report(result, replace(around, frames=pictures, topics=topics))
