@@ -108,6 +108,8 @@ class PlannedMotions:
             self._model, motion, delay, limits=self._limits, state=state,
             error=error_of(self._record),
         )  # fmt: skip
+        if delay < 0.0:
+            whence += f"; by its stamp it began {-delay:.2f} s ago"
         return self._value(found, now, start_ns, state is not None, whence)
 
     def _state(self) -> tuple[LiquidState | None, str]:

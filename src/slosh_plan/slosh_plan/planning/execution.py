@@ -46,7 +46,8 @@ def execution_of(motion: Motion, waypoints: Array) -> Execution:
     """
     velocity = np.gradient(motion.position, motion.t, axis=0, edge_order=2)
     velocity[[0, -1]] = 0.0
-    passed = passing_times(motion, waypoints)
+    # Whole microseconds: two waypoints of nearly one place are one row, or clearly two.
+    passed = np.round(passing_times(motion, waypoints), 6)
     rows = np.rint(passed / (motion.t[1] - motion.t[0])).astype(np.int64)
     near = np.abs(passed - motion.t[rows]) <= SAME_TIME
     passed = np.where(near, motion.t[rows], passed)
