@@ -190,7 +190,7 @@ def test_an_action_tells_how_far_it_is_and_gives_the_motion(cell: Cell) -> None:
     check_motion(done.result.plan, LOOP)
     assert heard[0].phase == "known laws"
     assert math.isnan(heard[0].duration)
-    assert heard[-1].phase == "search"
+    assert heard[-1].phase.startswith("search")
     assert done.result.plan.duration <= heard[-1].duration
     elapsed = [told.elapsed for told in heard]
     assert elapsed == sorted(elapsed)
@@ -202,7 +202,7 @@ def test_a_cancelled_goal_ends_within_a_second_with_what_it_has(cell: Cell) -> N
     heard: list[Any] = []
     goal = cell.send(request(LOOP, time_limit=60.0), heard)
     result = goal.get_result_async()
-    cell.until(lambda: bool(heard) and heard[-1].phase == "search")
+    cell.until(lambda: bool(heard) and heard[-1].phase.startswith("search"))
     began = time.monotonic()
     cell.got(goal.cancel_goal_async())
     done = cell.got(result)

@@ -14,6 +14,7 @@ from slosh_plan.planning.known_laws import UNIT_LAWS, best_scaled, scaled
 from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.path import path_through
 from slosh_plan.planning.plan import NoSafeMotionError, Plan, plan
+from slosh_plan.planning.progress import StoppedError, Watch
 
 GRAVITY = 9.81
 CUP = Model(Cylinder(0.05, 0.07)).spatial().nonlinear()
@@ -263,3 +264,38 @@ def test_a_known_law_leads_from_rest_to_rest_and_its_columns_are_derivatives(nam
     assert ends == pytest.approx([0.0] * 4, abs=1e-9)
     assert np.gradient(place, u)[1:-1] == pytest.approx(rate[1:-1], abs=1e-5)
     assert np.gradient(rate, u)[1:-1] == pytest.approx(change[1:-1], abs=0.05)
+
+
+@needs_casadi
+def test_who_waits_is_told_how_far_it_is():
+    told = []
+    answer = plan(CUP, path_through(LINE), LIMITS, watch=Watch(told.append))
+    phases = list(dict.fromkeys(one.phase for one in told))
+    assert phases == ["known laws", "search 1 of 2", "search 2 of 2"]
+    durations = [one.duration for one in told]
+    assert durations[0] == np.inf
+    assert durations == sorted(durations, reverse=True)
+    assert durations[-1] == answer.found.motion.duration
+    assert [one.elapsed for one in told] == sorted(one.elapsed for one in told)
+    # In every iteration of a search.
+    assert sum(one.phase == "search 1 of 2" for one in told) > 10
+
+
+@needs_casadi
+def test_who_stops_a_search_gets_what_is_safe_so_far():
+    told = []
+    watch = Watch(told.append, stopped=lambda: told[-1].phase == "search 1 of 2")
+    answer = plan(CUP, path_through(LINE), LIMITS, watch=watch)
+    assert answer.method in UNIT_LAWS
+    assert "stopped" in answer.reason
+    assert sum(one.phase == "search 1 of 2" for one in told) < 10
+
+
+def test_a_plan_that_is_stopped_at_once_is_no_motion():
+    with pytest.raises(StoppedError, match="before there was a safe motion"):
+        plan(
+            CUP,
+            path_through(LINE),
+            replace(LIMITS, height=1e-4),
+            watch=Watch(stopped=lambda: True),
+        )

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-import time
 from typing import Any
 
 from slosh_msgs.action import PlanMotion
+from slosh_plan.planning.progress import PlanProgress
 
 PERIOD = 0.5
 """Between two reports without news [s]."""
@@ -17,21 +17,21 @@ class GoalFeedback:
 
     def __init__(self, goal: Any) -> None:
         self._goal = goal
-        self._began = self._told = time.monotonic()
-        self._phase, self._duration = "", math.nan
+        self._told = PlanProgress("", math.inf, -math.inf)
 
-    def tell(self, phase: str, duration: float) -> None:
-        """The phase, and the shortest safe motion so far [s]."""
-        self._phase, self._duration = phase, float(duration)
-        self._told = time.monotonic()
+    def tell(self, progress: PlanProgress) -> None:
+        """Takes progress, however often it is told."""
+        told = self._told
+        same = (progress.phase, progress.duration) == (told.phase, told.duration)
+        if same and progress.elapsed - told.elapsed < PERIOD:
+            return
+        self._told = progress
+        duration = progress.duration if math.isfinite(progress.duration) else math.nan
         self._goal.publish_feedback(
-            PlanMotion.Feedback(
-                phase=phase, duration=self._duration, elapsed=self._told - self._began
-            )
+            PlanMotion.Feedback(phase=progress.phase, duration=duration, elapsed=progress.elapsed)
         )
 
+    @property
     def cancelled(self) -> bool:
-        """Whether the client has had enough; asked often."""
-        if time.monotonic() - self._told > PERIOD:
-            self.tell(self._phase, self._duration)
+        """Whether the client has had enough."""
         return bool(self._goal.is_cancel_requested)

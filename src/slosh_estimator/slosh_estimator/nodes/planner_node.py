@@ -33,7 +33,7 @@ from slosh_msgs_py.node.settings import SettingsPublisher
 from slosh_plan.planning.from_state import check_plan_from, check_state
 from slosh_plan.planning.path import path_through
 from slosh_plan.planning.plan import TIME_LIMIT, plan
-from slosh_plan.planning.watch import Watch
+from slosh_plan.planning.progress import Watch
 
 PACKAGE = Path(__file__).parents[1]
 LONGEST = 600.0
@@ -116,7 +116,7 @@ class PlannerNode(PreparedNode):
         self._report.counts["plan_motion"] += 1
         result = action.PlanMotion.Result()
         feedback = GoalFeedback(goal)
-        watch = Watch(feedback.tell, lambda: feedback.cancelled() or self._closing.is_set())
+        watch = Watch(feedback.tell, lambda: feedback.cancelled or self._closing.is_set())
         try:
             self._answer(goal.request.request, result, LONGEST, watch)
         except Exception as error:

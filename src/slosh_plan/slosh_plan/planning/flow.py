@@ -15,8 +15,6 @@ from slosh_model.constants import GRAVITY
 from slosh_model.containers import X_AXIS, Y_AXIS
 from slosh_model.model import VERTICAL
 
-ROUNDED = 1e-4
-"""Square of a wave, by its limit, below which the corner of a square root is rounded."""
 Expression = Any
 """A CasADi expression, or a number: CasADi has no types."""
 
@@ -85,21 +83,22 @@ class Flow:
         x, y = self.gain[0] * q[0] / limit, self.gain[1] * q[1] / limit
         return [x + y, x - y, -x - y, y - x] if self.cornered else [x * x + y * y]
 
-    def residual(self, q: Expression, limit: Expression) -> list[Expression]:
+    def residual(self, q: Expression, limit: Expression, share: Expression) -> list[Expression]:
         """Expressions that are at most 0 where a free wave of the linear model keeps a limit [m].
 
         The wave runs on an ellipse whose half axes a, b follow from a² + b² = E, ab = L; its
         largest height is a ≤ 1 where 1 - E + L² ≥ 0 and E ≤ 2 (heights by the limit).
+
+        Where heights add up in a corner the amplitudes along x and y are at most `share` and
+        1 - share of the limit: a free number between 0 and 1, in place of roots, which bend too
+        sharply near 0 for a search.
         """
         x, y, vx, vy = (
             self.gain[n % 2] * q[n] / limit / (1.0 if n < 2 else self.frequency[n % 2])
             for n in range(4)
         )
         if self.cornered:
-            from casadi import sqrt
-
-            along, across = x * x + vx * vx, y * y + vy * vy
-            return [sqrt(along + ROUNDED) + sqrt(across + ROUNDED) - 1.0]
+            return [x * x + vx * vx - share**2, y * y + vy * vy - (1.0 - share) ** 2]
         energy, turn = x * x + y * y + vx * vx + vy * vy, x * vy - y * vx
         return [energy - 1.0 - turn * turn, energy - 2.0]
 

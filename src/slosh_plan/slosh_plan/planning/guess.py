@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
+from numpy.typing import NDArray
 
 from slosh_model import Inputs, Model, simulate
+from slosh_plan.planning.interval import CHAIN
 from slosh_plan.planning.known_laws import Scaled, UnitLaw, leg_durations
-from slosh_plan.planning.optimise import Guess
+from slosh_plan.planning.optimise import LegGuess, Search
 from slosh_plan.planning.path import Path
 from slosh_plan.planning.time_law import scaled_law
 
+Array = NDArray[np.float64]
+
 
 def guess_of(
-    model: Model, path: Path, law: UnitLaw, start: Scaled, counts: Sequence[int], factor: float
-) -> Guess:
+    model: Model, path: Path, law: UnitLaw, start: Scaled, search: Search, factor: float
+) -> tuple[LegGuess, ...]:
     """A motion by a law as the start of a search.
 
     Args:
@@ -23,18 +25,26 @@ def guess_of(
         path: the path.
         law: the law.
         start: the motion by the law.
-        counts: intervals of each leg.
+        search: whose nodes the guess has.
         factor: by which the start is slower; the liquid's answer stays as it was.
     """
-    motion = start.found.motion
+    motion, layout = start.found.motion, search.layout
     modal = simulate(model, Inputs(motion.t, motion.acceleration))[0].modal[:, 0]
     durations = leg_durations(path, motion.duration)
-    states, jerks, begin = [], [], 0.0
-    for leg, duration, count in zip(path.legs, durations, counts, strict=True):
+    legs, begin = [], 0.0
+    for leg, duration, count in zip(path.legs, durations, search.counts, strict=True):
+
+        def liquid(t: Array, begin: float = begin) -> Array:
+            return np.column_stack([np.interp(begin + t, motion.t, one) for one in modal.T])
+
         t = np.linspace(0.0, duration, count + 1)
         s, v, a = scaled_law(law, leg, duration)(t)
-        liquid = [np.interp(begin + t, motion.t, column) for column in modal.T]
-        states.append(np.column_stack([s, v / factor, a / factor**2, *liquid]))
-        jerks.append(np.diff(a) / (duration / count) / factor**3)
+        states = np.zeros((count + 1, layout.size))
+        states[:, :CHAIN] = np.column_stack([s, v / factor, a / factor**2])
+        states[:, layout.liquid] = liquid(t)
+        controls = np.zeros((count, layout.driven))
+        controls[:, 0] = np.diff(a) / (duration / count) / factor**3
+        middles = liquid(t[:-1] + 0.5 * duration / count)
+        legs.append(LegGuess(factor * duration, states, controls, middles))
         begin += duration
-    return Guess(tuple(factor * duration for duration in durations), tuple(states), tuple(jerks))
+    return tuple(legs)

@@ -21,8 +21,8 @@ from slosh_model.motion_profiles import cycloidal, modified_trapezoid, quintic
 from slosh_plan.planning.checked import Checked, checked
 from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.path import Path
+from slosh_plan.planning.progress import Watch, never
 from slosh_plan.planning.time_law import Motion, motion_along, scaled_law, whole_rows
-from slosh_plan.planning.watch import NOBODY, Watch
 
 Array = NDArray[np.float64]
 UnitLaw = Callable[[Array], tuple[Array, Array, Array]]
@@ -95,18 +95,21 @@ def best_scaled(
     limits: PlanLimits,
     attitude: Array | None = None,
     laws: Mapping[str, UnitLaw] = UNIT_LAWS,
-    watch: Watch = NOBODY,
+    watch: Watch | None = None,
 ) -> Scaled | None:
     """The fastest of the laws that keeps the limits; None: none does up to LONGEST.
 
-    Where the watch ends it: of those that were looked at.
+    Where the watch is stopped, the fastest so far.
     """
+    watch = watch or Watch()
     best: Scaled | None = None
     for name, law in laws.items():
         longest = LONGEST if best is None else best.found.motion.duration
-        found = fastest(model, partial(scaled, path, law), limits, attitude, longest, watch)
+        make = partial(scaled, path, law)
+        found = fastest(model, make, limits, attitude, longest, watch.stopped)
         if found is not None:
             best = Scaled(name, found)
+            watch.found(found.motion.duration)
     return best
 
 
@@ -129,7 +132,7 @@ def fastest(
     limits: PlanLimits,
     attitude: Array | None,
     longest: float = LONGEST,
-    watch: Watch = NOBODY,
+    stopped: Callable[[], bool] = never,
 ) -> Checked | None:
     """The shortest duration of a scan that keeps the limits.
 
@@ -139,17 +142,17 @@ def fastest(
         limits: what to keep.
         attitude: that the container keeps.
         longest: duration that is not reached [s].
-        watch: may end the scan.
+        stopped: whether to end without an answer.
     """
     ahead: list[Motion] = []
     for duration in _durations(_least(make, limits), longest):
-        if watch.stopped():
-            return None
         ahead.append(make(duration))
         if len(ahead) == _TOGETHER:
             if (found := _first(model, ahead, limits, attitude)) is not None:
                 return found
             ahead = []
+            if stopped():
+                return None
     return _first(model, ahead, limits, attitude) if ahead else None
 
 

@@ -20,6 +20,8 @@ class PlanLimits:
         residual: of the same after the motion's end [m].
         acceleration: ‖a‖ of the container's origin [m/s²].
         jerk: ‖da/dt‖ of the same [m/s³].
+        tilt: of the container from upright [rad]; 0: it stays upright.
+        tilt_rate, tilt_acceleration: of the tilt [rad/s, rad/s²].
 
     Raises:
         SloshPlanError: a limit that is not positive and finite.
@@ -29,6 +31,9 @@ class PlanLimits:
     residual: float
     acceleration: float
     jerk: float
+    tilt: float = 0.0
+    tilt_rate: float = 2.0
+    tilt_acceleration: float = 20.0
 
     def __post_init__(self) -> None:
         for name, unit in UNITS.items():

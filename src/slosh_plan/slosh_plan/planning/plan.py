@@ -9,8 +9,6 @@ the search goes on, until the simulation keeps all of them.
 from __future__ import annotations
 
 import math
-import time
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -24,9 +22,9 @@ from slosh_plan.planning.flow import flow_of
 from slosh_plan.planning.guess import guess_of
 from slosh_plan.planning.known_laws import LONGEST, UNIT_LAWS, Scaled, best_scaled, leg_durations
 from slosh_plan.planning.limits import PlanLimits
-from slosh_plan.planning.path import Path
-from slosh_plan.planning.time_law import Motion, motion_along, whole_rows
-from slosh_plan.planning.watch import NOBODY, Watch
+from slosh_plan.planning.path import Leg, Path
+from slosh_plan.planning.progress import StoppedError, Watch
+from slosh_plan.planning.time_law import JerkLaw, Motion, motion_along, whole_rows
 from slosh_plan.prediction import predict
 from slosh_plan.trajectory import Trajectory
 
@@ -89,8 +87,7 @@ def plan(
     attitude: Array | None = None,
     margin: float = 0.0,
     time_limit: float = TIME_LIMIT,
-    clock: Callable[[], float] = time.monotonic,
-    watch: Watch = NOBODY,
+    watch: Watch | None = None,
 ) -> Plan:
     """Plans a motion from rest to rest, of a liquid at rest.
 
@@ -101,21 +98,20 @@ def plan(
         attitude: (4,) quaternion x, y, z, w that the container keeps: upright; None: not turned.
         margin: by which the heights stay below their limits [m].
         time_limit: after which the search ends with what it has [s].
-        clock: tells seconds.
-        watch: is told how far it is, and may end it.
+        watch: is told how far the plan has come, and ends it with what it has; None: nobody does.
 
     Raises:
         NoSafeMotionError: no known law keeps the limits, however slow.
-        SloshPlanError: a container that is not upright, a margin that leaves nothing, or it was
-            ended before there was a safe motion.
+        StoppedError: the watch ended it before there was any safe motion.
+        SloshPlanError: a container that is not upright, or a margin that leaves nothing.
     """
-    began = clock()
+    watch = watch or Watch()
     kept = limits.lowered(margin)
     yaw = upright_yaw(attitude)
-    watch.begun()
+    watch.enter("known laws")
     scaled = best_scaled(model, path, kept, attitude, watch=watch)
     if scaled is None and watch.stopped():
-        raise SloshPlanError("ended before there was a safe motion")
+        raise StoppedError("stopped before there was a safe motion")
     if scaled is None:
         raise NoSafeMotionError(
             f"no motion of up to {LONGEST:g} s along the path keeps "
@@ -123,24 +119,12 @@ def plan(
             f"{kept.acceleration:g} m/s² and {kept.jerk:g} m/s³"
         )
     best, reason = scaled.found, HOW_TO_GET
-    watch.found(best.motion.duration)
     if optimise.available():
-        search = _Search(
-            model,
-            path,
-            kept,
-            attitude,
-            yaw,
-            scaled,
-            began + AGAIN * time_limit,
-            began + time_limit,
-            clock,
-            watch,
-        )
+        search = _Search(model, path, kept, attitude, yaw, scaled, time_limit, watch)
         best, reason = search.run()
     method = scaled.law if best is scaled.found else "optimal"
     upper = _upper(model, best.motion, attitude)
-    return Plan(best, limits, margin, method, reason, upper, scaled, path, clock() - began)
+    return Plan(best, limits, margin, method, reason, upper, scaled, path, watch.elapsed)
 
 
 def _upper(model: Model, motion: Motion, attitude: Array | None) -> tuple[float, float] | None:
@@ -180,35 +164,31 @@ class _Search:
     attitude: Array | None
     yaw: float
     scaled: Scaled
-    again: float
-    end: float
-    clock: Callable[[], float]
+    time_limit: float
     watch: Watch
 
     def run(self) -> tuple[Checked, str]:
         """The best motion, and why it is the scaled one where it is."""
         durations = leg_durations(self.path, self.scaled.found.motion.duration)
-        problem = optimise.Search(flow_of(self.model), self.path, self.yaw, durations, self.watch)
+        problem = optimise.Search(flow_of(self.model), self.path, self.yaw, durations)
         best, last = self.scaled.found, "the search found nothing faster"
-        for factor in STARTS:
-            guess = guess_of(
-                self.model, self.path, UNIT_LAWS[self.scaled.law], self.scaled, problem.counts,
-                factor,
-            )  # fmt: skip
+        for n, factor in enumerate(STARTS, start=1):
+            self.watch.enter(f"search {n} of {len(STARTS)}")
+            law = UNIT_LAWS[self.scaled.law]
+            guess = guess_of(self.model, self.path, law, self.scaled, problem, factor)
             found, words = self._tightened(problem, guess, best.motion.duration)
             if found is not None and found.motion.duration < best.motion.duration:
                 best = found
-                self.watch.found(best.motion.duration)
+                self.watch.found(found.motion.duration)
             elif words:
                 last = words
-            if self.watch.stopped() or self.clock() >= (
-                self.again if best is not self.scaled.found else self.end
-            ):
+            enough = AGAIN if best is not self.scaled.found else 1.0
+            if self.watch.elapsed >= enough * self.time_limit or self.watch.stopped():
                 break
         return best, last if best is self.scaled.found else ""
 
     def _tightened(
-        self, problem: optimise.Search, guess: optimise.Guess, fastest: float
+        self, problem: optimise.Search, guess: tuple[optimise.LegGuess, ...], fastest: float
     ) -> tuple[Checked | None, str]:
         """Searches until the simulation keeps the limits; None and the reason: it does not.
 
@@ -216,12 +196,11 @@ class _Search:
         """
         asked = self.limits.reduced(AHEAD)
         for _ in range(ROUNDS):
-            left = self.end - self.clock()
-            if self.watch.stopped():
-                return None, "the search was ended early"
-            if left <= 0.0:
-                return None, "the search's time was up"
-            solution = problem.solve(asked, guess, left)
+            if self._over():
+                return None, self._why_over()
+            solution = problem.solve(asked, guess, self._over)
+            if not solution.converged and self._over():
+                return None, self._why_over()
             found = self._checked(solution)
             if found is None:
                 return None, f"the search failed ({solution.status})"
@@ -230,18 +209,35 @@ class _Search:
             if found.keeps(self.limits):
                 return found, ""
             if solution.converged:
-                guess = solution.guess
+                guess = solution.legs
             asked = _lowered(asked, found.excess(self.limits))
         return None, f"the search kept exceeding a limit after {ROUNDS} rounds"
 
+    def _over(self) -> bool:
+        return self.watch.stopped() or self.watch.elapsed >= self.time_limit
+
+    def _why_over(self) -> str:
+        late = self.watch.elapsed >= self.time_limit
+        return "the search's time was up" if late else "the search was stopped"
+
     def _checked(self, solution: optimise.Solution) -> Checked | None:
-        duration = sum(law.duration for law in solution.laws)
+        duration = sum(leg.duration for leg in solution.legs)
         if not (math.isfinite(duration) and 0.0 < duration < LONGEST):
             return None
         factor = whole_rows(duration) / duration
-        laws = [law.stretched(factor) for law in solution.laws]
+        laws = [
+            _law_of(found, leg).stretched(factor)
+            for found, leg in zip(solution.legs, self.path.legs, strict=True)
+        ]
         motion = motion_along(self.path, laws, [law.duration for law in laws])
         return checked(self.model, [motion], self.attitude)[0]
+
+
+def _law_of(found: optimise.LegGuess, leg: Leg) -> JerkLaw:
+    """The time law that a search found, from the leg's start to its very end."""
+    law = JerkLaw(found.duration, found.controls[:, 0], float(found.states[0, 2]))
+    share = leg.length / max(float(law.nodes()[-1, 0]), 1e-9)
+    return JerkLaw(law.duration, share * law.jerk, share * law.start)
 
 
 def _lowered(limits: PlanLimits, excess: dict[str, float]) -> PlanLimits:

@@ -1,0 +1,275 @@
+"""An interval of a search as CasADi functions.
+
+Place along a leg, and the tilt where one is allowed, are polynomials of the time between two
+nodes; the liquid's first mode obeys its equations at the nodes and half-way between two
+(Hermite-Simpson collocation, of the fourth order), so that nothing is integrated step by step. All
+but the path's curve are functions of scalars, which CasADi evaluates and differentiates several
+times faster than the same in matrices.
+"""
+
+from __future__ import annotations
+
+import importlib
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import BSpline, make_interp_spline
+
+from slosh_model.constants import GRAVITY
+from slosh_plan.planning.flow import Expression, Flow
+from slosh_plan.planning.path import DEGREE, Leg
+
+Array = NDArray[np.float64]
+
+CHAIN = 3
+"""States of what is driven by its third derivative: value, rate, acceleration."""
+LIQUID = 4
+"""States of the liquid: x, y, ẋ, ẏ."""
+LIMITS = ("height", "residual", "acceleration", "jerk", "tilt", "tilt_rate", "tilt_acceleration")
+CURVE = 9
+"""The curve's first three derivatives by s, x, y and z."""
+SHARES = (0.0, 0.5, 1.0)
+"""Of an interval, where its demands are looked at."""
+_CURVE_POINTS = 400
+_EDGE = 1e-6
+"""Share of a leg at its ends where CasADi's splines are zero."""
+
+
+def casadi() -> Any:
+    """The module, which is loaded only where something is searched."""
+    return importlib.import_module("casadi")
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """What the state of a node holds: s and its rates, the tilts' likewise, the liquid.
+
+    Attributes:
+        tilting: whether the container tilts, about its x and its y.
+    """
+
+    tilting: bool
+
+    @property
+    def driven(self) -> int:
+        """How many are driven by their third derivatives: s, and the tilts."""
+        return 3 if self.tilting else 1
+
+    @property
+    def size(self) -> int:
+        """Of the state."""
+        return CHAIN * self.driven + LIQUID
+
+    @property
+    def scale(self) -> Array:
+        """(size,) of the state: the search sees numbers of about 1."""
+        tilt = [0.2, 1.0, 10.0] * (self.driven - 1)
+        return np.array([1.0, 1.0, 10.0, *tilt, 0.01, 0.01, 0.2, 0.2])
+
+    @property
+    def control_scale(self) -> Array:
+        """(driven,) of the third derivatives."""
+        return np.array([50.0, *([100.0] * (self.driven - 1))])
+
+    @property
+    def liquid(self) -> slice:
+        """Where the liquid stands in the state."""
+        return slice(self.size - LIQUID, self.size)
+
+
+@dataclass(frozen=True, slots=True)
+class Interval:
+    """What is demanded of an interval of a leg.
+
+    Its unknowns are the leg's duration, the states at both ends, the controls and the liquid
+    half-way, one below the other.
+
+    Attributes:
+        flow: the liquid.
+        yaw: of the container [rad].
+        layout: of the states.
+        count: intervals of the leg.
+    """
+
+    flow: Flow
+    yaw: float
+    layout: Layout
+    count: int
+
+    @property
+    def size(self) -> int:
+        """Number of unknowns."""
+        return 1 + 2 * self.layout.size + self.layout.driven + LIQUID
+
+    def places(self) -> Any:
+        """Function from the unknowns to s [m] at start, middle and end."""
+        ca = casadi()
+
+        unknowns = ca.SX.sym("unknowns", self.size)
+        step, (first, _), thirds, _ = self._parts(unknowns)
+        laws = [_later([first[k] for k in range(CHAIN)], thirds[0], t * step) for t in SHARES]
+        return ca.Function("places", [unknowns], [ca.vertcat(*(law[0] for law in laws))])
+
+    def demands(self) -> tuple[Any, Any, Any]:
+        """What must be 0 and what must be at most 1; its Jacobian; the Hessian of its sum.
+
+        Functions of the unknowns, the limits, three places and the curve there, and, the last
+        one, of the multipliers; the Hessian is an upper triangle. The curve is given by its Taylor
+        expansion of the second order about the places, (3 CURVE, 3): value, first and second
+        derivative.
+        """
+        ca = casadi()
+
+        unknowns, limits = ca.SX.sym("unknowns", self.size), ca.SX.sym("limits", len(LIMITS))
+        about, terms = ca.SX.sym("about", 3), ca.SX.sym("terms", 3 * CURVE, 3)
+        zero, kept = self._demanded(unknowns, limits, about, terms)
+        found = ca.vertcat(*zero, *kept)
+        given = [unknowns, limits, about, terms]
+        weights = ca.SX.sym("weights", found.numel())
+        hessian = ca.triu(ca.hessian(ca.dot(weights, found), unknowns)[0])
+        return (
+            ca.Function("demands", given, [found]),
+            ca.Function("slopes", given, [ca.jacobian(found, unknowns)]),
+            ca.Function("bends", [*given, weights], [hessian]),
+        )
+
+    def bounds(self) -> tuple[Array, Array]:
+        """Of what `demands` gives."""
+        ca = casadi()
+
+        unknowns, limits = ca.SX.sym("unknowns", self.size), ca.SX.sym("limits", len(LIMITS))
+        about, terms = ca.SX.sym("about", 3), ca.SX.sym("terms", 3 * CURVE, 3)
+        zero, kept = self._demanded(unknowns, limits, about, terms)
+        equal, below = ca.vertcat(*zero).numel(), len(kept)
+        lower = np.concatenate([np.zeros(equal), np.full(below, -np.inf)])
+        return lower, np.concatenate([np.zeros(equal), np.ones(below)])
+
+    def _demanded(
+        self, unknowns: Expression, limits: Expression, about: Expression, terms: Expression
+    ) -> tuple[list[Expression], list[Expression]]:
+        ca = casadi()
+
+        step, (first, last), thirds, half = self._parts(unknowns)
+        driven = [self._driven(first, thirds, share * step) for share in SHARES]
+        curves = [_expanded(terms[:, n], at[0] - about[n]) for n, at in enumerate(driven)]
+        middle = ca.vertcat(*driven[1], half)
+        old, kept = self._there(first, curves[0], limits)
+        between, more = self._there(middle, curves[1], limits)
+        new, _ = self._there(last, curves[2], limits)
+        kept += more
+        for curve, at in ((curves[0], driven[0]), (curves[2], driven[2])):
+            kept.append(ca.sumsqr(_jerk(curve, at, thirds[0])) / limits[3] ** 2)
+        scale, liquid = self.layout.scale, self.layout.liquid
+        q, q_new = first[liquid], last[liquid]
+        zero = [
+            (ca.vertcat(*driven[2]) - last[: len(driven[2])]) / scale[: len(driven[2])],
+            (half - 0.5 * (q + q_new) - step / 8.0 * (old - new)) / scale[liquid],
+            (q + step / 6.0 * (old + 4.0 * between + new) - q_new) / scale[liquid],
+        ]
+        return zero, kept
+
+    def _parts(self, unknowns: Expression) -> tuple[Expression, list[Expression], Expression, Any]:
+        """Step [s], both states, the controls and the liquid half-way, in SI units."""
+        ca = casadi()
+
+        layout = self.layout
+        sizes = np.cumsum([0, 1, layout.size, layout.size, layout.driven, LIQUID]).tolist()
+        duration, first, last, control, half = ca.vertsplit(unknowns, sizes)
+        states = [first * layout.scale, last * layout.scale]
+        liquid = half * layout.scale[layout.liquid]
+        return duration / self.count, states, control * layout.control_scale, liquid
+
+    def _driven(self, full: Expression, thirds: Expression, time: Expression) -> list[Expression]:
+        """What is driven, a time after a node."""
+        found: list[Expression] = []
+        for n in range(self.layout.driven):
+            chain = [full[CHAIN * n + k] for k in range(CHAIN)]
+            found += _later(chain, thirds[n], time)
+        return found
+
+    def _there(
+        self, full: Expression, curve: Expression, limits: Expression
+    ) -> tuple[Expression, list[Expression]]:
+        """The liquid's rate in a state, and what must be at most 1."""
+        ca = casadi()
+
+        tangent, bend, _ = ca.vertsplit(curve, 3)
+        acceleration = tangent * full[2] + bend * full[1] ** 2
+        kept = [ca.sumsqr(acceleration) / limits[2] ** 2]
+        if self.layout.tilting:
+            for n, limit in enumerate(limits[index] for index in (4, 5, 6)):
+                kept.append((full[CHAIN + n] ** 2 + full[2 * CHAIN + n] ** 2) / limit**2)
+        q = full[self.layout.liquid]
+        kept += self.flow.heights(q, limits[0])
+        felt = self._felt(full, acceleration)
+        return ca.vertcat(q[2], q[3], *self.flow.acceleration(q, felt)), kept
+
+    def _felt(self, full: Expression, acceleration: Expression) -> Expression:
+        """The acceleration in the container's axes; where it tilts gravity turns with them."""
+        ca = casadi()
+
+        c, d = np.cos(self.yaw), np.sin(self.yaw)
+        own = ca.DM([[c, d, 0.0], [-d, c, 0.0], [0.0, 0.0, 1.0]]) @ acceleration
+        if not self.layout.tilting:
+            return own
+        weight = own + ca.DM([0.0, 0.0, GRAVITY])
+        return _turned_back(full[CHAIN], full[2 * CHAIN], weight) - ca.DM([0.0, 0.0, GRAVITY])
+
+
+def curve_of(leg: Leg) -> Any:
+    """From s to `terms`: the curve's first three derivatives, and theirs up to the second.
+
+    A spline through many of their values: one look-up in place of three.
+    """
+    ca = casadi()
+
+    s = np.linspace(0.0, leg.length, _CURVE_POINTS + 1)
+    values = np.column_stack(leg.at(s)[1:])
+    spline = make_interp_spline(s, values, k=DEGREE)
+    at = ca.MX.sym("s")
+    inside = ca.fmax(_EDGE * leg.length, ca.fmin((1.0 - _EDGE) * leg.length, at))
+    orders = [_look_up(spline, order)(inside) for order in range(3)]
+    return ca.Function("curve", [at], [inside, ca.vertcat(*orders)])
+
+
+def _look_up(spline: BSpline, order: int) -> Any:
+    derivative, degree = spline.derivative(order), DEGREE - order
+    # Behind those that belong to the knots, a derivative of scipy's holds zeros.
+    coefficients = np.asarray(derivative.c)[: len(derivative.t) - degree - 1]
+    knots, flat = [derivative.t.tolist()], coefficients.ravel().tolist()
+    return casadi().Function.bspline(f"d{order}", knots, flat, [degree], CURVE)
+
+
+def _expanded(terms: Expression, distance: Expression) -> Expression:
+    """The curve's derivatives beside the place where they are expanded."""
+    value, first, second = casadi().vertsplit(terms, CURVE)
+    return value + distance * (first + 0.5 * distance * second)
+
+
+def _later(chain: list[Expression], third: Expression, t: Expression) -> list[Expression]:
+    """A value and its first two derivatives after a time with a constant third."""
+    s, v, a = chain
+    return [s + t * (v + t * (a / 2 + t * third / 6)), v + t * (a + t * third / 2), a + t * third]
+
+
+def _jerk(curve: Expression, at: Expression, third: Expression) -> Expression:
+    """d³x/dt³ in the world's axes."""
+    tangent, bend, change = casadi().vertsplit(curve, 3)
+    return tangent * third + 3 * bend * at[1] * at[2] + change * at[1] ** 3
+
+
+def _turned_back(x: Expression, y: Expression, vector: Expression) -> Expression:
+    """A vector in the axes of what is turned by the rotation vector (x, y, 0)."""
+    ca = casadi()
+
+    # Even functions of the angle, smooth at 0.
+    angle = ca.sqrt(x * x + y * y + 1e-12)
+    sine, versine = ca.sin(angle) / angle, (1.0 - ca.cos(angle)) / angle**2
+    axis = ca.vertcat(x, y, 0.0)
+    return (
+        ca.cos(angle) * vector
+        - sine * ca.cross(axis, vector)
+        + versine * axis * (x * vector[0] + y * vector[1])
+    )
