@@ -24,7 +24,7 @@ from scipy.interpolate import make_interp_spline
 
 from slosh_bringup.cell.motions import MOTIONS, PATHS, make_motion
 from slosh_model import Cylinder, Model, Rectangle
-from slosh_plan.planning.known_laws import LONGEST, UNIT_LAWS, UnitLaw, fastest, scaled
+from slosh_plan.planning.known_laws import LONGEST, UNIT_LAWS, UnitLaw, fastest, known_laws
 from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.path import Path as Route
 from slosh_plan.planning.path import path_through
@@ -113,7 +113,7 @@ def shaped(route: Route, period: float, law: UnitLaw, duration: float) -> Motion
 def scaled_times(model: Model, name: str, route: Route, limits: PlanLimits) -> tuple[float, float]:
     """Shortest safe times [s]: of the best known law, and of DL22's."""
     makers: dict[str, Callable[[float], Motion]] = {
-        law: partial(scaled, route, unit) for law, unit in UNIT_LAWS.items()
+        law: known.motion for law, known in known_laws(route).items()
     }
     dl22 = "modified trapezoidal"
     if name in MOTIONS:

@@ -10,8 +10,9 @@ from slosh_model.covariance import Covariance
 from slosh_plan.errors import SloshPlanError
 from slosh_plan.planning import optimise
 from slosh_plan.planning.checked import checked
-from slosh_plan.planning.known_laws import UNIT_LAWS, best_scaled, scaled
+from slosh_plan.planning.known_laws import UNIT_LAWS, best_scaled, known_laws
 from slosh_plan.planning.limits import PlanLimits
+from slosh_plan.planning.paces import PACES, Pace, PacedLeg
 from slosh_plan.planning.path import path_through
 from slosh_plan.planning.plan import NoSafeMotionError, Plan, plan
 from slosh_plan.planning.progress import StoppedError, Watch
@@ -250,8 +251,8 @@ def test_the_scan_finds_the_fastest_that_is_safe():
     found = best_scaled(CUP, path, LIMITS)
     assert found is not None
     duration = found.found.motion.duration
-    for law in UNIT_LAWS.values():
-        faster = [scaled(path, law, round(duration * s, 3)) for s in (0.85, 0.93)]
+    for known in known_laws(path).values():
+        faster = [known.motion(round(duration * s, 3)) for s in (0.85, 0.93)]
         assert not any(one.keeps(LIMITS) for one in checked(CUP, faster, None))
 
 
@@ -299,3 +300,27 @@ def test_a_plan_that_is_stopped_at_once_is_no_motion():
             replace(LIMITS, height=1e-4),
             watch=Watch(stopped=lambda: True),
         )
+
+
+def test_a_curved_path_is_slower_where_it_bends():
+    """An ellipse at the two-thirds power law is gone through harmonically."""
+    angle = np.linspace(0.0, 1.5 * np.pi, 400)
+    ellipse = np.column_stack([0.2 * np.cos(angle), 0.1 * np.sin(angle), np.zeros(400)])
+    path = path_through(ellipse)
+    harmonic = PacedLeg(path.legs[0], Pace(1.0 / 3.0, 0.0))
+    places = path.legs[0].at(harmonic.splines[0](angle / angle[-1]))[0]
+    assert np.abs(places - ellipse).max() < 2e-4
+    names = list(known_laws(path))
+    assert len(names) == 3 * len(known_laws(path_through(LINE)))
+    best = best_scaled(CUP, path, LIMITS)
+    assert best.law.endswith("in curves")
+
+
+@pytest.mark.parametrize("name", PACES)
+def test_a_paced_law_is_a_motion_whose_columns_are_derivatives(name):
+    leg = path_through(random_path(1)).legs[0]
+    u = np.linspace(0.0, 1.0, 20_001)
+    s, v, a = PacedLeg(leg, PACES[name]).along(*UNIT_LAWS["septic"](u))
+    assert s[[0, -1]] == pytest.approx([0.0, leg.length], abs=1e-9)
+    assert np.gradient(s, u)[1:-1] == pytest.approx(v[1:-1], abs=1e-4)
+    assert np.gradient(v, u)[1:-1] == pytest.approx(a[1:-1], abs=0.05)

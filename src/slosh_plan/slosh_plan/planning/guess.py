@@ -7,23 +7,21 @@ from numpy.typing import NDArray
 
 from slosh_model import Inputs, Model, simulate
 from slosh_plan.planning.interval import CHAIN
-from slosh_plan.planning.known_laws import Scaled, UnitLaw, leg_durations
+from slosh_plan.planning.known_laws import Scaled, leg_durations
 from slosh_plan.planning.optimise import LegGuess, Search
 from slosh_plan.planning.path import Path
-from slosh_plan.planning.time_law import scaled_law
 
 Array = NDArray[np.float64]
 
 
 def guess_of(
-    model: Model, path: Path, law: UnitLaw, start: Scaled, search: Search, factor: float
+    model: Model, path: Path, start: Scaled, search: Search, factor: float
 ) -> tuple[LegGuess, ...]:
     """A motion by a law as the start of a search.
 
     Args:
         model: the model.
         path: the path.
-        law: the law.
         start: the motion by the law.
         search: whose nodes the guess has.
         factor: by which the start is slower; the liquid's answer stays as it was.
@@ -32,13 +30,14 @@ def guess_of(
     modal = simulate(model, Inputs(motion.t, motion.acceleration))[0].modal[:, 0]
     durations = leg_durations(path, motion.duration)
     legs, begin = [], 0.0
-    for leg, duration, count in zip(path.legs, durations, search.counts, strict=True):
+    laws = start.known.laws(motion.duration)
+    for law, duration, count in zip(laws, durations, search.counts, strict=True):
 
         def liquid(t: Array, begin: float = begin) -> Array:
             return np.column_stack([np.interp(begin + t, motion.t, one) for one in modal.T])
 
         t = np.linspace(0.0, duration, count + 1)
-        s, v, a = scaled_law(law, leg, duration)(t)
+        s, v, a = law(t)
         states = np.zeros((count + 1, layout.size))
         states[:, :CHAIN] = np.column_stack([s, v / factor, a / factor**2])
         states[:, layout.liquid] = liquid(t)

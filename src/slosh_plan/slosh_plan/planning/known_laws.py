@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from functools import partial
 from types import MappingProxyType
 
 import numpy as np
@@ -20,9 +19,10 @@ from slosh_model import Model
 from slosh_model.motion_profiles import cycloidal, modified_trapezoid, quintic
 from slosh_plan.planning.checked import Checked, checked
 from slosh_plan.planning.limits import PlanLimits
+from slosh_plan.planning.paces import PACES, PacedLeg, curved
 from slosh_plan.planning.path import Path
 from slosh_plan.planning.progress import Watch, never
-from slosh_plan.planning.time_law import Motion, motion_along, scaled_law, whole_rows
+from slosh_plan.planning.time_law import Law, Motion, motion_along, whole_rows
 
 Array = NDArray[np.float64]
 UnitLaw = Callable[[Array], tuple[Array, Array, Array]]
@@ -77,16 +77,59 @@ UNIT_LAWS: Mapping[str, UnitLaw] = MappingProxyType(
 
 
 @dataclass(frozen=True, slots=True)
+class KnownLaw:
+    """A law on every leg of a path, the legs' times by the roots of their lengths.
+
+    Attributes:
+        path: the path.
+        unit: the law, from 0 to 1.
+        legs: of the path, by the pace at which the law runs along them.
+    """
+
+    path: Path
+    unit: UnitLaw
+    legs: tuple[PacedLeg, ...]
+
+    def laws(self, duration: float) -> list[Law]:
+        """Those of the legs, in a motion of a duration [s]."""
+        durations = leg_durations(self.path, duration)
+        return [self._law(leg, time) for leg, time in zip(self.legs, durations, strict=True)]
+
+    def motion(self, duration: float) -> Motion:
+        """The motion of a duration [s]."""
+        return motion_along(self.path, self.laws(duration), leg_durations(self.path, duration))
+
+    def _law(self, leg: PacedLeg, duration: float) -> Law:
+        def law(t: Array) -> tuple[Array, Array, Array]:
+            place, rate, change = self.unit(t / duration)
+            return leg.along(place, rate / duration, change / duration**2)
+
+        return law
+
+
+@dataclass(frozen=True, slots=True)
 class Scaled:
     """A law that keeps the limits.
 
     Attributes:
         law: its name.
+        known: the law.
         found: the motion.
     """
 
     law: str
+    known: KnownLaw
     found: Checked
+
+
+def known_laws(path: Path, units: Mapping[str, UnitLaw] = UNIT_LAWS) -> dict[str, KnownLaw]:
+    """The laws along a path by their names; along straight legs all paces are one."""
+    paces = PACES if any(curved(leg) for leg in path.legs) else {"": PACES[""]}
+    found: dict[str, KnownLaw] = {}
+    for words, pace in paces.items():
+        legs = tuple(PacedLeg(leg, pace) for leg in path.legs)
+        found |= {f"{name}{words}": KnownLaw(path, unit, legs) for name, unit in units.items()}
+    return found
 
 
 def best_scaled(
@@ -94,30 +137,21 @@ def best_scaled(
     path: Path,
     limits: PlanLimits,
     attitude: Array | None = None,
-    laws: Mapping[str, UnitLaw] = UNIT_LAWS,
     watch: Watch | None = None,
 ) -> Scaled | None:
-    """The fastest of the laws that keeps the limits; None: none does up to LONGEST.
+    """The fastest of the known laws that keeps the limits; None: none does up to LONGEST.
 
     Where the watch is stopped, the fastest so far.
     """
     watch = watch or Watch()
     best: Scaled | None = None
-    for name, law in laws.items():
+    for name, known in known_laws(path).items():
         longest = LONGEST if best is None else best.found.motion.duration
-        make = partial(scaled, path, law)
-        found = fastest(model, make, limits, attitude, longest, watch.stopped)
+        found = fastest(model, known.motion, limits, attitude, longest, watch.stopped)
         if found is not None:
-            best = Scaled(name, found)
+            best = Scaled(name, known, found)
             watch.found(found.motion.duration)
     return best
-
-
-def scaled(path: Path, law: UnitLaw, duration: float) -> Motion:
-    """A law on every leg of a path, the legs' times by the roots of their lengths."""
-    durations = leg_durations(path, duration)
-    laws = [scaled_law(law, leg, time) for leg, time in zip(path.legs, durations, strict=True)]
-    return motion_along(path, laws, durations)
 
 
 def leg_durations(path: Path, duration: float) -> tuple[float, ...]:

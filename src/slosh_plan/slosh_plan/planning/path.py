@@ -54,10 +54,10 @@ class Leg:
         """The spline and its first three derivatives by s."""
         return (self.spline, *(self.spline.derivative(n) for n in (1, 2, 3)))
 
-    def at(self, s: Array) -> tuple[Array, ...]:
-        """Position [m] and its first three derivatives by s, (N, 3) each."""
+    def at(self, s: Array, orders: int = 3) -> tuple[Array, ...]:
+        """Position [m] and its first derivatives by s, up to three, (N, 3) each."""
         inside = np.clip(s, 0.0, self.length)
-        return tuple(np.asarray(spline(inside)) for spline in self.derivatives)
+        return tuple(np.asarray(spline(inside)) for spline in self.derivatives[: orders + 1])
 
 
 @dataclass(frozen=True)

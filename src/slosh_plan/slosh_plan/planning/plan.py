@@ -20,7 +20,7 @@ from slosh_plan.planning import optimise
 from slosh_plan.planning.checked import Checked, checked, horizon
 from slosh_plan.planning.flow import flow_of
 from slosh_plan.planning.guess import guess_of
-from slosh_plan.planning.known_laws import LONGEST, UNIT_LAWS, Scaled, best_scaled, leg_durations
+from slosh_plan.planning.known_laws import LONGEST, Scaled, best_scaled, leg_durations
 from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.path import Leg, Path
 from slosh_plan.planning.progress import StoppedError, Watch
@@ -174,8 +174,7 @@ class _Search:
         best, last = self.scaled.found, "the search found nothing faster"
         for n, factor in enumerate(STARTS, start=1):
             self.watch.enter(f"search {n} of {len(STARTS)}")
-            law = UNIT_LAWS[self.scaled.law]
-            guess = guess_of(self.model, self.path, law, self.scaled, problem, factor)
+            guess = guess_of(self.model, self.path, self.scaled, problem, factor)
             found, words = self._tightened(problem, guess, best.motion.duration)
             if found is not None and found.motion.duration < best.motion.duration:
                 best = found

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from slosh_plan.planning.path import Leg, Path
+from slosh_plan.planning.path import Path
 
 Array = NDArray[np.float64]
 Law = Callable[[Array], tuple[Array, Array, Array]]
@@ -104,7 +104,7 @@ def motion_along(path: Path, laws: Sequence[Law], durations: Sequence[float]) ->
     for n, (leg, law) in enumerate(zip(path.legs, laws, strict=True)):
         rows = np.flatnonzero(leg_of == n)
         s, v, a = law(t[rows] - (ends[n] - durations[n]))
-        place, tangent, bend, _ = leg.at(s)
+        place, tangent, bend = leg.at(s, 2)
         position[rows] = place
         acceleration[rows] = bend * (v**2)[:, None] + tangent * a[:, None]
         speed[rows] = v
@@ -116,14 +116,3 @@ def motion_along(path: Path, laws: Sequence[Law], durations: Sequence[float]) ->
 def whole_rows(duration: float) -> float:
     """The next whole number of rows [s]."""
     return STEP * math.ceil(duration / STEP - 1e-9)
-
-
-def scaled_law(unit: Law, leg: Leg, duration: float) -> Law:
-    """A law from 0 to 1 as that of a leg."""
-
-    def law(t: Array) -> tuple[Array, Array, Array]:
-        place, rate, change = unit(t / duration)
-        length = leg.length
-        return length * place, length / duration * rate, length / duration**2 * change
-
-    return law
