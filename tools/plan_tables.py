@@ -13,7 +13,6 @@ import argparse
 import statistics
 import sys
 import time
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -24,7 +23,7 @@ from scipy.interpolate import make_interp_spline
 
 from slosh_bringup.cell.motions import MOTIONS, PATHS, make_motion
 from slosh_model import Cylinder, Model, Rectangle
-from slosh_plan.planning.known_laws import LONGEST, UNIT_LAWS, UnitLaw, fastest, known_laws
+from slosh_plan.planning.known_laws import LONGEST, UNIT_LAWS, Make, UnitLaw, fastest, known_laws
 from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.path import Path as Route
 from slosh_plan.planning.path import path_through
@@ -78,7 +77,7 @@ def cases(count: int) -> dict[str, Array]:
     return named | {f"random {seed}": random_points(seed) for seed in range(count)}
 
 
-def by_parameter(name: str, law: UnitLaw, duration: float) -> Motion:
+def by_parameter(name: str, law: UnitLaw, duration: float, step: float) -> Motion:
     """A law along DL22's own parameter of a path, as its motions are made."""
     spec = MOTIONS[name]
     sigma = np.linspace(0.0, 1.0, 4001)
@@ -87,7 +86,7 @@ def by_parameter(name: str, law: UnitLaw, duration: float) -> Motion:
     height = float(np.ptp(made.position[:, 2]))
     columns.append(0.5 * height * (1.0 - np.cos(4.0 * np.pi * sigma)))
     points = np.column_stack(columns)
-    u = np.arange(round(duration * 1000) + 1) / round(duration * 1000)
+    u = np.arange(round(duration / step) + 1) / round(duration / step)
     curve = make_interp_spline(sigma, points, k=5)
     place, rate, change = law(u)
     acceleration = curve.derivative(2)(place) * (rate**2)[:, None]
@@ -97,7 +96,7 @@ def by_parameter(name: str, law: UnitLaw, duration: float) -> Motion:
     return Motion(u * duration, curve(place), acceleration, rate)
 
 
-def shaped(route: Route, period: float, law: UnitLaw, duration: float) -> Motion:
+def shaped(route: Route, period: float, law: UnitLaw, duration: float, step: float) -> Motion:
     """A law whose two halves, half a period apart, cancel each other's wave (ZV), on one leg."""
     leg, lag = route.legs[0], 0.5 * period
     rest = max(duration - lag, 1e-3)
@@ -107,14 +106,12 @@ def shaped(route: Route, period: float, law: UnitLaw, duration: float) -> Motion
         s, v, a = (0.5 * (x + y) for x, y in zip(first, second, strict=True))
         return leg.length * s, leg.length * v / rest, leg.length * a / rest**2
 
-    return motion_along(route, [halves], [duration])
+    return motion_along(route, [halves], [duration], step)
 
 
 def scaled_times(model: Model, name: str, route: Route, limits: PlanLimits) -> tuple[float, float]:
     """Shortest safe times [s]: of the best known law, and of DL22's."""
-    makers: dict[str, Callable[[float], Motion]] = {
-        law: known.motion for law, known in known_laws(route).items()
-    }
+    makers: dict[str, Make] = {law: known.motion for law, known in known_laws(route).items()}
     dl22 = "modified trapezoidal"
     if name in MOTIONS:
         makers |= {f"{law}, σ": partial(by_parameter, name, UNIT_LAWS[law]) for law in UNIT_LAWS}
@@ -129,9 +126,7 @@ def scaled_times(model: Model, name: str, route: Route, limits: PlanLimits) -> t
     return best, own
 
 
-def _time(
-    model: Model, make: Callable[[float], Motion], limits: PlanLimits, longest: float
-) -> float:
+def _time(model: Model, make: Make, limits: PlanLimits, longest: float) -> float:
     found = fastest(model, make, limits, None, longest)
     return np.inf if found is None else found.motion.duration
 

@@ -1,4 +1,4 @@
-"""What a motion does to the liquid, by the product's own simulation at 1 kHz."""
+"""What a motion does to the liquid, by the product's own simulation at the motion's rate."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from slosh_model import Inputs, Model, wall_heights
 from slosh_plan.heights import first_period, msh_of
 from slosh_plan.planning.limits import PlanLimits
-from slosh_plan.planning.time_law import STEP, Motion
+from slosh_plan.planning.time_law import Motion
 
 Array = NDArray[np.float64]
 
@@ -26,7 +26,7 @@ class Checked:
 
     Attributes:
         motion: the motion.
-        msh: (M,) maximum height over the wall at 1 kHz, over motion and horizon [m].
+        msh: (M,) maximum height over the wall at the motion's rate, over motion and horizon [m].
         peak: largest height, in the motion or after it [m].
         residual: largest height after the motion's end [m].
         acceleration: largest ‖a‖ [m/s²].
@@ -49,9 +49,9 @@ class Checked:
             "jerk": self.jerk / limits.jerk - 1.0,
         }
 
-    def keeps(self, limits: PlanLimits) -> bool:
-        """Whether the motion keeps every limit."""
-        return max(self.excess(limits).values()) <= TOLERANCE
+    def keeps(self, limits: PlanLimits, tolerance: float = TOLERANCE) -> bool:
+        """Whether the motion keeps every limit, but for a share of it."""
+        return max(self.excess(limits).values()) <= tolerance
 
 
 def horizon(model: Model) -> float:
@@ -67,11 +67,11 @@ def checked(model: Model, motions: Sequence[Motion], attitude: Array | None) -> 
         motions: any number.
         attitude: (4,) quaternion that the container keeps; None: upright.
     """
-    rest = np.zeros((int(np.ceil(horizon(model) / STEP)), 3))
     inputs = []
     for motion in motions:
+        rest = np.zeros((int(np.ceil(horizon(model) / motion.step)), 3))
         acceleration = np.concatenate([motion.acceleration, rest])
-        t: Array = STEP * np.arange(len(acceleration), dtype=np.float64)
+        t: Array = motion.step * np.arange(len(acceleration), dtype=np.float64)
         turned = None if attitude is None else np.tile(attitude, (len(t), 1))
         inputs.append(Inputs(t, acceleration, turned))
     heights = wall_heights(model, inputs)
@@ -79,7 +79,7 @@ def checked(model: Model, motions: Sequence[Motion], attitude: Array | None) -> 
 
 
 def _checked(model: Model, motion: Motion, heights: Array) -> Checked:
-    t: Array = STEP * np.arange(len(heights), dtype=np.float64)
+    t: Array = motion.step * np.arange(len(heights), dtype=np.float64)
     msh = msh_of(t, heights, model.container.corner)
     msh = np.where(np.isfinite(msh), msh, np.inf)
     steps = np.linalg.norm(np.diff(motion.acceleration, axis=0), axis=1)
@@ -89,5 +89,5 @@ def _checked(model: Model, motion: Motion, heights: Array) -> Checked:
         float(msh.max()),
         float(msh[len(motion.t) - 1 :].max()),
         float(np.linalg.norm(motion.acceleration, axis=1).max()),
-        float(steps.max()) / STEP,
+        float(steps.max()) / motion.step,
     )

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from itertools import islice
 from types import MappingProxyType
 
 import numpy as np
@@ -22,13 +23,21 @@ from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.paces import PACES, PacedLeg, curved
 from slosh_plan.planning.path import Path
 from slosh_plan.planning.progress import Watch, never
-from slosh_plan.planning.time_law import Law, Motion, motion_along, whole_rows
+from slosh_plan.planning.time_law import STEP, Law, Motion, motion_along, whole_rows
 
 Array = NDArray[np.float64]
 UnitLaw = Callable[[Array], tuple[Array, Array, Array]]
 
 RATIO = 1.02
 """From one duration to the next."""
+LONG, LONG_RATIO = 20.0, 1.05
+"""Duration [s] from which on waves add up and cancel within less than that ratio: it is larger."""
+COARSE = 8e-3
+"""Step of motions that are looked at first [s]."""
+NEARLY = 0.03
+"""By which share of a limit a coarse motion may exceed it to be looked at in all its rows."""
+Make = Callable[[float, float], Motion]
+"""Duration and step between rows [s] to a motion."""
 LONGEST = 120.0
 """Duration up to which a motion is looked for [s]."""
 _TOGETHER = 16
@@ -95,9 +104,10 @@ class KnownLaw:
         durations = leg_durations(self.path, duration)
         return [self._law(leg, time) for leg, time in zip(self.legs, durations, strict=True)]
 
-    def motion(self, duration: float) -> Motion:
-        """The motion of a duration [s]."""
-        return motion_along(self.path, self.laws(duration), leg_durations(self.path, duration))
+    def motion(self, duration: float, step: float = STEP) -> Motion:
+        """The motion of a duration, with a step between two rows [s]."""
+        durations = leg_durations(self.path, duration)
+        return motion_along(self.path, self.laws(duration), durations, step)
 
     def _law(self, leg: PacedLeg, duration: float) -> Law:
         def law(t: Array) -> tuple[Array, Array, Array]:
@@ -162,7 +172,7 @@ def leg_durations(path: Path, duration: float) -> tuple[float, ...]:
 
 def fastest(
     model: Model,
-    make: Callable[[float], Motion],
+    make: Make,
     limits: PlanLimits,
     attitude: Array | None,
     longest: float = LONGEST,
@@ -170,47 +180,45 @@ def fastest(
 ) -> Checked | None:
     """The shortest duration of a scan that keeps the limits.
 
+    All durations are simulated with few rows, and those that may keep the limits with all.
+
     Args:
         model: the model.
-        make: a duration [s] to the motion.
+        make: the motion of a duration.
         limits: what to keep.
         attitude: that the container keeps.
         longest: duration that is not reached [s].
         stopped: whether to end without an answer.
     """
-    ahead: list[Motion] = []
-    for duration in _durations(_least(make, limits), longest):
-        ahead.append(make(duration))
-        if len(ahead) == _TOGETHER:
-            if (found := _first(model, ahead, limits, attitude)) is not None:
+    durations = _durations(_least(make, limits), longest)
+    while some := list(islice(durations, _TOGETHER)):
+        coarse = [make(duration, duration / math.ceil(duration / COARSE)) for duration in some]
+        for duration, glance in zip(some, checked(model, coarse, attitude), strict=True):
+            if not glance.keeps(limits, NEARLY):
+                continue
+            (found,) = checked(model, [make(duration, STEP)], attitude)
+            if found.keeps(limits):
                 return found
-            ahead = []
-            if stopped():
-                return None
-    return _first(model, ahead, limits, attitude) if ahead else None
-
-
-def _first(
-    model: Model, motions: list[Motion], limits: PlanLimits, attitude: Array | None
-) -> Checked | None:
-    kept = (one for one in checked(model, motions, attitude) if one.keeps(limits))
-    return next(kept, None)
+        if stopped():
+            return None
+    return None
 
 
 def _durations(least: float, longest: float) -> Iterator[float]:
     duration = whole_rows(least)
     while duration < longest:
         yield duration
-        duration = whole_rows(max(RATIO * duration, duration + 1e-3))
+        ratio = RATIO if duration < LONG else LONG_RATIO
+        duration = whole_rows(max(ratio * duration, duration + STEP))
 
 
-def _least(make: Callable[[float], Motion], limits: PlanLimits) -> float:
+def _least(make: Make, limits: PlanLimits) -> float:
     """Duration that acceleration and jerk allow: they go with 1/T² and 1/T³."""
     trial = 4.0
-    motion = make(trial)
+    motion = make(trial, STEP)
     acceleration = float(np.linalg.norm(motion.acceleration, axis=1).max())
     steps = np.linalg.norm(np.diff(motion.acceleration, axis=0), axis=1)
-    jerk = float(steps.max()) / (motion.t[1] - motion.t[0])
+    jerk = float(steps.max()) / motion.step
     return trial * max(
         math.sqrt(acceleration / limits.acceleration), math.cbrt(jerk / limits.jerk)
     )

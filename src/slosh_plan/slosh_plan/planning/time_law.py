@@ -67,7 +67,7 @@ class JerkLaw:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Motion:
-    """A motion from rest to rest, at 1 kHz.
+    """A motion from rest to rest, at 1 kHz; coarser where it is only looked at, not returned.
 
     Attributes:
         t: (N,) time from 0 [s].
@@ -86,17 +86,25 @@ class Motion:
         """Of the motion [s]."""
         return float(self.t[-1])
 
+    @property
+    def step(self) -> float:
+        """Between two rows [s]."""
+        return float(self.t[1])
 
-def motion_along(path: Path, laws: Sequence[Law], durations: Sequence[float]) -> Motion:
+
+def motion_along(
+    path: Path, laws: Sequence[Law], durations: Sequence[float], step: float = STEP
+) -> Motion:
     """The motion that a time law makes of a path.
 
     Args:
         path: the path.
         laws: one for each leg.
         durations: of the legs [s]; their sum is taken to be a whole number of rows.
+        step: between two rows [s].
     """
-    count = round(sum(durations) / STEP)
-    t: Array = STEP * np.arange(count + 1, dtype=np.float64)
+    count = round(sum(durations) / step)
+    t: Array = step * np.arange(count + 1, dtype=np.float64)
     ends = np.cumsum(durations)
     leg_of = np.minimum(np.searchsorted(ends, t), len(durations) - 1)
     position, acceleration = np.empty((2, len(t), 3))
