@@ -23,6 +23,7 @@ from scipy.interpolate import make_interp_spline
 
 from slosh_bringup.cell.motions import MOTIONS, PATHS, make_motion
 from slosh_model import Cylinder, Model, Rectangle
+from slosh_plan.planning.checked import Checker
 from slosh_plan.planning.known_laws import LONGEST, UNIT_LAWS, Make, UnitLaw, fastest, known_laws
 from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.path import Path as Route
@@ -127,7 +128,7 @@ def scaled_times(model: Model, name: str, route: Route, limits: PlanLimits) -> t
 
 
 def _time(model: Model, make: Make, limits: PlanLimits, longest: float) -> float:
-    found = fastest(model, make, limits, None, longest)
+    found = fastest(Checker(model), make, limits, longest)
     return np.inf if found is None else found.motion.duration
 
 

@@ -66,6 +66,51 @@ def test_the_summary_says_what_is_reached_and_why_no_optimum(slosh_plan):
     assert "margin 1 mm" in out
 
 
+REPLAYED = {
+    "replay": {
+        "accuracy": [
+            {"name": "3D-L", "sigma": 0.002, "epsilon": 0.3},
+            {"name": "3D-NL", "sigma": 0.0001, "epsilon": -0.05},
+        ]
+    }
+}
+RAN = {"agreements": [{"name": "3D-NL / camera", "sigma": 0.0002, "epsilon": 0.02}]}
+
+
+def test_the_error_of_results_is_kept_off_the_limits(slosh_plan, tmp_path):
+    files = [tmp_path / "c3.json", tmp_path / "result.json"]
+    for file, document in zip(files, (REPLAYED, RAN), strict=True):
+        file.write_text(json.dumps(document))
+    options = ("--residual", "0.002", "--time-limit", "0")
+    code, out, _, _ = slosh_plan(LINE, *options, "--json", "--error", *map(str, files))
+    facts = json.loads(out)
+    assert (code, facts["sigma"], facts["epsilon"]) == (0, 0.0002, 0.05)
+    assert facts["error_margin"] == pytest.approx(np.hypot(0.0004, 0.05 * facts["peak"]))
+    assert facts["peak"] + facts["error_margin"] == pytest.approx(facts["upper"])
+    assert facts["upper"] <= 0.015
+    _, out, _, _ = slosh_plan(LINE, *options, "--sigma", "0.0002", "--epsilon", "0.05")
+    assert "kept for the model's error (σ 0.2 mm, ε 5 %" in out
+
+
+@pytest.mark.parametrize(
+    ("text", "options", "words"),
+    [
+        ("{}", (), "tells no error of 3D-NL"),
+        ("[1", (), "is no JSON"),
+        ('{"agreements": [{"name": "3D-NL", "sigma": null}]}', (), "sigma of 3D-NL is None"),
+        (json.dumps(RAN), ("--sigma", "0.1"), "give one or the other"),
+        (None, (), "No such file"),
+    ],
+)
+def test_errors_that_are_none_are_refused_in_one_line(slosh_plan, tmp_path, text, options, words):
+    file = tmp_path / "result.json"
+    if text is not None:
+        file.write_text(text)
+    code, _, err, _ = slosh_plan(LINE, "--error", str(file), *options)
+    assert (code, err.count("\n")) == (2, 1)
+    assert words in err
+
+
 def test_no_safe_motion_is_exit_code_1(slosh_plan):
     code, out, err, table = slosh_plan(LINE, "--max-acceleration", "1e-5")
     assert (code, out) == (1, "")

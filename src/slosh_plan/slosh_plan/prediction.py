@@ -49,6 +49,30 @@ class ModelError:
         if not -1.0 <= self.epsilon <= 10.0:
             raise SloshPlanError(f"epsilon = {self.epsilon!r} must lie in -1 … 10")
 
+    def half_width(self, standard: float, height: float) -> float:
+        """Half of a height's interval, about 95 % [m].
+
+        Args:
+            standard: the height's standard error by the model's parameters [m].
+            height: the height [m]; where it is infinite ε does not count.
+        """
+        share = self.epsilon * height if math.isfinite(height) else 0.0
+        return math.sqrt((COVERAGE * standard) ** 2 + (COVERAGE * self.sigma) ** 2 + share**2)
+
+    def highest(self, limit: float) -> float:
+        """Height whose interval, by σ and ε alone, ends at a limit [m].
+
+        Raises:
+            SloshPlanError: the error leaves nothing of the limit.
+        """
+        left = limit**2 - (COVERAGE * self.sigma) ** 2
+        if left <= 0.0:
+            raise SloshPlanError(
+                f"the model's error, {1e3 * COVERAGE * self.sigma:.3g} mm (2 σ), leaves nothing "
+                f"of a limit of {1e3 * limit:g} mm"
+            )
+        return left / (limit + math.sqrt(limit**2 - (1.0 - self.epsilon**2) * left))
+
 
 @dataclass(frozen=True, slots=True)
 class ModelAnswer:
@@ -161,7 +185,7 @@ def predict(
     flat = all_extremes(linear, inputs, ends, linear_modal) if given else []
     curved = all_extremes(nonlinear, inputs, ends, modal) if given else []
     spread = np.zeros((len(given), 2))
-    for variant in _principal_variants(nonlinear):
+    for variant in principal_variants(nonlinear):
         pair = [all_extremes(one, inputs, ends, modal) for one in variant]
         spread += [
             [0.25 * (a.peak - b.peak) ** 2, 0.25 * (a.residual - b.residual) ** 2]
@@ -217,7 +241,7 @@ def check_start(model: Model, state: LiquidState | None, limits: HeightLimits) -
         )
 
 
-def _principal_variants(model: Model) -> list[tuple[Model, Model]]:
+def principal_variants(model: Model) -> list[tuple[Model, Model]]:
     """The model one standard error to either side along each principal axis of its covariance."""
     covariance = model.covariance
     if covariance is None:
@@ -278,11 +302,7 @@ def _prediction(
 ) -> Prediction:
     linear, nonlinear = answers
     half, after = (
-        math.sqrt(
-            (COVERAGE * float(s)) ** 2
-            + (COVERAGE * error.sigma) ** 2
-            + (error.epsilon * (height if math.isfinite(height) else 0.0)) ** 2
-        )
+        error.half_width(float(s), height)
         for s, height in zip(standard, (nonlinear.peak, nonlinear.residual), strict=True)
     )
     return Prediction(

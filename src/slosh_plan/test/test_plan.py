@@ -6,9 +6,10 @@ import pytest
 
 from slosh_model import Cylinder, Model, Rectangle
 from slosh_model.covariance import Covariance
+from slosh_plan import ModelError, Trajectory, predict
 from slosh_plan.errors import SloshPlanError
 from slosh_plan.planning import optimise
-from slosh_plan.planning.checked import checked
+from slosh_plan.planning.checked import Checker, checked
 from slosh_plan.planning.known_laws import UNIT_LAWS, best_scaled, known_laws
 from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.paces import PACES, Pace, PacedLeg
@@ -92,6 +93,48 @@ def test_a_covariance_gives_an_interval_that_is_wider_than_the_answer():
     assert residual > answer.found.residual
 
 
+@pytest.mark.parametrize(
+    "time_limit", [0.0, pytest.param(30.0, marks=needs_casadi)], ids=["known law", "optimal"]
+)
+def test_the_models_error_is_kept_off_the_limits(time_limit):
+    """The upper ends of the intervals keep them, and are those that `predict` tells."""
+    error = ModelError(sigma=0.0002, epsilon=0.1)
+    answer = plan(CUP, path_through(LINE), LIMITS, error=error, time_limit=time_limit)
+    found, motion = answer.found, answer.found.motion
+    assert found.upper <= LIMITS.height
+    assert found.residual_upper <= LIMITS.residual
+    half = np.hypot(2 * 0.0002, 0.1 * found.peak)
+    assert found.upper == pytest.approx(found.peak + half, rel=1e-12)
+    (told,) = predict(CUP, Trajectory(motion.t, motion.acceleration), horizon=2.5, error=error)
+    assert answer.upper == pytest.approx((told.upper, told.residual_upper), rel=1e-3)
+    if time_limit:
+        # As fast as what is left allows.
+        assert found.peak > 0.97 * error.highest(LIMITS.height)
+
+
+def test_with_an_error_the_covariance_counts_too():
+    covariance = Covariance(("natural_frequency",), ((0.05**2,),))
+    unsure = replace(CUP, damping_ratio=0.006, natural_frequency=19.0, covariance=covariance)
+    limits = replace(LIMITS, residual=0.01)
+    answer = plan(unsure, path_through(LINE), limits, error=ModelError())
+    assert answer.found.peak < answer.found.upper <= limits.height
+    for frequency in (18.9, 19.1):
+        other = replace(unsure, natural_frequency=frequency, covariance=None)
+        assert checked(other, [answer.found.motion], None)[0].keeps(limits)
+
+
+def test_an_error_that_leaves_nothing_of_a_limit_is_refused():
+    with pytest.raises(SloshPlanError, match=r"3 mm \(2 σ\), leaves nothing of a limit of 2 mm"):
+        plan(CUP, path_through(LINE), LIMITS, error=ModelError(sigma=0.0015))
+
+
+@pytest.mark.parametrize("epsilon", [0.0, 0.3, 1.0, 2.0])
+def test_the_highest_interval_ends_at_the_limit(epsilon):
+    error = ModelError(0.001, epsilon)
+    height = error.highest(0.015)
+    assert height + error.half_width(0.0, height) == pytest.approx(0.015, rel=1e-12)
+
+
 def test_without_casadi_a_known_law_is_scaled(monkeypatch, check_plan):
     monkeypatch.setitem(sys.modules, "casadi", None)
     monkeypatch.setattr(optimise, "available", lambda: False)
@@ -140,7 +183,7 @@ def test_a_tilted_container_is_refused():
 
 def test_the_scan_finds_the_fastest_that_is_safe():
     path = path_through(LINE)
-    found = best_scaled(CUP, path, LIMITS)
+    found = best_scaled(Checker(CUP), path, LIMITS)
     assert found is not None
     duration = found.found.motion.duration
     for known in known_laws(path).values():
@@ -204,7 +247,7 @@ def test_a_curved_path_is_slower_where_it_bends():
     assert np.abs(places - ellipse).max() < 2e-4
     names = list(known_laws(path))
     assert len(names) == 3 * len(known_laws(path_through(LINE)))
-    best = best_scaled(CUP, path, LIMITS)
+    best = best_scaled(Checker(CUP), path, LIMITS)
     assert best.law.endswith("in curves")
 
 

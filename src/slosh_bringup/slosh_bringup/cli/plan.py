@@ -8,8 +8,10 @@ import sys
 from pathlib import Path
 
 from slosh_bringup.errors import SloshBringupError
+from slosh_bringup.model_error import read_model_error
 from slosh_estimator.model_file import read_model
 from slosh_files import check_apart
+from slosh_plan import ModelError
 from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.path import path_through
 from slosh_plan.planning.path_table import read_path_table, write_plan_table
@@ -51,6 +53,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="by which the heights stay below their limits [m] (default: 0)",
     )  # fmt: skip
     parser.add_argument(
+        "--sigma", type=float, metavar="M",
+        help="the model's mean absolute error, as slosh replay tells it [m]: the interval's upper "
+        "end keeps the limits",
+    )  # fmt: skip
+    parser.add_argument(
+        "--epsilon", type=float, metavar="E",
+        help="the same with its relative error of the maximum, as a fraction",
+    )  # fmt: skip
+    parser.add_argument(
+        "--error", type=Path, nargs="+", metavar="RESULT.json",
+        help="both from results of slosh replay -o, demo or cell; the largest count",
+    )  # fmt: skip
+    parser.add_argument(
         "--time-limit", type=float, default=TIME_LIMIT, metavar="S",
         help=f"after which the search ends with what it has [s] (default: {TIME_LIMIT:g})",
     )  # fmt: skip
@@ -64,7 +79,7 @@ def run(arguments: argparse.Namespace) -> int:
         raise SloshBringupError("--max-tilt: tilting the container is not in this version; give 0")
     if arguments.output.suffix != ".csv":
         raise SloshBringupError(f"{arguments.output}: a motion table ends in .csv")
-    check_apart([arguments.output], [arguments.model, arguments.path])
+    check_apart([arguments.output], [arguments.model, arguments.path, *(arguments.error or [])])
     residual = arguments.limit if arguments.residual is None else arguments.residual
     limits = PlanLimits(arguments.limit, residual, arguments.max_acceleration, arguments.max_jerk)
     model = read_model(arguments.model)
@@ -72,7 +87,8 @@ def run(arguments: argparse.Namespace) -> int:
     try:
         answer = plan(
             model, path_through(waypoints.position), limits, attitude=waypoints.attitude,
-            margin=arguments.margin, time_limit=arguments.time_limit,
+            margin=arguments.margin, error=model_error(arguments, model.name),
+            time_limit=arguments.time_limit,
         )  # fmt: skip
     except NoSafeMotionError as error:
         print(f"slosh plan: {arguments.path}: {error}", file=sys.stderr)
@@ -81,6 +97,16 @@ def run(arguments: argparse.Namespace) -> int:
     text = json.dumps(facts(answer)) if arguments.json else summary(answer, arguments.output)
     print(text)
     return 0
+
+
+def model_error(arguments: argparse.Namespace, model: str) -> ModelError | None:
+    """The model's error that is to be kept off the limits; None: none is given."""
+    given = arguments.sigma, arguments.epsilon
+    if arguments.error:
+        if given != (None, None):
+            raise SloshBringupError("--error: tells sigma and epsilon; give one or the other")
+        return read_model_error(arguments.error, model)
+    return None if given == (None, None) else ModelError(*(value or 0.0 for value in given))
 
 
 def facts(answer: Plan) -> dict[str, object]:
@@ -95,6 +121,10 @@ def facts(answer: Plan) -> dict[str, object]:
         "acceleration": found.acceleration,
         "jerk": found.jerk,
         "margin": answer.margin,
+        "sigma": answer.error and answer.error.sigma,
+        "epsilon": answer.error and answer.error.epsilon,
+        "error_margin": found.upper - found.peak,
+        "residual_error_margin": found.residual_upper - found.residual,
         "upper": answer.upper and answer.upper[0],
         "residual_upper": answer.upper and answer.upper[1],
         "scaled": {"law": scaled.law, "duration": scaled.found.motion.duration},
@@ -128,10 +158,17 @@ def summary(answer: Plan, output: Path) -> str:
 
 
 def interval(answer: Plan) -> str:
-    """What the model's covariance makes of the heights."""
+    """What the model's error and its covariance make of the heights."""
     if answer.upper is None:
         return "the model tells no covariance of its parameters: no interval"
-    peak, residual = answer.upper
+    (peak, residual), found, error = answer.upper, answer.found, answer.error
+    if error is not None:
+        return (
+            f"of the limits {1e3 * (peak - found.peak):.2f} mm, after the end "
+            f"{1e3 * (residual - found.residual):.2f} mm are kept for the model's error (σ "
+            f"{1e3 * error.sigma:.3g} mm, ε {100.0 * error.epsilon:.3g} %, its covariance; 95 %): "
+            f"up to {1e3 * peak:.2f} mm, after the end {1e3 * residual:.2f} mm"
+        )
     limits = answer.limits
     missing = max(peak - limits.height, residual - limits.residual)
     kept = (

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,7 @@ from slosh_model import Inputs, Model, wall_heights
 from slosh_plan.heights import first_period, msh_of
 from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.time_law import Motion
+from slosh_plan.prediction import ModelError, principal_variants
 
 Array = NDArray[np.float64]
 
@@ -29,6 +31,8 @@ class Checked:
         msh: (M,) maximum height over the wall at the motion's rate, over motion and horizon [m].
         peak: largest height, in the motion or after it [m].
         residual: largest height after the motion's end [m].
+        upper, residual_upper: upper ends of their intervals (95 %) [m]; the heights themselves
+            where the model's error is not asked for.
         acceleration: largest ‖a‖ [m/s²].
         jerk: largest change of the acceleration from row to row, by time [m/s³].
     """
@@ -37,14 +41,16 @@ class Checked:
     msh: Array
     peak: float
     residual: float
+    upper: float
+    residual_upper: float
     acceleration: float
     jerk: float
 
     def excess(self, limits: PlanLimits) -> dict[str, float]:
         """By how much of itself each limit is exceeded; not above 0: it is kept."""
         return {
-            "height": self.peak / limits.height - 1.0,
-            "residual": self.residual / limits.residual - 1.0,
+            "height": self.upper / limits.height - 1.0,
+            "residual": self.residual_upper / limits.residual - 1.0,
             "acceleration": self.acceleration / limits.acceleration - 1.0,
             "jerk": self.jerk / limits.jerk - 1.0,
         }
@@ -57,6 +63,52 @@ class Checked:
 def horizon(model: Model) -> float:
     """How long the liquid is looked at after a motion [s]."""
     return PERIODS * first_period(model)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Checker:
+    """Simulates motions from a liquid at rest.
+
+    Attributes:
+        model: the model.
+        attitude: (4,) quaternion that the container keeps; None: upright.
+        error: the model's measured error: with it, and the covariance of the model's parameters
+            where there is one, heights have intervals, whose upper ends count; None: the heights
+            themselves do.
+    """
+
+    model: Model
+    attitude: Array | None = None
+    error: ModelError | None = None
+
+    def __call__(self, motions: Sequence[Motion]) -> list[Checked]:
+        """What motions reach."""
+        found = checked(self.model, motions, self.attitude)
+        if self.error is None:
+            return found
+        spread = np.zeros((len(motions), 2))
+        for variant in principal_variants(self.model):
+            one, other = (checked(twin, motions, self.attitude) for twin in variant)
+            spread += [_squared(*pair) for pair in zip(one, other, strict=True)]
+        return [
+            replace(
+                one,
+                upper=one.peak + self.error.half_width(peak, one.peak),
+                residual_upper=one.residual + self.error.half_width(after, one.residual),
+            )
+            for one, (peak, after) in zip(found, np.sqrt(spread).tolist(), strict=True)
+        ]
+
+    def glance(self, motions: Sequence[Motion]) -> list[Checked]:
+        """The same without the covariance: not lower than it is."""
+        return replace(self, model=replace(self.model, covariance=None))(motions)
+
+
+def _squared(one: Checked, other: Checked) -> tuple[float, float]:
+    """Variances from one standard error to either side."""
+    if not math.isfinite(one.peak + other.peak):
+        return math.inf, math.inf
+    return (0.25 * (one.peak - other.peak) ** 2, 0.25 * (one.residual - other.residual) ** 2)
 
 
 def checked(model: Model, motions: Sequence[Motion], attitude: Array | None) -> list[Checked]:
@@ -83,11 +135,14 @@ def _checked(model: Model, motion: Motion, heights: Array) -> Checked:
     msh = msh_of(t, heights, model.container.corner)
     msh = np.where(np.isfinite(msh), msh, np.inf)
     steps = np.linalg.norm(np.diff(motion.acceleration, axis=0), axis=1)
+    peak, residual = float(msh.max()), float(msh[len(motion.t) - 1 :].max())
     return Checked(
         motion,
         msh,
-        float(msh.max()),
-        float(msh[len(motion.t) - 1 :].max()),
+        peak,
+        residual,
+        peak,
+        residual,
         float(np.linalg.norm(motion.acceleration, axis=1).max()),
         float(steps.max()) / motion.step,
     )

@@ -16,9 +16,8 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from slosh_model import Model
 from slosh_model.motion_profiles import cycloidal, modified_trapezoid, quintic
-from slosh_plan.planning.checked import Checked, checked
+from slosh_plan.planning.checked import Checked, Checker
 from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.paces import PACES, PacedLeg, curved
 from slosh_plan.planning.path import Path
@@ -143,11 +142,7 @@ def known_laws(path: Path, units: Mapping[str, UnitLaw] = UNIT_LAWS) -> dict[str
 
 
 def best_scaled(
-    model: Model,
-    path: Path,
-    limits: PlanLimits,
-    attitude: Array | None = None,
-    watch: Watch | None = None,
+    check: Checker, path: Path, limits: PlanLimits, watch: Watch | None = None
 ) -> Scaled | None:
     """The fastest of the known laws that keeps the limits; None: none does up to LONGEST.
 
@@ -157,7 +152,7 @@ def best_scaled(
     best: Scaled | None = None
     for name, known in known_laws(path).items():
         longest = LONGEST if best is None else best.found.motion.duration
-        found = fastest(model, known.motion, limits, attitude, longest, watch.stopped)
+        found = fastest(check, known.motion, limits, longest, watch.stopped)
         if found is not None:
             best = Scaled(name, known, found)
             watch.found(found.motion.duration)
@@ -171,10 +166,9 @@ def leg_durations(path: Path, duration: float) -> tuple[float, ...]:
 
 
 def fastest(
-    model: Model,
+    check: Checker,
     make: Make,
     limits: PlanLimits,
-    attitude: Array | None,
     longest: float = LONGEST,
     stopped: Callable[[], bool] = never,
 ) -> Checked | None:
@@ -183,20 +177,19 @@ def fastest(
     All durations are simulated with few rows, and those that may keep the limits with all.
 
     Args:
-        model: the model.
+        check: tells what a motion does.
         make: the motion of a duration.
         limits: what to keep.
-        attitude: that the container keeps.
         longest: duration that is not reached [s].
         stopped: whether to end without an answer.
     """
     durations = _durations(_least(make, limits), longest)
     while some := list(islice(durations, _TOGETHER)):
         coarse = [make(duration, duration / math.ceil(duration / COARSE)) for duration in some]
-        for duration, glance in zip(some, checked(model, coarse, attitude), strict=True):
+        for duration, glance in zip(some, check.glance(coarse), strict=True):
             if not glance.keeps(limits, NEARLY):
                 continue
-            (found,) = checked(model, [make(duration, STEP)], attitude)
+            (found,) = check([make(duration, STEP)])
             if found.keeps(limits):
                 return found
         if stopped():

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from slosh_model import Model
 from slosh_plan.errors import SloshPlanError
 from slosh_plan.planning import optimise
-from slosh_plan.planning.checked import Checked, checked, horizon
+from slosh_plan.planning.checked import Checked, Checker, horizon
 from slosh_plan.planning.flow import flow_of
 from slosh_plan.planning.guess import guess_of
 from slosh_plan.planning.known_laws import LONGEST, Scaled, best_scaled, leg_durations
@@ -25,7 +25,7 @@ from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.path import Leg, Path
 from slosh_plan.planning.progress import StoppedError, Watch
 from slosh_plan.planning.time_law import JerkLaw, Motion, motion_along, whole_rows
-from slosh_plan.prediction import predict
+from slosh_plan.prediction import ModelError, predict
 from slosh_plan.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -59,10 +59,12 @@ class Plan:
         found: the motion and what it reaches, by simulation at 1 kHz.
         limits: as asked for.
         margin: by which the heights were to stay below [m].
+        error: of the model, for which more was kept: the upper ends of the heights' intervals keep
+            the limits; None: none was asked for.
         method: 'optimal', or the name of the known law that was scaled.
         reason: why there is no optimal law; empty: there is one.
         upper: upper ends of the intervals (95 %) of the peak and of the height after the end [m],
-            from the covariance of the model's parameters; None: it has none.
+            from the error and the covariance of the model's parameters; None: there is neither.
         scaled: the fastest known law.
         path: along which.
         seconds: that the planning took [s].
@@ -71,6 +73,7 @@ class Plan:
     found: Checked
     limits: PlanLimits
     margin: float
+    error: ModelError | None
     method: str
     reason: str
     upper: tuple[float, float] | None
@@ -86,6 +89,7 @@ def plan(
     *,
     attitude: Array | None = None,
     margin: float = 0.0,
+    error: ModelError | None = None,
     time_limit: float = TIME_LIMIT,
     watch: Watch | None = None,
 ) -> Plan:
@@ -97,6 +101,9 @@ def plan(
         limits: to keep.
         attitude: (4,) quaternion x, y, z, w that the container keeps: upright; None: not turned.
         margin: by which the heights stay below their limits [m].
+        error: the model's measured error; with it the upper ends of the heights' intervals, as
+            `predict` tells them, keep the limits, also for the covariance of the model's
+            parameters where there is one. None: the heights themselves keep them.
         time_limit: after which the search ends with what it has [s].
         watch: is told how far the plan has come, and ends it with what it has; None: nobody does.
 
@@ -107,9 +114,11 @@ def plan(
     """
     watch = watch or Watch()
     kept = limits.lowered(margin)
+    nominal = _nominal(kept, error)
     yaw = upright_yaw(attitude)
+    check = Checker(model, attitude, error)
     watch.enter("known laws")
-    scaled = best_scaled(model, path, kept, attitude, watch=watch)
+    scaled = best_scaled(check, path, kept, watch)
     if scaled is None and watch.stopped():
         raise StoppedError("stopped before there was a safe motion")
     if scaled is None:
@@ -120,11 +129,20 @@ def plan(
         )
     best, reason = scaled.found, HOW_TO_GET
     if optimise.available():
-        search = _Search(model, path, kept, attitude, yaw, scaled, time_limit, watch)
+        search = _Search(check, path, kept, nominal, yaw, scaled, time_limit, watch)
         best, reason = search.run()
     method = scaled.law if best is scaled.found else "optimal"
-    upper = _upper(model, best.motion, attitude)
-    return Plan(best, limits, margin, method, reason, upper, scaled, path, watch.elapsed)
+    upper = (best.upper, best.residual_upper) if error else _upper(model, best.motion, attitude)
+    return Plan(best, limits, margin, error, method, reason, upper, scaled, path, watch.elapsed)
+
+
+def _nominal(limits: PlanLimits, error: ModelError | None) -> PlanLimits:
+    """The limits for heights without the model's error."""
+    if error is None:
+        return limits
+    return replace(
+        limits, height=error.highest(limits.height), residual=error.highest(limits.residual)
+    )
 
 
 def _upper(model: Model, motion: Motion, attitude: Array | None) -> tuple[float, float] | None:
@@ -158,10 +176,10 @@ def upright_yaw(attitude: Array | None) -> float:
 class _Search:
     """The search of an optimal law, from several starts."""
 
-    model: Model
+    check: Checker
     path: Path
     limits: PlanLimits
-    attitude: Array | None
+    nominal: PlanLimits
     yaw: float
     scaled: Scaled
     time_limit: float
@@ -170,11 +188,11 @@ class _Search:
     def run(self) -> tuple[Checked, str]:
         """The best motion, and why it is the scaled one where it is."""
         durations = leg_durations(self.path, self.scaled.found.motion.duration)
-        problem = optimise.Search(flow_of(self.model), self.path, self.yaw, durations)
+        problem = optimise.Search(flow_of(self.check.model), self.path, self.yaw, durations)
         best, last = self.scaled.found, "the search found nothing faster"
         for n, factor in enumerate(STARTS, start=1):
             self.watch.enter(f"search {n} of {len(STARTS)}")
-            guess = guess_of(self.model, self.path, self.scaled, problem, factor)
+            guess = guess_of(self.check.model, self.path, self.scaled, problem, factor)
             found, words = self._tightened(problem, guess, best.motion.duration)
             if found is not None and found.motion.duration < best.motion.duration:
                 best = found
@@ -193,7 +211,7 @@ class _Search:
 
         What is not faster than the fastest so far is not gone on with.
         """
-        asked = self.limits.reduced(AHEAD)
+        asked = self.nominal.reduced(AHEAD)
         for _ in range(ROUNDS):
             if self._over():
                 return None, self._why_over()
@@ -229,7 +247,7 @@ class _Search:
             for found, leg in zip(solution.legs, self.path.legs, strict=True)
         ]
         motion = motion_along(self.path, laws, [law.duration for law in laws])
-        return checked(self.model, [motion], self.attitude)[0]
+        return self.check([motion])[0]
 
 
 def _law_of(found: optimise.LegGuess, leg: Leg) -> JerkLaw:
