@@ -58,6 +58,23 @@ def test_the_attitude_is_kept(slosh_plan):
     )
 
 
+def test_a_container_may_tilt(slosh_plan, tmp_path, capsys):
+    pytest.importorskip("casadi")
+    code, out, _, table = slosh_plan(LINE, "--residual", "0.002", "--max-tilt", "10")
+    assert code == 0
+    assert "tilt 10 of 10°, 120 of 120°/s" in out
+    motion = read_motion_table(table)
+    assert motion.attitude[[0, -1]] == pytest.approx(np.array([[0.0, 0.0, 0.0, 1.0]] * 2))
+    (tmp_path / "model.yaml").write_text(
+        MODEL.replace("effects: [", "effects: [{name: gravity_tilt}, ")
+    )
+    heights = str(tmp_path / "heights.csv")
+    assert (
+        main(["simulate", str(tmp_path / "model.yaml"), str(table), "--json", "-o", heights]) == 0
+    )
+    assert json.loads(capsys.readouterr().out)["peak"] <= 0.015
+
+
 def test_the_summary_says_what_is_reached_and_why_no_optimum(slosh_plan):
     code, out, _, _ = slosh_plan(LINE, "--time-limit", "0", "--margin", "0.001")
     assert code == 0
@@ -154,7 +171,8 @@ def test_a_million_points_are_refused(slosh_plan):
 @pytest.mark.parametrize(
     ("options", "text"),
     [
-        (("--max-tilt", "10"), "tilting the container is not in this version"),
+        (("--max-tilt", "60"), "tilt = 60° must lie in 0 … 45°"),
+        (("--max-tilt-rate", "0"), "tilt_rate = 0 rad/s"),
         (("--max-jerk", "nan"), "jerk = nan"),
         (("--residual", "0"), "residual = 0 m"),
         (("--margin", "0.02"), "leaves nothing"),

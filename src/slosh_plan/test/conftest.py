@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.spatial.transform import Rotation
 
 from slosh_model import Cylinder, Model, Rectangle
 from slosh_model.motion_profiles import quintic
@@ -128,14 +129,23 @@ def rectangle_rate(tank):
     return rate, lambda q: 0.5 * (sides[0] * np.abs(q[0]) + sides[1] * np.abs(q[1]))
 
 
-def planned_heights(container, motion):
+def felt_by(motion, attitude):
+    """(N, 3) Rᵀ(a + g ẑ) - g ẑ in the container's axes [m/s²]."""
+    weight = np.array([0.0, 0.0, GRAVITY])
+    if motion.tilt is None and attitude is None:
+        return motion.acceleration
+    turned = Rotation.from_quat(attitude if motion.tilt is None else motion.tilt.attitude)
+    return turned.inv().apply(motion.acceleration + weight) - weight
+
+
+def planned_heights(container, motion, attitude=None):
     """(N,) MSH at 1 kHz over a planned motion and WATCHED after it [m], by SciPy's DOP853."""
     made = cylinder_rate if isinstance(container, Cylinder) else rectangle_rate
     assert isinstance(container, Cylinder | Rectangle)
     rate, height = made(container)
     count = len(motion.t) + round(WATCHED * 1000)
     felt = np.zeros((count, 3))
-    felt[: len(motion.t)] = motion.acceleration
+    felt[: len(motion.t)] = felt_by(motion, attitude)
 
     def derivative(now, state):
         row = min(int(now * 1000), count - 2)
@@ -177,14 +187,30 @@ def check_motion(motion, points, limits):
     assert motion.position[-1] == pytest.approx(points[-1], abs=1e-6)
 
 
+def check_tilt(motion, limits):
+    """From upright to upright, by the attitudes alone: their angles and what turns them."""
+    turned = Rotation.from_quat(motion.tilt.attitude)
+    up = turned.apply([0.0, 0.0, 1.0])
+    assert up[[0, -1]] == pytest.approx(np.array([[0.0, 0.0, 1.0]] * 2), abs=1e-12)
+    assert np.arccos(np.clip(up[:, 2], -1.0, 1.0)).max() <= limits.tilt * (1.0 + 1e-6)
+    rate = (turned[:-1].inv() * turned[1:]).as_rotvec() / 1e-3
+    assert np.linalg.norm(rate, axis=1).max() <= limits.tilt_rate * (1.0 + 1e-6)
+    change = np.diff(np.concatenate([np.zeros((1, 3)), rate, np.zeros((1, 3))]), axis=0) / 1e-3
+    # Beside the limited one the rotation vector's own curvature counts.
+    curved = limits.tilt_rate**2 * limits.tilt
+    assert np.linalg.norm(change, axis=1).max() <= limits.tilt_acceleration * 1.001 + curved
+
+
 @pytest.fixture(scope="session")
 def check_plan():
     """Checks what a plan of a model promises, without the product's simulation."""
 
-    def check(answer, points, model, limits):
+    def check(answer, points, model, limits, attitude=None):
         motion = answer.found.motion
         check_motion(motion, points, limits)
-        heights = planned_heights(model.container, motion)
+        if motion.tilt is not None:
+            check_tilt(motion, limits)
+        heights = planned_heights(model.container, motion, attitude)
         assert heights.max() <= limits.height * (1.0 + AGREE)
         assert heights[len(motion.t) - 1 :].max() <= limits.residual * (1.0 + AGREE)
         assert heights.max() == pytest.approx(answer.found.peak, abs=AGREE * limits.height)

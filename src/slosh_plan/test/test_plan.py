@@ -54,11 +54,12 @@ def test_a_path_back_along_itself_turns_without_a_stop_of_the_acceleration(check
 
 
 @needs_casadi
-def test_a_rectangle_that_stands_turned_keeps_the_limit_in_its_corner():
+def test_a_rectangle_that_stands_turned_keeps_the_limit_in_its_corner(check_plan):
     half = np.array([0.0, 0.0, np.sin(0.3), np.cos(0.3)])
     limits = PlanLimits(0.012, 0.003, 5.0, 60.0)
     answer = plan(TANK, path_through(LINE), limits, attitude=half)
     assert answer.method == "optimal"
+    check_plan(answer, LINE, TANK, limits, half)
     again = checked(TANK, [answer.found.motion], half)[0]
     assert again.peak <= limits.height
     # Not turned the same motion makes another wave.

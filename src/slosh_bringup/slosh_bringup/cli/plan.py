@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import sys
 from pathlib import Path
 
@@ -12,7 +13,7 @@ from slosh_bringup.model_error import read_model_error
 from slosh_estimator.model_file import read_model
 from slosh_files import check_apart
 from slosh_plan import ModelError
-from slosh_plan.planning.limits import PlanLimits
+from slosh_plan.planning.limits import TILT_ACCELERATION, TILT_RATE, PlanLimits
 from slosh_plan.planning.path import path_through
 from slosh_plan.planning.path_table import read_path_table, write_plan_table
 from slosh_plan.planning.plan import TIME_LIMIT, NoSafeMotionError, Plan, plan
@@ -46,7 +47,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--max-tilt", type=float, default=0.0, metavar="DEG",
-        help="of the container; other than 0 is not in this version",
+        help="of the container from upright [deg] (default: 0, it keeps its attitude)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--max-tilt-rate", type=float, default=math.degrees(TILT_RATE), metavar="R",
+        help="[deg/s] (default: %(default)g)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--max-tilt-acceleration", type=float, default=math.degrees(TILT_ACCELERATION),
+        metavar="R", help="[deg/s²] (default: %(default)g)",
     )  # fmt: skip
     parser.add_argument(
         "--margin", type=float, default=0.0, metavar="M",
@@ -75,13 +84,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Plans and writes the motion; prints what it reaches."""
-    if arguments.max_tilt != 0.0:
-        raise SloshBringupError("--max-tilt: tilting the container is not in this version; give 0")
     if arguments.output.suffix != ".csv":
         raise SloshBringupError(f"{arguments.output}: a motion table ends in .csv")
     check_apart([arguments.output], [arguments.model, arguments.path, *(arguments.error or [])])
-    residual = arguments.limit if arguments.residual is None else arguments.residual
-    limits = PlanLimits(arguments.limit, residual, arguments.max_acceleration, arguments.max_jerk)
+    limits = plan_limits(arguments)
     model = read_model(arguments.model)
     waypoints = read_path_table(arguments.path)
     try:
@@ -97,6 +103,18 @@ def run(arguments: argparse.Namespace) -> int:
     text = json.dumps(facts(answer)) if arguments.json else summary(answer, arguments.output)
     print(text)
     return 0
+
+
+def plan_limits(arguments: argparse.Namespace) -> PlanLimits:
+    """What the motion must keep."""
+    tilts = arguments.max_tilt, arguments.max_tilt_rate, arguments.max_tilt_acceleration
+    return PlanLimits(
+        arguments.limit,
+        arguments.limit if arguments.residual is None else arguments.residual,
+        arguments.max_acceleration,
+        arguments.max_jerk,
+        *(math.radians(tilt) for tilt in tilts),
+    )
 
 
 def model_error(arguments: argparse.Namespace, model: str) -> ModelError | None:
@@ -120,6 +138,9 @@ def facts(answer: Plan) -> dict[str, object]:
         "residual": found.residual,
         "acceleration": found.acceleration,
         "jerk": found.jerk,
+        "tilt": found.tilt,
+        "tilt_rate": found.tilt_rate,
+        "tilt_acceleration": found.tilt_acceleration,
         "margin": answer.margin,
         "sigma": answer.error and answer.error.sigma,
         "epsilon": answer.error and answer.error.epsilon,
@@ -150,11 +171,26 @@ def summary(answer: Plan, output: Path) -> str:
         interval(answer),
         f"acceleration {found.acceleration:.2f} of {limits.acceleration:g} m/s², "
         f"jerk {found.jerk:.1f} of {limits.jerk:g} m/s³",
+        *tilted(answer),
         f"path {answer.path.length:.3f} m, {_stops(len(answer.path.legs) - 1)}, up to "
         f"{1e3 * answer.path.departure:.2f} mm from straight lines between the waypoints",
         f"{len(found.motion.t)} rows in {output}, planned in {answer.seconds:.1f} s",
     ]
     return "\n".join(lines)
+
+
+def tilted(answer: Plan) -> list[str]:
+    """How far the container tilts, where it may."""
+    found, limits = answer.found, answer.limits
+    if limits.tilt == 0.0:
+        return []
+    pairs = (
+        (found.tilt, limits.tilt, "°"),
+        (found.tilt_rate, limits.tilt_rate, "°/s"),
+        (found.tilt_acceleration, limits.tilt_acceleration, "°/s²"),
+    )
+    words = (f"{math.degrees(x):.3g} of {math.degrees(most):.3g}{unit}" for x, most, unit in pairs)
+    return ["tilt " + ", ".join(words)]
 
 
 def interval(answer: Plan) -> str:

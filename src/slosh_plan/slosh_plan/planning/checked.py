@@ -35,6 +35,7 @@ class Checked:
             where the model's error is not asked for.
         acceleration: largest ‖a‖ [m/s²].
         jerk: largest change of the acceleration from row to row, by time [m/s³].
+        tilt, tilt_rate, tilt_acceleration: the largest [rad, rad/s, rad/s²]; 0: there is none.
     """
 
     motion: Motion
@@ -45,14 +46,18 @@ class Checked:
     residual_upper: float
     acceleration: float
     jerk: float
+    tilt: float
+    tilt_rate: float
+    tilt_acceleration: float
 
     def excess(self, limits: PlanLimits) -> dict[str, float]:
         """By how much of itself each limit is exceeded; not above 0: it is kept."""
-        return {
+        plain = ("acceleration", "jerk", "tilt_rate", "tilt_acceleration")
+        shares = {name: getattr(self, name) / getattr(limits, name) - 1.0 for name in plain}
+        return shares | {
             "height": self.upper / limits.height - 1.0,
             "residual": self.residual_upper / limits.residual - 1.0,
-            "acceleration": self.acceleration / limits.acceleration - 1.0,
-            "jerk": self.jerk / limits.jerk - 1.0,
+            "tilt": self.tilt / limits.tilt - 1.0 if self.tilt > 0.0 else -1.0,
         }
 
     def keeps(self, limits: PlanLimits, tolerance: float = TOLERANCE) -> bool:
@@ -124,10 +129,23 @@ def checked(model: Model, motions: Sequence[Motion], attitude: Array | None) -> 
         rest = np.zeros((int(np.ceil(horizon(model) / motion.step)), 3))
         acceleration = np.concatenate([motion.acceleration, rest])
         t: Array = motion.step * np.arange(len(acceleration), dtype=np.float64)
-        turned = None if attitude is None else np.tile(attitude, (len(t), 1))
-        inputs.append(Inputs(t, acceleration, turned))
+        inputs.append(Inputs(t, acceleration, attitudes(motion, attitude, len(t))))
     heights = wall_heights(model, inputs)
     return [_checked(model, one, both) for one, both in zip(motions, heights, strict=True)]
+
+
+def attitudes(motion: Motion, attitude: Array | None, rows: int) -> Array | None:
+    """(rows, 4) quaternions over a motion and what follows it; None: upright and not turned.
+
+    Args:
+        motion: the motion.
+        attitude: (4,) that the container keeps where it does not tilt.
+        rows: not fewer than the motion's.
+    """
+    if motion.tilt is not None:
+        own = motion.tilt.attitude
+        return np.concatenate([own, np.tile(own[-1], (rows - len(own), 1))])
+    return None if attitude is None else np.tile(attitude, (rows, 1))
 
 
 def _checked(model: Model, motion: Motion, heights: Array) -> Checked:
@@ -145,4 +163,5 @@ def _checked(model: Model, motion: Motion, heights: Array) -> Checked:
         residual,
         float(np.linalg.norm(motion.acceleration, axis=1).max()),
         float(steps.max()) / motion.step,
+        *((0.0, 0.0, 0.0) if motion.tilt is None else motion.tilt.largest),
     )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -47,3 +49,25 @@ def guess_of(
         legs.append(LegGuess(factor * duration, states, controls, middles))
         begin += duration
     return tuple(legs)
+
+
+def upright_guess(legs: Sequence[LegGuess], search: Search) -> tuple[LegGuess, ...]:
+    """The motion of an upright container as the start of a search of one that tilts."""
+    layout = search.layout
+    found = []
+    for leg, count in zip(legs, search.counts, strict=True):
+        old = np.linspace(0.0, 1.0, len(leg.states))
+        t = np.linspace(0.0, 1.0, count + 1)
+        middle = 0.5 * (t[1:] + t[:-1])
+        liquid = leg.states[:, CHAIN:]
+        states, controls = np.zeros((count + 1, layout.size)), np.zeros((count, layout.driven))
+        states[:, :CHAIN] = _at(t, old, leg.states[:, :CHAIN])
+        states[:, layout.liquid] = _at(t, old, liquid)
+        which = np.minimum((middle * len(leg.controls)).astype(int), len(leg.controls) - 1)
+        controls[:, 0] = leg.controls[which, 0]
+        found.append(LegGuess(leg.duration, states, controls, _at(middle, old, liquid)))
+    return tuple(found)
+
+
+def _at(t: Array, times: Array, columns: Array) -> Array:
+    return np.column_stack([np.interp(t, times, column) for column in columns.T])

@@ -33,6 +33,7 @@ CURVE = 9
 SHARES = (0.0, 0.5, 1.0)
 """Of an interval, where its demands are looked at."""
 _CURVE_POINTS = 400
+_LEAST_ANGLE = 1e-4
 _EDGE = 1e-6
 """Share of a leg at its ends where CasADi's splines are zero."""
 
@@ -265,8 +266,8 @@ def _turned_back(x: Expression, y: Expression, vector: Expression) -> Expression
     ca = casadi()
 
     # Even functions of the angle, smooth at 0.
-    angle = ca.sqrt(x * x + y * y + 1e-12)
-    sine, versine = ca.sin(angle) / angle, (1.0 - ca.cos(angle)) / angle**2
+    angle = ca.sqrt(x * x + y * y + _LEAST_ANGLE**2)
+    sine, versine = ca.sin(angle) / angle, 0.5 * (ca.sin(0.5 * angle) / (0.5 * angle)) ** 2
     axis = ca.vertcat(x, y, 0.0)
     return (
         ca.cos(angle) * vector

@@ -7,6 +7,8 @@ from dataclasses import dataclass, replace
 
 from slosh_plan.errors import SloshPlanError
 
+TILT_RATE, TILT_ACCELERATION = math.radians(120.0), math.radians(1200.0)
+LARGEST_TILT = math.radians(45.0)
 LARGEST = 1e6
 """Of any limit: more is a unit mistaken for another."""
 
@@ -21,7 +23,8 @@ class PlanLimits:
         acceleration: ‖a‖ of the container's origin [m/s²].
         jerk: ‖da/dt‖ of the same [m/s³].
         tilt: of the container from upright [rad]; 0: it stays upright.
-        tilt_rate, tilt_acceleration: of the tilt [rad/s, rad/s²].
+        tilt_rate, tilt_acceleration: size of the first and the second derivative of the rotation
+            vector that tilts it [rad/s, rad/s²]; its angular velocity is not larger.
 
     Raises:
         SloshPlanError: a limit that is not positive and finite.
@@ -32,8 +35,8 @@ class PlanLimits:
     acceleration: float
     jerk: float
     tilt: float = 0.0
-    tilt_rate: float = 2.0
-    tilt_acceleration: float = 20.0
+    tilt_rate: float = TILT_RATE
+    tilt_acceleration: float = TILT_ACCELERATION
 
     def __post_init__(self) -> None:
         for name, unit in UNITS.items():
@@ -41,6 +44,11 @@ class PlanLimits:
             if not (math.isfinite(value) and 0.0 < value <= LARGEST):
                 bounds = f"must lie above 0 and not above {LARGEST:g}"
                 raise SloshPlanError(f"limit of {name} = {value:g} {unit} {bounds}")
+        if not 0.0 <= self.tilt <= LARGEST_TILT:
+            raise SloshPlanError(
+                f"limit of tilt = {math.degrees(self.tilt):g}° must lie in 0 … "
+                f"{math.degrees(LARGEST_TILT):g}°"
+            )
 
     def lowered(self, margin: float) -> PlanLimits:
         """The same with both heights lower by a margin [m].
@@ -64,5 +72,8 @@ class PlanLimits:
         )
 
 
-UNITS = {"height": "m", "residual": "m", "acceleration": "m/s²", "jerk": "m/s³"}
-"""The limits by name, with their units."""
+UNITS = {
+    "height": "m", "residual": "m", "acceleration": "m/s²", "jerk": "m/s³", "tilt_rate": "rad/s",
+    "tilt_acceleration": "rad/s²",
+}  # fmt: skip
+"""The limits that must be above 0, with their units."""

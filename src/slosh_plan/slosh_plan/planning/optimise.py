@@ -64,11 +64,13 @@ class Solution:
 
     Attributes:
         legs: the motion: where the next search may start.
+        tilting: whether the container tilts.
         converged: whether the solver says that it is a local optimum.
         status: the solver's own words.
     """
 
     legs: tuple[LegGuess, ...]
+    tilting: bool
     converged: bool
     status: str
 
@@ -131,7 +133,9 @@ class Search:
         )  # fmt: skip
         stats = self._solver.stats()
         legs = self._unpacked(np.asarray(answer["x"]).ravel())
-        return Solution(legs, bool(stats["success"]), str(stats["return_status"]))
+        return Solution(
+            legs, self.layout.tilting, bool(stats["success"]), str(stats["return_status"])
+        )
 
     def _bounds(self, guess: Sequence[LegGuess]) -> tuple[Array, Array]:
         lower, upper = [], []

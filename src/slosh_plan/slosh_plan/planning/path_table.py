@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from slosh_files import new_text
 from slosh_plan.errors import SloshPlanError
+from slosh_plan.planning.checked import attitudes
 from slosh_plan.planning.path import MOST_POINTS
 from slosh_plan.planning.time_law import Motion
 
@@ -62,16 +63,17 @@ def read_path_table(path: Path) -> Waypoints:
 
 
 def write_plan_table(path: Path, motion: Motion, attitude: Array | None) -> None:
-    """Writes a motion as t, x, y, z, the attitude where it is given, ax, ay, az.
+    """Writes a motion as t, x, y, z, the attitude where it is given or tilts, ax, ay, az.
 
     Raises:
         OSError: the file cannot be written.
     """
     columns = [motion.t[:, None], motion.position]
     names = [*PLACES]
-    if attitude is not None:
+    turned = attitudes(motion, attitude, len(motion.t))
+    if turned is not None:
         names += ATTITUDE
-        columns.append(np.tile(attitude, (len(motion.t), 1)))
+        columns.append(turned)
     data = np.column_stack([*columns, motion.acceleration])
     # 1 kHz: the time as it is meant, without the rounding of a sum.
     data[:, 0] = np.round(data[:, 0], 6)

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_plan.planning.path import Path
+from slosh_plan.planning.tilt import Tilt
 
 Array = NDArray[np.float64]
 Law = Callable[[Array], tuple[Array, Array, Array]]
@@ -26,17 +27,17 @@ STEP = 1e-3
 
 @dataclass(frozen=True, slots=True, eq=False)
 class JerkLaw:
-    """The time law of a leg, from rest to rest, by a jerk that is constant between nodes.
+    """The time law of a leg, by a third derivative that is constant between nodes.
 
     Attributes:
         duration: of the leg [s]; the nodes are evenly spaced.
         jerk: (N,) third derivative of s between them [m/s³].
-        start: second derivative at the start [m/s²]: not 0 where a path turns back.
+        start: s, ds/dt and d²s/dt² at the start; the last one is not 0 where a path turns back.
     """
 
     duration: float
     jerk: Array
-    start: float = 0.0
+    start: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def __call__(self, t: Array) -> tuple[Array, Array, Array]:
         """Place s [m], ds/dt and d²s/dt² at times from the leg's start [s], (M,) each."""
@@ -55,14 +56,17 @@ class JerkLaw:
     def nodes(self) -> Array:
         """(N + 1, 3) s, ds/dt, d²s/dt² at the nodes."""
         step = self.duration / len(self.jerk)
-        a = self.start + np.concatenate([[0.0], np.cumsum(self.jerk) * step])
-        v = np.concatenate([[0.0], np.cumsum(step * (a[:-1] + step * self.jerk / 2.0))])
+        place, speed, change = self.start
+        a = change + np.concatenate([[0.0], np.cumsum(self.jerk) * step])
+        v = speed + np.concatenate([[0.0], np.cumsum(step * (a[:-1] + step * self.jerk / 2.0))])
         ways = step * (v[:-1] + step * (a[:-1] / 2.0 + step * self.jerk / 6.0))
-        return np.column_stack([np.concatenate([[0.0], np.cumsum(ways)]), v, a])
+        return np.column_stack([place + np.concatenate([[0.0], np.cumsum(ways)]), v, a])
 
     def stretched(self, factor: float) -> JerkLaw:
         """The same, slower by a factor."""
-        return JerkLaw(self.duration * factor, self.jerk / factor**3, self.start / factor**2)
+        place, speed, change = self.start
+        start = (place, speed / factor, change / factor**2)
+        return JerkLaw(self.duration * factor, self.jerk / factor**3, start)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -74,12 +78,14 @@ class Motion:
         position: (N, 3) of the container's origin in the world's axes [m].
         acceleration: (N, 3) its second derivative [m/s²].
         speed: (N,) along the path [m/s].
+        tilt: how the container tilts; None: it keeps its attitude.
     """
 
     t: Array
     position: Array
     acceleration: Array
     speed: Array
+    tilt: Tilt | None = None
 
     @property
     def duration(self) -> float:

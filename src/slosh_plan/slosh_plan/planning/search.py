@@ -1,0 +1,207 @@
+"""The search of the optimal law, from several starts, until the simulation keeps every limit.
+
+What a search finds is simulated with the whole model at 1 kHz; where it exceeds a limit, that
+limit is lowered by the excess and the search goes on.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from slosh_plan.planning.checked import Checked, Checker
+from slosh_plan.planning.flow import flow_of
+from slosh_plan.planning.guess import guess_of, upright_guess
+from slosh_plan.planning.known_laws import LONGEST, Scaled, leg_durations
+from slosh_plan.planning.limits import PlanLimits
+from slosh_plan.planning.optimise import LegGuess, Search, Solution
+from slosh_plan.planning.path import Leg, Path
+from slosh_plan.planning.progress import Watch
+from slosh_plan.planning.tilt import Tilt
+from slosh_plan.planning.time_law import JerkLaw, motion_along, whole_rows
+
+STARTS = (1.0, 0.7)
+"""Where searches start: the fastest known law, slower by such factors."""
+AGAIN = 0.2
+"""Share of the time limit after which a motion that was found is not searched for again."""
+ROUNDS = 8
+"""How often a limit is lowered."""
+AHEAD = 0.004
+"""By so much of themselves the heights are lowered at once: the usual excess between nodes."""
+SLACK = 2e-4
+"""By how much more than its excess."""
+
+Legs = tuple[LegGuess, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Found:
+    """What one search came to.
+
+    Attributes:
+        motion: that keeps the limits; None: there is none.
+        legs: where it may be gone on from.
+        words: why there is none.
+    """
+
+    motion: Checked | None
+    legs: Legs = ()
+    words: str = ""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class OptimalSearch:
+    """The search of an optimal law.
+
+    Attributes:
+        check: tells what a motion does.
+        path: the path.
+        limits: to keep.
+        nominal: the same for heights without the model's error.
+        yaw: of the container [rad].
+        scaled: the fastest known law.
+        time_limit: on the watch, after which the search ends [s].
+        watch: is told.
+    """
+
+    check: Checker
+    path: Path
+    limits: PlanLimits
+    nominal: PlanLimits
+    yaw: float
+    scaled: Scaled
+    time_limit: float
+    watch: Watch
+
+    def run(self) -> tuple[Checked, str]:
+        """The best motion, and why it is the scaled one where it is."""
+        best, last = _Found(self.scaled.found), "the search found nothing faster"
+        for problem, guess in self._starts():
+            found = self._tightened(problem, guess, best)
+            if found.motion is not None:
+                best = found
+                self.watch.found(found.motion.motion.duration)
+            last = found.words or last
+            if self._enough(best):
+                break
+        if self.limits.tilt > 0.0 and best.legs and not self._over():
+            best = self._tilted(best)
+        assert best.motion is not None
+        return best.motion, last if best.motion is self.scaled.found else ""
+
+    def _starts(self) -> Iterator[tuple[Search, Legs]]:
+        """Searches of a container that keeps its attitude."""
+        duration = self.scaled.found.motion.duration
+        problem = self._problem(leg_durations(self.path, duration), tilting=False)
+        for n, factor in enumerate(STARTS, start=1):
+            self.watch.enter(f"search {n} of {len(STARTS)}")
+            yield problem, guess_of(self.check.model, self.path, self.scaled, problem, factor)
+
+    def _tilted(self, upright: _Found) -> _Found:
+        """The motion of a container that tilts, from the one of an upright one."""
+        self.watch.enter("search with tilt")
+        problem = self._problem([leg.duration for leg in upright.legs], tilting=True)
+        found = self._tightened(problem, upright_guess(upright.legs, problem), upright)
+        if found.motion is None:
+            return upright
+        self.watch.found(found.motion.motion.duration)
+        return found
+
+    def _problem(self, durations: Sequence[float], *, tilting: bool) -> Search:
+        flow = flow_of(self.check.model)
+        return Search(flow, self.path, self.yaw, durations, tilting=tilting)
+
+    def _enough(self, best: _Found) -> bool:
+        """Whether to search no more from other starts."""
+        share = AGAIN if best.legs else 1.0
+        return self.watch.elapsed >= share * self.time_limit or self.watch.stopped()
+
+    def _tightened(self, problem: Search, guess: Legs, best: _Found) -> _Found:
+        """Searches until the simulation keeps the limits.
+
+        What is not faster than the best so far is not gone on with.
+        """
+        assert best.motion is not None
+        asked = self.nominal.reduced(AHEAD)
+        for _ in range(ROUNDS):
+            if self._over():
+                return _Found(None, words=self._why_over())
+            solution = problem.solve(asked, guess, self._over)
+            if not solution.converged and self._over():
+                return _Found(None, words=self._why_over())
+            found = self._checked(solution)
+            if found is None:
+                return _Found(None, words=f"the search failed ({solution.status})")
+            faster = found.motion.duration < best.motion.motion.duration
+            if solution.converged and not faster:
+                return _Found(None, words="the search found nothing faster")
+            if faster and found.keeps(self.limits):
+                return _Found(found, solution.legs)
+            if solution.converged:
+                guess = solution.legs
+            asked = _lowered(asked, found.excess(self.limits))
+        words = f"the search kept exceeding a limit after {ROUNDS} rounds"
+        return _Found(None, words=words)
+
+    def _over(self) -> bool:
+        return self.watch.stopped() or self.watch.elapsed >= self.time_limit
+
+    def _why_over(self) -> str:
+        late = self.watch.elapsed >= self.time_limit
+        return "the search's time was up" if late else "the search was stopped"
+
+    def _checked(self, solution: Solution) -> Checked | None:
+        duration = sum(leg.duration for leg in solution.legs)
+        if not (math.isfinite(duration) and 0.0 < duration < LONGEST):
+            return None
+        factor = whole_rows(duration) / duration
+        laws = [
+            _law_of(found, leg).stretched(factor)
+            for found, leg in zip(solution.legs, self.path.legs, strict=True)
+        ]
+        motion = motion_along(self.path, laws, [law.duration for law in laws])
+        if solution.tilting:
+            motion = replace(motion, tilt=_tilt_of(solution.legs, factor, motion.t, self.yaw))
+        return self.check([motion])[0]
+
+
+def _law_of(found: LegGuess, leg: Leg) -> JerkLaw:
+    """The time law that a search found, from the leg's start to its very end."""
+    law = JerkLaw(found.duration, found.controls[:, 0], (0.0, 0.0, float(found.states[0, 2])))
+    share = leg.length / max(float(law.nodes()[-1, 0]), 1e-9)
+    return JerkLaw(law.duration, share * law.jerk, (0.0, 0.0, share * law.start[2]))
+
+
+def _tilt_of(legs: Legs, factor: float, t: np.ndarray, yaw: float) -> Tilt:
+    """The tilt that a search found, in a motion that is slower by a factor, at its rows.
+
+    The last row is upright; what the search's tolerance leaves there is taken away evenly.
+    """
+    found = np.zeros((3, len(t), 2))
+    ends = factor * np.cumsum([leg.duration for leg in legs])
+    which = np.minimum(np.searchsorted(ends, t), len(legs) - 1)
+    for axis in range(2):
+        start = (0.0, 0.0, 0.0)
+        for n, leg in enumerate(legs):
+            rows = which == n
+            law = JerkLaw(leg.duration, leg.controls[:, 1 + axis], start).stretched(factor)
+            columns = law(t[rows] - (ends[n] - law.duration))
+            for order, column in enumerate(columns):
+                found[order, rows, axis] = column
+            place, rate, change = law.nodes()[-1]
+            start = (float(place), float(rate * factor), float(change * factor**2))
+    found[0] -= found[0, -1] * (t / t[-1])[:, None]
+    return Tilt(yaw, *found)
+
+
+def _lowered(limits: PlanLimits, excess: dict[str, float]) -> PlanLimits:
+    """Limits that are exceeded, lowered by their excess."""
+    lower = {
+        name: getattr(limits, name) / (1.0 + min(share, 1.0)) * (1.0 - SLACK)
+        for name, share in excess.items()
+        if share > 0.0
+    }
+    return replace(limits, **lower)

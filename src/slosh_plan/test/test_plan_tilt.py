@@ -1,0 +1,81 @@
+"""Plans of a container that may tilt."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from slosh_model import Cylinder, Model, Rectangle
+from slosh_plan.errors import SloshPlanError
+from slosh_plan.planning import optimise
+from slosh_plan.planning.limits import PlanLimits
+from slosh_plan.planning.path import path_through
+from slosh_plan.planning.path_table import write_plan_table
+from slosh_plan.planning.plan import plan
+
+pytestmark = pytest.mark.skipif(not optimise.available(), reason="CasADi is not installed")
+
+CUP = Model(Cylinder(0.05, 0.07)).spatial().nonlinear()
+TANK = Model(Rectangle(0.08, 0.06, 0.07)).spatial().nonlinear()
+LIMITS = PlanLimits(0.015, 0.002, 9.5, 74.0)
+LINE = np.array([[0.0, 0.0, 0.0], [0.4, 0.0, 0.0]])
+TEN = replace(LIMITS, tilt=math.radians(10.0))
+
+
+@pytest.fixture(scope="module")
+def tilting():
+    """A cup that may tilt by 10°."""
+    return plan(CUP, path_through(LINE), TEN)
+
+
+def test_a_cup_that_tilts_is_faster(tilting, check_plan):
+    assert tilting.method == "optimal"
+    assert tilting.found.motion.duration < 0.73
+    assert tilting.found.tilt > 0.95 * TEN.tilt
+    check_plan(tilting, LINE, CUP, TEN)
+    # The tilt goes with the acceleration: a waiter leans the tray into it.
+    motion = tilting.found.motion
+    lean = motion.tilt.attitude[:, 1]
+    assert np.corrcoef(lean, motion.acceleration[:, 0])[0, 1] > 0.7
+
+
+def test_a_turned_rectangle_that_tilts_keeps_the_limits(random_path, check_plan):
+    points, half = random_path(2), np.array([0.0, 0.0, math.sin(0.3), math.cos(0.3)])
+    answer = plan(TANK, path_through(points), TEN, attitude=half)
+    assert answer.found.tilt > 0.0
+    assert answer.found.motion.tilt.attitude[-1] == pytest.approx(half, abs=1e-9)
+    check_plan(answer, points, TANK, TEN)
+
+
+@pytest.mark.parametrize("tilt", [1e-4, 1e-3])
+def test_hardly_any_tilt_is_hardly_any_gain(tilt):
+    upright = plan(CUP, path_through(LINE), LIMITS).found.motion.duration
+    answer = plan(CUP, path_through(LINE), replace(LIMITS, tilt=tilt))
+    gained = upright - answer.found.motion.duration
+    # 10° gain 0.11 s.
+    assert -1e-9 <= gained <= 0.002 + 2.0 * tilt
+
+
+def test_a_lever_arm_counts_in_what_is_checked(tilting, check_plan):
+    model = CUP.with_effect("gravity_tilt").with_effect("lever_arm", x=0.0, y=0.0, z=0.02)
+    answer = plan(model, path_through(LINE), TEN)
+    assert answer.method == "optimal"
+    assert answer.found.peak <= TEN.height
+    same = answer.found.motion.acceleration.shape == tilting.found.motion.acceleration.shape
+    assert not same or not np.allclose(
+        answer.found.motion.acceleration, tilting.found.motion.acceleration, atol=1e-3
+    )
+
+
+def test_a_tilting_plan_holds_its_attitudes(tilting, tmp_path):
+    write_plan_table(tmp_path / "out.csv", tilting.found.motion, None)
+    table = np.genfromtxt(tmp_path / "out.csv", delimiter=",", names=True)
+    assert table.dtype.names == ("t", "x", "y", "z", "qx", "qy", "qz", "qw", "ax", "ay", "az")
+    assert table["qy"] == pytest.approx(tilting.found.motion.tilt.attitude[:, 1])
+
+
+@pytest.mark.parametrize("tilt", [-0.1, 1.0, math.nan])
+def test_tilts_that_are_none(tilt):
+    with pytest.raises(SloshPlanError, match="limit of tilt"):
+        replace(LIMITS, tilt=tilt)
