@@ -1,19 +1,21 @@
 """Measures how fast planned motions are, and fills the table in docs/plan.md.
 
-    tools/run python tools/plan_tables.py [--paths 20] [--seconds 30] [--docs]
+    tools/run python tools/plan_tables.py ROWS.jsonl [--paths 20] [--seconds 30] [--docs]
 
 For DL22's spatial motions, a straight line of 0.4 m and random smooth paths, in three containers,
 at three limits: the time of the optimal law, of DL22's law and of the best of known laws, all
-scaled until the simulation keeps every limit.
+scaled until the simulation keeps every limit. Rows that ROWS.jsonl holds are not measured again.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
+import random
 import statistics
 import sys
 import time
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
 
@@ -48,7 +50,11 @@ SMOOTHEST_TURN = 0.6
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One case; times in s, infinite where none is safe."""
+    """One case; times in s, infinite where none is safe.
+
+    `best` is the best of the laws along the length, along DL22's parameter, or shaped; `fallback`
+    that of the planner's own, which also are slower in curves.
+    """
 
     container: str
     limit: float
@@ -57,7 +63,13 @@ class Row:
     method: str
     best: float
     dl22: float
+    fallback: float
     seconds: float
+
+    @property
+    def case(self) -> tuple[str, float, str]:
+        """What tells it from others."""
+        return self.container, self.limit, self.name
 
 
 def random_points(seed: int) -> Array:
@@ -141,27 +153,39 @@ def measure(container: str, limit: float, name: str, points: Array) -> Row:
     try:
         answer = plan(model, route, limits)
     except NoSafeMotionError:
-        return Row(container, limit, name, np.inf, "none", np.inf, np.inf, 0.0)
+        return Row(container, limit, name, *(np.inf, "none", np.inf, np.inf, np.inf, 0.0))
     seconds = time.monotonic() - started
     best, dl22 = scaled_times(model, name, route, limits)
     return Row(
-        container, limit, name, answer.found.motion.duration, answer.method, best, dl22, seconds
-    )
+        container, limit, name, answer.found.motion.duration, answer.method, best, dl22,
+        answer.scaled.found.motion.duration, seconds,
+    )  # fmt: skip
 
 
 def table(rows: list[Row]) -> str:
-    """The rows as a page's text: named motions one by one, random paths by their median."""
-    lines = [
-        "| container [mm] | limit [mm] | path | DL22's law [s] | best known law [s] | planned [s] "
-        "| to best | to DL22's | planning [s] |",
-        "|---|--:|---|--:|--:|--:|--:|--:|--:|",
-    ]
-    lines.extend(
-        f"| {row.container} | {1e3 * row.limit:g} | {row.name} | {row.dl22:.2f} | "
-        f"{row.best:.2f} | {row.optimal:.2f} | {row.optimal / row.best:.2f} | "
-        f"{row.optimal / row.dl22:.2f} | {row.seconds:.1f} |"
-        for row in rows
-    )
+    """The rows as a page's text: named motions one by one, random paths by their medians."""
+    heads = (
+        "container [mm]", "limit [mm]", "path", "DL22's law [s]", "best known law [s]",
+        "fallback [s]", "planned [s]", "to best", "to DL22's", "planning [s]",
+    )  # fmt: skip
+    lines = [f"| {' | '.join(heads)} |", f"|---|--:|---|{'--:|' * (len(heads) - 3)}"]
+    groups: dict[tuple[str, float, str], list[Row]] = {}
+    for row in sorted(rows, key=lambda row: (row.name.split()[0], row.container, row.limit)):
+        kind = "random" if row.name.startswith("random") else row.name
+        groups.setdefault((row.container, row.limit, kind), []).append(row)
+    for (container, limit, kind), group in groups.items():
+        name = f"{len(group)} random" if kind == "random" else kind
+        figures = (
+            ("2f", [row.dl22 for row in group]),
+            ("2f", [row.best for row in group]),
+            ("2f", [row.fallback for row in group]),
+            ("2f", [row.optimal for row in group]),
+            ("2f", [row.optimal / row.best for row in group]),
+            ("2f", [row.optimal / row.dl22 for row in group]),
+            ("1f", [row.seconds for row in group]),
+        )
+        cells = [f"{statistics.median(values):.{form}}" for form, values in figures]
+        lines.append(f"| {container} | {1e3 * limit:g} | {name} | {' | '.join(cells)} |")
     return "\n".join(lines) + "\n\n" + closing(rows)
 
 
@@ -169,18 +193,28 @@ def closing(rows: list[Row]) -> str:
     """The medians."""
     to_best = statistics.median(row.optimal / row.best for row in rows)
     to_dl22 = statistics.median(row.optimal / row.dl22 for row in rows)
+    to_fallback = statistics.median(row.optimal / row.fallback for row in rows)
     seconds = sorted(row.seconds for row in rows)
     optimal = sum(row.method == "optimal" for row in rows)
     return (
         f"{len(rows)} cases, {optimal} of them by an optimal law, the others by a scaled one. "
-        f"Median of the time: {to_best:.2f} of the best known law's, {to_dl22:.2f} of DL22's; of "
-        f"the planning: {statistics.median(seconds):.1f} s, longest {seconds[-1]:.1f} s.\n"
+        f"Median of the time: {to_best:.2f} of the best known law's, {to_fallback:.2f} of the "
+        f"fallback's, {to_dl22:.2f} of DL22's; of the planning: "
+        f"{statistics.median(seconds):.1f} s, longest {seconds[-1]:.1f} s.\n"
     )
+
+
+def read_rows(path: Path) -> list[Row]:
+    """What was measured before."""
+    if not path.exists():
+        return []
+    return [Row(**json.loads(line)) for line in path.read_text(encoding="utf-8").splitlines()]
 
 
 def main() -> int:
     """Measures as many cases as the time allows, in an order that mixes them."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("rows", type=Path, help="JSON lines: what was measured, also earlier")
     parser.add_argument("--paths", type=int, default=20, help="random paths")
     parser.add_argument("--seconds", type=float, default=1e9, help="stop after so many [s]")
     parser.add_argument("--docs", action="store_true", help="write docs/plan.md")
@@ -188,19 +222,22 @@ def main() -> int:
     todo = [
         (container, limit, name, points)
         for name, points in cases(arguments.paths).items()
-        for container, limit in (
-            [(c, x) for c in CONTAINERS for x in LIMITS]
-            if not name.startswith("random")
-            else [(list(CONTAINERS)[int(name[7:]) % 3], LIMITS[int(name[7:]) // 3 % 3])]
-        )
+        for container in CONTAINERS
+        for limit in LIMITS
     ]
-    todo.sort(key=lambda case: (case[1] != 0.015, case[0] != next(iter(CONTAINERS))))
-    rows: list[Row] = []
+    # In an order that mixes them, for who has not the time for all.
+    random.Random(1).shuffle(todo)
+    rows = read_rows(arguments.rows)
+    known = {row.case for row in rows}
     began = time.monotonic()
     for case in todo:
+        if case[:3] in known:
+            continue
         if time.monotonic() - began > arguments.seconds:
             break
         rows.append(measure(*case))
+        with arguments.rows.open("a", encoding="utf-8") as file:
+            file.write(json.dumps(asdict(rows[-1])) + "\n")
         print(rows[-1], flush=True)
     print(table(rows))
     if arguments.docs:
