@@ -182,6 +182,10 @@ def test_an_output_that_is_an_input_is_refused(own, tmp_path, monkeypatch, capsy
         ("discover SHOP/motion.csv --model SHOP/model.yaml -o SHOP", "SHOP: exists already"),
         ("identify SHOP/motion.csv --model SHOP/model.yaml -o SHOP", "SHOP: exists already"),
         ("discover SHOP/recording --from-bag -o SHOP/recording/new", "lies in the input"),
+        (
+            "plan SHOP/model.yaml SHOP/path.csv --limit 0.02 -o SHOP/new.csv --report SHOP",
+            "SHOP: exists already",
+        ),
     ],
 )
 def test_a_folder_of_results_that_would_meet_an_input_is_refused(own, capsys, line, refused):
@@ -256,6 +260,9 @@ CASES = {
     ),
     "predict": Case("predict SHOP/model.yaml SHOP/motion.csv -o OUT/a.csv", "a.csv"),
     "plan": Case("plan SHOP/model.yaml SHOP/path.csv --limit 0.02 -o OUT/a.csv", "a.csv"),
+    "plan --report": Case(
+        "plan SHOP/model.yaml SHOP/path.csv --limit 0.02 -o OUT/a.csv --report OUT/new", "new"
+    ),
     "calibrate": Case(f"{CALIBRATE} -o OUT/a.yaml", "a.yaml"),
     "calibrate --picture": Case(f"{CALIBRATE} -o OUT/a.yaml --picture OUT/a.png", "a.png"),
     "detect": Case(

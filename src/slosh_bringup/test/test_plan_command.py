@@ -182,3 +182,24 @@ def test_wrong_options_are_refused_in_one_line(slosh_plan, options, text):
     code, _, err, _ = slosh_plan(LINE, *options)
     assert (code, err.count("\n")) == (2, 1)
     assert text in err
+
+
+def test_the_page_and_its_numbers_are_written_on_demand(slosh_plan, tmp_path):
+    folder = tmp_path / "report"
+    code, _, _, table = slosh_plan(LINE, "--time-limit", "0", "--report", str(folder))
+    assert code == 0
+    assert sorted(path.name for path in folder.iterdir()) == ["plan.json", "report.html"]
+    document = json.loads((folder / "plan.json").read_text())
+    last = document["motions"][-1]
+    assert last["duration"] == pytest.approx(read_motion_table(table).t[-1], abs=1e-9)
+    assert "path.csv with" in (folder / "report.html").read_text()
+
+
+def test_a_folder_that_holds_something_is_refused_before_the_search(slosh_plan, tmp_path):
+    folder = tmp_path / "report"
+    folder.mkdir()
+    (folder / "mine").write_text("mine")
+    code, out, err, table = slosh_plan(LINE, "--report", str(folder))
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert "report: exists already" in err
+    assert not table.exists()

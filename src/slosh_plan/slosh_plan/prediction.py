@@ -241,8 +241,16 @@ def check_start(model: Model, state: LiquidState | None, limits: HeightLimits) -
         )
 
 
-def principal_variants(model: Model) -> list[tuple[Model, Model]]:
-    """The model one standard error to either side along each principal axis of its covariance."""
+def principal_variants(model: Model, width: float = 1.0) -> list[tuple[Model, Model]]:
+    """The model to either side along each principal axis of its parameters' covariance.
+
+    Args:
+        model: the model; without a covariance there are none.
+        width: how far, in standard errors.
+
+    Raises:
+        SloshPlanError: the covariance is of parameters that the model cannot take.
+    """
     covariance = model.covariance
     if covariance is None:
         return []
@@ -251,7 +259,7 @@ def principal_variants(model: Model) -> list[tuple[Model, Model]]:
         scale = np.where(covariance.standard_errors > 0.0, covariance.standard_errors, 1.0)
         values, axes = np.linalg.eigh(covariance.array / np.outer(scale, scale))
         steps = [
-            root * axis * scale
+            width * root * axis * scale
             for root, axis in zip(np.sqrt(np.maximum(values, 0.0)), axes.T, strict=True)
             if root > 0.0
         ]

@@ -6,16 +6,18 @@ import argparse
 import json
 import math
 import sys
+from contextlib import ExitStack
 from pathlib import Path
 
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.model_error import read_model_error
 from slosh_estimator.model_file import read_model
-from slosh_files import check_apart
+from slosh_files import check_apart, check_free, new_folder, write_text
+from slosh_model import Model
 from slosh_plan import ModelError
 from slosh_plan.planning.limits import TILT_ACCELERATION, TILT_RATE, PlanLimits
 from slosh_plan.planning.path import path_through
-from slosh_plan.planning.path_table import read_path_table, write_plan_table
+from slosh_plan.planning.path_table import Waypoints, read_path_table, write_plan_table
 from slosh_plan.planning.plan import TIME_LIMIT, NoSafeMotionError, Plan, plan
 
 EPILOG = """PATH is a table of waypoints, t,x,y,z[,qx,qy,qz,qw]: positions of the container's
@@ -24,6 +26,7 @@ the same columns and ax,ay,az, at 1 kHz, from rest to rest: a motion table. It p
 within 0.1 mm; where the line between them turns by more than 60 degrees, it stops. Exit code 1: no
 motion keeps the limits."""
 EXIT_NONE = 1
+PAGE, DOCUMENT = "report.html", "plan.json"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -79,6 +82,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help=f"after which the search ends with what it has [s] (default: {TIME_LIMIT:g})",
     )  # fmt: skip
     parser.add_argument("-o", "--output", type=Path, required=True, help="motion table (.csv)")
+    parser.add_argument(
+        "--report", type=Path, metavar="DIR",
+        help="new or empty; gets report.html, the plan as a picture, and plan.json",
+    )  # fmt: skip
     parser.add_argument("--json", action="store_true", help="print the summary as JSON")
 
 
@@ -87,6 +94,8 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.output.suffix != ".csv":
         raise SloshBringupError(f"{arguments.output}: a motion table ends in .csv")
     check_apart([arguments.output], [arguments.model, arguments.path, *(arguments.error or [])])
+    if arguments.report is not None:
+        check_free(arguments.report)
     limits = plan_limits(arguments)
     model = read_model(arguments.model)
     waypoints = read_path_table(arguments.path)
@@ -99,7 +108,7 @@ def run(arguments: argparse.Namespace) -> int:
     except NoSafeMotionError as error:
         print(f"slosh plan: {arguments.path}: {error}", file=sys.stderr)
         return EXIT_NONE
-    write_plan_table(arguments.output, answer.found.motion, waypoints.attitude)
+    write_results(arguments, model, answer, waypoints)
     text = json.dumps(facts(answer)) if arguments.json else summary(answer, arguments.output)
     print(text)
     return 0
@@ -125,6 +134,25 @@ def model_error(arguments: argparse.Namespace, model: str) -> ModelError | None:
             raise SloshBringupError("--error: tells sigma and epsilon; give one or the other")
         return read_model_error(arguments.error, model)
     return None if given == (None, None) else ModelError(*(value or 0.0 for value in given))
+
+
+def write_results(
+    arguments: argparse.Namespace, model: Model, answer: Plan, waypoints: Waypoints
+) -> None:
+    """Writes the motion and, where it is asked for, the plan's page; both or neither."""
+    with ExitStack() as stack:
+        if arguments.report is not None:
+            # It loads matplotlib: a plan without a page does without.
+            from slosh_plan.plan_report.document import plan_json
+            from slosh_plan.plan_report.making import make_report
+            from slosh_plan.plan_report.page import render_plan
+
+            subtitle = f"{arguments.path} with {arguments.model} ({model.name})"
+            report = make_report(model, answer, waypoints, subtitle)
+            folder = stack.enter_context(new_folder(arguments.report))
+            write_text(folder / PAGE, render_plan(report))
+            write_text(folder / DOCUMENT, plan_json(report))
+        write_plan_table(arguments.output, answer.found.motion, waypoints.attitude)
 
 
 def facts(answer: Plan) -> dict[str, object]:

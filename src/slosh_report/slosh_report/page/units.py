@@ -34,11 +34,15 @@ UNITS = {
     "s": Shown(1.0, 2),
     "ms": Shown(1e3, 0),  # of seconds
     "°": Shown(180.0 / math.pi, 0),  # of radians
+    "m": Shown(1.0, 3),
+    "m/s": Shown(1.0, 2),
+    "m/s²": Shown(1.0, 2),
+    "m/s³": Shown(1.0, 1),
     "1/s": Shown(1.0, 1),
     "×": Shown(1.0, 1),
     "": Shown(1.0, 0),
 }
-"""Units of the page by name. The number itself is in SI units: m, 1, 1, s, s, rad, 1/s, 1, 1."""
+"""Units of the page by name. The number itself is in SI units."""
 
 
 def shown(value: float | None, unit: str, digits: int | None = None) -> str:

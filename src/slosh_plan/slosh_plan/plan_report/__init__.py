@@ -1,0 +1,1 @@
+"""A plan for people and programs: the page and the document `plan.json`."""

@@ -1,0 +1,156 @@
+import json
+import re
+from dataclasses import replace
+
+import headless_browser
+import numpy as np
+import pytest
+from headless_browser import View
+from page_look import LOOK, at
+
+from slosh_model import Cylinder, Inputs, Model, simulate
+from slosh_model.covariance import Covariance
+from slosh_plan.plan_report.charts import drawn, tick_spacing, views
+from slosh_plan.plan_report.document import plan_document, plan_json
+from slosh_plan.plan_report.making import height_band, make_report, proposed_motion
+from slosh_plan.plan_report.page import render_plan
+from slosh_plan.planning.limits import PlanLimits
+from slosh_plan.planning.path import path_through
+from slosh_plan.planning.path_table import Waypoints
+from slosh_plan.planning.plan import plan
+
+CUP = replace(Model(Cylinder(0.05, 0.07)).spatial().nonlinear(), natural_frequency=19.0)
+UNSURE = replace(CUP, covariance=Covariance(("natural_frequency",), ((0.01,),)))
+LIMITS = PlanLimits(0.015, 0.002, 9.5, 74.0)
+POINTS = np.array([[0.0, 0.0, 0.0], [0.1, 0.02, 0.02], [0.2, 0.06, 0.03], [0.3, 0.06, 0.0]])
+EVIL = '</style><script>window.hacked=1</script><img src=x onerror="hacked=1"> \x00' + "W" * 300
+
+
+def report_of(model=UNSURE, times=(0.0, 0.2, 0.4, 0.6), points=POINTS, limits=LIMITS):
+    """A report on the fastest known law: the page is the same for an optimal one."""
+    waypoints = Waypoints(np.array(times), points, None)
+    answer = plan(model, path_through(points), limits, time_limit=0.0)
+    return make_report(model, answer, waypoints, "path.csv with model.yaml")
+
+
+@pytest.fixture(scope="module")
+def report():
+    return report_of()
+
+
+def test_the_proposal_is_the_motion_through_the_waypoints_in_their_times(report):
+    motion = report.proposal.found.motion
+    assert motion.duration == pytest.approx(0.6)
+    for t, point in zip((0.0, 0.2, 0.4, 0.6), POINTS, strict=True):
+        assert motion.position[round(1000 * t)] == pytest.approx(point, abs=1e-9)
+    # Its columns are derivatives of each other, from rest to rest.
+    velocity = np.gradient(motion.position, 1e-3, axis=0)
+    assert np.linalg.norm(velocity, axis=1)[5:-5] == pytest.approx(motion.speed[5:-5], abs=1e-3)
+    assert motion.speed[[0, -1]] == pytest.approx([0.0, 0.0], abs=1e-9)
+    change = np.gradient(velocity, 1e-3, axis=0)
+    assert change[5:-5] == pytest.approx(motion.acceleration[5:-5], abs=0.05)
+
+
+def test_what_exceeds_a_limit_is_told(report):
+    before, after = plan_document(report)["motions"][0], plan_document(report)["motions"][-1]
+    assert before["title"] == "the waypoints’ own times"
+    assert {"height", "residual"} <= set(before["exceeds"])
+    assert after["exceeds"] == []
+    assert after["peak"] == report.plan.found.peak
+
+
+def test_waypoints_whose_times_tell_no_motion_are_noted():
+    report = report_of(times=(0.0, 1.0), points=POINTS[[0, 3]])
+    assert report.proposal is None
+    assert any("2 poses tell no acceleration" in note for note in report.notes)
+    assert "2 poses tell no acceleration" in render_plan(report)
+
+
+def test_a_slow_proposal_stands_in_the_table_but_does_not_squeeze_the_charts():
+    report = report_of(times=(0.0, 10.0, 20.0, 30.0))
+    assert report.proposal in report.motions
+    assert report.proposal not in drawn(report)
+    assert "too long to be drawn" in render_plan(report)
+
+
+def test_the_band_holds_what_models_two_standard_errors_away_do(report):
+    lower, upper = report.band
+    motion, count = report.planned.found.motion, len(report.planned.found.msh)
+    t = np.arange(count) / 1000
+    acceleration = np.zeros((count, 3))
+    acceleration[: len(motion.t)] = motion.acceleration
+    for frequency in (18.8, 19.2):
+        other = replace(CUP, natural_frequency=frequency)
+        heights = simulate(other, Inputs(t, acceleration))[0].msh
+        assert (heights <= upper + 1e-9).all()
+        assert (heights >= lower - 1e-9).all()
+    assert report.upper[0] == upper.max() > report.planned.found.peak
+    assert report.upper[1] > report.planned.found.residual
+    assert height_band(CUP, report.planned.found, None) is None
+
+
+def test_an_interval_above_a_limit_is_a_warning(report):
+    assert "The interval exceeds a limit" in render_plan(report)
+    assert "Keeps every limit" in render_plan(report_of(model=CUP))
+
+
+@pytest.mark.parametrize(
+    ("points", "names"),
+    [
+        ([[0, 0, 0], [0.3, 0, 0]], ["above"]),
+        ([[0, 0, 0], [0, 0, 0.3]], ["side"]),
+        ([[0, 0, 0], [0, 0.3, 0.1]], ["above", "side"]),
+    ],
+)
+def test_views_that_show_nothing_are_left_out(points, names):
+    points = np.array(points, dtype=float)
+    assert list(views(report_of(CUP, (0.0, 1.0), points))) == names
+
+
+def test_dots_on_the_path_are_equal_times_and_not_too_many():
+    for duration in (0.1, 0.83, 3.0, 60.0, 120.0):
+        assert 2 <= duration / tick_spacing(duration) <= 40
+
+
+def test_a_motion_of_the_waypoints_that_is_none():
+    with pytest.raises(ValueError, match="less than two milliseconds"):
+        proposed_motion(Waypoints(np.array([0.0, 5e-4, 1e-3]), 1e-5 * POINTS[:3], None))
+
+
+def test_every_number_is_that_of_the_document(report):
+    document = json.loads(plan_json(report))
+    found = re.findall(r'<data value="([^"]*)" data-path="([^"]*)">', render_plan(report))
+    assert len(found) > 25
+    for value, path in found:
+        assert json.loads(value) == at(document, path)
+
+
+def test_the_same_report_is_the_same_page(report):
+    assert render_plan(report) == render_plan(report)
+
+
+@pytest.fixture(scope="module")
+def seen(report):
+    if headless_browser.find_browser() is None:
+        pytest.skip("no Chromium or Chrome on this machine")
+    page = render_plan(report)
+    views = {
+        "screen": View(page),
+        "dark": View(page, dark=True),
+        "phone": View(page, width=390),
+        "hostile": View(render_plan(replace(report, subtitle=EVIL, notes=(EVIL,))), width=390),
+    }
+    look = headless_browser.look(list(views.values()), LOOK)
+    return {**dict(zip(views, look.values, strict=True)), "console": look.console}
+
+
+def test_the_page_in_a_browser(seen):
+    assert seen["console"] == []
+    for view in ("screen", "phone", "hostile"):
+        assert seen[view]["wanted"] <= seen[view]["width"]
+        assert (seen[view]["hacked"], seen[view]["scripts"]) == (None, 0)
+        assert len(seen[view]["charts"]) == 6
+        assert min(seen[view]["letters"]) >= 9.0
+        assert seen[view]["named"]
+    assert seen["screen"]["background"] != seen["dark"]["background"]
+    assert seen["screen"]["line"] != seen["dark"]["line"]
