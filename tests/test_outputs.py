@@ -53,6 +53,7 @@ def shop(tmp_path_factory):
     make_motion(folder / "many_rows.csv", MANY_ROWS)
     rows = [f"{0.05 * k},{0.01 * k},0,0" for k in range(41)]
     (folder / "path.csv").write_text("\n".join(["t,x,y,z", *rows]), encoding="utf-8")
+    (folder / "smooth.csv").write_text("t,x,y,z\n0,0,0,0\n0.5,0.1,0,0\n1,0.2,0,0\n")
     make_bag(folder / "bag", 1000)
     make_bag(folder / "many_messages", MANY_MESSAGES)
     shutil.copytree(ROOT / "bags" / "l", folder / "recording")
@@ -115,6 +116,7 @@ INPUT_AS_OUTPUT = [
     ("simulate SHOP/model.yaml SHOP/motion.csv -o OUT", "motion.csv"),
     ("predict SHOP/model.yaml SHOP/motion.csv -o OUT", "motion.csv"),
     ("plan SHOP/model.yaml SHOP/path.csv --limit 0.02 -o OUT", "path.csv"),
+    ("shape SHOP/model.yaml SHOP/smooth.csv --filter zv -o OUT", "smooth.csv"),
     (f"{CALIBRATE} -o OUT", "still.png"),
     (f"{CALIBRATE} -o OUT", "camera.yaml"),
     (f"{CALIBRATE} -o NEW.yaml --picture OUT", "still.png"),
@@ -260,6 +262,7 @@ CASES = {
     ),
     "predict": Case("predict SHOP/model.yaml SHOP/motion.csv -o OUT/a.csv", "a.csv"),
     "plan": Case("plan SHOP/model.yaml SHOP/path.csv --limit 0.02 -o OUT/a.csv", "a.csv"),
+    "shape": Case("shape SHOP/model.yaml SHOP/smooth.csv --filter zv -o OUT/a.csv", "a.csv"),
     "plan --report": Case(
         "plan SHOP/model.yaml SHOP/path.csv --limit 0.02 -o OUT/a.csv --report OUT/new", "new"
     ),

@@ -32,6 +32,7 @@ COMMANDS: dict[str, str] = {
     "predict": "peak heights of candidate motions, and how fast they may be run",
     "plan": "the fastest motion along a path that keeps the liquid below a limit",
     "watch": "the operator's page, of a running cell or of a recording",
+    "shape": "a motion that leaves no wave of the liquid's frequency, by a filter",
     "doctor": "what works here, what is missing, how to mend it",
 }
 LIVE = ("demo", "cell")

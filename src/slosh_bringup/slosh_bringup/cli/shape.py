@@ -1,0 +1,154 @@
+"""`slosh shape`: a motion that leaves no wave of the liquid's frequency, without an optimiser."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_bag.trajectory_table import read_trajectory
+from slosh_bringup.errors import SloshBringupError
+from slosh_estimator.model_file import read_model
+from slosh_files import check_apart
+from slosh_model import Model
+from slosh_plan import Trajectory
+from slosh_plan.planning.checked import Checked, checked
+from slosh_plan.planning.path_table import write_plan_table
+from slosh_plan.planning.plan import upright_yaw
+from slosh_plan.planning.time_law import Motion
+from slosh_plan.shaping.filters import FILTERS
+from slosh_plan.shaping.shaped import (
+    POLYNOMIAL,
+    Course,
+    course_of,
+    deviation,
+    excited_modes,
+    filter_for,
+    residual_free_motion,
+    shaped,
+    shaped_per_axis,
+)
+
+Array = NDArray[np.float64]
+
+TURNED = 1e-3
+"""By how much a quaternion's components may differ along a motion that does not turn."""
+EPILOG = """zv, zvd: two or three copies of the motion, half a period of the liquid apart;
+exponential, average: its average over one period; polynomial: another time law along the same
+path, in the same time. All are for the first mode's frequency and damping. The filters work along
+the path's length, which keeps the path; with --per-axis in x, y and z, which bends it."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declares the subcommand's options."""
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
+    parser.epilog = EPILOG
+    parser.add_argument("model", type=Path, help="model.yaml")
+    parser.add_argument(
+        "motion", type=Path,
+        help="from rest to rest: motion table t,ax,ay,az[,...] or poses t,x,y,z[,qx,qy,qz,qw]",
+    )  # fmt: skip
+    parser.add_argument(
+        "--filter", choices=[*FILTERS, POLYNOMIAL], required=True, help="how it is shaped"
+    )
+    parser.add_argument(
+        "--per-axis", action="store_true", help="in x, y and z, not along the path"
+    )
+    parser.add_argument("-o", "--output", type=Path, required=True, help="motion table (.csv)")
+    parser.add_argument("--json", action="store_true", help="print the summary as JSON")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Shapes and writes the motion; prints what it reaches, before and after."""
+    if arguments.output.suffix != ".csv":
+        raise SloshBringupError(f"{arguments.output}: a motion table ends in .csv")
+    if arguments.per_axis and arguments.filter == POLYNOMIAL:
+        raise SloshBringupError("--per-axis: the polynomial is a law along the path")
+    check_apart([arguments.output], [arguments.model, arguments.motion])
+    model = read_model(arguments.model)
+    trajectory = read_trajectory(arguments.motion)
+    attitude = kept_attitude(trajectory)
+    course = course_of(trajectory)
+    before = course.motion()
+    after = shape(arguments, model, course, upright_yaw(attitude))
+    found = checked(model, [before, after], attitude)
+    linear = checked(model.linear(), [before, after], attitude)
+    write_plan_table(arguments.output, after, attitude)
+    facts = [as_facts(*pair) for pair in zip(found, linear, strict=True)]
+    bent = deviation(course, after)
+    if arguments.json:
+        print(json.dumps({"before": facts[0], "after": facts[1], "deviation": bent}))
+    else:
+        print(summary(facts, bent, len(after.t), arguments.output))
+    return 0
+
+
+def shape(arguments: argparse.Namespace, model: Model, course: Course, yaw: float) -> Motion:
+    """The motion as it is asked for.
+
+    Raises:
+        SloshBringupError: a rectangle's two frequencies, for which there is no polynomial.
+        SloshPlanError: a motion that is too short for the polynomial.
+    """
+    acceleration = course.motion().acceleration
+    if arguments.filter == POLYNOMIAL:
+        modes = excited_modes(model, acceleration, yaw)
+        if len(modes) > 1:
+            raise SloshBringupError(
+                "--filter polynomial: the motion excites both frequencies of a rectangle; choose "
+                "a filter"
+            )
+        return residual_free_motion(course, modes[0])
+    made = filter_for(model, arguments.filter, acceleration, yaw)
+    return shaped_per_axis(course, made) if arguments.per_axis else shaped(course, made)
+
+
+def kept_attitude(trajectory: Trajectory) -> Array | None:
+    """(4,) the attitude that a motion keeps; None: upright.
+
+    Raises:
+        SloshBringupError: the container turns.
+    """
+    attitude, rate = trajectory.attitude, trajectory.angular_velocity
+    turning = rate is not None and float(np.abs(rate).max()) > TURNED
+    if attitude is not None:
+        turning = turning or float(np.ptp(attitude, axis=0).max()) > TURNED
+    if turning:
+        raise SloshBringupError(
+            f"{trajectory.name}: the container turns: shaped are motions that keep its attitude"
+        )
+    return None if attitude is None else attitude[0]
+
+
+def as_facts(found: Checked, linear: Checked) -> dict[str, float]:
+    """A motion for a program; SI units."""
+    return {
+        "duration": found.motion.duration,
+        "peak": found.peak,
+        "residual": found.residual,
+        "residual_linear": linear.residual,
+        "acceleration": found.acceleration,
+        "jerk": found.jerk,
+    }
+
+
+def summary(facts: list[dict[str, float]], bent: float, rows: int, output: Path) -> str:
+    """Before and after in some lines."""
+    before, after = facts
+
+    def change(name: str, scale: float, digits: int) -> str:
+        return f"{scale * before[name]:.{digits}f} → {scale * after[name]:.{digits}f}"
+
+    return "\n".join(
+        [
+            f"lasts {change('duration', 1.0, 3)} s, up to {1e3 * bent:.2f} mm from the path",
+            f"height {change('peak', 1e3, 2)} mm, after the end "
+            f"{change('residual', 1e3, 2)} mm "
+            f"(linear model {change('residual_linear', 1e3, 2)} mm)",
+            f"acceleration {change('acceleration', 1.0, 2)} m/s², jerk "
+            f"{change('jerk', 1.0, 1)} m/s³, {rows} rows in {output}",
+        ]
+    )

@@ -1,0 +1,1 @@
+"""Motions that leave no wave of one frequency behind: for machines that run no optimiser."""

@@ -1,0 +1,262 @@
+"""Motions through a filter: along their path, which stays, or axis by axis, which bends it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicHermiteSpline, CubicSpline, make_interp_spline
+from scipy.spatial import cKDTree
+
+from slosh_model import Model
+from slosh_model.containers import X_AXIS, Y_AXIS
+from slosh_plan.errors import SloshPlanError
+from slosh_plan.planning.path import Path, path_through
+from slosh_plan.planning.time_law import STEP, Law, Motion, motion_along, scaled_law, whole_rows
+from slosh_plan.shaping.filters import FILTERS, Damped, Filter
+from slosh_plan.shaping.polynomial import residual_free
+from slosh_plan.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+POLYNOMIAL = "polynomial"
+REST = 0.01
+"""Share of its greatest speed that a motion may end with, and"""
+REST_SPEED = 2e-3
+"""so much more [m/s]."""
+STILL = 1e-3
+"""A motion that accelerates less than that share along an axis makes no wave along it."""
+NEAR = 1e-3
+"""A stop at a corner is looked for within so much of its place [m]."""
+FINE = 1e-4
+"""Between two points of a path, where a distance from it is measured [m]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Course:
+    """A motion as its path and when it is where.
+
+    Attributes:
+        path: the path.
+        laws: of each leg.
+        durations: of each leg [s].
+        position: a cubic spline of time from 0 [s] to place [m], at rest at both ends.
+    """
+
+    path: Path
+    laws: tuple[Law, ...]
+    durations: tuple[float, ...]
+    position: CubicSpline
+
+    @property
+    def duration(self) -> float:
+        """Of the motion [s]."""
+        return sum(self.durations)
+
+    def motion(self) -> Motion:
+        """As it is, at 1 kHz."""
+        return _along(self.path, list(self.laws), list(self.durations))
+
+
+def course_of(trajectory: Trajectory) -> Course:
+    """Divides a motion into its path and its time law.
+
+    Args:
+        trajectory: from rest to rest; without positions its accelerations are integrated.
+
+    Raises:
+        SloshPlanError: it does not end at rest, or does not move.
+    """
+    t = trajectory.t - trajectory.t[0]
+    position = trajectory.position
+    if position is None:
+        position = _integrated(trajectory)
+    spline = CubicSpline(t, position, bc_type="clamped")
+    path = path_through(position)
+    fine = np.linspace(0.0, t[-1], max(math.ceil(t[-1] / STEP), 50) + 1)
+    speed = np.linalg.norm(spline(fine, 1), axis=1)
+    middle = np.linalg.norm(spline(0.5 * (fine[1:] + fine[:-1]), 1), axis=1)
+    steps = (fine[1] - fine[0]) / 6.0 * (speed[1:] + 4.0 * middle + speed[:-1])
+    way = np.concatenate([[0.0], np.cumsum(steps)])
+    factor = path.length / way[-1]
+    ends = _ends(path, fine, factor * way, speed)
+    along = CubicHermiteSpline(fine, factor * way, factor * speed)
+    lengths = np.concatenate([[0.0], np.cumsum([leg.length for leg in path.legs])])
+    laws = []
+    for (start, stop), (low, high) in zip(pairwise(ends), pairwise(lengths), strict=True):
+        size = [float(np.linalg.norm(spline(moment, 2))) for moment in (start, stop)]
+        laws.append(_leg_law(along, start, stop, low, high, size))
+    return Course(path, tuple(laws), tuple(np.diff(ends).tolist()), spline)
+
+
+def shaped(course: Course, chosen: Filter) -> Motion:
+    """A motion filtered along its path's length: every leg for itself, the path as it was."""
+    laws = [_filtered(law, chosen) for law in course.laws]
+    return _along(course.path, laws, [time + chosen.length for time in course.durations])
+
+
+def shaped_per_axis(course: Course, chosen: Filter) -> Motion:
+    """A motion filtered in x, y and z, as a machine does that knows no path; it bends the path."""
+    end = course.duration
+    duration = whole_rows(end + chosen.length)
+    t: Array = STEP * np.arange(round(duration / STEP) + 1, dtype=np.float64)
+
+    def part(order: int) -> Callable[[Array], Array]:
+        def values(moments: Array) -> Array:
+            inside = np.clip(moments, 0.0, end)
+            found = np.asarray(course.position(inside, order))
+            if order:
+                found[inside != moments] = 0.0
+            return found
+
+        return values
+
+    speed = np.linalg.norm(chosen(part(1), t), axis=1)
+    return Motion(t, chosen(part(0), t), chosen(part(2), t), np.asarray(speed))
+
+
+def residual_free_motion(course: Course, mode: Damped) -> Motion:
+    """A motion along the same path in the same time by the residual-free polynomial, leg by leg.
+
+    Raises:
+        SloshPlanError: a leg is too short for it.
+    """
+    laws = [
+        scaled_law(residual_free(mode, duration), leg, duration)
+        for leg, duration in zip(course.path.legs, course.durations, strict=True)
+    ]
+    return _along(course.path, laws, list(course.durations))
+
+
+def filter_for(model: Model, name: str, acceleration: Array, yaw: float = 0.0) -> Filter:
+    """A filter for the first mode along every axis in which a motion accelerates the liquid.
+
+    Args:
+        model: the model.
+        name: of `FILTERS`.
+        acceleration: (N, 3) of the motion [m/s²].
+        yaw: of the container [rad].
+
+    Raises:
+        SloshPlanError: no such filter.
+    """
+    if name not in FILTERS:
+        raise SloshPlanError(f"filter {name!r:.40} is none of {', '.join(FILTERS)}")
+    first, *others = excited_modes(model, acceleration, yaw)
+    made = FILTERS[name](first)
+    for mode in others:
+        made = made.then(FILTERS[name](mode))
+    return made
+
+
+def excited_modes(model: Model, acceleration: Array, yaw: float = 0.0) -> tuple[Damped, ...]:
+    """The first mode along the axes in which a motion accelerates; of a round container once."""
+    mode = model.mode_constants()[0]
+    along, across = (mode.along(axis).natural_frequency for axis in (X_AXIS, Y_AXIS))
+    if along == across:
+        return (Damped(along, mode.damping_ratio),)
+    x, y = acceleration[:, 0], acceleration[:, 1]
+    c, s = math.cos(yaw), math.sin(yaw)
+    sizes = [float(np.abs(one).max()) for one in (c * x + s * y, c * y - s * x)]
+    pairs = zip((along, across), sizes, strict=True)
+    kept = [frequency for frequency, size in pairs if size > STILL * max(sizes)]
+    return tuple(Damped(frequency, mode.damping_ratio) for frequency in kept or [along])
+
+
+def deviation(course: Course, motion: Motion) -> float:
+    """Farthest that a motion is from a path [m]."""
+    farthest = np.full(len(motion.t), np.inf)
+    for leg in course.path.legs:
+        places = leg.at(np.linspace(0.0, leg.length, math.ceil(leg.length / FINE) + 2))[0]
+        nearest = cKDTree(places).query(motion.position)[1]
+        for start in (np.maximum(nearest - 1, 0), np.minimum(nearest, len(places) - 2)):
+            distance = _from_segment(motion.position, places[start], places[start + 1])
+            farthest = np.minimum(farthest, distance)
+    return float(farthest.max())
+
+
+def _from_segment(points: Array, starts: Array, stops: Array) -> Array:
+    """(N,) distance of points from segments, (N, 3) each [m]."""
+    steps = stops - starts
+    share = np.einsum("ij,ij->i", points - starts, steps) / np.einsum("ij,ij->i", steps, steps)
+    nearest = starts + np.clip(share, 0.0, 1.0)[:, None] * steps
+    return np.asarray(np.linalg.norm(points - nearest, axis=1))
+
+
+def _along(path: Path, laws: list[Law], durations: list[float]) -> Motion:
+    """The motion, whose last leg rests until the next whole row."""
+    total = sum(durations)
+    return motion_along(path, laws, [*durations[:-1], durations[-1] + whole_rows(total) - total])
+
+
+def _integrated(trajectory: Trajectory) -> Array:
+    """Places from accelerations that are linear between the samples, from rest at the origin."""
+    a, steps = trajectory.acceleration, np.diff(trajectory.t)[:, None]
+    zero = np.zeros((1, 3))
+    speed = np.concatenate([zero, np.cumsum(0.5 * steps * (a[1:] + a[:-1]), axis=0)])
+    ways = steps * (speed[:-1] + steps * (a[:-1] / 3.0 + a[1:] / 6.0))
+    sizes = np.linalg.norm(speed, axis=1)
+    if sizes[-1] > REST * sizes.max() + REST_SPEED:
+        raise SloshPlanError(
+            f"{trajectory.name}: its accelerations end at a speed of {sizes[-1]:.3g} m/s; "
+            "shaping is for motions from rest to rest"
+        )
+    return np.concatenate([zero, np.cumsum(ways, axis=0)])
+
+
+def _ends(path: Path, t: Array, way: Array, speed: Array) -> list[float]:
+    """When each leg ends: where the motion is slowest near a corner."""
+    ends, length = [0.0], 0.0
+    for leg in path.legs[:-1]:
+        length += leg.length
+        near = np.flatnonzero(np.abs(way - length) <= NEAR)
+        if not len(near):
+            near = np.array([int(np.argmin(np.abs(way - length)))])
+        slowest = near[int(np.argmin(speed[near]))]
+        if speed[slowest] > 0.05 * speed.max() + REST_SPEED:
+            raise SloshPlanError(
+                f"the motion turns a corner at {t[slowest]:.3g} s with {speed[slowest]:.3g} m/s: "
+                "shaping is for motions that rest at corners"
+            )
+        ends.append(float(t[slowest]))
+    return [*ends, float(t[-1])]
+
+
+def _leg_law(
+    along: CubicHermiteSpline,
+    start: float,
+    stop: float,
+    low: float,
+    high: float,
+    size: list[float],
+) -> Law:
+    """The law of a leg, which rests before and after it; ‖a‖ at its ends is along the path."""
+    t = np.linspace(start, stop, max(math.ceil((stop - start) / STEP), 20) + 1)
+    values = np.clip(along(t) - low, 0.0, high - low)
+    values[[0, -1]] = 0.0, high - low
+    conditions: Any = ([(1, 0.0), (2, size[0])], [(1, 0.0), (2, -size[1])])
+    spline = make_interp_spline(t - start, values, k=5, bc_type=conditions)
+    rates = [spline.derivative(order) for order in (1, 2)]
+    duration = stop - start
+
+    def law(moments: Array) -> tuple[Array, Array, Array]:
+        inside = np.clip(moments, 0.0, duration)
+        moving = (inside == moments).astype(np.float64)
+        first, second = (rate(inside) * moving for rate in rates)
+        return np.asarray(spline(inside)), first, second
+
+    return law
+
+
+def _filtered(law: Law, chosen: Filter) -> Law:
+    def made(t: Array) -> tuple[Array, Array, Array]:
+        # One pass over the impulses for all three columns.
+        columns = chosen(lambda moments: np.stack(law(moments), axis=-1), t)
+        return columns[..., 0], columns[..., 1], columns[..., 2]
+
+    return made
