@@ -97,7 +97,7 @@ def _blend(lanes, w, left, right, share, target):  # type: ignore[no-untyped-def
 
 @compiled
 def _accelerate(lanes, w):  # type: ignore[no-untyped-def]
-    """q̈ of one mode in each lane; see kernel._acceleration."""
+    """q̈ of one mode in each lane; see kernel.modal_acceleration."""
     all_lane_terms(lanes, w)
     for k in range(lanes):
         omega, zeta = w[MODE + FREQUENCY * LANES + k], w[MODE + DAMPING * LANES + k]

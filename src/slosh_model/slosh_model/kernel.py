@@ -43,7 +43,7 @@ _TWO_PI = 2.0 * math.pi
 
 
 @compiled
-def _acceleration(mode, elapsed, q, inputs, parameters):  # type: ignore[no-untyped-def]
+def modal_acceleration(mode, elapsed, q, inputs, parameters):  # type: ignore[no-untyped-def]
     """q̈ of one mode from (I + m) q̈ = f (DL22, eqs. (11), (12), (14), (15)), 2×2 in closed form."""
     mode = all_modulations(mode, elapsed, parameters)
     omega, zeta = mode[FREQUENCY], mode[DAMPING]
@@ -59,7 +59,7 @@ def _acceleration(mode, elapsed, q, inputs, parameters):  # type: ignore[no-unty
 
 
 @compiled
-def _between(u0, u1, share):  # type: ignore[no-untyped-def]
+def between(u0, u1, share):  # type: ignore[no-untyped-def]
     """The input at a share of the way from u0 to u1."""
     return (
         u0[0] + share * (u1[0] - u0[0]),
@@ -70,21 +70,21 @@ def _between(u0, u1, share):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _runge_kutta_step(mode, q, u0, u1, step, elapsed, parameters):  # type: ignore[no-untyped-def]
+def runge_kutta_step(mode, q, u0, u1, step, elapsed, parameters):  # type: ignore[no-untyped-def]
     """One classical Runge-Kutta step of one mode; u0, u1: the input at its two ends."""
     x, y, vx, vy = q
     half = 0.5 * step
-    middle = _between(u0, u1, 0.5)
-    ax1, ay1 = _acceleration(mode, elapsed, q, u0, parameters)
+    middle = between(u0, u1, 0.5)
+    ax1, ay1 = modal_acceleration(mode, elapsed, q, u0, parameters)
     vx2, vy2 = vx + half * ax1, vy + half * ay1
     q2 = (x + half * vx, y + half * vy, vx2, vy2)
-    ax2, ay2 = _acceleration(mode, elapsed + half, q2, middle, parameters)
+    ax2, ay2 = modal_acceleration(mode, elapsed + half, q2, middle, parameters)
     vx3, vy3 = vx + half * ax2, vy + half * ay2
     q3 = (x + half * vx2, y + half * vy2, vx3, vy3)
-    ax3, ay3 = _acceleration(mode, elapsed + half, q3, middle, parameters)
+    ax3, ay3 = modal_acceleration(mode, elapsed + half, q3, middle, parameters)
     vx4, vy4 = vx + step * ax3, vy + step * ay3
     q4 = (x + step * vx3, y + step * vy3, vx4, vy4)
-    ax4, ay4 = _acceleration(mode, elapsed + step, q4, u1, parameters)
+    ax4, ay4 = modal_acceleration(mode, elapsed + step, q4, u1, parameters)
     sixth = step / 6.0
     return (
         x + sixth * (vx + 2.0 * vx2 + 2.0 * vx3 + vx4),
@@ -132,7 +132,7 @@ def _settle(run, modes, pose):  # type: ignore[no-untyped-def]
         stiffness_y = stiffness_x * constants[FREQUENCY_RATIO] * constants[FREQUENCY_RATIO]
         for _ in range(_SETTLING_TURNS):
             q = (x, y, 0.0, 0.0)
-            ax, ay = _acceleration(constants, run["elapsed"], q, inputs, parameters)
+            ax, ay = modal_acceleration(constants, run["elapsed"], q, inputs, parameters)
             x += ax / stiffness_x
             y += ay / stiffness_y
         mode["x"], mode["y"] = x, y
@@ -179,9 +179,9 @@ def advance(run, modes, ax, ay, az, yaw, pose, dt):  # type: ignore[no-untyped-d
         q = (mode["x"], mode["y"], mode["vx"], mode["vy"])
         u0 = old
         for i in range(count):
-            u1 = _between(old, new, (i + 1) / count)
+            u1 = between(old, new, (i + 1) / count)
             moment = elapsed + dt * (i / count)
-            q = _runge_kutta_step(constants, q, u0, u1, dt / count, moment, parameters)
+            q = runge_kutta_step(constants, q, u0, u1, dt / count, moment, parameters)
             u0 = u1
         mode["x"], mode["y"], mode["vx"], mode["vy"] = q
         now = all_modulations(constants, run["elapsed"], parameters)

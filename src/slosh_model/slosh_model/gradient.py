@@ -1,0 +1,130 @@
+"""Gradients of the highest height by the acceleration samples, for optimisers of one's own.
+
+The highest of the samples' heights is differentiated where it is attained: exact while that is one
+sample. Where two samples are equally high there is a kink, as of every maximum; what is told there
+is a subgradient. An optimiser that stumbles over kinks takes the smooth maximum instead.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_model.errors import SloshModelError
+from slosh_model.gradient_kernel import pull_back
+from slosh_model.layout import divided
+from slosh_model.model import VERTICAL, Model
+from slosh_model.simulate import MAXIMUM_STEP, Inputs, Response, simulate, store_of
+
+Array = NDArray[np.float64]
+
+CURVED = "surface_nonlinearity"
+COVERED = (VERTICAL, CURVED)
+"""Effects on the dynamics whose derivatives are known, beside those that change the modes."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class HeightGradient:
+    """A height and how it changes with a motion.
+
+    Attributes:
+        height: highest MSH of the samples, or its smooth maximum [m].
+        index: sample at which the highest is attained.
+        gradient: (N, 3) derivative by the acceleration samples [m per m/s²].
+        response: the liquid's answer.
+    """
+
+    height: float
+    index: int
+    gradient: Array
+    response: Response
+
+
+def peak_gradient(
+    model: Model, inputs: Inputs, *, smoothing: float = 0.0, max_step: float = MAXIMUM_STEP
+) -> HeightGradient:
+    """The highest height of a motion from rest, and its gradient by the acceleration samples.
+
+    By the adjoint of the simulation's own steps: in about the time of a few simulations, however
+    many samples there are. Covered are the linear model and `vertical_acceleration`,
+    `surface_nonlinearity`, further modes and every effect that changes the modes' constants alone
+    or what is measured, which does not count here.
+
+    Args:
+        model: the model.
+        inputs: the motion of a container that stands upright.
+        smoothing: s [m] of the smooth maximum s log Σ exp(MSH/s), which lies above the highest
+            height, by at most s log N; 0: the highest height itself.
+        max_step: longest sub-step [s].
+
+    Raises:
+        SloshModelError: an effect that is not covered, a container that tilts or turns, a
+            smoothing that is negative, a solution that left the finite numbers.
+    """
+    check_covered(model)
+    if len(inputs.poses):
+        raise SloshModelError(
+            "gradients are of containers that stand upright: leave attitude and angular velocity"
+        )
+    if not (math.isfinite(smoothing) and smoothing >= 0.0):
+        raise SloshModelError(f"smoothing = {smoothing!r} m must not be negative")
+    response = simulate(model, inputs, max_step=max_step)[0]
+    msh = response.msh
+    index = int(np.argmax(msh))
+    height, shares = float(msh[index]), np.zeros(len(msh))
+    shares[index] = 1.0
+    if smoothing > 0.0:
+        shares = np.exp((msh - height) / smoothing)
+        height += smoothing * math.log(float(shares.sum()))
+        shares /= shares.sum()
+    gradient = pulled_back(model, inputs, shares[:, None] * _by_heights(response), max_step)
+    return HeightGradient(height, index, gradient, response)
+
+
+def pulled_back(
+    model: Model, inputs: Inputs, weights: Array, max_step: float = MAXIMUM_STEP
+) -> Array:
+    """(N, 3) gradient of Σ weights · heights by the acceleration samples [m per m/s²].
+
+    Args:
+        model: one that is covered; see `peak_gradient`.
+        inputs: the motion of a container that stands upright, from rest.
+        weights: (N, 2) of the wall heights at +x and +y [1].
+        max_step: longest sub-step [s].
+    """
+    intervals = np.diff(inputs.t, prepend=inputs.t[0])
+    store = store_of(model, max_step)
+    steps = int(np.ceil(intervals[1:] / divided(store)[0][0]["max_step"]).sum())
+    gradient = np.zeros((len(inputs.t), 3))
+    alpha = model.acting[CURVED]["alpha"] if CURVED in model.acting else -1.0
+    weights = np.ascontiguousarray(weights, dtype=np.float64)
+    for array in (intervals, weights):
+        array.setflags(write=False)
+    pull_back(
+        store, intervals, inputs.acceleration, weights, float(VERTICAL in model.acting), alpha,
+        np.empty((max(steps, 1), 4)), gradient,
+    )  # fmt: skip
+    return gradient
+
+
+def check_covered(model: Model) -> None:
+    """Raises SloshModelError where an effect's derivative is not known."""
+    for hook in ("drive", "modulation", "term"):
+        for effect, _ in model.uses(hook):
+            if effect.name not in COVERED and not effect.needs_rotation:
+                raise SloshModelError(
+                    f"no gradients with the effect {effect.name!r}: covered are "
+                    f"{', '.join(COVERED)} and effects that change the modes alone"
+                )
+
+
+def _by_heights(response: Response) -> Array:
+    """(N, 2) derivative of the MSH by the heights at +x and +y; 0 where the liquid is at rest."""
+    heights = np.column_stack([response.sh_x, response.sh_y])
+    if response.corner is not None:
+        return np.sign(heights)
+    size = response.msh[:, None]
+    return np.divide(heights, size, out=np.zeros_like(heights), where=size > 0.0)
