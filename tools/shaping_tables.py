@@ -21,11 +21,11 @@ from slosh_bringup.cell.motions import make_motion
 from slosh_model import Cylinder, Model
 from slosh_plan.errors import SloshPlanError
 from slosh_plan.planning.checked import Checked, checked
-from slosh_plan.planning.known_laws import UNIT_LAWS, leg_durations
+from slosh_plan.planning.known_laws import known_laws, leg_durations
 from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.path import Path as Route
 from slosh_plan.planning.path import path_through
-from slosh_plan.planning.time_law import Motion, motion_along, scaled_law, whole_rows
+from slosh_plan.planning.time_law import Motion, motion_along, whole_rows
 from slosh_plan.shaping.filters import FILTERS, Damped
 from slosh_plan.shaping.shaped import (
     POLYNOMIAL,
@@ -78,10 +78,7 @@ def routes() -> dict[str, Route]:
 def base(route: Route, duration: float) -> Course:
     """A quintic law on every leg of a path."""
     durations = leg_durations(route, whole_rows(duration))
-    laws = tuple(
-        scaled_law(UNIT_LAWS["quintic"], leg, time)
-        for leg, time in zip(route.legs, durations, strict=True)
-    )
+    laws = tuple(known_laws(route)["quintic"].laws(whole_rows(duration)))
     motion = motion_along(route, laws, durations)
     course = course_of(Trajectory(motion.t, motion.acceleration, position=motion.position))
     # The law itself, not what is read back of it.

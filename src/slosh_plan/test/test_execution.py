@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from slosh_plan.planning.execution import execution_of, passing_times
-from slosh_plan.planning.known_laws import UNIT_LAWS, scaled
+from slosh_plan.planning.known_laws import known_laws
 from slosh_plan.planning.path import path_through
 
 LINE = np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.4, 0.0, 0.0]])
@@ -18,7 +18,7 @@ EIGHT = np.array(
 
 
 def motion_through(points):
-    return scaled(path_through(points), UNIT_LAWS["quintic"], 2.0)
+    return known_laws(path_through(points))["quintic"].motion(2.0)
 
 
 @pytest.mark.parametrize(

@@ -16,8 +16,8 @@ from scipy.spatial import cKDTree
 from slosh_model import Model
 from slosh_model.containers import X_AXIS, Y_AXIS
 from slosh_plan.errors import SloshPlanError
-from slosh_plan.planning.path import Path, path_through
-from slosh_plan.planning.time_law import STEP, Law, Motion, motion_along, scaled_law, whole_rows
+from slosh_plan.planning.path import Leg, Path, path_through
+from slosh_plan.planning.time_law import STEP, Law, Motion, motion_along, whole_rows
 from slosh_plan.shaping.filters import FILTERS, Damped, Filter
 from slosh_plan.shaping.polynomial import residual_free
 from slosh_plan.trajectory import Trajectory
@@ -127,10 +127,21 @@ def residual_free_motion(course: Course, mode: Damped) -> Motion:
         SloshPlanError: a leg is too short for it.
     """
     laws = [
-        scaled_law(residual_free(mode, duration), leg, duration)
+        _on_leg(residual_free(mode, duration), leg, duration)
         for leg, duration in zip(course.path.legs, course.durations, strict=True)
     ]
     return _along(course.path, laws, list(course.durations))
+
+
+def _on_leg(unit: Law, leg: Leg, duration: float) -> Law:
+    """A law from 0 to 1 as that of a leg."""
+
+    def law(t: Array) -> tuple[Array, Array, Array]:
+        place, rate, change = unit(t / duration)
+        length = leg.length
+        return length * place, length / duration * rate, length / duration**2 * change
+
+    return law
 
 
 def filter_for(model: Model, name: str, acceleration: Array, yaw: float = 0.0) -> Filter:
