@@ -2,10 +2,10 @@
 
     tools/run python tools/blind_tables.py --kind all --count 44 --seed 1 --docs
 
-Every answer is kept as a line of JSON in the folder (out/blind); what is there is not run again,
+Every answer is kept as a line of JSON in the folder; what is there is not run again,
 so a run that was ended goes on where it was. A case hides one listed effect (`single`), two
 (`pairs`), none (`none`), one that is not in the list (`outside`), or one beside a wrong parameter
-of the base (`wrong_parameter`).
+of the base (`wrong_parameter`). With --dirty the same cases have a real sensor's errors.
 """
 
 from __future__ import annotations
@@ -21,37 +21,40 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
 
-from tests.blind.cases import KINDS  # noqa: E402
+from tests.blind.cases import KINDS, case_name  # noqa: E402
+from tests.blind.dirt import DIRT, Dirt  # noqa: E402
 from tests.blind.score import Row, judge, run_case  # noqa: E402
 from tests.blind.tables import TABLES, share  # noqa: E402
 
+DIRTY = "dirty "
+"""Before the names of the dirty cases' tables."""
 PAGE = ROOT / "docs" / "discovery_scores.md"
-Job = tuple[str, int, int, str | None]
+Job = tuple[str, int, int, str | None, Dirt | None]
 
 
 def main() -> int:
     """Runs what is missing, prints the tables, writes the page where asked."""
     options = _options()
-    folder = Path(options.folder)
+    folder = Path(options.folder or ROOT / "out" / ("blind_dirty" if options.dirty else "blind"))
     folder.mkdir(parents=True, exist_ok=True)
     kinds = KINDS if options.kind == "all" else (options.kind,)
     jobs: list[Job] = [
-        (kind, index, options.seed, options.effect)
+        (kind, index, options.seed, options.effect, DIRT if options.dirty else None)
         for index in range(options.first, options.first + options.count)
         for kind in kinds
     ]
     done = read_rows(folder)
-    left = [job for job in jobs if _name(job) not in done]
+    left = [job for job in jobs if case_name(*job) not in done]
     print(f"{len(jobs)} cases, {len(jobs) - len(left)} of them known", flush=True)
     run_jobs(left, folder, options.processes)
     everything = read_rows(folder)
     rows = list(everything.values())
     if not options.docs:
-        rows = [everything[_name(job)] for job in jobs if _name(job) in everything]
+        rows = [everything[case_name(*job)] for job in jobs if case_name(*job) in everything]
     for title, make in TABLES.items():
         print(f"\n{title}\n\n{make(rows)}")
     if options.docs:
-        write_page(rows)
+        write_page(rows, DIRTY if options.dirty else "")
     return 0
 
 
@@ -62,15 +65,11 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--first", type=int, default=0, help="index of the first case")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--effect", help="hide this one in every case")
+    parser.add_argument("--dirty", action="store_true", help="what a real sensor does, too")
     parser.add_argument("--processes", type=int, default=2)
-    parser.add_argument("--folder", default=str(ROOT / "out" / "blind"))
+    parser.add_argument("--folder", help="of the answers (out/blind, out/blind_dirty)")
     parser.add_argument("--docs", action="store_true", help="write docs/discovery_scores.md")
     return parser.parse_args()
-
-
-def _name(job: Job) -> str:
-    kind, index, seed, effect = job
-    return f"{kind}-{seed}-{index}" + (f"-{effect}" if effect else "")
 
 
 def read_rows(folder: Path) -> dict[str, Row]:
@@ -123,10 +122,18 @@ def _line(row: Row) -> str:
     return f"{mark}{weak} {row['case']} {row['base']}: {hidden} -> {answer} {row['seconds']:.0f} s"
 
 
-def write_page(rows: list[Row]) -> None:
-    """Fills the page's tables; the text around them stays."""
+def write_page(rows: list[Row], prefix: str = "") -> None:
+    """Fills the page's tables; the text around them stays.
+
+    Args:
+        rows: what was answered.
+        prefix: of the tables' names; those that the page does not have are left out.
+    """
     text = PAGE.read_text()
-    for title, make in TABLES.items():
+    for name, make in TABLES.items():
+        title = prefix + name
+        if f"<!-- table {title} -->" not in text:
+            continue
         start, end = f"<!-- table {title} -->", f"<!-- end {title} -->"
         head, rest = text.split(start)
         text = f"{head}{start}\n\n{make(rows)}\n{end}{rest.split(end)[1]}"

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_model.model import Model
 from slosh_model.simulate import Inputs
+from tests.blind.dirt import Dirt
 from tests.blind.hidden import LISTED, OUTSIDE, Hidden, sign
 from tests.blind.motions import Need, robot_motion
 from tests.blind.record import Record, record
@@ -56,7 +57,7 @@ class Case:
         hidden: names of what the base lacks.
         parameters: theirs, by name.
         strength: by name: rms by which it changes the heights of `motions`, in noises.
-        noise: standard deviation of the white noise [m].
+        noise: standard deviation of the noise [m].
         sensor: "msh", "12 azimuths" or "36 azimuths".
         equivalent: sets of names that these data cannot tell apart.
         wrong: for "wrong_parameter": the parameter, its given and its true value.
@@ -101,8 +102,12 @@ class _Plan:
     wrong: tuple[str, float, float] | None = None
 
 
-def make_case(kind: str, index: int, seed: int = 0, effect: str | None = None) -> Case:
+def make_case(
+    kind: str, index: int, seed: int = 0, effect: str | None = None, dirt: Dirt | None = None
+) -> Case:
     """The case of this kind, index and seed; with an effect's name, one that hides it.
+
+    With dirt it is the same case, but for what its sensor and its inputs do.
 
     Raises:
         ValueError: an unknown kind or effect.
@@ -117,10 +122,10 @@ def make_case(kind: str, index: int, seed: int = 0, effect: str | None = None) -
     names = hidden_names(random, kind, index, effect)
     # every eighth round of the list takes what comes
     weak = kind == "single" and index // len(LISTED) % WEAK_EVERY == WEAK_EVERY - 1
-    name = f"{kind}-{seed}-{index}" + (f"-{effect}" if effect else "")
+    name = case_name(kind, index, seed, effect, dirt)
     best: Case | None = None
     for _ in range(ATTEMPTS):
-        case = _attempt(random, kind, name, names)
+        case = _attempt(random, kind, name, names, dirt)
         if case is None:
             continue
         if case.counts or weak:
@@ -130,6 +135,18 @@ def make_case(kind: str, index: int, seed: int = 0, effect: str | None = None) -
     if best is None:
         raise RuntimeError(f"{name}: no case found that hides {' + '.join(names)}")
     return best
+
+
+def case_name(kind: str, index: int, seed: int, effect: str | None, dirt: Dirt | None) -> str:
+    """By which a case is known."""
+    words = [
+        kind,
+        str(seed),
+        str(index),
+        *([effect] if effect else []),
+        *(["dirty"] if dirt else []),
+    ]
+    return "-".join(words)
 
 
 def hidden_names(random: Random, kind: str, index: int, effect: str | None) -> tuple[str, ...]:
@@ -149,7 +166,9 @@ def hidden_names(random: Random, kind: str, index: int, effect: str | None) -> t
             return (first, second)
 
 
-def _attempt(random: Random, kind: str, name: str, names: tuple[str, ...]) -> Case | None:
+def _attempt(
+    random: Random, kind: str, name: str, names: tuple[str, ...], dirt: Dirt | None
+) -> Case | None:
     plan = _plan(random, kind, names)
     if plan is None:
         return None
@@ -170,8 +189,9 @@ def _attempt(random: Random, kind: str, name: str, names: tuple[str, ...]) -> Ca
         for lost, lacking in _lacking(plan).items()
     }
     noise = _noise(random, [change[hidden] for hidden in plan.hidden])
+    how = replace(how, noise=noise, dirt=dirt)
     rows = [
-        record(random, plan.truth, motion, replace(how, noise=noise), f"motion {i + 1}", session)
+        record(random, plan.truth, motion, how, f"motion {i + 1}", session)
         for i, (motion, session) in enumerate(zip(inputs, sessions, strict=True))
     ]
     return Case(

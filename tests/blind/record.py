@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_model.simulate import Inputs
+from tests.blind.dirt import Dirt
 from tests.blind.hidden import Hidden
 from tests.blind.truth import heights
 from tests.blind.truth_model import Truth
@@ -32,7 +33,8 @@ class Record:
         clock: added to the heights' clock [s]; None: the inputs' clock.
         level: added to the heights [m]; None: the still level is known.
         stddev_told: whether the sensor states its standard deviation.
-        noise: standard deviation of the white noise [m].
+        noise: standard deviation of the noise [m].
+        dirt: how else the record errs; None: its noise is white, and that is all.
     """
 
     azimuths: Array | None
@@ -42,6 +44,7 @@ class Record:
     level: float | None
     stddev_told: bool
     noise: float = 0.0
+    dirt: Dirt | None = None
 
     @classmethod
     def draw(cls, random: Random, traits: Sequence[Hidden]) -> Record:
@@ -89,8 +92,17 @@ def record(
     """The measured motion."""
     at = how.times(inputs)
     seen = heights(truth, inputs, at, how.azimuths, session)
-    seen = seen + random.normal(0.0, how.noise, seen.shape) + (how.level or 0.0)
-    seen[random.random(len(at)) < how.lost] = np.nan
+    errors = random.normal(0.0, how.noise, seen.shape)
+    lost = random.random(len(at)) < how.lost
+    if how.dirt is not None:
+        # Of its own random numbers: what follows is as in the clean case.
+        own = random.spawn(1)[0]
+        at = at + how.dirt.late(own, len(at))
+        errors = how.dirt.errors(own, seen.shape, how.noise)
+        lost = how.dirt.missing(own, len(at))
+        inputs = how.dirt.sampled(inputs)
+    seen = seen + errors + (how.level or 0.0)
+    seen[lost] = np.nan
     return MeasuredMotion(
         name,
         inputs,

@@ -16,6 +16,7 @@ from typing import Any
 
 from slosh_discovery.discover.finding import Finding
 from tests.blind.cases import NAMED_AS, VISIBLE, Case, make_case
+from tests.blind.dirt import Dirt
 from tests.blind.hidden import NEAREST
 
 Row = dict[str, Any]
@@ -28,10 +29,15 @@ LARGEST_SET = 2
 
 
 def run_case(
-    discover: Discover, kind: str, index: int, seed: int, effect: str | None = None
+    discover: Discover,
+    kind: str,
+    index: int,
+    seed: int,
+    effect: str | None = None,
+    dirt: Dirt | None = None,
 ) -> Row:
     """Makes a case, asks the workflow and scores its answer; an exception is a wrong answer."""
-    case = make_case(kind, index, seed, effect)
+    case = make_case(kind, index, seed, effect, dirt)
     start, busy = time.perf_counter(), time.process_time()
     try:
         finding = discover(case.motions, case.base, case.holdout, threads=1)

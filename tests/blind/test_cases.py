@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from tests.blind.cases import VISIBLE, hidden_names, make_case
+from tests.blind.dirt import DIRT
 from tests.blind.hidden import LISTED, OUTSIDE
 from tests.blind.laws import LAWS, stroke, window
 from tests.blind.motions import Need, robot_motion
@@ -54,6 +55,28 @@ def test_the_same_name_is_the_same_case():
     assert np.array_equal(one.motions[0].heights, two.motions[0].heights, equal_nan=True)
     other = make_case("none", 1, seed=2)
     assert one.base != other.base
+
+
+def test_a_dirty_case_is_the_clean_one_with_a_real_sensors_errors():
+    clean, dirty = (make_case("none", 3, 1, dirt=dirt) for dirt in (None, DIRT))
+    assert dirty.base == clean.base
+    assert dirty.noise == clean.noise
+    errors, off, lost = [], [], []
+    for motion, other in zip(dirty.motions, clean.motions, strict=True):
+        assert len(motion.t) == len(other.t)
+        assert np.median(np.diff(motion.inputs.t)) == pytest.approx(1.0 / DIRT.input_rate)
+        stamps = motion.t - other.t
+        off.append(stamps)
+        assert np.abs(stamps).max() <= DIRT.jitter
+        errors.append(motion.heights - heights(clean.truth, other.inputs, other.t))
+        lost.append(np.isnan(motion.heights[:, 0]))
+    assert np.std(np.concatenate(off)) == pytest.approx(DIRT.jitter / np.sqrt(3.0), rel=0.1)
+    assert 0.04 < np.mean(np.concatenate(lost)) < 0.2
+    pairs = [(e[1:] * e[:-1], e[1:]) for e in (np.clip(e, -2e-3, 2e-3) for e in errors)]
+    together = np.nanmean(np.concatenate([p for p, _ in pairs]))
+    alone = np.nanmean(np.concatenate([e**2 for _, e in pairs]))
+    assert together / alone == pytest.approx(DIRT.correlation, abs=0.15)
+    assert 0.003 < np.nanmean(np.abs(np.concatenate(errors)) > 2.0e-3 + clean.noise) < 0.03
 
 
 def test_a_case_hides_the_effect_and_nothing_else():

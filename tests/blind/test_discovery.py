@@ -10,6 +10,7 @@ import blind_tables
 import pytest
 
 from slosh_discovery.discover import discover
+from tests.blind.dirt import DIRT
 from tests.blind.score import run_case
 from tests.blind.tables import TABLES, closed, counted
 
@@ -19,10 +20,17 @@ SEED = 11
 
 
 @pytest.mark.parametrize(
-    ("kind", "index", "effect"), [("single", 0, "vertical_acceleration"), ("none", 5, None)]
+    ("kind", "index", "effect", "dirt"),
+    [
+        ("single", 0, "vertical_acceleration", None),
+        ("none", 5, None, None),
+        ("none", 5, None, DIRT),
+        ("single", 0, "vertical_acceleration", DIRT),
+    ],
+    ids=["single", "none", "dirty none", "dirty single"],
 )
-def test_a_case_is_answered_rightly(kind, index, effect):
-    row = run_case(discover, kind, index, 1, effect)
+def test_a_case_is_answered_rightly(kind, index, effect, dirt):
+    row = run_case(discover, kind, index, 1, effect, dirt)
     assert row["error"] == ""
     assert row["right"], row
     assert not row["misled"]
@@ -34,7 +42,7 @@ def test_a_case_is_answered_rightly(kind, index, effect):
 def rows(tmp_path_factory):
     folder = tmp_path_factory.mktemp("blind")
     jobs = [
-        (kind, index, SEED, None)
+        (kind, index, SEED, None, None)
         for kind, count in COUNTS.items()
         for index in range(count * ROUNDS)
     ]

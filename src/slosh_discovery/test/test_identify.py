@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
+from slosh_discovery.discover.colour import Colour, estimate_colour
 from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_discovery.errors import SloshDiscoveryError
 from slosh_discovery.identify import Strategy, identify
-from slosh_discovery.identify.colour import Colour, estimate_colour, neighbours_of
 from slosh_discovery.identify.fitting import fit
 from slosh_discovery.identify.parameters import fitted_model, free_parameters
 from slosh_discovery.identify.problem import Problem
-from slosh_discovery.identify.trials import make_trials, operating_speed
+from slosh_discovery.identify.trials import make_trials, neighbours_of, operating_speed
 from slosh_model.containers import Cylinder, Rectangle
 from slosh_model.measure import measured_heights, predicted_heights
 from slosh_model.model import Model

@@ -44,9 +44,8 @@ def held_out(one: Fit, motions: Sequence[PreparedMotion]) -> HeldOut:
         evaluator = Evaluator(one.explanation, [motion for motion, _ in left_out])
         for (motion, offset), answer in zip(left_out, evaluator.answers(vector), strict=True):
             residual = Evaluator.part(motion, answer, offset)
-            power = float(residual @ residual)
-            chi_square += power
-            squares += power * motion.noise**2
+            chi_square += float(residual @ residual)
+            squares += float(np.sum(motion.in_metres(residual) ** 2))
             count += len(residual)
     return HeldOut(chi_square, float(np.sqrt(squares / count)))
 

@@ -96,14 +96,14 @@ def correlation_length(series: Sequence[Array]) -> float:
 
 def residual_series(residual: Array, motions: Sequence[PreparedMotion]) -> list[Array]:
     """The residual as (M, K) per motion, NaN where there is no sample."""
-    series, first = [], 0
-    for motion in motions:
-        end = first + int(motion.kept.sum())
-        laid = np.full(motion.kept.shape, np.nan)
-        laid[motion.kept] = residual[first:end]
-        series.append(laid)
-        first = end
-    return series
+    parts = parts_of(residual, motions)
+    return [motion.laid(part) for motion, part in zip(motions, parts, strict=True)]
+
+
+def parts_of(residual: Array, motions: Sequence[PreparedMotion]) -> list[Array]:
+    """The residual (N,) parted by motions."""
+    ends = np.cumsum([int(motion.kept.sum()) for motion in motions])
+    return np.split(residual, ends[:-1])
 
 
 def probabilities(log_evidences: Sequence[float]) -> Array:

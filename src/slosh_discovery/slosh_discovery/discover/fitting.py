@@ -99,11 +99,11 @@ class Evaluator:
         if answer is None:
             return np.full(int(motion.kept.sum()), IMPOSSIBLE)
         heights = answer.at(motion.t, offset)
-        difference = (motion.heights - heights)[motion.kept] / motion.noise
-        difference = np.nan_to_num(difference, nan=IMPOSSIBLE)
+        difference = (motion.heights - heights)[motion.kept]
+        difference = np.nan_to_num(difference, nan=IMPOSSIBLE * motion.noise)
         if not motion.motion.level_known:
             difference = difference - difference.mean()
-        return np.clip(difference, -1e6, 1e6)
+        return np.clip(motion.in_noises(difference), -1e6, 1e6)
 
     def derivative(self, vector: Array, clock_offsets: Array, residual: Array) -> Array:
         """(N, P) of the residual by the free parameters, by forward or backward differences."""

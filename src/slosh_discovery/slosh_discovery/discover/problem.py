@@ -8,11 +8,12 @@ are thinned: what is left says the same.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
+from slosh_discovery.discover.colour import Whitening, neighbours_in
 from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_discovery.discover.noise import estimate_noise
 from slosh_model.batch import wall_heights
@@ -35,19 +36,35 @@ MOST_AZIMUTHS = 8
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class HeightNoise:
+    """Noise that is not plain and white.
+
+    Attributes:
+        correlation: of the part that remembers, between neighbouring samples.
+        stddev: (M,) of that part [m].
+        forgotten: (M, K) variance of the part that does not, as of stamps that jitter [m²].
+    """
+
+    correlation: float
+    stddev: Array
+    forgotten: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class PreparedMotion:
     """A measured motion, ready to be compared with many models.
 
     Attributes:
         motion: the motion.
-        noise: standard deviation of one height [m].
+        noise: standard deviation of one height [m], root mean square over all of them.
         t: (M,) the heights' times [s].
         azimuths: (K,) [rad]; None: maximum over the wall.
         heights: (M, K) measured, NaN: no sample [m].
-        kept: (M, K) where there is a sample.
+        kept: (M, K) where there is a sample, and no outlier.
         coarse: the inputs at the heights' times and between them.
         rows: (M,) of the heights in `coarse`.
         fine: the inputs on a fine grid, for heights read at other times.
+        law: of the noise; None: it is white and everywhere the same.
     """
 
     motion: MeasuredMotion
@@ -59,6 +76,39 @@ class PreparedMotion:
     coarse: Inputs
     rows: NDArray[np.int64]
     fine: Inputs
+    law: HeightNoise | None = None
+    _whitening: Whitening | None = field(init=False, default=None)
+    _scale: Array = field(init=False)
+
+    def __post_init__(self) -> None:
+        if self.law is None:
+            object.__setattr__(self, "_scale", np.array(self.noise))
+            return
+        scale = np.broadcast_to(self.law.stddev[:, np.newaxis], self.kept.shape)[self.kept]
+        whitening = Whitening.of(
+            neighbours_in(self.t, self.kept),
+            1.0,
+            self.law.correlation,
+            self.law.forgotten[self.kept] / scale**2,
+        )
+        object.__setattr__(self, "_scale", scale)
+        object.__setattr__(self, "_whitening", whitening)
+
+    def in_noises(self, difference: Array) -> Array:
+        """Of the kept heights (N,) [m] what is white noise of unit variance where it is noise."""
+        relative = difference / self._scale
+        return relative if self._whitening is None else self._whitening.applied(relative)
+
+    def in_metres(self, residual: Array) -> Array:
+        """The differences (N,) [m] of which `in_noises` gives this."""
+        relative = residual if self._whitening is None else self._whitening.undone(residual)
+        return np.asarray(relative * self._scale)
+
+    def laid(self, values: Array) -> Array:
+        """(M, K) values of the kept heights (N,) at their places, NaN elsewhere."""
+        laid = np.full(self.kept.shape, np.nan)
+        laid[self.kept] = values
+        return laid
 
     def simulate(self, model: Model) -> Answer | None:
         """The model's answer; None where its solution left the finite numbers."""

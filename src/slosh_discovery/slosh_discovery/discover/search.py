@@ -36,6 +36,8 @@ VISIBLE = 1e-3
 """An effect that changes no height by this much of the noise is not at work in these motions."""
 ADEQUATE = 0.25
 """A residual whose correlated part is below this share of the noise is adequate."""
+ADEQUATE_COLOURED = 0.35
+"""The same of noise whose colour is an estimate itself."""
 SURE = 2.5
 """So many standard deviations of an estimate are surely not chance."""
 
@@ -86,15 +88,17 @@ class Leftover:
     Attributes:
         mean_square: its mean square, in squares of the noise.
         stddev: standard deviation of that.
+        tolerated: mean square that is hardly more than noise.
     """
 
     mean_square: float
     stddev: float
+    tolerated: float = ADEQUATE**2
 
     @property
     def adequate(self) -> bool:
         """Whether it is hardly more than noise, or nothing that is surely more."""
-        return self.mean_square < max(ADEQUATE**2, SURE * self.stddev)
+        return self.mean_square < max(self.tolerated, SURE * self.stddev)
 
 
 def leftover(one: Fit, motions: Sequence[PreparedMotion]) -> Leftover:
@@ -107,7 +111,9 @@ def leftover(one: Fit, motions: Sequence[PreparedMotion]) -> Leftover:
     weights = counts / counts.sum()
     mean = float(weights @ np.array([part.mean_square for part in parts]))
     spread = weights * np.array([part.mean_square_stddev for part in parts])
-    return Leftover(mean, float(np.sqrt(spread @ spread)))
+    coloured = any(motion.law is not None for motion in motions)
+    tolerated = ADEQUATE_COLOURED if coloured else ADEQUATE
+    return Leftover(mean, float(np.sqrt(spread @ spread)), tolerated**2)
 
 
 class Search:

@@ -13,8 +13,8 @@ from slosh_discovery.discover.crosscheck import HeldOut, held_out
 from slosh_discovery.discover.evidence import (
     log_evidence,
     log_prior,
+    parts_of,
     probabilities,
-    residual_series,
 )
 from slosh_discovery.discover.finding import Verdict
 from slosh_discovery.discover.fitting import Fit
@@ -185,12 +185,12 @@ def _unseen(base: Fit, motions: Sequence[PreparedMotion]) -> bool:
     A flat line is what many an effect can make of any wave, and none is the reason.
     """
     seen, expected = 0.0, 0.0
-    series = residual_series(base.residual, motions)
-    for motion, residual in zip(motions, series, strict=True):
+    for motion, residual in zip(motions, parts_of(base.residual, motions), strict=True):
         samples = int(motion.kept.sum())
-        found = removable(motion.t, _without_mean(motion.heights))
+        heights = np.where(motion.kept, motion.heights, np.nan)
+        found = removable(motion.t, _without_mean(heights))
         seen += samples * (found.mean_square - 2.0 * found.mean_square_stddev)
-        predicted = _without_mean(motion.heights - motion.noise * residual)
+        predicted = _without_mean(heights - motion.laid(motion.in_metres(residual)))
         expected += float(np.nansum(predicted**2))
     return seen < UNSEEN**2 * expected
 

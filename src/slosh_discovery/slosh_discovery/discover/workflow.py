@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from slosh_discovery.discover.clock import first_offset, slipped_offsets
 from slosh_discovery.discover.crosscheck import held_out
-from slosh_discovery.discover.evidence import log_evidence, standard_errors
+from slosh_discovery.discover.evidence import log_evidence, parts_of, standard_errors
 from slosh_discovery.discover.explanation import Explanation
 from slosh_discovery.discover.finding import (
     Agreement,
@@ -26,7 +26,14 @@ from slosh_discovery.discover.gap import total_gap
 from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_discovery.discover.next_steps import proposal, separating_motions
 from slosh_discovery.discover.problem import PreparedMotion, prepare
-from slosh_discovery.discover.search import Progress, Search
+from slosh_discovery.discover.search import Pool, Progress, Search
+from slosh_discovery.discover.sensor_noise import (
+    Leftovers,
+    SensorNoise,
+    alike,
+    dressed,
+    estimate_sensor,
+)
 from slosh_discovery.discover.verdict import Judgement, judge
 from slosh_discovery.discover.where import where, worst_moments
 from slosh_discovery.errors import SloshDiscoveryError
@@ -69,16 +76,12 @@ def discover(
         raise SloshDiscoveryError("no motion with measured heights: nothing to discover from")
     told = progress or (lambda text, share: None)
     told("preparing", 0.0)
-    prepared = [prepare(motion, motions) for motion in motions]
-    offsets = [first_offset(one, base) for one in prepared]
-    count = threads or os.cpu_count() or 1
-    pool = Search(base, prepared, offsets, told, count).run()
-    slipped = slipped_offsets(pool.ranked()[0], prepared)
-    if slipped is not None:
-        pool = Search(base, prepared, slipped, told, count).run()
+    plain = [prepare(motion, motions) for motion in motions]
+    searched = _search(base, plain, told, threads or os.cpu_count() or 1)
+    pool, prepared = searched.pool, searched.motions
     judgement = judge(pool, prepared)
     told("checking on motions left out", 0.95)
-    cases = _cases(motions, prepared, holdout, base, judgement)
+    cases = _cases(motions, searched, holdout, base, judgement)
     candidates = _candidates(judgement, prepared, pool.without_effect)
     told("what to do next", 0.97)
     separating, proposed = separating_motions(judgement, prepared), proposal(judgement, prepared)
@@ -101,6 +104,58 @@ def discover(
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class _Searched:
+    """What a search has found.
+
+    Attributes:
+        pool: the explanations.
+        motions: the data, with the noise that they turned out to have.
+        sensor: that noise; None: plain and white.
+    """
+
+    pool: Pool
+    motions: Sequence[PreparedMotion]
+    sensor: SensorNoise | None
+
+
+def _search(
+    base: Model, plain: Sequence[PreparedMotion], told: Progress, threads: int
+) -> _Searched:
+    """Searches, and again where what is left shows another noise than what the base left."""
+    starts = [first_offset(one, base) for one in plain]
+    offsets = fit(Explanation(base), plain, np.zeros(0), starts).clock_offsets
+    leftovers = _leftovers(base, plain, offsets)
+    sensor = estimate_sensor(leftovers)
+    offsets = tuple(starts) if sensor is None else offsets
+    for last in (False, False, True):
+        motions = plain if sensor is None else [dressed(one, sensor) for one in leftovers]
+        pool = Search(base, motions, offsets, told, threads).run()
+        slipped = slipped_offsets(pool.ranked()[0], motions)
+        if slipped is not None:
+            pool = Search(base, motions, slipped, told, threads).run()
+        best = pool.ranked()[0]
+        offsets = best.clock_offsets
+        leftovers = _leftovers(best.model, plain, offsets)
+        found = estimate_sensor(leftovers)
+        if last or alike(found, sensor):
+            return _Searched(pool, motions, sensor)
+        told("measuring the noise", 0.0)
+        sensor = found
+    raise AssertionError  # the last round returns
+
+
+def _leftovers(
+    model: Model, motions: Sequence[PreparedMotion], offsets: Sequence[float]
+) -> list[Leftovers]:
+    found = []
+    for motion, offset in zip(motions, offsets, strict=True):
+        answer = motion.simulate(model)
+        if answer is not None:
+            found.append(Leftovers.of(motion, answer.at(motion.t, offset)))
+    return found
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class _Answer:
     """A model's answer to a motion, on the measured clock and level."""
 
@@ -112,13 +167,13 @@ class _Answer:
 
 def _cases(
     motions: Sequence[MeasuredMotion],
-    prepared: Sequence[PreparedMotion],
+    searched: _Searched,
     holdout: Sequence[MeasuredMotion],
     base: Model,
     judgement: Judgement,
 ) -> tuple[MotionFinding, ...]:
     after_model = judgement.chosen.model
-    known = dict(zip(map(id, motions), prepared, strict=True))
+    known = dict(zip(map(id, motions), searched.motions, strict=True))
     starts = dict(zip(map(id, motions), judgement.chosen.clock_offsets, strict=True))
     roles = [(motion, Role.FIT) for motion in motions]
     roles += [(motion, Role.HOLDOUT) for motion in holdout]
@@ -127,6 +182,9 @@ def _cases(
         one = known.get(id(motion)) or prepare(motion, [*motions, *holdout])
         start = starts.get(id(motion))
         start = first_offset(one, base) if start is None else start
+        if role is Role.HOLDOUT and searched.sensor is not None:
+            (leftover,) = _leftovers(after_model, [one], [start])
+            one = dressed(leftover, searched.sensor)
         before, after = (_answer(one, model, start) for model in (base, after_model))
         cases.append(
             MotionFinding(
@@ -216,8 +274,9 @@ def _candidates(
 
 
 def _rms(one: Fit, motions: Sequence[PreparedMotion]) -> float:
-    noise = np.concatenate([np.full(int(m.kept.sum()), m.noise) for m in motions])
-    return float(np.sqrt(np.mean((one.residual * noise) ** 2)))
+    parts = zip(motions, parts_of(one.residual, motions), strict=True)
+    metres = np.concatenate([motion.in_metres(part) for motion, part in parts])
+    return float(np.sqrt(np.mean(metres**2)))
 
 
 def _remarks(judgement: Judgement) -> tuple[str, ...]:

@@ -19,8 +19,9 @@ from numpy.typing import NDArray
 from scipy import stats
 from scipy.optimize import least_squares
 
-from slosh_discovery.identify.colour import Colour, Neighbours, estimate_colour, neighbours_of
+from slosh_discovery.discover.colour import Colour, Neighbours, estimate_colour
 from slosh_discovery.identify.problem import Problem
+from slosh_discovery.identify.trials import neighbours_of
 
 Array = NDArray[np.float64]
 

@@ -9,9 +9,9 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
+from slosh_discovery.discover.colour import Colour
 from slosh_discovery.discover.problem import LONGEST_STEP
 from slosh_discovery.discover.separating_families import FAMILIES, Motion, inputs_of, text_of
-from slosh_discovery.identify.colour import Colour
 from slosh_discovery.identify.fitting import information
 from slosh_discovery.identify.problem import STEP, Problem
 from slosh_model.batch import wall_heights

@@ -8,7 +8,7 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
-from slosh_discovery.identify.colour import Colour
+from slosh_discovery.discover.colour import Colour
 from slosh_discovery.identify.information import Unidentified
 from slosh_discovery.identify.trials import OperatingPoint
 from slosh_discovery.identify.validity import LineLimit

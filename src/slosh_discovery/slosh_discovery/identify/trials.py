@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_discovery.discover.clock import first_offset
+from slosh_discovery.discover.colour import Neighbours, neighbours_in
 from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_discovery.discover.noise import estimate_noise
 from slosh_discovery.discover.problem import FINE_SPACING, MOST_AZIMUTHS, PreparedMotion
@@ -21,7 +22,6 @@ from slosh_model.model import Model
 from slosh_model.simulate import Inputs
 
 Array = NDArray[np.float64]
-Places = NDArray[np.int64]
 
 MOVES = 1e-4
 """A container of less acceleration [m/s²] does not move: the liquid decays freely."""
@@ -51,18 +51,14 @@ class Trial:
         point: number of its operating point.
         clock_offset: measured minus inputs' clock, to start from [s].
         free: whether it is a free decay: its state at the first sample is fitted, too.
-        before: (N,) for each kept height the one before in its series, -1: none.
-        lags: (N,) how many sampling intervals lie between the two.
-        frames: (N,) number of the image that the height comes from.
+        neighbours: of each kept height.
     """
 
     prepared: PreparedMotion
     point: int
     clock_offset: float
     free: bool
-    before: Places
-    lags: Places
-    frames: Places
+    neighbours: Neighbours
 
     @property
     def name(self) -> str:
@@ -72,7 +68,7 @@ class Trial:
     @property
     def count(self) -> int:
         """Number of heights."""
-        return len(self.before)
+        return len(self.neighbours.before)
 
 
 @dataclass(frozen=True, slots=True)
@@ -262,11 +258,11 @@ def _trial(
     motion: MeasuredMotion, inputs: Inputs, fine: Inputs, point: int, model: Model
 ) -> Trial:
     prepared = _prepared(motion, inputs, fine)
-    before, lags, frames = _neighbours(prepared)
+    neighbours = neighbours_in(prepared.t, prepared.kept)
     moving = float(np.linalg.norm(motion.inputs.acceleration, axis=1).max(initial=0.0)) > MOVES
     turning = len(motion.inputs.poses) > 0
     offset = 0.0 if motion.same_clock else first_offset(prepared, model)
-    return Trial(prepared, point, offset, not moving and not turning, before, lags, frames)
+    return Trial(prepared, point, offset, not moving and not turning, neighbours)
 
 
 def _prepared(motion: MeasuredMotion, inputs: Inputs, fine: Inputs) -> PreparedMotion:
@@ -290,19 +286,15 @@ def _prepared(motion: MeasuredMotion, inputs: Inputs, fine: Inputs) -> PreparedM
     )
 
 
-def _neighbours(prepared: PreparedMotion) -> tuple[Places, Places, Places]:
-    """Of each kept height, in the order of `kept`: the one before, the lag, the frame."""
-    kept = prepared.kept
-    spacing = float(np.median(np.diff(prepared.t)))
-    slots = np.round((prepared.t - prepared.t[0]) / spacing).astype(np.int64)
-    numbers = np.full(kept.shape, -1, dtype=np.int64)
-    numbers[kept] = np.arange(int(kept.sum()))
-    before = np.full(int(kept.sum()), -1, dtype=np.int64)
-    lags = np.ones_like(before)
-    for column in range(kept.shape[1]):
-        rows = np.flatnonzero(kept[:, column])
-        own = numbers[rows, column]
-        before[own[1:]] = own[:-1]
-        lags[own[1:]] = np.maximum(np.diff(slots[rows]), 1)
-    frames = np.broadcast_to(np.arange(len(kept))[:, np.newaxis], kept.shape)[kept]
-    return before, lags, frames
+def neighbours_of(trials: Sequence[Trial]) -> Neighbours:
+    """Of the residuals of several trials in a row."""
+    starts = np.cumsum([0, *(trial.count for trial in trials)])
+    frame_starts = np.cumsum([0, *(len(trial.prepared.t) for trial in trials)])
+    own = [trial.neighbours for trial in trials]
+    before = [
+        np.where(one.before >= 0, one.before + start, -1)
+        for one, start in zip(own, starts.tolist(), strict=False)
+    ]
+    frames = [one.frames + start for one, start in zip(own, frame_starts.tolist(), strict=False)]
+    lags = [one.lags for one in own]
+    return Neighbours(np.concatenate(before), np.concatenate(lags), np.concatenate(frames))

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_discovery.discover.noise import whiteness
 from slosh_discovery.errors import SloshDiscoveryError
-from slosh_discovery.identify.colour import neighbours_of
 from slosh_discovery.identify.dwell import dwell_vibration
 from slosh_discovery.identify.fitting import Estimate, fit
 from slosh_discovery.identify.frequency_scan import scanned_start
@@ -33,7 +32,7 @@ from slosh_discovery.identify.result import (
     Role,
     Strategy,
 )
-from slosh_discovery.identify.trials import OperatingPoint, Trial, make_trials
+from slosh_discovery.identify.trials import OperatingPoint, Trial, make_trials, neighbours_of
 from slosh_discovery.identify.validity import TOLERANCE, LineLimit, limited, line_limit
 from slosh_model.constants import GRAVITY
 from slosh_model.covariance import covariance_of

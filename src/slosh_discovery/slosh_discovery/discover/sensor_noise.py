@@ -1,0 +1,392 @@
+"""What a sensor's noise is like: its colour, its outliers, and how its stamps jitter.
+
+Stamps that jitter by τ are white noise of the size τ |dη/dt|, large where the liquid moves fast.
+That tells them from noise that remembers, and both together are the likeliest that the residual
+shows. Outliers stand out from what all other samples foretell of theirs.
+
+A wrong model's residual remembers, too. But what a liquid can do lies below LIQUID_BAND. So the
+noise must be likely above it, where a series of cosines has taken up whatever lies below
+(restricted likelihood); where it is not, the noise is what it is there, and the rest is what the
+model lacks.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
+from scipy.optimize import minimize
+
+from slosh_discovery.discover.colour import MOST, Neighbours, Whitening
+from slosh_discovery.discover.differences import LEAST_SAMPLES, robust_scale
+from slosh_discovery.discover.problem import HeightNoise, PreparedMotion
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+LIQUID_BAND = 8.0
+"""What a residual does below this frequency [Hz] may be the model's fault,"""
+BAND_SHARE = 0.3
+"""or below this share of the sampling rate."""
+LONGEST = 400
+"""A part of a series that is looked at together [samples]."""
+COLUMNS = 3
+"""So many azimuths tell of the colour."""
+OUTLIER = 4.0
+"""A sample so many standard deviations off what all others foretell is an outlier."""
+APART = 2
+"""What stands out beside a larger one, within so many samples, is its shadow."""
+ROUNDS = 5
+"""Of outliers and colour."""
+STILL = 0.03
+"""Rounds end when colour and jitter change by less, relatively."""
+CONTRADICTED = 3.0
+"""Log of the likelihood: what goes on above the liquid's band tells of another noise than the
+whole residual, if it is so much less likely with that. Then the rest is no noise."""
+COMMON = 1.0
+"""Usual size of the correlation of a sensor's neighbouring samples, as its inverse tanh."""
+SURE = 8.0
+"""Log of the likelihood that colour and jitter must gain: else the noise is white."""
+ROUGHER = 3.0
+"""A noise that is so many times as large as the heights' differences tell is none."""
+VARIED = 0.1
+"""Claims that spread by less than this share of themselves tell of no differences."""
+FEW = 0.003
+"""Share of outliers that plain noise has."""
+ALIKE = 0.15
+"""Noises that differ by less, relatively, weigh the same explanations alike."""
+STRONGEST = 0.97
+"""Largest correlation of neighbours that is a sensor's."""
+LARGEST_JITTER = 0.03
+"""Of stamps [s]."""
+
+
+@dataclass(frozen=True, slots=True)
+class SensorNoise:
+    """Noise of one sensor.
+
+    Attributes:
+        stddev: of the part that remembers [m]; where the sensor claims its own, in that's median.
+        correlation: of that of neighbouring samples.
+        jitter: standard deviation of the stamps [s].
+        outliers: share of the samples that are outliers.
+        claims: whether the sensor's own claims say which samples are noisier than others.
+    """
+
+    stddev: float
+    correlation: float
+    jitter: float
+    outliers: float
+    claims: bool = False
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Leftovers:
+    """What a model leaves of a motion.
+
+    Attributes:
+        motion: the motion.
+        residual: (M, K) measured minus predicted [m]; NaN: no sample.
+        speed: (M, K) rate of the predicted heights [m/s].
+    """
+
+    motion: PreparedMotion
+    residual: Array
+    speed: Array
+
+    @classmethod
+    def of(cls, motion: PreparedMotion, predicted: Array) -> Leftovers:
+        """From the predicted heights (M, K) at the motion's times [m]."""
+        residual = np.where(np.isfinite(motion.heights), motion.heights - predicted, np.nan)
+        return cls(motion, residual, np.gradient(predicted, motion.t, axis=0))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Part:
+    """A part of one column's residual.
+
+    Attributes:
+        places: (N, 2) of the samples in the motion's (M, K).
+        residual: (N,) [m], relative to what the sensor claims.
+        speed_square: (N,) of the heights [m²/s²], likewise.
+        t: (N,) [s].
+    """
+
+    places: NDArray[np.int64]
+    residual: Array
+    speed_square: Array
+    t: Array
+
+    def without(self, struck: Mask) -> _Part:
+        return replace(
+            self,
+            places=self.places[~struck],
+            residual=self.residual[~struck],
+            speed_square=self.speed_square[~struck],
+            t=self.t[~struck],
+        )
+
+    def neighbours(self, spacing: float) -> Neighbours:
+        lags = np.maximum(np.round(np.diff(self.t, prepend=self.t[0]) / spacing), 1)
+        before = np.arange(-1, len(self.t) - 1)
+        return Neighbours(before, lags.astype(np.int64), before + 1)
+
+
+@dataclass(frozen=True, slots=True)
+class _Shape:
+    """Of a noise, whatever its size.
+
+    Attributes:
+        correlation: of the part that remembers, between neighbouring samples.
+        ratio: variance of the stamps to that of the part that remembers [s²/m²].
+    """
+
+    correlation: float
+    ratio: float
+
+    def near(self, other: _Shape) -> bool:
+        """Whether another round would change nothing."""
+        sizes = math.sqrt(self.ratio), math.sqrt(other.ratio)
+        return abs(self.correlation - other.correlation) < STILL and (
+            abs(sizes[0] - sizes[1]) <= STILL * max(sizes)
+        )
+
+
+_PLAIN = _Shape(0.0, 0.0)
+_Likelihood = Callable[[Sequence[_Part], _Shape], tuple[float, float]]
+
+
+def estimate_sensor(leftovers: Sequence[Leftovers]) -> SensorNoise | None:
+    """The noise that the residuals of several motions show; None: it is plain and white.
+
+    Args:
+        leftovers: of motions that one sensor has measured.
+    """
+    claims = _claims_hold(leftovers)
+    parts = [part for one in leftovers for part in _parts(one, COLUMNS, claims=claims)]
+    if not parts:
+        return None
+    shape, clean = _PLAIN, parts
+    for _ in range(ROUNDS):
+        size = robust_scale(np.concatenate([_deviations(part, shape) for part in clean]))
+        clean = [part.without(_outliers(part, size, shape)) for part in parts]
+        before, shape = shape, _most_likely(clean, shape, _likelihood)
+        if shape.near(before):
+            break
+    likelihood = _likelihood
+    above = _most_likely(clean, shape, _likelihood_above)
+    if _likelihood_above(clean, above)[0] - _likelihood_above(clean, shape)[0] > CONTRADICTED:
+        shape, likelihood = above, _likelihood_above
+    found, size = likelihood(clean, shape)
+    outliers = 1.0 - sum(len(part.t) for part in clean) / sum(len(part.t) for part in parts)
+    plain = found - likelihood(clean, _PLAIN)[0] < SURE and outliers <= FEW
+    believed = claims or _seen_in_differences(clean, size, shape, leftovers)
+    if (plain and not claims) or not believed or abs(shape.correlation) > MOST:
+        return None
+    return SensorNoise(size, shape.correlation, math.sqrt(shape.ratio) * size, outliers, claims)
+
+
+def _seen_in_differences(
+    parts: Sequence[_Part], size: float, shape: _Shape, leftovers: Sequence[Leftovers]
+) -> bool:
+    """Whether heights differ from sample to sample as that noise does.
+
+    A smooth series without noise goes together like nothing else: what is left there is all the
+    model's. Differences of a high order know, as they see the noise near half the sampling rate.
+    """
+    speed = np.mean(np.concatenate([part.speed_square for part in parts]))
+    rough = (1.0 - shape.correlation) / (1.0 + shape.correlation) + shape.ratio * float(speed)
+    seen = float(np.median([one.motion.noise for one in leftovers]))
+    return size * math.sqrt(rough) < ROUGHER * seen
+
+
+def alike(one: SensorNoise | None, other: SensorNoise | None) -> bool:
+    """Whether two noises are the same, as far as they matter."""
+    if one is None or other is None:
+        return one is other
+    return (
+        abs(one.correlation - other.correlation) < ALIKE
+        and abs(math.log(one.stddev / other.stddev)) < ALIKE
+        and abs(one.jitter - other.jitter) < ALIKE * max(one.jitter, other.jitter)
+    )
+
+
+def dressed(one: Leftovers, sensor: SensorNoise) -> PreparedMotion:
+    """The motion with that sensor's noise: what it forgets, remembers, and which are outliers."""
+    motion = one.motion
+    kept = np.isfinite(motion.heights)
+    shape = _Shape(sensor.correlation, (sensor.jitter / sensor.stddev) ** 2)
+    squares = []
+    for part in _parts(one, kept.shape[1], claims=sensor.claims):
+        struck = _outliers(part, sensor.stddev, shape)
+        kept[tuple(part.places[struck].T)] = False
+        squares.append(part.residual[struck] ** 2)
+    forgotten = (sensor.jitter * one.speed) ** 2
+    stddev = sensor.stddev * (_claimed(motion) if sensor.claims else np.ones(len(motion.t)))
+    whole = np.isfinite(motion.heights)
+    outlying = float(np.sum(np.concatenate(squares))) if squares else 0.0
+    total = float(np.sum((forgotten + stddev[:, np.newaxis] ** 2)[kept])) + outlying
+    return replace(
+        motion,
+        noise=math.sqrt(total / int(whole.sum())),
+        kept=kept,
+        law=HeightNoise(sensor.correlation, stddev, forgotten),
+    )
+
+
+def _claimed(motion: PreparedMotion) -> Array:
+    """(M,) what the sensor claims of its own noise, relative to the median; 1 where nothing."""
+    stddev = motion.motion.stddev
+    if stddev is None:
+        return np.ones(len(motion.t))
+    claimed = stddev[np.searchsorted(motion.motion.t, motion.t)]
+    usual = float(np.nanmedian(claimed)) if np.isfinite(claimed).any() else 0.0
+    if not usual > 0.0:
+        return np.ones(len(motion.t))
+    return np.where(np.isfinite(claimed) & (claimed > 0.0), claimed, usual) / usual
+
+
+def _claims_hold(leftovers: Sequence[Leftovers]) -> bool:
+    """Whether heights scatter about their neighbours as the sensor claims, rather than evenly."""
+    bends, sizes = [], []
+    for one in leftovers:
+        claimed = _claimed(one.motion)
+        residual = one.residual[:, 0]
+        bends.append(residual[1:-1] - 0.5 * (residual[:-2] + residual[2:]))
+        sizes.append(np.sqrt(claimed[1:-1] ** 2 + 0.25 * (claimed[:-2] ** 2 + claimed[2:] ** 2)))
+    size, bend = np.concatenate(sizes), np.abs(np.concatenate(bends))
+    size, bend = size[np.isfinite(bend)], bend[np.isfinite(bend)]
+    if len(bend) < LEAST_SAMPLES or np.ptp(size) < VARIED * float(np.median(size)):
+        return False
+    # The likelihood of two-sided exponentials, which outliers do not rule.
+    gain = math.log(float(np.mean(bend)) / float(np.mean(bend / size))) - float(
+        np.mean(np.log(size))
+    )
+    return gain * len(bend) > SURE
+
+
+def _parts(one: Leftovers, most: int, *, claims: bool) -> Iterator[_Part]:
+    count = one.residual.shape[1]
+    columns = np.unique(np.linspace(0, count, min(most, count), endpoint=False).astype(int))
+    claimed = _claimed(one.motion) if claims else np.ones(len(one.motion.t))
+    for column in columns.tolist():
+        rows = np.flatnonzero(np.isfinite(one.residual[:, column]))
+        for chunk in np.array_split(rows, max(math.ceil(len(rows) / LONGEST), 1)):
+            if len(chunk) >= 2 * LEAST_SAMPLES:
+                yield _Part(
+                    np.column_stack([chunk, np.full(len(chunk), column)]),
+                    one.residual[chunk, column] / claimed[chunk],
+                    (one.speed[chunk, column] / claimed[chunk]) ** 2,
+                    one.motion.t[chunk],
+                )
+
+
+def _spacing(part: _Part) -> float:
+    return float(np.median(np.diff(part.t)))
+
+
+def _liquid(part: _Part) -> Array:
+    """(N, B) cosines up to the liquid's band: whatever it does is a sum of these."""
+    span = float(part.t[-1] - part.t[0])
+    highest = min(LIQUID_BAND, BAND_SHARE / _spacing(part))
+    count = min(int(2.0 * highest * span) + 1, len(part.t) // 2)
+    phase = math.pi * (part.t - part.t[0]) / max(span, 1e-9)
+    return np.asarray(np.cos(phase[:, np.newaxis] * np.arange(count)))
+
+
+def _whitening(part: _Part, shape: _Shape) -> Whitening:
+    """In units of the part that remembers."""
+    neighbours = part.neighbours(_spacing(part))
+    return Whitening.of(neighbours, 1.0, shape.correlation, shape.ratio * part.speed_square)
+
+
+def _likelihood(parts: Sequence[_Part], shape: _Shape) -> tuple[float, float]:
+    """Log of the likelihood, and the size of the noise at which it is largest [m]."""
+    square, volume = 0.0, 0.0
+    for part in parts:
+        whitening = _whitening(part, shape)
+        square += float(np.sum(whitening.applied(part.residual) ** 2))
+        volume += float(np.sum(np.log(whitening.spread)))
+    return _of_size(square, sum(len(part.t) for part in parts), volume)
+
+
+def _likelihood_above(parts: Sequence[_Part], shape: _Shape) -> tuple[float, float]:
+    """The same of what lies above the liquid's band."""
+    degrees, square, volume = 0, 0.0, 0.0
+    for part in parts:
+        whitening = _whitening(part, shape)
+        both = whitening.applied(np.column_stack([_liquid(part), part.residual]))
+        liquid, residual = both[:, :-1], both[:, -1]
+        normal = liquid.T @ liquid
+        normal += 1e-9 * np.trace(normal) / len(normal) * np.eye(len(normal))
+        root = np.linalg.cholesky(normal)
+        explained = solve_triangular(root, liquid.T @ residual, lower=True, check_finite=False)
+        square += float(residual @ residual - explained @ explained)
+        degrees += len(residual) - len(normal)
+        volume += float(np.sum(np.log(whitening.spread)) + np.sum(np.log(np.diag(root))))
+    return _of_size(square, degrees, volume)
+
+
+def _of_size(square: float, degrees: int, volume: float) -> tuple[float, float]:
+    size = math.sqrt(max(square, 1e-300) / max(degrees, 1))
+    return -degrees * math.log(size) - volume, size
+
+
+def _most_likely(parts: Sequence[_Part], start: _Shape, likelihood: _Likelihood) -> _Shape:
+    """The shape that makes the residuals likeliest."""
+    speed = math.sqrt(float(np.mean(np.concatenate([part.speed_square for part in parts]))))
+    _, size = likelihood(parts, _PLAIN)
+    most = LARGEST_JITTER / size
+
+    def shape_of(x: Array) -> _Shape:
+        # By the jitter's standard deviation over the other noise's, at the usual speed.
+        ratio = min(math.exp(float(x[1])) / speed, most) if speed > 0.0 else 0.0
+        return _Shape(STRONGEST * math.tanh(float(x[0])), ratio**2)
+
+    def missed(x: Array) -> float:
+        # Where the residuals tell nothing, neighbours go together a little, and more seldom much.
+        return 0.5 * float(x[0] / COMMON) ** 2 - likelihood(parts, shape_of(x))[0]
+
+    share = math.log(max(math.sqrt(start.ratio) * speed, 0.1))
+    centre = np.clip([math.atanh(start.correlation / STRONGEST), share], -2.0, 2.0)
+    found = minimize(
+        missed,
+        centre,
+        method="Nelder-Mead",
+        bounds=[(-2.5, 2.5), (-6.0, 4.0)],
+        options={
+            "initial_simplex": centre + np.array([[0.0, 0.0], [0.5, 0.0], [0.0, 1.5]]),
+            "xatol": 0.03,
+            "fatol": 0.1,
+            "maxfev": 50,
+        },
+    )
+    return shape_of(found.x)
+
+
+def _deviations(part: _Part, shape: _Shape) -> Array:
+    """(N,) from what all other samples foretell, relative to the part that remembers [m]."""
+    score, root = _whitening(part, shape).foretold(part.residual)
+    return np.asarray(score / root)
+
+
+def _outliers(part: _Part, size: float, shape: _Shape) -> Mask:
+    """(N,) which samples stand out; the largest first, as it draws its neighbours along."""
+    struck = np.zeros(len(part.t), dtype=np.bool_)
+    left = part
+    while len(left.t) >= 2 * LEAST_SAMPLES:
+        off = np.abs(_deviations(left, shape)) / size
+        peaks = [
+            i
+            for i in np.flatnonzero(off > OUTLIER).tolist()
+            if off[i] >= off[max(i - APART, 0) : i + APART + 1].max()
+        ]
+        if not peaks:
+            break
+        struck[np.flatnonzero(~struck)[peaks]] = True
+        left = part.without(struck)
+    return struck

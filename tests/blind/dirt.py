@@ -1,0 +1,78 @@
+"""What a real sensor does to heights, and a robot's bus to inputs: the dirty cases.
+
+A dirty case is the clean one of its name, motion by motion, with other errors of the same size.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+from slosh_model.interpolation import columns_at
+from slosh_model.simulate import Inputs
+
+Array = NDArray[np.float64]
+Random = np.random.Generator
+
+
+@dataclass(frozen=True, slots=True)
+class Dirt:
+    """How heights and inputs err.
+
+    Attributes:
+        correlation: of neighbouring samples' noise.
+        outliers: share of the samples that are outliers,
+        outlier: by so much, up or down [m].
+        lost: share of the frames that are missing, in bursts
+        burst: of so many frames on the average.
+        jitter: a frame's stamp is off by at most so much, evenly [s].
+        input_rate: of the inputs that the workflow gets [Hz].
+    """
+
+    correlation: float = 0.7
+    outliers: float = 0.01
+    outlier: float = 3e-3
+    lost: float = 0.1
+    burst: float = 5.0
+    jitter: float = 4e-3
+    input_rate: float = 125.0
+
+    def late(self, random: Random, count: int) -> Array:
+        """(M,) by how much stamps are later than their frames [s]."""
+        return random.uniform(-self.jitter, self.jitter, count)
+
+    def errors(self, random: Random, shape: tuple[int, int], noise: float) -> Array:
+        """(M, K) noise of that standard deviation that remembers, and outliers [m]."""
+        fresh = random.normal(0.0, noise, shape)
+        fresh[1:] *= np.sqrt(1.0 - self.correlation**2)
+        errors = np.asarray(lfilter([1.0], [1.0, -self.correlation], fresh, axis=0))
+        struck = random.random(shape) < self.outliers
+        errors[struck] += self.outlier * random.choice([-1.0, 1.0], int(struck.sum()))
+        return errors
+
+    def missing(self, random: Random, count: int) -> NDArray[np.bool_]:
+        """(M,) which frames are missing: bursts begin at random and end at random."""
+        gone = np.zeros(count, dtype=np.bool_)
+        start = self.lost / ((1.0 - self.lost) * self.burst)
+        here = bool(random.random() < self.lost)
+        for i in range(count):
+            gone[i] = here
+            here = bool(random.random() < (1.0 - 1.0 / self.burst if here else start))
+        return gone
+
+    def sampled(self, inputs: Inputs) -> Inputs:
+        """The inputs at a lower rate, nothing averaged."""
+        count = int((inputs.t[-1] - inputs.t[0]) * self.input_rate)
+        t = inputs.t[0] + np.arange(count + 1) / self.input_rate
+
+        def taken(columns: Array | None) -> Array | None:
+            return None if columns is None else columns_at(t, inputs.t, columns)
+
+        acceleration = columns_at(t, inputs.t, inputs.acceleration)
+        return Inputs(t, acceleration, taken(inputs.attitude), taken(inputs.angular_velocity))
+
+
+DIRT = Dirt()
