@@ -157,17 +157,24 @@ def parameter_row(parameter: Parameter) -> str:
     bounds = f"{parameter.lower:g} … {parameter.upper:g}"
     if parameter.choices is not None:
         bounds = " or ".join(f"{choice:g}" for choice in parameter.choices)
-    usual = parameter.plausible
     cells = (
         f"`{parameter.name}`",
         parameter.unit,
         bounds,
         number(parameter.neutral),
         number(parameter.default),
-        "" if usual is None else f"{usual[0]:.3g} … {usual[1]:.3g}",
+        usually(parameter),
         parameter.description,
     )
     return f"| {' | '.join(cells)} |"
+
+
+def usually(parameter: Parameter) -> str:
+    """How far people and rigs have it wrong, or else where it lies."""
+    if parameter.spread is not None and parameter.neutral is not None:
+        return f"{parameter.neutral:g} ± {parameter.spread:g}"
+    usual = parameter.plausible
+    return "" if usual is None else f"{usual[0]:.3g} … {usual[1]:.3g}"
 
 
 def number(value: float | None) -> str:

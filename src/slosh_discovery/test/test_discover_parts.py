@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from example_effects import in_fitting_container
@@ -14,6 +16,7 @@ from slosh_discovery.discover.evidence import (
     columns_together,
     correlation_length,
     log_evidence,
+    log_prior,
     probabilities,
     standard_errors,
 )
@@ -112,3 +115,27 @@ def test_thinned_inputs_give_the_same_heights():
     answer = motion.simulate(BASE)
     assert answer is not None
     assert answer.at(motion.t, 0.0)[:, 0] == pytest.approx(heights, abs=2e-5)
+
+
+def test_what_nobody_gets_so_wrong_is_paid_for():
+    """A fill height given as 70 mm is a few millimetres off, or something else is wrong."""
+    motions = [prepare(measured(BASE, 1), noise=NOISE)]
+    one = fit(Explanation(BASE).with_effect("fill_level", {}), motions, np.zeros(1), [0.0])
+    (spread,) = one.explanation.spreads
+    assert spread == EFFECTS["fill_level"].parameters[0].spread
+    paid = log_prior(replace(one, vector=np.array([0.005]))) - log_prior(
+        replace(one, vector=np.array([0.068]))
+    )
+    assert paid == pytest.approx(0.5 * (0.068**2 - 0.005**2) / spread**2)
+    assert paid > 30.0
+    (error,) = standard_errors(one, 1e12)
+    assert error == pytest.approx(spread)
+
+
+@pytest.mark.parametrize("name", EFFECTS)
+def test_what_is_usually_wrong_is_plausible(name):
+    for parameter in EFFECTS[name].parameters:
+        if parameter.spread is not None:
+            low, high = parameter.plausible
+            assert low < parameter.neutral - parameter.spread
+            assert parameter.neutral + parameter.spread < high

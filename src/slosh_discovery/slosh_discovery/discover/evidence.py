@@ -26,8 +26,6 @@ Array = NDArray[np.float64]
 
 EFFECT_PRIOR = 1.0 / 60.0
 """Odds of one given effect being at work, before any data: about one in three that any is."""
-PRIOR_VARIANCE = 1.0 / 12.0
-"""Of a parameter that lies anywhere within its plausible width, in squares of that width."""
 CORRELATED = 0.05
 """Correlations of the residual below this are none."""
 LONGEST_LAG = 60
@@ -35,8 +33,7 @@ LONGEST_LAG = 60
 
 def log_evidence(fit: Fit, temperature: float) -> float:
     """Log of the evidence and of the prior of a fitted explanation."""
-    explanation = fit.explanation
-    spreads = explanation.widths * math.sqrt(PRIOR_VARIANCE)
+    spreads = fit.explanation.spreads
     information = fit.information * np.outer(spreads, spreads) / temperature
     _, log_determinant = np.linalg.slogdet(np.eye(len(information)) + information)
     return -0.5 * fit.chi_square / temperature - 0.5 * float(log_determinant) + log_prior(fit)
@@ -45,8 +42,7 @@ def log_evidence(fit: Fit, temperature: float) -> float:
 def log_prior(fit: Fit) -> float:
     """Log of an explanation's probability before any data, but for a constant."""
     explanation = fit.explanation
-    spreads = explanation.widths * math.sqrt(PRIOR_VARIANCE)
-    surprise = (fit.vector - explanation.centres) / spreads
+    surprise = (fit.vector - explanation.centres) / explanation.spreads
     return (
         len(explanation.effects) * math.log(EFFECT_PRIOR)
         - len(explanation.chosen) * math.log(2.0)
@@ -116,8 +112,8 @@ def probabilities(log_evidences: Sequence[float]) -> Array:
 
 def standard_errors(fit: Fit, temperature: float) -> Array:
     """(P,) of the free parameters; at most what was plausible before any data."""
-    widths = fit.explanation.widths
-    information = fit.information * np.outer(widths, widths) / temperature
-    information += np.eye(len(widths)) / PRIOR_VARIANCE
-    errors: Array = widths * np.sqrt(np.diag(np.linalg.inv(information)))
+    spreads = fit.explanation.spreads
+    information = fit.information * np.outer(spreads, spreads) / temperature
+    information += np.eye(len(spreads))
+    errors: Array = spreads * np.sqrt(np.diag(np.linalg.inv(information)))
     return errors

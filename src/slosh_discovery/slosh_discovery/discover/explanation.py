@@ -18,6 +18,8 @@ from slosh_model.model import Model
 
 Array = NDArray[np.float64]
 
+PRIOR_VARIANCE = 1.0 / 12.0
+"""Of a parameter that lies anywhere within its plausible width, in squares of that width."""
 LEAST_FILL = 0.1
 """A fit leaves at least this share of the fill height in the container."""
 
@@ -51,6 +53,13 @@ class Explanation:
         """(P,) how far each free parameter plausibly spreads."""
         ranges = (plausible(parameter) for _, parameter in self.free)
         return np.array([high - low for low, high in ranges])
+
+    @cached_property
+    def spreads(self) -> Array:
+        """(P,) standard deviation of each free parameter, before any data."""
+        even = self.widths * math.sqrt(PRIOR_VARIANCE)
+        told = [parameter.spread for _, parameter in self.free]
+        return np.array([e if t is None else t for e, t in zip(even.tolist(), told, strict=True)])
 
     @cached_property
     def centres(self) -> Array:

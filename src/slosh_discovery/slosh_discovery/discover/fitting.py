@@ -205,7 +205,7 @@ class _Fitting:
 
     def _residual_and_prior(self, vector: Array) -> Array:
         explanation = self._evaluator.explanation
-        prior = (vector[: self._count] - explanation.centres) / explanation.widths
+        prior = (vector[: self._count] - explanation.centres) / explanation.spreads
         return np.concatenate([self._evaluate(vector)[0], prior])
 
     def _derivative_and_prior(self, vector: Array) -> Array:
@@ -214,5 +214,5 @@ class _Fitting:
         shared = self._evaluator.derivative(vector[: self._count], offsets, residual)
         clocks = self._evaluator.clock_derivative(answers, offsets)
         prior = np.zeros((self._count, len(vector)))
-        prior[:, : self._count] = np.diag(1.0 / self._evaluator.explanation.widths)
+        prior[:, : self._count] = np.diag(1.0 / self._evaluator.explanation.spreads)
         return np.vstack([np.hstack([shared, clocks]), prior])

@@ -26,6 +26,7 @@ EFFECT = Effect(
             neutral=1.0,
             description="true acceleration relative to the given one",
             plausible=(0.7, 1.4),
+            spread=0.15,  # a sensor out of calibration
             starts=(0.9, 1.1),
         ),
     ),

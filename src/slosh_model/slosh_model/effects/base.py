@@ -55,8 +55,9 @@ class Parameter:
         description: what it means.
         default: used where model.yaml gives none; None: it must be given.
         choices: the values that it may have, where it chooses between variants; None: any.
-        plausible: where it usually lies; a discovery weighs what it finds by that. None: anywhere
-            within the bounds.
+        plausible: where it usually lies, and where a discovery looks. None: within the bounds.
+        spread: standard deviation about its neutral value of what people and rigs have wrong; a
+            discovery weighs by it what it finds. None: all that is plausible is as likely.
         starts: where a fit may start; empty: in the middle of what is plausible.
     """
 
@@ -69,6 +70,7 @@ class Parameter:
     default: float | None = None
     choices: tuple[float, ...] | None = None
     plausible: tuple[float, float] | None = None
+    spread: float | None = None
     starts: tuple[float, ...] = ()
 
     def check(self, owner: str, value: float) -> float:

@@ -32,6 +32,7 @@ EFFECT = Effect(
             neutral=0.0,
             description="liquid above the model's fill height",
             plausible=(-0.03, 0.03),
+            spread=0.008,  # a ruler, a meniscus, a cup filled by eye
             starts=(-0.015, 0.015),
         ),
     ),

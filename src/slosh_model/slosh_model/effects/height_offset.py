@@ -25,6 +25,7 @@ EFFECT = Effect(
             neutral=0.0,
             description="measured height of the still level",
             plausible=(-0.02, 0.02),
+            spread=0.004,  # the line at which the still level was taken
             starts=(0.0,),
         ),
     ),

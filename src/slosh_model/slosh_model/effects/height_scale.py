@@ -25,6 +25,7 @@ EFFECT = Effect(
             neutral=1.0,
             description="measured height relative to the true one",
             plausible=(0.7, 1.4),
+            spread=0.15,  # a distance taken from a drawing
             starts=(0.9, 1.1),
         ),
     ),

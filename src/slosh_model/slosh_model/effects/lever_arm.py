@@ -50,6 +50,7 @@ def _arm(name: str) -> Parameter:
         name=name, unit="m", lower=-2.0, upper=2.0, neutral=0.0,
         description=f"{name} of the container's origin from the given point, container's axes",
         plausible=(-0.4, 0.4), starts=(0.0,),
+        spread=0.15,  # from the flange, or the cup's floor, to the surface
     )  # fmt: skip
 
 

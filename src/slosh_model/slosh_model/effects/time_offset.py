@@ -24,6 +24,7 @@ EFFECT = Effect(
             neutral=0.0,
             description="by how much the measurement is late",
             plausible=(-0.15, 0.15),
+            spread=0.04,  # one or two images, a bus, a filter
             starts=(-0.08, -0.02, 0.02, 0.08),
         ),
     ),
