@@ -31,6 +31,7 @@ STRENGTHS: dict[str, dict[str, float]] = {
     "frame_saturation": {"cap": 0.004},
     "visible_arc": {"centre": 0.5, "width": 1.0},
     "crest_asymmetry": {"kappa": 0.6},
+    "sensor_tilt": {"e_x": 0.03, "e_y": -0.02},
     "draining_film": {"speed": 0.02},
 }
 

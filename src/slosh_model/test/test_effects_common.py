@@ -34,6 +34,7 @@ VALUES = {
     "quadratic_damping": {"beta": 0.5},
     "robot_dynamics": {"frequency": 30.0, "damping_ratio": 0.5},
     "second_mode": {"damping_ratio": 0.01},
+    "sensor_tilt": {"e_x": 0.03, "e_y": -0.05},
     "static_tilt": {"roll": 0.05, "pitch": -0.08},
     "surface_nonlinearity": {"alpha": 0.58},
     "time_offset": {"tau": 0.05},
@@ -58,7 +59,7 @@ AZIMUTHS = np.array([0.2, 2.0, -1.4])
 
 def test_the_effects_are_those_of_the_list():
     assert set(EFFECTS) == set(VALUES)
-    assert len(EFFECTS) == 23
+    assert len(EFFECTS) == 24
 
 
 def with_effect(name, **parameters):
@@ -141,7 +142,7 @@ def test_in_a_mirror_everything_is_mirrored(name, inputs):
         inputs.attitude * [-1.0, 1.0, -1.0, 1.0],
         inputs.angular_velocity * [-1.0, 1.0, -1.0],
     )
-    odd = {"axis", "y", "roll", "centre"}
+    odd = {"axis", "y", "e_y", "roll", "centre"}
     values = {key: -value if key in odd else value for key, value in VALUES[name].items()}
     found = predicted_heights(with_effect(name, **values), mirrored, TIMES, -AZIMUTHS)
     expected = predicted_heights(with_effect(name), inputs, TIMES, AZIMUTHS)

@@ -130,6 +130,28 @@ def test_visible_arc_is_the_containers_own_part_of_the_wall():
     assert np.max(np.abs(found - read("visible_arc", centre=0.4, width=1.0)[0][:, 0])) > 0.002
 
 
+# sensor_tilt
+
+
+def test_sensor_tilt_reads_a_crest_by_where_it_is():
+    """A plane that leans by e over the wall's circle; the maximum is read where the crest is."""
+    crest, height = np.linspace(-3.0, 3.0, 25), 0.012
+    model = PLAIN.with_effect("sensor_tilt", e_x=0.03, e_y=-0.05)
+    turning = response(height * np.cos(crest), height * np.sin(crest), np.arange(25.0))
+    found = measured_heights(model, turning)[:, 0]
+    lean = RADIUS * (0.03 * np.cos(crest) - 0.05 * np.sin(crest))
+    assert found == pytest.approx(height + lean, abs=1e-12)
+    places = np.array([0.0, 0.5 * math.pi, math.pi])
+    wall = measured_heights(model, turning, places) - measured_heights(PLAIN, turning, places)
+    assert wall == pytest.approx(np.tile(RADIUS * np.array([0.03, -0.05, -0.03]), (25, 1)))
+
+
+def test_a_level_surface_has_no_crest_that_a_sensor_tilt_would_move():
+    model = PLAIN.with_effect("sensor_tilt", e_x=0.03, e_y=-0.05)
+    still = response(np.zeros(3), np.zeros(3), np.arange(3.0))
+    assert not measured_heights(model, still).any()
+
+
 # draining_film
 
 
@@ -218,10 +240,11 @@ def test_a_falling_level_counts_where_the_zero_is_fixed():
 
 
 def test_what_a_sensor_does_comes_in_the_lights_order():
-    """Arc, crest, scale, offset, film, frame's edge."""
+    """Arc, crest, tilt, scale, offset, film, frame's edge."""
     uses = {
         "visible_arc": {"centre": 0.0, "width": 1.0},
         "crest_asymmetry": {"kappa": 0.8},
+        "sensor_tilt": {"e_x": 0.02, "e_y": 0.01},
         "height_scale": {"gain": 1.2},
         "height_offset": {"offset": 0.001},
         "draining_film": {"speed": 0.05},
@@ -236,7 +259,9 @@ def test_what_a_sensor_does_comes_in_the_lights_order():
     eta = measured_heights(PLAIN.with_effect("visible_arc", **uses["visible_arc"]), liquid[0])[
         :, 0
     ]
-    eta = 1.2 * (eta + 0.8 * eta**2 / RADIUS) + 0.001
+    size = np.hypot(liquid[0].sh_x, liquid[0].sh_y)
+    lean = RADIUS * (0.02 * liquid[0].sh_x + 0.01 * liquid[0].sh_y) / size
+    eta = 1.2 * (eta + 0.8 * eta**2 / RADIUS + lean) + 0.001
     eta = np.maximum.accumulate(eta + 0.05 * T) - 0.05 * T
     expected = np.minimum(eta, 0.006)
     assert expected.max() == 0.006

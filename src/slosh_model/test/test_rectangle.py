@@ -382,7 +382,14 @@ def test_loss_of_liquid_is_that_of_both_axes(integrated, same):
 
 
 @pytest.mark.parametrize(
-    "name", ["anisotropic_stiffness", "surface_nonlinearity", "visible_arc", "yaw_coupling"]
+    "name",
+    [
+        "anisotropic_stiffness",
+        "sensor_tilt",
+        "surface_nonlinearity",
+        "visible_arc",
+        "yaw_coupling",
+    ],
 )
 def test_what_a_rectangle_cannot_have_is_refused(name):
     with pytest.raises(SloshModelError) as caught:
