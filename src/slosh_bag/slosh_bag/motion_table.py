@@ -90,8 +90,8 @@ def read_motion_table(path: Path) -> MotionTable:
             that names the file, the line and the column.
     """
     names, data = read_columns(path, _check_columns)
-    _check_finite(path, names, data)
-    _check_time(path, data[:, names.index("t")])
+    check_finite(path, names, data)
+    check_time(path, data[:, names.index("t")])
     return _table(names, data)
 
 
@@ -189,7 +189,7 @@ def _heading(path: Path, rows: Iterator[list[str]]) -> list[str]:
     heading = next(rows, [])
     blank = not any(cell.strip() for cell in heading)
     if blank and not any(cell.strip() for row in rows for cell in row):
-        raise SloshBagError(f"{path}: is empty; a motion table starts with t,ax,ay,az")
+        raise SloshBagError(f"{path}: is empty; a table starts with the names of its columns")
     return heading
 
 
@@ -236,7 +236,8 @@ def _number(path: Path, line: int, name: str, text: str) -> float:
         ) from None
 
 
-def _check_finite(path: Path, names: list[str], data: Array) -> None:
+def check_finite(path: Path, names: list[str], data: Array) -> None:
+    """Raises SloshBagError where an input is not finite, or a height infinite."""
     for column, name in enumerate(names):
         heights = name == MSH or _is_eta(name) or _is_profile(name)
         bad = np.isinf(data[:, column]) if heights else ~np.isfinite(data[:, column])
@@ -248,7 +249,8 @@ def _check_finite(path: Path, names: list[str], data: Array) -> None:
             )
 
 
-def _check_time(path: Path, t: Array) -> None:
+def check_time(path: Path, t: Array) -> None:
+    """Raises SloshBagError where time does not increase."""
     late = np.flatnonzero(np.diff(t) <= 0.0)
     if len(late):
         row = int(late[0]) + 1

@@ -137,16 +137,19 @@ def test_no_safe_motion_is_exit_code_1(slosh_plan):
 
 
 WRONG = {
-    "unsorted": (HEAD + "0,0,0,0\n2,0.1,0,0\n1,0.2,0,0\n", "line 4: t = 1 s comes before 2 s"),
-    "repeated": (HEAD + "0,0,0,0\n0,0.1,0,0\n", "line 3: t = 0 s repeats"),
+    "unsorted": (
+        HEAD + "0,0,0,0\n2,0.1,0,0\n1,0.2,0,0\n",
+        "line 4: column 't': 1 s does not come after 2 s",
+    ),
+    "repeated": (HEAD + "0,0,0,0\n0,0.1,0,0\n", "line 3: column 't': 0 s does not come after 0 s"),
     "one point": (HEAD + "0,0,0,0\n", "holds 1 rows"),
-    "empty": ("", "'t' is missing"),
+    "empty": ("", "is empty"),
     "NaN": (HEAD + "0,0,0,0\n1,nan,0,0\n", "line 3: column 'x': nan"),
     "a word": (HEAD + "0,0,0,0\n1,far,0,0\n", "'far' is no number"),
     "no length": (HEAD + "0,0,0,0\n1,0,0,0\n", "no length"),
     "a column": ("t,x,y,z,w\n0,0,0,0,0\n1,1,0,0,0\n", "'w' is unknown"),
     "half an attitude": ("t,x,y,z,qx\n0,0,0,0,0\n1,1,0,0,0\n", "'qy' is missing"),
-    "a cell": (HEAD + "0,0,0,0\n1,0,0\n", "line 3: has 3 of 4"),
+    "a cell": (HEAD + "0,0,0,0\n1,0,0\n", "line 3: has 3 columns, the heading has 4"),
     "turning": (
         "t,x,y,z,qx,qy,qz,qw\n0,0,0,0,0,0,0,1\n1,1,0,0,0,0,0.6,0.8\n", "attitude changes",
     ),
@@ -174,7 +177,7 @@ def test_a_million_points_are_refused(slosh_plan):
         (("--max-tilt", "60"), "tilt = 60° must lie in 0 … 45°"),
         (("--max-tilt-rate", "0"), "tilt_rate = 0 rad/s"),
         (("--max-jerk", "nan"), "jerk = nan"),
-        (("--residual", "0"), "residual = 0 m"),
+        (("--residual", "0"), "residual limit = 0.0 m"),
         (("--margin", "0.02"), "leaves nothing"),
     ],
 )

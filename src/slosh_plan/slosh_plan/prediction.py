@@ -65,6 +65,8 @@ class ModelError:
         Raises:
             SloshPlanError: the error leaves nothing of the limit.
         """
+        if limit == math.inf:
+            return limit
         left = limit**2 - (COVERAGE * self.sigma) ** 2
         if left <= 0.0:
             raise SloshPlanError(

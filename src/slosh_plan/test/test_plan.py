@@ -74,6 +74,14 @@ def test_the_whole_model_is_checked_not_its_first_mode_alone(line):
     assert answer.found.motion.duration != line.found.motion.duration
 
 
+@needs_casadi
+def test_without_limits_of_the_height_a_motion_is_as_fast_as_its_acceleration_allows():
+    answer = plan(CUP, path_through(LINE), PlanLimits())
+    assert answer.found.jerk == pytest.approx(74.0, rel=0.01)
+    # Jerk at its limit, four times to and fro: s = J T³/32.
+    assert answer.found.motion.duration == pytest.approx(np.cbrt(32.0 * 0.4 / 74.0), rel=0.02)
+
+
 def test_a_margin_lowers_the_heights():
     answer = plan(CUP, path_through(LINE), LIMITS, margin=0.0005, time_limit=0.0)
     assert answer.found.peak <= 0.0145
@@ -160,7 +168,7 @@ def test_an_impossible_limit_is_no_motion():
 @pytest.mark.parametrize(
     ("changes", "text"),
     [
-        ({"height": 0.0}, "height = 0 m"),
+        ({"height": 0.0}, "height limit = 0.0 m"),
         ({"residual": -1.0}, "residual"),
         ({"jerk": float("nan")}, "jerk = nan"),
         ({"acceleration": float("inf")}, "acceleration = inf"),

@@ -11,7 +11,6 @@ from slosh_plan.errors import SloshPlanError
 from slosh_plan.planning import optimise
 from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.path import path_through
-from slosh_plan.planning.path_table import write_plan_table
 from slosh_plan.planning.plan import plan
 
 pytestmark = pytest.mark.skipif(not optimise.available(), reason="CasADi is not installed")
@@ -66,13 +65,6 @@ def test_a_lever_arm_counts_in_what_is_checked(tilting, check_plan):
     assert not same or not np.allclose(
         answer.found.motion.acceleration, tilting.found.motion.acceleration, atol=1e-3
     )
-
-
-def test_a_tilting_plan_holds_its_attitudes(tilting, tmp_path):
-    write_plan_table(tmp_path / "out.csv", tilting.found.motion, None)
-    table = np.genfromtxt(tmp_path / "out.csv", delimiter=",", names=True)
-    assert table.dtype.names == ("t", "x", "y", "z", "qx", "qy", "qz", "qw", "ax", "ay", "az")
-    assert table["qy"] == pytest.approx(tilting.found.motion.tilt.attitude[:, 1])
 
 
 @pytest.mark.parametrize("tilt", [-0.1, 1.0, math.nan])

@@ -9,16 +9,17 @@ import sys
 from contextlib import ExitStack
 from pathlib import Path
 
+from slosh_bag.path_table import read_path_table, write_plan_table
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.model_error import read_model_error
 from slosh_estimator.model_file import read_model
 from slosh_files import check_apart, check_free, new_folder, write_text
 from slosh_model import Model
 from slosh_plan import ModelError
-from slosh_plan.planning.limits import TILT_ACCELERATION, TILT_RATE, PlanLimits
+from slosh_plan.planning.limits import ACCELERATION, JERK, TILT_ACCELERATION, TILT_RATE, PlanLimits
 from slosh_plan.planning.path import path_through
-from slosh_plan.planning.path_table import Waypoints, read_path_table, write_plan_table
 from slosh_plan.planning.plan import TIME_LIMIT, NoSafeMotionError, Plan, plan
+from slosh_plan.planning.waypoints import Waypoints
 
 EPILOG = """PATH is a table of waypoints, t,x,y,z[,qx,qy,qz,qw]: positions of the container's
 origin in the world's axes [s, m]; its times are a proposal that the plan replaces. The answer has
@@ -43,10 +44,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="height after the motion's end [m] (default: as --limit)",
     )  # fmt: skip
     parser.add_argument(
-        "--max-acceleration", type=float, default=9.5, metavar="A", help="[m/s²] (default: 9.5)"
+        "--max-acceleration",
+        type=float,
+        default=ACCELERATION,
+        metavar="A",
+        help="[m/s²] (default: %(default)g)",
     )
     parser.add_argument(
-        "--max-jerk", type=float, default=74.0, metavar="J", help="[m/s³] (default: 74)"
+        "--max-jerk", type=float, default=JERK, metavar="J", help="[m/s³] (default: %(default)g)"
     )
     parser.add_argument(
         "--max-tilt", type=float, default=0.0, metavar="DEG",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import Transform, Twist
@@ -18,28 +18,13 @@ from slosh_msgs.msg import MotionPlan
 from slosh_msgs_py.stamps import to_duration
 from slosh_plan import Trajectory
 from slosh_plan.planning.execution import Execution, execution_of
-from slosh_plan.planning.limits import PlanLimits
+from slosh_plan.planning.limits import ACCELERATION, JERK, PlanLimits
 from slosh_plan.planning.plan import Plan
+from slosh_plan.planning.waypoints import TURNED, Waypoints
 
 Array = NDArray[np.float64]
 
 NAME = "the path"
-ACCELERATION, JERK = 9.5, 74.0
-"""Up to which the models of cylinders are validated [m/s², m/s³]."""
-TURNED = 1e-3
-"""By which an attitude may differ from the first one [rad]."""
-
-
-class Waypoints(NamedTuple):
-    """A path as it is given.
-
-    Attributes:
-        position: (N, 3) of the container's origin in the world [m].
-        attitude: (4,) quaternion x, y, z, w, world ← container; None: not turned.
-    """
-
-    position: Array
-    attitude: Array | None
 
 
 def waypoints_of(request: Any) -> Waypoints:
@@ -55,8 +40,9 @@ def waypoints_of(request: Any) -> Waypoints:
         raise SloshEstimatorError(f"{NAME}: each point needs a transform")
     position, attitude = positions_of(points), attitude_of(points)
     # The same checks as of a motion that is predicted: of times, too.
-    Trajectory(times_of(points), np.zeros_like(position), attitude, None, position, NAME)
-    return Waypoints(position, None if attitude is None else _kept(attitude))
+    t = times_of(points)
+    Trajectory(t, np.zeros_like(position), attitude, None, position, NAME)
+    return Waypoints(t, position, None if attitude is None else _kept(attitude))
 
 
 def _kept(attitude: Array) -> Array:

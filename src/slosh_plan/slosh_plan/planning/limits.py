@@ -5,8 +5,13 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
+from slosh_model.limits import ValidityLimits
 from slosh_plan.errors import SloshPlanError
+from slosh_plan.limits import HeightLimits
 
+_VALID = ValidityLimits()
+ACCELERATION, JERK = _VALID.acceleration, _VALID.jerk
+"""Up to which DL22's models were validated [m/s², m/s³]."""
 TILT_RATE, TILT_ACCELERATION = math.radians(120.0), math.radians(1200.0)
 LARGEST_TILT = math.radians(45.0)
 LARGEST = 1e6
@@ -14,12 +19,10 @@ LARGEST = 1e6
 
 
 @dataclass(frozen=True, slots=True)
-class PlanLimits:
-    """Limits of a motion; all of them hold at every moment.
+class PlanLimits(HeightLimits):
+    """Limits of a motion beside those of the liquid's height; all hold at every moment.
 
     Attributes:
-        height: of the liquid above its still level, at the wall [m].
-        residual: of the same after the motion's end [m].
         acceleration: ‖a‖ of the container's origin [m/s²].
         jerk: ‖da/dt‖ of the same [m/s³].
         tilt: of the container from upright [rad]; 0: it stays upright.
@@ -27,18 +30,17 @@ class PlanLimits:
             vector that tilts it [rad/s, rad/s²]; its angular velocity is not larger.
 
     Raises:
-        SloshPlanError: a limit that is not positive and finite.
+        SloshPlanError: a limit that is not positive and finite; heights may be infinite.
     """
 
-    height: float
-    residual: float
-    acceleration: float
-    jerk: float
+    acceleration: float = ACCELERATION
+    jerk: float = JERK
     tilt: float = 0.0
     tilt_rate: float = TILT_RATE
     tilt_acceleration: float = TILT_ACCELERATION
 
     def __post_init__(self) -> None:
+        HeightLimits.__post_init__(self)
         for name, unit in UNITS.items():
             value = getattr(self, name)
             if not (math.isfinite(value) and 0.0 < value <= LARGEST):
@@ -73,7 +75,6 @@ class PlanLimits:
 
 
 UNITS = {
-    "height": "m", "residual": "m", "acceleration": "m/s²", "jerk": "m/s³", "tilt_rate": "rad/s",
-    "tilt_acceleration": "rad/s²",
+    "acceleration": "m/s²", "jerk": "m/s³", "tilt_rate": "rad/s", "tilt_acceleration": "rad/s²",
 }  # fmt: skip
-"""The limits that must be above 0, with their units."""
+"""The limits that must be above 0 and finite, with their units."""

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from slosh_plan.planning.collocation import Problem
 from slosh_plan.planning.flow import Flow
 from slosh_plan.planning.interval import LIMITS, LIQUID, Layout, casadi
-from slosh_plan.planning.limits import PlanLimits
+from slosh_plan.planning.limits import LARGEST, PlanLimits
 from slosh_plan.planning.path import Path
 
 Array = NDArray[np.float64]
@@ -129,7 +129,7 @@ class Search:
         lower, upper = self._bounds(guess)
         answer = self._solver(
             x0=self._packed(guess), lbx=lower, ubx=upper, lbg=self._problem.lower,
-            ubg=self._problem.upper, p=[getattr(limits, name) for name in LIMITS],
+            ubg=self._problem.upper, p=[min(getattr(limits, name), LARGEST) for name in LIMITS],
         )  # fmt: skip
         stats = self._solver.stats()
         legs = self._unpacked(np.asarray(answer["x"]).ravel())

@@ -1,0 +1,108 @@
+"""Path tables: waypoints as CSV, `t,x,y,z[,qx,qy,qz,qw]`, and the plans that come of them."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_bag.errors import SloshBagError
+from slosh_bag.motion_table import (
+    ATTITUDE,
+    MOTION,
+    POSITION,
+    check_finite,
+    check_time,
+    read_columns,
+)
+from slosh_files import new_text
+from slosh_plan.planning.checked import attitudes
+from slosh_plan.planning.path import MOST_POINTS
+from slosh_plan.planning.time_law import Motion
+from slosh_plan.planning.waypoints import TURNED, Waypoints
+
+Array = NDArray[np.float64]
+
+PLACES = ("t", *POSITION)
+ACCELERATION = MOTION[1:]
+
+
+def read_path_table(path: Path) -> Waypoints:
+    """Reads a path table; columns of accelerations, as in a plan, are passed over.
+
+    Args:
+        path: a `.csv` or `.csv.gz` file.
+
+    Raises:
+        SloshBagError: one line that names the file, the line and the column: no such columns, no
+            number, times that do not increase, fewer than two rows or too many, an
+            attitude that changes.
+    """
+    names, data = read_columns(path, _check_names)
+    if len(data) < 2:
+        raise SloshBagError(f"{path}: holds {len(data)} rows: a path needs at least 2")
+    if len(data) > MOST_POINTS:
+        raise SloshBagError(f"{path}: holds more than {MOST_POINTS} rows; take fewer")
+    check_finite(path, names, data)
+    t = data[:, names.index("t")]
+    check_time(path, t)
+    position = data[:, [names.index(name) for name in POSITION]]
+    return Waypoints(t, position, _attitude(path, names, data))
+
+
+def write_plan_table(path: Path, motion: Motion, attitude: Array | None) -> None:
+    """Writes a motion as t, x, y, z, the attitude where it is given or tilts, ax, ay, az.
+
+    Raises:
+        OSError: the file cannot be written.
+    """
+    columns = [motion.t[:, None], motion.position]
+    names = [*PLACES]
+    turned = attitudes(motion, attitude, len(motion.t))
+    if turned is not None:
+        names += ATTITUDE
+        columns.append(turned)
+    data = np.column_stack([*columns, motion.acceleration])
+    # 1 kHz: the time as it is meant, without the rounding of a sum.
+    data[:, 0] = np.round(data[:, 0], 6)
+    with new_text(path) as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow([*names, *ACCELERATION])
+        writer.writerows(data.tolist())
+
+
+def _check_names(path: Path, names: list[str]) -> None:
+    may_have = f"a path has {', '.join(PLACES)} and may have {', '.join(ATTITUDE)}"
+    for name in names:
+        if name not in (*PLACES, *ATTITUDE, *ACCELERATION) or names.count(name) > 1:
+            raise SloshBagError(
+                f"{path}: line 1: column {name!r:.40} is unknown or stands twice; {may_have}"
+            )
+    wanted = ATTITUDE if any(name in names for name in ATTITUDE) else ()
+    for name in (*PLACES, *wanted):
+        if name not in names:
+            raise SloshBagError(f"{path}: line 1: column {name!r} is missing: {may_have}")
+
+
+def _attitude(path: Path, names: list[str], data: Array) -> Array | None:
+    if ATTITUDE[0] not in names:
+        return None
+    quaternions = data[:, [names.index(name) for name in ATTITUDE]]
+    lengths = np.linalg.norm(quaternions, axis=1)
+    bad = np.flatnonzero(np.abs(lengths - 1.0) > 0.01)
+    if len(bad):
+        raise SloshBagError(
+            f"{path}: line {bad[0] + 2}: the quaternion's length is {lengths[bad[0]]:.3g}, not 1"
+        )
+    quaternions = quaternions / lengths[:, None]
+    cosines = np.clip(np.abs(quaternions @ quaternions[0]), 0.0, 1.0)
+    changed = np.flatnonzero(2.0 * np.arccos(cosines) > TURNED)
+    if len(changed):
+        raise SloshBagError(
+            f"{path}: line {changed[0] + 2}: the attitude changes along the path: "
+            "planned are paths of a container that keeps it"
+        )
+    first: Array = quaternions[0]
+    return first
