@@ -21,12 +21,15 @@ from slosh_plan.planning.flow import Flow
 from slosh_plan.planning.interval import LIMITS, LIQUID, Layout, casadi
 from slosh_plan.planning.limits import LARGEST, PlanLimits
 from slosh_plan.planning.path import Path
+from slosh_plan.planning.progress import never
 
 Array = NDArray[np.float64]
 
 NODES_PER_SECOND = 32.0
 FEWEST_NODES, MOST_NODES = 60, 200
 FEWEST_ON_A_LEG = 10
+LONGEST_SOLVE = 12.0
+"""Of one solution [s]: what takes longer has lost its way."""
 _MOST_ITERATIONS = 200
 _OPTIONS = {
     "ipopt.print_level": 0, "print_time": False, "ipopt.sb": "yes", "ipopt.tol": 1e-6,
@@ -111,31 +114,49 @@ class Search:
         self._path = path
         self._problem = Problem(flow, path, yaw, self.counts, self.layout)
         # Asked at each iteration; another one in each search.
-        self._stop: Callable[[], bool] = lambda: False
+        self._stop: Callable[[], bool] = never
         self._stopper = _stopper(lambda: self._stop(), self._problem.sizes())
-        self._solver = self._problem.solver(_OPTIONS | {"iteration_callback": self._stopper})
+        self._made: Any = None
+        self._made_for = 0.0
 
     def solve(
-        self, limits: PlanLimits, guess: Sequence[LegGuess], stop: Callable[[], bool]
+        self,
+        limits: PlanLimits,
+        guess: Sequence[LegGuess],
+        seconds: float,
+        stop: Callable[[], bool] = never,
     ) -> Solution:
         """Searches from a guess.
 
         Args:
             limits: to be kept.
             guess: of each leg, with the search's numbers of nodes.
-            stop: is asked at every iteration whether to give up.
+            seconds: after which the solver gives up.
+            stop: is asked at every iteration whether to give up, but not while the solver looks
+                for any point at all that keeps the limits.
         """
         self._stop = stop
+        solver = self._solver(min(seconds, LONGEST_SOLVE))
         lower, upper = self._bounds(guess)
-        answer = self._solver(
+        answer = solver(
             x0=self._packed(guess), lbx=lower, ubx=upper, lbg=self._problem.lower,
             ubg=self._problem.upper, p=[min(getattr(limits, name), LARGEST) for name in LIMITS],
         )  # fmt: skip
-        stats = self._solver.stats()
+        stats = solver.stats()
         legs = self._unpacked(np.asarray(answer["x"]).ravel())
         return Solution(
             legs, self.layout.tilting, bool(stats["success"]), str(stats["return_status"])
         )
+
+    def _solver(self, seconds: float) -> Any:
+        """IPOPT for the problem; it is made anew where its time limit has become too long."""
+        if self._made is None or seconds < 0.6 * self._made_for:
+            options = {
+                "iteration_callback": self._stopper, "ipopt.max_wall_time": max(seconds, 0.1)
+            }  # fmt: skip
+            self._made = self._problem.solver(_OPTIONS | options)
+            self._made_for = seconds
+        return self._made
 
     def _bounds(self, guess: Sequence[LegGuess]) -> tuple[Array, Array]:
         lower, upper = [], []
@@ -144,6 +165,8 @@ class Search:
             least, most = np.full(shape, -np.inf), np.full(shape, np.inf)
             least[:, :2] = -1e-9
             most[:, 0] = leg.length / self.layout.scale[0] + 1e-9
+            # What is given there needs no bounds, which would have no room between them.
+            least[[0, -1]], most[[0, -1]] = -np.inf, np.inf
             free = np.full(part.controls.size + part.middles.size, np.inf)
             lower += [np.array([0.1 * part.duration]), least.ravel(), -free]
             upper += [np.array([4.0 * part.duration]), most.ravel(), free]

@@ -129,7 +129,8 @@ class OptimalSearch:
         for _ in range(ROUNDS):
             if self._over():
                 return _Found(None, words=self._why_over())
-            solution = problem.solve(asked, guess, self._over)
+            left = self.time_limit - self.watch.elapsed
+            solution = problem.solve(asked, guess, left, self._over)
             if not solution.converged and self._over():
                 return _Found(None, words=self._why_over())
             found = self._checked(solution)
@@ -140,8 +141,9 @@ class OptimalSearch:
                 return _Found(None, words="the search found nothing faster")
             if faster and found.keeps(self.limits):
                 return _Found(found, solution.legs)
-            if solution.converged:
-                guess = solution.legs
+            if not solution.converged:
+                return _Found(None, words=f"the search failed ({solution.status})")
+            guess = solution.legs
             asked = _lowered(asked, found.excess(self.limits))
         words = f"the search kept exceeding a limit after {ROUNDS} rounds"
         return _Found(None, words=words)
