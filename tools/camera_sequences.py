@@ -143,11 +143,14 @@ def _view(truth: Mapping[str, Any]) -> CupView:
         "wall_refractive_index": truth["n_wall"],
     }
     known = {entry.name for entry in fields(Cup)}
+    # Heights are those above the liquid's line at rest, which a meniscus lifts.
+    rotation = np.array(camera["R_cup2cam"])
+    translation = np.array(camera["t_cup2cam"]) + rotation[:, 2] * truth.get("meniscus", 0.0)
     return CupView(
         camera_from_info(
             np.ravel(camera["K"]).tolist(), camera["dist"], camera["width"], camera["height"]
         ),
-        Pose(np.array(camera["R_cup2cam"]), np.array(camera["t_cup2cam"])),
+        Pose(rotation, translation),
         Cup(**{key: value for key, value in cup.items() if key in known}),
     )
 

@@ -9,7 +9,13 @@ Colour = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class Cup:
-    """A glass cup; `base` is the thickness of its floor, `rim` its height above the liquid."""
+    """A glass cup; `base` is the thickness of its floor, `rim` its height above the liquid.
+
+    Attributes:
+        eccentricity: of the outer wall against the bore (x, y), so that the wall's thickness
+            differs around the cup.
+        meniscus: height to which the liquid climbs at the wall.
+    """
 
     radius: float = 50.0
     wall: float = 2.0
@@ -17,6 +23,8 @@ class Cup:
     rim: float = 50.0
     base: float = 3.0
     index: float = 1.49
+    eccentricity: tuple[float, float] = (0.0, 0.0)
+    meniscus: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -62,7 +70,12 @@ class Camera:
 
 @dataclass(frozen=True)
 class Photo:
-    """What happens between light and file: linear gain, noise, blur, JPEG."""
+    """What happens between light and file: linear gain, noise, blur, JPEG.
+
+    Attributes:
+        hunting: relative amplitude with which an automatic exposure changes the gain.
+        readout_s: time from the first to the last row of a rolling shutter; 0: global.
+    """
 
     gain: float = 1.0
     shot: float = 0.004
@@ -71,6 +84,8 @@ class Photo:
     lens_blur: float = 0.0
     exposure_s: float = 1 / 480
     sub_frames: int = 1
+    hunting: float = 0.0
+    readout_s: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -84,6 +99,7 @@ class Room:
         moving: amplitude of the board's motion.
         sun: brightness of the lamp, `lamp_azimuth` where it stands.
         behind: brightness of what the cup reflects.
+        glass_behind: place of a second, half-filled glass, to the right of the cup and behind it.
     """
 
     wall: Colour = (0.75, 0.75, 0.73)
@@ -97,6 +113,7 @@ class Room:
     sun: float = 0.6
     lamp_azimuth: float = -140.0
     behind: float = 0.7
+    glass_behind: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -145,6 +162,7 @@ class Scene:
     motion: Motion = field(default_factory=Motion)
     label: Label | None = None
     droplets: int = 0
+    dirt: int = 0
     frames: int = 20
     still_frames: int = 2
 

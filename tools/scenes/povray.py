@@ -20,6 +20,7 @@ from surface import Wave
 FILM = 0.01  # mm
 RINGS, SECTORS = 40, 240
 MARGIN = 1.02  # the surface's mesh reaches this far beyond the wall
+CAPILLARY = 2.7  # mm, over which a meniscus decays
 BOARD = (2600.0, 1700.0)  # mm
 
 Image = NDArray[np.float32]
@@ -29,15 +30,18 @@ class RenderError(Exception):
     """POV-Ray did not deliver."""
 
 
-def surface_mesh(wave: Wave, top: float) -> str:
-    """A closed mesh (mm) of the space above the surface up to z = `top`."""
+def surface_mesh(wave: Wave, top: float, meniscus: float = 0.0) -> str:
+    """A closed mesh (mm) of the space above the surface, which climbs at the wall, to `top`."""
     radius = 1e3 * wave.radius
     angles = np.arange(SECTORS) * 2 * math.pi / SECTORS
-    rings = np.append(np.linspace(0, 1, RINGS)[1:], MARGIN) * radius
+    near = 1 - np.geomspace(0.3, 12.0, 12 if meniscus else 0) / radius
+    rings = np.append(np.union1d(np.linspace(0, 1, RINGS)[1:], near), MARGIN) * radius
     r, angle = np.meshgrid(rings, angles, indexing="ij")
 
     def height(rr: NDArray[np.float64], aa: NDArray[np.float64]) -> NDArray[np.float64]:
-        return 1e3 * wave.height(np.minimum(rr, radius) * 1e-3, aa)
+        inside = np.minimum(rr, radius)
+        climb = meniscus * np.exp((inside - radius) / CAPILLARY)
+        return np.asarray(1e3 * wave.height(inside * 1e-3, aa) + climb)
 
     z = height(r, angle)
     step = 0.05
@@ -126,8 +130,9 @@ def _cup(scene: Scene, glass: str, liquid: str, liquid_top: str, drops: str) -> 
     if drops:
         hollow = f"difference {{ {hollow} {drops} }}"
     depth = scene.cup.rim + 1
+    at = "{:.4f},{:.4f}".format(*cup.eccentricity)
     return (
-        f"difference {{ cylinder {{ <0,0,{floor - cup.base}>, <0,0,{cup.rim}>, {outer} }} "
+        f"difference {{ cylinder {{ <{at},{floor - cup.base}>, <{at},{cup.rim}>, {outer} }} "
         f"{hollow} {glass} }}\n"
         f"difference {{ cylinder {{ <0,0,{floor}>, <0,0,{depth}>, {cup.radius} {liquid} }} "
         f"object {{ Above translate <0,0,{-FILM}> {liquid_top} }} {_interior(scene)} }}\n"
@@ -153,6 +158,42 @@ def _drops(scene: Scene) -> str:
             f"translate <0,0,{z:.3f}> }}"
         )
     return " ".join(parts)
+
+
+def _dirt(scene: Scene) -> str:
+    """Half-clear smudges on the outer wall."""
+    rng = np.random.default_rng(200 + scene.room.seed)
+    outer = scene.cup.radius + scene.cup.wall + 0.3
+    parts = []
+    for _ in range(scene.dirt):
+        az = scene.camera.azimuth + rng.uniform(-85, 85)
+        z = rng.uniform(-scene.cup.fill, scene.cup.rim)
+        wide, high = np.exp(rng.normal(math.log(1.5), 0.6, 2))
+        tone, clear = rng.uniform(0.1, 0.8), rng.uniform(0.35, 0.8)
+        parts.append(
+            f"sphere {{ 0, 1 scale <0.02,{wide:.3f},{high:.3f}> rotate <{rng.uniform(0, 90):.1f},"
+            f"0,0> translate <{outer},0,0> rotate <0,0,{az:.3f}> translate <0,0,{z:.3f}> "
+            f"pigment {{ rgb {tone:.3f} transmit {clear:.3f} }} "
+            "finish { ambient 0 diffuse 0.4 emission 0.5 } no_shadow }\n"
+        )
+    return "".join(parts)
+
+
+def _glass_behind(scene: Scene, glass: str) -> str:
+    """A second glass on the table, with a liquid of its own."""
+    if scene.room.glass_behind is None:
+        return ""
+    bottom, turn = -scene.cup.fill - scene.cup.base, scene.camera.azimuth + 90
+    right, back = scene.room.glass_behind
+    high, level = 110.0, 55.0
+    return (
+        f"union {{ difference {{ cylinder {{ 0, <0,0,{high}>, 36 }} "
+        f"cylinder {{ <0,0,4>, <0,0,{high + 1}>, 34 }} {glass} }} "
+        f"cylinder {{ <0,0,4.1>, <0,0,{level}>, 33.9 "
+        "pigment { rgb <0.25,0.08,0.06> transmit 0.5 } "
+        "finish { ambient 0 diffuse 0.5 emission 0.4 } } "
+        f"translate <{right},{back},{bottom}> rotate <0,0,{turn}> }}\n"
+    )
 
 
 def _label(scene: Scene, folder: Path) -> str:
@@ -290,8 +331,10 @@ def photo_text(scene: Scene, wave: Wave, size: tuple[int, int], shift: float, fo
         "#version 3.7;\nglobal_settings { assumed_gamma 1 max_trace_level 9 adc_bailout 0.012 }\n"
         + _camera(scene.camera, size)
         + "#declare Above = "
-        + surface_mesh(wave, scene.cup.rim + 10)
+        + surface_mesh(wave, scene.cup.rim + 10, scene.cup.meniscus)
         + _cup(scene, glass, look, look, drops)
+        + _dirt(scene)
+        + _glass_behind(scene, glass)
         + _label(scene, folder)
         + _surroundings(scene, shift)
     )
@@ -320,8 +363,18 @@ def mask_text(scene: Scene, wave: Wave, size: tuple[int, int]) -> str:
     )
 
 
-def run(text: str, size: tuple[int, int], folder: Path, smooth: bool) -> Image:
+def run(
+    text: str, size: tuple[int, int], folder: Path, smooth: bool,
+    rows: tuple[int, int] | None = None,
+) -> Image:  # fmt: skip
     """Renders `text` in `folder`; returns linear RGB in [0, 1], (H, W, 3).
+
+    Args:
+        text: the scene.
+        size: width and height of the picture.
+        folder: where POV-Ray works.
+        smooth: whether edges are sampled finer.
+        rows: first row, and the row after the last one, to draw; None: all. The rest is black.
 
     Raises:
         RenderError: POV-Ray failed; the message has its last lines.
@@ -333,6 +386,7 @@ def run(text: str, size: tuple[int, int], folder: Path, smooth: bool) -> Image:
         *("povray", "+Iscene.pov", "+Oscene.png", "+WT1", "-D", "-V"),
         *(f"+W{size[0]}", f"+H{size[1]}", "+FN16", "File_Gamma=1.0"),
         *(("+A0.08", "+AM2", "+R2") if smooth else ("-A",)),
+        *((f"+SR{rows[0] + 1}", f"+ER{rows[1]}") if rows else ()),
     ]
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
     if done.returncode or not out.exists():

@@ -7,13 +7,16 @@ import json
 import math
 import sys
 import tempfile
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
+from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
 import povray
+import unkind
 from definitions import SCENES, Scene
 from numpy.typing import NDArray
 from optics import View
@@ -22,6 +25,13 @@ from surface import MODE_2, Wave, natural_frequency
 from truth import frame_truth, header, mask_truth
 
 STILL = "calib.jpg"
+# Parts of the picture between which a rolling shutter's time steps.
+STRIPS = 8
+GROUPS = {
+    "all": list(SCENES.values()),
+    "stills": unkind.stills(),
+    "sequences": unkind.sequences(),
+}
 
 
 def view_of(scene: Scene) -> View:
@@ -92,22 +102,44 @@ class Renderer:
         at = straight + np.array([(size[0] - 1) / 2, (size[1] - 1) / 2])
         return (at[..., 0].astype(np.float32), at[..., 1].astype(np.float32)), size
 
-    def photograph(self, waves: list[Wave], shift: float) -> NDArray[np.uint8]:
-        """The picture (BGR) that a camera takes, `waves` being the exposure's instants."""
-        scene = self._scene
-        light: Any = 0.0
-        for wave in waves:
-            text = povray.photo_text(scene, wave, self._size, shift, self._folder)
-            light = light + povray.run(text, self._size, self._folder, smooth=True)
-        seen = cv2.remap(light / len(waves), *self._maps, cv2.INTER_CUBIC)
+    def photograph(
+        self, surface: Callable[[float], Wave], times: list[float], shift: float
+    ) -> NDArray[np.uint8]:
+        """The picture (BGR) that a camera takes.
+
+        Args:
+            surface: the wave by time (s).
+            times: the exposure's instants, those of the middle row for a rolling shutter.
+            shift: of the board (mm).
+        """
+        photo = self._scene.photo
+        light = np.mean([self._instant(surface, time, shift) for time in times], axis=0)
+        seen = cv2.remap(light.astype(np.float32), *self._maps, cv2.INTER_CUBIC)
         image: Image = np.asarray(seen, np.float32)
-        photo = scene.photo
         if photo.lens_blur:
             image = np.asarray(cv2.GaussianBlur(image, (0, 0), photo.lens_blur), np.float32)
-        image = np.clip(image * photo.gain, 0, 1.5)
+        hunt = 1.0 + photo.hunting * math.sin(2 * math.pi * 1.7 * times[0])
+        image = np.clip(image * photo.gain * hunt, 0, 1.5)
         spread = np.sqrt(photo.shot**2 * image + photo.read**2)
         noisy = image + spread * self._rng.standard_normal(image.shape)
         return povray.to_srgb(np.asarray(noisy, np.float64))[..., ::-1]
+
+    def _instant(self, surface: Callable[[float], Wave], time: float, shift: float) -> Image:
+        """Linear light of one instant, or of one passage of a rolling shutter in strips."""
+        readout, high = self._scene.photo.readout_s, self._size[1]
+        if not readout:
+            return self._drawn(surface(time), shift, None)
+        ends = np.linspace(0, high, STRIPS + 1).astype(int)
+        image: Image = np.zeros((high, self._size[0], 3), np.float32)
+        for first, end in pairwise(int(row) for row in ends):
+            late = readout * ((first + end) / (2 * high) - 0.5)
+            strip = self._drawn(surface(time + late), shift, (first, end))
+            image[first:end] = strip[first:end]
+        return image
+
+    def _drawn(self, wave: Wave, shift: float, rows: tuple[int, int] | None) -> Image:
+        text = povray.photo_text(self._scene, wave, self._size, shift, self._folder)
+        return povray.run(text, self._size, self._folder, smooth=True, rows=rows)
 
     def mask(self, wave: Wave) -> NDArray[np.uint8]:
         """Classes 0 nothing, 1 liquid through the wall, 2 free surface, 3 floor."""
@@ -119,8 +151,8 @@ class Renderer:
         return np.asarray(mask, np.uint8)
 
 
-def render(scene: Scene, out: Path) -> None:
-    """Renders a scene into `out`."""
+def render(scene: Scene, out: Path, *, masks: bool = True) -> None:
+    """Renders a scene into `out`; without masks it is not known what of the liquid is seen."""
     out.mkdir(parents=True, exist_ok=True)
     view = view_of(scene)
     truth = header(scene, view)
@@ -130,8 +162,9 @@ def render(scene: Scene, out: Path) -> None:
     with tempfile.TemporaryDirectory() as temporary:
         renderer = Renderer(scene, Path(temporary))
         still = Wave(view.radius)
-        cv2.imwrite(str(out / STILL), renderer.photograph([still], 0.0), quality)
-        cv2.imwrite(str(out / "calib_mask.png"), renderer.mask(still))
+        cv2.imwrite(str(out / STILL), renderer.photograph(lambda _: still, [0.0], 0.0), quality)
+        if masks:
+            cv2.imwrite(str(out / "calib_mask.png"), renderer.mask(still))
         for index in range(scene.frames):
             time = index / rate
             wave = wave_at(scene, time, duration)
@@ -140,13 +173,14 @@ def render(scene: Scene, out: Path) -> None:
                 time + scene.photo.exposure_s * ((k + 0.5) / count - 0.5) for k in range(count)
             ]
             shift = scene.room.moving * math.sin(2 * math.pi * 0.9 * time)
-            waves = [wave_at(scene, instant, duration) for instant in instants]
+            surface = partial(wave_at, scene, duration=duration)
             file, mask_file = f"frame_{index:03d}.jpg", f"mask_{index:03d}.png"
-            cv2.imwrite(str(out / file), renderer.photograph(waves, shift), quality)
-            mask = renderer.mask(wave)
-            cv2.imwrite(str(out / mask_file), mask)
+            cv2.imwrite(str(out / file), renderer.photograph(surface, instants, shift), quality)
             entry = {"index": index, "file": file, "mask": mask_file, "t": time}
             entry |= frame_truth(view, wave)
+            mask = renderer.mask(wave) if masks else np.zeros(view.size[::-1], np.uint8)
+            if masks:
+                cv2.imwrite(str(out / mask_file), mask)
             truth["frames"].append(entry | mask_truth(mask, entry))
             print(f"\r{scene.name}: {index + 1} of {scene.frames}", end="", file=sys.stderr)
     print(file=sys.stderr)
@@ -156,22 +190,25 @@ def render(scene: Scene, out: Path) -> None:
 def main() -> int:
     """Reads the command line."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("names", nargs="*", metavar="NAME", help="scenes, or `all`")
+    parser.add_argument("names", nargs="*", metavar="NAME", help=f"scenes, or {', '.join(GROUPS)}")
     parser.add_argument("--list", action="store_true", help="list the scenes")
     parser.add_argument("-o", "--out", type=Path, help="folder for the sequences")
     parser.add_argument("--frames", type=int, help="frames per sequence")
+    parser.add_argument("--no-masks", action="store_true", help="photographs alone, in less time")
     args = parser.parse_args()
     if args.list:
         for scene in SCENES.values():
             print(f"{scene.name:16} {scene.about}")
         return 0
-    names = list(SCENES) if args.names == ["all"] else args.names
-    unknown = [name for name in names if name not in SCENES]
+    scenes = SCENES | {scene.name: scene for scene in GROUPS["stills"] + GROUPS["sequences"]}
+    groups = {name: [scene.name for scene in group] for name, group in GROUPS.items()}
+    names = [name for given in args.names for name in groups.get(given, [given])]
+    unknown = [name for name in names if name not in scenes]
     if unknown or not names or args.out is None:
         parser.error(f"unknown scene {unknown[0]}" if unknown else "give NAME... and -o DIR")
     for name in names:
-        scene = SCENES[name]
-        render(replace(scene, frames=args.frames or scene.frames), args.out / name)
+        scene = replace(scenes[name], frames=args.frames or scenes[name].frames)
+        render(scene, args.out / name, masks=not args.no_masks)
     return 0
 
 
