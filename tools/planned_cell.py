@@ -30,7 +30,7 @@ from trajectory_msgs.msg import MultiDOFJointTrajectory
 from slosh_bringup.cell.motions import make_motion
 from slosh_bringup.processes import NodeGroup, NodeProcess, config_folder, node_environment
 from slosh_estimator.model_file import read_model
-from slosh_estimator.nodes.plan_messages import Waypoints, plan_message
+from slosh_estimator.nodes.plan_messages import plan_message
 from slosh_files.nanoseconds import SECOND
 from slosh_msgs.msg import (
     FreeSurface,
@@ -46,6 +46,7 @@ from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.path import path_through
 from slosh_plan.planning.plan import TIME_LIMIT, Plan, plan
 from slosh_plan.planning.time_law import STEP
+from slosh_plan.planning.waypoints import Waypoints
 
 Array = NDArray[np.float64]
 
@@ -177,7 +178,8 @@ def play(name: str, answer: Plan, folder: Path, domain: int, *, record: bool = F
     """
     motion = folder / f"{name}.csv"
     write_motion(motion, answer)
-    ends = Waypoints(waypoints(name)[[0, -1]], None)
+    times = np.array([0.0, answer.found.motion.duration])
+    ends = Waypoints(times, waypoints(name)[[0, -1]], None)
     came = plan_message(answer, PlanRequest(), ends).trajectory
     with ExitStack() as stack:
         if not rclpy.ok():

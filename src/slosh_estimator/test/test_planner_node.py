@@ -209,7 +209,7 @@ def test_a_cancelled_goal_ends_within_a_second_with_what_it_has(cell: Cell) -> N
     assert time.monotonic() - began < 4.0  # a tenth of a second where nobody else works
     assert done.status == GoalStatus.STATUS_CANCELED
     assert done.result.success, done.result.message
-    assert "ended early" in done.result.message or done.result.plan.method == "optimal"
+    assert "was stopped" in done.result.message or done.result.plan.method == "optimal"
     check_motion(done.result.plan, LOOP)
 
 
@@ -260,8 +260,8 @@ def test_a_path_that_is_none_is_refused_and_the_node_goes_on(cell: Cell, name: s
         ({"limit": -1.0}, "limit of height = -1 m must lie above 0"),
         ({"max_jerk": -1.0}, "limit of jerk = -1"),
         ({"margin": 0.5}, "margin = 500 mm leaves nothing"),
-        # A known law could only be so slow that the service does not wait for it.
-        ({"limit": 1e-6, "residual_limit": 1e-7}, "ended before there was a safe motion"),
+        # A known law would be so slow that none is looked for; or the service's time is up before.
+        ({"limit": 1e-8, "residual_limit": 1e-9}, "safe motion"),
         ({"model_path": "/nowhere/model.yaml"}, "/nowhere/model.yaml: No such file"),
         ({"from_estimate": True}, "no estimate has come on /estimate"),
     ],
