@@ -57,6 +57,8 @@ class DetectionSettings:
         blur: standard deviation of the Gaussian blur before edges are looked for in a side view
             [px]; 0: none.
         max_blur: the line is blurred where its edges are wider than this [px].
+        scale_error: relative standard error of the scale, which is in every height's standard
+            deviation of a side view.
     """
 
     liquid: Liquid = Liquid.ANY
@@ -65,6 +67,7 @@ class DetectionSettings:
     min_bright: float = 230.0
     blur: float = 0.8
     max_blur: float = 4.0
+    scale_error: float = 0.0
 
     def __post_init__(self) -> None:
         """Refuse values out of bounds."""
@@ -76,6 +79,7 @@ class DetectionSettings:
         _check("min_bright", self.min_bright, 0.0, 255.0)
         _check("blur", self.blur, 0.0, 10.0)
         _check("max_blur", self.max_blur, 2.0, 100.0)
+        _check("scale_error", self.scale_error, 0.0, 0.5)
 
 
 def _check(name: str, value: float, low: float, high: float) -> None:

@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
+from slosh_camera.calibrate.doubt import Doubt
 from slosh_camera.calibrate.fit import Hint
 from slosh_camera.calibrate.pose import CameraPlace, place_of, pose_of
 from slosh_camera.calibrate.still import calibrate_by_edges, check_pose
@@ -187,17 +188,71 @@ def test_refuses_a_moving_surface(make_scene):
     assert "still level shows on" in refusal(scene.draw(0.005, 0.0), camera, cup)
 
 
-def test_refuses_a_blurred_image(make_scene):
-    scene = make_scene(camera_height=0.05)
-    camera, cup = scene.calibration().view.camera, Cup(scene.radius, scene.fill_height)
-    blurred = np.asarray(cv2.GaussianBlur(scene.draw(), (0, 0), 12.0))
-    assert "px rms from the best pose, more than 0.6" in refusal(blurred, camera, cup)
+def drawn(scene):
+    """Picture, truth and cup of a scene."""
+    view, cup = scene.calibration().view, Cup(scene.radius, scene.fill_height)
+    return scene.draw(), CupView(view.camera, view.pose, cup), cup
+
+
+def test_a_blurred_image_has_larger_standard_errors(make_scene):
+    image, truth, cup = drawn(make_scene(camera_height=0.05))
+    sharp = calibrate_by_edges(image, truth.camera, cup)
+    blurred = np.asarray(cv2.GaussianBlur(image, (0, 0), 4.0))
+    fit = calibrate_by_edges(blurred, truth.camera, cup)
+    assert max(fit.height_stddev.values()) > 1.5 * max(sharp.height_stddev.values())
+    assert worst_error(truth, fit) < 3.0 * max(fit.height_stddev.values())
 
 
 def test_refuses_a_container_too_small_to_measure(make_scene):
-    scene = make_scene(camera_height=0.05, distance=1.5)
-    camera, cup = scene.calibration().view.camera, Cup(scene.radius, scene.fill_height)
-    assert "mm only, 1 mm are needed" in refusal(scene.draw(), camera, cup)
+    image, truth, cup = drawn(make_scene(camera_height=0.05, distance=4.0))
+    assert "still image: " in refusal(image, truth.camera, cup)
+
+
+def test_a_small_container_has_large_standard_errors(make_scene):
+    image, truth, cup = drawn(make_scene(camera_height=0.05, distance=1.5))
+    fit = calibrate_by_edges(image, truth.camera, cup)
+    assert 1e-3 < max(fit.height_stddev.values()) < 3e-3
+    assert worst_error(truth, fit) < 3.0 * max(fit.height_stddev.values())
+
+
+def test_what_is_in_doubt_is_estimated_and_its_error_is_in_the_heights(make_scene):
+    image, truth, cup = drawn(make_scene(camera_height=0.08))
+    zoomed = dataclasses.replace(
+        truth.camera, fx=1.03 * truth.camera.fx, fy=1.03 * truth.camera.fy
+    )
+    told = dataclasses.replace(cup, fill_height=cup.fill_height + 0.002)
+    known = calibrate_by_edges(image, truth.camera, cup)
+    doubted = calibrate_by_edges(
+        image, zoomed, told, doubt=Doubt(focal_length=0.05, fill_height=0.003)
+    )
+    assert max(doubted.height_stddev.values()) > max(known.height_stddev.values())
+    assert worst_error(truth, doubted) < 3.0 * max(doubted.height_stddev.values())
+    focal, wall, fill = doubted.stddev[5:]
+    assert abs(doubted.view.camera.fx / truth.camera.fx - 1.0) < 3.0 * focal
+    assert focal > 0.0
+    assert wall == 0.0
+    assert abs(doubted.view.cup.fill_height - cup.fill_height) < 3.0 * fill
+
+
+def test_two_sides_and_a_level_alone_may_be_a_labels(make_scene):
+    # A wall of glass would show above the level, the floor is outside the image.
+    image, truth, cup = drawn(make_scene(camera_height=0.05))
+    camera = dataclasses.replace(truth.camera, height=290)
+    glass = Cup(cup.radius - 0.002, cup.fill_height, 0.002)
+    cut_off = np.ascontiguousarray(image[:290])
+    assert "neither the glass above the level nor the floor" in refusal(cut_off, camera, glass)
+    fit = calibrate_by_edges(cut_off, camera, glass, distance=0.46)
+    assert fit.place.distance == pytest.approx(0.45, rel=0.02)
+
+
+def test_a_told_distance_chooses_between_two_containers(make_scene):
+    image, truth, cup = drawn(make_scene(camera_height=0.05))
+    beside = cv2.resize(image, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
+    wide = np.full((480, 960), image[0, 0], np.uint8)
+    wide[:, :640], wide[120:360, 640:] = image, beside
+    camera = dataclasses.replace(truth.camera, width=960)
+    fit = calibrate_by_edges(wide, camera, cup, distance=0.43)
+    assert worst_error(CupView(camera, truth.pose, cup), fit) < 0.5e-3
 
 
 def test_refuses_to_choose_between_two_containers(make_scene):

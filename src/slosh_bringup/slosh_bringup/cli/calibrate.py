@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from slosh_bringup.cli.calibrate_scale import run_scale
 from slosh_bringup.errors import SloshBringupError
 from slosh_camera.calibrate.board import (
     FORMAT,
@@ -23,11 +24,12 @@ from slosh_camera.calibrate.board import (
     pose_by_board,
 )
 from slosh_camera.calibrate.camera_file import format_calibration, parse_calibration
-from slosh_camera.calibrate.curves import Curve
+from slosh_camera.calibrate.doubt import Doubt
 from slosh_camera.calibrate.intrinsics import KnownCamera, camera_of_view, read_known_camera
 from slosh_camera.calibrate.picture import draw_calibration
 from slosh_camera.calibrate.pose import CameraPlace
 from slosh_camera.calibrate.still import StillFit, calibrate_by_edges, check_pose, check_size
+from slosh_camera.calibrate.warning_words import warnings_of
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.images.colour import Image, to_colour
 from slosh_camera.images.decoding import read_image
@@ -38,9 +40,11 @@ from slosh_files import check_apart, write_bytes, write_text
 from slosh_report.json_values import plain
 
 _CUP_KEYS = tuple(entry.name for entry in fields(Cup))
-# Edges that lie farther than this from the pose that a board gives are worth a word [px].
-_DOUBTFUL_OFFSET = 1.0
-_LEAST_SHARE = 0.5
+_DOUBTS = (
+    ("--focal-error", "PERCENT", "the focal length or of --fov"),
+    ("--wall-error", "M", "the wall's thickness"),
+    ("--fill-error", "M", "the fill height"),
+)
 _NUMBERS = tuple(entry.name for entry in fields(CameraPlace))
 _SENSE = (
     (1e3, 1, "mm from the axis"),
@@ -56,7 +60,7 @@ _AXES = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]])
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declares the subcommand's options."""
     parser.add_argument("still", type=Path, help="image of the liquid at rest")
-    camera = parser.add_mutually_exclusive_group(required=True)
+    camera = parser.add_mutually_exclusive_group()
     camera.add_argument(
         "--camera", type=Path, metavar="FILE",
         help="intrinsic parameters: a file of ROS camera_calibration, or a camera.yaml",
@@ -74,6 +78,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--azimuth", type=float, default=-90.0, metavar="DEG",
         help="where the camera stands about the container, from its +x towards +y (default -90)",
     )  # fmt: skip
+    doubt = parser.add_argument_group("standard errors of what is told; default 0: it is known")
+    for option, unit, what in _DOUBTS:
+        doubt.add_argument(
+            option,
+            type=float,
+            default=0.0,
+            metavar=unit,
+            help=f"of {what}, which is estimated then",
+        )
+    parser.add_argument(
+        "--distance", type=float, metavar="M",
+        help="of the camera from the container's axis, to a tenth: tells alike poses apart",
+    )  # fmt: skip
     board = parser.add_argument_group("board of markers")
     board.add_argument("--board", metavar="BOARD", help=f"{FORMAT}, in m; see docs/calibration.md")
     board.add_argument(
@@ -85,6 +102,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--base-thickness", type=float, default=0.0, metavar="M",
         help="of the container's floor, where a board lies beside it (default 0)",
     )  # fmt: skip
+    scale = parser.add_argument_group("side view by its scale alone, without a pose")
+    scale.add_argument(
+        "--scale", nargs=4, type=float, metavar=("U1", "V1", "U2", "V2"),
+        help="pixels of the still level's left and right end",
+    )  # fmt: skip
+    scale.add_argument(
+        "--length", type=float, metavar="M", help="between the two (default twice the radius)"
+    )
     parser.add_argument("-o", "--output", type=Path, required=True, help="camera.yaml to write")
     parser.add_argument(
         "--picture", type=Path, metavar="OUT.png", help="the pose drawn over the image"
@@ -94,6 +119,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Finds the pose, writes camera.yaml and says how good it is."""
+    if arguments.scale is not None:
+        return run_scale(arguments)
+    if arguments.length is not None:
+        raise SloshBringupError("--length: needs --scale")
+    if arguments.camera is None and arguments.fov is None:
+        raise SloshBringupError("--camera or --fov: one of them is needed, or --scale")
     check_apart([arguments.output, arguments.picture], [arguments.still, arguments.camera])
     image = to_colour(read_image(arguments.still))
     known = _known_camera(arguments, image)
@@ -138,10 +169,12 @@ def _fitted(
     arguments: argparse.Namespace, image: Image, known: KnownCamera, cup: Cup
 ) -> tuple[StillFit, BoardFit | None]:
     azimuth = np.deg2rad(_finite(arguments.azimuth, "--azimuth"))
+    doubt, distance = _doubt(arguments), _positive(arguments.distance, "--distance")
     if arguments.board is None:
         if arguments.board_place is not None:
             raise SloshBringupError("--board-place: needs --board")
-        return calibrate_by_edges(image, known.camera, cup, azimuth), None
+        fit = calibrate_by_edges(image, known.camera, cup, azimuth, doubt=doubt, distance=distance)
+        return fit, None
     check_size(image, known.camera)
     board = find_board(image, known.camera, parse_board(arguments.board))
     if arguments.board_place is not None:
@@ -149,9 +182,27 @@ def _fitted(
         return check_pose(image, CupView(known.camera, pose, cup), covariance), board
     base = _finite(arguments.base_thickness, "--base-thickness")
     hint = hint_of_flat_board(board, cup, base)
-    fit = calibrate_by_edges(image, known.camera, cup, azimuth, hint)
+    fit = calibrate_by_edges(image, known.camera, cup, azimuth, hint, doubt, distance)
     check_hint(hint, fit.place.numbers)
     return fit, board
+
+
+def _doubt(arguments: argparse.Namespace) -> Doubt:
+    """What may be off; percents become parts."""
+    values = []
+    for name, unit in (("focal_error", 0.01), ("wall_error", 1.0), ("fill_error", 1.0)):
+        option = f"--{name.replace('_', '-')}"
+        value = unit * _finite(getattr(arguments, name), option)
+        if not 0.0 <= value < 1.0:
+            raise SloshBringupError(f"{option}: {value / unit:g}, must be at least 0 and small")
+        values.append(value)
+    return Doubt(*values)
+
+
+def _positive(value: float | None, option: str) -> float | None:
+    if value is not None and _finite(value, option) <= 0.0:
+        raise SloshBringupError(f"{option}: {value:g}, must be positive")
+    return value
 
 
 def _finite(value: float, option: str) -> float:
@@ -193,7 +244,7 @@ def _as_json(arguments: argparse.Namespace, fit: StillFit, board: BoardFit | Non
         "rotation": pose.rotation.ravel().tolist(),
         "translation": pose.translation.tolist(),
         "place": _named(fit.place.numbers),
-        "stddev": _named(fit.stddev),
+        "stddev": _named(fit.stddev[: len(_NUMBERS)]),
         "residual": fit.residual,
         "residual_height": fit.residual_height,
         "height_stddev": {wall.value: fit.height_stddev[wall] for wall in Wall},
@@ -201,7 +252,7 @@ def _as_json(arguments: argparse.Namespace, fit: StillFit, board: BoardFit | Non
             curve.name: {"share": curve.share, "offset": curve.offset} for curve in fit.curves
         },
         "board_residual": None if board is None else board.residual,
-        "warnings": _warnings(fit),
+        "warnings": warnings_of(fit),
     }
     return json.dumps(plain(facts))
 
@@ -211,13 +262,14 @@ def _named(numbers: NDArray[np.float64]) -> dict[str, float]:
 
 
 def _as_text(arguments: argparse.Namespace, fit: StillFit, board: BoardFit | None) -> str:
-    place, error = fit.place, fit.stddev
+    place, error = fit.place, fit.stddev[: len(_NUMBERS)]
     lines = [
         f"{name:9}{scale * value:8.{digits}f} +- {scale * sigma:.{digits}f} {unit}"
         for name, value, sigma, (scale, digits, unit) in zip(
             _NUMBERS, place.numbers, error, _SENSE, strict=True
         )
     ]
+    lines += _estimated(fit)
     lines += [
         f"{curve.name:27} {100.0 * curve.share:4.0f} % seen, {curve.offset:+.2f} px off"
         for curve in fit.curves
@@ -230,26 +282,21 @@ def _as_text(arguments: argparse.Namespace, fit: StillFit, board: BoardFit | Non
         f"residual {fit.residual:8.2f} px rms (sides, still level); still level {level:.2f} mm",
         f"a height's error by the pose, at -20 to 20 mm: {front:.2f} mm (front wall), "
         f"{rear:.2f} mm (rear wall), 1 sigma",
-        *(f"warning: {warning}" for warning in _warnings(fit)),
+        *(f"warning: {warning}" for warning in warnings_of(fit)),
         f"{arguments.output}",
     ]
     return "\n".join(lines)
 
 
-def _warnings(fit: StillFit) -> list[str]:
-    """What the picture shows otherwise than the dimensions say."""
-    checks = {check.name: check for check in fit.curves}
-    warnings = []
-    floor = checks.get(Curve.BASE.value)
-    if floor is not None and floor.share < _LEAST_SHARE:
-        warnings.append(
-            "the floor's edge is not where the dimensions put it; if it can be seen, check "
-            "radius, fill height, wall thickness and the focal length, which the rest cannot tell"
-        )
-    for name in (Curve.LEFT.value, Curve.RIGHT.value, Curve.FRONT.value, Curve.REAR.value):
-        check = checks.get(name)
-        if check is not None and abs(check.offset) > _DOUBTFUL_OFFSET:
-            warnings.append(f"the {name} lies {check.offset:+.1f} px from where the pose puts it")
-    if not np.isfinite(fit.residual):
-        warnings.append("the container's edges are not seen, nothing checks the board's place")
-    return warnings
+def _estimated(fit: StillFit) -> list[str]:
+    """What was in doubt, as estimated."""
+    cup, camera = fit.view.cup, fit.view.camera
+    focal, wall, fill = fit.stddev[len(_NUMBERS) :]
+    rows = (
+        ("focal", camera.fx, camera.fx * focal, "px"),
+        ("wall", 1e3 * cup.wall_thickness, 1e3 * wall, "mm thick"),
+        ("fill", 1e3 * cup.fill_height, 1e3 * fill, "mm high"),
+    )
+    return [
+        f"{name:9}{value:8.1f} +- {error:.1f} {unit}" for name, value, error, unit in rows if error
+    ]

@@ -6,7 +6,7 @@ still level on the front and, seen from above, on the rear wall, and the floor's
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 
 import numpy as np
@@ -69,6 +69,12 @@ class SeenCurve:
     normals: FloatArray
     slopes: FloatArray
     samples: int
+
+    def only(self, kept: NDArray[np.bool_]) -> SeenCurve:
+        """The same curve with some of its edges (N,)."""
+        return replace(
+            self, pixels=self.pixels[kept], normals=self.normals[kept], slopes=self.slopes[kept]
+        )
 
 
 def view_at(

@@ -25,6 +25,7 @@ from slosh_camera.calibrate.curves import (
     view_at,
     width_of,
 )
+from slosh_camera.calibrate.doubt import QUANTITIES, Told
 from slosh_camera.calibrate.edges import EdgeImage
 from slosh_camera.calibrate.pose import CameraPlace
 from slosh_camera.errors import SloshCameraError
@@ -34,6 +35,7 @@ from slosh_camera.optics.cup import Cup, CupView
 FloatArray = NDArray[np.float64]
 
 _PLACE = 5
+_NUMBERS = _PLACE + QUANTITIES
 # Bounds of the error of one sample [px], and how many neighbours share it.
 _LEAST_ERROR, _MOST_ERROR = 0.15, 1.0
 _SHARED_BY = 5.0
@@ -43,6 +45,9 @@ _SIDE_ERROR, _SIDE_TURN = 0.3, 0.2
 _LEVEL_ERROR = 0.12
 _BASE_ERROR = 0.0015
 _MERGED = 0.3
+# The claimed covariance takes curves' own errors for so many times larger than the fit does: walls
+# of unequal thickness, menisci and what they mirror (tools/calibration_accuracy.py).
+_CLAIMED = 2.0
 # Search to both sides of a predicted curve, as a share of the container's width, and at least.
 _ROUGH = ((0.045, 8.0), (0.045, 8.0), (0.03, 6.0))
 _FINE = ((0.03, 6.0), (0.015, 4.0), (0.012, 3.0), (0.012, 3.0))
@@ -53,6 +58,8 @@ INLIER = 1.5
 _CHANCE = 6.0
 # Who explains two lines of the level explains more than who takes one of them for the only one.
 _TWO_LINES, _LEAST_SHARE = 0.15, 0.7
+# A line that shows on less than this part is another thing's edge more often than not.
+_LEAST_LINE = 0.5
 _FAR = 1e3
 _DIFFERENCE = 1e-6
 
@@ -69,6 +76,12 @@ class Hint:
     numbers: FloatArray
     stddev: FloatArray
 
+    def with_distance(self, distance: float, stddev: float) -> Hint:
+        """The same, and a distance and its standard deviation [m]."""
+        numbers, spread = self.numbers.copy(), self.stddev.copy()
+        numbers[0], spread[0] = distance, stddev
+        return Hint(numbers, spread)
+
 
 NO_HINT = Hint(np.full(_PLACE, np.nan), np.ones(_PLACE))
 
@@ -78,16 +91,24 @@ class Fit:
     """A fitted place.
 
     Attributes:
+        camera: the camera, with the focal length that fits.
+        cup: the container, with the lengths that fit.
         place: the camera's place.
-        covariance: (5, 5) of its five numbers, in their order and units.
+        covariance: (5 + QUANTITIES, 5 + QUANTITIES) of its five numbers and of what was told, in
+            the order and units of CameraPlace and of Told.off_by.
+        tension: how far the curves contradict each other: the square root of the mean square of
+            their own errors over what is expected; about 1 where all is as it should be.
         seen: the edges that were fitted.
         residuals: distance of each edge from its fitted curve [px], one array per curve.
         score: mean support of the curves, less what chance gives, and more for two
             lines of the level; about 0 to 1.
     """
 
+    camera: PinholeCamera
+    cup: Cup
     place: CameraPlace
     covariance: FloatArray
+    tension: float
     seen: tuple[SeenCurve, ...]
     residuals: tuple[FloatArray, ...]
     score: float
@@ -110,8 +131,7 @@ class Fit:
 
 def fit_place(
     edges: EdgeImage,
-    camera: PinholeCamera,
-    cup: Cup,
+    told: Told,
     start: CameraPlace,
     hint: Hint = NO_HINT,
     *,
@@ -121,8 +141,7 @@ def fit_place(
 
     Args:
         edges: the image, without distortion.
-        camera: its camera, without distortion.
-        cup: the container.
+        told: its camera, without distortion, and the container.
         start: where to start.
         hint: what else is known.
         rough: from far away, to a few pixels: light goes straight, which is quicker.
@@ -131,30 +150,51 @@ def fit_place(
         The fit; None where it runs away or loses the edges.
     """
     if rough:
-        cup = replace(cup, wall_refractive_index=1.0)
-    place = start
-    covariance = np.full((_PLACE, _PLACE), np.nan)
+        straight = replace(told.cup, wall_refractive_index=1.0)
+        told = Told(told.camera, straight)
+    solved = Solution(start, np.zeros(QUANTITIES), np.full((_NUMBERS, _NUMBERS), np.nan), 1.0)
     reach = 0.0
     try:
+        view = view_at(*told.off_by(solved.change), solved.place)
         for share, least in _ROUGH if rough else _FINE:
-            view = view_at(camera, cup, place)
             reach = max(share * width_of(view), least)
             seen = look_for_curves(edges, view, reach)
             if not _enough(seen):
                 return None
             # Empty glass has an outer and an inner edge, and either may be the stronger.
             fitted = [curve for curve in seen if curve.curve not in EMPTY]
-            place, covariance = _Problem(camera, cup, place, fitted, hint).solved()
-        view = view_at(camera, cup, place)
+            solved = _Problem(told, solved, fitted, hint).solved()
+            view = view_at(*told.off_by(solved.change), solved.place)
+        certain = [curve for curve in fitted if _is_certain(view, curve)]
+        if len(certain) < len(fitted) and _enough(certain):
+            solved = _Problem(told, solved, certain, hint).solved()
+            view = view_at(*told.off_by(solved.change), solved.place)
         seen = look_for_curves(edges, view, reach)
     except SloshCameraError:
         return None
     residuals = tuple(distances(view, curve) for curve in seen)
     score = _score(edges, seen, residuals) - _CHANCE / width_of(view)
-    fit = Fit(place, covariance, seen, residuals, score)
+    fit = Fit(
+        view.camera,
+        view.cup,
+        solved.place,
+        solved.covariance,
+        solved.tension,
+        seen,
+        residuals,
+        score,
+    )
     # NaN, where the view has no rear line, is not more.
     both = all(fit.share(curve) > _LEAST_SHARE for curve in (Curve.FRONT, Curve.REAR))
     return replace(fit, score=score + _TWO_LINES) if both else fit
+
+
+def _is_certain(view: CupView, seen: SeenCurve) -> bool:
+    """Whether a curve is a side, or shows on enough of its length."""
+    if seen.curve in SIDES:
+        return True
+    near = np.count_nonzero(np.abs(distances(view, seen)) < INLIER)
+    return bool(near >= _LEAST_LINE * seen.samples)
 
 
 def _enough(seen: Sequence[SeenCurve]) -> bool:
@@ -164,69 +204,103 @@ def _enough(seen: Sequence[SeenCurve]) -> bool:
     return level >= 8 and min(sizes.get(curve, 0) for curve in WETTED) >= 8
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Solution:
+    """What a least-squares fit gives: place, change of what was told, covariance and tension."""
+
+    place: CameraPlace
+    change: FloatArray
+    covariance: FloatArray
+    tension: float
+
+
 class _Problem:
-    """Least squares over the place and each curve's own error.
+    """Least squares over the place, what is not known for sure, and each curve's own error.
 
     A curve's own error (an offset, for a side a turn, too) is an unknown with an expected size,
     so that the covariance holds what no number of samples averages out.
     """
 
-    def __init__(
-        self,
-        camera: PinholeCamera,
-        cup: Cup,
-        start: CameraPlace,
-        seen: Sequence[SeenCurve],
-        hint: Hint,
-    ) -> None:
-        view = view_at(camera, cup, start)
-        self._camera, self._cup, self._start, self._seen = camera, cup, start, seen
-        self._scale = np.array([start.distance, start.distance, 1.0, 1.0, 1.0])
-        self._weights = [_weight(curve, distances(view, curve)) for curve in seen]
+    def __init__(self, told: Told, start: Solution, seen: Sequence[SeenCurve], hint: Hint) -> None:
+        view = view_at(*told.off_by(start.change), start.place)
+        self._told, self._start = told, start
+        # A curve that leaves the view's front has no distance from its edges.
+        known = [(curve, distances(view, curve)) for curve in seen]
+        kept = [(curve.only(np.isfinite(away)), away[np.isfinite(away)]) for curve, away in known]
+        kept = [(curve, away) for curve, away in kept if away.size]
+        if not kept:
+            raise SloshCameraError("place: sees none of the edges")
+        self._seen = [curve for curve, _ in kept]
+        distance = start.place.distance
+        self._open = np.flatnonzero(told.doubt.open)
+        doubt = told.doubt.stddev[self._open]
+        self._scale = np.concatenate(([distance, distance, 1.0, 1.0, 1.0], doubt))
+        self._weights = [_weight(curve, away) for curve, away in kept]
         shapes = [
             weight * _own_errors(view, curve)
-            for curve, weight in zip(seen, self._weights, strict=True)
+            for curve, weight in zip(self._seen, self._weights, strict=True)
         ]
         own = block_diag(*shapes)
         self._samples, self._own_size = own.shape
         self._hinted = np.isfinite(hint.numbers)
         self._hint = hint.numbers[self._hinted]
         self._hint_weight = 1.0 / hint.stddev[self._hinted]
-        hints = np.zeros((self._hint.size, self._own_size))
-        self._own_slope: FloatArray = np.vstack((-own, np.eye(self._own_size), hints))
+        rest = np.zeros((self._hint.size + self._open.size, self._own_size))
+        self._own_slope: FloatArray = np.vstack((-own, np.eye(self._own_size), rest))
 
-    def solved(self) -> tuple[CameraPlace, FloatArray]:
-        """The place and the covariance of its five numbers (5, 5)."""
-        first = np.concatenate((self._start.numbers / self._scale, np.zeros(self._own_size)))
+    def solved(self) -> Solution:
+        """The place, the changes, their covariance and the curves' tension."""
+        begin = np.concatenate((self._start.place.numbers, self._start.change[self._open]))
+        first = np.concatenate((begin / self._scale, np.zeros(self._own_size)))
         result = least_squares(
             self._cost, first, jac=self._slope, loss="soft_l1", max_nfev=12, xtol=1e-6
         )
-        slope = np.asarray(result.jac)
-        covariance = np.linalg.pinv(slope.T @ slope)[:_PLACE, :_PLACE]
-        place = CameraPlace(*(float(value) for value in result.x[:_PLACE] * self._scale))
-        return place, covariance * np.outer(self._scale, self._scale)
+        slope = np.array(result.jac)
+        slope[self._samples : self._samples + self._own_size] /= _CLAIMED
+        count = self._scale.size
+        inverse = np.linalg.pinv(slope.T @ slope)[:count, :count]
+        place, change = self._taken(result.x)
+        told = np.concatenate((np.arange(_PLACE), _PLACE + self._open))
+        covariance = np.zeros((_NUMBERS, _NUMBERS))
+        covariance[np.ix_(told, told)] = inverse * np.outer(self._scale, self._scale)
+        return Solution(place, change, covariance, self._tension(result.x[count:]))
+
+    def _tension(self, own: FloatArray) -> float:
+        # The curves' own errors share what the place leaves over.
+        left = max(self._own_size + self._hint.size - _PLACE, 1)
+        return float(np.sqrt(np.sum(own**2) / left))
+
+    def _taken(self, numbers: FloatArray) -> tuple[CameraPlace, FloatArray]:
+        values = numbers[: self._scale.size] * self._scale
+        change = np.zeros(QUANTITIES)
+        change[self._open] = values[_PLACE:]
+        return CameraPlace(*(float(value) for value in values[:_PLACE])), change
 
     def _cost(self, numbers: FloatArray) -> FloatArray:
-        place = numbers[:_PLACE] * self._scale
+        place, change = self._taken(numbers)
         fixed = np.zeros(len(self._own_slope))
         try:
-            view = view_at(self._camera, self._cup, CameraPlace(*place))
+            view = view_at(*self._told.off_by(change), place)
         except SloshCameraError:
             return np.full(fixed.size, _FAR)
         pairs = zip(self._seen, self._weights, strict=True)
-        parts = [weight * distances(view, curve) for curve, weight in pairs]
-        fixed[: self._samples] = np.nan_to_num(np.concatenate(parts), nan=_FAR)
-        fixed[self._samples + self._own_size :] = (
-            place[self._hinted] - self._hint
-        ) * self._hint_weight
-        cost: FloatArray = fixed + self._own_slope @ numbers[_PLACE:]
+        away = np.concatenate([weight * distances(view, curve) for curve, weight in pairs])
+        fixed[: self._samples] = np.clip(np.nan_to_num(away, nan=_FAR), -_FAR, _FAR)
+        known = np.concatenate(
+            (
+                (place.numbers[self._hinted] - self._hint) * self._hint_weight,
+                numbers[_PLACE : self._scale.size],
+            )
+        )
+        fixed[self._samples + self._own_size :] = known
+        cost: FloatArray = fixed + self._own_slope @ numbers[self._scale.size :]
         return cost
 
     def _slope(self, numbers: FloatArray) -> FloatArray:
-        # The curves' own errors enter linearly; differences are taken over the place alone.
+        # The curves' own errors enter linearly; differences are taken over the others alone.
         here = self._cost(numbers)
         columns = []
-        for index in range(_PLACE):
+        for index in range(self._scale.size):
             moved = numbers.copy()
             moved[index] += _DIFFERENCE
             columns.append((self._cost(moved) - here) / _DIFFERENCE)
@@ -242,7 +316,8 @@ def _own_errors(view: CupView, seen: SeenCurve) -> FloatArray:
     if seen.curve not in SIDES:
         # Front and rear line so close that they are one edge: it may be either, or between.
         apart = abs(separation(view))
-        return flat * (_LEVEL_ERROR + (_MERGED * apart if apart < LEAST_SEPARATION else 0.0))
+        merged = _MERGED * apart if apart < LEAST_SEPARATION else 0.0
+        return flat * (_LEVEL_ERROR + merged)
     turn = np.linspace(-_SIDE_TURN, _SIDE_TURN, count)[:, np.newaxis]
     return np.hstack((_SIDE_ERROR * flat, turn))
 

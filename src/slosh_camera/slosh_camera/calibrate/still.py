@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from slosh_camera.calibrate.curves import (
     AZIMUTH,
+    EMPTY,
     WETTED,
     Curve,
     distances,
@@ -17,6 +18,7 @@ from slosh_camera.calibrate.curves import (
     view_at,
     width_of,
 )
+from slosh_camera.calibrate.doubt import KNOWN, QUANTITIES, Doubt, Told
 from slosh_camera.calibrate.edges import edge_image
 from slosh_camera.calibrate.fit import INLIER, NO_HINT, Fit, Hint, fit_place
 from slosh_camera.calibrate.pose import CameraPlace, place_of
@@ -31,10 +33,16 @@ Image = NDArray[np.uint8]
 # Heights at which the error of a measured height is stated [m].
 HEIGHTS = (-0.02, 0.0, 0.02)
 MAX_RESIDUAL = 0.6
-"""Residual up to which a fit is believed [px]."""
+"""Residual up to which a fit is believed without a warning [px]."""
+_LOST_RESIDUAL = 0.8
+# Residual of a fit whose standard errors are what they seem [px]; they grow with a larger one.
+_USUAL_RESIDUAL = 0.4
 MAX_HEIGHT_ERROR = 1e-3
-"""Standard error of a height up to which a pose is of use [m]."""
+"""Standard error of a height up to which a pose is of use without a warning [m]."""
+_LOST_HEIGHT = 3e-3
 _LEAST_SHARE = 0.5
+CLEAR_SHARE = 0.7
+"""A curve that shows on less of its length may be another thing's edge."""
 _CANDIDATES, _FINE_FITS = 6, 3
 # The coarse search takes so many columns at least, and less than twice as many.
 _SEARCH_WIDTH = 800
@@ -44,6 +52,10 @@ _SAME = 1e-3
 # Rough fits that differ by less than this, relative to the distance or [rad], are one.
 _ALIKE = 0.02
 _RIVAL, _RIVAL_RESIDUAL = 0.93, 1.5
+# What shows of the empty glass, or else of the floor, where the container is what it seems.
+_LEAST_GLASS, _LEAST_FLOOR = 0.35, 0.5
+# How well a distance is known that is told, as a part of it.
+_TOLD_DISTANCE = 0.1
 _ARC = np.deg2rad(np.linspace(-60.0, 60.0, 13))
 _STEP = 1e-6
 
@@ -73,7 +85,9 @@ class StillFit:
     Attributes:
         view: camera, pose and container.
         place: the camera's place about the container.
-        stddev: (5,) standard errors of the place's numbers, in its order and units.
+        stddev: (8,) standard errors of the place's numbers and of what was told about the focal
+            length, the wall's thickness and the fill height, in the order and units of
+            CameraPlace and of Told.off_by; 0 for what was known.
         residual: rms distance between the liquid's outline and the edges [px].
         residual_height: what the residual of the still level is as a height on the front wall [m].
         height_stddev: largest standard error of a height of -20 to 20 mm on the front and on the
@@ -96,6 +110,8 @@ def calibrate_by_edges(
     cup: Cup,
     azimuth: float = AZIMUTH,
     hint: Hint = NO_HINT,
+    doubt: Doubt = KNOWN,
+    distance: float | None = None,
 ) -> StillFit:
     """Pose of a container by its edges and its still level in an image.
 
@@ -106,6 +122,8 @@ def calibrate_by_edges(
         azimuth: at which the camera stands about the container's axis [rad]; the picture of a
             round container does not show it.
         hint: what a board tells in addition.
+        doubt: how far camera and container may be off; what is in doubt is estimated.
+        distance: of the camera from the container's axis, to a tenth [m]; None: unknown.
 
     Returns:
         The pose.
@@ -115,32 +133,38 @@ def calibrate_by_edges(
     """
     check_size(image, camera)
     straight, pinhole = undistorted(image, camera)
+    told = Told(pinhole, cup, doubt)
     edges = edge_image(straight)
-    starts = [candidate.place for candidate in _candidates(straight, pinhole, cup)]
+    candidates = _candidates(straight, pinhole, cup, distance)
+    starts = [candidate.place for candidate in candidates]
+    hint = hint if distance is None else hint.with_distance(distance, _TOLD_DISTANCE * distance)
 
     def roughly(places: list[CameraPlace]) -> list[Fit]:
-        tries = [fit_place(edges, pinhole, cup, place, hint, rough=True) for place in places]
+        tries = [fit_place(edges, told, place, hint, rough=True) for place in places]
         return _distinct([fit for fit in tries if fit])
 
-    rough = roughly(starts)[:_FINE_FITS]
+    rough = _worth_a_fit(roughly(starts))
     places = [fit.place for fit in rough]
     places += [_mirrored(place, cup) for place in places]
-    fits = [fit_place(edges, pinhole, cup, place, hint) for place in places]
+    fits = [fit_place(edges, told, place, hint) for place in places]
     ranked = sorted((fit for fit in fits if fit), key=lambda fit: -fit.score)
     if not ranked:
         raise SloshCameraError(
             "still image: no round container is found; its two sides and the still level must be "
-            "in the image, sharp and clear of other edges"
+            "in the image, sharp and clear of other edges: a plain background, dyed liquid, or "
+            "--scale with two clicks"
         )
-    answers = [_result(fit, camera, pinhole, cup, azimuth) for fit in ranked]
-    faults = [_fault(fit, answer) for fit, answer in zip(ranked, answers, strict=True)]
+    answers = [_result(fit, camera, azimuth) for fit in ranked]
+    sure = distance is not None
+    faults = [_fault(fit, answer, sure) for fit, answer in zip(ranked, answers, strict=True)]
     if all(faults):
         raise SloshCameraError(f"still image: {faults[0]}")
     best = faults.index("")
-    view = view_at(pinhole, cup, ranked[best].place)
-    for rival, fault in zip(ranked[best + 1 :], faults[best + 1 :], strict=True):
-        if not fault:
-            _check_rival(view, ranked[best], rival)
+    view = view_at(ranked[best].camera, ranked[best].cup, ranked[best].place)
+    if not sure:
+        for rival, fault in zip(ranked[best + 1 :], faults[best + 1 :], strict=True):
+            if not fault:
+                _check_rival(view, ranked[best], rival)
     return answers[best]
 
 
@@ -165,8 +189,10 @@ def check_pose(
     edges = edge_image(straight)
     seen = look_for_curves(edges, upright, reach * width_of(upright))
     residuals = tuple(distances(upright, curve) for curve in seen)
-    fit = Fit(place, covariance, seen, residuals, float("nan"))
-    return _result(fit, view.camera, pinhole, view.cup, azimuth)
+    every = np.zeros((len(covariance) + QUANTITIES,) * 2)
+    every[: len(covariance), : len(covariance)] = covariance
+    fit = Fit(pinhole, view.cup, place, every, 1.0, seen, residuals, float("nan"))
+    return _result(fit, view.camera, azimuth)
 
 
 def check_size(image: Image, camera: PinholeCamera) -> None:
@@ -194,7 +220,9 @@ def undistorted(image: Image, camera: PinholeCamera) -> tuple[Image, PinholeCame
     return np.asarray(straight, dtype=np.uint8), replace(camera, distortion=(0.0,) * 5)
 
 
-def _candidates(image: Image, camera: PinholeCamera, cup: Cup) -> list[Candidate]:
+def _candidates(
+    image: Image, camera: PinholeCamera, cup: Cup, distance: float | None
+) -> list[Candidate]:
     shrink = max(camera.width // _SEARCH_WIDTH, 1)
     if shrink > 1:
         width, height = camera.width // shrink, camera.height // shrink
@@ -208,7 +236,22 @@ def _candidates(image: Image, camera: PinholeCamera, cup: Cup) -> list[Candidate
             (camera.cx + 0.5) / shrink - 0.5,
             (camera.cy + 0.5) / shrink - 0.5,
         )
-    return find_candidates(edge_image(image), camera, cup, _CANDIDATES)
+    edges = edge_image(image)
+    if distance is None:
+        return find_candidates(edges, camera, cup, _CANDIDATES)
+    # Of many, those about as far away as is told.
+    many = find_candidates(edges, camera, cup, 4 * _CANDIDATES)
+    near = [c for c in many if abs(c.place.distance - distance) < 3 * _TOLD_DISTANCE * distance]
+    return near[:_CANDIDATES]
+
+
+def _worth_a_fit(rough: list[Fit]) -> list[Fit]:
+    """The best rough fits, and the one of the nearest container, in which others may be parts."""
+    if not rough:
+        return []
+    best = rough[:_FINE_FITS]
+    wide = min(rough, key=lambda fit: fit.place.distance)
+    return best if wide in best else [*best, wide]
 
 
 def _mirrored(place: CameraPlace, cup: Cup) -> CameraPlace:
@@ -233,8 +276,8 @@ def _distinct(fits: list[Fit]) -> list[Fit]:
     return kept
 
 
-def _fault(fit: Fit, answer: StillFit) -> str:
-    """Why a fit is not to be used; empty: it is."""
+def _fault(fit: Fit, answer: StillFit, sure: bool) -> str:
+    """Why a fit is not to be used, `sure`: of a container whose distance is told; empty: it is."""
     for curve in WETTED:
         share = np.nan_to_num(fit.share(curve))
         if share < _LEAST_SHARE:
@@ -243,23 +286,53 @@ def _fault(fit: Fit, answer: StillFit) -> str:
                 "the whole container must be in the image, sharp and unobstructed"
             )
     level = np.nanmax([fit.share(Curve.FRONT), fit.share(Curve.REAR), 0.0])
+    if max(level, min(fit.share(curve) for curve in WETTED)) < CLEAR_SHARE:
+        return (
+            f"the sides and the still level show on {100.0 * level:.0f} % of their length at "
+            "most; a plain background, dyed liquid or a clean glass would show more, or --scale "
+            "takes two clicks"
+        )
     if level < _LEAST_SHARE:
         return (
             f"the still level shows on {100.0 * level:.0f} % of its length; the liquid must be at "
             "rest and stand out from what is above it"
         )
-    if not answer.residual <= MAX_RESIDUAL:
+    if not answer.residual <= _LOST_RESIDUAL:
         return (
             f"the container's edges lie {answer.residual:.2f} px rms from the best pose, more "
-            f"than {MAX_RESIDUAL:g}; check the intrinsic parameters and the dimensions"
+            f"than {_LOST_RESIDUAL:g}; check the intrinsic parameters and the dimensions, or take "
+            "the picture before a plain background"
+        )
+    if not sure and not _is_corroborated(fit):
+        return (
+            f"two sides and a level {1e3 * fit.place.distance:.0f} mm away fit, but neither the "
+            "glass above the level nor the floor is where it should be: something else than the "
+            "container, as a label or a reflection; take the picture from elsewhere or before a "
+            "plain background, or tell --distance"
         )
     worst = max(answer.height_stddev.values())
-    if not worst <= MAX_HEIGHT_ERROR:
+    if not worst <= _LOST_HEIGHT:
         return (
-            f"it determines heights to {1e3 * worst:.1f} mm only, {1e3 * MAX_HEIGHT_ERROR:g} mm "
-            "are needed; the container must fill more of the image"
+            f"it determines heights to {1e3 * worst:.1f} mm only, {1e3 * _LOST_HEIGHT:g} mm are "
+            "needed; the container must fill more of the image, and a camera a little above the "
+            "level sees both of its lines"
         )
     return ""
+
+
+def _is_corroborated(fit: Fit) -> bool:
+    """Whether a curve that the pose does not rest on is where it should be, if it can be seen.
+
+    A wall of no thickness shows no glass.
+    """
+    if fit.cup.wall_thickness == 0.0:
+        return True
+    glass = [fit.share(curve) for curve in EMPTY]
+    floor = fit.share(Curve.BASE)
+    known = [share for share in glass if np.isfinite(share)]
+    if not known and not np.isfinite(floor):
+        return True
+    return max(known, default=0.0) >= _LEAST_GLASS or floor >= _LEAST_FLOOR
 
 
 def _check_rival(view: CupView, best: Fit, rival: Fit) -> None:
@@ -267,7 +340,7 @@ def _check_rival(view: CupView, best: Fit, rival: Fit) -> None:
     if rival.score < _RIVAL * best.score or rival.rms > _RIVAL_RESIDUAL * best.rms:
         return
     try:
-        other = view_at(view.camera, view.cup, rival.place)
+        other = view_at(rival.camera, rival.cup, rival.place)
     except SloshCameraError:
         return
     shift = _heights(other, view, Wall.FRONT) - np.repeat(HEIGHTS, _ARC.size)
@@ -279,16 +352,15 @@ def _check_rival(view: CupView, best: Fit, rival: Fit) -> None:
             for fit in (best, rival)
         )
         raise SloshCameraError(
-            f"still image: two poses fit equally well, {poses}; the floor in the image, a board, "
-            "or fewer other things would tell"
+            f"still image: two poses fit equally well, {poses}; tell which by --distance, or take "
+            "a picture with the floor in it, a board, or fewer other things"
         )
 
 
-def _result(
-    fit: Fit, camera: PinholeCamera, pinhole: PinholeCamera, cup: Cup, azimuth: float
-) -> StillFit:
-    view = view_at(camera, cup, fit.place, azimuth)
-    upright = view_at(pinhole, cup, fit.place)
+def _result(fit: Fit, camera: PinholeCamera, azimuth: float) -> StillFit:
+    lens = replace(fit.camera, distortion=camera.distortion)
+    view = view_at(lens, fit.cup, fit.place, azimuth)
+    upright = view_at(fit.camera, fit.cup, fit.place)
     checks = tuple(
         _checked(seen.curve, seen.samples, residual)
         for seen, residual in zip(fit.seen, fit.residuals, strict=True)
@@ -298,7 +370,7 @@ def _result(
     return StillFit(
         view,
         fit.place,
-        np.sqrt(np.diag(fit.covariance)),
+        _doubtful(fit) * np.sqrt(np.diag(fit.covariance)),
         fit.rms,
         (front[0] if front else float("nan")) * upright.height_per_pixel((u, v), Wall.FRONT),
         {wall: _height_stddev(upright, fit, wall) for wall in Wall},
@@ -314,17 +386,23 @@ def _checked(curve: Curve, samples: int, residual: FloatArray) -> CurveCheck:
 
 
 def _height_stddev(view: CupView, fit: Fit, wall: Wall) -> float:
-    """Largest standard error of a height, by the place's covariance [m]."""
+    """Largest standard error of a height, by the covariance of all that was fitted [m]."""
+    told = Told(fit.camera, fit.cup)
     here = _heights(view, view, wall)
     columns = []
-    for index in range(fit.covariance.shape[0]):
-        moved = fit.place.numbers
-        moved[index] += _STEP
-        other = view_at(view.camera, view.cup, CameraPlace(*moved))
+    for step in _STEP * np.eye(len(fit.covariance)):
+        place = CameraPlace(*(fit.place.numbers + step[:-QUANTITIES]))
+        other = view_at(*told.off_by(step[-QUANTITIES:]), place)
         columns.append((_heights(other, view, wall) - here) / _STEP)
     slope = np.column_stack(columns)
     variance = np.einsum("ni,ij,nj->n", slope, fit.covariance, slope)
-    return float(np.sqrt(np.nanmax(variance)))
+    known = variance[np.isfinite(variance)]
+    return _doubtful(fit) * float(np.sqrt(known.max())) if known.size else float("inf")
+
+
+def _doubtful(fit: Fit) -> float:
+    """Factor of the standard errors where curves contradict each other, or edges their curve."""
+    return float(np.nanmax([fit.tension, fit.rms / _USUAL_RESIDUAL, 1.0]))
 
 
 def _heights(view: CupView, truth: CupView, wall: Wall) -> FloatArray:

@@ -144,7 +144,8 @@ class SideViewDetector:
         if trace.line is None:
             return SideMeasurement(stamp_ns=stamp_ns, flags=trace.flags)
         flags = trace.flags | _limits(trace.line)
-        return _measurement(stamp_ns, flags, trace.line, describe(trace.line, self._view))
+        profile, scale_error = describe(trace.line, self._view), self._settings.scale_error
+        return _measurement(stamp_ns, flags, trace.line, profile, scale_error)
 
     def _learnt(self, light: Light, still: Knowledge) -> Knowledge:
         """What the image of the liquid at rest shows, given where its line lies."""
@@ -168,17 +169,17 @@ def _limits(line: TracedLine) -> Flag:
 
 
 def _measurement(
-    stamp_ns: int, flags: Flag, line: TracedLine, profile: Profile
+    stamp_ns: int, flags: Flag, line: TracedLine, profile: Profile, scale_error: float
 ) -> SideMeasurement:
     """The measurement of a line that is found; x > 0 is azimuth 0, x < 0 azimuth pi."""
     peak, fitted = profile.peak, profile.fitted
     return SideMeasurement(
         stamp_ns=stamp_ns,
         msh=peak.height,
-        msh_stddev=peak.stddev,
+        msh_stddev=float(np.hypot(peak.stddev, scale_error * peak.height)),
         azimuth=_azimuth(peak.x),
         fitted_msh=fitted.height,
-        fitted_msh_stddev=fitted.stddev,
+        fitted_msh_stddev=float(np.hypot(fitted.stddev, scale_error * fitted.height)),
         fitted_azimuth=_azimuth(fitted.x),
         sh_left=profile.left,
         sh_right=profile.right,

@@ -1,0 +1,61 @@
+"""`slosh calibrate --scale`: camera.yaml of a side view from the still level's two ends."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from slosh_bringup.errors import SloshBringupError
+from slosh_camera.calibrate.camera_file import format_calibration, parse_any_calibration
+from slosh_camera.calibrate.scale import calibrate_by_scale
+from slosh_camera.errors import SloshCameraError
+from slosh_camera.images.decoding import read_image
+from slosh_files import check_apart, write_text
+from slosh_report.json_values import plain
+
+# What a scale has no use for, and what it would be taken for.
+_UNUSED = ("camera", "fov", "board", "distance", "picture", "wall_thickness")
+
+
+def run_scale(arguments: argparse.Namespace) -> int:
+    """Writes camera.yaml and says what a pixel is, and how well heights are known."""
+    check_apart([arguments.output], [arguments.still])
+    for name in _UNUSED:
+        if getattr(arguments, name) is not None:
+            raise SloshBringupError(f"--{name.replace('_', '-')}: is not used with --scale")
+    length = arguments.length
+    if length is None:
+        if arguments.radius is None:
+            raise SloshBringupError("--length: is needed with --scale, or --radius for a cylinder")
+        length = 2.0 * arguments.radius
+    if arguments.fill_height is None:
+        raise SloshBringupError("--fill-height: is needed")
+    image = read_image(arguments.still)
+    u1, v1, u2, v2 = arguments.scale
+    size = (int(image.shape[1]), int(image.shape[0]))
+    try:
+        found = calibrate_by_scale(
+            size, (u1, v1), (u2, v2), length, arguments.fill_height, arguments.rim_height
+        )
+    except SloshCameraError as error:
+        raise SloshBringupError(f"{arguments.still}: {error}") from error
+    folder = arguments.output.resolve().parent
+    still = Path(os.path.relpath(arguments.still.resolve(), folder))
+    text = format_calibration(replace(found, still_image=still))
+    # What was written must be what `slosh detect` reads.
+    parse_any_calibration(text, str(arguments.output), folder)
+    write_text(arguments.output, text)
+    pixel = length / float(np.hypot(u2 - u1, v2 - v1))
+    known = found.detection.scale_error
+    if arguments.json:
+        facts = {"output": str(arguments.output), "metre_per_pixel": pixel, "scale_error": known}
+        print(json.dumps(plain(facts)))
+    else:
+        print(f"scale    {1e3 * pixel:8.3f} mm/px, heights in the image's plane to {known:.1%}")
+        print(arguments.output)
+    return 0

@@ -1,0 +1,82 @@
+"""How far what is told about lens and container may be off, and what a fit makes of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_camera.optics.camera import PinholeCamera
+from slosh_camera.optics.cup import Cup
+
+FloatArray = NDArray[np.float64]
+
+QUANTITIES = 3
+# Lengths and focal lengths never fall below this part of what was told.
+_LEAST = 0.05
+
+
+@dataclass(frozen=True, slots=True)
+class Doubt:
+    """Standard deviations of what is told; 0: it is known.
+
+    Attributes:
+        focal_length: relative.
+        wall_thickness: [m].
+        fill_height: [m].
+    """
+
+    focal_length: float = 0.0
+    wall_thickness: float = 0.0
+    fill_height: float = 0.0
+
+    @property
+    def stddev(self) -> FloatArray:
+        """The three numbers (QUANTITIES,) in the order above."""
+        return np.array([self.focal_length, self.wall_thickness, self.fill_height])
+
+    @property
+    def open(self) -> NDArray[np.bool_]:
+        """Which of the three are to be estimated (QUANTITIES,)."""
+        return self.stddev > 0.0
+
+
+KNOWN = Doubt()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Told:
+    """Lens and container as they were told.
+
+    Attributes:
+        camera: the camera.
+        cup: the container.
+        doubt: how far both may be off.
+    """
+
+    camera: PinholeCamera
+    cup: Cup
+    doubt: Doubt = KNOWN
+
+    def off_by(self, change: FloatArray) -> tuple[PinholeCamera, Cup]:
+        """Camera and container where what was told is off.
+
+        Args:
+            change: (QUANTITIES,) of the focal length's logarithm, the wall's thickness [m] and
+                the fill height [m].
+        """
+        if not np.any(change):
+            return self.camera, self.cup
+        zoom = float(np.exp(np.clip(change[0], -3.0, 3.0)))
+        camera = replace(self.camera, fx=zoom * self.camera.fx, fy=zoom * self.camera.fy)
+        wall = max(self.cup.wall_thickness + float(change[1]), 0.0)
+        fill = max(self.cup.fill_height + float(change[2]), _LEAST * self.cup.fill_height)
+        rim = self.cup.rim_height
+        cup = replace(
+            self.cup,
+            wall_thickness=wall,
+            fill_height=fill,
+            rim_height=rim if rim is None or rim > fill else None,
+        )
+        return camera, cup

@@ -1,0 +1,83 @@
+"""A side view's calibration by a known length in the image alone: heights in the image's plane."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_camera.errors import SloshCameraError
+from slosh_camera.optics.box import Box, BoxView
+from slosh_camera.optics.calibration import SideCalibration
+from slosh_camera.optics.camera import PinholeCamera
+from slosh_camera.optics.pose import Pose
+from slosh_camera.settings import DetectionSettings
+
+FloatArray = NDArray[np.float64]
+
+# A camera so many lengths away sees no perspective.
+_FAR = 1000.0
+_LEAST_PIXELS = 20.0
+_MAX_INCLINATION = np.deg2rad(20.0)
+# Standard error of a click [px]; what perspective, the wall and the liquid's depth do to a scale
+# that is taken as one for all places.
+_CLICK = 1.0
+_ONE_SCALE = 0.03
+
+
+def calibrate_by_scale(
+    size: tuple[int, int],
+    left: tuple[float, float],
+    right: tuple[float, float],
+    length: float,
+    fill_height: float,
+    rim_height: float | None = None,
+) -> SideCalibration:
+    """Calibration of a camera that looks level from the side, by the still level's two ends.
+
+    Args:
+        size: width and height of the image [px].
+        left: left end of the still level (u, v) [px].
+        right: its right end.
+        length: of the line between the two [m].
+        fill_height: of the liquid at rest [m].
+        rim_height: of the inner wall above the floor [m]; None: unknown.
+
+    Returns:
+        A side view of a container as wide as the line, whose heights are those in the image's
+        plane; `detection.scale_error` holds how well the scale is known.
+
+    Raises:
+        SloshCameraError: the ends are outside the image, alike, or no level line.
+    """
+    ends: FloatArray = np.array([left, right], dtype=np.float64)
+    if not np.all(np.isfinite(ends)) or np.any(ends < -0.5) or np.any(ends > np.array(size) - 0.5):
+        raise SloshCameraError(
+            f"scale: a point is outside the image of {size[0]} x {size[1]} pixels"
+        )
+    if not (np.isfinite(length) and length > 0.0):
+        raise SloshCameraError(f"length: {length} m, must be positive")
+    across = ends[1] - ends[0]
+    pixels = float(np.hypot(*across))
+    if across[0] <= 0.0 or pixels < _LEAST_PIXELS:
+        raise SloshCameraError(
+            f"scale: the points lie {across[0]:.0f} px apart, the second must be at least "
+            f"{_LEAST_PIXELS:g} px to the right of the first"
+        )
+    roll = float(np.arctan2(across[1], across[0]))
+    if abs(roll) > _MAX_INCLINATION:
+        raise SloshCameraError(
+            f"scale: the line is inclined by {np.rad2deg(roll):.0f} deg, must be the still level"
+        )
+    distance = _FAR * length
+    focal = pixels / length * distance
+    camera = PinholeCamera(*size, focal, focal, 0.5 * (size[0] - 1), 0.5 * (size[1] - 1))
+    c, s = np.cos(roll), np.sin(roll)
+    rotation = np.array([[c, 0.0, s], [s, 0.0, -c], [0.0, 1.0, 0.0]])
+    middle = np.append((ends.mean(axis=0) - (camera.cx, camera.cy)) / focal, 1.0)
+    view = BoxView(
+        camera,
+        Pose(rotation, distance * middle),
+        Box(length, fill_height, rim_height=rim_height),
+    )
+    error = float(np.hypot(np.sqrt(2.0) * _CLICK / pixels, _ONE_SCALE))
+    return SideCalibration(view, detection=DetectionSettings(scale_error=error))

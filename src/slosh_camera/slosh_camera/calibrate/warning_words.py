@@ -1,0 +1,47 @@
+"""What is to be said of a calibration that is given, so that no doubt is silent."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from slosh_camera.calibrate.curves import Curve
+from slosh_camera.calibrate.still import CLEAR_SHARE, MAX_HEIGHT_ERROR, MAX_RESIDUAL, StillFit
+
+# Edges that lie farther than this from a pose are worth a word [px].
+_DOUBTFUL_OFFSET = 1.0
+_LEAST_FLOOR = 0.5
+
+
+def warnings_of(fit: StillFit) -> list[str]:
+    """Lines on what the picture shows otherwise than the pose has it, or leaves open."""
+    checks = {check.name: check for check in fit.curves}
+    warnings = []
+    floor = checks.get(Curve.BASE.value)
+    if floor is not None and floor.share < _LEAST_FLOOR:
+        warnings.append(
+            "the floor's edge is not where the dimensions put it; if it can be seen, check "
+            "radius, fill height, wall thickness and the focal length, which the rest cannot tell"
+        )
+    for name in (Curve.LEFT.value, Curve.RIGHT.value, Curve.FRONT.value, Curve.REAR.value):
+        check = checks.get(name)
+        if check is not None and check.share < CLEAR_SHARE:
+            warnings.append(
+                f"the {name} shows on {100.0 * check.share:.0f} % of its length, the rest is "
+                "hidden or another thing's edge: look whether it lies where --picture draws it"
+            )
+        if check is not None and abs(check.offset) > _DOUBTFUL_OFFSET:
+            warnings.append(f"the {name} lies {check.offset:+.1f} px from where the pose puts it")
+    if fit.residual > MAX_RESIDUAL:
+        warnings.append(
+            f"the edges lie {fit.residual:.2f} px from the pose, more than {MAX_RESIDUAL:g}: "
+            "check the intrinsic parameters and the dimensions; standard errors are as much larger"
+        )
+    worst = max(fit.height_stddev.values())
+    if worst > MAX_HEIGHT_ERROR:
+        warnings.append(
+            f"heights are known to {1e3 * worst:.1f} mm only; a container that fills more of the "
+            "image, or a level whose front and rear line can both be seen, tells more"
+        )
+    if not np.isfinite(fit.residual):
+        warnings.append("the container's edges are not seen, nothing checks the board's place")
+    return warnings
