@@ -339,7 +339,7 @@ class TestRecording:
         page.value(f"source.seek({last})")
         page.wait_until("Math.max(...heights.rows[1]) > 22")
         assert page.value("Math.max(...heights.rows[1])") == pytest.approx(22.3, abs=0.1)
-        assert "22.3 mm" in text(page, "events")
+        page.wait_until("document.getElementById('events').textContent.includes('22.3 mm')")
         page.value("source.seek(0)")
         page.wait_until("heights.rows[0].length < 10")
         page.value("document.getElementById('play').click()")

@@ -52,8 +52,8 @@ SMOOTHEST_TURN = 0.6
 class Row:
     """One case; times in s, infinite where none is safe.
 
-    `best` is the best of the laws along the length, along DL22's parameter, or shaped; `fallback`
-    that of the planner's own, which also are slower in curves.
+    `fallback` is by the best of the planner's own known laws, `best` by the best of these, of laws
+    along DL22's parameter and of a shaped one.
     """
 
     container: str

@@ -256,8 +256,8 @@ def test_a_path_that_is_none_is_refused_and_the_node_goes_on(cell: Cell, name: s
 @pytest.mark.parametrize(
     ("fields", "match"),
     [
-        ({"limit": math.nan}, "limit of height = nan"),
-        ({"limit": -1.0}, "limit of height = -1 m must lie above 0"),
+        ({"limit": math.nan}, "height limit = nan m must lie above 0"),
+        ({"limit": -1.0}, "height limit = -1.0 m must lie above 0"),
         ({"max_jerk": -1.0}, "limit of jerk = -1"),
         ({"margin": 0.5}, "margin = 500 mm leaves nothing"),
         # A known law would be so slow that none is looked for; or the service's time is up before.
