@@ -162,8 +162,9 @@ def calibrate_by_edges(
     best = faults.index("")
     view = view_at(ranked[best].camera, ranked[best].cup, ranked[best].place)
     if not sure:
-        for rival, fault in zip(ranked[best + 1 :], faults[best + 1 :], strict=True):
-            if not fault:
+        # Also one that scores higher, but that neither glass nor floor speaks for.
+        for rival, fault in zip(ranked, faults, strict=True):
+            if rival is not ranked[best] and (not fault or not _is_corroborated(rival)):
                 _check_rival(view, ranked[best], rival)
     return answers[best]
 
