@@ -50,13 +50,15 @@ whole residual, if it is so much less likely with that. Then the rest is no nois
 COMMON = 1.0
 """Usual size of the correlation of a sensor's neighbouring samples, as its inverse tanh."""
 SURE = 8.0
-"""Log of the likelihood that colour and jitter must gain: else the noise is white."""
+"""Log of the likelihood above the liquid's band that colour and jitter must gain: else the noise
+is white, whatever the residual is like as a whole."""
 ROUGHER = 3.0
 """A noise that is so many times as large as the heights' differences tell is none."""
 VARIED = 0.1
 """Claims that spread by less than this share of themselves tell of no differences."""
-FEW = 0.003
-"""Share of outliers that plain noise has."""
+SPIKE, FEW = 5.0, 0.003
+"""So many standard deviations off their neighbours are fewer samples than this share of plain
+noise."""
 ALIKE = 0.15
 """Noises that differ by less, relatively, weigh the same explanations alike."""
 STRONGEST = 0.97
@@ -156,7 +158,7 @@ class _Shape:
         )
 
 
-_PLAIN = _Shape(0.0, 0.0)
+_PLAIN, _SMOOTH = _Shape(0.0, 0.0), _Shape(0.9, 0.0)
 _Likelihood = Callable[[Sequence[_Part], _Shape], tuple[float, float]]
 
 
@@ -181,13 +183,20 @@ def estimate_sensor(leftovers: Sequence[Leftovers]) -> SensorNoise | None:
     above = _most_likely(clean, shape, _likelihood_above)
     if _likelihood_above(clean, above)[0] - _likelihood_above(clean, shape)[0] > CONTRADICTED:
         shape, likelihood = above, _likelihood_above
-    found, size = likelihood(clean, shape)
+    _, size = likelihood(clean, shape)
     outliers = 1.0 - sum(len(part.t) for part in clean) / sum(len(part.t) for part in parts)
-    plain = found - likelihood(clean, _PLAIN)[0] < SURE and outliers <= FEW
+    gained = _likelihood_above(clean, shape)[0] - _likelihood_above(clean, _PLAIN)[0]
+    plain = gained < SURE and _spikes(parts) <= FEW
     believed = claims or _seen_in_differences(clean, size, shape, leftovers)
     if (plain and not claims) or not believed or abs(shape.correlation) > MOST:
         return None
     return SensorNoise(size, shape.correlation, math.sqrt(shape.ratio) * size, outliers, claims)
+
+
+def _spikes(parts: Sequence[_Part]) -> float:
+    """Share of the samples that are far from their next neighbours, whatever the model lacks."""
+    off = np.abs(np.concatenate([_deviations(part, _SMOOTH) for part in parts]))
+    return float(np.mean(off > SPIKE * robust_scale(off)))
 
 
 def _seen_in_differences(

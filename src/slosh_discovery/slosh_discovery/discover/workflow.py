@@ -121,12 +121,13 @@ class _Searched:
 def _search(
     base: Model, plain: Sequence[PreparedMotion], told: Progress, threads: int
 ) -> _Searched:
-    """Searches, and again where what is left shows another noise than what the base left."""
-    starts = [first_offset(one, base) for one in plain]
-    offsets = fit(Explanation(base), plain, np.zeros(0), starts).clock_offsets
-    leftovers = _leftovers(base, plain, offsets)
-    sensor = estimate_sensor(leftovers)
-    offsets = tuple(starts) if sensor is None else offsets
+    """Searches with plain noise, and again where what is left shows another.
+
+    What a wrong base leaves may look like noise: the likeliest explanation is asked, not the base.
+    """
+    offsets: Sequence[float] = [first_offset(one, base) for one in plain]
+    leftovers: Sequence[Leftovers] = ()
+    sensor: SensorNoise | None = None
     for last in (False, False, True):
         motions = plain if sensor is None else [dressed(one, sensor) for one in leftovers]
         pool = Search(base, motions, offsets, told, threads).run()
