@@ -52,6 +52,9 @@ COMMON = 1.0
 SURE = 8.0
 """Log of the likelihood above the liquid's band that colour and jitter must gain: else the noise
 is white, whatever the residual is like as a whole."""
+WORTH = 0.04
+"""The same of each sample: less is a correlation below 0.3, as what a wrong model leaves has it, and
+errors that are at most a third larger."""
 ROUGHER = 3.0
 """A noise that is so many times as large as the heights' differences tell is none."""
 VARIED = 0.1
@@ -186,7 +189,8 @@ def estimate_sensor(leftovers: Sequence[Leftovers]) -> SensorNoise | None:
     _, size = likelihood(clean, shape)
     outliers = 1.0 - sum(len(part.t) for part in clean) / sum(len(part.t) for part in parts)
     gained = _likelihood_above(clean, shape)[0] - _likelihood_above(clean, _PLAIN)[0]
-    plain = gained < SURE and _spikes(parts) <= FEW
+    asked = max(SURE, WORTH * sum(len(part.t) for part in clean))
+    plain = gained < asked and _spikes(parts) <= FEW
     believed = claims or _seen_in_differences(clean, size, shape, leftovers)
     if (plain and not claims) or not believed or abs(shape.correlation) > MOST:
         return None
