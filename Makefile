@@ -8,8 +8,9 @@ export ROS_PYTHON_CHECK_FIELDS ?= 1
 TESTS := tests $(wildcard src/*/test)
 # What must keep pace with a camera and a robot has the machine to itself, in the end.
 REAL_TIME := tests/real_time src/slosh_bringup/test/test_cell_node.py
-# One worker per core; `make test WORKERS=0` runs all in one process, as a debugger wants it.
-WORKERS ?= logical
+# One worker more than there are cores: tests of live nodes wait for each other a third of the time.
+# `make test WORKERS=0` runs all in one process, as a debugger wants it.
+WORKERS ?= $(shell expr $$(getconf _NPROCESSORS_ONLN) + 1)
 PYTEST := tools/run python -m pytest -n $(WORKERS) --no-loadscope-reorder
 
 .PHONY: help setup demo test test-all lint bench docs tables study coverage clean

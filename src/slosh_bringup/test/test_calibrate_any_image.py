@@ -132,10 +132,9 @@ def attempt(number, pictures, folder, capsys):
     return code
 
 
-@pytest.mark.parametrize("first", range(1000, 1027, 9))
-def test_some_images(first, pictures, tmp_path, capsys):
-    for number in range(first, first + 9):
-        attempt(number, pictures, tmp_path, capsys)
+@pytest.mark.parametrize("number", [1000, 1001, 1002, 1004, 1007, 1008, 1022])
+def test_some_images(number, pictures, tmp_path, capsys):
+    attempt(number, pictures, tmp_path, capsys)
 
 
 @pytest.mark.long
