@@ -128,7 +128,7 @@ def measure(seconds: float, turns: int) -> list[str]:
         group = stack.enter_context(NodeGroup("/slosh", room / "logs", node_environment(domain)))
         processes = setup.processes(room / "bag")
         processes.append(NodeProcess("watch", parameters={"port": str(PORT)}))
-        given = {"motion": "c3", "repeat": "1000", "model": str(config_folder() / "truth.yaml")}
+        given = {"motion": "c3", "repeat": "30", "model": str(config_folder() / "truth.yaml")}
         given["calibration"] = str(setup.calibration)
         processes.append(NodeProcess("cell", [setup.parameters], given))
         for process in processes:

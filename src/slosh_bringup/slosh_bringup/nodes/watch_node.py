@@ -1,8 +1,8 @@
 """The watch node: serves the operator's page, and costs the cell as little as it can.
 
 It takes messages in batches, ten times a second, as the recorder does: an executor that woke up
-for each of them would cost more than everything else here. Of what comes a thousand times a
-second it takes the newest alone. What viewers do costs their own connection and nobody else.
+for each of them would cost more than everything else here. What comes a thousand times a
+second it hears only while nothing else tells it. What viewers do costs their own connection and nobody else.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from slosh_bringup.cell_watch import reports
 from slosh_bringup.watch import hearing
 from slosh_bringup.watch.access import new_access
 from slosh_bringup.watch.hub import Hub
-from slosh_bringup.watch.picture import Camera
+from slosh_bringup.watch.picture import Camera, is_small_jpeg
 from slosh_bringup.watch.server import WatchServer, listen, live_app
 from slosh_bringup.watch.state import PERIOD, WatchState
 from slosh_camera.errors import SloshCameraError
@@ -71,7 +71,7 @@ class WatchNode(GuardedNode):
         self._add(LimitEvent, topics.LIMIT_EVENT, qos.EVENT, self._on_event)
         self._add(FreeSurface, topics.FREE_SURFACE, qos.STREAM_IN, self._on_surface)
         self._add(SloshComparison, topics.COMPARISON, qos.STREAM_IN, self._on_comparison)
-        self._add(SloshEstimate, topics.ESTIMATE, qos.NEWEST_IN, self._on_estimate)
+        self._estimates: Subscription | None = None
         self._images: tuple[Subscription, Any] | None = None
         self._image: Image | CompressedImage | None = None
         self._frames = 0
@@ -108,10 +108,23 @@ class WatchNode(GuardedNode):
                     use(message)
                 except Exception as error:  # one bad message must not cost those after it
                     self.faults.add(subscription.topic, error)
+        now = time.monotonic()
+        self._look_at_estimate(now)
         if self._frames % PICTURE_EVERY == 0:
             self._look_at_camera()
         self._frames += 1
-        self._server.call(self._hub.put_frame, self._state.frame(time.monotonic()))
+        self._server.call(self._hub.put_frame, self._state.frame(now))
+
+    def _look_at_estimate(self, now: float) -> None:
+        """Hears estimates, a thousand a second, only while no comparison tells them."""
+        if not self._state.is_alone(now):
+            self._drop(self._estimates)
+            self._estimates = None
+            return
+        if self._estimates is None:
+            self._estimates = self._subscribe(SloshEstimate, topics.ESTIMATE, qos.NEWEST_IN)
+        for message in _take(self._estimates, SloshEstimate, 1):
+            hearing.hear_estimate(self._state, message, now)
 
     def _look_at_camera(self) -> None:
         """Shows the image of last time, which has been measured by now, and takes a new one."""
@@ -137,7 +150,11 @@ class WatchNode(GuardedNode):
     def _stop_images(self) -> None:
         """Nobody looks: images cost nothing."""
         if self._images is not None:
-            subscription, self._images = self._images[0], None
+            self._drop(self._images[0])
+            self._images = None
+
+    def _drop(self, subscription: Subscription | None) -> None:
+        if subscription is not None:
             self._batched.discard(subscription)
             self.destroy_subscription(subscription)
 
@@ -161,9 +178,6 @@ class WatchNode(GuardedNode):
         self._surfaces.append(message)
         hearing.hear_surface(self._state, message)
 
-    def _on_estimate(self, message: SloshEstimate) -> None:
-        hearing.hear_estimate(self._state, message, time.monotonic())
-
     def _on_event(self, message: LimitEvent) -> None:
         hearing.hear_event(self._state, message)
 
@@ -183,8 +197,11 @@ class WatchNode(GuardedNode):
         return {"viewers": self._hub.viewers, "frames": self._frames}
 
 
-def _decoded(message: Image | CompressedImage) -> Pixels:
+def _decoded(message: Image | CompressedImage) -> Pixels | bytes:
     if isinstance(message, CompressedImage):
+        data = bytes(message.data)
+        if is_small_jpeg(data):
+            return data
         return decode_compressed(message.format, message.data)
     return to_image(
         message.encoding, message.height, message.width, message.step, message.data,

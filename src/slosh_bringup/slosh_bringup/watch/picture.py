@@ -20,6 +20,8 @@ from slosh_files.nanoseconds import SECOND
 WIDTH, QUALITY = 640, 70
 """Largest width [px], and the JPEG's quality."""
 MOST_POINTS = 60
+SMALL = 200_000
+"""A JPEG of so many bytes is passed on as it is: decoding it costs more than all else here."""
 AT_ONCE = 50_000_000
 """A surface so near to an image is drawn into it [ns]: three of them at 60 fps."""
 
@@ -37,15 +39,15 @@ class Camera:
         except SloshCameraError:
             self._calibration = None
 
-    def picture(self, image: NDArray[np.uint8], stamp_ns: int, surface: Any) -> bytes:
+    def picture(self, image: NDArray[np.uint8] | bytes, stamp_ns: int, surface: Any) -> bytes:
         """A picture with its heading; see `pack`.
 
         Args:
-            image: (height, width) grey or (height, width, 3) blue-green-red.
+            image: (height, width) grey or (height, width, 3) blue-green-red, or a JPEG as it is.
             stamp_ns: its stamp [ns].
             surface: the FreeSurface next to it in time; None: there is none.
         """
-        jpeg, scale = small_jpeg(image)
+        jpeg, scale = (image, 1.0) if isinstance(image, bytes) else small_jpeg(image)
         line: list[list[float]] = []
         if surface is not None and self._calibration is not None:
             stamp = surface.header.stamp
@@ -54,6 +56,11 @@ class Camera:
                 places, heights = surface.profile_azimuth, surface.profile_height
                 line = line_in_image(self._calibration, places, heights)
         return pack(jpeg, {"line": [[scale * u, scale * v] for u, v in line]})
+
+
+def is_small_jpeg(data: bytes) -> bool:
+    """Whether a compressed image can be passed on as it is."""
+    return len(data) <= SMALL and data.startswith(b"\xff\xd8\xff")
 
 
 def pack(jpeg: bytes, heading: dict[str, Any]) -> bytes:

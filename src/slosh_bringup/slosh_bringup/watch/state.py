@@ -103,6 +103,10 @@ class WatchState:
         self._nodes: dict[str, tuple[NodeReport, float]] = {}
         self._rows: list[tuple[float, float, float]] = []
 
+    def is_alone(self, now: float) -> bool:
+        """Whether the estimate has to be drawn by itself: no comparison tells it."""
+        return now - self._compared_at > ALONE
+
     def take_comparison(self, compared: Compared, now: float) -> None:
         """Takes a comparison that came now [s]."""
         self._compared, self._compared_at = compared, now
@@ -115,7 +119,7 @@ class WatchState:
     def take_estimate(self, estimated: Estimated, now: float) -> None:
         """Takes the newest estimate; it is drawn where no comparison holds it."""
         self._estimated, self._estimated_at = estimated, now
-        if now - self._compared_at > ALONE:
+        if self.is_alone(now):
             self._add(estimated.stamp_ns, math.nan, estimated.height)
 
     def take_event(self, event: LimitNews) -> None:
@@ -158,7 +162,7 @@ class WatchState:
             "time": self._seconds(self._newest),
             "rows": [[None if v != v else round(v, 7) for v in row] for row in rows],
             "now": self._now(now),
-            "surface": self._shown_surface(),
+            "surface": self._shown_surface(now),
         }
         if self._count % SLOW == 0:
             frame |= {"limits": self._limits, "nodes": self._shown_nodes(now)}
@@ -184,14 +188,18 @@ class WatchState:
         if compared is not None:
             shown = compared._asdict() | {"age": round(now - self._compared_at, 2)}
             shown["time"] = self._seconds(compared.stamp_ns)
-        if estimated is not None and now - self._compared_at > ALONE:
+        if estimated is not None and self.is_alone(now):
             shown |= {"measured": math.nan, "residual": math.nan}
             shown["estimated"] = estimated.height
             if now - self._estimated_at > ALONE:
                 shown["estimated"] = math.nan
         return shown
 
-    def _shown_surface(self) -> dict[str, Any]:
+    def is_fresh(self, now: float) -> bool:
+        """Whether the newest estimate is of now."""
+        return now - self._estimated_at <= ALONE
+
+    def _shown_surface(self, now: float) -> dict[str, Any]:
         surface, estimated = self._surface, self._estimated
         shown: dict[str, Any] = {}
         if surface is not None:
@@ -200,7 +208,7 @@ class WatchState:
             shown["line"] = [[round(float(a), 3), round(float(h), 5)] for a, h in pairs[::step]]
             shown["measured"] = [surface.azimuth, surface.height]
             shown["flags"] = surface.flags
-        if estimated is not None:
+        if estimated is not None and self.is_fresh(now):
             shown["estimated"] = [estimated.azimuth, estimated.height]
         return shown
 
