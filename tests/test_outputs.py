@@ -183,6 +183,7 @@ def test_an_output_that_is_an_input_is_refused(own, tmp_path, monkeypatch, capsy
         ("import antisloshing SHOP/measured -o SHOP/full", "SHOP/full/B: exists already"),
         ("discover SHOP/motion.csv --model SHOP/model.yaml -o SHOP", "SHOP: exists already"),
         ("identify SHOP/motion.csv --model SHOP/model.yaml -o SHOP", "SHOP: exists already"),
+        ("new SHOP --radius 0.05 --fill-height 0.07", "SHOP: exists already"),
         ("discover SHOP/recording --from-bag -o SHOP/recording/new", "lies in the input"),
         (
             "plan SHOP/model.yaml SHOP/path.csv --limit 0.02 -o SHOP/new.csv --report SHOP",
@@ -317,6 +318,7 @@ CASES = {
     "recover": Case(
         "recover SHOP/bag -o OUT/new", "new", "recover SHOP/many_messages -o OUT/new", limit=1_000
     ),
+    "new": Case("new OUT/new --radius 0.05 --fill-height 0.07", "new"),
     "motion": Case("motion quintic --speed 30 --stroke 0.1 -o OUT/a.csv", "a.csv"),
     "identify": Case(
         "identify SHOP/motion.csv --model SHOP/model.yaml -o OUT/new", "new",

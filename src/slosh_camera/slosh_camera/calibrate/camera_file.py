@@ -183,6 +183,7 @@ def _container_block(calibration: AnyCalibration) -> dict[str, Any]:
 def _calibration(
     root: Mapping[str, Any], source: YamlDocument, folder: Path | None
 ) -> AnyCalibration:
+    _check_calibrated(root, source)
     check_keys(root, _REQUIRED, _OPTIONAL, source, "")
     camera = _camera(root, source)
     container = _built(source, "container.", lambda: _container(root, source))
@@ -196,6 +197,16 @@ def _calibration(
         return _built(source, "", lambda: SideCalibration(face, name, region, detection, still))
     view = _built(source, "", lambda: CupView(camera, pose, container))
     return _built(source, "", lambda: Calibration(view, name, region, detection, still))
+
+
+def _check_calibrated(root: Mapping[str, Any], source: YamlDocument) -> None:
+    """Refuse a file that has a camera and a container but no pose, with the way to one."""
+    if "pose" not in root and "container" in root and "camera_matrix" in root:
+        raise SloshCameraError(
+            f"{place(source, 'pose')}: is missing: the camera is not calibrated yet; `slosh "
+            "calibrate` finds the pose by an image of the liquid at rest, `slosh intrinsics` the "
+            "camera's matrix before it"
+        )
 
 
 def _camera(root: Mapping[str, Any], source: YamlDocument) -> PinholeCamera:

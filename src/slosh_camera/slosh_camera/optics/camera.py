@@ -185,7 +185,9 @@ def camera_from_info(
     if len(matrix) != 9:
         raise SloshCameraError(f"camera_matrix: {len(matrix)} numbers, needs 9")
     if matrix[0] == 0.0:
-        raise SloshCameraError("camera_matrix: K[0] is 0, the camera is not calibrated")
+        raise SloshCameraError(
+            "camera_matrix: K[0] is 0, the camera is not calibrated; `slosh intrinsics` does it"
+        )
     if coefficients and model != PLUMB_BOB:
         raise SloshCameraError(f"distortion_model: {model!r} is not supported, use {PLUMB_BOB}")
     if len(coefficients) not in (0, 4, 5):

@@ -1,0 +1,169 @@
+"""`slosh new`: the first model.yaml, cell.yaml and camera.yaml of a cup of one's own."""
+
+from __future__ import annotations
+
+import argparse
+import re
+import sys
+from pathlib import Path
+
+from slosh_bringup.errors import SloshBringupError
+from slosh_bringup.live.cell_setup import NAMESPACE
+from slosh_bringup.new_cup.cup import LIQUIDS, LiquidKind, NewCup
+from slosh_bringup.new_cup.files import next_steps, texts_of
+from slosh_bringup.new_cup.units import QUANTITIES
+from slosh_files import check_free, new_folder, write_text
+
+_IMAGE_SIZE = "1280x720"
+_MOST_PIXELS = 20_000
+# How often a question is asked before the answers are taken for something else.
+_PATIENCE = 5
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declares the subcommand's options."""
+    parser.add_argument("folder", type=Path, metavar="DIR", help="new or empty")
+    cup = parser.add_argument_group("container [m]; on a terminal what is missing is asked for")
+    for name in ("radius", "diameter", "width", "depth", "fill_height", "rim_height", "wall"):
+        words = QUANTITIES[name].words
+        cup.add_argument(f"--{name.replace('_', '-')}", type=float, metavar="M", help=words)
+    liquid = parser.add_argument_group("liquid")
+    liquid.add_argument("--liquid", choices=LIQUIDS, default="water", help="default water")
+    liquid.add_argument("--density", type=float, metavar="KG/M3", help="of another liquid")
+    liquid.add_argument(
+        "--viscosity", type=float, metavar="M2/S", help="kinematic, of another liquid"
+    )
+    parser.add_argument(
+        "--namespace", default=NAMESPACE, help=f"of the nodes (default {NAMESPACE})"
+    )
+    parser.add_argument(
+        "--image-size", default=_IMAGE_SIZE, metavar="WxH",
+        help=f"of the camera's images [px] (default {_IMAGE_SIZE})",
+    )  # fmt: skip
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Writes the three files and says what comes next."""
+    folder: Path = arguments.folder
+    check_free(folder)
+    cup = _cup(arguments)
+    with new_folder(folder) as room:
+        for name, text in texts_of(cup, folder).items():
+            write_text(room / name, text)
+    for name in texts_of(cup, folder):
+        print(folder / name)
+    if cup.wall is None:
+        print("note: the wall's thickness is not told, 0 is taken; the camera needs it: --wall")
+    print("next:", *next_steps(cup, folder), sep="\n  ")
+    return 0
+
+
+def _cup(arguments: argparse.Namespace) -> NewCup:
+    given = {
+        name: quantity.check(name, getattr(arguments, name))
+        for name, quantity in QUANTITIES.items()
+        if getattr(arguments, name) is not None
+    }
+    _check_shape(given)
+    size = _image_size(arguments.image_size)
+    known = LIQUIDS[arguments.liquid]
+    liquid = LiquidKind(
+        given.get("density", known.density), given.get("viscosity", known.viscosity)
+    )
+    if sys.stdin.isatty():
+        _ask_for_missing(given)
+    missing = _missing(given)
+    if missing:
+        raise SloshBringupError(
+            f"{', '.join(missing)}: needed, and there is no terminal to ask on"
+        )
+    return NewCup(
+        _lengths(given), given["fill_height"], liquid, given.get("rim_height"),
+        given.get("wall"), arguments.namespace, size,
+    )  # fmt: skip
+
+
+def _check_shape(given: dict[str, float]) -> None:
+    """Refuses a cup that is told as two."""
+    if {"radius", "diameter"} <= given.keys():
+        raise SloshBringupError("--radius and --diameter: give one of them")
+    cylinder, rectangle = {"radius", "diameter"} & given.keys(), {"width", "depth"} & given.keys()
+    if cylinder and rectangle:
+        raise SloshBringupError(
+            f"--{min(cylinder)} and --{max(rectangle)}: a cup is round or rectangular; give one"
+        )
+
+
+def _missing(given: dict[str, float]) -> list[str]:
+    """Options without which there is no cup."""
+    missing = []
+    if given.keys() & {"width", "depth"}:
+        missing += [f"--{name}" for name in ("width", "depth") if name not in given]
+    elif not given.keys() & {"radius", "diameter"}:
+        missing.append("--radius, --diameter or --width and --depth")
+    if "fill_height" not in given:
+        missing.append("--fill-height")
+    return missing
+
+
+def _lengths(given: dict[str, float]) -> dict[str, float]:
+    if "width" in given:
+        return {name: given[name] for name in ("width", "depth")}
+    return {"radius": given["radius"] if "radius" in given else 0.5 * given["diameter"]}
+
+
+def _ask_for_missing(given: dict[str, float]) -> None:
+    """Asks on the terminal; what is asked for is added."""
+    if not given.keys() & {"radius", "diameter", "width", "depth"}:
+        shape = _answer("round or rectangular? [round] ", ("", "round", "rectangular"))
+        _ask(given, "width" if shape == "rectangular" else "diameter")
+    for name in ("width", "depth"):
+        if given.keys() & {"width", "depth"}:
+            _ask(given, name)
+    _ask(given, "fill_height")
+    for name in ("rim_height", "wall"):
+        _ask(given, name, optional=True)
+
+
+def _answer(question: str, answers: tuple[str, ...]) -> str:
+    for _ in range(_PATIENCE):
+        word = _line(question)
+        if word in answers:
+            return word
+    raise SloshBringupError(f"{question.strip()}: no answer of {', '.join(answers[1:])}")
+
+
+def _ask(given: dict[str, float], name: str, *, optional: bool = False) -> None:
+    """Asks for one quantity until the answer can be one."""
+    if name in given:
+        return
+    quantity = QUANTITIES[name]
+    hint = ", empty: unknown" if optional else ""
+    for _ in range(_PATIENCE):
+        word = _line(f"{quantity.words} [{quantity.unit}{hint}]: ")
+        if optional and not word:
+            return
+        try:
+            given[name] = quantity.check(name, float(word))
+        except SloshBringupError as error:
+            print(error)
+        except ValueError:
+            print(f"{word!r} is not a number")
+        else:
+            return
+    raise SloshBringupError(f"--{name.replace('_', '-')}: no usable answer")
+
+
+def _line(question: str) -> str:
+    try:
+        return input(question).strip()
+    except EOFError:
+        raise SloshBringupError("the answers ended; give the options instead") from None
+
+
+def _image_size(text: str) -> tuple[int, int]:
+    match = re.fullmatch(r"(\d{1,6})x(\d{1,6})", text.lower())
+    size = (int(match[1]), int(match[2])) if match else (0, 0)
+    if not all(1 <= length <= _MOST_PIXELS for length in size):
+        raise SloshBringupError(f"--image-size: {text!r} is not WIDTHxHEIGHT, such as 1280x720")
+    return size

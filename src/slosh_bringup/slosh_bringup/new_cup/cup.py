@@ -1,0 +1,78 @@
+"""A cup of one's own, as it is told."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+from slosh_bringup.errors import SloshBringupError
+
+_NAMESPACE = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
+
+
+@dataclass(frozen=True, slots=True)
+class LiquidKind:
+    """A liquid at 20 °C.
+
+    Attributes:
+        density: [kg/m³].
+        viscosity: kinematic [m²/s].
+    """
+
+    density: float
+    viscosity: float
+
+
+LIQUIDS = {
+    "water": LiquidKind(998.2, 1.0e-6),
+    "milk": LiquidKind(1030.0, 2.0e-6),
+    "oil": LiquidKind(920.0, 7.0e-5),
+    "ethanol": LiquidKind(789.0, 1.5e-6),
+    "glycerine": LiquidKind(1261.0, 1.12e-3),
+}
+"""By name; oil is of sunflowers."""
+
+
+@dataclass(frozen=True, slots=True)
+class NewCup:
+    """What the first files say.
+
+    Attributes:
+        lengths: inner dimensions by their key in the files: `radius`, or `width` and `depth` [m].
+        fill_height: height of the liquid at rest above the inner floor [m].
+        liquid: what is in it.
+        rim_height: above the inner floor [m]; None: unknown.
+        wall: thickness [m]; None: unknown.
+        namespace: of the nodes.
+        image_size: width and height of the camera's images [px].
+    """
+
+    lengths: dict[str, float]
+    fill_height: float
+    liquid: LiquidKind
+    rim_height: float | None
+    wall: float | None
+    namespace: str
+    image_size: tuple[int, int]
+
+    def __post_init__(self) -> None:
+        """Refuse a rim below the liquid, and a namespace that is none."""
+        if self.rim_height is not None and self.rim_height <= self.fill_height:
+            raise SloshBringupError(
+                f"rim_height = {self.rim_height:g} m: must lie above the liquid, whose "
+                f"fill_height is {self.fill_height:g} m"
+            )
+        if not _NAMESPACE.fullmatch(self.namespace):
+            raise SloshBringupError(
+                f"namespace = {self.namespace!r}: must be names after slashes, such as /slosh"
+            )
+
+    @property
+    def is_round(self) -> bool:
+        """Whether it is a cylinder."""
+        return "radius" in self.lengths
+
+    @property
+    def shape(self) -> str:
+        """As the files call it."""
+        return "cylinder" if self.is_round else "rectangle"

@@ -1,0 +1,154 @@
+"""`slosh new`: first files that every reader takes, or one line that says why not."""
+
+import io
+from dataclasses import replace
+
+import pytest
+
+from slosh_bringup.cli.main import main
+from slosh_bringup.live.cell_setup import read_setup
+from slosh_bringup.live.run import check_files
+from slosh_bringup.new_cup.cup import LIQUIDS
+from slosh_camera.calibrate.camera_file import read_any_calibration
+from slosh_camera.calibrate.intrinsics import read_known_camera
+from slosh_camera.errors import SloshCameraError
+from slosh_estimator.model_file import read_model
+from slosh_model.containers import Cylinder, Rectangle
+from slosh_model.liquid import Liquid
+
+ROUND = ["--diameter", "0.08", "--fill-height", "0.06"]
+SQUARE = ["--width", "0.1", "--depth", "0.07", "--fill-height", "0.06"]
+WHOLE = ["--rim-height", "0.11", "--wall", "0.002"]
+# What calibration adds, as a person would type it.
+MATRIX = "[0, 0, 0, 0, 0, 0, 0, 0, 1]"
+TYPED = "[1500, 0, 639.5, 0, 1500, 359.5, 0, 0, 1]"
+POSE = "pose: {rotation: [1, 0, 0, 0, 0, -1, 0, 1, 0], translation: [0, 0, 0.5]}\n"
+
+
+class Terminal(io.StringIO):
+    """Standard input with somebody before it."""
+
+    def isatty(self):
+        return True
+
+
+@pytest.fixture
+def folder(tmp_path):
+    return tmp_path / "my cup"
+
+
+def refused(folder, words, capsys):
+    assert main(["new", str(folder), *words]) == 2
+    told = capsys.readouterr()
+    (line,) = told.err.splitlines()
+    return line
+
+
+def test_the_model_is_read(folder):
+    assert main(["new", str(folder), *ROUND, *WHOLE, "--liquid", "milk"]) == 0
+    model = read_model(folder / "model.yaml")
+    assert model.container == Cylinder(radius=0.04, fill_height=0.06, rim_height=0.11)
+    assert model.liquid == Liquid(LIQUIDS["milk"].density, LIQUIDS["milk"].viscosity)
+    assert [use.name for use in model.effects] == ["vertical_acceleration", "surface_nonlinearity"]
+
+
+def test_the_model_of_a_rectangle_is_read(folder):
+    assert main(["new", str(folder), *SQUARE, "--density", "900", "--viscosity", "5e-5"]) == 0
+    model = read_model(folder / "model.yaml")
+    assert model.container == Rectangle(width=0.1, depth=0.07, fill_height=0.06)
+    assert model.liquid == Liquid(900.0, 5e-5)
+
+
+def test_the_cell_is_read_with_its_namespace(folder):
+    assert main(["new", str(folder), *ROUND, "--namespace", "/line_2/cup"]) == 0
+    setup = read_setup(folder / "cell.yaml")
+    assert setup.namespace == "/line_2/cup"
+    assert (setup.model, setup.calibration) == (folder / "model.yaml", folder / "camera.yaml")
+
+
+@pytest.mark.parametrize("cup", [ROUND, SQUARE], ids=["cylinder", "rectangle"])
+def test_the_camera_waits_for_its_calibration_and_for_nothing_else(folder, cup):
+    assert main(["new", str(folder), *cup, *WHOLE, "--image-size", "1280x720"]) == 0
+    setup = read_setup(folder / "cell.yaml")
+    with pytest.raises(
+        SloshCameraError, match=r"not calibrated yet; `slosh calibrate`.*`slosh in"
+    ):
+        check_files(setup)
+    path = folder / "camera.yaml"
+    text = path.read_text()
+    with pytest.raises(SloshCameraError, match=r"K\[0\] is 0, .*; `slosh intrinsics` does it"):
+        read_known_camera(path)
+    path.write_text(text.replace(MATRIX, TYPED) + POSE)
+    check_files(setup)
+    view = read_any_calibration(path).view
+    held = view.cup if cup is ROUND else view.box
+    assert (held.rim_height, held.wall_thickness, view.camera.width) == (0.11, 0.002, 1280)
+    if cup is ROUND:
+        assert read_known_camera(path).container["radius"] == 0.04
+
+
+def test_the_next_commands_are_told_with_the_cups_numbers(folder, capsys):
+    assert main(["new", str(folder), *ROUND, *WHOLE]) == 0
+    told = capsys.readouterr().out
+    assert "--radius 0.04 --fill-height 0.06 --rim-height 0.11 --wall-thickness 0.002" in told
+    assert f"slosh cell --config '{folder}/cell.yaml'" in told
+    assert "note" not in told
+    assert main(["new", str(folder.with_name("b")), *ROUND]) == 0
+    assert "note: the wall's thickness is not told" in capsys.readouterr().out
+
+
+def test_a_folder_that_holds_something_is_refused(folder, capsys):
+    assert main(["new", str(folder), *ROUND]) == 0
+    before = {path: path.read_text() for path in folder.iterdir()}
+    assert "exists already and holds camera.yaml" in refused(folder, SQUARE, capsys)
+    assert {path: path.read_text() for path in folder.iterdir()} == before
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--radius", "50"], "radius = 50 m: did you mean 0.05 (50 mm)?"),
+        (["--radius", "5"], "radius = 5 m: did you mean 0.05 (5 cm)?"),
+        (["--diameter", "120"], "diameter = 120 m: did you mean 0.12 (120 mm)?"),
+        ([*ROUND, "--wall", "2"], "wall = 2 m: did you mean 0.002 (2 mm)?"),
+        ([*ROUND, "--density", "1.03"], "density = 1.03 kg/m3: did you mean 1030 (1.03 g/cm3)?"),
+        ([*ROUND, "--viscosity", "1"], "viscosity = 1 m2/s: did you mean 1e-06 (1 mm2/s)?"),
+        ([*ROUND, "--rim-height", "-1"], "rim_height = -1 m: must be 0.002 to 4 m"),
+        (["--radius", "nan"], "radius = nan m: must be 0.002 to 2 m"),
+        ([*ROUND, "--rim-height", "0.05"], "rim_height = 0.05 m: must lie above the liquid"),
+        ([*ROUND, "--radius", "0.04"], "--radius and --diameter: give one of them"),
+        ([*ROUND, "--depth", "0.04"], "a cup is round or rectangular"),
+        ([*ROUND, "--namespace", "slosh"], "namespace = 'slosh': must be names after slashes"),
+        ([*ROUND, "--image-size", "big"], "--image-size: 'big' is not WIDTHxHEIGHT"),
+        (["--radius", "0.04"], "--fill-height: needed, and there is no terminal to ask on"),
+        (["--width", "0.04"], "--depth, --fill-height: needed"),
+        ([], "--radius, --diameter or --width and --depth, --fill-height: needed"),
+    ],
+)
+def test_what_cannot_be_is_one_line(folder, capsys, monkeypatch, words, said):
+    monkeypatch.setattr("sys.stdin", io.StringIO())
+    assert said in refused(folder, words, capsys)
+    assert not folder.exists()
+
+
+def test_a_terminal_is_asked_for_what_is_missing(folder, capsys, monkeypatch):
+    monkeypatch.setattr("sys.stdin", Terminal("\n80\nwide\n0.08\n0.06\n\n0.002\n"))
+    assert main(["new", str(folder)]) == 0
+    told = capsys.readouterr().out
+    assert "diameter = 80 m: did you mean 0.08 (80 mm)?" in told
+    assert "'wide' is not a number" in told
+    container = read_model(folder / "model.yaml").container
+    assert container == Cylinder(radius=0.04, fill_height=0.06)
+    assert "wall_thickness: 0.002" in (folder / "camera.yaml").read_text()
+
+
+def test_a_terminal_is_asked_for_a_rectangle(folder, monkeypatch):
+    monkeypatch.setattr("sys.stdin", Terminal("rectangular\n0.1\n0.07\n0.06\n0.1\n\n"))
+    assert main(["new", str(folder)]) == 0
+    container = read_model(folder / "model.yaml").container
+    assert container == replace(container, width=0.1, depth=0.07, fill_height=0.06, rim_height=0.1)
+
+
+def test_answers_that_end_are_one_line(folder, capsys, monkeypatch):
+    monkeypatch.setattr("sys.stdin", Terminal("\n"))
+    assert "the answers ended; give the options instead" in refused(folder, [], capsys)
