@@ -1,8 +1,9 @@
 """The watch node: serves the operator's page, and costs the cell as little as it can.
 
 It takes messages in batches, ten times a second, as the recorder does: an executor that woke up
-for each of them would cost more than everything else here. What comes a thousand times a
-second it hears only while nothing else tells it. What viewers do costs their own connection and nobody else.
+for each of them would cost more than everything else here. What comes a thousand times a second
+it hears only while nothing else tells it. What viewers do costs their own connection and nobody
+else.
 """
 
 from __future__ import annotations

@@ -53,8 +53,8 @@ SURE = 8.0
 """Log of the likelihood above the liquid's band that colour and jitter must gain: else the noise
 is white, whatever the residual is like as a whole."""
 WORTH = 0.04
-"""The same of each sample: less is a correlation below 0.3, as what a wrong model leaves has it, and
-errors that are at most a third larger."""
+"""The same of each sample: less is a correlation below 0.3, as what a wrong model leaves has it,
+and errors that are at most a third larger."""
 ROUGHER = 3.0
 """A noise that is so many times as large as the heights' differences tell is none."""
 VARIED = 0.1
