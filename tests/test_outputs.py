@@ -16,6 +16,7 @@ import cv2
 import numpy as np
 import pytest
 import scipy.io
+from board_scene import chessboard_pictures
 
 from slosh_bag.bag_writer import BagWriter
 from slosh_bag.motion_table import MotionTable, write_motion_table
@@ -45,6 +46,9 @@ def shop(tmp_path_factory):
     image = CupRenderer(view).render_colour(0.0, 0.006)
     for number in range(3):
         cv2.imwrite(str(folder / "images" / f"frame_{number}.png"), image)
+    (folder / "boards").mkdir()
+    for number, board in enumerate(chessboard_pictures()[:6]):
+        cv2.imwrite(str(folder / "boards" / f"board_{number}.png"), board)
     (folder / "many_images").mkdir()
     for number in range(MANY_IMAGES):
         cv2.imwrite(str(folder / "many_images" / f"frame_{number}.jpg"), image)
@@ -109,6 +113,7 @@ def contents(folder):
 # --- an output that is an input ----------------------------------------------------------------
 
 CALIBRATE = "calibrate SHOP/still.png --camera SHOP/camera.yaml"
+INTRINSICS = "intrinsics SHOP/boards --board 8x5 --square 0.02"
 DETECT = "detect SHOP/images --camera SHOP/camera.yaml --still SHOP/still.png --jobs 1"
 REPLAY = "replay SHOP/recording --model SHOP/model.yaml"
 INPUT_AS_OUTPUT = [
@@ -120,6 +125,9 @@ INPUT_AS_OUTPUT = [
     (f"{CALIBRATE} -o OUT", "still.png"),
     (f"{CALIBRATE} -o OUT", "camera.yaml"),
     (f"{CALIBRATE} -o NEW.yaml --picture OUT", "still.png"),
+    (f"{INTRINSICS} -o OUT", "boards/board_0.png"),
+    (f"{INTRINSICS} -o NEW.yaml --picture OUT", "boards/board_1.png"),
+    (f"{INTRINSICS} -o NEW.yaml --print-board OUT", "boards/board_1.png"),
     (f"{DETECT} -o OUT", "images/frame_0.png"),
     (f"{DETECT} -o OUT", "camera.yaml"),
     (f"{DETECT} -o OUT", "still.png"),
@@ -266,6 +274,11 @@ CASES = {
     "shape": Case("shape SHOP/model.yaml SHOP/smooth.csv --filter zv -o OUT/a.csv", "a.csv"),
     "plan --report": Case(
         "plan SHOP/model.yaml SHOP/path.csv --limit 0.02 -o OUT/a.csv --report OUT/new", "new"
+    ),
+    "intrinsics": Case(f"{INTRINSICS} -o OUT/a.yaml", "a.yaml"),
+    "intrinsics --picture": Case(f"{INTRINSICS} -o OUT/a.yaml --picture OUT/a.png", "a.png"),
+    "intrinsics --print-board": Case(
+        "intrinsics --board 8x5 --square 0.02 --print-board OUT/a.pdf", "a.pdf"
     ),
     "calibrate": Case(f"{CALIBRATE} -o OUT/a.yaml", "a.yaml"),
     "calibrate --picture": Case(f"{CALIBRATE} -o OUT/a.yaml --picture OUT/a.png", "a.png"),

@@ -21,6 +21,7 @@ COMMANDS: dict[str, str] = {
     "motion": "a packaging machine's motion as a motion table",
     "simulate": "open-loop prediction of a motion table",
     "new": "commented model.yaml, cell.yaml, camera.yaml for one's own cup",
+    "intrinsics": "a camera's intrinsic parameters from pictures of a board",
     "calibrate": "camera.yaml from an image of the liquid at rest",
     "detect": "heights from a video, a folder of images or a bag",
     "play": "a bag over DDS with /clock, for live nodes",

@@ -56,6 +56,23 @@ def find_corners(
     return places, np.asarray(corners, dtype=np.float64).reshape(-1, 2)
 
 
+def markers_of(
+    board: Any, dictionary: Any
+) -> list[tuple[tuple[float, float], float, NDArray[np.bool_]]]:
+    """Markers of a board: top left corner (x, y), side [m], and which of its cells are white."""
+    places = board.getObjPoints() if _is_recent() else board.objPoints
+    numbers = np.ravel(board.getIds() if _is_recent() else board.ids)
+    draw = _aruco.generateImageMarker if _is_recent() else _aruco.drawMarker
+    cells = dictionary.markerSize + 2
+    found = []
+    for corners, number in zip(places, numbers, strict=True):
+        ends = np.asarray(corners, dtype=np.float64).reshape(4, 3)
+        x, y = (float(value) for value in ends[:, :2].min(axis=0))
+        white = np.asarray(draw(dictionary, int(number), cells)) > 0
+        found.append(((x, y), float(np.ptp(ends[:, 0])), white))
+    return found
+
+
 def _is_recent() -> bool:
     return hasattr(_aruco, "CharucoDetector")
 

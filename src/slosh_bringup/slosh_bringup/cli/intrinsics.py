@@ -1,0 +1,140 @@
+"""`slosh intrinsics`: a camera's intrinsic parameters from pictures of a board."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import cv2
+
+from slosh_bringup.detect.series import IMAGE_ENDINGS, images_in
+from slosh_bringup.errors import SloshBringupError
+from slosh_camera.calibrate.board import FORMAT
+from slosh_camera.images.colour import Image
+from slosh_camera.images.decoding import read_image
+from slosh_camera.intrinsics.coverage import missing_poses
+from slosh_camera.intrinsics.drawing import draw_reprojection
+from slosh_camera.intrinsics.ost_file import format_camera
+from slosh_camera.intrinsics.sheet import as_pdf, as_svg, sheet_of
+from slosh_camera.intrinsics.solve import IntrinsicFit, solve_intrinsics
+from slosh_camera.intrinsics.target import CHESSBOARD_FORMAT, Target, parse_target
+from slosh_camera.intrinsics.views import find_views
+from slosh_files import check_apart, write_bytes, write_text
+from slosh_report.json_values import plain
+
+_PICTURES, _SHEETS = (".png", ".jpg", ".jpeg"), (".pdf", ".svg")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declares the subcommand's options."""
+    parser.add_argument("images", nargs="*", type=Path, help="pictures of the board, or folders")
+    parser.add_argument(
+        "--board", required=True, metavar="BOARD",
+        help=f"{CHESSBOARD_FORMAT} inner corners of a chessboard, or {FORMAT}, in m",
+    )  # fmt: skip
+    parser.add_argument("--square", type=float, metavar="M", help="side of a chessboard's square")
+    parser.add_argument("-o", "--output", type=Path, help="ost.yaml to write")
+    parser.add_argument("--name", default="camera", help="of the camera (default camera)")
+    parser.add_argument(
+        "--picture", type=Path, metavar="OUT.png", help="all corners with their errors, enlarged"
+    )
+    parser.add_argument(
+        "--print-board", type=Path, metavar="OUT.pdf", help="the board to scale (.pdf or .svg)"
+    )
+    parser.add_argument("--json", action="store_true", help="print the result as JSON")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Writes the board, or the camera and how well it is known."""
+    _check_asked(arguments)
+    target = parse_target(arguments.board, arguments.square)
+    files = _files(arguments.images)
+    check_apart([arguments.output, arguments.picture, arguments.print_board], files)
+    _check_suffix(arguments.picture, _PICTURES, "pictures")
+    _check_suffix(arguments.print_board, _SHEETS, "boards")
+    if arguments.print_board is not None:
+        _print_board(arguments.print_board, target)
+    if files:
+        _calibrate(arguments, files, target)
+    return 0
+
+
+def _check_asked(arguments: argparse.Namespace) -> None:
+    """Refuses options that do not go together."""
+    if arguments.images and arguments.output is None:
+        raise SloshBringupError("-o: is needed with pictures")
+    if not arguments.images and (arguments.output is not None or arguments.print_board is None):
+        raise SloshBringupError("pictures: none are given")
+    if arguments.picture is not None and not arguments.images:
+        raise SloshBringupError("--picture: needs pictures of the board")
+
+
+def _check_suffix(path: Path | None, suffixes: Sequence[str], what: str) -> None:
+    if path is not None and path.suffix.lower() not in suffixes:
+        raise SloshBringupError(f"{path}: {what} are written as {' or '.join(suffixes)}")
+
+
+def _files(paths: Sequence[Path]) -> list[Path]:
+    """The pictures; of a folder all that are in it."""
+    files: list[Path] = []
+    for path in paths:
+        found = images_in(path) if path.is_dir() else [path]
+        if not found:
+            raise SloshBringupError(
+                f"{path}: no images ({', '.join(IMAGE_ENDINGS)}) in this folder"
+            )
+        files += found
+    return files
+
+
+def _print_board(path: Path, target: Target) -> None:
+    sheet = sheet_of(target)
+    if path.suffix.lower() == ".svg":
+        write_text(path, as_svg(sheet))
+    else:
+        write_bytes(path, as_pdf(sheet))
+
+
+def _calibrate(arguments: argparse.Namespace, files: Sequence[Path], target: Target) -> None:
+    fit = solve_intrinsics(find_views(_pictures(files), target))
+    if arguments.picture is not None:
+        picture = cv2.imencode(arguments.picture.suffix, draw_reprojection(fit))[1]
+        write_bytes(arguments.picture, picture.tobytes())
+    write_text(arguments.output, format_camera(fit.camera, arguments.name))
+    as_words = _as_json if arguments.json else _as_text
+    print(as_words(fit, arguments.output))
+
+
+def _pictures(files: Sequence[Path]) -> Iterator[tuple[str, Image]]:
+    for file in files:
+        yield str(file), read_image(file)
+
+
+def _as_text(fit: IntrinsicFit, output: Path) -> str:
+    lines = [
+        f"{name:9}{getattr(fit.camera, name):9.2f} +- {error:.2f} px"
+        for name, error in fit.stddev.items()
+    ]
+    k1, k2, p1, p2, _ = fit.camera.distortion
+    lines.append(f"lens     k1 {k1:+.4f}, k2 {k2:+.4f}, p1 {p1:+.5f}, p2 {p2:+.5f}")
+    count = len(fit.views) + len(fit.left_out)
+    lines.append(f"residual {fit.rms:9.2f} px rms, {len(fit.views)} of {count} pictures used")
+    lines += [f"left out: {picture.name}: {picture.reason}" for picture in fit.left_out]
+    lines += [f"missing: {pose}" for pose in missing_poses(fit)]
+    return "\n".join([*lines, str(output)])
+
+
+def _as_json(fit: IntrinsicFit, output: Path) -> str:
+    facts = {
+        "output": str(output),
+        **{name: getattr(fit.camera, name) for name in fit.stddev},
+        "distortion": list(fit.camera.distortion),
+        "stddev": fit.stddev,
+        "rms": fit.rms,
+        "used": {view.view.name: view.rms for view in fit.views},
+        "left_out": {picture.name: picture.reason for picture in fit.left_out},
+        "missing": missing_poses(fit),
+    }
+    return json.dumps(plain(facts))

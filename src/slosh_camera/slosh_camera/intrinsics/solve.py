@@ -1,0 +1,182 @@
+"""Intrinsic parameters that explain a board's views, and how well they are known."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_camera.errors import SloshCameraError
+from slosh_camera.intrinsics.views import LEAST_VIEWS, LeftOut, View, Views
+from slosh_camera.optics.camera import PinholeCamera, camera_from_info
+
+FloatArray = NDArray[np.float64]
+
+# A third radial coefficient makes more of noise than of most lenses; ROS leaves it out, too.
+_FLAGS = cv2.CALIB_FIX_K3
+_NAMES = ("fx", "fy", "cx", "cy")
+# A view whose corners lie so much farther off than the median view's is blurred or bent [-, px].
+_OUTLIER, _OUTLIER_LEAST = 3.0, 0.5
+_MOST_GROUPS = 20
+_WORST_RMS = 3.0
+_WORST_FOCAL = 0.05
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SolvedView:
+    """A view as the camera explains it.
+
+    Attributes:
+        view: the board as seen.
+        rotation: (3, 3) board -> camera; the board's z is into the page.
+        projected: (N, 2) where its corners should be [px].
+        rms: of the corners' distances from there [px].
+    """
+
+    view: View
+    rotation: FloatArray
+    projected: FloatArray
+    rms: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class IntrinsicFit:
+    """A camera as its pictures tell it.
+
+    Attributes:
+        camera: intrinsic parameters.
+        stddev: standard errors of fx, fy, cx, cy, by name [px].
+        rms: distance between corners and their places over all views [px].
+        views: that were used.
+        left_out: pictures that were not.
+    """
+
+    camera: PinholeCamera
+    stddev: dict[str, float]
+    rms: float
+    views: tuple[SolvedView, ...]
+    left_out: tuple[LeftOut, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Solution:
+    matrix: FloatArray
+    lens: FloatArray
+    stddev: FloatArray
+    rms: float
+    turns: Sequence[FloatArray]
+    shifts: Sequence[FloatArray]
+    view_rms: FloatArray
+
+    @property
+    def numbers(self) -> FloatArray:
+        """fx, fy, cx, cy [px]."""
+        return self.matrix[[0, 1, 0, 1], [0, 1, 2, 2]]
+
+
+def solve_intrinsics(views: Views) -> IntrinsicFit:
+    """Fit a pinhole camera with plumb-bob distortion (k1, k2, p1, p2).
+
+    The standard errors are the larger of two: what the scatter of the corners makes of the fit,
+    and how much the fit changes when pictures are left out in turn (jackknife). The latter knows
+    of what a whole picture shares: blur, a bent board, a shutter that rolls.
+
+    Args:
+        views: of one camera.
+
+    Returns:
+        The camera.
+
+    Raises:
+        SloshCameraError: no camera explains the views, or they leave the focal length open.
+    """
+    used, left_out = list(views.used), list(views.left_out)
+    found = _solved(used, views.size)
+    while True:
+        worst = int(np.argmax(found.view_rms))
+        limit = max(_OUTLIER * float(np.median(found.view_rms)), _OUTLIER_LEAST)
+        if found.view_rms[worst] <= limit or len(used) <= LEAST_VIEWS:
+            break
+        reason = f"its corners lie {found.view_rms[worst]:.2f} px off: blurred, or the board bent"
+        left_out.append(LeftOut(used.pop(worst).name, reason))
+        found = _solved(used, views.size)
+    stddev = np.maximum(found.stddev, _jackknife(used, views.size, found))
+    _check_determined(found, stddev)
+    camera = camera_from_info(
+        found.matrix.ravel().tolist(), found.lens.ravel()[:5].tolist(), *views.size
+    )
+    named = dict(zip(_NAMES, (float(value) for value in stddev), strict=True))
+    return IntrinsicFit(camera, named, found.rms, _solved_views(used, found), tuple(left_out))
+
+
+def _solved(
+    used: Sequence[View], size: tuple[int, int], start: _Solution | None = None
+) -> _Solution:
+    points = [view.points.astype(np.float32) for view in used]
+    pixels = [view.pixels.astype(np.float32).reshape(-1, 1, 2) for view in used]
+    matrix = np.eye(3) if start is None else start.matrix.copy()
+    lens = np.zeros(5) if start is None else start.lens.copy()
+    flags = _FLAGS if start is None else _FLAGS | cv2.CALIB_USE_INTRINSIC_GUESS
+    try:
+        rms, k, d, turns, shifts, stddev, _, view_rms = cv2.calibrateCameraExtended(
+            points, pixels, size, matrix, lens, flags=flags
+        )
+    except cv2.error as error:
+        raise SloshCameraError(
+            "pictures: no camera explains the boards in them; check the board's description, and "
+            "tilt it by 20 to 40 deg in different directions"
+        ) from error
+    numbers = (np.asarray(value, np.float64) for value in (k, d, stddev[:4], view_rms))
+    matrix, lens, errors, each = numbers
+    if not np.all(np.isfinite(matrix)) or not np.isfinite(rms):
+        raise SloshCameraError("pictures: no camera explains the boards in them")
+    return _Solution(
+        matrix, lens, errors.ravel(), float(rms), _vectors(turns), _vectors(shifts), each.ravel()
+    )
+
+
+def _vectors(values: Iterable[Any]) -> list[FloatArray]:
+    return [np.asarray(value, np.float64) for value in values]
+
+
+def _jackknife(used: Sequence[View], size: tuple[int, int], whole: _Solution) -> FloatArray:
+    """Standard errors (4,) by leaving pictures out in turn, single or in groups [px]."""
+    count = min(len(used), _MOST_GROUPS)
+    found = np.array(
+        [
+            _solved([v for k, v in enumerate(used) if k % count != group], size, whole).numbers
+            for group in range(count)
+        ]
+    )
+    errors: FloatArray = np.sqrt((count - 1) * np.mean((found - found.mean(axis=0)) ** 2, axis=0))
+    return errors
+
+
+def _check_determined(found: _Solution, stddev: FloatArray) -> None:
+    if found.rms > _WORST_RMS:
+        raise SloshCameraError(
+            f"pictures: corners lie {found.rms:.1f} px rms from the best camera, more than "
+            f"{_WORST_RMS:g}; check the board's description and that it is flat"
+        )
+    share = float(np.max(stddev[:2] / found.numbers[:2]))
+    if not share <= _WORST_FOCAL:
+        raise SloshCameraError(
+            f"pictures: leave the focal length open by {share:.0%}; tilt the board by 20 to "
+            "40 deg in different directions, and take some from near"
+        )
+
+
+def _solved_views(used: Sequence[View], found: _Solution) -> tuple[SolvedView, ...]:
+    solved = []
+    for view, turn, shift, rms in zip(
+        used, found.turns, found.shifts, found.view_rms, strict=True
+    ):
+        pixels, _ = cv2.projectPoints(view.points, turn, shift, found.matrix, found.lens)
+        rotation = np.asarray(cv2.Rodrigues(turn)[0], np.float64)
+        projected = np.asarray(pixels, np.float64).reshape(-1, 2)
+        solved.append(SolvedView(view, rotation, projected, float(rms)))
+    return tuple(solved)

@@ -1,0 +1,160 @@
+"""Pictures of a board that tell something new about the camera, and why others do not."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_camera.errors import SloshCameraError
+from slosh_camera.images.colour import Image
+from slosh_camera.intrinsics.target import Chessboard, Target, corners_of
+
+FloatArray = NDArray[np.float64]
+
+LEAST_VIEWS = 4
+_LEAST_CORNERS = 6
+# Corners that move by less than this part of the image's width are the same pose once more.
+_SAME_POSE = 0.004
+# Corners on less than this part of their spread lie on one line.
+_FLAT = 0.02
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class View:
+    """A board in a picture.
+
+    Attributes:
+        name: of the picture.
+        points: (N, 3) corners on the board [m].
+        pixels: (N, 2) corners in the picture [px].
+    """
+
+    name: str
+    points: FloatArray
+    pixels: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class LeftOut:
+    """A picture that is not used.
+
+    Attributes:
+        name: of the picture.
+        reason: in words.
+    """
+
+    name: str
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class Views:
+    """What pictures of one camera show.
+
+    Attributes:
+        size: width and height of all of them [px].
+        used: boards.
+        left_out: the others.
+    """
+
+    size: tuple[int, int]
+    used: tuple[View, ...]
+    left_out: tuple[LeftOut, ...]
+
+
+def find_views(pictures: Iterable[tuple[str, Image]], target: Target) -> Views:
+    """Look for the board in pictures.
+
+    Args:
+        pictures: names and images.
+        target: the board.
+
+    Returns:
+        Boards that are found, and pictures that are left out.
+
+    Raises:
+        SloshCameraError: pictures of different size, the board in none, or in too few.
+    """
+    size: tuple[int, int] | None = None
+    first = ""
+    used: list[View] = []
+    left_out: list[LeftOut] = []
+    smaller = 0
+    for name, image in pictures:
+        here = (int(image.shape[1]), int(image.shape[0]))
+        if size is None:
+            size, first = here, name
+        if here != size:
+            raise SloshCameraError(
+                f"{name}: {here[0]} x {here[1]} pixels, but {first} has {size[0]} x {size[1]}; "
+                "all pictures must be of one camera at one resolution"
+            )
+        view = View(name, *corners_of(image, target))
+        reason = _reason(view, used, size[0])
+        if reason:
+            left_out.append(LeftOut(name, reason))
+            # Who counts squares in place of corners sees the board nowhere.
+            smaller += not used and len(left_out) <= LEAST_VIEWS and _shows_less(image, target)
+        else:
+            used.append(view)
+    if size is None:
+        raise SloshCameraError(f"pictures: none; at least {LEAST_VIEWS} are needed")
+    _check_enough(used, left_out, target, smaller > 0)
+    return Views(size, tuple(used), tuple(left_out))
+
+
+def _reason(view: View, used: list[View], width: int) -> str:
+    """Why a picture is of no use; empty: it is."""
+    if not len(view.pixels):
+        return "the board is not found: all of it must be seen, sharp and evenly lit"
+    if len(view.pixels) < _LEAST_CORNERS:
+        return f"{len(view.pixels)} corners are seen, {_LEAST_CORNERS} are needed"
+    spread = np.linalg.svd(view.points[:, :2] - view.points[:, :2].mean(axis=0), compute_uv=False)
+    if spread[1] < _FLAT * spread[0]:
+        return "the corners that are seen lie on one line"
+    for other in used:
+        if _shift(view, other) < _SAME_POSE * width:
+            return f"the same pose as {other.name}"
+    return ""
+
+
+def _shift(view: View, other: View) -> float:
+    """RMS way of the common corners from one picture to another [px]; inf: none are common."""
+    places = {tuple(point): pixel for point, pixel in zip(other.points, other.pixels, strict=True)}
+    ways = [
+        pixel - places[tuple(point)]
+        for point, pixel in zip(view.points, view.pixels, strict=True)
+        if tuple(point) in places
+    ]
+    return float(np.sqrt(np.mean(np.sum(np.square(ways), axis=1)))) if ways else float("inf")
+
+
+def _shows_less(image: Image, target: Target) -> bool:
+    """Whether a chessboard with one square less each way is seen."""
+    if not isinstance(target, Chessboard) or min(target.columns, target.rows) < 4:
+        return False
+    less = Chessboard(target.columns - 1, target.rows - 1, target.square)
+    return len(corners_of(image, less)[1]) > 0
+
+
+def _check_enough(
+    used: list[View], left_out: list[LeftOut], target: Target, is_smaller: bool
+) -> None:
+    count = len(used) + len(left_out)
+    if not used:
+        hint = "check its description, the focus and the light"
+        if is_smaller and isinstance(target, Chessboard):
+            hint = (
+                f"a board of {target.columns - 1}x{target.rows - 1} is: inner corners are "
+                "counted, not squares"
+            )
+        raise SloshCameraError(f"board: is found in none of {count} pictures; {hint}")
+    if len(used) < LEAST_VIEWS:
+        why = f"; {left_out[0].name}: {left_out[0].reason}" if left_out else ""
+        raise SloshCameraError(
+            f"pictures: {len(used)} of {count} can be used, {LEAST_VIEWS} are needed, better 15, "
+            f"with the board in different poses{why}"
+        )

@@ -1,0 +1,236 @@
+"""Intrinsic parameters from rendered pictures of boards whose camera is known."""
+
+import re
+
+import cv2
+import numpy as np
+import pytest
+from board_scene import (
+    LENS,
+    MATRIX,
+    POSES,
+    SIZE,
+    chessboard_page,
+    chessboard_pictures,
+    page_of,
+    pose,
+    render,
+)
+
+from slosh_camera.calibrate.board import Board
+from slosh_camera.calibrate.intrinsics import read_known_camera
+from slosh_camera.errors import SloshCameraError
+from slosh_camera.intrinsics.coverage import missing_poses
+from slosh_camera.intrinsics.drawing import draw_reprojection
+from slosh_camera.intrinsics.ost_file import format_camera
+from slosh_camera.intrinsics.sheet import as_pdf, as_svg, sheet_of
+from slosh_camera.intrinsics.solve import solve_intrinsics
+from slosh_camera.intrinsics.target import Chessboard, corners_of, parse_target
+from slosh_camera.intrinsics.views import find_views
+
+BOARD = Chessboard(8, 5, 0.02)
+CHARUCO = Board(True, 8, 5, 0.02, 0.015)
+GRID = Board(False, 5, 4, 0.03, 0.01)
+TRUTH = dict(zip(("fx", "fy", "cx", "cy"), MATRIX[[0, 1, 0, 1], [0, 1, 2, 2]], strict=True))
+needs_markers = pytest.mark.skipif(
+    not hasattr(getattr(cv2, "aruco", None), "CharucoBoard"),
+    reason=f"OpenCV {cv2.__version__} is built without aruco",
+)
+
+
+def named(pictures):
+    return [(f"{number}.png", picture) for number, picture in enumerate(pictures)]
+
+
+@pytest.fixture(scope="module")
+def pictures():
+    return chessboard_pictures()
+
+
+@pytest.fixture(scope="module")
+def fit(pictures):
+    return solve_intrinsics(find_views(named(pictures), BOARD))
+
+
+def assert_within_claims(found):
+    for name, truth in TRUTH.items():
+        error = getattr(found.camera, name) - truth
+        assert abs(error) < 3.0 * found.stddev[name], (name, error, found.stddev[name])
+        assert found.stddev[name] < 6.0
+
+
+def test_a_chessboard_gives_the_camera_within_what_is_claimed(fit):
+    assert_within_claims(fit)
+    assert fit.rms < 0.3
+    # What the lens does to the directions matters, not each coefficient.
+    u, v = np.meshgrid(np.linspace(80, 560, 7), np.linspace(60, 420, 7))
+    pixels = np.column_stack((u.ravel(), v.ravel()))
+    rays = fit.camera.rays(pixels)
+    truth, _ = cv2.projectPoints(rays, np.zeros(3), np.zeros(3), MATRIX, LENS)
+    assert np.abs(truth.reshape(-1, 2) - pixels).max() < 6.0
+    assert fit.camera.distortion[0] == pytest.approx(LENS[0], abs=0.05)
+
+
+def test_too_small_an_error_is_not_claimed_of_pictures_that_tell_little(fit, pictures):
+    few = solve_intrinsics(find_views(named(pictures[:5]), BOARD))
+    assert few.stddev["fx"] > 1.3 * fit.stddev["fx"]
+    assert abs(few.camera.fx - TRUTH["fx"]) < 3.0 * few.stddev["fx"]
+
+
+def sheet_page(board, scale):
+    """What the printer makes of the board's PDF, and the place of its left top corner [m]."""
+    sheet = sheet_of(board)
+    numbers = re.findall(rb"^(\S+) (\S+) (\S+) (\S+) re$", as_pdf(sheet), re.MULTILINE)
+    rows = 25.4 / 72.0 * np.array(numbers, float)[:-1]  # the last one is the rule
+    rows[:, 1] = sheet.height - rows[:, 1] - rows[:, 3]
+    rows[:, :2] -= rows[:, :2].min(axis=0)
+    width, height = (rows[:, :2] + rows[:, 2:]).max(axis=0)
+    return page_of(rows, width, height, scale), (width / 1e3, height / 1e3)
+
+
+@needs_markers
+@pytest.mark.parametrize("board", [CHARUCO, GRID], ids=["charuco", "aruco"])
+def test_a_printed_board_of_markers_gives_the_camera(board):
+    page, size = sheet_page(board, 4000.0)
+    images = [render(page, 4000.0, *pose(size, *where), seed=k) for k, where in enumerate(POSES)]
+    assert_within_claims(solve_intrinsics(find_views(named(images), board)))
+
+
+@pytest.mark.parametrize(
+    "board", [BOARD, *(pytest.param(board, marks=needs_markers) for board in (CHARUCO, GRID))]
+)
+def test_a_board_is_printed_to_scale(board):
+    sheet = sheet_of(board)
+    page = page_of(sheet.black, sheet.width, sheet.height, 4000.0)
+    points, pixels = corners_of(page, board)
+    assert len(points) == {BOARD: 40, CHARUCO: 28, GRID: 80}[board]
+    turn = np.column_stack((points[:, :2], np.ones(len(points))))
+    found, _, _, _ = np.linalg.lstsq(turn, (pixels + 0.5) / 4000.0, rcond=None)
+    assert np.abs(turn @ found - (pixels + 0.5) / 4000.0).max() < 1.5e-4
+    scale = np.abs(np.linalg.det(found[:2])) ** 0.5
+    assert scale == pytest.approx(1.0, abs=2e-3)
+
+
+def test_svg_and_pdf_are_the_same_page():
+    sheet = sheet_of(BOARD)
+    svg, pdf = as_svg(sheet), as_pdf(sheet)
+    assert f'width="{sheet.width:g}mm"' in svg
+    assert (sheet.width, sheet.height) == (210.0, 297.0)  # A4
+    path = re.search(r'<path fill="black" d="([^"]+)"', svg)[1]
+    boxes = [tuple(map(float, box)) for box in re.findall(r"M(\S+) (\S+)h(\S+)v([^h]+)h", path)]
+    assert np.allclose(boxes, sheet.black, atol=1e-3)
+    assert b"/MediaBox [0 0 595.2756 841.8898]" in pdf  # A4 in points of 1/72 inch
+    rows = re.findall(rb"^(\S+) (\S+) (\S+) (\S+) re$", pdf, re.MULTILINE)
+    found = np.array(rows, float) / 72.0 * 25.4
+    found[:, 1] = sheet.height - found[:, 1] - found[:, 3]
+    assert np.allclose(found, sheet.black, atol=1e-3)
+    for row in re.findall(rb"(\d{10}) 00000 n", pdf):
+        assert re.match(rb"\d+ 0 obj", pdf[int(row) :])
+    assert boxes[-1][2] == 50.0
+    assert "8x5 inner corners, squares 20 mm; the line is 50 mm long" in svg
+
+
+@pytest.mark.parametrize(
+    "board", [CHARUCO, GRID] if hasattr(getattr(cv2, "aruco", None), "CharucoBoard") else []
+)
+def test_printed_markers_are_opencvs(board):
+    page, _ = sheet_page(board, 4000.0)
+    known, _ = board.opencv()
+    draw = known.generateImage if hasattr(known, "generateImage") else known.draw
+    theirs = draw((page.shape[1], page.shape[0]), marginSize=0)
+    assert np.mean(page != theirs) < 0.02
+
+
+def test_the_file_is_read_back(fit, tmp_path):
+    path = tmp_path / "ost.yaml"
+    path.write_text(format_camera(fit.camera, "left"))
+    known = read_known_camera(path)
+    assert (known.camera, known.name, dict(known.container)) == (fit.camera, "left", {})
+
+
+def test_pictures_that_tell_nothing_new_are_left_out_with_the_reason(pictures):
+    images = [*pictures[:6], pictures[2], np.full_like(pictures[0], 120), bent()]
+    found = solve_intrinsics(find_views(named(images), BOARD))
+    reasons = {picture.name: picture.reason for picture in found.left_out}
+    assert reasons["6.png"] == "the same pose as 2.png"
+    assert reasons["7.png"].startswith("the board is not found")
+    assert "blurred, or the board bent" in reasons["8.png"]
+    assert len(found.views) == 6
+    assert_within_claims(found)
+
+
+def bent():
+    """A board whose page was pulled out of shape."""
+    page = chessboard_page(8, 5, 0.02, 4000.0)
+    rows, columns = np.indices(page.shape).astype(np.float32)
+    page = cv2.remap(page, columns + 8 * np.sin(rows / 120), rows, cv2.INTER_LINEAR)
+    return render(page, 4000.0, *pose((0.18, 0.12), 10, -15, 0.0, 0.0, 0.4), seed=99)
+
+
+def test_what_is_missing_is_named(fit):
+    assert not any("tilted" in pose for pose in missing_poses(fit))
+    turned_one_way = [where for where in POSES if where[1] >= 0][:6]
+    images = chessboard_pictures(poses=turned_one_way)
+    told = missing_poses(solve_intrinsics(find_views(named(images), BOARD)))
+    assert "the board tilted, its left edge nearer by 15 deg or more" in told
+    assert not any("its right edge" in pose for pose in told)
+    assert any("more pictures: 6 are used" in pose for pose in told)
+
+
+def test_the_picture_shows_corners_and_where_none_were(fit):
+    picture = draw_reprojection(fit)
+    assert picture.shape == (SIZE[1], SIZE[0], 3)
+    for view in fit.views:
+        for column, row in np.round(view.view.pixels).astype(int):
+            assert tuple(picture[row, column]) != (255, 255, 255)
+
+
+def test_pictures_without_tilt_are_refused():
+    flat = [(0, 0, right, down, 0.5) for right in (-0.2, 0.2) for down in (-0.2, 0.2)]
+    with pytest.raises(SloshCameraError, match=r"pictures: .*tilt") as caught:
+        solve_intrinsics(find_views(named(chessboard_pictures(poses=flat)), BOARD))
+    assert "\n" not in str(caught.value)
+
+
+def test_pictures_of_different_size_are_refused(pictures):
+    small = cv2.resize(pictures[1], (320, 240))
+    with pytest.raises(SloshCameraError, match=r"1\.png: 320 x 240 pixels, but 0\.png has 640 x"):
+        find_views(named([pictures[0], small]), BOARD)
+
+
+def test_too_few_pictures_are_refused(pictures):
+    with pytest.raises(
+        SloshCameraError, match=r"pictures: 1 of 2 can be used, 4 are needed.*same"
+    ):
+        find_views(named([pictures[0], pictures[0]]), BOARD)
+    with pytest.raises(SloshCameraError, match="pictures: none; at least 4 are needed"):
+        find_views([], BOARD)
+
+
+def test_a_board_that_is_not_there_is_refused(pictures):
+    with pytest.raises(SloshCameraError, match="board: is found in none of 1 pictures; check"):
+        find_views(named([np.full_like(pictures[0], 120)]), BOARD)
+    with pytest.raises(SloshCameraError, match=r"a board of 8x5 is: inner corners are counted"):
+        find_views(named(pictures[:1]), Chessboard(9, 6, 0.02))
+
+
+@pytest.mark.parametrize(
+    ("text", "square", "match"),
+    [
+        ("9x6", None, "square: is needed"),
+        ("9x6", 25.0, r"square: 25 m: did you mean 0\.025 \(25 mm\)\?"),
+        ("9x6", -1.0, "square: -1 m, must be positive"),
+        ("2x6", 0.02, "both must be 3 to 50"),
+        ("board", 0.02, "'board' is not COLSxROWS or charuco:"),
+        ("charuco:7x5:0.02:0.015", 0.02, "square: is for chessboards"),
+        ("charuco:7x5:0.02", None, "is not charuco:COLS"),
+    ],
+)
+def test_bad_boards(text, square, match):
+    with pytest.raises(SloshCameraError, match=match):
+        parse_target(text, square)
+
+
+def test_a_board_that_no_sheet_holds_is_refused():
+    with pytest.raises(SloshCameraError, match="larger than A0; are its lengths in m"):
+        sheet_of(Chessboard(20, 20, 0.5))

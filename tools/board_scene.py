@@ -1,0 +1,123 @@
+"""Boards before a camera that is known: rendered ray by ray, without the package's geometry."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from functools import cache
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+Image = NDArray[np.uint8]
+Place = tuple[float, float, float, float, float]
+
+SIZE = (640, 480)
+MATRIX = np.array([[620.0, 0.0, 331.0], [0.0, 618.0, 236.0], [0.0, 0.0, 1.0]])
+LENS = np.array([-0.21, 0.09, 0.001, -0.0008, 0.0])
+# Turn about x and y [deg], centre right and down as parts of the view, distance [m].
+POSES: list[Place] = [
+    (0, 0, 0.0, 0.0, 0.30), (25, 0, -0.3, -0.3, 0.42), (-25, 5, 0.3, 0.3, 0.42),
+    (0, 25, 0.35, -0.3, 0.45), (5, -25, -0.35, 0.3, 0.45), (30, 20, 0.0, 0.25, 0.4),
+    (-20, -30, 0.1, -0.3, 0.4), (-35, 10, -0.3, 0.0, 0.42), (15, -35, 0.3, 0.0, 0.42),
+    (20, 30, -0.3, 0.3, 0.5), (-15, 20, 0.35, 0.35, 0.5), (10, 10, -0.35, -0.35, 0.5),
+]  # fmt: skip
+# The centre of each pixel is averaged over so many samples a side.
+_FINE = 2
+
+
+def pose(
+    board_size: tuple[float, float],
+    about_x: float,
+    about_y: float,
+    right: float,
+    down: float,
+    distance: float,
+) -> tuple[FloatArray, FloatArray]:
+    """Rotation (3, 3) and translation (3,) board -> camera of a board whose middle is aimed at."""
+    about = (np.deg2rad([about_x, 0.0, 0.0]), np.deg2rad([0.0, about_y, 0.0]))
+    turns = [np.asarray(cv2.Rodrigues(turn)[0], np.float64) for turn in about]
+    turn = turns[0] @ turns[1]
+    half = 0.5 * np.array(SIZE) / MATRIX[[0, 1], [0, 1]]
+    middle = distance * np.array([right * half[0], down * half[1], 1.0])
+    return turn, middle - turn @ np.array([0.5 * board_size[0], 0.5 * board_size[1], 0.0])
+
+
+def rays_of(pixels: FloatArray) -> FloatArray:
+    """Directions (N, 3) of pixels (N, 2), by a fixed point of the distortion's equations."""
+    seen = (pixels - MATRIX[:2, 2]) / MATRIX[[0, 1], [0, 1]]
+    k1, k2, p1, p2, _ = LENS
+    ideal = seen.copy()
+    for _ in range(20):
+        x, y = ideal.T
+        r2 = x * x + y * y
+        tangential = np.column_stack(
+            (2 * p1 * x * y + p2 * (r2 + 2 * x * x), p1 * (r2 + 2 * y * y) + 2 * p2 * x * y)
+        )
+        ideal = (seen - tangential) / (1 + k1 * r2 + k2 * r2 * r2)[:, None]
+    return np.column_stack((ideal, np.ones(len(ideal))))
+
+
+@cache
+def all_rays() -> FloatArray:
+    """Directions of the samples of all pixels, row by row."""
+    width, height = SIZE
+    steps = (np.arange(_FINE * width) + 0.5) / _FINE - 0.5
+    u, v = np.meshgrid(steps, steps[: _FINE * height])
+    return rays_of(np.column_stack((u.ravel(), v.ravel())))
+
+
+def render(
+    page: Image, scale: float, rotation: FloatArray, translation: FloatArray, seed: int = 0
+) -> Image:
+    """Image (480, 640) of a page that lies in the board's plane.
+
+    Args:
+        page: (H, W) grey levels of the board alone; its corner is the board's origin.
+        scale: of the page [px/m].
+        rotation, translation: board -> camera.
+        seed: of the noise.
+    """
+    wide = cv2.copyMakeBorder(page, 100, 100, 100, 100, cv2.BORDER_CONSTANT, value=255)
+    width, height = SIZE
+    rays = all_rays()
+    depth = rotation[:, 2] @ translation / (rays @ rotation[:, 2])
+    places = (rays * depth[:, None] - translation) @ rotation[:, :2]
+    spots = (
+        (places * scale - 0.5 + 100).astype(np.float32).reshape(_FINE * height, _FINE * width, 2)
+    )
+    fine = cv2.remap(wide, spots[..., 0], spots[..., 1], cv2.INTER_LINEAR, borderValue=(120,))
+    image = cv2.resize(fine, SIZE, interpolation=cv2.INTER_AREA).astype(float)
+    image = 20.0 + 0.8 * cv2.GaussianBlur(image, (0, 0), 0.7)
+    image += np.random.default_rng(seed).normal(0.0, 2.0, image.shape)
+    return np.asarray(np.clip(image, 0, 255), np.uint8)
+
+
+def page_of(boxes: Iterable[Sequence[float]], width: float, height: float, scale: float) -> Image:
+    """Grey levels of black boxes on white; lengths in mm, scale in px/m."""
+    page = np.full((round(height * scale / 1e3), round(width * scale / 1e3)), 255, np.uint8)
+    for box in boxes:
+        left, top, right, bottom = (
+            round(value * scale / 1e3)
+            for value in (box[0], box[1], box[0] + box[2], box[1] + box[3])
+        )
+        page[top:bottom, left:right] = 0
+    return page
+
+
+def chessboard_page(columns: int, rows: int, square: float, scale: float) -> Image:
+    """A chessboard of so many inner corners; its first inner corner is a square off the origin."""
+    side = round(square * scale)
+    cells = (np.indices((rows + 1, columns + 1)).sum(axis=0) % 2) * 255
+    return np.kron(cells, np.ones((side, side))).astype(np.uint8)
+
+
+def chessboard_pictures(
+    columns: int = 8, rows: int = 5, square: float = 0.02, poses: Sequence[Place] = POSES
+) -> list[Image]:
+    """Rendered pictures of a chessboard in many poses."""
+    scale = 4000.0
+    page = chessboard_page(columns, rows, square, scale)
+    size = ((columns + 1) * square, (rows + 1) * square)
+    return [render(page, scale, *pose(size, *where), k) for k, where in enumerate(poses)]
