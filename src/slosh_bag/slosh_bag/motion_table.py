@@ -11,22 +11,18 @@ container's x axis, as in `profile_-0.0295`, m). `.csv.gz` is compressed.
 from __future__ import annotations
 
 import csv
-import gzip
-import io
 import math
 from array import array
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, BinaryIO, TextIO
 
 import numpy as np
 from numpy.typing import NDArray
 
 from slosh_bag.bounded_text import bounded_text
 from slosh_bag.errors import SloshBagError
-from slosh_files import NewFile
+from slosh_files import new_text
 
 Array = NDArray[np.float64]
 
@@ -128,7 +124,7 @@ def write_motion_table(path: Path, table: MotionTable) -> None:
     """
     names, columns = _columns(path, table)
     data = np.column_stack(columns)
-    with NewFile(path) as new, new.open() as file, _text_stream(path, file) as text:
+    with new_text(path) as text:
         writer = csv.writer(text, lineterminator="\n")
         writer.writerow(names)
         for start in range(0, len(data), _BATCH):
@@ -149,23 +145,6 @@ def eta_azimuths(names: Iterable[str]) -> Array:
     """The azimuths [rad] of those names that are columns of wall heights, in rising order."""
     degrees = sorted(float(name.removeprefix(ETA)) for name in names if _is_eta(name))
     return np.radians(degrees)
-
-
-@contextmanager
-def _text_stream(path: Path, file: BinaryIO) -> Iterator[TextIO]:
-    """A file's text, compressed where its name says so."""
-    # mtime 0 and no name inside: the same table gives the same file.
-    with ExitStack() as stack:
-        if _compressed(path):
-            packed = gzip.GzipFile(filename="", mode="wb", fileobj=file, mtime=0)
-            binary: Any = stack.enter_context(packed)
-        else:
-            binary = file
-        yield stack.enter_context(io.TextIOWrapper(binary, encoding="utf-8", newline=""))
-
-
-def _compressed(path: Path) -> bool:
-    return path.suffix == ".gz"
 
 
 def _is_eta(name: str) -> bool:

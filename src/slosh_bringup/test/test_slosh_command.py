@@ -1,12 +1,16 @@
 """The `slosh` command: what it prints, what it writes, how it fails."""
 
+import gzip
 import json
 import os
 import re
 
+import cv2
 import numpy as np
+import pyarrow.parquet
 import pytest
 
+from slosh_bringup.cli import demo
 from slosh_bringup.cli.main import COMMANDS, main
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.live.cell_setup import read_setup
@@ -105,6 +109,124 @@ def test_simulate_writes_what_a_sensor_would_read(capsys, motion, tmp_path):
     assert read["msh"] == pytest.approx(late + 0.002, abs=2e-6)
     assert facts["peak"] == read["msh"].max() == pytest.approx(liquid["msh"].max() + 0.002, 1e-3)
     assert facts["peak_time"] == read["t"][np.argmax(read["msh"])]
+
+
+def simulated(capsys, table, *options):
+    """Simulates a table; returns the exit code, the facts and what was said beside them."""
+    code = main(["simulate", MODEL, str(table), "-o", "/dev/null", "--json", *options])
+    captured = capsys.readouterr()
+    return code, json.loads(captured.out), captured.err
+
+
+def scaled(motion, path, factor=1.0, az=0.0, stretch=1.0):
+    """A motion table of other units."""
+    rows = np.loadtxt(motion, delimiter=",", skiprows=1)
+    rows[:, 0] *= stretch
+    rows[:, 1:] = rows[:, 1:] * factor + (0.0, 0.0, az)
+    np.savetxt(path, rows, "%.9g", ",", header="t,ax,ay,az", comments="")
+    return path
+
+
+def test_simulate_says_whether_the_motion_stays_within_bounds(capsys, motion, tmp_path):
+    code, facts, _ = simulated(capsys, motion)
+    assert code == 0
+    assert facts["within_validity"]
+    assert facts["over_rim"] is False
+    assert facts["over_limit"] is None
+    peak, rim = facts["peak"], facts["freeboard"]
+    assert simulated(capsys, motion, "--limit", str(1.01 * peak))[0] == 0
+    code, facts, _ = simulated(capsys, motion, "--limit", str(0.99 * peak))
+    assert (code, facts["over_limit"]) == (1, True)
+    wild = scaled(motion, tmp_path / "wild.csv", 6.0)
+    code, facts, _ = simulated(capsys, wild)
+    assert not facts["within_validity"]
+    assert facts["peak"] > rim
+    assert facts["over_rim"]
+    assert main(["simulate", MODEL, str(wild), "-o", "/dev/null"]) == code == 0
+    line = capsys.readouterr().out
+    assert re.search(r"peak .* above the rim of 65 mm, outside validity \(acceleration 1", line)
+
+
+@pytest.mark.parametrize(
+    ("change", "match"),
+    [
+        ({"factor": 1000.0}, r"up to \d+ m/s²: are they in mm/s²\?"),
+        ({"az": 9.81}, r"az is 9\.81 m/s² .* gravity is included"),
+        ({"stretch": 1000.0}, r"rows are 2 s apart, the liquid's period is 0\.33 s"),
+    ],
+)
+def test_simulate_doubts_units_that_look_wrong(capsys, motion, tmp_path, change, match):
+    code, facts, said = simulated(capsys, scaled(motion, tmp_path / "other.csv", **change))
+    assert code == 1
+    (line,) = said.splitlines()
+    (doubt,) = facts["warnings"]
+    assert re.search(match, doubt)
+    assert doubt in line
+    assert "other.csv" in line
+    assert simulated(capsys, motion)[1]["warnings"] == []
+
+
+def test_simulate_refuses_what_no_container_undergoes(capsys, motion, tmp_path):
+    table = tmp_path / "big.csv"
+    table.write_text("t,ax,ay,az\n0,0,0,0\n0.01,0,-1e300,0\n")
+    line = fails_with(capsys, "simulate", MODEL, str(table), "-o", str(tmp_path / "out.csv"))
+    assert re.search(r"big\.csv: line 3: an acceleration of 1e\+300 m/s² is not possible", line)
+
+
+def test_simulate_writes_the_format_that_the_name_says(capfd, motion, tmp_path):
+    plain, packed, parquet = (tmp_path / f"out{end}" for end in (".csv", ".csv.gz", ".parquet"))
+    for output in (plain, packed, parquet):
+        assert main(["simulate", MODEL, str(motion), "-o", str(output)]) == 0
+    text = plain.read_text()
+    assert gzip.decompress(packed.read_bytes()).decode() == text
+    table = pyarrow.parquet.read_table(parquet)
+    rows = np.genfromtxt(plain, delimiter=",", names=True)
+    for name in rows.dtype.names:
+        assert np.array_equal(table[name].to_numpy(), rows[name])
+    capfd.readouterr()
+    assert main(["simulate", MODEL, str(motion), "-o", "-"]) == 0
+    captured = capfd.readouterr()
+    assert captured.out == text
+    assert "peak" in captured.err
+
+
+def test_simulate_refuses_a_format_that_it_does_not_know(capsys, motion, tmp_path):
+    for option, name in (("-o", "out.xls"), ("--plot", "out.jpg")):
+        words = ["simulate", MODEL, str(motion), "-o", str(tmp_path / "out.csv")]
+        assert name in fails_with(capsys, *words, option, str(tmp_path / name))
+    assert list(tmp_path.iterdir()) == [motion]
+
+
+def test_simulate_draws_what_it_says(capsys, motion, tmp_path):
+    png, svg = tmp_path / "out.png", tmp_path / "out.svg"
+    for picture in (png, svg):
+        _, facts, _ = simulated(capsys, motion, "--limit", "0.02", "--plot", str(picture))
+    assert cv2.imread(str(png)).shape[:2] == (648, 1152)
+    drawn = svg.read_text()
+    assert f"{1e3 * facts['peak']:.1f} mm" in drawn
+    assert "height [mm]" in drawn
+    assert "within validity" in drawn
+    assert ">limit<" in drawn
+
+
+def test_a_demonstration_plays_a_table_of_one_s_own(monkeypatch, motion):
+    runs = []
+    monkeypatch.setattr(demo, "run_live", lambda run, *rest, **options: runs.append(run) or 0)
+    monkeypatch.chdir(motion.parent)
+    assert main(["demo", "--motion", motion.name]) == 0
+    assert runs[0].simulated.parameters["motion"] == str(motion)
+    assert "motion.csv" in runs[0].title
+
+
+def test_a_demonstration_is_refused_before_a_node_starts(capsys, motion, tmp_path):
+    output = tmp_path / "out"
+    for words, match in (
+        (["--repeat", "0"], "--repeat 0: must be from 1 to 10000"),
+        (["--motion", str(tmp_path / "none.csv")], "none.csv"),
+        (["--motion", "d7"], "unknown motion 'd7'"),
+    ):
+        assert match in fails_with(capsys, "demo", "-o", str(output), *words)
+    assert not output.exists()
 
 
 def test_simulate_says_whose_heights_it_writes(capsys):

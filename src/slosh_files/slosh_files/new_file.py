@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import gzip
 import io
 import os
 import re
@@ -11,7 +12,7 @@ import secrets
 import stat
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from types import TracebackType
 from typing import Any, BinaryIO, TextIO
@@ -129,11 +130,17 @@ class _Stream(io.FileIO):
 def new_text(path: Path) -> Iterator[TextIO]:
     """A text in UTF-8, written aside; line ends are written as they are.
 
+    A file whose name ends in .gz is packed; the same text gives the same file.
+
     Raises:
         OSError: the file cannot be written; it bears the path.
     """
-    with NewFile(path) as new, io.TextIOWrapper(new.open(), "utf-8", newline="") as text:
-        yield text
+    with NewFile(path) as new, new.open() as file, ExitStack() as stack:
+        binary: Any = file
+        if path.suffix == ".gz":
+            packed = gzip.GzipFile(filename="", mode="wb", fileobj=file, mtime=0)
+            binary = stack.enter_context(packed)
+        yield stack.enter_context(io.TextIOWrapper(binary, "utf-8", newline=""))
 
 
 def write_bytes(path: Path, content: bytes, *, sync: bool = True) -> None:

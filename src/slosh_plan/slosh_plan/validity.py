@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from slosh_model.interpolation import columns_at
 from slosh_model.model import Model
+from slosh_model.simulate import Inputs
 from slosh_plan.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -46,9 +47,9 @@ def motion_flags(model: Model, trajectory: Trajectory, peak: float) -> MotionFla
     return flags
 
 
-def greatest(trajectory: Trajectory) -> tuple[float, float]:
+def greatest(motion: Trajectory | Inputs) -> tuple[float, float]:
     """Greatest ‖a‖ [m/s²] and greatest change of it over JERK_TIME [m/s³] of a motion."""
-    t, acceleration = trajectory.t, trajectory.acceleration
+    t, acceleration = motion.t, motion.acceleration
     before = columns_at(t - JERK_TIME, t, acceleration)
     jerk = np.linalg.norm(acceleration - before, axis=1) / JERK_TIME
     return float(np.linalg.norm(acceleration, axis=1).max()), float(jerk.max())

@@ -18,6 +18,8 @@ from slosh_model.interpolation import columns_at
 Array = NDArray[np.float64]
 
 TABLE_ENDINGS = (".csv", ".csv.gz")
+REPEATS = (1, 10_000)
+"""How often a motion may be played in succession."""
 
 
 def load_motion(name: str, rate: float = 1000.0) -> Motion:

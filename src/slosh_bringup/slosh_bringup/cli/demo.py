@@ -5,9 +5,11 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from slosh_bringup.cell.motions import MOTIONS, make_motion
+from slosh_bringup.cell.motion_source import REPEATS, TABLE_ENDINGS, load_motion
+from slosh_bringup.cell.motions import MOTIONS
 from slosh_bringup.cli.live import add_watch, run_live
 from slosh_bringup.cli.progress import progress_bar
+from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.live.cell_setup import NODES_OF_A_CELL, default_setup
 from slosh_bringup.live.run import LiveRun
 from slosh_bringup.processes import NodeProcess, config_folder
@@ -17,7 +19,10 @@ STARTING = 3.0  # s; from ready nodes to the motion and behind its end, for the 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declares the subcommand's options."""
-    parser.add_argument("--motion", default="c3", help=f"one of {', '.join(sorted(MOTIONS))}")
+    parser.add_argument(
+        "--motion", default="c3",
+        help=f"a motion table (.csv, .csv.gz), or one of {', '.join(sorted(MOTIONS))}",
+    )  # fmt: skip
     parser.add_argument(
         "-o", "--output", type=Path, default=Path("out/demo"),
         help="gets a dated folder for each run, and the link latest to the newest one",
@@ -29,13 +34,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Runs the demonstration; prints the figures and where the results are."""
-    motion = make_motion(arguments.motion, 100.0)
+    if not REPEATS[0] <= arguments.repeat <= REPEATS[1]:
+        raise SloshBringupError(
+            f"--repeat {arguments.repeat}: must be from {REPEATS[0]} to {REPEATS[1]}"
+        )
+    name = arguments.motion
+    motion = load_motion(name, 100.0)
+    # The node has a working folder of its own.
+    played = str(Path(name).resolve()) if name.endswith(TABLE_ENDINGS) else name
     setup = default_setup()
     simulated = NodeProcess(
         "cell",
         [setup.parameters],
         {
-            "motion": motion.name,
+            "motion": played,
             "repeat": str(arguments.repeat),
             "model": str(config_folder() / "truth.yaml"),
             "calibration": str(setup.calibration),

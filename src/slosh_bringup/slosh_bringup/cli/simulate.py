@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 import argparse
-import csv
 import json
+import sys
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
 from slosh_bag.motion_table import read_motion_table
+from slosh_bringup.errors import SloshBringupError
+from slosh_bringup.simulate.answer import Answer, make_answer
+from slosh_bringup.simulate.doubts import check_possible, doubts
+from slosh_bringup.simulate.table import STANDARD_OUTPUT, output_path, write_response
 from slosh_estimator.model_file import read_model
-from slosh_files import check_apart, new_text
+from slosh_files import check_apart
 from slosh_model.measure import predicted_heights
-from slosh_model.simulate import Inputs, Response, simulate
+from slosh_model.simulate import Inputs, simulate
+from slosh_plan import HeightLimits
 
-COLUMNS = ("t", "msh", "azimuth", "sh_x", "sh_y")
+PICTURES = (".png", ".svg")
+EXIT_KEPT, EXIT_NOT_KEPT = 0, 1
 EPILOG = """columns of the table:
   t           the motion's samples [s]
   msh         maximum height over the wall as a sensor would read it: with every effect of the
@@ -25,7 +28,12 @@ EPILOG = """columns of the table:
   sh_x, sh_y  the liquid's own signed height at the container's +x and +y [m]
 
 Without effects on the measurement msh is the length of (sh_x, sh_y); in a rectangle the sum of
-their sizes, the height of its corner."""
+their sizes, the height of its corner.
+
+The answer says whether the motion stays within what the model was validated for, and below the
+limit (--limit) and the rim (where model.yaml tells rim_height).
+
+exit code: 0, 1 where the limit is exceeded or units look wrong, 2 for wrong input"""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -35,16 +43,27 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("model", type=Path, help="model.yaml")
     parser.add_argument("motion", type=Path, help="motion table: t,ax,ay,az[,...] (.csv, .csv.gz)")
     parser.add_argument(
-        "-o", "--output", type=Path, required=True, help="table of heights [m, rad]"
+        "-o", "--output", type=Path, required=True,
+        help="table of heights [m, rad]: .csv, .csv.gz, .parquet, or - for standard output",
+    )  # fmt: skip
+    parser.add_argument(
+        "--limit", type=float, metavar="M", help="greatest height above the still level [m]"
     )
-    parser.add_argument("--json", action="store_true", help="print the summary as JSON")
+    parser.add_argument("--plot", type=Path, metavar="OUT.png", help="picture (.png, .svg)")
+    parser.add_argument("--json", action="store_true", help="print the answer as JSON")
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Simulates and writes the table; prints the peak."""
-    check_apart([arguments.output], [arguments.model, arguments.motion])
+    """Simulates, writes table and picture, prints the answer; 1 where it is doubtful."""
+    output, plot = output_path(arguments.output), arguments.plot
+    if plot is not None and plot.suffix not in PICTURES:
+        raise SloshBringupError(f"{plot}: a picture is {' or '.join(PICTURES)}")
+    if arguments.limit is not None:
+        HeightLimits(arguments.limit)  # refuses what is no height
+    check_apart([output, plot], [arguments.model, arguments.motion])
     model = read_model(arguments.model)
     motion = read_motion_table(arguments.motion)
+    check_possible(arguments.motion, motion)
     inputs = Inputs(
         t=motion.t,
         acceleration=motion.acceleration,
@@ -53,41 +72,26 @@ def run(arguments: argparse.Namespace) -> int:
     )
     response, _ = simulate(model, inputs)
     msh = predicted_heights(model, inputs, inputs.t)[:, 0]
-    write_response(arguments.output, response, msh)
-    print(summary(model.name, response.t, msh, arguments.output, as_json=arguments.json))
-    return 0
+    answer = make_answer(
+        model, inputs, (msh, response.msh), arguments.limit, doubts(model, motion)
+    )
+    write_response(output, response, msh)
+    if plot is not None:
+        from slosh_bringup.simulate.chart import write_chart  # with matplotlib, slow to load
+
+        write_chart(plot, inputs, msh, answer, model.limits.acceleration)
+    if answer.doubts:
+        told = "; ".join(answer.doubts)
+        print(f"slosh simulate: warning: {arguments.motion}: {told}", file=sys.stderr)
+    # On standard output the table stands alone.
+    stream = sys.stderr if output == STANDARD_OUTPUT else sys.stdout
+    where = "standard output" if output == STANDARD_OUTPUT else str(output)
+    print(summary(answer, where, as_json=arguments.json), file=stream)
+    return EXIT_NOT_KEPT if answer.over_limit or answer.doubts else EXIT_KEPT
 
 
-def write_response(path: Path, response: Response, msh: NDArray[np.float64]) -> None:
-    """Writes t, msh, azimuth, sh_x, sh_y [s, m, rad], one row per input sample.
-
-    Args:
-        path: where to.
-        response: the liquid's own answer.
-        msh: (N,) what a sensor would read of its maximum [m].
-    """
-    columns = (response.t, msh, response.azimuth, response.sh_x, response.sh_y)
-    with new_text(path) as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(COLUMNS)
-        writer.writerows(
-            [repr(float(value)) for value in row] for row in zip(*columns, strict=True)
-        )
-
-
-def summary(
-    name: str, t: NDArray[np.float64], msh: NDArray[np.float64], output: Path, *, as_json: bool
-) -> str:
-    """The peak height in one line, or as JSON."""
-    peak = int(np.argmax(msh))
+def summary(answer: Answer, output: str, *, as_json: bool) -> str:
+    """The answer in one line, or as JSON."""
     if as_json:
-        facts = {
-            "model": name,
-            "peak": float(msh[peak]),
-            "peak_time": float(t[peak]),
-            "samples": len(t),
-            "output": str(output),
-        }
-        return json.dumps(facts)
-    height, moment = 1e3 * msh[peak], t[peak]
-    return f"{name}: peak {height:.1f} mm at t = {moment:.3f} s, {len(t)} rows in {output}"
+        return json.dumps({**answer.facts(), "output": output})
+    return f"{answer.text()}, {answer.samples} rows in {output}"

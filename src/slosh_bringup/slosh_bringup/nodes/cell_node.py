@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from std_msgs.msg import String
 
-from slosh_bringup.cell.motion_source import load_motion
+from slosh_bringup.cell.motion_source import REPEATS, load_motion
 from slosh_bringup.cell.renderer import Appearance, CupRenderer
 from slosh_bringup.cell.sensors import read_sensors
 from slosh_bringup.cell.truth import integrate_truth
@@ -55,7 +55,7 @@ PARAMETERS = (
     ParameterSpec("acceleration_noise", 0.02, "standard deviation [m/s^2]", (0.0, 10.0)),
     ParameterSpec("image_noise", 2.5, "standard deviation, of 255", (0.0, 50.0)),
     ParameterSpec("seed", 1, "of all noise", (0, 2**31 - 1)),
-    ParameterSpec("repeat", 1, "how often the motion is played", (1, 10000)),
+    ParameterSpec("repeat", 1, "how often the motion is played", REPEATS),
     ParameterSpec("wait_for", "", "names of nodes that must be ready before it starts, by commas"),
     ParameterSpec("readers", 2, "start once so many nodes read each topic; 0: now", (0, 100)),
     ParameterSpec(

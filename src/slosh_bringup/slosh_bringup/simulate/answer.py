@@ -1,0 +1,138 @@
+"""What a simulated motion comes to: its peak, beside limit and rim; whether the model holds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_model.model import Model
+from slosh_model.simulate import Inputs
+from slosh_plan.validity import greatest
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """What a simulated motion comes to.
+
+    Attributes:
+        model: its name.
+        samples: rows of the motion.
+        peak: greatest height over the wall, as a sensor reads it [m].
+        peak_time: when, on the motion's clock [s].
+        liquid_peak: the liquid's own greatest height [m].
+        limit: greatest height that is allowed [m]; None: not asked.
+        freeboard: height of the rim above the still level [m]; None: unknown.
+        acceleration: greatest ‖a‖ of the motion [m/s²].
+        jerk: greatest change of it [m/s³].
+        outside: why this model was not validated for it, one text each; empty: it was.
+        doubts: what looks wrong in the table, one text each.
+    """
+
+    model: str
+    samples: int
+    peak: float
+    peak_time: float
+    liquid_peak: float
+    limit: float | None
+    freeboard: float | None
+    acceleration: float
+    jerk: float
+    outside: tuple[str, ...]
+    doubts: tuple[str, ...]
+
+    @property
+    def over_limit(self) -> bool | None:
+        """Whether the peak exceeds the limit; None: there is none."""
+        return None if self.limit is None else self.peak > self.limit
+
+    @property
+    def over_rim(self) -> bool | None:
+        """Whether the liquid rises above the rim; None: the model does not tell its height."""
+        return None if self.freeboard is None else self.liquid_peak > self.freeboard
+
+    def facts(self) -> dict[str, Any]:
+        """The answer for programs, in SI units; what is unknown is None."""
+        return {
+            "model": self.model,
+            "peak": self.peak,
+            "peak_time": self.peak_time,
+            "samples": self.samples,
+            "within_validity": not self.outside,
+            "outside": list(self.outside),
+            "limit": self.limit,
+            "over_limit": self.over_limit,
+            "freeboard": self.freeboard,
+            "over_rim": self.over_rim,
+            "peak_acceleration": self.acceleration,
+            "peak_jerk": self.jerk,
+            "warnings": list(self.doubts),
+        }
+
+    def text(self) -> str:
+        """The answer in one line, heights in mm."""
+        parts = [f"{self.model}: peak {1e3 * self.peak:.1f} mm at t = {self.peak_time:.3f} s"]
+        if self.limit is not None:
+            parts.append(_beside(self.peak - self.limit, "the limit", self.limit))
+        if self.freeboard is not None:
+            parts.append(_beside(self.liquid_peak - self.freeboard, "the rim", self.freeboard))
+        outside = f"outside validity ({', '.join(self.outside)})"
+        parts.append(outside if self.outside else "within validity")
+        return ", ".join(parts)
+
+
+def make_answer(
+    model: Model,
+    inputs: Inputs,
+    heights: tuple[Array, Array],
+    limit: float | None,
+    doubts: tuple[str, ...],
+) -> Answer:
+    """The answer to a motion.
+
+    Args:
+        model: what was simulated.
+        inputs: the motion.
+        heights: (N,) as a sensor reads it, and (N,) the liquid's own maximum [m].
+        limit: greatest height that is allowed [m]; None: not asked.
+        doubts: what looks wrong in the table.
+    """
+    read, liquid = heights
+    peak = int(np.argmax(read))
+    acceleration, jerk = greatest(inputs)
+    return Answer(
+        model=model.name,
+        samples=len(inputs.t),
+        peak=float(read[peak]),
+        peak_time=float(inputs.t[peak]),
+        liquid_peak=float(liquid.max()),
+        limit=limit,
+        freeboard=model.container.freeboard,
+        acceleration=acceleration,
+        jerk=jerk,
+        outside=_outside(model, acceleration, jerk),
+        doubts=doubts,
+    )
+
+
+def _outside(model: Model, acceleration: float, jerk: float) -> tuple[str, ...]:
+    """What exceeds the limits of validity; those of a plane surface where the model is linear."""
+    limits = model.limits
+    bounds = (limits.acceleration, limits.jerk)
+    if model == model.linear():
+        bounds = (limits.planar_acceleration, limits.planar_jerk)
+    found = (("acceleration", acceleration, "m/s²"), ("jerk", jerk, "m/s³"))
+    return tuple(
+        f"{name} {value:.3g} of {bound:g} {unit}"
+        for (name, value, unit), bound in zip(found, bounds, strict=True)
+        if value > bound
+    )
+
+
+def _beside(excess: float, name: str, bound: float) -> str:
+    place = "above" if excess > 0.0 else "below"
+    return f"{1e3 * abs(excess):.1f} mm {place} {name} of {1e3 * bound:g} mm"

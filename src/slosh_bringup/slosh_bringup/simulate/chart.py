@@ -1,0 +1,71 @@
+"""A picture of simulated heights: the curve, its peak, limit and rim, and the motion below."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.style import context
+from numpy.typing import NDArray
+
+from slosh_bringup.simulate.answer import Answer
+from slosh_files import NewFile
+from slosh_model.simulate import Inputs
+from slosh_report.page.series import envelope
+
+Array = NDArray[np.float64]
+
+SIZE = (9.6, 5.4)
+DPI = 120
+# From matplotlib's own defaults, whatever the user's matplotlibrc says; the same file each time.
+STYLE = {"svg.hashsalt": "simulate", "svg.fonttype": "none", "text.parse_math": False,
+         "axes.grid": True, "grid.alpha": 0.4, "font.size": 10.0}  # fmt: skip
+
+
+def write_chart(path: Path, inputs: Inputs, msh: Array, answer: Answer, allowed: float) -> None:
+    """Draws a prediction into a `.png` or `.svg` file.
+
+    Args:
+        path: the file.
+        inputs: the motion.
+        msh: (N,) height as a sensor would read it [m].
+        answer: what it comes to.
+        allowed: ‖a‖ up to which the model holds [m/s²].
+
+    Raises:
+        OSError: the file cannot be written; what was there is as it was.
+    """
+    form = path.suffix.removeprefix(".")
+    with context(STYLE, after_reset=True), NewFile(path) as new, new.open() as stream:
+        figure = Figure(figsize=SIZE, layout="constrained")
+        figure.suptitle(answer.text().replace("), ", "),\n"), fontsize=10.0)
+        heights, motion = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
+        _draw_heights(heights, inputs.t, msh, answer)
+        strength = np.linalg.norm(inputs.acceleration, axis=1)
+        motion.plot(*envelope(inputs.t, strength), color="tab:gray")
+        _draw_bound(motion, allowed, "the model holds up to here", answer.acceleration)
+        motion.set(xlabel="time [s]", ylabel="‖a‖ [m/s²]")
+        metadata = {"Date": None} if form == "svg" else None
+        figure.savefig(stream, format=form, dpi=DPI, metadata=metadata)
+
+
+def _draw_heights(axes: Any, t: Array, msh: Array, answer: Answer) -> None:
+    axes.plot(*envelope(t, 1e3 * msh), color="tab:blue")
+    axes.plot(answer.peak_time, 1e3 * answer.peak, "o", color="tab:blue", fillstyle="none")
+    axes.annotate(f"{1e3 * answer.peak:.1f} mm", (answer.peak_time, 1e3 * answer.peak),
+                  xytext=(6, 4), textcoords="offset points")  # fmt: skip
+    for name, bound in (("limit", answer.limit), ("rim", answer.freeboard)):
+        if bound is not None:
+            _draw_bound(axes, 1e3 * bound, name, 1e3 * answer.peak)
+    axes.set_ylabel("height [mm]")
+    axes.margins(y=0.12)
+
+
+def _draw_bound(axes: Any, bound: float, name: str, peak: float) -> None:
+    """A dotted line; one that is far above the curve would flatten it and is left out."""
+    if bound < 3.0 * peak:
+        axes.axhline(bound, color="tab:red", linestyle=":")
+        axes.annotate(name, (0.995, bound), xycoords=axes.get_yaxis_transform(), ha="right",
+                      va="bottom", color="tab:red")  # fmt: skip
