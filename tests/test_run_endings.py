@@ -221,3 +221,19 @@ def test_a_reader_that_goes_without_a_word_is_as_a_closed_terminal(tmp_path):
     assert process.wait(PATIENCE) == 0
     assert_finished(folder / "bag")
     assert reports(folder) == REPORT
+
+
+def test_ctrl_c_while_it_starts_is_no_traceback(tmp_path):
+    said = []
+    for moment in range(2, 30, 3):  # hundredths of a second: where it is then is left to chance
+        with (tmp_path / "words").open("w+") as words:
+            process = subprocess.Popen(
+                [Path(sys.prefix) / "bin" / "slosh", "doctor"], stdout=words, stderr=words
+            )
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                process.wait(0.01 * moment)
+            process.send_signal(signal.SIGINT)
+            process.wait(60)
+            words.seek(0)
+            said.append(words.read())
+    assert "Traceback" not in "".join(said)

@@ -275,9 +275,9 @@ def write_environment(environment: dict[str, str]) -> None:
     (VENV / "environment.sh").write_text("\n".join(lines) + "\n")
     command = VENV / "bin" / "slosh"
     target = WORKSPACE / "install" / "bin" / "slosh"
-    runner = (
-        f'#!/bin/sh\nexec {shlex.quote(str(ROOT / "tools/run"))} {shlex.quote(str(target))} "$@"\n'
-    )
+    # -S: the script loads `site` itself, when Ctrl-C no longer ends in a traceback.
+    words = shlex.join([str(ROOT / "tools/run"), "python", "-S", str(target)])
+    runner = f'#!/bin/sh\nexec {words} "$@"\n'
     command.write_text(runner)
     command.chmod(0o755)
 

@@ -16,6 +16,8 @@ from pathlib import Path
 ROS = Path("/opt/ros/jazzy")
 MINIMUM_SHARED_MEMORY = 128 * 2**20  # five participants with a 32 MiB segment each, in part
 MINIMUM_DISK = 2 * 2**30
+NOTHING_BACK = 3
+"""Exit code of the loopback node whose message was lost; a failed start has Python's own, 1."""
 OWN_PACKAGES = (
     "slosh_files",
     "slosh_msgs_py",
@@ -23,7 +25,6 @@ OWN_PACKAGES = (
     "slosh_camera",
     "slosh_plan",
     "slosh_report",
-    "slosh_plan",
     "slosh_estimator",
     "slosh_bag",
     "slosh_discovery",
@@ -151,8 +152,10 @@ def message_exchange() -> Finding:
     done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
     ok = done.returncode == 0
     lines = (done.stdout if ok else done.stderr).strip().splitlines()
-    remedy = "look for a firewall on the loopback interface or a full /dev/shm"
-    return Finding("messages over DDS", ok, lines[-1] if lines else "no output", remedy)
+    last = lines[-1] if lines else "no output"
+    lost = "look for a firewall on the loopback interface or a full /dev/shm"
+    # Where nothing was sent at all, the reason itself tells what to do.
+    return Finding("messages over DDS", ok, last, lost if done.returncode == NOTHING_BACK else "")
 
 
 def shared_memory() -> Finding:

@@ -123,6 +123,21 @@ def test_a_field_of_view_will_do(capsys, tmp_path, still):
     assert worst_height_error(read_calibration(output).view) < 0.25e-3
 
 
+def test_what_nobody_told_is_said(capsys, tmp_path, still, intrinsics):
+    def said(*words):
+        command = ["calibrate", still, *words, *CONTAINER, "-o", tmp_path / "camera.yaml"]
+        assert main([str(word) for word in command]) == 0
+        lines = capsys.readouterr().out.splitlines()
+        return [line for line in lines if line.startswith("assumed")]
+
+    lens, wall = said("--fov", 35.5)
+    assert "field of view of 35.5 deg" in lens
+    assert "--focal-error" in lens
+    assert "wall without thickness (--wall-thickness" in wall
+    assert said("--fov", 35.5, "--focal-error", 5) == [wall]
+    assert said("--camera", intrinsics, *GLASS) == []
+
+
 def test_a_wrong_fill_height_is_noticed_at_the_floor(capsys, tmp_path, still, intrinsics):
     output = tmp_path / "camera.yaml"
     container = ["--radius", CUP.radius, "--fill-height", CUP.fill_height - 0.012]

@@ -130,6 +130,7 @@ def test_all_topics_go_to_a_folder(bag: Path, tmp_path: Path, capsys):
 
 def test_what_export_cannot_do_is_one_line(bag: Path, tmp_path: Path, capsys):
     (tmp_path / "there.csv").write_text("precious")
+    before = set(tmp_path.iterdir())
     out = tmp_path / "out.csv"
     for words, expected in (
         (["--topic", "acel", "-o", out], "no topic 'acel'; there are /slosh/accel, /slosh/free"),
@@ -140,14 +141,21 @@ def test_what_export_cannot_do_is_one_line(bag: Path, tmp_path: Path, capsys):
         (["--motion", "--measured", "truth", "-o", out], "no topic 'truth'"),
         (["--motion", "--input", "pose", "-o", out], "holds no message of pose"),
         (["--topic", "accel", "-o", tmp_path / "there.csv" / "x.csv"], "there.csv"),
+        (["-o", tmp_path / "e.xls"], "e.xls: a table is .csv, .csv.gz, .parquet; make the folder"),
     ):
         assert expected in fails_with(capsys, "export", bag, *words)
     assert "no such file" in fails_with(capsys, "export", tmp_path / "none", "--list")
     assert (tmp_path / "there.csv").read_text() == "precious"
+    assert set(tmp_path.iterdir()) == before
 
 
 def test_what_import_cannot_do_is_one_line(table: Path, bag: Path, tmp_path: Path, capsys):
+    (tmp_path / "junk.bag").write_bytes(bytes(range(255, 0, -1)))
+    (cut,) = (tmp_path / "bags" / "run").glob("*.mcap")
+    (tmp_path / "cut.mcap").write_bytes(cut.read_bytes()[:2000])
     for words, expected in (
+        (["rosbag", tmp_path / "junk.bag", "-o", tmp_path / "b"], "junk.bag: is no ROS 1 bag"),
+        (["rosbag", tmp_path / "cut.mcap", "-o", tmp_path / "b"], "`slosh recover` makes"),
         (["table", table, "-o", tmp_path / "bags"], "run: exists already"),
         (["table", tmp_path / "no.csv", "-o", tmp_path / "b"], "no.csv: cannot be read"),
         (["table", table, table.parent / "x" / "run.csv", "-o", tmp_path / "b"], "also become"),

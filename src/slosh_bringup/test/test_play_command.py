@@ -88,13 +88,26 @@ def test_it_plays_to_the_end_with_a_bar(start):
     assert "play bag: 100%" in told
 
 
+def test_an_interrupt_tells_how_far_it_came(start):
+    process, words = start("--wait", "0", "--rate", "0.01")
+    wait_for(words, "playing all the same")
+    os.killpg(process.pid, signal.SIGINT)
+    assert process.wait(PATIENCE) == 0
+    assert "play bag: 0%" in words.read_text()
+    assert "100%" not in words.read_text()
+
+
+def wait_for(words, text):
+    deadline = time.monotonic() + PATIENCE
+    while text not in words.read_text():
+        assert time.monotonic() < deadline, "it did not begin to play"
+        time.sleep(0.02)
+
+
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGHUP])
 def test_an_interrupt_ends_it_without_a_traceback(start, number):
     process, words = start("--wait", "0", "--loop")
-    deadline = time.monotonic() + PATIENCE
-    while "playing all the same" not in words.read_text():
-        assert time.monotonic() < deadline, "it did not begin to play"
-        time.sleep(0.02)
+    wait_for(words, "playing all the same")
     os.killpg(process.pid, number)
     assert process.wait(PATIENCE) == 0
     told = words.read_text()

@@ -354,6 +354,20 @@ def test_black_and_white_images_are_flagged(capsys, tmp_path, images, level, fla
     assert np.isnan(table["msh"][0])
 
 
+def test_another_camera_s_calibration_is_suspected(capsys, tmp_path, folder):
+    calibration = yaml.safe_load(Path(CAMERA).read_text())
+    calibration["pose"]["translation"][0] += 0.06
+    del calibration["still_image"]  # which would not fit, either
+    (tmp_path / "other.yaml").write_text(yaml.safe_dump(calibration))
+    code, table = detect(tmp_path, folder, camera=tmp_path / "other.yaml")
+    assert code == 1
+    assert np.all(np.isnan(table["msh"]))
+    (line,) = capsys.readouterr().err.strip().splitlines()
+    assert "other.yaml expects it: is it this camera's" in line
+    assert detect(tmp_path, folder)[0] == 0
+    assert capsys.readouterr().err == ""
+
+
 def test_a_source_without_images_is_named(capsys, tmp_path):
     (tmp_path / "texts").mkdir()
     (tmp_path / "texts" / "note.txt").write_text("no image")

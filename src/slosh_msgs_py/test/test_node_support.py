@@ -2,6 +2,7 @@
 
 import fcntl
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -420,6 +421,18 @@ def test_a_command_line_that_ros_cannot_read_is_named_in_the_last_line(arguments
     line = done.stderr.strip().splitlines()[-1]
     assert line.startswith("SloshMessageError: ROS cannot start: ")
     assert reason in line
+
+
+def test_a_home_that_cannot_be_written_is_named_with_the_way_out():
+    command = [sys.executable, "-c", NODE]
+    environment = {name: os.environ[name] for name in os.environ if name != "ROS_LOG_DIR"}
+    done = subprocess.run(
+        command, env=environment | {"HOME": "/proc"}, capture_output=True, text=True, timeout=60,
+        check=False,
+    )  # fmt: skip
+    assert done.returncode == 2
+    line = done.stderr.strip().splitlines()[-1]
+    assert re.search(r"ROS cannot start: .*'/proc/\.ros/log'.* by ROS_LOG_DIR$", line)
 
 
 def test_an_unknown_executor_is_named(monkeypatch):

@@ -69,7 +69,8 @@ def export_targets(
         form: of the files in a folder.
 
     Raises:
-        SloshBagError: there is no such topic, or one file for several topics.
+        SloshBagError: there is no such topic, one file for several topics, or a folder that is
+            named as a file of another format.
     """
     known = reader.topics()
     wanted = sorted({find_topic(bag, known, name) for name in topics} or known)
@@ -83,12 +84,21 @@ def export_targets(
             )
         paths = [output]
     else:
+        _check_folder_name(output)
         # No topic has a dot in its name: no two of them share a file.
         paths = [output / f"{name.strip('/').replace('/', '.')}.{form}" for name in wanted]
     return {
         name: ExportTarget(known[name].message_type, known[name].count or 0, path)
         for name, path in zip(wanted, paths, strict=True)
     }
+
+
+def _check_folder_name(output: Path) -> None:
+    """A new folder `out.xls` was meant to be a file."""
+    if output.suffix[1:].isalpha() and not output.is_dir():
+        raise SloshBagError(
+            f"{output}: a table is {', '.join(SUFFIXES)}; make the folder first if one is meant"
+        )
 
 
 def export_topics(

@@ -34,6 +34,7 @@ from slosh_files.errors import TextFileError, YamlError
 from slosh_files.yaml_document import read_yaml
 
 ROS1_SUFFIX = ".bag"
+_ROS1_MAGIC = b"#ROSBAG V"
 MOST_FILE, MOST_RATIO = 1_000_000_000, 50
 """What a file packed as a whole may be unpacked: so many bytes, or times its size."""
 _SLICE = 1 << 20
@@ -52,12 +53,22 @@ def foreign_reader(source: Path) -> Any:
         source: a `.bag`, `.db3` or `.mcap` file, or a rosbag2 folder.
 
     Raises:
-        SloshBagError: it is packed, and would be too large.
+        SloshBagError: it is packed and would be too large, or is no ROS 1 bag by its first bytes.
         Exception: what the library raises on a file that is no bag.
     """
     if source.is_dir():
         _check_folder(source)
+    elif source.suffix == ROS1_SUFFIX:
+        _check_ros1(source)
     return (_Ros1 if source.suffix == ROS1_SUFFIX else _Ros2)(source)
+
+
+def _check_ros1(source: Path) -> None:
+    with source.open("rb") as file:
+        if file.read(len(_ROS1_MAGIC)) != _ROS1_MAGIC:
+            raise SloshBagError(
+                f"{source}: is no ROS 1 bag: it does not begin with {_ROS1_MAGIC.decode()}"
+            )
 
 
 def told_by(reader: Any) -> list[str]:

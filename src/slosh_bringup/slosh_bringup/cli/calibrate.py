@@ -137,7 +137,9 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.picture is not None:
         _write_picture(arguments.picture, draw_calibration(image, fit, board))
     write_text(arguments.output, text)
-    print(_as_json(arguments, fit, board) if arguments.json else _as_text(arguments, fit, board))
+    assumed = _assumptions(arguments, known, fit)
+    answer = _as_json if arguments.json else _as_text
+    print(answer(arguments, fit, board, assumed))
     return 0
 
 
@@ -237,7 +239,9 @@ def _write_picture(path: Path, picture: Image) -> None:
     write_bytes(path, cv2.imencode(path.suffix, picture)[1].tobytes())
 
 
-def _as_json(arguments: argparse.Namespace, fit: StillFit, board: BoardFit | None) -> str:
+def _as_json(
+    arguments: argparse.Namespace, fit: StillFit, board: BoardFit | None, assumed: list[str]
+) -> str:
     pose = fit.view.pose
     facts = {
         "output": str(arguments.output),
@@ -252,6 +256,7 @@ def _as_json(arguments: argparse.Namespace, fit: StillFit, board: BoardFit | Non
             curve.name: {"share": curve.share, "offset": curve.offset} for curve in fit.curves
         },
         "board_residual": None if board is None else board.residual,
+        "assumed": assumed,
         "warnings": warnings_of(fit),
     }
     return json.dumps(plain(facts))
@@ -261,7 +266,9 @@ def _named(numbers: NDArray[np.float64]) -> dict[str, float]:
     return dict(zip(_NUMBERS, (float(value) for value in numbers), strict=True))
 
 
-def _as_text(arguments: argparse.Namespace, fit: StillFit, board: BoardFit | None) -> str:
+def _as_text(
+    arguments: argparse.Namespace, fit: StillFit, board: BoardFit | None, assumed: list[str]
+) -> str:
     place, error = fit.place, fit.stddev[: len(_NUMBERS)]
     lines = [
         f"{name:9}{scale * value:8.{digits}f} +- {scale * sigma:.{digits}f} {unit}"
@@ -282,10 +289,26 @@ def _as_text(arguments: argparse.Namespace, fit: StillFit, board: BoardFit | Non
         f"residual {fit.residual:8.2f} px rms (sides, still level); still level {level:.2f} mm",
         f"a height's error by the pose, at -20 to 20 mm: {front:.2f} mm (front wall), "
         f"{rear:.2f} mm (rear wall), 1 sigma",
+        *(f"assumed  {assumption}" for assumption in assumed),
         *(f"warning: {warning}" for warning in warnings_of(fit)),
         f"{arguments.output}",
     ]
     return "\n".join(lines)
+
+
+def _assumptions(arguments: argparse.Namespace, known: KnownCamera, fit: StillFit) -> list[str]:
+    """What nobody told and the standard errors take for true, with the option for each."""
+    focal, wall, _ = fit.stddev[len(_NUMBERS) :]
+    found = []
+    if arguments.fov is not None and not focal:
+        found.append(
+            f"a field of view of {arguments.fov:g} deg to the last digit, no distortion "
+            "(--camera, or --focal-error)"
+        )
+    told = arguments.wall_thickness is not None or "wall_thickness" in known.container
+    if not told and not wall:
+        found.append("a wall without thickness (--wall-thickness, or --wall-error)")
+    return found
 
 
 def _estimated(fit: StillFit) -> list[str]:

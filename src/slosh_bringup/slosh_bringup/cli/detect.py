@@ -172,6 +172,11 @@ def _print(
         print(json.dumps({**facts, "warnings": source.warnings, "pictures": pictures}))
         return
     print(f"{summary.text()}, in {arguments.output}")
+    if summary.mostly_unseen:
+        _tell(
+            f"most images show no surface where {arguments.camera} expects it: is it this "
+            "camera's, and has nothing moved since? `slosh calibrate` on an image at rest tells"
+        )
     for sentence in pictures:
         print(sentence)
 

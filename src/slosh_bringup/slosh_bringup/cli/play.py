@@ -9,7 +9,7 @@ from typing import Any
 
 from slosh_bag.playing.play_plan import PlayRequest, make_plan
 from slosh_bag.playing.playback import PlaybackSettings
-from slosh_bringup.cli.progress import clock, progress_bar
+from slosh_bringup.cli.progress import SECONDS, Progress
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.stop_request import READER_GONE, forget_readers
 
@@ -68,16 +68,14 @@ def run(arguments: argparse.Namespace) -> int:
 
     ros = ["--ros-args", "-p", f"patience:={arguments.wait:f}"]
     ros += ["-p", f"subscribers:={arguments.subscribers}"]
-    bar = (
-        clock("playing, Ctrl-C to stop")
-        if settings.loop
-        else progress_bar(f"play {arguments.bag.name}", plan.playback.length)
-    )
-    with bar as progress:
+    length = None if settings.loop else plan.playback.length
+    title = "playing, Ctrl-C to stop" if settings.loop else f"play {arguments.bag.name}"
+    with Progress(title, length, SECONDS, delay=0.0) as progress:
 
         def watch(node: Any) -> None:
+            whole = node.finished and not node.failure and length is not None
             try:
-                progress(node.played, "")
+                progress.reach(length if whole else node.played)
             except OSError as error:
                 if error.errno in READER_GONE:  # without a word, as a terminal does with one
                     forget_readers()

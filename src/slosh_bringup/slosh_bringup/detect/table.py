@@ -58,6 +58,11 @@ class Summary:
         """Number of images with a height."""
         return len(self.heights)
 
+    @property
+    def mostly_unseen(self) -> bool:
+        """Whether no surface was found where the calibration says in most images."""
+        return 2 * self.flags[str(Flag.NOT_FOUND.name)] > self.frames
+
     def add(self, measurement: Measurement, problem: str = "") -> None:
         """One more image, and in words why nothing could be measured in it."""
         self.frames += 1

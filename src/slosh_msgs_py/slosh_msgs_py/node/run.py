@@ -140,6 +140,8 @@ def initialise(arguments: Sequence[str] | None) -> None:
         # What follows are places in the sources of rcl.
         reason = " ".join(str(error).split()).split(", at /")[0]
         reason = reason.removeprefix("failed to initialize rcl: ")
+        if "log directory" in reason:
+            reason += "; name one that can be written by ROS_LOG_DIR"
         raise SloshMessageError(f"ROS cannot start: {reason}") from None
 
 
