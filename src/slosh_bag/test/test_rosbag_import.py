@@ -247,7 +247,7 @@ def test_what_is_no_bag_is_named(tmp_path: Path):
         (tmp_path / "nothing", "no such file"),
         (tmp_path / "empty", "holds no metadata.yaml"),
         (tmp_path / "text.txt", "is none of .bag"),
-        (tmp_path / "text.bag", "cannot be read"),
+        (tmp_path / "text.bag", "is no ROS 1 bag"),
         (tmp_path / "text.db3", "cannot be read"),
         (folder, "cannot be read: Could not load YAML"),
     ):

@@ -73,9 +73,11 @@ def run(arguments: argparse.Namespace) -> int:
     with Progress(title, length, SECONDS, delay=0.0) as progress:
 
         def watch(node: Any) -> None:
-            whole = node.finished and not node.failure and length is not None
+            played: float = node.played
+            if node.finished and not node.failure and length is not None:
+                played = length
             try:
-                progress.reach(length if whole else node.played)
+                progress.reach(played)
             except OSError as error:
                 if error.errno in READER_GONE:  # without a word, as a terminal does with one
                     forget_readers()
