@@ -16,7 +16,7 @@ from slosh_bag.errors import SloshBagError
 from slosh_bag.motion_table import MotionTable, write_motion_table
 from slosh_bag.reader import BagReader
 from slosh_bag.replay import replay_bag
-from slosh_bringup.live.in_force import in_force, last_starts
+from slosh_bringup.in_force import in_force, last_starts
 from slosh_bringup.processes import NodeProcess, config_folder, node_environment
 from slosh_msgs.msg import SloshEstimate
 from tests.live_processes import PATIENCE, live_process, recorded

@@ -220,11 +220,12 @@ def test_a_damaged_manifest_is_one_line(bags, capsys):
         assert re.search(r"manifest\.yaml:\d+: bags\.a\.sigma", errors[0])
 
 
-def test_outputs_are_a_page_figures_and_a_bag(recorded, tmp_path, capsys):
+def test_outputs_are_a_page_figures_a_bag_and_an_index(recorded, tmp_path, capsys):
     output = tmp_path / "new" / "out"
     assert replay(capsys, recorded, "-o", output)[0] == 0
     assert sorted(path.name for path in output.iterdir()) == [
-        f"{name}{end}" for name in "abc" for end in ("", ".html", ".json")
+        *(f"{name}{end}" for name in "abc" for end in ("", ".html", ".json")),
+        "index.html",
     ]
     before = (output / "a" / "a_0.mcap").read_bytes()
     assert replay(capsys, recorded / "a", "-o", output)[0] == 0

@@ -15,7 +15,12 @@ setup(
             "py.typed",
             "page/*.j2",
             "page/*.css",
+            "page/*.js",
+            "uplot/*",
             "run_report/*.j2",
+            "index_page/*.j2",
+            "index_page/*.js",
+            "index_page/*.css",
         ]
     },
     data_files=[

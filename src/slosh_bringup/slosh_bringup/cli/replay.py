@@ -14,6 +14,7 @@ from slosh_bag.manifest import Expectation, write_manifest
 from slosh_bag.mcap_files.bag_folder import files_of
 from slosh_bringup.cli.progress import item_progress
 from slosh_bringup.many_files import Outcome, map_files
+from slosh_bringup.replay.index import check_index, write_index
 from slosh_bringup.replay.junit import Case, Suite, write_junit
 from slosh_bringup.replay.stated_bags import StatedBag, find_bags
 from slosh_bringup.replay.tables import accuracy_lines
@@ -47,8 +48,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--cell", metavar="NAMESPACE", help="which cell of a bag that holds several, e.g. /slosh"
     )
     parser.add_argument(
-        "-o", "--output", type=Path, help="gets a page, the figures and a bag of outputs per bag"
-    )
+        "-o", "--output", type=Path,
+        help="gets a page, the figures and a bag of outputs per bag, and index.html over all",
+    )  # fmt: skip
     parser.add_argument("--json", action="store_true", help="print the figures as JSON")
     aim = parser.add_mutually_exclusive_group()
     aim.add_argument(
@@ -76,9 +78,12 @@ def run(arguments: argparse.Namespace) -> int:
     tasks = make_tasks(stated, arguments)
     check_outputs(stated, tasks, arguments.junit)
     if arguments.output:
+        check_index(arguments.output, tasks)
         arguments.output.mkdir(parents=True, exist_ok=True)
     outcomes = replay_all(tasks, arguments)
     tell(outcomes)
+    if arguments.output and any(outcome.value is not None for outcome in outcomes):
+        write_index(arguments.output, outcomes)
     if arguments.json:
         print(json.dumps([_document(outcome) for outcome in outcomes], indent=2))
     else:

@@ -55,12 +55,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Simulates, writes table and picture, prints the answer; 1 where it is doubtful."""
-    output, plot = output_path(arguments.output), arguments.plot
+    plot = arguments.plot
+    check_apart([arguments.output, plot], [arguments.model, arguments.motion])
+    output = output_path(arguments.output)
     if plot is not None and plot.suffix not in PICTURES:
         raise SloshBringupError(f"{plot}: a picture is {' or '.join(PICTURES)}")
     if arguments.limit is not None:
         HeightLimits(arguments.limit)  # refuses what is no height
-    check_apart([output, plot], [arguments.model, arguments.motion])
     model = read_model(arguments.model)
     motion = read_motion_table(arguments.motion)
     check_possible(arguments.motion, motion)

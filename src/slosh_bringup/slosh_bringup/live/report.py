@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import json
 import math
+import platform
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +17,7 @@ import numpy as np
 from slosh_bag.errors import SloshBagError
 from slosh_bag.replay import ReplayResult, replay_bag
 from slosh_bag.replay.report import Surroundings
-from slosh_bringup.live.in_force import in_force, last_starts
+from slosh_bringup.in_force import in_force, last_starts
 from slosh_bringup.live.run_data import HEIGHTS, RunData, read_run
 from slosh_bringup.live.run_result import RunResult, evaluate
 from slosh_bringup.live.shortfall import shortfall
@@ -181,7 +184,10 @@ def _status(result: LiveResult, otherwise: Status) -> Status:
 
 
 def _facts(result: LiveResult) -> tuple[Fact, ...]:
-    facts = [Fact(label, text) for label, text in result.in_force.items()]
+    now = datetime.now(UTC)
+    made = f"{now:%Y-%m-%d %H:%M:%S} UTC on {platform.node()}, slosh {version('slosh_bringup')}"
+    facts = [Fact("made", made)]
+    facts += [Fact(label, text) for label, text in result.in_force.items()]
     if result.figures is not None:
         lost = str(sum(result.figures.lost.values()))
         facts.append(Fact("messages lost on the way to the bag", lost))

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from slosh_bag.reader import BagReader, TopicInfo
 from slosh_bag.recording.cells import ESTIMATE, SURFACE, CellTopics
 from slosh_bag.recording.inputs import STAMP, stamps_of
-from slosh_bringup.live.in_force import Starts, image_topic, input_topic
+from slosh_bringup.in_force import Starts, image_topic, input_topic
 from slosh_bringup.live.run_data import RunData, facts_of
 from slosh_camera.measurement import Flag
 from slosh_estimator.sight import UNUSABLE

@@ -9,7 +9,7 @@ from typing import Any, Protocol
 
 from slosh_bag.recording.settings import NodeStart
 from slosh_bringup.cell_watch import CellWatch, NodeReport
-from slosh_bringup.live.in_force import TELLING, in_force_lines, settings_document
+from slosh_bringup.in_force import TELLING, in_force_lines, settings_document
 from slosh_bringup.live.status import CellStatus
 from slosh_bringup.ready_wait import ReadyWait, sentence
 from slosh_files import write_text

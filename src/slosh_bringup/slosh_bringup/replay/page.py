@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from datetime import UTC, datetime
+from importlib.metadata import version
 from pathlib import Path
 
 from slosh_bag.recording.predictions import predicted_motions
 from slosh_bag.replay import ReplayResult
 from slosh_bag.replay.checking import Checked
-from slosh_bag.replay.report import Surroundings, replay_report
+from slosh_bag.replay.report import Surroundings, replay_report, report_start
 from slosh_bringup.errors import SloshBringupError
+from slosh_bringup.in_force import described, in_force, last_starts
 from slosh_bringup.replay.frames import bag_pictures, bag_topics
 from slosh_files import write_text
 from slosh_report.run_report import Fact, RunReport, render_report, report_document
@@ -28,13 +31,24 @@ def write_page(folder: Path, bag: Path, result: ReplayResult, checked: Checked |
     Raises:
         SloshBringupError: a file cannot be written.
     """
-    report = make_report(bag, result, Surroundings(checked=checked))
+    around = Surroundings(checked=checked, facts=_facts(bag, result))
+    report = make_report(bag, result, around)
     try:
         folder.mkdir(parents=True, exist_ok=True)
         write_text(folder / f"{result.name}.html", render_report(report))
         write_text(folder / f"{result.name}.json", figures(report, result))
     except OSError as error:
         raise SloshBringupError(f"{error.filename or folder}: {error.strerror}") from None
+
+
+def _facts(bag: Path, result: ReplayResult) -> tuple[Fact, ...]:
+    """When and with what it was recorded, and with what replayed; the same each time."""
+    start = datetime.fromtimestamp(1e-9 * report_start(result), UTC)
+    facts = {"recorded": f"{start:%Y-%m-%d %H:%M:%S} UTC", **in_force(last_starts(bag))}
+    if result.model is not None:
+        facts["model"] = described(result.model)
+    facts["replayed by"] = f"slosh {version('slosh_bringup')}"
+    return tuple(Fact(label, text) for label, text in facts.items())
 
 
 def figures(report: RunReport, result: ReplayResult) -> str:
@@ -51,9 +65,9 @@ def make_report(bag: Path, result: ReplayResult, around: Surroundings) -> RunRep
         result: the replay.
         around: what else the page shows.
     """
-    facts = [
+    planned = [
         Fact(f"planned motion {motion.id}", motion.sentence) for motion in predicted_motions(bag)
     ]
-    around = replace(around, facts=(*around.facts, *facts))
+    around = replace(around, facts=(*around.facts, *planned))
     pictures, topics = bag_pictures(bag, result), bag_topics(bag, result.seconds)
     return replay_report(result, replace(around, frames=pictures, topics=topics))

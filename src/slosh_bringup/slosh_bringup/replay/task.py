@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import time
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
@@ -11,6 +12,8 @@ from dataclasses import dataclass, replace
 from itertools import chain, count
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 import slosh_files
 from slosh_bag.errors import SloshBagError
@@ -27,6 +30,7 @@ from slosh_bag.replay.checking import (
     expectation_of,
 )
 from slosh_bag.replay.output_bag import FACTS, OutputBag
+from slosh_bag.replay.report import shown_models
 from slosh_bag.replay.result import ModelAccuracy
 from slosh_bag.replay.verification import Verification
 from slosh_bringup.errors import SloshBringupError
@@ -81,6 +85,8 @@ class Replayed:
     Attributes:
         name: of the bag.
         accuracy: of each model.
+        headline: that of them which the page puts on top; None: nothing was compared.
+        peak: greatest measured height [m]; NaN: none.
         checked: against what was expected; None: nothing was.
         estimates: how recorded and replayed estimates compare, in short.
         differences: the same where they differ, one line each.
@@ -93,6 +99,8 @@ class Replayed:
 
     name: str
     accuracy: tuple[ModelAccuracy, ...]
+    headline: ModelAccuracy | None
+    peak: float
     checked: Checked | None
     estimates: str
     differences: tuple[str, ...]
@@ -129,6 +137,8 @@ def replay_task(task: Task) -> Replayed:
     return Replayed(
         task.name,
         result.accuracy,
+        _headline(result),
+        _peak(result),
         checked,
         _in_short(found),
         found.lines() if found and not found.exact else (),
@@ -142,6 +152,16 @@ def replay_task(task: Task) -> Replayed:
         _document(result, checked) if task.figures else {},
         replace(expectation_of(result), model=task.model),
     )
+
+
+def _headline(result: ReplayResult) -> ModelAccuracy | None:
+    nonlinear = shown_models(result)[1]
+    return next((row for row in result.accuracy if row.name == nonlinear), None)
+
+
+def _peak(result: ReplayResult) -> float:
+    known = result.measured[np.isfinite(result.measured)]
+    return float(known.max()) if len(known) else math.nan
 
 
 def _checked(result: ReplayResult, task: Task) -> Checked | None:

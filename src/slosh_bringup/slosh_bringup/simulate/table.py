@@ -26,8 +26,8 @@ def output_path(given: Path) -> Path:
     """
     if str(given) == "-":
         return STANDARD_OUTPUT
-    # What the system offers as a file (/dev/stdout, a shell's /dev/fd/63) takes CSV.
-    if given.name.endswith(SUFFIXES) or given.is_relative_to("/dev"):
+    # A pipe and what the system offers as a file (a shell's /dev/fd/63) take CSV.
+    if given.name.endswith(SUFFIXES) or given.is_relative_to("/dev") or given.is_fifo():
         return given
     raise SloshBringupError(f"{given}: a table is {', '.join(SUFFIXES)}, or - for standard output")
 

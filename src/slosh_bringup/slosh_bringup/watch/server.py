@@ -114,7 +114,7 @@ def recording_app(recording: Recording, access: Access) -> Guard:
 
 def _guarded(mode: str, routes: Sequence[BaseRoute], access: Access) -> Guard:
     page = (PAGE / "index.html").read_text(encoding="utf-8").replace("MODE", mode)
-    files = StaticFiles(directory=PAGE)
+    files = StaticFiles(directory=PAGE, packages=[("slosh_report", "uplot")])
     app = Starlette(
         routes=[
             Route("/", lambda request: HTMLResponse(page)),

@@ -70,7 +70,7 @@ def envelope(t: Array, values: Array, points: int = POINTS) -> tuple[Array, Arra
     if len(t) > points:
         gap = max(gap, float(t[-1] - t[0]) / (points // 2))  # finer ones are below a pixel
         parting = np.concatenate(([0], np.cumsum(np.diff(t) > gap)))
-        chosen = _extremes(t, values, points // 2)
+        chosen = extremes(t, values, points // 2)
         t, values = t[chosen], values[chosen]
         wide = np.flatnonzero(np.diff(parting[chosen]))
     else:
@@ -83,6 +83,21 @@ def lone(values: Array) -> NDArray[np.bool_]:
     """(N,) samples between two missing ones: a line does not show them."""
     known = np.concatenate(([False], np.isfinite(values), [False]))
     return np.asarray(known[1:-1] & ~known[:-2] & ~known[2:])
+
+
+def extremes(t: Array, values: Array, bins: int) -> NDArray[np.intp]:
+    """Indices of each bin's minimum and maximum, in order.
+
+    Args:
+        t: (N,) [s], not decreasing.
+        values: (N,), all finite.
+        bins: of equal duration.
+    """
+    chosen: set[int] = set()
+    for a, b in _bins(t, bins):
+        part = values[a:b]
+        chosen |= {a + int(np.argmin(part)), a + int(np.argmax(part))}
+    return np.array(sorted(chosen), dtype=np.intp)
 
 
 def highest(values: Array, points: int) -> NDArray[np.intp]:
@@ -108,15 +123,6 @@ def united(spans: Iterable[tuple[float, float]], closer: float) -> list[tuple[fl
         else:
             found.append((start, end))
     return found
-
-
-def _extremes(t: Array, values: Array, bins: int) -> NDArray[np.intp]:
-    """Indices of each bin's minimum and maximum, in order."""
-    chosen: set[int] = set()
-    for a, b in _bins(t, bins):
-        part = values[a:b]
-        chosen |= {a + int(np.argmin(part)), a + int(np.argmax(part))}
-    return np.array(sorted(chosen), dtype=np.intp)
 
 
 def _bins(t: Array, bins: int) -> list[tuple[int, int]]:

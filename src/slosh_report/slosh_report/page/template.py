@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import base64
+import hashlib
 import json
 import re
+from dataclasses import dataclass
+from importlib import resources
 from typing import Any
 
 from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
@@ -27,7 +30,11 @@ def make_environment(package: str) -> Environment:
     """
     environment = Environment(
         loader=ChoiceLoader(
-            [PackageLoader(package, "."), PackageLoader("slosh_report.page", ".")]
+            [
+                PackageLoader(package, "."),
+                PackageLoader("slosh_report.page", "."),
+                PackageLoader("slosh_report", "uplot"),
+            ]
         ),
         autoescape=True,
         undefined=StrictUndefined,
@@ -39,6 +46,36 @@ def make_environment(package: str) -> Environment:
     environment.filters.update(data_uri=data_uri, breakable=breakable)
     environment.globals.update(number=number, exact=exact)
     return environment
+
+
+@dataclass(frozen=True, slots=True)
+class Script:
+    """A script that a page holds and that the page's own policy admits by its digest.
+
+    Attributes:
+        element: the <script> element.
+        source: for the policy's script-src.
+    """
+
+    element: Markup
+    source: str
+
+
+def script(package: str, name: str) -> Script:
+    """A script of a package's folder.
+
+    Args:
+        package: whose folder holds it.
+        name: of the file.
+    """
+    return script_of(resources.files(package).joinpath(name).read_text("utf-8"))
+
+
+def script_of(text: str) -> Script:
+    """A script by its text; must not hold `</script`."""
+    digest = base64.b64encode(hashlib.sha256(text.encode()).digest()).decode("ascii")
+    # The text is the project's own and not a user's: it is not escaped, or it would be another.
+    return Script(Markup(f"<script>{text}</script>"), f"'sha256-{digest}'")
 
 
 def number(path: str, value: float | None, unit: str = "", digits: int | None = None) -> Markup:

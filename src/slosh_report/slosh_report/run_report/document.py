@@ -61,7 +61,12 @@ def _table(report: RunReport, name: str) -> Any:
 
 
 _ROWS: Mapping[str, Callable[[Any], dict[str, Any]]] = {
-    "checks": lambda check: {**plain(check), "passed": check.passed},
+    "checks": lambda check: {
+        **plain(check),
+        "expected": plain(check.expected),
+        "tolerance": plain(check.tolerance),
+        "passed": check.passed,
+    },
     "verifications": lambda found: {**plain(found), "passed": found.passed},
     "events": lambda span: {**plain(span), "duration": plain(span.duration)},
     "frames": lambda frame: {"caption": frame.caption, "time": plain(frame.time)},

@@ -10,13 +10,15 @@ import numpy as np
 from jinja2 import Template
 from markupsafe import Markup
 
-from slosh_report.page.lines import NARROW, WIDE
-from slosh_report.page.template import make_environment, number
-from slosh_report.page.units import digits_that_differ, shown
+from slosh_report.page.closer import Row, axis, closer_scripts, series_element
+from slosh_report.page.lines import NARROW, WIDE, time_ends
+from slosh_report.page.template import data_element, make_environment, number
+from slosh_report.page.units import digits_that_differ, shown, unit_style
 from slosh_report.run_report.charts import (
     frame_letters,
     heights_chart,
     motion_chart,
+    residual,
     residual_chart,
 )
 from slosh_report.run_report.data import RunReport
@@ -47,6 +49,7 @@ def render_report(report: RunReport) -> str:
         seen=_seen(report),
         close_ups=_close_ups(report),
         charts=_charts(report),
+        **_closer(report),
     )
 
 
@@ -61,6 +64,31 @@ def _charts(report: RunReport) -> dict[str, Markup]:
     if report.measured_azimuth is not None or report.estimated_azimuth is not None:
         charts["azimuth"] = Markup(polar_chart(report, "azimuth"))
     return charts
+
+
+def _closer(report: RunReport) -> dict[str, Any]:
+    """What lets the charts over time answer a pointer; nothing where there are none."""
+    if not _anything(report):
+        return {"axes": {}}
+    linear, nonlinear = report.linear_name, report.nonlinear_name
+    differences = [residual(report, values) for values in (report.linear, report.nonlinear)]
+    charts = {
+        "heights": (
+            Row("measured", "measured", report.measured),
+            Row(linear, "linear", report.linear, dash=True),
+            Row(nonlinear, "nonlinear", report.nonlinear),
+        ),
+        "residual": (
+            Row(f"measured − {linear}", "linear", differences[0], dash=True, height=False),
+            Row(f"measured − {nonlinear}", "nonlinear", differences[1], height=False),
+        ),
+    }
+    ends = time_ends(report.t)
+    return {
+        "axes": {"wide": axis(ends, WIDE), "narrow": axis(ends, NARROW)},
+        "series": series_element(report.t, charts, report.limit),
+        "scripts": closer_scripts(),
+    }
 
 
 def _close_ups(report: RunReport) -> list[tuple[int, Markup]]:
@@ -116,7 +144,7 @@ def _clocks_differ(document: dict[str, Any]) -> bool:
 def _template() -> Template:
     environment = make_environment("slosh_report.run_report")
     environment.globals.update(
-        bound=bound, close_digits=close_digits, model_names=model_names,
+        expectation=expectation, close_digits=close_digits, model_names=model_names,
         model_index=model_index, best_index=best_index, differences_apart=differences_apart,
     )  # fmt: skip
     return environment.get_template("report.html.j2")
@@ -150,9 +178,20 @@ def differences_apart(rows: list[dict[str, Any]]) -> tuple[Differences, Differen
     return ordered[:UNFOLDED], ordered[UNFOLDED:]
 
 
-def bound(path: str, value: float | None, unit: str, digits: int) -> Markup:
-    """A bound of a check; words where there is none."""
-    return Markup("any") if value is None else number(path, value, unit, digits)
+def expectation(path: str, check: dict[str, Any], digits: int) -> Markup:
+    """What a check expects: a number, one with its tolerance, a bound, or anything."""
+    lower, upper, tolerance, unit = (check[k] for k in ("lower", "upper", "tolerance", "unit"))
+    if tolerance is not None:
+        middle = number(f"{path}/expected", check["expected"], unit, digits)
+        if not tolerance:
+            return middle
+        size = f"{unit_style(unit).scale * tolerance:.2g}"
+        return middle + " ± " + data_element(f"{path}/tolerance", tolerance, size)
+    if lower is not None:
+        return Markup("≥ ") + number(f"{path}/lower", lower, unit, digits)
+    if upper is not None:
+        return Markup("≤ ") + number(f"{path}/upper", upper, unit, digits)
+    return Markup("any")
 
 
 def close_digits(check: dict[str, Any]) -> int:

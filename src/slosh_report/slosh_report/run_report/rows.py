@@ -56,6 +56,20 @@ class Check:
         unit_style(self.unit)
 
     @property
+    def expected(self) -> float:
+        """The middle of the bounds; NaN: there are not two."""
+        return 0.5 * (self.lower + self.upper) if self._bounded else NAN
+
+    @property
+    def tolerance(self) -> float:
+        """By how much the value may differ from it; NaN: there are not two bounds."""
+        return 0.5 * (self.upper - self.lower) if self._bounded else NAN
+
+    @property
+    def _bounded(self) -> bool:
+        return abs(self.lower) < INFINITE and abs(self.upper) < INFINITE
+
+    @property
     def passed(self) -> bool:
         """Whether the value is known and within its bounds."""
         return self.lower <= self.value <= self.upper

@@ -13,6 +13,7 @@ from slosh_bag.recording.sources import recorded_starts
 from slosh_camera.calibrate.camera_file import parse_any_calibration
 from slosh_camera.optics.calibration import Calibration
 from slosh_files.yaml_text import format_yaml
+from slosh_model.model import Model
 from slosh_model.model_text import parse_model
 from slosh_msgs_py import topics
 
@@ -54,6 +55,12 @@ def in_force_lines(starts: Starts) -> list[str]:
     return [f"{label:<20}{text}" for label, text in in_force(starts).items()]
 
 
+def described(model: Model) -> str:
+    """A model in one line."""
+    effects = ", ".join(use.name for use in model.effects) or "no effects"
+    return f"{model.container.described}; {effects}"
+
+
 def settings_document(starts: Starts) -> str:
     """All that the nodes have told, as YAML."""
     document = {
@@ -91,10 +98,9 @@ def _limits(monitor: NodeStart) -> str:
 
 def _model(estimator: NodeStart) -> str:
     model = parse_model(estimator.files["model"], "the estimator's model")
-    effects = ", ".join(use.name for use in model.effects) or "no effects"
     # One that was loaded since has no file that the parameters name.
     path = "as loaded" if estimator.stamp_ns else estimator.parameters["model"]
-    return f"{path}: {model.container.described}; {effects}"
+    return f"{path}: {described(model)}"
 
 
 def _calibration(camera: NodeStart) -> str:

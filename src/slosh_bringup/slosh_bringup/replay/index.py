@@ -1,0 +1,77 @@
+"""The page over all bags of a replay, with links to theirs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+from slosh_bringup.errors import SloshBringupError
+from slosh_bringup.many_files import Outcome
+from slosh_bringup.replay.task import Replayed, Task
+from slosh_files import write_text
+from slosh_report.index_page import MARK, IndexRow, render_index
+from slosh_report.run_report import Verdict
+
+INDEX = "index.html"
+_HEAD = 4096
+"""Bytes at a page's beginning in which its mark stands."""
+
+
+def check_index(folder: Path, tasks: Sequence[Task]) -> None:
+    """Refuses to replace a page that is no index.
+
+    Raises:
+        SloshBringupError: one would be, an earlier one or a bag's of this replay.
+    """
+    if any(task.name == Path(INDEX).stem for task in tasks):
+        raise SloshBringupError(
+            f"{folder / INDEX}: would be the page of a bag and of all bags; rename the bag"
+        )
+    page = folder / INDEX
+    if page.exists() and not _is_index(page):
+        raise SloshBringupError(f"{page}: is no replay's index; choose another folder (-o)")
+
+
+def write_index(folder: Path, outcomes: Sequence[Outcome[Task, Replayed]]) -> Path:
+    """Writes FOLDER/index.html; returns where.
+
+    Raises:
+        SloshBringupError: it cannot be written.
+    """
+    page = folder / INDEX
+    try:
+        write_text(page, render_index("Replayed bags", [_row(each) for each in outcomes]))
+    except OSError as error:
+        raise SloshBringupError(f"{error.filename or page}: {error.strerror}") from None
+    return page
+
+
+def _is_index(page: Path) -> bool:
+    if not page.is_file():
+        return False
+    with page.open("rb") as file:
+        return MARK.encode() in file.read(_HEAD)
+
+
+def _row(outcome: Outcome[Task, Replayed]) -> IndexRow:
+    item = outcome.value
+    if item is None:
+        return IndexRow(outcome.item.name, None, reason=outcome.error)
+    row, checked = item.headline, item.checked
+    verdict = Verdict.NO_EXPECTATION
+    if checked is not None:
+        verdict = Verdict.PASSED if checked.passed else Verdict.FAILED
+    return IndexRow(
+        item.name,
+        verdict,
+        model=row.name if row else "",
+        sigma=row.sigma if row else math.nan,
+        epsilon=row.epsilon if row else math.nan,
+        peak=item.peak,
+        images=item.counts["images"],
+        events=item.counts["events"],
+        dropped=item.counts["dropped"],
+        estimates=item.estimates,
+        reason=next(iter(checked.failures), "") if checked else "",
+    )

@@ -1,0 +1,128 @@
+"""A report's charts answer a pointer, and the page over many bags sorts, in a real browser."""
+
+import json
+from urllib.parse import quote
+
+import headless_browser
+import numpy as np
+import pytest
+from live_browser import LiveBrowser
+
+from slosh_bag.definitions import find_interfaces
+from slosh_bringup.cli.main import main
+from slosh_report.index_page import IndexRow, render_index
+from slosh_report.run_report import Verdict
+from tests.live_bag import LiveBag
+
+pytestmark = [
+    pytest.mark.skipif(headless_browser.find_browser() is None, reason="no Chromium or Chrome"),
+    pytest.mark.skipif(
+        find_interfaces("slosh_msgs") is None, reason="the interfaces are not built"
+    ),
+]
+CHART = "document.querySelector('figure[data-rows=heights] .wide')"
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with LiveBrowser() as browser:
+        yield browser
+
+
+@pytest.fixture(scope="module")
+def replayed(tmp_path_factory):
+    """Two bags replayed into one folder."""
+    folder = tmp_path_factory.mktemp("pages")
+    live = LiveBag()
+    for name, height in (("low", 0.8), ("high", 1.2)):
+        live.height = height
+        live.write(folder / "bags" / name, seconds=2.0)
+    assert main(["replay", str(folder / "bags"), "-o", str(folder / "out")]) == 0
+    return folder / "out"
+
+
+def opened(browser, path, **options):
+    return browser.open(f"file://{quote(str(path))}", dark=False, **options)
+
+
+def pointed(page, share, kind="mouseMoved", **more):
+    """Moves the pointer to a share of the heights chart's width; returns what the page says."""
+    box = page.value(f"(() => {{ const b = {CHART}.getBoundingClientRect();"
+                     "return [b.left, b.top, b.width, b.height]; })()")  # fmt: skip
+    place = {"x": box[0] + share * box[2], "y": box[1] + 0.5 * box[3]}
+    page.call("Input.dispatchMouseEvent", type=kind, **place, **more)
+    return page.value("document.querySelector('figure[data-rows=heights] .values').textContent")
+
+
+def test_a_chart_tells_the_values_under_the_pointer(browser, replayed):
+    page = opened(browser, replayed / "high.html", height=3000)
+    said = pointed(page, 0.6)
+    series = json.loads((replayed / "high.json").read_text())["replay"]["series"]
+    moment = float(said.split(" s: ")[0])
+    names = ("measured", "3D-L", "3D-NL")
+    told = dict(
+        part.rsplit(" ", 1) for part in said.split(": ")[1].removesuffix(" mm").split(", ")
+    )
+    assert tuple(told) == names
+    start = series["t"][0]
+    at = int(np.argmin(np.abs(np.array(series["t"]) - start - moment)))
+    assert float(told["measured"]) == pytest.approx(1e3 * series["measured"][at], abs=0.006)
+    assert page.complaints == []
+
+
+def test_a_span_that_is_marked_is_drawn_larger(browser, replayed):
+    page = opened(browser, replayed / "high.html", height=3000)
+    assert page.value("document.querySelector('.closer').hidden")
+    pointed(page, 0.3, "mousePressed", button="left", clickCount=1)
+    pointed(page, 0.4, button="left")
+    pointed(page, 0.5, "mouseReleased", button="left", clickCount=1)
+    assert not page.value("document.querySelector('.closer').hidden")
+    assert page.value("document.querySelectorAll('.closer canvas').length") == 1
+    page.value("document.querySelector('.closer > button').click()")
+    assert page.value("document.querySelector('.closer').hidden")
+    assert page.complaints == []
+
+
+def test_the_index_names_each_bag_and_sorts(browser, replayed):
+    page = opened(browser, replayed / "index.html", width=390)
+    names = "[...document.querySelectorAll('tbody th')].map((cell) => cell.textContent)"
+    assert page.value(names) == ["high", "low"]
+    heads = "[...document.querySelectorAll('thead th')]"
+    press = f"{heads}.find((head) => head.textContent === 'highest [mm]').firstChild.click()"
+    page.value(press)
+    assert page.value(names) == ["low", "high"]
+    page.value(press)
+    assert page.value(names) == ["high", "low"]
+    assert page.value("document.documentElement.scrollWidth") <= 390
+    page.value("document.querySelector('tbody a').click()")
+    page.wait_until("document.querySelector('h1') && location.href.endsWith('high.html')")
+    assert page.complaints == []
+
+
+def test_what_is_unknown_stands_last_and_a_hostile_name_is_text(browser, tmp_path):
+    hostile = "<script>window.hacked=1</script>"
+    rows = [
+        IndexRow("blind", Verdict.NO_EXPECTATION),
+        IndexRow("good", Verdict.PASSED, "3D-NL", 1e-4, 0.01, 0.02, 9),
+        IndexRow(hostile, None, reason="is no bag"),
+        IndexRow("bad", Verdict.FAILED, "3D-NL", 2e-4, -0.02, 0.01, 9, reason="σ too large"),
+    ]
+    (tmp_path / "index.html").write_text(render_index("bags", rows))
+    page = opened(browser, tmp_path / "index.html")
+    names = "[...document.querySelectorAll('tbody th')].map((cell) => cell.textContent)"
+    for _ in range(2):
+        page.value("document.querySelectorAll('thead button')[3].click()")
+        assert set(page.value(names)[2:]) == {"blind", hostile}
+    assert page.value(names)[:2] == ["bad", "good"]
+    assert page.value("window.hacked ?? null") is None
+    assert "2 failed" in page.value("document.querySelector('.subtitle').textContent")
+
+
+def test_a_page_that_is_no_index_is_left_alone(replayed, tmp_path, capsys):
+    (tmp_path / "index.html").write_text("mine")
+    bags = replayed.parent / "bags"
+    assert main(["replay", str(bags), "-o", str(tmp_path)]) == 2
+    assert "index.html: is no replay's index; choose another folder" in capsys.readouterr().err
+    assert (tmp_path / "index.html").read_text() == "mine"
+    assert main(["replay", str(bags), "-o", str(replayed)]) == 0
+    assert main(["replay", str(bags), "-o", str(replayed)]) == 0
