@@ -117,7 +117,7 @@ class StandIn:
         self.stills.append(image)
         return 0.0
 
-    def measure(self, stamp_ns, image):
+    def update(self, stamp_ns, image):
         self.images.append(image)
         return self.answers[round(stamp_ns * 60e-9)]
 
@@ -158,6 +158,8 @@ def test_figures_of_known_errors(tool, folder, answers):
     raw = row.raw
     assert (raw.count, raw.missing) == (3, 1)
     assert raw.rms == pytest.approx(math.sqrt((0.25 + 2.25 + 9) / 3) * MM)
+    # Of the two that are more than a millimetre off one carries a flag.
+    assert raw.silent == 1
     assert raw.largest == pytest.approx(3 * MM)
     assert raw.bias == pytest.approx(2 / 3 * MM)
     assert (raw.within_1, raw.within_2) == (pytest.approx(1 / 3), pytest.approx(2 / 3))
@@ -276,7 +278,7 @@ class DarkAdds:
     def learn_still(self, image):
         return 0.0
 
-    def measure(self, stamp_ns, image):
+    def update(self, stamp_ns, image):
         index = round(stamp_ns * 60e-9)
         dark = image.mean() < 60
         error = 1.5 if dark else 0.5
@@ -418,3 +420,16 @@ def test_the_shared_truth_is_read_by_its_conventions(tool):
             if entry["peak_px"] is not None:
                 pixel = sequence.calibration.view.project_wall(truth.azimuth, truth.msh)[0]
                 assert pixel == pytest.approx(entry["peak_px"], abs=0.01)
+
+
+def test_numbered_scenes_are_summed_up_by_halves(tool, folder, answers):
+    tiny = tool.sequences.read_sequence(folder)
+    results = tool.figures.measure_sequence(
+        tiny, lambda calibration: StandIn(answers), tool.figures.Options()
+    )
+    numbered = [replace(tiny, name=f"sequence_{number:02d}") for number in (0, 1, 2)]
+    rows = tool.accuracy.all_figures(numbered, [results] * 3)
+    assert [row.name for row in rows[3:]] == ["**even**", "**odd**", "**total**"]
+    assert [row.frames for row in rows[3:]] == [12, 6, 18]
+    named = [replace(tiny, name="milk"), *numbered]
+    assert len(tool.accuracy.all_figures(named, [results] * 4)) == 5

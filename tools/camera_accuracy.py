@@ -14,6 +14,7 @@ import csv
 import dataclasses
 import json
 import math
+import re
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -53,24 +54,27 @@ from slosh_camera.optics.calibration import Calibration
 
 PAGE = ROOT / "docs" / "accuracy.md"
 TOTAL = "**total**"
+# Numbered scenes of even number are for tuning, those of odd number to report.
+HALVES = ("**even**", "**odd**")
 
 
 class CompatibleDetector:
-    """The detector of this checkout, also where it takes grey images only or has no `measure`."""
+    """The detector of this checkout, also where it takes grey images only."""
 
     def __init__(self, calibration: Calibration) -> None:
         """Make the detector."""
         self._detector: Any = FreeSurfaceDetector(calibration)
-        self._measure = getattr(self._detector, "measure", self._detector.update)
         self._grey = False
 
     def learn_still(self, image: Image) -> float:
         """As the detector's."""
         return float(self._call(lambda given: self._detector.learn_still(given), image))
 
-    def measure(self, stamp_ns: int, image: Image) -> Measurement:
+    def update(self, stamp_ns: int, image: Image) -> Measurement:
         """As the detector's."""
-        measured: Measurement = self._call(lambda given: self._measure(stamp_ns, given), image)
+        measured: Measurement = self._call(
+            lambda given: self._detector.update(stamp_ns, given), image
+        )
         return measured
 
     def _call(self, function: Any, image: Image) -> Any:
@@ -157,11 +161,21 @@ def make_detector(calibration: Calibration) -> Detector:
 def all_figures(
     sequences: Sequence[RenderedSequence], results: Sequence[Sequence[FrameResult]]
 ) -> list[SequenceFigures]:
-    """Figures of each sequence and, of several, in total."""
-    pairs = zip(sequences, results, strict=True)
+    """Figures of each sequence and, of several, in total; where all have numbers, of each half."""
+    pairs = list(zip(sequences, results, strict=True))
     rows = [figures(sequence.name, frames) for sequence, frames in pairs]
+    numbers = [re.fullmatch(r"sequence_(\d+)", sequence.name) for sequence in sequences]
+    if len(rows) > 1 and all(numbers):
+        for half in (0, 1):
+            members = [
+                frame
+                for number, (_, frames) in zip(numbers, pairs, strict=True)
+                for frame in frames
+                if number and int(number[1]) % 2 == half
+            ]
+            rows.append(figures(HALVES[half], members))
     if len(rows) > 1:
-        rows.append(figures(TOTAL, [frame for frames in results for frame in frames]))
+        rows.append(figures(TOTAL, [frame for _, frames in pairs for frame in frames]))
     return rows
 
 

@@ -21,6 +21,8 @@ BoolArray = NDArray[np.bool_]
 
 # Below this height the azimuth of a peak and its wall say little.
 HIGH = 0.005
+# An error of this size must not go without a flag.
+LARGE = 0.001
 NAN = math.nan
 
 
@@ -30,8 +32,8 @@ class Detector(Protocol):
     def learn_still(self, image: Image) -> float:
         """Take an image of the liquid at rest."""
 
-    def measure(self, stamp_ns: int, image: Image) -> Measurement:
-        """Measure one image."""
+    def update(self, stamp_ns: int, image: Image) -> Measurement:
+        """Measure the next image of a sequence."""
 
 
 DetectorFactory = Callable[[Calibration], Detector]
@@ -85,6 +87,7 @@ class HeightFigures:
         within_1: share of the errors within the claimed standard deviation.
         within_2: share within twice that.
         sigma: median of the claimed standard deviation [m].
+        silent: errors of more than a millimetre without any flag.
     """
 
     count: int
@@ -98,6 +101,7 @@ class HeightFigures:
     within_1: float
     within_2: float
     sigma: float
+    silent: int
 
     @property
     def side_share(self) -> float:
@@ -178,7 +182,7 @@ def measure_sequence(
         detector.learn_still(image(sequence.still, None))
     azimuth = sequence.calibration.view.camera_azimuth
     return tuple(
-        FrameResult(truth, detector.measure(truth.stamp_ns, image(truth.path, truth)), azimuth)
+        FrameResult(truth, detector.update(truth.stamp_ns, image(truth.path, truth)), azimuth)
         for truth in sequence.frames
     )
 
@@ -249,6 +253,7 @@ def _height_figures(
         np.array([value_of(result.measured, name) for result in uncut]) for name in names
     )
     true = np.array([result.truth.msh for result in uncut])
+    unflagged = np.array([not result.measured.flags for result in uncut], dtype=np.bool_)
     turned = azimuth - np.array([result.truth.azimuth for result in uncut])
     error = (height - true)[np.isfinite(height)]
     claimed = sigma[np.isfinite(height)]
@@ -270,6 +275,7 @@ def _height_figures(
         within_1=_share(np.abs(error[known]) <= claimed[known]),
         within_2=_share(np.abs(error[known]) <= 2.0 * claimed[known]),
         sigma=float(np.median(claimed[known])) if known.any() else NAN,
+        silent=int(np.count_nonzero(unflagged & (np.abs(height - true) > LARGE))),
     )
 
 

@@ -11,7 +11,7 @@ from camera_robustness import DisturbedFigures, Spread
 
 from slosh_camera.errors import SloshCameraError
 
-_HEIGHTS = "| {} | n | NaN | RMS | max | bias | azimuth | wall | 1σ | 2σ | σ |"
+_HEIGHTS = "| {} | n | NaN | RMS | max | bias | azimuth | wall | 1σ | 2σ | σ | silent |"
 _FLAGS = (
     "| edges and flags | left | right | SATURATED where cut | where the peak is outside | "
     "cut, no flag | bound broken | false SATURATED | other flags |"
@@ -107,6 +107,7 @@ def _height_row(name: str, row: HeightFigures) -> str:
         _percent(row.within_1),
         _percent(row.within_2),
         _mm(row.sigma),
+        str(row.silent),
     ]
     return _line(cells)
 
