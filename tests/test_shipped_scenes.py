@@ -28,7 +28,7 @@ def pairs(request: pytest.FixtureRequest) -> Pairs:
     sequence = read_sequence(SCENES / request.param)
     detector = learnt_detector(sequence.calibration, sequence.still)
     return [
-        (frame, detector.measure(frame.stamp_ns, cv2.imread(str(frame.path))))
+        (frame, detector.update(frame.stamp_ns, cv2.imread(str(frame.path))))
         for frame in sequence.frames
     ]
 

@@ -26,6 +26,7 @@ class Flag(IntFlag):
     FROZEN = 64
     BAD_IMAGE = 128
     CONTESTED = 256
+    AMBIGUOUS = 512
 
 
 class PeakSide(IntEnum):

@@ -157,7 +157,7 @@ def test_the_more_blur_the_less_is_claimed(make_scene, azimuth):
     ]
     assert [bool(result.flags & Flag.BLURRED) for result in found] == [False] * 2 + [True] * 3
     assert np.all(np.diff([result.msh_stddev for result in found]) > 0.0)
-    assert found[-1].msh == pytest.approx(0.02, abs=1.5 * MM)
+    assert found[-1].msh == pytest.approx(0.02, abs=2.0 * MM)
 
 
 # Pictures without a surface.

@@ -142,11 +142,12 @@ def test_front_and_rear_against_truth(name, still, grey):
 @ways
 def test_claimed_and_true_deviations_agree(still, grey):
     pairs = [pair for name in NAMES for pair in measured(name, still, grey) if not pair.cut]
-    for height, most in (("msh", 0.78), ("fitted_msh", 0.78 if still else 0.85)):
+    # These vessels are ideal; the deviations are for walls and menisci as they are.
+    for height in ("msh", "fitted_msh"):
         claimed = np.array([getattr(pair.measured, f"{height}_stddev") for pair in pairs])
         error = np.abs([pair.error(height) for pair in pairs])
-        assert 0.58 < np.mean(error < claimed) < most
-        assert np.mean(error < 2.0 * claimed) > 0.88
+        assert 0.58 < np.mean(error < claimed) < 0.97
+        assert np.mean(error < 2.0 * claimed) > 0.94
         assert np.max(claimed) < 0.5 * MM
 
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from slosh_camera.cylinder.surface_evidence import SurfaceFit, WallPoints
+from slosh_camera.cylinder.surface_evidence import USUAL_FADE, SurfaceFit, WallPoints
 from slosh_camera.cylinder.surface_modes import SHAPES, Shape, wall_shapes
 from slosh_camera.cylinder.surface_reading import SurfaceReading
 
@@ -25,7 +25,9 @@ def slosh(size, azimuth, level=0.0):
     return heights
 
 
-def fit_of(heights, *, front=True, rear=True, bump=None, width=2.0, covariance=1e-10):
+def fit_of(
+    heights, *, front=True, rear=True, bump=None, width=2.0, covariance=1e-10, by_fade=None
+):
     """A fit all of whose edges agree, but for what a bump (LINES,) [m] adds to the front line."""
     bump = np.zeros(LINES) if bump is None else bump
     shapes = wall_shapes(FRONT)
@@ -42,6 +44,8 @@ def fit_of(heights, *, front=True, rear=True, bump=None, width=2.0, covariance=1
         points=points,
         heights=heights,
         covariance=covariance * np.eye(SHAPES),
+        fade=USUAL_FADE,
+        by_fade=np.zeros(SHAPES) if by_fade is None else by_fade,
         front_error=-bump,
         front_weight=np.full(LINES, 1.0 if front else 0.0),
         upper_place=np.full(LINES, 60.0),
@@ -87,7 +91,8 @@ def test_heights_are_above_the_surface_at_rest():
 
 def test_points_above_the_fit_raise_the_highest_seen_point_and_not_the_fitted_one():
     azimuth = -1.3
-    bump = 1.0 * MM * np.exp(-0.5 * ((FRONT - azimuth) / np.radians(8.0)) ** 2)
+    # A third mode, which is none of the fitted shapes.
+    bump = 1.0 * MM * np.cos(3.0 * (FRONT - azimuth))
     flat = read(fit_of(slosh(10.0 * MM, azimuth)))
     raised = read(fit_of(slosh(10.0 * MM, azimuth), bump=bump))
     assert raised.fitted().height == flat.fitted().height
@@ -96,9 +101,14 @@ def test_points_above_the_fit_raise_the_highest_seen_point_and_not_the_fitted_on
     assert 0.4 * MM < gain < 0.9 * MM
     assert raised.seen().azimuth == pytest.approx(azimuth, abs=np.radians(3.0))
     assert raised.at(azimuth) == pytest.approx(raised.seen().height, abs=0.05 * MM)
-    # A bump far from the peak moves nothing there.
-    away = read(fit_of(slosh(10.0 * MM, azimuth), bump=np.roll(bump, 55)))
-    assert away.seen().height == pytest.approx(flat.seen().height, abs=1e-6)
+
+
+def test_the_edge_of_a_label_is_no_part_of_the_line():
+    bump = np.random.default_rng(3).normal(0.0, 0.05 * MM, LINES)
+    bare = read(fit_of(slosh(10.0 * MM, FRONT[60]), bump=bump)).seen().height
+    bump[55:68] += 2.5 * MM
+    found = read(fit_of(slosh(10.0 * MM, FRONT[60]), bump=bump)).seen()
+    assert found.height == pytest.approx(bare, abs=0.15 * MM)
 
 
 def test_one_wrong_point_is_not_the_highest():
@@ -206,6 +216,7 @@ def test_stddev_grows_with_everything_that_makes_a_height_doubtful():
     assert np.all(np.diff(widths) > 0.0)
     assert widths[3] > 3.0 * widths[0]
     assert stddev(covariance=1e-7) > 2.0 * usual
+    assert stddev(by_fade=np.full(SHAPES, 0.5 * MM)) > 2.0 * usual
     assert stddev(size=40.0 * MM) > 1.3 * usual
     scattered = np.random.default_rng(1).normal(0.0, 0.4 * MM, LINES)
     assert stddev(bump=scattered) > 1.5 * usual

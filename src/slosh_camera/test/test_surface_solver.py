@@ -70,8 +70,17 @@ def no_rays():
 
 def solve(
     front=None, rays=None, centre=None, precision=WEAK, bound=None, start=None,
-    scale=0.2 * MM, fade=NO_FADE, coarse=surface_solver.COARSE,
+    scale=0.2 * MM, fade=NO_FADE, share=1.0, share_spread=1e-6, coarse=surface_solver.COARSE,
 ):  # fmt: skip
+    found, covariance, *rest = solve_with_share(
+        front, rays, centre, precision, bound, start, scale, fade, share, share_spread, coarse
+    )
+    return found[:SHAPES], covariance[:SHAPES, :SHAPES], *rest
+
+
+def solve_with_share(
+    front, rays, centre, precision, bound, start, scale, fade, share, share_spread, coarse
+):
     shapes, height = front or (np.zeros((0, SHAPES)), np.zeros(0))
     near, far = rays or no_rays()[:2]
     centre = np.zeros(SHAPES) if centre is None else centre
@@ -79,7 +88,7 @@ def solve(
         shapes, height, np.full(height.size, scale),
         np.zeros(height.size, np.bool_) if bound is None else bound,
         near, far, np.full(len(near), scale), RADIUS, fade,
-        centre.copy() if start is None else start, centre, precision, coarse,
+        centre.copy() if start is None else start, centre, precision, share, share_spread, coarse,
     )  # fmt: skip
 
 
@@ -401,6 +410,21 @@ def test_a_faded_crest_is_known_less_well():
     soft = solve(front, (near - lower, far - lower), start=heights, fade=fade)
     assert soft[0][Shape.MEAN] == pytest.approx(-2.0 * MM, abs=0.15 * MM)
     assert soft[1][Shape.MEAN, Shape.MEAN] > 1.2 * sharp[1][Shape.MEAN, Shape.MEAN]
+
+
+def test_the_share_of_the_fade_is_what_the_edges_show_and_within_none_and_all():
+    heights = np.zeros(SHAPES)
+    heights[Shape.MEAN] = -2.0 * MM
+    near, far = touching_rays(heights, 60, np.random.default_rng(11))
+    # The front line and the other shapes are known: the rays alone tell how much is hidden.
+    known = {"centre": heights, "precision": 1e4 * WEAK, "fade": 0.8 * MM, "start": heights}
+    for shown, found in ((0.0, 0.0), (0.5, 0.5), (1.0, 1.0), (-0.5, 0.0), (1.5, 1.0)):
+        lower = np.array([0.0, 0.0, 0.8 * MM * shown])
+        share = solve_with_share(
+            front_points(heights), (near - lower, far - lower), bound=None, scale=0.2 * MM,
+            share=0.6, share_spread=1.0, coarse=surface_solver.COARSE, **known,
+        )[0][SHAPES]  # fmt: skip
+        assert share == pytest.approx(found, abs=0.1)
 
 
 # First guesses.

@@ -1,7 +1,8 @@
 """Measures image after image, on several processor cores, in order.
 
-An image is measured alone, whatever the others are: the numbers do not depend on how many
-processes share the work. Only whether an image repeats the one before is decided here, in order.
+Most of the work is to look at an image by itself, whatever the others are. What the images before
+tell of it, and whether it repeats the one before, is decided here, in order: the numbers do not
+depend on how many processes share the work.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from multiprocessing import connection
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import cv2
 
@@ -65,8 +66,10 @@ class Result(NamedTuple):
     problem: str
 
 
-class _Answer(NamedTuple):
-    measurement: Measurement
+class _Look(NamedTuple):
+    """What an image shows by itself, its digest, and why it shows nothing."""
+
+    sighting: Any
     mark: Digest | None
     problem: str
 
@@ -89,39 +92,45 @@ def measure_all(
         SloshBringupError: a process has ended before its work.
     """
     detector = detection.detector()
-    answers: Iterator[tuple[SourceFrame, _Answer]]
+    looks: Iterator[tuple[SourceFrame, _Look]]
     if jobs == 1:
-        answers = ((frame, _measure(detector, frame)) for frame in frames)
+        looks = ((frame, _look(detector, frame)) for frame in frames)
     else:
-        answers = _in_processes(detection, frames, jobs)
-    return _told_repeats(answers)
+        looks = _in_processes(detection, frames, jobs)
+    return _followed(detector, looks)
 
 
-def _told_repeats(answers: Iterable[tuple[SourceFrame, _Answer]]) -> Generator[Result]:
+def _followed(
+    detector: SurfaceDetector, looks: Iterable[tuple[SourceFrame, _Look]]
+) -> Generator[Result]:
     repeated = RepeatedFrames()
-    for frame, (measurement, mark, problem) in answers:
-        if mark is not None and repeated.repeats(mark):
+    for frame, (sighting, mark, problem) in looks:
+        if mark is None:
+            yield Result(frame, bad_image(frame.stamp_ns), problem)
+            continue
+        measurement = detector.follow(frame.stamp_ns, sighting)
+        if repeated.repeats(mark):
             measurement = measurement.flagged(Flag.FROZEN)
         yield Result(frame, measurement, problem)
 
 
-def _measure(detector: SurfaceDetector, frame: SourceFrame) -> _Answer:
+def _look(detector: SurfaceDetector, frame: SourceFrame) -> _Look:
     try:
         image = frame.image()
-        measurement = detector.measure(frame.stamp_ns, image)
+        sighting = detector.look(image)
     except SloshCameraError as error:
         told = str(error) if frame.name in str(error) else f"{frame.name}: {error}"
-        return _Answer(bad_image(frame.stamp_ns), None, told)
-    return _Answer(measurement, digest(image), "")
+        return _Look(None, None, told)
+    return _Look(sighting, digest(image), "")
 
 
 def _in_processes(
     detection: Detection, frames: Iterable[SourceFrame], jobs: int
-) -> Iterator[tuple[SourceFrame, _Answer]]:
+) -> Iterator[tuple[SourceFrame, _Look]]:
     # A fork would copy OpenCV's threads in whatever state they are.
     context = multiprocessing.get_context("spawn")
     pool = ProcessPoolExecutor(jobs, context, _begin, (detection,))
-    waiting: deque[tuple[SourceFrame, Future[_Answer]]] = deque()
+    waiting: deque[tuple[SourceFrame, Future[_Look]]] = deque()
     try:
         for frame in frames:
             with _interrupts_later():
@@ -168,7 +177,7 @@ def _end_with_parent() -> None:
         os._exit(1)
 
 
-def _work(frame: SourceFrame) -> _Answer:
+def _work(frame: SourceFrame) -> _Look:
     if _detector is None:
         raise SloshBringupError("a process has no detector")
-    return _measure(_detector, frame)
+    return _look(_detector, frame)

@@ -10,7 +10,7 @@ it, one on the far side those of the upper edge [DL22, Fig. 7c, d].
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,8 +21,17 @@ from slosh_camera.cylinder.container_edges import ContainerEdges
 from slosh_camera.cylinder.outer_edges import outer_edges
 from slosh_camera.cylinder.scan_grid import build_scan_grid
 from slosh_camera.cylinder.surface_choice import SurfaceChooser
-from slosh_camera.cylinder.surface_evidence import INLIER, SurfaceFit, Unrolled, WallPoints
+from slosh_camera.cylinder.surface_comparison import Choice, Sighting, SurfaceComparison
+from slosh_camera.cylinder.surface_evidence import (
+    INLIER,
+    USUAL_FADE,
+    FadeShare,
+    SurfaceFit,
+    Unrolled,
+    WallPoints,
+)
 from slosh_camera.cylinder.surface_fit import SurfaceFitter
+from slosh_camera.cylinder.surface_memory import SurfaceMemory
 from slosh_camera.cylinder.surface_modes import SHAPES
 from slosh_camera.cylinder.surface_prior import HIGHEST, Prior
 from slosh_camera.cylinder.surface_reading import SurfaceReading
@@ -44,9 +53,6 @@ BoolArray = NDArray[np.bool_]
 _BODIES = (0.5, 1.0), (0.1, 0.5)
 # How much more plausible the second must make the liquid at rest to be preferred.
 _RATHER = 0.3
-# How plausible a surface must be that the front line alone does not tell: fits to pictures without
-# a surface that can be told reach less.
-_BELIEVED = 0.0
 # Deviation from the liquid's most frequent level up to which samples may belong to it.
 _LEVEL_REACH = 0.25
 # Deviation from the liquid's level, as a part of the contrast, from which on a sample is rather
@@ -66,13 +72,16 @@ _LEAST_POINTS = 10
 # that may be hidden without a remark.
 _LEAST_READ = 0.5
 _HIDDEN = 0.13
-# The peak is hidden where the fitted surface is so much higher than what is seen [m].
-_HIGHER = 5e-4
+# Heights that the fade changes by less than this need no second fit [m].
+_NO_FADE = 2e-6
+# The peak is hidden where the fitted surface is so much higher than what is seen [m], and by so
+# many of its standard deviations.
+_HIGHER, _SURELY = 5e-4, 1.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Found:
-    """An image's edges and fit."""
+    """The surface that an image shows, and what limits that."""
 
     view: Unrolled
     fit: SurfaceFit
@@ -80,7 +89,7 @@ class _Found:
 
 
 class FreeSurfaceDetector:
-    """Detector for one calibrated camera; keeps what a still image taught and the last image."""
+    """Detector for one calibrated camera; keeps what a still image and the last images taught."""
 
     def __init__(
         self, calibration: Calibration, settings: DetectionSettings | None = None
@@ -108,7 +117,7 @@ class FreeSurfaceDetector:
         top = int(np.min(self._wall.first_row))
         self._above = (top + self._grid.still_row) // 2
         self._zero = np.zeros(SHAPES)
-        self._prior = Prior(self._zero, first=_FIRST * calibration.view.cup.radius)
+        self._know(Prior(self._zero, first=_FIRST * calibration.view.cup.radius))
         self._at_rest = Prior(self._zero, first=3e-3, level=5e-3)
         self._surface = float("nan")
         self._repeats = RepeatedFrames()
@@ -150,7 +159,7 @@ class FreeSurfaceDetector:
                 "still image: shows no whole liquid line, check light, region and calibration"
             )
         self._zero = np.concatenate((fit.heights[:3], np.zeros(SHAPES - 3)))
-        self._prior = Prior(self._zero, first=self._prior.first)
+        self._know(Prior(self._zero, first=self._prior.first))
         self._bodies = (body,)
         self._usual_turn = turn
         self._still_edges.learn(image)
@@ -158,11 +167,12 @@ class FreeSurfaceDetector:
         return self.still_offset
 
     def update(self, stamp_ns: int, image: Image) -> Measurement:
-        """Measure one image of a stream; one that repeats the image before is flagged FROZEN.
+        """Measure the next image of a stream, with what the images before tell of it.
 
-        Args and errors are those of `measure`.
+        One that repeats the image before is flagged FROZEN. Args and errors are those of
+        `measure`.
         """
-        measurement = self.measure(stamp_ns, image)
+        measurement = self.follow(stamp_ns, self.look(image))
         repeated = self._repeats.is_repeat(image)
         return measurement.flagged(Flag.FROZEN) if repeated else measurement
 
@@ -180,12 +190,67 @@ class FreeSurfaceDetector:
         Raises:
             SloshCameraError: the image is not 8-bit or not of the calibrated size.
         """
-        found = self._find(image)
-        if isinstance(found, Flag):
-            return Measurement(stamp_ns=stamp_ns, flags=found)
+        sighting = self.look(image)
+        if not sighting.candidates:
+            return Measurement(stamp_ns=stamp_ns, flags=sighting.flags)
+        choice = self._comparison.choose(sighting, None)
+        return self._measurement(stamp_ns, self._found(choice))
+
+    def look(self, image: Image) -> Sighting:
+        """What an image shows by itself: most of the work, and independent of other images.
+
+        Args and errors are those of `measure`.
+        """
+        unrolled = self._unrolled(image)
+        if self._edges.turned(image, self._usual_turn) or self._still_edges.missing(image):
+            return Sighting(flags=Flag.NOT_FOUND)
+        lines = (self._front_line(unrolled, body) for body in self._bodies)
+        seen = tuple(found for found in lines if found is not None)
+        if not seen:
+            return Sighting(flags=self._light(unrolled))
+        return self._comparison.sighting(seen)
+
+    def follow(self, stamp_ns: int, sighting: Sighting) -> Measurement:
+        """The measurement of the next image of a stream, by what it shows and those before.
+
+        Args:
+            stamp_ns: moment of exposure [ns].
+            sighting: what `look` told of the image.
+        """
+        self._memory.arrive(stamp_ns)
+        if not sighting.candidates:
+            return Measurement(stamp_ns=stamp_ns, flags=sighting.flags)
+        choice = self._comparison.choose(sighting, self._memory.expected(stamp_ns))
+        found = self._found(choice)
         if Flag.NOT_FOUND in found.flags:
-            return self._lower_bound(stamp_ns, found)
-        return self._read(stamp_ns, found)
+            return self._measurement(stamp_ns, found)
+        found, fade = self._learnt_fade(found)
+        # Of a surface that is cut off too little is seen to go by.
+        if Flag.SATURATED not in found.flags:
+            if choice.decided or choice.jumped:
+                found = replace(found, flags=found.flags | Flag.AMBIGUOUS)
+            self._memory.remember(
+                stamp_ns, self._comparison.first(found.fit), fade,
+                decided=choice.decided, jumped=choice.jumped,
+            )  # fmt: skip
+        return self._measurement(stamp_ns, found)
+
+    def _know(self, prior: Prior) -> None:
+        """Take what is known of the heights; what other images told is of another zero."""
+        cup = self._view.cup
+        self._prior = prior
+        self._comparison = SurfaceComparison(self._chooser, prior, self._wall.footprint)
+        self._memory = SurfaceMemory(cup.radius, cup.fill_height)
+
+    def _learnt_fade(self, found: _Found) -> tuple[_Found, FadeShare]:
+        """The surface by what other images told of the fade, and what is told of that now."""
+        fade = self._memory.fade
+        if float(np.max(np.abs(found.fit.by_fade))) < _NO_FADE:
+            return found, fade
+        if fade != USUAL_FADE:
+            fit = self._fitter.again(found.view, found.fit, self._prior, fade)
+            found = replace(found, fit=fit)
+        return found, found.fit.fade
 
     def _rows(self, parts: tuple[float, float]) -> slice:
         """Rows of a part of the way from the still level to the lowest row."""
@@ -193,21 +258,10 @@ class FreeSurfaceDetector:
         top, bottom = (self._grid.still_row + int(part * below) for part in parts)
         return slice(top, bottom)
 
-    def _find(self, image: Image) -> _Found | Flag:
-        """Edges and fit, or flags that say why there are none."""
-        unrolled = self._unrolled(image)
-        if self._edges.turned(image, self._usual_turn) or self._still_edges.missing(image):
-            return Flag.NOT_FOUND
-        seen = [found for body in self._bodies if (found := self._front_line(unrolled, body))]
-        for view, points in seen:
-            fit = self._chooser.fit_certain(view, points, self._prior)
-            if fit is not None:
-                return _Found(view, fit, self._flags(fit, view))
-        best = [(self._chooser.fit_best(*found, self._prior), found[0]) for found in seen]
-        if not best:
-            return self._light(unrolled)
-        (fit, plausible), view = max(best, key=lambda entry: entry[0][1])
-        if plausible >= _BELIEVED:
+    def _found(self, choice: Choice) -> _Found:
+        """The chosen surface with its flags; NOT_FOUND where the picture shows another one."""
+        view, fit = choice.candidate.view, choice.candidate.fit
+        if choice.believed:
             return _Found(view, fit, self._flags(fit, view))
         covered = self._wall.covered_border(view.picture)
         return _Found(view, fit, Flag.NOT_FOUND | (Flag.SATURATED if covered else Flag.NONE))
@@ -274,6 +328,11 @@ class FreeSurfaceDetector:
             flags |= Flag.OCCLUDED
         return flags
 
+    def _measurement(self, stamp_ns: int, found: _Found) -> Measurement:
+        if Flag.NOT_FOUND in found.flags:
+            return self._lower_bound(stamp_ns, found)
+        return self._read(stamp_ns, found)
+
     def _lower_bound(self, stamp_ns: int, found: _Found) -> Measurement:
         """Where no surface can be told, but liquid reaches the border: it is at least so high."""
         points = found.fit.points
@@ -300,7 +359,7 @@ class FreeSurfaceDetector:
         if reading.edge_width > self._settings.max_blur:
             flags |= Flag.BLURRED
         missing = max(fitted.height - seen.height, 0.0)
-        if missing > max(_HIGHER, 4.0 * fitted.stddev) and not cut_off:
+        if missing > max(_HIGHER, _SURELY * fitted.stddev) and not cut_off:
             flags |= Flag.OCCLUDED
         side = self._side(fitted.azimuth)
         left, right = (reading.at(azimuth) for azimuth in self._tangents)

@@ -68,13 +68,13 @@ class SurfaceChooser:
         fit = self._fitter.refined(view, points, start, prior, FINE)
         return fit if prior.surprise(fit.heights, self._wall.radius) < _UNLIKELY else None
 
-    def fit_best(
+    def fit_several(
         self, view: Unrolled, points: WallPoints, prior: Prior
-    ) -> tuple[SurfaceFit, float]:
-        """Fit several surfaces and take the one that agrees best with the picture.
+    ) -> list[tuple[SurfaceFit, float]]:
+        """Fit the surfaces that the picture may show.
 
         Returns:
-            The fit and how plausible it is, to be compared with that of other fits.
+            The fits, and how plausible each is, to be compared with that of other fits.
         """
         starts = np.vstack(
             (
@@ -82,17 +82,27 @@ class SurfaceChooser:
                 self._further_candidates(view, points, prior),
             )
         )
-        fits = []
-        for start in self._most_likely(view, starts):
-            for coarse in (FINE, COARSE):
-                rough = self._fitter.refined(view, points, start, prior, coarse)
-                fits.append(self._fitter.refined(view, points, rough.heights, prior, FINE))
-        plausible = [
-            self._score(view, fit.heights) - prior.surprise(fit.heights, self._wall.radius)
-            for fit in fits
+        return [
+            found
+            for start in self._most_likely(view, starts)
+            for found in self.fit_near(view, points, prior, start)
         ]
-        best = int(np.argmax(plausible))
-        return fits[best], plausible[best]
+
+    def fit_near(
+        self, view: Unrolled, points: WallPoints, prior: Prior, start: FloatArray
+    ) -> list[tuple[SurfaceFit, float]]:
+        """Fit surfaces near one of given heights (SHAPES,) [m], and how plausible each is."""
+        found = []
+        for coarse in (FINE, COARSE):
+            rough = self._fitter.refined(view, points, start, prior, coarse)
+            fit = self._fitter.refined(view, points, rough.heights, prior, FINE)
+            found.append((fit, self.plausible(view, fit, prior)))
+        return found
+
+    def plausible(self, view: Unrolled, fit: SurfaceFit, prior: Prior) -> float:
+        """How well a fit agrees with the picture, less how unlikely a surface it is."""
+        unlikely = prior.surprise(fit.heights, self._wall.radius)
+        return self._score(view, fit.heights) - unlikely
 
     def fit_still(
         self, view: Unrolled, points: WallPoints, prior: Prior
@@ -106,8 +116,10 @@ class SurfaceChooser:
         levels[:, 0] = _LEVELS
         scores = [self._score(view, heights) for heights in levels]
         start = levels[int(np.argmax(scores))]
-        used = self._fitter.refined(view, points, start, prior, FINE).points
-        return self._fitter.fit_front(used, prior, start, FINE), max(scores)
+        both = self._fitter.refined(view, points, start, prior, FINE)
+        if np.isfinite(self.surface_tone(view, both.heights)):
+            return both, max(scores)
+        return self._fitter.fit_front(both.points, prior, start, FINE), max(scores)
 
     def surface_tone(self, view: Unrolled, heights: FloatArray) -> float:
         """What the free surface between a surface's two lines looks like; NaN: it is not seen."""

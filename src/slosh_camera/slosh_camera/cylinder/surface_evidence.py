@@ -57,6 +57,26 @@ class WallPoints:
     scale: FloatArray
 
 
+@dataclass(frozen=True, slots=True)
+class FadeShare:
+    """Which share of the fade crests show.
+
+    All where liquid ends level at the wall, none where it climbs there, for then the edge that is
+    seen is its line on the wall.
+
+    Attributes:
+        mean: what is known of it.
+        stddev: how well.
+    """
+
+    mean: float
+    stddev: float
+
+
+USUAL_FADE = FadeShare(0.6, 0.4)
+"""What is known before any image is seen."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class SurfaceFit:
     """Fitted heights of the shapes and how the edges agree with them.
@@ -64,7 +84,9 @@ class SurfaceFit:
     Attributes:
         points: of the front line.
         heights: (SHAPES,) [m] above the container's origin.
-        covariance: (SHAPES, SHAPES) [m²].
+        covariance: (SHAPES, SHAPES) [m²], for a given share of the fade.
+        fade: share of the fade that the crests show.
+        by_fade: (SHAPES,) what a standard deviation of that share changes [m].
         front_error, front_weight: (M,) fit less point [m], and weight in [0, 1].
         upper_place: (M,) row of the upper edge; NaN: none.
         upper_azimuth: (M,) where its ray meets the rear wall [rad].
@@ -75,6 +97,8 @@ class SurfaceFit:
     points: WallPoints
     heights: FloatArray
     covariance: FloatArray
+    fade: FadeShare
+    by_fade: FloatArray
     front_error: FloatArray
     front_weight: FloatArray
     upper_place: FloatArray

@@ -8,9 +8,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_camera.cylinder import edge_search, surface_solver
-from slosh_camera.cylinder.surface_evidence import SurfaceFit, Unrolled, WallPoints
+from slosh_camera.cylinder.surface_evidence import (
+    USUAL_FADE,
+    FadeShare,
+    SurfaceFit,
+    Unrolled,
+    WallPoints,
+)
+from slosh_camera.cylinder.surface_modes import SHAPES
 from slosh_camera.cylinder.surface_prior import Prior
-from slosh_camera.cylinder.surface_solver import COARSE
+from slosh_camera.cylinder.surface_solver import COARSE, FINE
 from slosh_camera.cylinder.wall_geometry import SYSTEMATIC, WallGeometry
 
 FloatArray = NDArray[np.float64]
@@ -81,6 +88,20 @@ class SurfaceFitter:
         edge = self._upper_edge(view, used, expected, upper, start)
         return self._solve(
             used, edge, start, prior.about(start, self._wall.radius), coarse, view.softness
+        )
+
+    def again(self, view: Unrolled, fit: SurfaceFit, prior: Prior, fade: FadeShare) -> SurfaceFit:
+        """Fit the same edges anew, with what other images tell of the fade.
+
+        Args:
+            view: the picture.
+            fit: a fit to the edges.
+            prior: of the heights.
+            fade: share of the fade that crests show.
+        """
+        about = prior.about(fit.heights, self._wall.radius)
+        return self._solve(
+            fit.points, fit.upper_place, fit.heights, about, FINE, view.softness, fade
         )
 
     def cut_off(self, fit: SurfaceFit) -> bool:
@@ -157,15 +178,22 @@ class SurfaceFitter:
         about: tuple[FloatArray, FloatArray],
         coarse: float,
         softness: float = 0.0,
+        fade: FadeShare = USUAL_FADE,
     ) -> SurfaceFit:
         wall = self._wall
         near, far = edge_search.table_at(wall.near, upper), edge_search.table_at(wall.far, upper)
         scale = np.full(wall.lines, np.hypot(SYSTEMATIC, _UPPER_ROWS * wall.footprint))
-        heights, covariance, *result = surface_solver.solve(
+        found, covariance, *result = surface_solver.solve(
             points.shapes, points.height, points.scale, points.bound, near, far, scale,
-            wall.radius, wall.fade(softness), start, *about, coarse,
+            wall.radius, wall.fade(softness), start, *about, fade.mean, fade.stddev, coarse,
         )  # fmt: skip
         azimuth = np.arctan2(far[:, 1], far[:, 0])
+        heights = found[:SHAPES].copy()
+        share = FadeShare(float(found[SHAPES]), float(np.sqrt(covariance[SHAPES, SHAPES])))
+        by_fade = covariance[:SHAPES, SHAPES] / share.stddev
+        given = covariance[:SHAPES, :SHAPES] - np.outer(by_fade, by_fade)
+        front_error, front_weight, upper_error, upper_weight, part = result
         return SurfaceFit(
-            points, heights, covariance, result[0], result[1], upper, azimuth, *result[2:]
-        )
+            points, heights, given, share, by_fade, front_error, front_weight,
+            upper, azimuth, upper_error, upper_weight, part,
+        )  # fmt: skip

@@ -18,6 +18,9 @@ _BINS = 180
 _STEP = 2.0 * np.pi / _BINS
 # Points within about this angle speak for a place of the wall [rad].
 _KERNEL_WIDTH = np.radians(5.0)
+# Residuals beyond so many usual ones do not speak for the line, nor such beyond this height [m]:
+# the edge of a label, for no liquid stands out of its modes like that.
+_ORDINARY, _STANDS_OUT = 7.0, 2e-3
 # Weight of the fit among the points around a place.
 _FIT_WEIGHT = 4.0
 # Part of the wall about a point for which it stands: next to the container's sides refraction
@@ -25,10 +28,10 @@ _FIT_WEIGHT = 4.0
 _STANDS_FOR = np.radians(25.0)
 # The surface touches the ray at the rear wall, or so near to it that it is as high there.
 _AT_REAR = 0.9
-# What makes up the standard deviation of a height, as fitted to the errors in rendered sequences
-# of many kinds (docs/accuracy.md): parts of the fit's own, of the points' scatter about it, of an
-# edge's width and of the height, and what is always left [m].
-_OF_FIT, _OF_SCATTER, _OF_WIDTH, _OF_HEIGHT = 0.3, 0.5, 0.05, 0.0025
+# What makes up the standard deviation of a height beside the fit's own, as fitted to the errors in
+# rendered sequences of many kinds (docs/camera.md): parts of what the fade leaves open, of the
+# points' scatter about the fit, of an edge's width and of the height, and what is always left [m].
+_OF_FADE, _OF_SCATTER, _OF_WIDTH, _OF_HEIGHT = 1.0, 0.5, 0.05, 0.0025
 _REST = 2e-5
 # Width of an edge where there is none to measure it [rows].
 _WIDE = 10.0
@@ -72,7 +75,8 @@ class SurfaceReading:
         self.azimuth = np.concatenate((points.azimuth[front], fit.upper_azimuth[rear][::-1]))
         self._residual = np.concatenate((-fit.front_error[front], -fit.upper_error[rear][::-1]))
         # A point that hardly agrees hardly counts.
-        self._trust = np.concatenate((fit.front_weight[front], fit.upper_weight[rear][::-1]))
+        trust = np.concatenate((fit.front_weight[front], fit.upper_weight[rear][::-1]))
+        self._trust = trust * _ordinary(self._residual)
         self._footprint, self._cut_off = footprint, cut_off
         width = points.width[front & ~points.bound]
         self.edge_width = float(np.median(width)) if width.size else np.nan
@@ -128,13 +132,22 @@ class SurfaceReading:
         shapes = _WALL[round(azimuth / _STEP) % _BINS]
         width = self.edge_width if np.isfinite(self.edge_width) else _WIDE
         parts = (
-            _OF_FIT * np.sqrt(shapes @ self._fit.covariance @ shapes),
+            np.sqrt(shapes @ self._fit.covariance @ shapes),
+            _OF_FADE * (shapes @ self._fit.by_fade),
             _OF_SCATTER * self._scatter,
             _OF_WIDTH * width * self._footprint,
             _OF_HEIGHT * height,
             _REST,
         )
         return float(np.linalg.norm(parts))
+
+
+def _ordinary(residual: FloatArray) -> FloatArray:
+    """Weight of each residual [m] among the others."""
+    if not residual.size:
+        return residual
+    ratio = residual / max(_ORDINARY * float(np.median(np.abs(residual))), _STANDS_OUT)
+    return np.asarray(np.square(1.0 - np.minimum(np.square(ratio), 1.0)))
 
 
 def _highest(around: FloatArray) -> tuple[float, float]:

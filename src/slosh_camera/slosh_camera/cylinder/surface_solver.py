@@ -10,7 +10,8 @@ below a silhouette at a crest the surface fades in, and its edge in the image li
 silhouette. At the rear wall the surface ends in a step instead, unless it bends as well. With the
 angle s between ray and surface at the place of touch and the angle s' that it reaches the edge's
 neighbourhood of w rows further down, s'^2 = s^2 + 2 k w for a curvature k, the edge lies
-(1 - s/s') of a full fade lower.
+(1 - s/s') of a full fade lower. Where the liquid climbs at the wall, its line there is what is
+seen, and it does not fade: the share of the fade that is there is fitted, too.
 """
 
 from __future__ import annotations
@@ -42,6 +43,8 @@ _AGAIN = 3
 _NEIGHBOURHOOD = 3.5
 _FADE = 1.0
 _FADE_DOUBT = 0.35
+# Weight with which the share of the fade is held at none or all of it.
+_HELD = 1e9
 
 
 @compiled
@@ -221,7 +224,7 @@ def _add(normal, right, shapes, error, weight):  # type: ignore[no-untyped-def]
 @compiled
 def _whole(lower):  # type: ignore[no-untyped-def]
     """The symmetric matrix of a lower triangle, in place."""
-    for k in range(_SHAPES):
+    for k in range(_SHAPES + 1):
         for j in range(k):
             lower[j, k] = lower[k, j]
     return lower
@@ -230,12 +233,12 @@ def _whole(lower):  # type: ignore[no-untyped-def]
 @entry_point(
     Tuple((float64[::1], float64[::1, :], *5 * [float64[::1]]))(
         GIVEN_2, GIVEN_1, GIVEN_1, given(boolean, 1), GIVEN_2, GIVEN_2, GIVEN_1, float64, float64,
-        GIVEN_1, GIVEN_1, GIVEN_2, float64,
+        GIVEN_1, GIVEN_1, GIVEN_2, float64, float64, float64,
     )
 )  # fmt: skip
 def solve(  # type: ignore[no-untyped-def]
     front, front_height, front_scale, front_bound, near, far, ray_scale, radius, fade,
-    start, centre, precision, coarse,
+    start, centre, precision, share, share_spread, coarse,
 ):  # fmt: skip
     """Iterated reweighted least squares with a Gaussian prior.
 
@@ -248,24 +251,29 @@ def solve(  # type: ignore[no-untyped-def]
         radius, fade: as for touch.
         start: (SHAPES,) first guess of the heights [m].
         centre, precision: (SHAPES,) mean [m] and (SHAPES, SHAPES) inverse covariance of the prior.
+        share, share_spread: of the fade that crests show, the prior's mean and standard deviation.
         coarse: deviations up to which observations count at first; more where the start is rough.
 
     Returns:
-        heights (SHAPES,) [m], the inverse of the normal matrix, residuals and weights of the
-        front (N,) and of the rays (M,), and the rays' place of touch (M,).
+        heights and share (SHAPES + 1,) [m, 1], the inverse of their normal matrix, residuals and
+        weights of the front (N,) and of the rays (M,), and the rays' place of touch (M,).
     """
     heights = start.copy()
     n, m = front_height.size, ray_scale.size
     front_error, front_weight = np.full(n, np.nan), np.zeros(n)
     ray_error, ray_weight, part = np.full(m, np.nan), np.zeros(m), np.full(m, np.nan)
     shapes = np.empty(_SHAPES)
-    normal = np.empty((_SHAPES, _SHAPES))
-    right = np.empty(_SHAPES)
+    normal = np.zeros((_SHAPES + 1, _SHAPES + 1))
+    right = np.empty(_SHAPES + 1)
+    share_centre, share_precision = share, share_spread**-2
     hidden = np.zeros(m)
     limit = max(coarse, _TUKEY, _usual_ratio(near, far, ray_scale, radius, fade, heights))
     for round in range(_STEPS):
-        normal[:] = precision
-        right[:] = precision @ (centre - heights)
+        normal[:_SHAPES, :_SHAPES] = precision
+        right[:_SHAPES] = precision @ (centre - heights)
+        normal[_SHAPES, :_SHAPES] = 0.0
+        normal[_SHAPES, _SHAPES] = share_precision
+        right[_SHAPES] = share_precision * (share_centre - share)
         for i in range(n):
             if np.isnan(front_height[i]):
                 continue
@@ -283,16 +291,30 @@ def solve(  # type: ignore[no-untyped-def]
             else:
                 top = _clearance(near[i], far[i], part[i], heights)
             _shapes_on_ray(near[i], far[i], part[i], shapes)
-            ray_error[i] = top - hidden[i]
+            ray_error[i] = top - share * hidden[i]
             variance = ray_scale[i] ** 2 + (_FADE_DOUBT * hidden[i]) ** 2
             ray_weight[i] = _tukey(ray_error[i] / np.sqrt(variance), limit)
-            _add(normal, right, shapes, ray_error[i], ray_weight[i] / variance)
+            weight = ray_weight[i] / variance
+            _add(normal, right, shapes, ray_error[i], weight)
+            right[_SHAPES] += weight * hidden[i] * ray_error[i]
+            normal[_SHAPES, _SHAPES] += weight * hidden[i] ** 2
+            for k in range(_SHAPES):
+                normal[_SHAPES, k] -= weight * hidden[i] * shapes[k]
         step = np.linalg.solve(_whole(normal), right)
-        heights += step
-        if limit == _TUKEY and np.max(np.abs(step)) < _CONVERGED:
+        free = share + step[_SHAPES]
+        if free < 0.0 or free > 1.0:
+            # Solved anew for the share that is nearest, so that the heights go with it.
+            held = normal.copy()
+            held[_SHAPES, _SHAPES] += _HELD
+            right[_SHAPES] += _HELD * (min(max(free, 0.0), 1.0) - share)
+            step = np.linalg.solve(held, right)
+        heights += step[:_SHAPES]
+        share += step[_SHAPES]
+        if limit == _TUKEY and np.max(np.abs(step[:_SHAPES])) < _CONVERGED:
             break
         limit = max(_TUKEY, _NARROWER * limit)
-    return heights, np.linalg.inv(normal), front_error, front_weight, ray_error, ray_weight, part
+    found = np.append(heights, share)
+    return found, np.linalg.inv(normal), front_error, front_weight, ray_error, ray_weight, part
 
 
 @entry_point(float64[:, ::1](GIVEN_2))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,7 +31,13 @@ class SurfaceDetector(Protocol):
         """Measure one image by itself."""
 
     def update(self, stamp_ns: int, image: Image, /) -> Measurement:
-        """Measure one image of a sequence; flags it where it repeats the one before."""
+        """Measure the next image of a sequence; flags it where it repeats the one before."""
+
+    def look(self, image: Image, /) -> Any:
+        """What an image shows by itself: most of the work, alike in every process."""
+
+    def follow(self, stamp_ns: int, sighting: Any, /) -> Measurement:
+        """The measurement of the next image of a sequence, from what `look` told of it."""
 
 
 def detector_for(

@@ -147,6 +147,14 @@ class SideViewDetector:
         profile, scale_error = describe(trace.line, self._view), self._settings.scale_error
         return _measurement(stamp_ns, flags, trace.line, profile, scale_error)
 
+    def look(self, image: Image) -> SideMeasurement:
+        """What an image shows by itself; args and errors are those of `measure`."""
+        return self.measure(0, image)
+
+    def follow(self, stamp_ns: int, sighting: SideMeasurement) -> SideMeasurement:
+        """The measurement of the next image of a sequence: a side view tells all by itself."""
+        return replace(sighting, stamp_ns=stamp_ns)
+
     def _learnt(self, light: Light, still: Knowledge) -> Knowledge:
         """What the image of the liquid at rest shows, given where its line lies."""
         columns = np.arange(self._region.inside.shape[1])

@@ -1,0 +1,149 @@
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from slosh_camera.cylinder.detector import FreeSurfaceDetector
+from slosh_camera.cylinder.surface_comparison import Candidate, Sighting, SurfaceComparison
+from slosh_camera.cylinder.surface_memory import Expected
+from slosh_camera.cylinder.surface_modes import SHAPES
+from slosh_camera.cylinder.surface_prior import Prior
+from slosh_camera.measurement import Flag, PeakSide
+
+MM = 1e-3
+FRAME = 1_000_000_000 // 60
+ZERO = np.zeros(SHAPES)
+
+
+class NothingElse:
+    """Finds no further surfaces in a picture."""
+
+    def fit_several(self, view, points, prior):
+        return []
+
+    def fit_near(self, view, points, prior, start):
+        return []
+
+    def plausible(self, view, fit, prior):
+        return 0.3
+
+
+def surface(x, y, plausible):
+    heights = ZERO.copy()
+    heights[1:3] = x, y
+    return Candidate(None, SimpleNamespace(heights=heights), plausible)
+
+
+FRONT, REAR = (0.0, -15.0 * MM), (0.0, 15.0 * MM)
+
+
+def choose(candidates, expected, *, certain=False):
+    comparison = SurfaceComparison(NothingElse(), Prior(ZERO, 0.02), 0.5 * MM)
+    return comparison.choose(Sighting(((None, None),), tuple(candidates), certain), expected)
+
+
+def expects(place, stddev=3.0 * MM):
+    return Expected(np.array(place), stddev)
+
+
+def test_the_image_before_chooses_between_surfaces_that_agree_nearly_alike():
+    exchanged, true = surface(*REAR, 0.50), surface(*FRONT, 0.40)
+    alone = choose([exchanged, true], None)
+    assert alone.candidate is exchanged
+    assert not alone.decided
+    told = choose([exchanged, true], expects((0.0, -13.0 * MM)))
+    assert told.candidate is true
+    assert told.decided
+    # Where it agrees with the picture's own choice it has decided nothing.
+    agreed = choose([exchanged, true], expects((0.0, 13.0 * MM)))
+    assert agreed.candidate is exchanged
+    assert not agreed.decided
+
+
+def test_a_clear_picture_wins_over_the_image_before_and_says_so():
+    true, exchanged = surface(*FRONT, 0.9), surface(*REAR, 0.1)
+    choice = choose([true, exchanged], expects(REAR))
+    assert choice.candidate is true
+    assert choice.jumped
+
+
+def test_a_poor_picture_is_believed_where_the_image_before_foretold_it():
+    poor, other = surface(*FRONT, -0.4), surface(*REAR, -0.6)
+    assert not choose([poor, other], None).believed
+    told = choose([poor, other], expects(FRONT))
+    assert (told.candidate, told.believed, told.decided) == (poor, True, True)
+    # Not a worse one, and not one that was not foretold.
+    assert not choose([surface(*FRONT, -0.9)], expects(FRONT)).believed
+    assert not choose([poor], expects((4.0 * MM, -15.0 * MM))).believed
+
+
+def test_a_certain_front_line_is_asked_again_where_it_was_not_foretold():
+    sure = surface(*FRONT, np.inf)
+    assert not choose([sure], expects(FRONT), certain=True).jumped
+    assert choose([sure], expects(REAR), certain=True).jumped
+
+
+# The detector: the same object live, in replay and offline.
+
+
+@pytest.fixture
+def stream(make_scene):
+    """Detectors, and images of a liquid that swings, by their number."""
+    scene = make_scene(noise=2.0, camera_height=0.08)
+    omega = 18.9
+
+    def image(number):
+        phase = omega * number / 60.0
+        return scene.draw(0.02 * abs(np.cos(phase)), 1.5 if np.cos(phase) > 0.0 else 1.5 - np.pi)
+
+    return lambda: FreeSurfaceDetector(scene.calibration()), image
+
+
+def values(measurement):
+    return (measurement.msh, measurement.msh_stddev, measurement.fitted_msh, measurement.flags)
+
+
+def test_a_swing_is_measured_without_a_remark(stream):
+    make, image = stream
+    detector = make()
+    found = [detector.update(number * FRAME, image(number)) for number in range(8)]
+    assert [one.flags for one in found] == [Flag.NONE] * 8
+    assert found[0].peak_side is PeakSide.REAR
+
+
+def test_the_first_image_of_a_stream_is_measured_as_one_alone(stream):
+    make, image = stream
+    detector = make()
+    assert values(detector.update(0, image(0))) == values(detector.measure(0, image(0)))
+
+
+def test_the_same_images_give_the_same_bits_again_after_a_new_beginning(stream):
+    make, image = stream
+    detector = make()
+    images = [image(number) for number in range(6)]
+    first = [values(detector.update(k * FRAME, one)) for k, one in enumerate(images)]
+    # The recording runs again: its first stamp lies before the last one.
+    again = [values(detector.update(k * FRAME, one)) for k, one in enumerate(images)]
+    assert again == first
+
+
+def test_a_wrong_image_is_flagged_and_not_held_on_to(stream):
+    make, image = stream
+    detector = make()
+    for number in range(4):
+        detector.update(number * FRAME, image(number))
+    wrong = detector.update(4 * FRAME, image(0))
+    assert Flag.AMBIGUOUS in wrong.flags
+    after = [detector.update(k * FRAME, image(k)) for k in range(5, 9)]
+    alone = [detector.measure(0, image(k)) for k in range(5, 9)]
+    for one, single in zip(after, alone, strict=True):
+        assert one.msh == pytest.approx(single.msh, abs=0.3 * MM)
+    assert [one.flags for one in after[2:]] == [Flag.NONE] * 2
+
+
+def test_looking_and_following_is_updating(stream):
+    make, image = stream
+    detector, other = make(), make()
+    for number in range(4):
+        looked = other.follow(number * FRAME, other.look(image(number)))
+        assert values(looked) == values(detector.update(number * FRAME, image(number)))

@@ -1,0 +1,103 @@
+import numpy as np
+import pytest
+
+from slosh_camera.cylinder.surface_evidence import USUAL_FADE, FadeShare
+from slosh_camera.cylinder.surface_memory import SurfaceMemory
+
+RADIUS, FILL = 0.05, 0.07
+MM = 1e-3
+SECOND = 1_000_000_000
+FRAME = SECOND // 60
+# Of DL22 for this container.
+OMEGA = np.sqrt(9.81 * 1.841184 / RADIUS * np.tanh(1.841184 * FILL / RADIUS))
+
+
+def swing(stamp_ns, size=20.0 * MM):
+    """A first mode left alone, turning about the axis."""
+    phase = OMEGA * stamp_ns / SECOND
+    return size * np.array([np.cos(phase), 0.6 * np.sin(phase)])
+
+
+def remembered(*stamps, place=swing, **given):
+    memory = SurfaceMemory(RADIUS, FILL)
+    for stamp in stamps:
+        flags = {"decided": False, "jumped": False} | given
+        memory.remember(stamp, place(stamp), USUAL_FADE, **flags)
+    return memory
+
+
+def test_two_images_foretell_the_third():
+    expected = remembered(0, FRAME).expected(2 * FRAME)
+    assert expected.first == pytest.approx(swing(2 * FRAME), abs=0.01 * MM)
+    assert 1.0 * MM < expected.stddev < 5.0 * MM
+    # Also where images are missing: less well.
+    later = remembered(0, FRAME).expected(4 * FRAME)
+    assert later.first == pytest.approx(swing(4 * FRAME), abs=0.01 * MM)
+    assert later.stddev > 2.0 * expected.stddev
+
+
+def test_front_and_rear_exchanged_is_no_swing():
+    expected = remembered(0, FRAME).expected(2 * FRAME)
+    right = swing(2 * FRAME)
+    assert expected.surprise(right) < 0.01
+    assert expected.surprise(-right) > 0.3
+
+
+def test_a_picture_that_is_clear_enough_always_wins():
+    expected = remembered(0, FRAME).expected(2 * FRAME)
+    far = [expected.surprise(np.array([size, 0.0])) for size in (1.0, 10.0, 1e3)]
+    assert far[0] == far[1] == far[2] < 0.6
+
+
+def test_after_one_image_the_liquid_may_be_on_its_way():
+    expected = remembered(0).expected(FRAME)
+    assert expected.distance(swing(FRAME)) < 1.0
+    assert expected.stddev > remembered(0, FRAME).expected(2 * FRAME).stddev
+
+
+def test_a_robots_acceleration_is_no_jump():
+    # A step of 8 m/s² after rest moves the crest by gain a t²/2 per frame.
+    gain = 8.0 * np.tanh(1.841184 * FILL / RADIUS) / (1.841184 * (1.841184**2 - 1.0))
+
+    def pushed(stamp):
+        return np.array([0.5 * gain * 8.0 * (stamp / SECOND) ** 2, 0.0])
+
+    expected = remembered(0, FRAME, place=pushed).expected(2 * FRAME)
+    assert expected.distance(pushed(2 * FRAME)) < 2.5
+
+
+@pytest.mark.parametrize("stamp", [FRAME, FRAME + 1000, 0, -SECOND, FRAME + SECOND], ids=str)
+def test_a_repeated_or_earlier_stamp_and_a_gap_foretell_nothing(stamp):
+    assert remembered(0, FRAME).expected(stamp) is None
+
+
+def test_a_jump_leaves_one_image_to_go_by():
+    memory = remembered(0, FRAME)
+    memory.remember(2 * FRAME, -swing(2 * FRAME), USUAL_FADE, decided=False, jumped=True)
+    expected = memory.expected(3 * FRAME)
+    assert expected.stddev > 1.2 * remembered(0, FRAME).expected(2 * FRAME).stddev
+
+
+def test_what_the_memory_decided_does_not_feed_it_for_ever():
+    memory = remembered(0, FRAME)
+    spreads = []
+    for number in range(2, 9):
+        moment = number * FRAME
+        memory.remember(moment, swing(moment), USUAL_FADE, decided=True, jumped=False)
+        spreads.append(memory.expected(moment + FRAME).stddev)
+    # After five in a row it starts again, from the next image alone.
+    assert np.allclose(spreads[:5], spreads[0])
+    assert spreads[5] > 1.2 * spreads[0]
+
+
+def test_the_share_of_the_fade_is_kept_but_for_a_new_beginning():
+    memory = remembered(0)
+    memory.remember(FRAME, swing(FRAME), FadeShare(0.2, 0.01), decided=False, jumped=False)
+    assert memory.fade.mean == 0.2
+    assert memory.fade.stddev == pytest.approx(0.15)  # never surer than that
+    # Where the memory decided nothing is learnt.
+    memory.remember(2 * FRAME, swing(2 * FRAME), FadeShare(0.9, 0.2), decided=True, jumped=False)
+    assert memory.fade.mean == 0.2
+    memory.arrive(0)
+    assert memory.fade == USUAL_FADE
+    assert memory.expected(FRAME) is None
