@@ -11,7 +11,8 @@ from __future__ import annotations
 import os
 import sys
 import tempfile
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,8 +20,9 @@ import numpy as np
 from slosh_bag.interchange.antisloshing import import_antisloshing
 from slosh_bringup.cell.motions import make_motion
 from slosh_discovery.discover import Finding, MeasuredMotion, discover
-from slosh_discovery.discover.finding import Role
+from slosh_discovery.discover.finding import FoundEffect, Role
 from slosh_discovery.discover_data import read_motions
+from slosh_discovery.discovery_report.words import marked
 from slosh_model import Cylinder, Inputs, Model, predicted_heights
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -93,11 +95,14 @@ def tilted() -> Iterable[tuple[str, str]]:
 
 
 def robot_runs(names: Sequence[str], prefix: str, base: Model) -> Finding:
-    """Discovers from some runs of a kind; the others of the kind are held out."""
+    """Discovers from some runs of a kind; the others of the kind are held out.
+
+    The runs along one path were measured together, with one set-up of cameras and cup.
+    """
     with tempfile.TemporaryDirectory() as folder:
         bags = sorted(import_antisloshing(DATA / "antisloshing", Path(folder)))
         runs = {
-            bag.name: read_motions(bag)
+            bag.name: [replace(one, group=path_of(bag.name)) for one in read_motions(bag)]
             for bag in bags
             if bag.name.startswith("Tilt") == bool(prefix)
         }
@@ -106,10 +111,15 @@ def robot_runs(names: Sequence[str], prefix: str, base: Model) -> Finding:
     return discover(fit, base, rest)
 
 
+def path_of(run: str) -> str:
+    """LE, RD or TRD."""
+    return run.removeprefix("Tilt_").partition("_")[0]
+
+
 def described(finding: Finding) -> str:
     """A finding as Markdown."""
     effects = [
-        f"`{effect.name}` ({_values(effect.parameters)}; confidence {effect.confidence:.2f}"
+        f"`{effect.name}` ({_fitted(effect)}; confidence {effect.confidence:.2f}"
         + (f"; or {', '.join(effect.alternatives)}" if effect.alternatives else "")
         + ")"
         for effect in finding.effects
@@ -123,7 +133,8 @@ def described(finding: Finding) -> str:
     ]
     tried = [candidate for candidate in finding.candidates if not candidate.reason]
     lines += [
-        f"| {' + '.join(row.effects) or 'the base'} | {row.probability:.3f} | "
+        f"| {' + '.join(marked(row.effects, row.per_group)) or 'the base'} | "
+        f"{row.probability:.3f} | "
         f"{1e3 * row.fit_rms:.2f} | {1e3 * row.holdout_rms:.2f} |"
         for row in tried[:5]
     ]
@@ -160,8 +171,16 @@ def _mean_row(finding: Finding) -> str:
     return f"| **mean, size of ε** | held out | {' | '.join(cells)} | | |"
 
 
-def _values(parameters: object) -> str:
-    assert isinstance(parameters, dict)
+def _fitted(effect: FoundEffect) -> str:
+    """The parameters, those of each group after its name."""
+    if not effect.by_group:
+        return _values(effect.parameters)
+    return "; ".join(
+        f"{group}: {_values(fitted.parameters)}" for group, fitted in effect.by_group.items()
+    )
+
+
+def _values(parameters: Mapping[str, float]) -> str:
     return ", ".join(f"{name} {value:.4g}" for name, value in parameters.items()) or "–"
 
 

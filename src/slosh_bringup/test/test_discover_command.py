@@ -326,3 +326,28 @@ def test_tables_of_a_damped_liquid_name_its_damping(capsys, tmp_path):
     assert (
         main(["simulate", str(tmp_path / "o" / "model.yaml"), tables[0], "-o", "/dev/null"]) == 0
     )
+
+
+def test_motions_get_the_group_whose_pattern_they_match(discovery, tables, tmp_path):
+    words = ["--group", "early=run_[123]", "--group", "late=run_4", "--group", "late=run_5"]
+    assert main(["discover", *tables, *words, "--model", MODEL, "-o", str(tmp_path / "o")]) == 0
+    motions, _, holdout, _ = discovery.calls[-1]
+    assert [motion.group for motion in motions] == ["early", "early", "late", "late"]
+    assert [motion.group for motion in holdout] == ["early"]
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        (["--group", "late"], "--group late: must be NAME=PATTERN"),
+        (["--group", "a/b=*"], "--group a/b=*: must be NAME=PATTERN"),
+        (["--group", "early=run_1"], "motion run_2 matches none of the groups"),
+        (["--group", "a=*", "--group", "b=run_1"], "motion run_1 matches groups a, b"),
+    ],
+)
+def test_groups_that_do_not_part_the_motions_are_one_clear_error(
+    capsys, discovery, tables, tmp_path, words, expected
+):
+    line = fails_with(capsys, *tables, *words, "--model", MODEL, "-o", tmp_path / "o")
+    assert expected in line
+    assert discovery.calls == []

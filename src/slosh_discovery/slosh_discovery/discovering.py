@@ -5,8 +5,9 @@ from __future__ import annotations
 import json
 import shlex
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from fnmatch import fnmatchcase
 from pathlib import Path
 
 import numpy as np
@@ -35,6 +36,7 @@ from slosh_model.model_text import format_model
 from slosh_model.simulate import Inputs
 
 MODEL, DOCUMENT, PAGE = "model.yaml", "discovery.json", "report.html"
+GROUP_MODEL = "model_{}.yaml"
 SEPARATING = "separating_{}.csv"
 HELD_OUT = 3
 """Without --holdout every third motion is held out."""
@@ -56,6 +58,7 @@ class Request:
         from_bag: data are recording days; the motions in which the live estimate was off most
             come first.
         most: at most so many motions of `data`, the first ones; None: all.
+        groups: patterns by the name of the group whose motions they match; empty: no groups.
     """
 
     data: tuple[Path, ...]
@@ -64,6 +67,7 @@ class Request:
     holdout: tuple[Path, ...] = ()
     from_bag: bool = False
     most: int | None = None
+    groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -101,15 +105,18 @@ def prepare(request: Request, tell: Tell) -> Prepared:
         notes.append(line)
         tell(line)
 
-    fit = read_all(request.data, base, note, from_bag=request.from_bag)
-    holdout = read_all(request.holdout, base, note, from_bag=False)
+    fit, holdout = (
+        read_all(paths, base, note, from_bag=from_bag, groups=request.groups)
+        for paths, from_bag in ((request.data, request.from_bag), (request.holdout, False))
+    )
     if request.most is not None and len(fit) > request.most:
         note(f"the first {request.most} of {len(fit)} motions are used")
         fit = fit[: request.most]
     check_apart(fit, holdout)
     if not holdout and len(fit) >= HELD_OUT:
         fit, holdout = part(fit)
-        note(f"every third motion is held out: {len(holdout)} of {len(fit) + len(holdout)}")
+        whose = " of each group" if request.groups else ""
+        note(f"every third motion{whose} is held out: {len(holdout)} of {len(fit) + len(holdout)}")
     elif not holdout:
         note("no motion is held out: the gap is shown on the motions of the fit")
     return Prepared(base, *unique_names(fit, holdout), tuple(notes))
@@ -149,6 +156,8 @@ def write_results(folder: Path, report: DiscoveryReport) -> str:
     """
     text = discovery_json(report)
     write_text(folder / MODEL, format_model(report.finding.model))
+    for name, model in report.finding.group_models.items():
+        write_text(folder / GROUP_MODEL.format(name), format_model(model))
     write_text(folder / PAGE, render_discovery(report))
     for name, motion in zip(report.separating_files, report.finding.separating, strict=True):
         write_motion_table(folder / name, _table(motion))
@@ -196,10 +205,13 @@ def recorded_model(bag: Path) -> Model:
 
 
 def part(motions: Motions) -> tuple[Motions, Motions]:
-    """The motions of the fit and every third one, held out."""
-    last = HELD_OUT - 1
-    fit = tuple(motion for n, motion in enumerate(motions) if n % HELD_OUT != last)
-    return fit, motions[last::HELD_OUT]
+    """The motions of the fit and every third one of each group, held out."""
+    met: Counter[str | None] = Counter()
+    parts: tuple[list[MeasuredMotion], list[MeasuredMotion]] = [], []
+    for motion in motions:
+        met[motion.group] += 1
+        parts[met[motion.group] % HELD_OUT == 0].append(motion)
+    return tuple(parts[0]), tuple(parts[1])
 
 
 def check_apart(fit: Motions, holdout: Motions) -> None:
@@ -232,23 +244,31 @@ def unique_names(fit: Motions, holdout: Motions) -> tuple[Motions, Motions]:
 
 def next_commands(request: Request, finding: Finding) -> tuple[Command, ...]:
     """What to type after a discovery."""
-    model = request.output / MODEL
+    models = {
+        f" of a rig as in {name}": request.output / GROUP_MODEL.format(name)
+        for name in finding.group_models
+    } or {"": request.output / MODEL}
+    first = finding.motions[0].motion.group if finding.group_models else None
+    model = request.output / (MODEL if first is None else GROUP_MODEL.format(first))
     found = []
-    if finding.model != finding.base:
+    if finding.changed:
         found += _use(request.data, model)
-        found.append(
+        found += [
             Command(
-                "load it into the running estimator",
+                f"load it into the running estimator{whose}",
                 f"ros2 service call {SERVICE} slosh_msgs/srv/LoadModel "
-                + shlex.quote(f"{{path: {json.dumps(str(model.resolve()))}}}"),
+                + shlex.quote(f"{{path: {json.dumps(str(path.resolve()))}}}"),
             )
-        )
+            for whose, path in models.items()
+        ]
     if finding.separating:
         table, heights = request.output / SEPARATING.format(1), request.output / "heights.csv"
         words = ["slosh", "discover", *map(str, request.data), "RECORDING"]
         words += ["--from-bag"] if request.from_bag else []
         words += ["--model", str(request.model)] if request.model else []
         words += ["--holdout", *map(str, request.holdout)] if request.holdout else []
+        for name, patterns in request.groups.items():
+            words += [word for pattern in patterns for word in ("--group", f"{name}={pattern}")]
         found += [
             Command("heights to expect of the motion that separates",
                     _line("slosh", "simulate", model, table, "-o", heights)),
@@ -277,13 +297,52 @@ def _line(*words: object) -> str:
     return shlex.join(map(str, words))
 
 
-def read_all(paths: Iterable[Path], base: Model, tell: Tell, *, from_bag: bool) -> Motions:
-    """The motions of several files; from bags first those in which the estimate was off most."""
+def read_all(
+    paths: Iterable[Path],
+    base: Model,
+    tell: Tell,
+    *,
+    from_bag: bool,
+    groups: Mapping[str, tuple[str, ...]] | None = None,
+) -> Motions:
+    """The motions of several files; from bags first those in which the estimate was off most.
+
+    Raises:
+        SloshDiscoveryError: there are groups, and a motion belongs to none or to several.
+    """
     if not from_bag:
-        return tuple(motion for path in paths for motion in read_motions(path, base, tell))
-    found = [entry for path in paths for entry in day_motions(path, base, tell)]
-    found.sort(key=lambda entry: -np.nan_to_num(entry.disagreement, nan=-1.0))
-    return tuple(entry.motion for entry in found)
+        return tuple(
+            grouped(motion, path, groups or {})
+            for path in paths
+            for motion in read_motions(path, base, tell)
+        )
+    found = [(entry, path) for path in paths for entry in day_motions(path, base, tell)]
+    found.sort(key=lambda pair: -np.nan_to_num(pair[0].disagreement, nan=-1.0))
+    return tuple(grouped(entry.motion, path, groups or {}) for entry, path in found)
+
+
+def grouped(
+    motion: MeasuredMotion, path: Path, groups: Mapping[str, tuple[str, ...]]
+) -> MeasuredMotion:
+    """The motion in its group: a pattern matches its name, or the path that it was read from.
+
+    Raises:
+        SloshDiscoveryError: there are groups, and it belongs to none or to several.
+    """
+    if not groups:
+        return motion
+    texts = motion.name, str(path)
+    found = [
+        name
+        for name, patterns in groups.items()
+        if any(fnmatchcase(text, pattern) for text in texts for pattern in patterns)
+    ]
+    if len(found) != 1:
+        which = f"groups {', '.join(found)}" if found else "none of the groups"
+        raise SloshDiscoveryError(
+            f"{path}: motion {motion.name} matches {which}; it must match one (--group)"
+        )
+    return replace(motion, group=found[0])
 
 
 def _print(motion: MeasuredMotion) -> tuple[bytes, bytes]:

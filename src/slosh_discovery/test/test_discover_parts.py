@@ -68,7 +68,7 @@ def test_a_parameter_that_does_nothing_costs_little_and_one_that_is_pinned_down_
 def test_every_effect_has_starts_within_its_bounds(name):
     for values, choices in starts(name):
         explanation = Explanation(in_fitting_container(BASE, name)).with_effect(name, choices)
-        model = explanation.model(explanation.vector({name: values}))
+        model = explanation.model(explanation.vector(lambda *_, of=values: of))
         assert model is not None
         assert model.has(name)
 

@@ -1,17 +1,28 @@
 """From files to a finding's report: which motions are fitted, which images are shown."""
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from example_finding import example_finding, example_motion
+from example_finding import BASE, FOUND, example_finding, example_motion
 
 from slosh_bag.reader import BagReader
-from slosh_discovery.discover.finding import Role, WorstMoment
+from slosh_discovery.discover.finding import WorstMoment
 from slosh_discovery.discover_data import read_motions
 from slosh_discovery.discover_frames import worst_frames
-from slosh_discovery.discovering import part, recorded_model, unique_names
+from slosh_discovery.discovering import (
+    Request,
+    grouped,
+    next_commands,
+    part,
+    recorded_model,
+    unique_names,
+    write_results,
+)
+from slosh_discovery.discovery_report import DiscoveryReport
 from slosh_discovery.errors import SloshDiscoveryError
+from slosh_estimator.model_file import read_model
 
 BAGS = Path(__file__).parents[3] / "bags"
 
@@ -67,13 +78,54 @@ def test_motions_of_one_name_are_told_apart():
 
 
 def test_every_motion_is_either_fitted_or_held_out():
-    motions = example_finding().motions * 3
+    motions = tuple(example_motion(f"run {number}", number) for number in range(9))
     fit, holdout = part(motions)
     assert len(fit) == 6
     assert holdout == motions[2::3]
-    assert all(entry.role is Role.HOLDOUT for entry in motions[2::3])
 
 
 def test_a_table_tells_no_model(tmp_path):
     with pytest.raises(SloshDiscoveryError, match="give one"):
         recorded_model(tmp_path / "run_1.csv")
+
+
+def test_a_pattern_puts_motions_into_groups_by_their_name_or_by_what_they_were_read_from():
+    groups = {"first": ("LE_*", "RD_?"), "second": ("runs/october",)}
+    for name, path, expected in [
+        ("LE_2D", "a.csv", "first"), ("RD_7", "a.csv", "first"), ("TRD", "runs/october", "second")
+    ]:  # fmt: skip
+        assert grouped(example_motion(name, 1), Path(path), groups).group == expected
+    assert grouped(example_motion("LE_2D", 1), Path("a.csv"), {}).group is None
+
+
+@pytest.mark.parametrize(
+    ("name", "path", "which"),
+    [("TRD", "a.csv", "none of the groups"), ("LE_2D", "runs/october", "groups first, second")],
+)
+def test_a_motion_of_no_group_or_of_two_is_one_clear_error(name, path, which):
+    groups = {"first": ("LE_*",), "second": ("runs/october",)}
+    with pytest.raises(SloshDiscoveryError, match=f"motion {name} matches {which}; .*--group"):
+        grouped(example_motion(name, 1), Path(path), groups)
+
+
+def test_of_each_group_every_third_motion_is_held_out():
+    motions = tuple(
+        replace(example_motion(f"run {number}", number), group=group)
+        for number, group in enumerate("aababbab")
+    )
+    fit, holdout = part(motions)
+    assert [motion.name for motion in holdout] == ["run 3", "run 5"]
+    assert len(fit) == 6
+
+
+def test_each_group_gets_its_model_file_and_the_command_that_loads_it(tmp_path):
+    models = {name: FOUND.with_effect("height_offset", offset=0.001) for name in ("a", "b")}
+    finding = replace(example_finding(), model=BASE, group_models=models)
+    request = Request((Path("runs"),), tmp_path, Path("model.yaml"), groups={"a": ("x", "y")})
+    write_results(tmp_path, DiscoveryReport(finding))
+    for name, model in models.items():
+        assert read_model(tmp_path / f"model_{name}.yaml") == model
+    assert read_model(tmp_path / "model.yaml") == BASE
+    loads = [one for one in next_commands(request, finding) if "LoadModel" in one.line]
+    assert [one.purpose.split()[-1] for one in loads] == ["a", "b"]
+    assert f"{tmp_path}/model_b.yaml" in loads[1].line

@@ -55,6 +55,7 @@ def test_the_document_has_the_promised_keys():
         "alternatives": ["height_scale"],
         "refitted": False,
         "units": {"delta": "m"},
+        "by_group": {},
     }
     assert document["gap"] == {
         "unit": "m",

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import argparse
+import re
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 from slosh_bringup.cli.progress import share_bar
@@ -21,6 +23,8 @@ from slosh_discovery.discovering import (
 from slosh_discovery.discovery_report import discovery_text
 from slosh_files import new_folder
 
+GROUP_NAME = re.compile(r"[\w-]{1,40}")
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declares the subcommand's options."""
@@ -37,6 +41,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="motions that the fit does not see; without it every third of three or more",
     )  # fmt: skip
     parser.add_argument(
+        "--group", action="append", metavar="NAME=PATTERN", default=[],
+        help="motions of one set-up of sensors and rig: those whose name, or whose DATA, matches "
+        "PATTERN (* and ?); several --group of one NAME add up",
+    )  # fmt: skip
+    parser.add_argument(
         "--from-bag", action="store_true",
         help="DATA are recording days: the motions in which the live estimate was off most "
         "come first",
@@ -47,7 +56,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--jobs", type=int, metavar="N", help="threads; without it one per core")
     parser.add_argument(
         "-o", "--output", type=Path, required=True,
-        help="new or empty; gets model.yaml, discovery.json, report.html, separating motions",
+        help="new or empty; gets model.yaml (and model_NAME.yaml of groups), discovery.json, "
+        "report.html, separating motions",
     )  # fmt: skip
     parser.add_argument("--json", action="store_true", help="print discovery.json, not the text")
 
@@ -88,8 +98,25 @@ def make_request(arguments: argparse.Namespace) -> Request:
             raise SloshBringupError(f"--{name} {value}: must be at least 1")
     return Request(
         tuple(arguments.data), arguments.output, arguments.model, tuple(arguments.holdout),
-        arguments.from_bag, arguments.motions,
+        arguments.from_bag, arguments.motions, groups_of(arguments.group),
     )  # fmt: skip
+
+
+def groups_of(options: Sequence[str]) -> dict[str, tuple[str, ...]]:
+    """Patterns by the name of their group.
+
+    Raises:
+        SloshBringupError: an option is no NAME=PATTERN, or a name that a file cannot have.
+    """
+    groups: dict[str, tuple[str, ...]] = {}
+    for option in options:
+        name, separator, pattern = option.partition("=")
+        if not (GROUP_NAME.fullmatch(name) and separator and pattern):
+            raise SloshBringupError(
+                f"--group {option}: must be NAME=PATTERN, NAME of letters, digits, '_' and '-'"
+            )
+        groups[name] = (*groups.get(name, ()), pattern)
+    return groups
 
 
 def tell(line: str) -> None:

@@ -54,7 +54,9 @@ def slipped_offsets(one: Fit, motions: Sequence[PreparedMotion]) -> list[float] 
     """
     found, better = list(one.clock_offsets), False
     for index, motion in enumerate(motions):
-        answer = None if motion.motion.same_clock else motion.simulate(one.model)
+        if motion.motion.same_clock:
+            continue
+        answer = motion.simulate(one.model_of(motion.motion.group))
         if answer is None:
             continue
         tried = found[index] + np.arange(-SLIP, SLIP, LAG)

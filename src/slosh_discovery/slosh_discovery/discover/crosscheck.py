@@ -55,9 +55,10 @@ def _folds(
 ) -> Iterator[tuple[MotionSet, MotionSet]]:
     """What is seen and what is left out, with clock offsets: a third of the motions in turns.
 
-    Of fewer than three motions a third of each one's time is left out instead.
+    Of fewer than three motions a third of each one's time is left out instead. Of each group as
+    many are left out as can be: what is its own can only be seen in its own motions.
     """
-    pairs = list(zip(motions, offsets, strict=True))
+    pairs = sorted(zip(motions, offsets, strict=True), key=lambda pair: pair[0].motion.group or "")
     for fold in range(FOLDS):
         if len(pairs) >= FOLDS:
             yield (
@@ -65,7 +66,7 @@ def _folds(
                 pairs[fold::FOLDS],
             )
             continue
-        blocks = [_block(motion, fold) for motion in motions]
+        blocks = [_block(motion, fold) for motion, _ in pairs]
         yield (
             [(_only(motion, ~b), o) for (motion, o), b in zip(pairs, blocks, strict=True)],
             [(_only(motion, b), o) for (motion, o), b in zip(pairs, blocks, strict=True)],

@@ -8,7 +8,8 @@ one down within what was plausible, the more it costs (MacKay 2003, ch. 28).
 T is the temperature of the data: χ² per sample of the best explanation, times the number of
 samples whose residuals go together, neighbours in time and azimuths. It is 1 where the best
 explanation leaves nothing but white noise; where even the best one leaves more, differences of χ²
-count for less. Every further effect costs a fixed prior.
+count for less. Every further effect costs a fixed prior, and so does one whose parameters each
+group of motions has its own of; each of these is paid for by the second and the third term.
 """
 
 from __future__ import annotations
@@ -26,6 +27,8 @@ Array = NDArray[np.float64]
 
 EFFECT_PRIOR = 1.0 / 60.0
 """Odds of one given effect being at work, before any data: about one in three that any is."""
+GROUP_PRIOR = 1.0 / 10.0
+"""Odds of an effect at work being another one in each group, before any data."""
 CORRELATED = 0.05
 """Correlations of the residual below this are none."""
 LONGEST_LAG = 60
@@ -45,6 +48,7 @@ def log_prior(fit: Fit) -> float:
     surprise = (fit.vector - explanation.centres) / explanation.spreads
     return (
         len(explanation.effects) * math.log(EFFECT_PRIOR)
+        + len(explanation.per_group) * math.log(GROUP_PRIOR)
         - len(explanation.chosen) * math.log(2.0)
         - 0.5 * float(surprise @ surprise)
     )

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +25,26 @@ LEAST_FILL = 0.1
 """A fit leaves at least this share of the fill height in the container."""
 
 
+Key = tuple[tuple[str, ...], tuple[str, ...]]
+"""What tells explanations apart: their effects, and those of them that are fitted per group."""
+
+Part = Callable[[str, str | None], Mapping[str, float]]
+"""(effect, group) -> its parameters; group None: of all."""
+
+
+class Free(NamedTuple):
+    """A parameter that a fit may change.
+
+    Attributes:
+        effect, parameter: whose it is.
+        group: of the motions for which it holds; None: for all.
+    """
+
+    effect: Effect
+    parameter: Parameter
+    group: str | None
+
+
 @dataclass(frozen=True)
 class Explanation:
     """Effects in addition to a base model; an effect that the base has already is fitted anew.
@@ -32,18 +53,28 @@ class Explanation:
         base: the model that they are added to.
         effects: their ids, in alphabetical order.
         chosen: values of those parameters that choose between variants, by (effect, parameter).
+        groups: of the motions, in alphabetical order; empty: they belong together.
+        per_group: ids of those effects whose parameters each group has its own of.
     """
 
     base: Model
     effects: tuple[str, ...] = ()
     chosen: Mapping[tuple[str, str], float] = field(default_factory=dict)
+    groups: tuple[str, ...] = ()
+    per_group: tuple[str, ...] = ()
+
+    @property
+    def key(self) -> Key:
+        """What tells it from others of the same base."""
+        return self.effects, self.per_group
 
     @cached_property
-    def free(self) -> tuple[tuple[Effect, Parameter], ...]:
+    def free(self) -> tuple[Free, ...]:
         """The parameters that a fit may change, in the order of its vectors."""
         return tuple(
-            (EFFECTS[name], parameter)
+            Free(EFFECTS[name], parameter, group)
             for name in self.effects
+            for group in (self.groups if name in self.per_group else (None,))
             for parameter in EFFECTS[name].parameters
             if parameter.choices is None
         )
@@ -51,76 +82,105 @@ class Explanation:
     @cached_property
     def widths(self) -> Array:
         """(P,) how far each free parameter plausibly spreads."""
-        ranges = (plausible(parameter) for _, parameter in self.free)
+        ranges = (plausible(one.parameter) for one in self.free)
         return np.array([high - low for low, high in ranges])
 
     @cached_property
     def spreads(self) -> Array:
         """(P,) standard deviation of each free parameter, before any data."""
         even = self.widths * math.sqrt(PRIOR_VARIANCE)
-        told = [parameter.spread for _, parameter in self.free]
+        told = [one.parameter.spread for one in self.free]
         return np.array([e if t is None else t for e, t in zip(even.tolist(), told, strict=True)])
 
     @cached_property
     def centres(self) -> Array:
         """(P,) what each free parameter is expected to be, before any data."""
-        return np.array([_centre(parameter) for _, parameter in self.free])
+        return np.array([_centre(one.parameter) for one in self.free])
 
     @cached_property
     def bounds(self) -> tuple[Array, Array]:
         """(P,), (P,) lower and upper bounds."""
-        lower = np.array([parameter.lower for _, parameter in self.free])
-        upper = np.array([parameter.upper for _, parameter in self.free])
+        lower = np.array([one.parameter.lower for one in self.free])
+        upper = np.array([one.parameter.upper for one in self.free])
         least_delta = (LEAST_FILL - 1.0) * self.base.container.fill_height
-        for index, (effect, parameter) in enumerate(self.free):
+        for index, (effect, parameter, _) in enumerate(self.free):
             if (effect.name, parameter.name) == ("fill_level", "delta"):
                 lower[index] = max(lower[index], least_delta)
         return lower, upper
 
-    def model(self, vector: Array) -> Model | None:
-        """The base with these effects; None where the parameters are impossible."""
-        parameters: dict[str, dict[str, float]] = {name: {} for name in self.effects}
-        for (effect, parameter), value in zip(self.free, vector.tolist(), strict=True):
-            parameters[effect.name][parameter.name] = value
-        for (name, parameter_name), value in self.chosen.items():
-            parameters[name][parameter_name] = value
+    def model(self, vector: Array, group: str | None = None) -> Model | None:
+        """The base with these effects, as it holds for the motions of a group.
+
+        Args:
+            vector: (P,) the free parameters.
+            group: None: without the effects that each group has its own parameters of.
+
+        Returns:
+            None where the parameters are impossible.
+        """
         model = self.base
         try:
-            for name, values in parameters.items():
-                model = model.with_effect(name, **values)
+            for name in self.effects:
+                if group is not None or name not in self.per_group:
+                    model = model.with_effect(name, **self.part(vector, name, group))
         except SloshModelError:
             return None
         return model
 
-    def with_effect(self, name: str, chosen: Mapping[str, float]) -> Explanation:
+    def with_effect(
+        self, name: str, chosen: Mapping[str, float], *, per_group: bool = False
+    ) -> Explanation:
         """One more effect, with its choices."""
-        return Explanation(
-            self.base,
-            tuple(sorted((*self.effects, name))),
-            {**self.chosen, **{(name, key): value for key, value in chosen.items()}},
+        return replace(
+            self,
+            effects=tuple(sorted((*self.effects, name))),
+            chosen={**self.chosen, **{(name, key): value for key, value in chosen.items()}},
+            per_group=tuple(sorted((*self.per_group, name))) if per_group else self.per_group,
         )
 
     def without(self, name: str) -> Explanation:
         """One effect less."""
-        return Explanation(
-            self.base,
-            tuple(effect for effect in self.effects if effect != name),
-            {key: value for key, value in self.chosen.items() if key[0] != name},
+        return self.only(tuple(effect for effect in self.effects if effect != name))
+
+    def only(self, names: Sequence[str]) -> Explanation:
+        """Those of its effects, each as it is in this explanation."""
+        return replace(
+            self,
+            effects=tuple(effect for effect in self.effects if effect in names),
+            chosen={key: value for key, value in self.chosen.items() if key[0] in names},
+            per_group=tuple(effect for effect in self.per_group if effect in names),
         )
 
-    def part(self, vector: Array, name: str) -> dict[str, float]:
-        """One effect's parameters out of a vector, its choices included."""
+    def shared(self, name: str) -> Explanation:
+        """With the same parameters of an effect for all groups."""
+        return replace(self, per_group=tuple(e for e in self.per_group if e != name))
+
+    def simpler(self) -> list[Explanation]:
+        """With one effect less, and with one's parameters the same for all groups."""
+        less = [self.without(name) for name in self.effects]
+        return [*less, *(self.shared(name) for name in self.per_group)]
+
+    def part(self, vector: Array, name: str, group: str | None = None) -> dict[str, float]:
+        """One effect's parameters out of a vector, its choices included.
+
+        Args:
+            vector: (P,).
+            name: of the effect.
+            group: whose parameters; without meaning where they are those of all groups.
+        """
         values = {
-            parameter.name: value
-            for (effect, parameter), value in zip(self.free, vector.tolist(), strict=True)
-            if effect.name == name
+            one.parameter.name: value
+            for one, value in zip(self.free, vector.tolist(), strict=True)
+            if one.effect.name == name and one.group in (None, group)
         }
         chosen = {key[1]: value for key, value in self.chosen.items() if key[0] == name}
         return {**values, **chosen}
 
-    def vector(self, parts: Mapping[str, Mapping[str, float]]) -> Array:
-        """The vector of parameters given by effect."""
-        return np.array([parts[effect.name][parameter.name] for effect, parameter in self.free])
+    def vector(self, part: Part) -> Array:
+        """The vector of parameters given by effect and group."""
+        return np.array(
+            [part(one.effect.name, one.group)[one.parameter.name] for one in self.free]
+        )
 
 
 def starts(name: str) -> Iterator[tuple[dict[str, float], dict[str, float]]]:

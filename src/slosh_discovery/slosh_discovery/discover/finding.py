@@ -35,16 +35,31 @@ class Role(Enum):
 
 
 @dataclass(frozen=True, slots=True)
+class FittedParameters:
+    """Of one effect.
+
+    Attributes:
+        parameters: fitted values, all of them, in the effect's order.
+        standard_errors: of the fitted ones.
+    """
+
+    parameters: Mapping[str, float]
+    standard_errors: Mapping[str, float]
+
+
+@dataclass(frozen=True, slots=True)
 class FoundEffect:
     """An effect that the verdict names.
 
     Attributes:
         name: its id.
-        parameters: fitted values, all of them, in the effect's order.
+        parameters: fitted values, all of them, in the effect's order; empty where each group of
+            motions has its own.
         standard_errors: of the fitted ones.
         confidence: probability that it is right, in [0, 1]: 0.5 says that another is as likely.
         alternatives: ids that explain the data in its place about as well, the likeliest first.
         refitted: True where the model had the effect already and only its parameters changed.
+        by_group: the parameters of each group, where they differ; else empty.
     """
 
     name: str
@@ -53,6 +68,7 @@ class FoundEffect:
     confidence: float
     alternatives: tuple[str, ...] = ()
     refitted: bool = False
+    by_group: Mapping[str, FittedParameters] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +77,8 @@ class Candidate:
 
     Attributes:
         effects: ids; empty: the base model as it is.
-        parameters: fitted values by effect.
+        parameters: fitted values by effect, of those that are the same for all motions.
+        by_group: the others' by group of motions and effect.
         probability: among all explanations tried, in [0, 1].
         evidence: log of the evidence over the base model's.
         fit_rms: root mean square of the residual over the motions of the fit [m].
@@ -76,6 +93,12 @@ class Candidate:
     fit_rms: float = NAN
     holdout_rms: float = NAN
     reason: str = ""
+    by_group: Mapping[str, Mapping[str, Mapping[str, float]]] = field(default_factory=dict)
+
+    @property
+    def per_group(self) -> tuple[str, ...]:
+        """Ids of the effects whose parameters each group has its own of."""
+        return tuple(next(iter(self.by_group.values()), {}))
 
 
 @dataclass(frozen=True, slots=True)
@@ -232,7 +255,8 @@ class Finding:
     Attributes:
         verdict: how it ends.
         base: the model that came in.
-        model: the model that goes out; the base itself where nothing is added.
+        model: the model that goes out; the base itself where nothing is added. Without the
+            effects that each group of motions has its own parameters of.
         effects: what is named; for AMBIGUOUS the likeliest explanation, with its alternatives.
         confidence: probability that the whole set of named effects is right, in [0, 1].
         gap: the disagreement in numbers.
@@ -243,6 +267,7 @@ class Finding:
         separating: the motions that would tell the alternatives apart.
         proposal: for UNEXPLAINED.
         remarks: what the reader must know, a sentence each.
+        group_models: the whole model of each group of motions; empty where they do not differ.
     """
 
     verdict: Verdict
@@ -258,3 +283,9 @@ class Finding:
     separating: tuple[SeparatingMotion, ...] = ()
     proposal: Proposal | None = None
     remarks: tuple[str, ...] = ()
+    group_models: Mapping[str, Model] = field(default_factory=dict)
+
+    @property
+    def changed(self) -> bool:
+        """Whether another model goes out than came in."""
+        return self.model != self.base or bool(self.group_models)

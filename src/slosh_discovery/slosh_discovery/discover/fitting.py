@@ -59,8 +59,12 @@ class Fit:
 
     @property
     def model(self) -> Model:
-        """The base with the effects as fitted."""
-        model = self.explanation.model(self.vector)
+        """The base with the effects as fitted, but those that differ between groups."""
+        return self.model_of(None)
+
+    def model_of(self, group: str | None) -> Model:
+        """The base with the effects as fitted to the motions of a group."""
+        model = self.explanation.model(self.vector, group)
         assert model is not None  # a fit ends within its bounds
         return model
 
@@ -74,14 +78,22 @@ class Evaluator:
 
     def answers(self, vector: Array) -> list[Answer | None]:
         """The model's answer to every motion."""
-        return self.answers_to([vector])[0]
+        rows = range(len(self.motions))
+        return self._answers([(vector, row) for row in rows])
 
-    def answers_to(self, vectors: Sequence[Array]) -> list[list[Answer | None]]:
-        """For each vector the model's answer to every motion."""
-        models = [self.explanation.model(vector) for vector in vectors]
-        found = iter(simulate_all(self.motions, [model for model in models if model is not None]))
-        nothing: list[Answer | None] = [None] * len(self.motions)
-        return [nothing if model is None else next(found) for model in models]
+    def _answers(self, asked: Sequence[tuple[Array, int]]) -> list[Answer | None]:
+        """The answers with given vectors to given motions."""
+        models: dict[tuple[bytes, str | None], Model | None] = {}
+        pairs: list[tuple[Model, PreparedMotion] | None] = []
+        for vector, row in asked:
+            motion = self.motions[row]
+            key = vector.tobytes(), motion.motion.group
+            if key not in models:
+                models[key] = self.explanation.model(vector, motion.motion.group)
+            model = models[key]
+            pairs.append(None if model is None else (model, motion))
+        found = iter(simulate_all([pair for pair in pairs if pair is not None]))
+        return [None if pair is None else next(found) for pair in pairs]
 
     def residual(self, answers: Sequence[Answer | None], clock_offsets: Array) -> Array:
         """(N,) measured minus predicted in units of the noise, without unknown still levels."""
@@ -112,9 +124,22 @@ class Evaluator:
         steps[vector + steps > upper] *= -1.0
         if not len(steps):
             return np.zeros((len(residual), 0))
-        moved = self.answers_to(list(vector + np.diag(steps)))
-        residuals = [self.residual(answers, clock_offsets) for answers in moved]
-        return (np.column_stack(residuals) - residual[:, np.newaxis]) / steps
+        # A group's own parameter moves nothing in the motions of another.
+        asked = [
+            (column, row)
+            for column, free in enumerate(self.explanation.free)
+            for row, motion in enumerate(self.motions)
+            if free.group in (None, motion.motion.group)
+        ]
+        moved = vector + np.diag(steps)
+        answers = self._answers([(moved[column], row) for column, row in asked])
+        ends = np.cumsum([0, *(int(motion.kept.sum()) for motion in self.motions)])
+        slopes = np.zeros((len(residual), len(steps)))
+        for (column, row), answer in zip(asked, answers, strict=True):
+            rows = slice(ends[row], ends[row + 1])
+            part = self.part(self.motions[row], answer, float(clock_offsets[row]))
+            slopes[rows, column] = (part - residual[rows]) / steps[column]
+        return slopes
 
     def clock_derivative(self, answers: Sequence[Answer | None], clock_offsets: Array) -> Array:
         """(N, C) of the residual by the offsets of those motions whose clocks are not one."""

@@ -35,6 +35,7 @@ class MeasuredMotion:
         stddev: (M,) the sensor's own standard deviation [m], NaN: unknown; None: never known.
         same_clock: whether t is the inputs' clock; otherwise an unknown small offset lies between.
         level_known: whether the heights' zero is the still level; otherwise it is unknown.
+        group: of motions that were measured with one set-up of sensors and rig; None: unknown.
 
     Raises:
         SloshDiscoveryError: shapes that do not match, too few samples, neither or both kinds of
@@ -52,6 +53,7 @@ class MeasuredMotion:
     stddev: Array | None = None
     same_clock: bool = True
     level_known: bool = True
+    group: str | None = None
 
     def __post_init__(self) -> None:
         if (self.msh is None) == (self.eta is None):

@@ -8,7 +8,7 @@ are thinned: what is left says the same.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,8 @@ from slosh_discovery.discover.colour import Whitening, neighbours_in
 from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_discovery.discover.noise import estimate_noise
 from slosh_model.batch import wall_heights
+from slosh_model.effects.base import Stage
+from slosh_model.effects.registry import EFFECTS
 from slosh_model.interpolation import columns_at
 from slosh_model.measure import delay, measured_heights, remembers
 from slosh_model.model import Model
@@ -112,7 +114,7 @@ class PreparedMotion:
 
     def simulate(self, model: Model) -> Answer | None:
         """The model's answer; None where its solution left the finite numbers."""
-        return simulate_all([self], [model])[0][0]
+        return simulate_all([(model, self)])[0]
 
     def inputs_for(self, model: Model) -> Inputs:
         """The inputs at which the model's answer is computed."""
@@ -174,26 +176,33 @@ class Answer:
         return taken if self.read is None else self.read(moments, taken)
 
 
-def simulate_all(
-    motions: Sequence[PreparedMotion], models: Sequence[Model]
-) -> list[list[Answer | None]]:
-    """Each model's answers to all motions."""
-    pairs = [(model, motion, motion.inputs_for(model)) for model in models for motion in motions]
+def simulate_all(pairs: Sequence[tuple[Model, PreparedMotion]]) -> list[Answer | None]:
+    """Each model's answer to its motion."""
     if not pairs:
         return []
+    inputs = [motion.inputs_for(model) for model, motion in pairs]
+    # Models that differ in what the sensor reads have one liquid.
+    liquids = {model: liquid_alone(model) for model, _ in pairs}
+    keys = [(liquids[model], id(given)) for (model, _), given in zip(pairs, inputs, strict=True)]
+    distinct = dict(zip(keys, inputs, strict=True))
     # The search runs a fit per thread already.
     heights = wall_heights(
-        [model for model, _, _ in pairs],
-        [inputs for _, _, inputs in pairs],
+        [liquid for liquid, _ in distinct],
+        list(distinct.values()),
         max_step=LONGEST_STEP,
         threads=1,
     )
-    answers = [
-        motion.answer(model, inputs, row)
-        for (model, motion, inputs), row in zip(pairs, heights, strict=True)
+    rows = dict(zip(distinct, heights, strict=True))
+    return [
+        motion.answer(model, given, rows[key])
+        for (model, motion), given, key in zip(pairs, inputs, keys, strict=True)
     ]
-    count = len(motions)
-    return [answers[at : at + count] for at in range(0, len(answers), count)]
+
+
+def liquid_alone(model: Model) -> Model:
+    """The model without what acts on the measurement alone."""
+    kept = tuple(use for use in model.effects if EFFECTS[use.name].stages != (Stage.MEASUREMENT,))
+    return model if len(kept) == len(model.effects) else replace(model, effects=kept)
 
 
 def prepare(

@@ -2,21 +2,24 @@
 
 Every single effect is fitted. Where the best leaves more than noise, the best few are extended:
 for each further effect the linearised fit tells what it could gain, and the most promising are
-fitted fully. An explanation whose part explains the data as well is in the pool beside it, so that
-what a later effect explains better is dropped by the comparison itself.
+fitted fully. Where the motions have groups, what belongs to the rig is fitted in both ways, with
+the same parameters for all and with each group's own. An explanation whose part explains the data
+as well is in the pool beside it, so that what a later effect explains better is dropped by the
+comparison itself.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+import itertools
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from slosh_discovery.discover.evidence import log_evidence, residual_series, temperature_of
-from slosh_discovery.discover.explanation import Explanation, starts
+from slosh_discovery.discover.explanation import Explanation, Key, Part, starts
 from slosh_discovery.discover.fitting import Evaluator, Fit, fit
 from slosh_discovery.discover.noise import removable
 from slosh_discovery.discover.problem import PreparedMotion
@@ -56,15 +59,24 @@ class Pool:
     """Every explanation that was fitted, and the effects that do nothing in these motions."""
 
     motions: Sequence[PreparedMotion]
-    fits: dict[tuple[str, ...], Fit] = field(default_factory=dict)
+    fits: dict[Key, Fit] = field(default_factory=dict)
     without_effect: dict[str, str] = field(default_factory=dict)
 
     def add(self, fits: Iterable[Fit]) -> None:
         """Keeps the better of two fits of the same effects."""
         for one in fits:
-            known = self.fits.get(one.explanation.effects)
+            known = self.find(one.explanation)
             if known is None or one.chi_square < known.chi_square:
-                self.fits[one.explanation.effects] = one
+                self.fits[one.explanation.key] = one
+
+    def find(self, explanation: Explanation) -> Fit | None:
+        """The fit of an explanation's effects; None: there is none."""
+        return self.fits.get(explanation.key)
+
+    @property
+    def base(self) -> Fit:
+        """The fit without any effect."""
+        return self.fits[(), ()]
 
     def ranked(self) -> list[Fit]:
         """The fits, the likeliest first."""
@@ -135,7 +147,8 @@ class Search:
         progress: Progress,
         threads: int,
     ) -> None:
-        self._base = Explanation(base)
+        groups = {motion.motion.group for motion in motions} - {None}
+        self._base = Explanation(base, groups=tuple(sorted(filter(None, groups))))
         self._motions = motions
         self._offsets = tuple(clock_offsets)
         self._progress = progress
@@ -162,7 +175,7 @@ class Search:
         return pool
 
     def _refine(self, pool: Pool) -> None:
-        """Fits the best explanations to the end, and each of them with one effect less."""
+        """Fits the best explanations to the end, and the best one with less or more freedom."""
         self._progress("comparing", 0.9)
         best = pool.ranked()[: 2 * BEAM]
         pool.add(
@@ -174,12 +187,12 @@ class Search:
             )
         )
         top = pool.ranked()[0]
-        less = [
-            Start(smaller, smaller.vector(_parts(top)), 0.0)
-            for smaller in (top.explanation.without(name) for name in top.explanation.effects)
-            if smaller.effects not in pool.fits
+        near = [
+            Start(other, other.vector(_carried(top)), 0.0)
+            for other in _neighbours(top.explanation)
+            if pool.find(other) is None
         ]
-        pool.add(self._fit_all(less, top))
+        pool.add(self._fit_all(near, top))
 
     def _extend(self, pool: Pool, one: Fit, most: int, starts_each: int) -> None:
         """Fits an explanation with each of the most promising further effects."""
@@ -195,15 +208,23 @@ class Search:
                 pool.without_effect[name] = "changes no height in these motions"
             elif candidates:
                 best = sorted(candidates, key=lambda start: start.promise)
-                promising.append((best[0].promise, _distinct(best, starts_each)))
+                apart = [start for start in best if name in start.explanation.per_group]
+                whole = [start for start in best if name not in start.explanation.per_group]
+                group = [*_distinct(whole, starts_each), *_distinct(apart, starts_each)]
+                promising.append((best[0].promise, group))
         promising.sort(key=lambda entry: entry[0])
         chosen = [
             start
             for _, group in promising[:most]
             for start in group
-            if starts_each > 1 or start.explanation.effects not in pool.fits
+            if starts_each > 1 or pool.find(start.explanation) is None
         ]
         pool.add(self._fit_all(chosen, one))
+
+    @staticmethod
+    def _ways(explanation: Explanation, name: str) -> tuple[bool, ...]:
+        """Whether to fit a further effect's parameters for each group: both where it may be."""
+        return (False, True) if _may_differ(explanation, name) else (False,)
 
     def _may_join(self, name: str, explanation: Explanation) -> bool:
         fits = EFFECTS[name].fits(explanation.base.container.shape)
@@ -224,9 +245,12 @@ class Search:
         """The starts of a further effect, and whether it changes anything."""
         found, visible = [], False
         offsets = np.array(one.clock_offsets)
-        for values, choices in starts(name):
-            wider = one.explanation.with_effect(name, choices)
-            vector = wider.vector({**_parts(one), name: values})
+        carried = _carried(one)
+        for (values, choices), per_group in itertools.product(
+            starts(name), self._ways(one.explanation, name)
+        ):
+            wider = one.explanation.with_effect(name, choices, per_group=per_group)
+            vector = wider.vector(_joined(carried, name, values))
             evaluator = Evaluator(wider, self._motions)
             residual = evaluator.residual(evaluator.answers(vector), offsets)
             change = (residual - one.residual)[:, np.newaxis]
@@ -242,9 +266,38 @@ class Search:
         return found, visible
 
 
-def _parts(one: Fit) -> dict[str, dict[str, float]]:
+def _carried(one: Fit) -> Part:
+    """A fit's parameters by effect and group; what differs between groups is averaged for all."""
     explanation = one.explanation
-    return {name: explanation.part(one.vector, name) for name in explanation.effects}
+
+    def part(name: str, group: str | None) -> dict[str, float]:
+        if group is not None or name not in explanation.per_group:
+            return explanation.part(one.vector, name, group)
+        parts = [explanation.part(one.vector, name, known) for known in explanation.groups]
+        return {key: float(np.mean([part[key] for part in parts])) for key in parts[0]}
+
+    return part
+
+
+def _joined(carried: Part, name: str, values: Mapping[str, float]) -> Part:
+    """Parameters by effect and group, with those of one effect more."""
+    return lambda effect, group: values if effect == name else carried(effect, group)
+
+
+def _neighbours(explanation: Explanation) -> list[Explanation]:
+    """With one effect less, with one's parameters shared by all groups, and apart by group."""
+    apart = [
+        replace(explanation, per_group=tuple(sorted((*explanation.per_group, name))))
+        for name in explanation.effects
+        if name not in explanation.per_group and _may_differ(explanation, name)
+    ]
+    return [*explanation.simpler(), *apart]
+
+
+def _may_differ(explanation: Explanation, name: str) -> bool:
+    """Whether each group may have its own parameters of an effect."""
+    free = any(parameter.choices is None for parameter in EFFECTS[name].parameters)
+    return EFFECTS[name].of_rig and free and len(explanation.groups) > 1
 
 
 def _promise(one: Fit, change: Array) -> float:

@@ -20,6 +20,7 @@ from scipy import optimize
 
 from slosh_discovery.discover.finding import SeparatingMotion
 from slosh_discovery.discover.model_variants import variants_of
+from slosh_discovery.discover.problem import liquid_alone
 from slosh_discovery.discover.separating_families import (
     FAMILIES,
     MAXIMUM_TRAVEL,
@@ -28,7 +29,6 @@ from slosh_discovery.discover.separating_families import (
     text_of,
 )
 from slosh_discovery.errors import SloshDiscoveryError
-from slosh_model.effects.base import Stage
 from slosh_model.effects.registry import EFFECTS
 from slosh_model.errors import SloshModelError
 from slosh_model.measure import predicted_heights
@@ -220,7 +220,8 @@ def _try(pair: _Pair, motion: Motion) -> _Trial | None:
     times = np.arange(inputs.t[0], inputs.t[-1], 1.0 / SAMPLE_RATE)
     try:
         for model in (pair.first, pair.second):
-            peaks = predicted_heights(_unmeasured(model), inputs, times)
+            # Whether it spills is not a matter of the sensor.
+            peaks = predicted_heights(liquid_alone(model), inputs, times)
             if not float(np.max(np.abs(peaks))) <= pair.ceiling:
                 return None
         one, two = (
@@ -270,12 +271,6 @@ def _present_difference(pair: _Pair, present: Sequence[Inputs]) -> float:
         )
         squares.append((one - two).ravel() ** 2)
     return float(np.sqrt(np.mean(np.concatenate(squares)))) if squares else 0.0
-
-
-def _unmeasured(model: Model) -> Model:
-    """The model of the liquid alone: whether it spills is not a matter of the sensor."""
-    kept = tuple(use for use in model.effects if EFFECTS[use.name].stages != (Stage.MEASUREMENT,))
-    return replace(model, effects=kept)
 
 
 def _ceiling(model: Model) -> float:

@@ -16,6 +16,7 @@ from slosh_discovery.discover.evidence import (
     parts_of,
     probabilities,
 )
+from slosh_discovery.discover.explanation import Explanation, Key
 from slosh_discovery.discover.finding import Verdict
 from slosh_discovery.discover.fitting import Fit
 from slosh_discovery.discover.noise import removable
@@ -59,7 +60,7 @@ class Judgement:
         confidences: of each effect.
         rivals: by effect: what explains the data in its place, the likeliest first.
         ranked: every fit, the likeliest first, with its probability.
-        held_out: by effects: how well explanations predict motions left out of their fit.
+        held_out: by explanation: how well explanations predict motions left out of their fit.
         temperature: of the data; see `evidence`.
         trust: probability that the cause is a listed one, from what is left.
         unseen: whether the measured heights hardly move while the base says that the liquid does.
@@ -71,7 +72,7 @@ class Judgement:
     confidences: Mapping[str, float]
     rivals: Mapping[str, tuple[str, ...]]
     ranked: tuple[tuple[Fit, float], ...]
-    held_out: Mapping[tuple[str, ...], HeldOut]
+    held_out: Mapping[Key, HeldOut]
     temperature: float
     trust: float
     unseen: bool
@@ -84,19 +85,17 @@ def judge(pool: Pool, motions: Sequence[PreparedMotion]) -> Judgement:
     more, every explanation is wrong, and better ones than others are those that predict motions
     which they were not fitted to.
     """
-    temperature, base = pool.temperature, pool.fits[()]
+    temperature, base = pool.temperature, pool.base
     unseen = _unseen(base, motions)
     worthy = [base] if unseen else _worthy(pool.ranked(), pool, NEGLIGIBLE_SHARE)
-    logs = {one.explanation.effects: log_evidence(one, temperature) for one in worthy}
-    tabled: dict[tuple[str, ...], HeldOut] = {}
+    logs = {one.explanation.key: log_evidence(one, temperature) for one in worthy}
+    tabled: dict[Key, HeldOut] = {}
     if not leftover(worthy[0], motions).adequate:
         likeliest = _worthy(worthy, pool, COSMETIC_SHARE)
         contenders = _worthy(_contenders(likeliest, pool), pool, COSMETIC_SHARE)
-        tabled = {one.explanation.effects: held_out(one, motions) for one in contenders}
+        tabled = {one.explanation.key: held_out(one, motions) for one in contenders}
         logs = {
-            one.explanation.effects: -0.5
-            * tabled[one.explanation.effects].chi_square
-            / temperature
+            one.explanation.key: -0.5 * tabled[one.explanation.key].chi_square / temperature
             + log_prior(one)
             for one in contenders
         }
@@ -130,19 +129,21 @@ def judge(pool: Pool, motions: Sequence[PreparedMotion]) -> Judgement:
 
 def _contenders(worthy: Sequence[Fit], pool: Pool) -> list[Fit]:
     """The likeliest explanations, their parts, and the base."""
-    chosen: dict[tuple[str, ...], Fit] = {(): pool.fits[()]}
+    chosen: dict[Key, Fit] = {pool.base.explanation.key: pool.base}
     for one in worthy[:CONTENDERS]:
         effects = one.explanation.effects
         for size in range(1, len(effects) + 1):
-            for part in itertools.combinations(effects, size):
-                if part in pool.fits:
-                    chosen[part] = pool.fits[part]
+            for names in itertools.combinations(effects, size):
+                part = one.explanation.only(names)
+                for known in map(pool.find, (part, *map(part.shared, part.per_group))):
+                    if known is not None:
+                        chosen[known.explanation.key] = known
     return list(chosen.values())
 
 
-def _ranked(pool: Pool, logs: Mapping[tuple[str, ...], float]) -> tuple[tuple[Fit, float], ...]:
+def _ranked(pool: Pool, logs: Mapping[Key, float]) -> tuple[tuple[Fit, float], ...]:
     shares = dict(zip(logs, probabilities(list(logs.values())).tolist(), strict=True))
-    pairs = [(one, shares.get(effects, 0.0)) for effects, one in pool.fits.items()]
+    pairs = [(one, shares.get(key, 0.0)) for key, one in pool.fits.items()]
     return tuple(sorted(pairs, key=lambda pair: (-pair[1], pair[0].chi_square)))
 
 
@@ -161,21 +162,24 @@ def _verdict(likely: float, before: Leftover, after: Leftover) -> tuple[Verdict,
 
 
 def _worthy(fits: Sequence[Fit], pool: Pool, share: float) -> list[Fit]:
-    """The fits none of whose effects could go with no more than a share of the gap coming back."""
-    count = len(pool.fits[()].residual)
+    """The fits none of whose effects could go with no more than a share of the gap coming back.
+
+    Nor could any be the same for all groups where it is fitted for each.
+    """
+    count = len(pool.base.residual)
     # What chi² per sample is noise, as far as the best fit tells.
     noise = min(one.chi_square for one in pool.fits.values()) / count
-    gap = max(pool.fits[()].chi_square / count - noise, 0.0)
+    gap = max(pool.base.chi_square / count - noise, 0.0)
     least = max(NEGLIGIBLE * noise, share * gap) * count
 
-    def comes_back(one: Fit, name: str) -> float:
-        smaller = pool.fits.get(one.explanation.without(name).effects)
-        return np.inf if smaller is None else smaller.chi_square - one.chi_square
+    def comes_back(one: Fit, simpler: Explanation) -> float:
+        known = pool.find(simpler)
+        return np.inf if known is None else known.chi_square - one.chi_square
 
     return [
         one
         for one in fits
-        if all(comes_back(one, name) >= least for name in one.explanation.effects)
+        if all(comes_back(one, simpler) >= least for simpler in one.explanation.simpler())
     ]
 
 

@@ -17,6 +17,7 @@ from slosh_discovery.discover.finding import (
     Agreement,
     Candidate,
     Finding,
+    FittedParameters,
     FoundEffect,
     MotionFinding,
     Role,
@@ -70,10 +71,12 @@ def discover(
         threads: fits at a time; None: one per core.
 
     Raises:
-        SloshDiscoveryError, SloshReportError: no motions, or one with which nothing can be done.
+        SloshDiscoveryError, SloshReportError: no motions, or one with which nothing can be done;
+            groups that some motions have and others have not.
     """
     if not motions:
         raise SloshDiscoveryError("no motion with measured heights: nothing to discover from")
+    _check_groups(motions, holdout)
     told = progress or (lambda text, share: None)
     told("preparing", 0.0)
     plain = [prepare(motion, motions) for motion in motions]
@@ -100,7 +103,20 @@ def discover(
         separating=separating,
         proposal=proposed,
         remarks=_remarks(judgement),
+        group_models=_group_models(judgement.chosen),
     )
+
+
+def _check_groups(motions: Sequence[MeasuredMotion], holdout: Sequence[MeasuredMotion]) -> None:
+    """Refuses motions of whose group nothing would be known."""
+    known = {motion.group for motion in motions}
+    for motion in (*motions, *holdout):
+        if motion.group is None and known != {None}:
+            raise SloshDiscoveryError(f"{motion.name}: belongs to no group, but others do")
+        if motion.group not in known:
+            raise SloshDiscoveryError(
+                f"{motion.name}: no motion of its group {motion.group} is in the fit"
+            )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -136,7 +152,7 @@ def _search(
             pool = Search(base, motions, slipped, told, threads).run()
         best = pool.ranked()[0]
         offsets = best.clock_offsets
-        leftovers = _leftovers(best.model, plain, offsets)
+        leftovers = _leftovers(best, plain, offsets)
         found = estimate_sensor(leftovers)
         if last or alike(found, sensor):
             return _Searched(pool, motions, sensor)
@@ -146,11 +162,11 @@ def _search(
 
 
 def _leftovers(
-    model: Model, motions: Sequence[PreparedMotion], offsets: Sequence[float]
+    one: Fit, motions: Sequence[PreparedMotion], offsets: Sequence[float]
 ) -> list[Leftovers]:
     found = []
     for motion, offset in zip(motions, offsets, strict=True):
-        answer = motion.simulate(model)
+        answer = motion.simulate(one.model_of(motion.motion.group))
         if answer is not None:
             found.append(Leftovers.of(motion, answer.at(motion.t, offset)))
     return found
@@ -173,7 +189,6 @@ def _cases(
     base: Model,
     judgement: Judgement,
 ) -> tuple[MotionFinding, ...]:
-    after_model = judgement.chosen.model
     known = dict(zip(map(id, motions), searched.motions, strict=True))
     starts = dict(zip(map(id, motions), judgement.chosen.clock_offsets, strict=True))
     roles = [(motion, Role.FIT) for motion in motions]
@@ -184,9 +199,10 @@ def _cases(
         start = starts.get(id(motion))
         start = first_offset(one, base) if start is None else start
         if role is Role.HOLDOUT and searched.sensor is not None:
-            (leftover,) = _leftovers(after_model, [one], [start])
+            (leftover,) = _leftovers(judgement.chosen, [one], [start])
             one = dressed(leftover, searched.sensor)
-        before, after = (_answer(one, model, start) for model in (base, after_model))
+        models = base, judgement.chosen.model_of(motion.group)
+        before, after = (_answer(one, model, start) for model in models)
         cases.append(
             MotionFinding(
                 motion=motion,
@@ -230,21 +246,45 @@ def _effects(judgement: Judgement, base: Model) -> tuple[FoundEffect, ...]:
     chosen = judgement.chosen
     errors = standard_errors(chosen, judgement.temperature)
     explanation = chosen.explanation
+    fitted = {}
+    for name in explanation.effects:
+        apart = explanation.groups if name in explanation.per_group else ()
+        by_group = {group: _fitted(chosen, errors, name, group) for group in apart}
+        shared = FittedParameters({}, {}) if apart else _fitted(chosen, errors, name, None)
+        fitted[name] = shared, by_group
     return tuple(
         FoundEffect(
             name=name,
-            parameters=explanation.part(chosen.vector, name),
-            standard_errors={
-                parameter.name: float(error)
-                for (effect, parameter), error in zip(explanation.free, errors, strict=True)
-                if effect.name == name
-            },
+            parameters=shared.parameters,
+            standard_errors=shared.standard_errors,
             confidence=judgement.confidences[name],
             alternatives=judgement.rivals[name],
             refitted=base.has(name),
+            by_group=by_group,
         )
-        for name in explanation.effects
+        for name, (shared, by_group) in fitted.items()
     )
+
+
+def _fitted(chosen: Fit, errors: Array, name: str, group: str | None) -> FittedParameters:
+    """An effect's parameters with their errors, those of a group where it has its own."""
+    explanation = chosen.explanation
+    return FittedParameters(
+        explanation.part(chosen.vector, name, group),
+        {
+            free.parameter.name: float(error)
+            for free, error in zip(explanation.free, errors, strict=True)
+            if free.effect.name == name and free.group in (None, group)
+        },
+    )
+
+
+def _group_models(chosen: Fit) -> dict[str, Model]:
+    """The model of each group where they differ."""
+    explanation = chosen.explanation
+    if not explanation.per_group:
+        return {}
+    return {group: chosen.model_of(group) for group in explanation.groups}
 
 
 def _candidates(
@@ -255,14 +295,23 @@ def _candidates(
     listed = []
     for rank, (one, share) in enumerate(judgement.ranked):
         explanation = one.explanation
-        known = judgement.held_out.get(explanation.effects)
+        known = judgement.held_out.get(explanation.key)
         if known is None and (rank < TABLED or not explanation.effects):
             known = held_out(one, motions)
         listed.append(
             Candidate(
                 effects=explanation.effects,
                 parameters={
-                    name: explanation.part(one.vector, name) for name in explanation.effects
+                    name: explanation.part(one.vector, name)
+                    for name in explanation.effects
+                    if name not in explanation.per_group
+                },
+                by_group={
+                    group: {
+                        name: explanation.part(one.vector, name, group)
+                        for name in explanation.per_group
+                    }
+                    for group in (explanation.groups if explanation.per_group else ())
                 },
                 probability=share,
                 evidence=log_evidence(one, judgement.temperature) - zero,

@@ -70,6 +70,7 @@ def discovery_document(report: DiscoveryReport) -> Document:
             "remarks": report.remarks,
             "base": _model(finding.base),
             "model": _model(finding.model),
+            "group_models": {name: _model(model) for name, model in finding.group_models.items()},
         }
     )
     return document
@@ -77,7 +78,8 @@ def discovery_document(report: DiscoveryReport) -> Document:
 
 def _effect(effect: FoundEffect) -> Document:
     """With the parameters' SI units, "1" for none."""
-    units = {name: si_unit(effect.name, name) for name in effect.parameters}
+    sets = [effect.parameters, *(one.parameters for one in effect.by_group.values())]
+    units = {name: si_unit(effect.name, name) for one in sets for name in one}
     return {**plain(effect), "units": units}
 
 
@@ -105,6 +107,7 @@ def _motion(finding: MotionFinding) -> Document:
     peaks = motion.peak_heights
     return {
         "name": motion.name,
+        "group": motion.group,
         "role": finding.role,
         "samples": finding.samples,
         "duration": motion.t[-1] - motion.t[0],
@@ -127,6 +130,7 @@ def _candidate(candidate: Candidate) -> Document:
     """`applicable`: whether it was fitted."""
     return {
         "effects": candidate.effects,
+        "per_group": candidate.per_group,
         "applicable": not candidate.reason,
         "reason": candidate.reason,
         **plain(candidate),

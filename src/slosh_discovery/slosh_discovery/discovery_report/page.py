@@ -68,8 +68,11 @@ def render_discovery(report: DiscoveryReport) -> str:
         charts=_charts(report, drawn),
         turning=[turning_of(motion.inputs) is not None for motion in finding.separating],
         seen=_seen(document),
-        model_lines=_changes(document["base"]["text"], document["model"]["text"]),
-        changed=finding.model != finding.base,
+        models=[
+            (name, _changes(document["base"]["text"], model["text"]))
+            for name, model in (document["group_models"] or {"": document["model"]}).items()
+        ],
+        changed=finding.changed,
     )
 
 
@@ -124,8 +127,16 @@ def _status(finding: Finding) -> str:
 def _winner(document: Document) -> int | None:
     """Index of the candidate that the verdict names; None: it names none."""
     names = {effect["name"] for effect in document["effects"]}
+    apart = {effect["name"] for effect in document["effects"] if effect["by_group"]}
     tried = [entry for entry in enumerate(document["candidates"]) if entry[1]["applicable"]]
-    return next((index for index, entry in tried if set(entry["effects"]) == names), None)
+    return next(
+        (
+            index
+            for index, entry in tried
+            if set(entry["effects"]) == names and set(entry["per_group"]) == apart
+        ),
+        None,
+    )
 
 
 def _widest(candidates: Sequence[Document]) -> float:
@@ -175,22 +186,39 @@ def parameter(
     return text + (Markup("&nbsp;") + entry.unit if entry.unit else "")
 
 
-def fitted(path: str, parameters: Mapping[str, Mapping[str, float | None]]) -> Markup:
+def fitted(
+    path: str,
+    parameters: Mapping[str, Mapping[str, float | None]],
+    under: str = "/parameters/",
+) -> Markup:
     """The parameters of a candidate, one after another."""
     parts = []
     for effect, values in parameters.items():
         for name, value in values.items():
             entry = shown_parameter(effect, name, NAN if value is None else value)
-            number = data_element(f"{path}/parameters/{effect}/{name}", value, entry.value)
+            number = data_element(f"{path}{under}{effect}/{name}", value, entry.value)
             unit = Markup("&nbsp;") + entry.unit if entry.unit else ""
             whose = name if len(parameters) == 1 else f"{effect}.{name}"
             parts.append(Markup("{} = {}{}").format(whose, number, unit))
     return Markup(", ").join(parts)
 
 
-def named_set(names: Sequence[str]) -> Markup:
+def fitted_by_group(
+    path: str, groups: Mapping[str, Mapping[str, Mapping[str, float | None]]]
+) -> Markup:
+    """The parameters of a candidate that each group has its own of."""
+    return Markup("; ").join(
+        Markup("{}: {}").format(group, fitted(f"{path}/by_group/{group}", effects, "/"))
+        for group, effects in groups.items()
+    )
+
+
+def named_set(names: Sequence[str], per_group: Sequence[str] = ()) -> Markup:
     """A set of effects, whose names stay whole."""
-    ids = (Markup('<span class="id">{}</span>').format(name) for name in names)
+    ids = (
+        Markup('<span class="id">{}</span>').format(name)
+        for name in words.marked(names, per_group)
+    )
     return Markup(" + ").join(ids) or Markup(words.AS_IT_IS)
 
 
@@ -212,6 +240,6 @@ def _template() -> Template:
     environment = make_environment("slosh_discovery.discovery_report")
     environment.globals.update(
         parameter=parameter, fitted=fitted, probability=probability, bar=bar,
-        named_set=named_set, effect_title=words.effect_title,
+        named_set=named_set, fitted_by_group=fitted_by_group, effect_title=words.effect_title,
     )  # fmt: skip
     return environment.get_template("discovery.html.j2")

@@ -5,7 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 
-from slosh_discovery.discover.finding import Finding, FoundEffect, Verdict, WhereRow
+from slosh_discovery.discover.finding import (
+    Finding,
+    FittedParameters,
+    FoundEffect,
+    Verdict,
+    WhereRow,
+)
 from slosh_discovery.discovery_report.data import DiscoveryReport
 from slosh_discovery.discovery_report.figures import (
     NAN,
@@ -15,6 +21,7 @@ from slosh_discovery.discovery_report.figures import (
 )
 from slosh_discovery.discovery_report.words import (
     explanation,
+    marked,
     part_name,
     verdict_sentence,
 )
@@ -61,11 +68,18 @@ def _effects(finding: Finding) -> list[str]:
 
 
 def _parameters(effect: FoundEffect) -> list[str]:
-    errors = effect.standard_errors
     return [
-        shown_parameter(effect.name, name, value, errors.get(name, NAN)).text
-        for name, value in effect.parameters.items()
+        whose + shown_parameter(effect.name, name, value, one.standard_errors.get(name, NAN)).text
+        for whose, one in _sets(effect)
+        for name, value in one.parameters.items()
     ]
+
+
+def _sets(effect: FoundEffect) -> list[tuple[str, FittedParameters]]:
+    """An effect's parameters, or those of each group with its name before them."""
+    if effect.by_group:
+        return [(f"{group}: ", one) for group, one in effect.by_group.items()]
+    return [("", FittedParameters(effect.parameters, effect.standard_errors))]
 
 
 def _evidence(finding: Finding) -> list[str]:
@@ -76,7 +90,7 @@ def _evidence(finding: Finding) -> list[str]:
     rows: list[Row] = [("explanation", "probability", "rms fit", "held out")]
     rows += [
         (
-            explanation(candidate.effects),
+            explanation(marked(candidate.effects, candidate.per_group)),
             shown_confidence(candidate.probability),
             _millimetres(candidate.fit_rms),
             _millimetres(candidate.holdout_rms),
@@ -88,7 +102,7 @@ def _evidence(finding: Finding) -> list[str]:
 
 def _gap(finding: Finding) -> list[str]:
     gap = finding.gap
-    changed = finding.model != finding.base
+    changed = finding.changed
     rows: list[Row] = [("gap", "before", "after", "closed")]
     rows.append(
         ("fit", *_both(gap.fit_before, gap.fit_after, changed=changed),

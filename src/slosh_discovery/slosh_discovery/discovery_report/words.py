@@ -22,6 +22,8 @@ PARTS = {
     "input": "input",
 }
 """What the rows of `where` are parts of, for people."""
+PER_GROUP = "(per group)"
+"""Behind an effect whose parameters each group of motions has its own of."""
 LETTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZ"
 """Of the worst moments, the worst first, in charts, tables and captions."""
 
@@ -39,6 +41,11 @@ def effect_title(name: str) -> str:
 def explanation(names: Iterable[str]) -> str:
     """A set of effects as one name."""
     return " + ".join(names) or AS_IT_IS
+
+
+def marked(names: Iterable[str], per_group: Sequence[str]) -> list[str]:
+    """The ids, those whose parameters each group of motions has its own of marked as such."""
+    return [f"{name} {PER_GROUP}" if name in per_group else name for name in names]
 
 
 def listed(words: Sequence[str], last: str = "and") -> str:
@@ -105,7 +112,7 @@ def gap_sentence(finding: Finding) -> str:
     after = gap.holdout_after if held else gap.fit_after
     motions = "motions that the fit has not seen" if held else "the motions of the fit"
     noise = f"the noise is {shown(gap.noise, 'mm')} mm"
-    if finding.model == finding.base:
+    if not finding.changed:
         return f"On {motions} the gap is {shown(before, 'mm')} mm; {noise}."
     sentence = (
         f"On {motions} the gap goes from {shown(before, 'mm')} to {shown(after, 'mm')} mm; {noise}"

@@ -17,6 +17,7 @@ EFFECT = Effect(
     stages=(Stage.INPUT,),
     equation=r"a \to k\,a",
     source="scale error of an accelerometer or of a planned motion",
+    of_rig=True,
     parameters=(
         Parameter(
             name="gain",

@@ -104,6 +104,8 @@ class Effect:
         parameters: in the order in which `term` receives them.
         order: effects of one stage act in this order, then by name.
         needs_rotation: whether it does nothing while the container does not turn.
+        of_rig: whether its parameters belong to how sensors and rig were set up, so that they may
+            be others after they were set up anew; else to the liquid and the container.
         shapes: of the containers for which it has a meaning; empty: of all.
         drive: changes what drives the liquid (INPUT).
         drive_memory: length of its memory.
@@ -124,6 +126,7 @@ class Effect:
     parameters: tuple[Parameter, ...] = ()
     order: int = 0
     needs_rotation: bool = False
+    of_rig: bool = False
     shapes: tuple[str, ...] = ()
     drive: Drive | None = None
     drive_memory: int = 0

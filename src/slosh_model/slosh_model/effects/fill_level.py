@@ -23,6 +23,7 @@ EFFECT = Effect(
     stages=(Stage.DYNAMICS, Stage.HEIGHT),
     equation=r"h \to h + \delta",
     source="DL22, eqs. (3), (4), Tables 1 and 2 with the changed h",
+    of_rig=True,
     parameters=(
         Parameter(
             name="delta",

@@ -16,6 +16,7 @@ EFFECT = Effect(
     stages=(Stage.MEASUREMENT,),
     equation=r"\eta \to \min(\eta, \mathrm{cap})",
     source="DL22, Fig. 9",
+    of_rig=True,
     parameters=(
         Parameter(
             name="cap",

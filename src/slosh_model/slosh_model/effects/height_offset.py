@@ -16,6 +16,7 @@ EFFECT = Effect(
     stages=(Stage.MEASUREMENT,),
     equation=r"\eta \to \eta + b",
     source="error of the still level in the camera's calibration",
+    of_rig=True,
     parameters=(
         Parameter(
             name="offset",

@@ -16,6 +16,7 @@ EFFECT = Effect(
     stages=(Stage.MEASUREMENT,),
     equation=r"\eta \to k\,\eta",
     source="scale error of the camera's calibration",
+    of_rig=True,
     parameters=(
         Parameter(
             name="gain",

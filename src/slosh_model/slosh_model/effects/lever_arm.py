@@ -60,6 +60,7 @@ EFFECT = Effect(
     stages=(Stage.INPUT,),
     equation=r"a \to a + \dot\omega\times r + \omega\times(\omega\times r)",
     source="kinematics of the rigid body",
+    of_rig=True,
     parameters=(_arm("x"), _arm("y"), _arm("z")),
     order=30,
     needs_rotation=True,

@@ -42,6 +42,7 @@ EFFECT = Effect(
         r"a plane that leans by $e$ over a circle of radius $R$; $\varphi$: azimuth at which the "
         "height is read, for the maximum that of the crest"
     ),
+    of_rig=True,
     shapes=("cylinder",),
     parameters=(_slope("e_x", "x"), _slope("e_y", "y")),
     order=30,

@@ -42,6 +42,7 @@ EFFECT = Effect(
     stages=(Stage.INPUT,),
     equation=r"a \to R_t^T(a + g\hat z) - g\hat z,\quad R_t = R_y(\theta)R_x(\phi)",
     source="equivalence of gravity and acceleration",
+    of_rig=True,
     parameters=(
         _angle("roll", "tilt about the container's x axis"),
         _angle("pitch", "tilt about the container's y axis, after the roll"),

@@ -15,6 +15,7 @@ EFFECT = Effect(
     stages=(Stage.MEASUREMENT,),
     equation=r"\eta(t) \to \eta(t - \tau)",
     source="delay between exposure and stamp; clocks that are not one",
+    of_rig=True,
     parameters=(
         Parameter(
             name="tau",

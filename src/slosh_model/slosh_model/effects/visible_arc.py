@@ -24,6 +24,7 @@ EFFECT = Effect(
     stages=(Stage.MEASUREMENT,),
     equation=r"\max_{\varphi}\eta(\varphi) \to \max_{|\varphi-c|\le w/2}\eta(\varphi)",
     source="one camera beside the container",
+    of_rig=True,
     shapes=("cylinder",),
     parameters=(
         Parameter(

@@ -1,0 +1,142 @@
+"""Motions of two campaigns: what belongs to the rig may differ, and is told apart only then."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from example_motions import BASE, measured
+
+from slosh_discovery.discover import MeasuredMotion, Verdict, discover
+from slosh_discovery.discovery_report import (
+    DiscoveryReport,
+    discovery_text,
+    render_discovery,
+)
+from slosh_discovery.discovery_report.document import discovery_document
+from slosh_discovery.errors import SloshDiscoveryError
+from slosh_model.effects.registry import EFFECTS
+from slosh_model.model import Model
+from slosh_model.model_text import parse_model
+
+REMEMBERED, CORRELATION = 3e-4, 0.9
+"""What a camera's noise has in common from image to image [m]."""
+LEANS = {"spring": {"e_x": 0.03, "e_y": 0.04}, "autumn": {"e_x": 0.01, "e_y": -0.045}}
+
+
+def coloured(motion: MeasuredMotion, seed: int) -> MeasuredMotion:
+    """The motion with noise that goes together from image to image."""
+    random = np.random.default_rng(7000 + seed)
+    noise = np.empty(len(motion.t))
+    noise[0] = random.normal()
+    for row in range(1, len(noise)):
+        new = np.sqrt(1.0 - CORRELATION**2) * random.normal()
+        noise[row] = CORRELATION * noise[row - 1] + new
+    assert motion.msh is not None
+    return replace(motion, msh=motion.msh + REMEMBERED * noise)
+
+
+def campaign(group: str, truth: Model, seeds: range) -> list[MeasuredMotion]:
+    return [
+        replace(coloured(measured(truth, seed, vertical=3.0), seed), group=group) for seed in seeds
+    ]
+
+
+def leaning(group: str) -> Model:
+    truth = BASE.with_effect("vertical_acceleration")
+    return truth.with_effect("sensor_tilt", **LEANS[group])
+
+
+@pytest.fixture(scope="module")
+def finding():
+    """Two campaigns whose sensors lean each in its own way, a motion of each held out."""
+    motions = [
+        motion
+        for start, group in enumerate(LEANS)
+        for motion in campaign(group, leaning(group), range(10 * start, 10 * start + 3))
+    ]
+    held_out = [
+        motion
+        for start, group in enumerate(LEANS)
+        for motion in campaign(group, leaning(group), range(50 + start, 51 + start))
+    ]
+    return discover(motions, BASE, held_out)
+
+
+def test_the_lean_of_each_campaign_is_named_with_its_own_values(finding):
+    assert finding.verdict is Verdict.NAMED
+    named = {effect.name: effect for effect in finding.effects}
+    assert set(named) == {"sensor_tilt", "vertical_acceleration"}
+    lean = named["sensor_tilt"]
+    assert lean.parameters == {}
+    assert set(lean.by_group) == set(LEANS)
+    for group, true in LEANS.items():
+        fitted = lean.by_group[group]
+        for name, value in true.items():
+            assert abs(fitted.parameters[name] - value) < 4.0 * fitted.standard_errors[name]
+            assert fitted.standard_errors[name] < 0.005
+    assert named["vertical_acceleration"].by_group == {}
+    assert finding.gap.holdout_closed > 0.9
+
+
+def test_the_models_of_the_campaigns_have_what_they_share_and_what_is_theirs(finding):
+    assert finding.model.has("vertical_acceleration")
+    assert not finding.model.has("sensor_tilt")
+    lean = next(effect for effect in finding.effects if effect.name == "sensor_tilt")
+    assert set(finding.group_models) == set(LEANS)
+    for group, model in finding.group_models.items():
+        expected = finding.model.with_effect("sensor_tilt", **lean.by_group[group].parameters)
+        assert set(model.effects) == set(expected.effects)
+
+
+def test_text_page_and_document_tell_the_values_of_each_campaign(finding):
+    report = DiscoveryReport(finding)
+    document, text, page = (
+        make(report) for make in (discovery_document, discovery_text, render_discovery)
+    )
+    (lean,) = (one for one in document["effects"] if one["name"] == "sensor_tilt")
+    assert set(lean["units"]) == {"e_x", "e_y"}
+    for group in LEANS:
+        assert f"{group}: e_x = " in text
+        assert f"Motions of {group}" in page
+        value = lean["by_group"][group]["parameters"]["e_x"]
+        path = f"/effects/0/by_group/{group}/parameters/e_x"
+        assert f'<data value="{value!r}" data-path="{path}">' in page
+        told = parse_model(document["group_models"][group]["text"])
+        assert set(told.effects) == set(finding.group_models[group].effects)
+    assert "sensor_tilt (per group)" in text
+    assert {motion["group"] for motion in document["motions"]} == set(LEANS)
+
+
+def test_only_what_belongs_to_the_rig_is_fitted_per_group(finding):
+    apart = {name for candidate in finding.candidates for name in candidate.per_group}
+    assert "sensor_tilt" in apart
+    assert all(EFFECTS[name].of_rig for name in apart)
+    assert not apart & {"surface_nonlinearity", "damping_mismatch", "second_mode"}
+
+
+def test_one_campaign_given_as_two_is_not_split():
+    truth = leaning("spring")
+    motions = campaign("one", truth, range(3)) + campaign("two", truth, range(10, 13))
+    finding = discover(motions, BASE)
+    assert finding.verdict is Verdict.NAMED
+    assert {effect.name for effect in finding.effects} == {"sensor_tilt", "vertical_acceleration"}
+    assert all(effect.by_group == {} for effect in finding.effects)
+    assert finding.group_models == {}
+
+
+def test_groups_alone_are_no_reason_to_name_anything():
+    groups = ("one", "one", "one", "two", "two", "two")
+    motions = [replace(measured(BASE, seed), group=group) for seed, group in enumerate(groups)]
+    finding = discover(motions, BASE)
+    assert finding.verdict is Verdict.NONE
+    assert finding.group_models == {}
+
+
+def test_a_motion_of_whose_group_nothing_is_known_is_one_clear_error():
+    (one,), (two,) = (campaign(group, BASE, range(1)) for group in ("one", "two"))
+    with pytest.raises(SloshDiscoveryError, match=r"motion 0: no motion of its group two"):
+        discover([one], BASE, [two])
+    with pytest.raises(SloshDiscoveryError, match=r"motion 0: belongs to no group"):
+        discover([one, replace(two, group=None)], BASE)
