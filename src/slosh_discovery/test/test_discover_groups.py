@@ -9,6 +9,8 @@ import pytest
 from example_motions import BASE, measured
 
 from slosh_discovery.discover import MeasuredMotion, Verdict, discover
+from slosh_discovery.discover.campaigns import Normal, grouping
+from slosh_discovery.discover.finding import Role
 from slosh_discovery.discovery_report import (
     DiscoveryReport,
     discovery_text,
@@ -41,6 +43,10 @@ def campaign(group: str, truth: Model, seeds: range) -> list[MeasuredMotion]:
     return [
         replace(coloured(measured(truth, seed, vertical=3.0), seed), group=group) for seed in seeds
     ]
+
+
+def ungrouped(motions: list[MeasuredMotion]) -> list[MeasuredMotion]:
+    return [replace(motion, group=None) for motion in motions]
 
 
 def leaning(group: str) -> Model:
@@ -116,10 +122,11 @@ def test_only_what_belongs_to_the_rig_is_fitted_per_group(finding):
     assert not apart & {"surface_nonlinearity", "damping_mismatch", "second_mode"}
 
 
-def test_one_campaign_given_as_two_is_not_split():
+@pytest.mark.parametrize("given", [True, False])
+def test_one_campaign_is_not_split_be_it_given_as_two_or_as_none(given):
     truth = leaning("spring")
     motions = campaign("one", truth, range(3)) + campaign("two", truth, range(10, 13))
-    finding = discover(motions, BASE)
+    finding = discover(motions if given else ungrouped(motions), BASE)
     assert finding.verdict is Verdict.NAMED
     assert {effect.name for effect in finding.effects} == {"sensor_tilt", "vertical_acceleration"}
     assert all(effect.by_group == {} for effect in finding.effects)
@@ -140,3 +147,43 @@ def test_a_motion_of_whose_group_nothing_is_known_is_one_clear_error():
         discover([one], BASE, [two])
     with pytest.raises(SloshDiscoveryError, match=r"motion 0: belongs to no group"):
         discover([one, replace(two, group=None)], BASE)
+
+
+def test_campaigns_that_nobody_told_of_are_found_from_the_heights():
+    parts = [
+        campaign(group, leaning(group), range(10 * start, 10 * start + 4))
+        for start, group in enumerate(LEANS)
+    ]
+    fit = ungrouped([*parts[0][:3], *parts[1][:3]])
+    finding = discover(fit, BASE, ungrouped([parts[0][3], parts[1][3]]))
+    assert finding.verdict is Verdict.NAMED
+    named = {effect.name: effect for effect in finding.effects}
+    assert set(named) == {"sensor_tilt", "vertical_acceleration"}
+    for found, true in zip(("rig_1", "rig_2"), LEANS.values(), strict=True):
+        fitted = named["sensor_tilt"].by_group[found]
+        for name, value in true.items():
+            assert abs(fitted.parameters[name] - value) < 4.0 * fitted.standard_errors[name]
+    placed = [case.motion.group for case in finding.motions]
+    assert placed == ["rig_1"] * 3 + ["rig_2"] * 3 + ["rig_1", "rig_2"]
+    assert [case.role for case in finding.motions][-2:] == [Role.HOLDOUT] * 2
+    assert any("2 set-ups" in remark and "--group" in remark for remark in finding.remarks)
+    assert finding.gap.holdout_closed > 0.9
+
+
+def told(values: list[float], error: float) -> list[Normal]:
+    """Motions that tell of one parameter, in units of its spread before any data."""
+    information = 1.0 / error**2
+    return [
+        Normal(np.array([[information]]), np.array([-information * value])) for value in values
+    ]
+
+
+def test_motions_that_tell_the_same_are_one_group_and_others_are_another():
+    found = grouping(told([0.5, -0.6, 0.52, -0.57, 0.47], 0.05), "sensor_tilt")
+    assert found.members == ((0, 2, 4), (1, 3))
+    assert found.gain > 20.0
+    assert grouping(told([0.5, 0.45, 0.52, 0.57, 0.47], 0.05), "sensor_tilt").gain == 0.0
+
+
+def test_a_motion_that_stands_alone_is_no_campaign():
+    assert grouping(told([0.5, 0.5, 0.5, -0.6], 0.05), "sensor_tilt").gain == 0.0

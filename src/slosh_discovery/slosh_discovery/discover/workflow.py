@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from slosh_discovery.discover.campaigns import find_campaigns, in_groups
 from slosh_discovery.discover.clock import first_offset, slipped_offsets
 from slosh_discovery.discover.crosscheck import held_out
 from slosh_discovery.discover.evidence import log_evidence, parts_of, standard_errors
@@ -27,7 +28,7 @@ from slosh_discovery.discover.gap import total_gap
 from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_discovery.discover.next_steps import proposal, separating_motions
 from slosh_discovery.discover.problem import PreparedMotion, prepare
-from slosh_discovery.discover.search import Pool, Progress, Search
+from slosh_discovery.discover.search import Pool, Progress, Search, leftover
 from slosh_discovery.discover.sensor_noise import (
     Leftovers,
     SensorNoise,
@@ -80,12 +81,14 @@ def discover(
     told = progress or (lambda text, share: None)
     told("preparing", 0.0)
     plain = [prepare(motion, motions) for motion in motions]
-    searched = _search(base, plain, told, threads or os.cpu_count() or 1)
-    pool, prepared = searched.pool, searched.motions
-    judgement = judge(pool, prepared)
+    searched, judgement = _judged(base, plain, told, threads or os.cpu_count() or 1)
+    prepared = searched.motions
     told("checking on motions left out", 0.95)
-    cases = _cases(motions, searched, holdout, base, judgement)
-    candidates = _candidates(judgement, prepared, pool.without_effect)
+    grouped_here = prepared[0].motion.group is not None and motions[0].group is None
+    if grouped_here:
+        holdout = [_placed(motion, judgement.chosen, base) for motion in holdout]
+    cases = _cases(searched, holdout, base, judgement)
+    candidates = _candidates(judgement, prepared, searched.pool.without_effect)
     told("what to do next", 0.97)
     separating, proposed = separating_motions(judgement, prepared), proposal(judgement, prepared)
     told("done", 1.0)
@@ -102,7 +105,10 @@ def discover(
         candidates=candidates,
         separating=separating,
         proposal=proposed,
-        remarks=_remarks(judgement),
+        remarks=(
+            *(_campaign_remarks(cases) if grouped_here else ()),
+            *_remarks(judgement),
+        ),
         group_models=_group_models(judgement.chosen),
     )
 
@@ -132,6 +138,35 @@ class _Searched:
     pool: Pool
     motions: Sequence[PreparedMotion]
     sensor: SensorNoise | None
+
+
+def _judged(
+    base: Model, plain: Sequence[PreparedMotion], told: Progress, threads: int
+) -> tuple[_Searched, Judgement]:
+    """Searches and judges; again in groups, where nobody gave any and the motions show some."""
+    searched = _search(base, plain, told, threads)
+    best = searched.pool.ranked()[0]
+    ungrouped = all(one.motion.group is None for one in plain)
+    if ungrouped and not leftover(best, searched.motions).adequate:
+        campaigns = find_campaigns(best, searched.motions, searched.pool.temperature)
+        if campaigns is not None:
+            told("motions of different campaigns", 0.0)
+            again = _search(base, in_groups(plain, campaigns), told, threads)
+            judgement = judge(again.pool, again.motions)
+            if judgement.chosen.explanation.per_group:
+                return again, judgement
+    return searched, judge(searched.pool, searched.motions)
+
+
+def _placed(motion: MeasuredMotion, chosen: Fit, base: Model) -> MeasuredMotion:
+    """A held-out motion in the group whose model its heights fit best."""
+    one = prepare(motion)
+    start = first_offset(one, base)
+    group = min(
+        chosen.explanation.groups,
+        key=lambda name: _answer(one, chosen.model_of(name), start).agreement.rms,
+    )
+    return replace(motion, group=group)
 
 
 def _search(
@@ -183,12 +218,12 @@ class _Answer:
 
 
 def _cases(
-    motions: Sequence[MeasuredMotion],
     searched: _Searched,
     holdout: Sequence[MeasuredMotion],
     base: Model,
     judgement: Judgement,
 ) -> tuple[MotionFinding, ...]:
+    motions = [one.motion for one in searched.motions]
     known = dict(zip(map(id, motions), searched.motions, strict=True))
     starts = dict(zip(map(id, motions), judgement.chosen.clock_offsets, strict=True))
     roles = [(motion, Role.FIT) for motion in motions]
@@ -327,6 +362,24 @@ def _rms(one: Fit, motions: Sequence[PreparedMotion]) -> float:
     parts = zip(motions, parts_of(one.residual, motions), strict=True)
     metres = np.concatenate([motion.in_metres(part) for motion, part in parts])
     return float(np.sqrt(np.mean(metres**2)))
+
+
+def _campaign_remarks(cases: Sequence[MotionFinding]) -> tuple[str, ...]:
+    """Which motions were found to belong together."""
+    groups: dict[str, list[str]] = {}
+    for case in cases:
+        if case.role is Role.FIT and case.motion.group is not None:
+            groups.setdefault(case.motion.group, []).append(case.motion.name)
+    listed = "; ".join(f"{group}: {', '.join(names)}" for group, names in sorted(groups.items()))
+    remarks = [
+        f"The heights show {len(groups)} set-ups of the sensor: {listed}. Where you know which "
+        "motions belong together, say so (--group)."
+    ]
+    if any(case.role is Role.HOLDOUT for case in cases):
+        remarks.append(
+            "Each held-out motion is taken for one of the set-up that its own heights fit best."
+        )
+    return tuple(remarks)
 
 
 def _remarks(judgement: Judgement) -> tuple[str, ...]:

@@ -1,0 +1,193 @@
+"""Finds which motions belong together where nobody said so: they show one set-up of the sensor.
+
+With the best explanation so far, each motion tells by itself what the parameters of an effect of
+the sensor would be: the fit is linear in them, near neutral, and its normal equations are all that
+is needed to weigh any grouping of the motions by its evidence. From every motion by itself, those
+two groups are joined whose union gains most, again and again; of all groupings on the way the
+likeliest is compared with that of one group.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import gammaln
+
+from slosh_discovery.discover.evidence import GROUP_PRIOR
+from slosh_discovery.discover.fitting import Evaluator, Fit
+from slosh_discovery.discover.problem import PreparedMotion
+from slosh_model.effects.base import Effect, Stage
+from slosh_model.effects.registry import EFFECTS
+
+Array = NDArray[np.float64]
+Members = tuple[int, ...]
+
+LEAST_MEMBERS = 2
+"""What one motion shows alone is no set-up, and nothing could be foretold by it."""
+CLEAR_GAIN = 5.0
+"""Log of the odds over one group: below, the motions are not told apart."""
+
+
+@dataclass(frozen=True, slots=True)
+class Campaigns:
+    """Which motions belong together.
+
+    Attributes:
+        effect: whose parameters differ between the groups.
+        members: (G,) of each group, as indices of the motions, in the order of the first ones.
+        gain: log of the odds over one group for all.
+    """
+
+    effect: str
+    members: tuple[Members, ...]
+    gain: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Normal:
+    """One motion's normal equations for an effect's parameters.
+
+    Attributes:
+        information: (P, P) in units of the parameters' spreads before any data.
+        slope: (P,) of χ²/2 at neutral, likewise.
+    """
+
+    information: Array
+    slope: Array
+
+
+def find_campaigns(
+    one: Fit, motions: Sequence[PreparedMotion], temperature: float
+) -> Campaigns | None:
+    """The likeliest grouping of the motions by an effect of the sensor.
+
+    Args:
+        one: the best explanation of all motions together.
+        motions: the data.
+        temperature: of the data; see `evidence`.
+
+    Returns:
+        None where the motions show no more than one set-up.
+    """
+    found = [
+        grouping(normal_equations(one, name, motions, temperature), name)
+        for name, effect in EFFECTS.items()
+        if _tells(effect) and effect.fits(one.explanation.base.container.shape)
+    ]
+    best = max(found, key=lambda campaigns: campaigns.gain)
+    return best if best.gain > CLEAR_GAIN and len(best.members) > 1 else None
+
+
+def in_groups(motions: Sequence[PreparedMotion], campaigns: Campaigns) -> list[PreparedMotion]:
+    """The motions, each with the name of its group: `rig_1`, `rig_2` and so on."""
+    names = {
+        index: f"rig_{number}"
+        for number, members in enumerate(campaigns.members, start=1)
+        for index in members
+    }
+    return [
+        replace(one, motion=replace(one.motion, group=names[index]))
+        for index, one in enumerate(motions)
+    ]
+
+
+def grouping(normals: Sequence[Normal], effect: str) -> Campaigns:
+    """The likeliest grouping of motions, each told of by its normal equations."""
+    groups: list[Members] = [(index,) for index in range(len(normals))]
+    whole = _log_odds([tuple(range(len(normals)))], normals)
+    best = Campaigns(effect, (tuple(range(len(normals))),), 0.0)
+    while len(groups) > 2:
+        pairs = itertools.combinations(groups, 2)
+        groups = max(
+            (_joined(groups, *pair) for pair in pairs), key=lambda tried: _log_odds(tried, normals)
+        )
+        gain = _log_odds(groups, normals) - whole
+        if gain > best.gain and min(map(len, groups)) >= LEAST_MEMBERS:
+            best = Campaigns(effect, tuple(sorted(groups)), gain)
+    return best
+
+
+def normal_equations(
+    one: Fit, name: str, motions: Sequence[PreparedMotion], temperature: float
+) -> list[Normal]:
+    """What each motion tells of an effect's parameters, near neutral.
+
+    Clock offsets that are unknown follow; what else the explanation has stays.
+    """
+    explanation = one.explanation.without(name)
+    wider = explanation.with_effect(name, {})
+    rows = [row for row, free in enumerate(wider.free) if free.effect.name == name]
+    vector = wider.vector(
+        lambda effect, _: (
+            _neutral(effect) if effect == name else one.explanation.part(one.vector, effect)
+        )
+    )
+    evaluator, offsets = Evaluator(wider, motions), np.array(one.clock_offsets)
+    answers = evaluator.answers(vector)
+    residual = evaluator.residual(answers, offsets)
+    slopes = evaluator.derivative(vector, offsets, residual)[:, rows] * wider.spreads[rows]
+    clocks = evaluator.clock_derivative(answers, offsets)
+    ends = np.cumsum([int(motion.kept.sum()) for motion in motions])[:-1]
+    return [
+        _normal(*parts, temperature)
+        for parts in zip(
+            np.split(residual, ends), np.split(slopes, ends), np.split(clocks, ends), strict=True
+        )
+    ]
+
+
+def _normal(residual: Array, slopes: Array, clocks: Array, temperature: float) -> Normal:
+    """Without what a shift of the clock explains as well."""
+    own = clocks[:, np.any(clocks != 0.0, axis=0)]
+    columns = np.column_stack([slopes, residual])
+    if own.shape[1]:
+        columns = columns - own @ np.linalg.lstsq(own, columns, rcond=None)[0]
+    products = columns.T @ columns / temperature
+    return Normal(products[:-1, :-1], products[:-1, -1])
+
+
+def _log_odds(groups: Sequence[Members], normals: Sequence[Normal]) -> float:
+    """Log of a grouping's evidence and of its probability before any data, but for a constant.
+
+    Before any data a motion joins a group in proportion to its size, or begins a new one like a
+    group of one (the Chinese restaurant process).
+    """
+    total = 0.0 if len(groups) == 1 else math.log(GROUP_PRIOR)
+    for members in groups:
+        information = np.sum([normals[index].information for index in members], axis=0)
+        slope = np.sum([normals[index].slope for index in members], axis=0)
+        widened = np.eye(len(information)) + information
+        total += 0.5 * float(slope @ np.linalg.solve(widened, slope))
+        total -= 0.5 * float(np.linalg.slogdet(widened)[1])
+        total += float(gammaln(len(members)))
+    return total
+
+
+def _joined(groups: Sequence[Members], one: Members, other: Members) -> list[Members]:
+    rest = [members for members in groups if members not in (one, other)]
+    return [*rest, tuple(sorted((*one, *other)))]
+
+
+def _tells(effect: Effect) -> bool:
+    """Whether it is the sensor's and small about neutral, so that one linear step tells of it."""
+    return (
+        effect.of_rig
+        and effect.stages == (Stage.MEASUREMENT,)
+        and all(
+            parameter.neutral is not None and parameter.lower < parameter.neutral < parameter.upper
+            for parameter in effect.parameters
+        )
+    )
+
+
+def _neutral(name: str) -> dict[str, float]:
+    return {
+        parameter.name: parameter.neutral
+        for parameter in EFFECTS[name].parameters
+        if parameter.neutral is not None
+    }
