@@ -70,6 +70,7 @@ class Scene:
 SCENES = {
     "accel_gain": Scene({"gain": 1.15}),
     "anisotropic_stiffness": Scene({"e": 0.06, "axis": 0.5}),
+    "bound_modes": Scene({"kappa": 1.0}),
     "contact_line_friction": Scene({"mu": 0.01}),
     "crest_asymmetry": Scene({"kappa": 0.6}, azimuth=0.0),
     "damping_mismatch": Scene({"factor": 5.0}),
@@ -83,11 +84,14 @@ SCENES = {
     "lever_arm": Scene({"x": 0.15, "y": 0.0, "z": 0.1}, motion="turning"),
     "pendulum_nonlinearity": Scene(base="3D-L"),
     "quadratic_damping": Scene({"beta": 0.4}),
+    "quasi_static_modes": Scene({"kappa": 1.0}),
     "robot_dynamics": Scene({"frequency": 25.0, "damping_ratio": 0.5}),
     "second_mode": Scene({"damping_ratio": 0.01}),
     "sensor_tilt": Scene({"e_x": 0.03, "e_y": -0.05}),
     "static_tilt": Scene({"roll": 0.03, "pitch": -0.02}),
     "surface_nonlinearity": Scene(base="3D-L"),
+    "surface_tension": Scene(),
+    "swirl_stiffening": Scene({"gamma": 2.0}),
     "time_offset": Scene({"tau": 0.05}),
     "vertical_acceleration": Scene(base="2D-NL"),
     "visible_arc": Scene({"centre": 0.0, "width": 2.0}),
@@ -172,8 +176,9 @@ def parameter_row(parameter: Parameter) -> str:
 
 def usually(parameter: Parameter) -> str:
     """How far people and rigs have it wrong, or else where it lies."""
-    if parameter.spread is not None and parameter.neutral is not None:
-        return f"{parameter.neutral:g} ± {parameter.spread:g}"
+    expected = parameter.neutral if parameter.expected is None else parameter.expected
+    if parameter.spread is not None and expected is not None:
+        return f"{expected:g} ± {parameter.spread:g}"
     usual = parameter.plausible
     return "" if usual is None else f"{usual[0]:.3g} … {usual[1]:.3g}"
 

@@ -13,6 +13,7 @@ STRENGTHS: dict[str, dict[str, float]] = {
     "surface_nonlinearity": {"alpha": 0.7},
     "pendulum_nonlinearity": {},
     "second_mode": {"damping_ratio": 0.03},
+    "quasi_static_modes": {"kappa": 0.9},
     "damping_mismatch": {"factor": 3.0},
     "quadratic_damping": {"beta": 2.0},
     "contact_line_friction": {"mu": 0.02},
@@ -31,6 +32,9 @@ STRENGTHS: dict[str, dict[str, float]] = {
     "frame_saturation": {"cap": 0.004},
     "visible_arc": {"centre": 0.5, "width": 1.0},
     "crest_asymmetry": {"kappa": 0.6},
+    "surface_tension": {"tension": 4e-4},
+    "swirl_stiffening": {"gamma": 2.0},
+    "bound_modes": {"kappa": 1.2, "damping_ratio": 0.05},
     "sensor_tilt": {"e_x": 0.03, "e_y": -0.02},
     "draining_film": {"speed": 0.02},
 }

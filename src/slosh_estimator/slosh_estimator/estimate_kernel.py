@@ -88,7 +88,8 @@ def _heights(store, dt, acceleration, yaw, pose, checks, row, which):  # type: i
     row[column + SH_X], row[column + SH_Y] = hx, hy
     row[READINGS + which] = row[column + MSH]
     if checks["reads"] != 0.0:
-        wall = (hx, hy, math.nan, modes[0]["radius"], run["elapsed"])
+        first = modes[0]
+        wall = (hx, hy, math.nan, first["radius"], run["elapsed"], first["fill_height"])
         memory = checks["reading_memory"][which]
         row[READINGS + which] = all_readings(
             dt, row[column + MSH], wall, memory, run["parameters"]

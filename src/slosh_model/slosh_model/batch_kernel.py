@@ -43,7 +43,7 @@ from slosh_model.indices import (
     X,
     Y,
 )
-from slosh_model.kernel import UPRIGHT, constants_of, pose_at, turned, unwrapped
+from slosh_model.kernel import UPRIGHT, constants_of, lightness, pose_at, turned, unwrapped
 from slosh_model.lane_chains import all_lane_drives, all_lane_modulations, all_lane_terms
 from slosh_model.lane_rows import (
     ACCELERATION,
@@ -56,6 +56,7 @@ from slosh_model.lane_rows import (
     LANES,
     LEFT_INPUTS,
     LENGTH,
+    LIFT,
     MODE,
     MOMENT,
     NEW_INPUTS,
@@ -65,6 +66,7 @@ from slosh_model.lane_rows import (
     RIGHT_INPUTS,
     START,
     STATE,
+    STATIC_HEIGHT,
     STEP,
     SUMS,
     TOTAL,
@@ -212,6 +214,9 @@ def _load_runs(lanes, w, stores, memory):  # type: ignore[no-untyped-def]
             run["az"],
         )
         w[at + TURN * LANES], w[YAW + k], w[ELAPSED + k] = run["turn"], run["yaw"], run["elapsed"]
+        w[STATIC_HEIGHT + k] = run["static_height"]
+        w[STATIC_HEIGHT + LANES + k] = run["static_height_y"]
+        w[LIFT + k] = run["lift"]
         memory[k] = run["drive_memory"]
         for slot in range(PARAMETER_COUNT):
             w[PARAMETERS + slot * LANES + k] = run["parameters"][slot]
@@ -267,6 +272,15 @@ def _advance_modes(lanes, w, stores, mode_count, count, modulated):  # type: ign
         _advance_mode(lanes, w, count, modulated)
         if mode_count > 1:
             _save_mode(lanes, w, stores, n)
+
+
+@compiled
+def _add_static_heights(lanes, w):  # type: ignore[no-untyped-def]
+    for k in range(lanes):
+        light = lightness(w[LIFT + k], w[NEW_INPUTS + AZ * LANES + k])
+        for row in range(2):
+            at = row * LANES + k
+            w[HEIGHTS + at] -= w[STATIC_HEIGHT + at] * light * w[NEW_INPUTS + at]
 
 
 @compiled
@@ -337,5 +351,6 @@ def advance_block(  # type: ignore[no-untyped-def]
                     _take_poses(lanes, w, input_rows, poses, first + j + 1)
                 all_lane_drives(lanes, w, memory)
             _advance_modes(lanes, w, stores, mode_count, counts[first + j], modulated)
+            _add_static_heights(lanes, w)
             _finish_sample(lanes, w, answers, j)
         _write_heights(lanes, answers, heights, first, count)

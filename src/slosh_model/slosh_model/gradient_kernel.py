@@ -15,6 +15,8 @@ from slosh_model.chains import all_modulations
 from slosh_model.compilation import CHANGED_1, CHANGED_2, GIVEN_1, GIVEN_2, compiled, entry_point
 from slosh_model.constants import GRAVITY
 from slosh_model.indices import (
+    AX,
+    AY,
     AZ,
     CURVATURE,
     DAMPING,
@@ -28,7 +30,13 @@ from slosh_model.indices import (
     X,
     Y,
 )
-from slosh_model.kernel import between, constants_of, modal_acceleration, runge_kutta_step
+from slosh_model.kernel import (
+    between,
+    constants_of,
+    lightness,
+    modal_acceleration,
+    runge_kutta_step,
+)
 from slosh_model.layout import records
 
 
@@ -132,6 +140,20 @@ def _step_back(mode, q, u0, u1, step, moment, parameters, lift, alpha, after):  
 
 
 @compiled
+def _pull_back_static(run, inputs, weights, gradient):  # type: ignore[no-untyped-def]
+    """Adds the part of the heights that follow the acceleration at once."""
+    static_x, static_y, lift = run["static_height"], run["static_height_y"], run["lift"]
+    for i in range(inputs.shape[0]):
+        light = lightness(lift, inputs[i, AZ])
+        fx, fy = static_x * weights[i, 0] * light, static_y * weights[i, 1] * light
+        gradient[i, AX] -= fx
+        gradient[i, AY] -= fy
+        if light < 2.0:
+            along = fx * inputs[i, AX] + fy * inputs[i, AY]
+            gradient[i, AZ] += lift * light / GRAVITY * along
+
+
+@compiled
 def _input_at(inputs, i):  # type: ignore[no-untyped-def]
     return inputs[i, 0], inputs[i, 1], inputs[i, 2], 0.0
 
@@ -152,6 +174,7 @@ def pull_back(store, intervals, inputs, weights, lift, alpha, states, gradient):
     """
     runs, modes = records(store)
     parameters, max_step = runs[0]["parameters"], runs[0]["max_step"]
+    _pull_back_static(runs[0], inputs, weights, gradient)
     for n in range(modes.shape[0]):
         mode = all_modulations(constants_of(modes[n]), 0.0, parameters)
         q, place, elapsed = (0.0, 0.0, 0.0, 0.0), 0, 0.0

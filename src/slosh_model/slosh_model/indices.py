@@ -32,6 +32,6 @@ FORCE_X, FORCE_Y, MASS_XX, MASS_XY, MASS_YY = range(5)
 """What an effect adds to (I + m) q̈ = f: force per modal mass [m/s²] and relative mass [1]."""
 TERM_COUNT = 5
 
-WALL_X, WALL_Y, WALL_AZIMUTH, WALL_RADIUS, WALL_ELAPSED = range(5)
+WALL_X, WALL_Y, WALL_AZIMUTH, WALL_RADIUS, WALL_ELAPSED, WALL_FILL = range(6)
 """What is read of the wall: height at the container's +x and +y [m], azimuth of what is read [rad]
-or NaN where it is the maximum over the wall, R [m], time since rest [s]."""
+or NaN where it is the maximum over the wall, R [m], time since rest [s], h [m]."""

@@ -16,10 +16,12 @@ from slosh_model.compilation import (
     compiled,
     entry_point,
 )
+from slosh_model.constants import GRAVITY
 from slosh_model.effects.base import SETTLING
 from slosh_model.indices import (
     AX,
     AY,
+    AZ,
     DAMPING,
     FREQUENCY,
     FREQUENCY_RATIO,
@@ -145,6 +147,17 @@ def unwrapped(angle, before):  # type: ignore[no-untyped-def]
 
 
 @compiled
+def lightness(lift, az):  # type: ignore[no-untyped-def]
+    """Gravity relative to the vertical specific force that levels a surface; at most 2.
+
+    Args:
+        lift: 1 where the vertical acceleration acts, else 0.
+        az: vertical acceleration [m/s²].
+    """
+    return GRAVITY / max(GRAVITY + lift * az, 0.5 * GRAVITY)
+
+
+@compiled
 def advance(run, modes, ax, ay, az, yaw, pose, dt):  # type: ignore[no-untyped-def]
     """Integrates all modes from the held input to the new one, in place.
 
@@ -187,6 +200,9 @@ def advance(run, modes, ax, ay, az, yaw, pose, dt):  # type: ignore[no-untyped-d
         now = all_modulations(constants, run["elapsed"], parameters)
         height_x += now[GAIN] * q[X]
         height_y += now[GAIN_Y] * q[Y]
+    light = lightness(run["lift"], new[AZ])
+    height_x -= run["static_height"] * light * new[AX]
+    height_y -= run["static_height_y"] * light * new[AY]
     return height_x, height_y, new[TURN]
 
 
@@ -259,10 +275,13 @@ def corner_azimuth(height_x, height_y, radius_x, radius_y):  # type: ignore[no-u
 
 
 @entry_point(
-    void(GIVEN_1, float64, GIVEN_2, float64, GIVEN_1, boolean, GIVEN_1, CHANGED_1, CHANGED_1)
-)
+    void(
+        GIVEN_1, float64, GIVEN_2, float64, GIVEN_1, float64, boolean, GIVEN_1, CHANGED_1,
+        CHANGED_1,
+    )
+)  # fmt: skip
 def read_many(  # type: ignore[no-untyped-def]
-    t, started, heights, azimuth, reaches, cornered, parameters, memory, read
+    t, started, heights, azimuth, reaches, fill, cornered, parameters, memory, read
 ):
     """What the sensor reads of the heights at one azimuth, or of their maximum.
 
@@ -272,6 +291,7 @@ def read_many(  # type: ignore[no-untyped-def]
         heights: (N, 2) at the container's +x and +y [m].
         azimuth: [rad]; NaN: the maximum over the wall.
         reaches: (2,) R along x and along y [m].
+        fill: h [m].
         cornered: whether the wall is a rectangle, not a circle.
         parameters: as in `advance`.
         memory: (READING_MEMORY_COUNT,) zeros at the start; changed.
@@ -289,5 +309,5 @@ def read_many(  # type: ignore[no-untyped-def]
         if azimuth == azimuth:
             eta = c * height_x + s * height_y
         dt = t[i] - t[i - 1] if i > 0 else 0.0
-        wall = (height_x, height_y, azimuth, radius, started + t[i] - t[0])
+        wall = (height_x, height_y, azimuth, radius, started + t[i] - t[0], fill)
         read[i] = all_readings(dt, eta, wall, memory, parameters)

@@ -44,6 +44,8 @@ _PLACES, LENGTH = _places(
     step=1,  # its length
     moment=1,  # time since rest where the slope is taken
     heights=2,  # at +x and +y
+    static_height=2,  # per acceleration, along x and y
+    lift=1,  # 1 where the vertical acceleration acts
     parameters=PARAMETER_COUNT,  # the effects' switches and parameters
 )
 
@@ -54,5 +56,6 @@ INPUTS, POSE, YAW = _PLACES["inputs"], _PLACES["pose"], _PLACES["yaw"]
 LEFT_INPUTS, RIGHT_INPUTS = _PLACES["left_inputs"], _PLACES["right_inputs"]
 OLD_INPUTS, NEW_INPUTS = _PLACES["old_inputs"], _PLACES["new_inputs"]
 HEIGHTS, PARAMETERS = _PLACES["heights"], _PLACES["parameters"]
+STATIC_HEIGHT, LIFT = _PLACES["static_height"], _PLACES["lift"]
 ELAPSED, INTERVAL = _PLACES["elapsed"], _PLACES["interval"]
 BEGIN, STEP, MOMENT = _PLACES["begin"], _PLACES["step"], _PLACES["moment"]

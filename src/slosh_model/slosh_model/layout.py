@@ -16,6 +16,11 @@ RUN = np.dtype(
     [
         ("max_step", np.float64),  # longest sub-step [s]
         ("cornered", np.float64),  # not 0 where the wall has corners
+        # Wall height per acceleration that follows it at once, along x and y [s²], and 1 where the
+        # vertical acceleration acts.
+        ("static_height", np.float64),
+        ("static_height_y", np.float64),
+        ("lift", np.float64),
         ("parameters", np.float64, (PARAMETER_COUNT,)),  # switches and parameters of the effects
         ("started", np.float64),  # 0 before the first sample
         ("elapsed", np.float64),  # time since rest [s]

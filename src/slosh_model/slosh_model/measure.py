@@ -39,12 +39,14 @@ def measured_heights(
     heights = np.column_stack([response.sh_x, response.sh_y])
     parameters, container = effect_parameters(model), model.container
     reaches, cornered = np.array(container.reaches), container.corner is not None
+    fill = model.mode_constants()[0].container.fill_height
     read = np.empty((len(places), len(response.t)))
     for azimuth, row in zip(places.tolist(), read, strict=True):
         memory = np.zeros(READING_MEMORY_COUNT)
         kernel.read_many(
-            response.t, started, heights, azimuth, reaches, cornered, parameters, memory, row
-        )
+            response.t, started, heights, azimuth, reaches, fill, cornered, parameters, memory,
+            row,
+        )  # fmt: skip
     return read.T
 
 

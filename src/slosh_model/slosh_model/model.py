@@ -9,6 +9,7 @@ from types import MappingProxyType
 
 from slosh_model.bessel import MAXIMUM_MODE
 from slosh_model.checks import within
+from slosh_model.constants import GRAVITY
 from slosh_model.containers import X_AXIS, Cylinder, Rectangle
 from slosh_model.covariance import Covariance
 from slosh_model.effects.base import Effect, Parameters
@@ -211,3 +212,27 @@ class Model:
                 gain = effect.height_gain(mode, parameters)  # type: ignore[misc]
             gains.append(gain)
         return tuple(gains)
+
+    def static_height(self, modes: tuple[Mode, ...] | None = None, axis: int = X_AXIS) -> float:
+        """Wall height per acceleration that follows the acceleration at once [s²].
+
+        A share of what the modes leave of R/g, the height of a surface that stands normal to
+        gravity and a constant acceleration.
+
+        Args:
+            modes: what `mode_constants` gives; None: computed.
+            axis: along which.
+        """
+        share = sum(
+            effect.static_share(parameters)  # type: ignore[misc]
+            for effect, parameters in self.uses("static_share")
+        )
+        if share == 0.0:
+            return 0.0
+        modes = self.mode_constants() if modes is None else modes
+        gains = self.height_gains(modes, axis)
+        along = [mode.along(axis) for mode in modes]
+        moved = sum(
+            gain / mode.gravity_frequency**2 for gain, mode in zip(gains, along, strict=True)
+        )
+        return share * (along[0].reach / GRAVITY - moved)

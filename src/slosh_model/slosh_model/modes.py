@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 from slosh_model.constants import GRAVITY
@@ -18,6 +19,7 @@ class Mode:
         damping_ratio: ζₙ [1].
         frequency_factor: natural frequency as measured, relative to the container's own [1].
         axis: of the container, X_AXIS or Y_AXIS; all the same in a round one.
+        tension: surface tension over density that acts beside gravity, σ/ρ [m³/s²].
     """
 
     number: int
@@ -25,6 +27,7 @@ class Mode:
     damping_ratio: float
     frequency_factor: float = 1.0
     axis: int = X_AXIS
+    tension: float = 0.0
 
     def along(self, axis: int) -> Mode:
         """The same mode along an axis."""
@@ -42,7 +45,13 @@ class Mode:
 
     @property
     def natural_frequency(self) -> float:
-        """ωₙ [rad/s] (DL22, eq. (3); TM20, eq. (20)), or as measured."""
+        """ωₙ [rad/s] (DL22, eq. (3); TM20, eq. (20)), or as measured; with tension if any."""
+        bond = self.tension * (self.xi / self.reach) ** 2 / GRAVITY
+        return self.gravity_frequency * math.sqrt(1.0 + bond)
+
+    @property
+    def gravity_frequency(self) -> float:
+        """ωₙ without surface tension [rad/s]."""
         return self.frequency_factor * self.container.natural_frequency(self.number, self.axis)
 
     @property

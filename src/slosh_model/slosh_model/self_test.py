@@ -52,7 +52,7 @@ def reference_models() -> Iterator[Model]:
     """Of each shape a model, and the same with every effect that acts on its liquid."""
     for model in REFERENCES:
         every = model
-        for effect in _effects("drive", "modulation", "term"):
+        for effect in _effects("drive", "modulation", "term", "static_share"):
             if effect.fits(model.container.shape):
                 every = every.with_effect(effect.name, **example_parameters(effect))
         yield model
@@ -109,11 +109,12 @@ def _check_read_many() -> None:
             model.with_effect(effect.name, **example_parameters(effect))
         )
         reaches, cornered = np.array(model.container.reaches), model.container.corner is not None
+        fill = model.container.fill_height
         for azimuth in (np.nan, 0.4):
             memory, read = np.zeros(max(READING_MEMORY_COUNT, 1)), np.zeros(len(t))
             compare(
-                kernel.read_many, t, 0.5, heights, azimuth, reaches, cornered, parameters, memory,
-                read,
+                kernel.read_many, t, 0.5, heights, azimuth, reaches, fill, cornered, parameters,
+                memory, read,
             )  # fmt: skip
 
 

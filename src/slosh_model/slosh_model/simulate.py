@@ -23,7 +23,7 @@ from slosh_model.effects.registry import (
 from slosh_model.errors import SloshModelError
 from slosh_model.interpolation import columns_at
 from slosh_model.layout import MODAL, RUN, back_to_rest, divided, new_store
-from slosh_model.model import Model
+from slosh_model.model import VERTICAL, Model
 from slosh_model.pose import pose_rows
 
 Array = NDArray[np.float64]
@@ -324,6 +324,10 @@ def store_of(model: Model, max_step: float = MAXIMUM_STEP) -> Array:
     run, modes = divided(store)
     run["max_step"] = float(max_step)
     run["cornered"] = float(model.container.corner is not None)
+    run["static_height"], run["static_height_y"] = (
+        model.static_height(constants, axis) for axis in (X_AXIS, Y_AXIS)
+    )
+    run["lift"] = float(model.has(VERTICAL))
     run["parameters"] = effect_parameters(model)
     gains = (model.height_gains(constants, axis) for axis in (X_AXIS, Y_AXIS))
     for n, (mode, gain, gain_y) in enumerate(zip(constants, *gains, strict=True)):

@@ -19,6 +19,7 @@ from slosh_model.simulate import Inputs, Simulator, simulate
 VALUES = {
     "accel_gain": {"gain": 1.3},
     "anisotropic_stiffness": {"e": 0.1, "axis": 0.4},
+    "bound_modes": {"kappa": 1.2, "damping_ratio": 0.05},
     "contact_line_friction": {"mu": 0.02},
     "crest_asymmetry": {"kappa": 0.6},
     "damping_mismatch": {"factor": 3.0},
@@ -32,11 +33,14 @@ VALUES = {
     "lever_arm": {"x": 0.1, "y": 0.2, "z": -0.1},
     "pendulum_nonlinearity": {},
     "quadratic_damping": {"beta": 0.5},
+    "quasi_static_modes": {"kappa": 2.0},
     "robot_dynamics": {"frequency": 30.0, "damping_ratio": 0.5},
     "second_mode": {"damping_ratio": 0.01},
     "sensor_tilt": {"e_x": 0.03, "e_y": -0.05},
     "static_tilt": {"roll": 0.05, "pitch": -0.08},
     "surface_nonlinearity": {"alpha": 0.58},
+    "surface_tension": {"tension": 4e-4},
+    "swirl_stiffening": {"gamma": 2.0},
     "time_offset": {"tau": 0.05},
     "vertical_acceleration": {},
     "visible_arc": {"centre": 0.3, "width": 1.5},
@@ -59,7 +63,7 @@ AZIMUTHS = np.array([0.2, 2.0, -1.4])
 
 def test_the_effects_are_those_of_the_list():
     assert set(EFFECTS) == set(VALUES)
-    assert len(EFFECTS) == 24
+    assert len(EFFECTS) == 28
 
 
 def with_effect(name, **parameters):
@@ -218,7 +222,10 @@ def test_every_effect_explains_itself(name):
     acts = {
         Stage.INPUT: effect.drive,
         Stage.DYNAMICS: effect.term or effect.modes or effect.modulation or effect.drive,
-        Stage.HEIGHT: effect.height_gain or effect.modes or effect.modulation,
+        Stage.HEIGHT: effect.height_gain
+        or effect.modes
+        or effect.modulation
+        or effect.static_share,
         Stage.MEASUREMENT: effect.reading or effect.delay,
     }
     assert all(acts[stage] for stage in effect.stages)

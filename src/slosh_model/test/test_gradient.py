@@ -15,6 +15,7 @@ MODELS = {
     "2D-NL": CUP.nonlinear(),
     "3D-NL": CUP.spatial().nonlinear(),
     "two modes": CUP.spatial().nonlinear().with_effect("second_mode", damping_ratio=0.01),
+    "static share": CUP.spatial().nonlinear().with_effect("quasi_static_modes"),
     "other modes": CUP.nonlinear().with_effect("fill_level", delta=-0.01),
     "rectangle": Model(Rectangle(0.08, 0.06, 0.07), damping_ratio=0.02).spatial(),
 }

@@ -204,6 +204,8 @@ def plausible(parameter: Parameter) -> tuple[float, float]:
 
 def _centre(parameter: Parameter) -> float:
     low, high = plausible(parameter)
+    if parameter.expected is not None:
+        return parameter.expected
     neutral = parameter.neutral
     if neutral is not None and low <= neutral <= high and math.isfinite(neutral):
         return neutral

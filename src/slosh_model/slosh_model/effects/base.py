@@ -54,9 +54,10 @@ class Parameter:
         neutral: the value at which the effect does nothing; None: there is none.
         description: what it means.
         default: used where model.yaml gives none; None: it must be given.
+        expected: where a discovery expects it; None: at its neutral value.
         choices: the values that it may have, where it chooses between variants; None: any.
         plausible: where it usually lies, and where a discovery looks. None: within the bounds.
-        spread: standard deviation about its neutral value of what people and rigs have wrong; a
+        spread: standard deviation about what is expected of what people and rigs have wrong; a
             discovery weighs by it what it finds. None: all that is plausible is as likely.
         starts: where a fit may start; empty: in the middle of what is plausible.
     """
@@ -71,6 +72,7 @@ class Parameter:
     choices: tuple[float, ...] | None = None
     plausible: tuple[float, float] | None = None
     spread: float | None = None
+    expected: float | None = None
     starts: tuple[float, ...] = ()
 
     def check(self, owner: str, value: float) -> float:
@@ -113,6 +115,8 @@ class Effect:
         modulation: changes a mode's constants with time (DYNAMICS, HEIGHT).
         term: adds to the equations of motion of every mode (DYNAMICS).
         height_gain: replaces a mode's wall height per displacement [1] (HEIGHT).
+        static_share: of what the modes leave of the height under a constant acceleration, the
+            share that follows the acceleration at once [1] (HEIGHT).
         reading: changes what is measured of a height (MEASUREMENT).
         reading_memory: length of its memory.
         delay: by how much the measurement comes late [s] (MEASUREMENT).
@@ -134,6 +138,7 @@ class Effect:
     modulation: Modulation | None = None
     term: Term | None = None
     height_gain: Callable[[Mode, Parameters], float] | None = None
+    static_share: Callable[[Parameters], float] | None = None
     reading: Reading | None = None
     reading_memory: int = 0
     delay: Callable[[Parameters], float] | None = None

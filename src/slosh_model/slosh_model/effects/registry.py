@@ -34,7 +34,10 @@ def _in_order(hook: str) -> tuple[Effect, ...]:
 
 
 BY_HOOK: Mapping[str, tuple[Effect, ...]] = MappingProxyType(
-    {hook: _in_order(hook) for hook in (*COMPILED_HOOKS, "modes", "height_gain", "delay")}
+    {
+        hook: _in_order(hook)
+        for hook in (*COMPILED_HOOKS, "modes", "height_gain", "static_share", "delay")
+    }
 )
 """The effects that have a hook, in the order in which they act."""
 

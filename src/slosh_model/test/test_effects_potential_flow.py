@@ -1,0 +1,197 @@
+"""The effects of the second and third order, against potential flow in a cylinder."""
+
+import math
+
+import numpy as np
+import pytest
+from cylinder_waves import CylinderWaves, frequency_shifts
+from scipy.integrate import quad
+from scipy.special import jnp_zeros, jv
+
+from slosh_model.constants import GRAVITY
+from slosh_model.containers import Cylinder
+from slosh_model.effects import bound_modes
+from slosh_model.measure import measured_heights
+from slosh_model.model import Model
+from slosh_model.simulate import Inputs, Response, State, simulate
+
+RADIUS = 0.05
+TIMES = np.arange(0.0, 2.0, 0.002)
+AZIMUTHS = np.linspace(0.0, 2.0 * math.pi, 24, endpoint=False)
+PUSH = np.stack([0.4 * np.sin(14.0 * TIMES), 0.3 * np.cos(12.0 * TIMES)], axis=1)
+PUSH *= np.minimum(TIMES, 1.0)[:, np.newaxis]
+
+
+def test_potential_flow_of_the_first_order_is_the_linear_model_with_curved_modes():
+    flow = CylinderWaves(RADIUS, 0.07, order=1, damping_ratio=0.02)
+    found = flow.simulate(TIMES, PUSH)[:, flow.place(1, 1)]
+    model = Model(Cylinder(RADIUS, 0.07), damping_ratio=0.02)
+    push = np.column_stack([PUSH, np.zeros(len(TIMES))])
+    expected = simulate(model, Inputs(TIMES, push))[0].modal[:, 0, 0]
+    gain = model.mode_constants()[0].curved_gain
+    assert found == pytest.approx(gain * expected, abs=1e-6 * np.abs(found).max() + 1e-7)
+
+
+def test_planar_waves_soften_from_the_depth_that_the_literature_gives():
+    """h/R = 0.506 (Lukovsky 1990; Faltinsen, Lukovsky & Timokha 2016); round ones stiffen."""
+    assert frequency_shifts(0.49)[0] > 0.0 > frequency_shifts(0.52)[0]
+    assert all(frequency_shifts(depth)[1] > 0.0 for depth in (0.4, 1.0, 1.4, 3.0))
+
+
+@pytest.mark.parametrize("m", [0, 2])
+def test_overlaps_of_the_bound_modes(m):
+    first, k = jnp_zeros(1, 1)[0], jnp_zeros(m, 1)[0]
+
+    def shape(r):
+        return jv(m, k * r) / jv(m, k)
+
+    overlap = quad(lambda r: r * shape(r) * (jv(1, first * r) / jv(1, first)) ** 2, 0.0, 1.0)[0]
+    square = quad(lambda r: r * shape(r) ** 2, 0.0, 1.0)[0]
+    root, given = {
+        0: (bound_modes.AXISYMMETRIC, bound_modes.OVERLAP_AXISYMMETRIC),
+        2: (bound_modes.DOUBLE, bound_modes.OVERLAP_DOUBLE),
+    }[m]
+    assert root == pytest.approx(k, rel=1e-14)
+    assert given == pytest.approx(0.5 * overlap / square, rel=1e-12)
+    assert first == pytest.approx(bound_modes.FIRST, rel=1e-14)
+
+
+@pytest.mark.parametrize("fill", [0.02, 0.04, 0.07])
+def test_bound_modes_are_those_of_the_second_order(fill):
+    """Fed with the first mode of the flow, the effect gives the flow's mean and double wave."""
+    damping = 0.05
+    flow = CylinderWaves(RADIUS, fill, order=2, radial=1, damping_ratio=damping)
+    amplitudes = flow.simulate(TIMES, 0.25 * PUSH)
+    liquid = Response(
+        TIMES,
+        amplitudes[:, flow.place(1, 1)],
+        amplitudes[:, flow.place(1, 1, odd=True)],
+        np.zeros((len(TIMES), 1, 4)),
+    )
+    plain = Model(Cylinder(RADIUS, fill))
+    model = plain.with_effect("bound_modes", damping_ratio=damping)
+    rise = measured_heights(model, liquid, AZIMUTHS) - measured_heights(plain, liquid, AZIMUTHS)
+    for label, found in {
+        (0, False): rise.mean(axis=1),
+        (2, False): 2.0 * (rise * np.cos(2.0 * AZIMUTHS)).mean(axis=1),
+        (2, True): 2.0 * (rise * np.sin(2.0 * AZIMUTHS)).mean(axis=1),
+    }.items():
+        expected = amplitudes[:, flow.place(label[0], 1, odd=label[1])]
+        size = np.abs(expected).max()
+        assert size > 4e-6
+        assert np.abs(found - expected).max() < 0.01 * size
+
+
+def test_the_maximum_is_that_over_the_whole_wall():
+    """Also where mean and double wave are as large as the first mode."""
+    turn = np.random.default_rng(3)
+    slow = np.stack([np.interp(TIMES, TIMES[::40], turn.normal(0.0, 0.012, 25)) for _ in "xy"])
+    liquid = Response(TIMES, slow[0], slow[1], np.zeros((len(TIMES), 1, 4)))
+    model = Model(Cylinder(RADIUS, 0.07)).with_effect("bound_modes", kappa=3.0)
+    fine = np.linspace(0.0, 2.0 * math.pi, 720, endpoint=False)
+    expected = measured_heights(model, liquid, fine).max(axis=1)
+    found = measured_heights(model, liquid)[:, 0]
+    assert found == pytest.approx(expected, abs=3e-5)  # as fine as the places are
+    assert (found > expected - 1e-9).all()
+    assert np.abs(found - liquid.msh).max() > 0.005
+
+
+# swirl_stiffening
+
+
+def circling(model, share):
+    """A mass that goes round at a share of the radius, as the model's own frequency wants it."""
+    frequency = model.mode_constants()[0].natural_frequency
+    gamma = model.acting["swirl_stiffening"]["gamma"]
+    frequency /= math.sqrt(1.0 - gamma * share**2)
+    return frequency, np.array([[share * RADIUS, 0.0, 0.0, share * RADIUS * frequency]])
+
+
+def test_a_mass_that_circles_is_faster_and_stays_on_its_circle():
+    model = Model(Cylinder(RADIUS, 0.07), damping_ratio=0.0).with_effect(
+        "swirl_stiffening", gamma=2.0
+    )
+    frequency, modal = circling(model, 0.2)
+    still = Inputs(TIMES, np.zeros((len(TIMES), 3)))
+    response = simulate(model, still, State(0.0, modal, np.zeros(4)))[0]
+    circle = np.stack([np.cos(frequency * TIMES), np.sin(frequency * TIMES)], axis=1)
+    found = response.modal[:, 0, :2]
+    assert found == pytest.approx(0.2 * RADIUS * circle, abs=1e-7)
+
+
+def test_swirl_takes_no_energy_and_leaves_planar_waves_alone():
+    plain = Model(Cylinder(RADIUS, 0.07), damping_ratio=0.0)
+    model = plain.with_effect("swirl_stiffening")
+    still = Inputs(TIMES, np.zeros((len(TIMES), 3)))
+    omega = plain.mode_constants()[0].natural_frequency
+    modal = np.array([[0.01, 0.004, -0.05, 0.2]])
+    x, y, vx, vy = simulate(model, still, State(0.0, modal, np.zeros(4)))[0].modal[:, 0].T
+    energy = vx**2 + vy**2 + omega**2 * (x**2 + y**2)
+    assert energy == pytest.approx(energy[0], rel=1e-6)
+    planar = State(0.0, np.array([[0.01, 0.005, 0.2, 0.1]]), np.zeros(4))
+    assert simulate(model, still, planar)[0].modal == pytest.approx(
+        simulate(plain, still, planar)[0].modal, abs=1e-12
+    )
+
+
+@pytest.mark.parametrize("depth", [1.4, 3.0])
+def test_its_default_opens_the_gap_between_planar_and_round_waves(depth):
+    """By the nonlinear model's own harmonic balance: ¾α - ½C² and α + γ per (q/R)²."""
+    model = Model(Cylinder(RADIUS, depth * RADIUS)).nonlinear().with_effect("swirl_stiffening")
+    mode = model.mode_constants()[0]
+    alpha = model.acting["surface_nonlinearity"]["alpha"]
+    gamma = model.acting["swirl_stiffening"]["gamma"]
+    shifts = np.array([0.75 * alpha - 0.5 * mode.curvature**2, alpha + gamma])
+    planar, turning = shifts / (2.0 * mode.curved_gain**2)
+    expected_planar, expected_turning = frequency_shifts(depth)
+    assert turning - planar == pytest.approx(expected_turning - expected_planar, rel=0.03)
+
+
+# quasi_static_modes
+
+
+def settled(model, lift=0.0):
+    """Height at +x in the end of a push that grows slowly and then lasts."""
+    t = np.arange(0.0, 8.0, 0.01)
+    push = np.zeros((len(t), 3))
+    push[:, 0] = -0.2 * np.minimum(t / 4.0, 1.0)
+    push[:, 2] = lift
+    return simulate(model, Inputs(t, push))[0].sh_x[-1]
+
+
+@pytest.mark.parametrize("lift", [0.0, 3.0])
+@pytest.mark.parametrize("modes", [1, 3])
+def test_a_lasting_push_tilts_a_plane(modes, lift):
+    model = Model(Cylinder(RADIUS, 0.07), damping_ratio=0.1, modes=modes).nonlinear().spatial()
+    plane = RADIUS * 0.2 / (GRAVITY + lift)
+    assert settled(model.with_effect("quasi_static_modes"), lift) == pytest.approx(plane, rel=2e-3)
+    assert settled(model, lift) < 0.95 * plane
+
+
+def test_static_share_stands_for_many_modes():
+    inputs = Inputs(TIMES, np.column_stack([0.2 * PUSH, np.zeros(len(TIMES))]))
+    one = Model(Cylinder(RADIUS, 0.07), damping_ratio=0.02).nonlinear()
+    many = Model(Cylinder(RADIUS, 0.07), damping_ratio=0.02, modes=60).nonlinear()
+    expected = simulate(many, inputs)[0].sh_x
+    gap = {
+        model.name: np.abs(simulate(model, inputs)[0].sh_x - expected).max()
+        for model in (one, one.with_effect("quasi_static_modes"))
+    }
+    assert gap["2D-NL+quasi_static_modes"] < 0.4 * gap["2D-NL"]
+
+
+# surface_tension
+
+
+def test_surface_tension_adds_its_pull_to_gravitys():
+    """ω² = (g k + σ k³/ρ) tanh kh (Faltinsen & Timokha 2009)."""
+    tension = 7.3e-5
+    cup = Cylinder(RADIUS, 0.07)
+    model = Model(cup, modes=2).with_effect("surface_tension")
+    for mode, root in zip(model.mode_constants(), jnp_zeros(1, 2), strict=True):
+        k = root / RADIUS
+        expected = math.sqrt((GRAVITY * k + tension * k**3) * math.tanh(k * 0.07))
+        assert mode.natural_frequency == pytest.approx(expected, rel=1e-12)
+    # Heights per displacement are gravity's.
+    assert model.height_gains() == Model(cup, modes=2).height_gains()
+    assert model.mode_constants()[0].natural_frequency == pytest.approx(18.99, abs=0.01)
