@@ -8,6 +8,7 @@ from example_motions import BASE, DURATION, NOISE, inputs_of, measured
 
 from slosh_discovery.discover import MeasuredMotion, Verdict, discover
 from slosh_discovery.discover.finding import Role
+from slosh_discovery.discover.search import FORETOLD
 from slosh_discovery.errors import SloshDiscoveryError
 from slosh_model import Model, Rectangle
 
@@ -59,6 +60,30 @@ def test_two_effects_are_named_together():
     finding = discover([measured(truth, seed) for seed in range(3)], BASE)
     assert finding.verdict is Verdict.NAMED
     assert names(finding) == {"height_offset", "time_offset"}
+
+
+def test_what_theory_foretells_comes_on_top_of_three_effects():
+    base = BASE.nonlinear()
+    hidden = {
+        "bound_modes": {"kappa": 0.9},
+        "damping_mismatch": {"factor": 2.0},
+        "quasi_static_modes": {"kappa": 0.8},
+        "surface_tension": {"tension": 1.2e-4},
+    }
+    truth = base
+    for name, parameters in hidden.items():
+        truth = truth.with_effect(name, **parameters)
+    finding = discover([measured(truth, seed) for seed in range(2)], base)
+    assert names(finding) == set(hidden)
+    for effect in finding.effects:
+        for name, value in hidden[effect.name].items():
+            assert effect.parameters[name] == pytest.approx(value, rel=0.2)
+
+
+def test_no_more_than_three_are_named_of_what_no_theory_foretells():
+    sensors = {"height_scale", "height_offset", "time_offset", "accel_gain", "draining_film"}
+    assert not sensors & set(FORETOLD)
+    assert {"bound_modes", "damping_mismatch", "quasi_static_modes"} <= set(FORETOLD)
 
 
 def test_a_wrong_parameter_is_fitted_anew_and_no_term_is_invented():

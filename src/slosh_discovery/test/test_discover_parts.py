@@ -137,5 +137,7 @@ def test_what_is_usually_wrong_is_plausible(name):
     for parameter in EFFECTS[name].parameters:
         if parameter.spread is not None:
             low, high = parameter.plausible
-            assert low < parameter.neutral - parameter.spread
-            assert parameter.neutral + parameter.spread < high
+            told = parameter.expected
+            centre = parameter.neutral if told is None else told
+            assert low < centre - parameter.spread
+            assert centre + parameter.spread < high

@@ -34,6 +34,11 @@ BEAM = 5
 PROMISING = 5
 """each by so many effects."""
 MOST_EFFECTS = 3
+"""So many effects of any kind,"""
+MOST_FORETOLD = 6
+"""and so many with those on top whose size theory foretells,"""
+BEAM_FORETOLD = 3
+"""added to so many of the best."""
 STARTS_FITTED = 2
 VISIBLE = 1e-3
 """An effect that changes no height by this much of the noise is not at work in these motions."""
@@ -41,6 +46,12 @@ ADEQUATE = 0.25
 """A residual whose correlated part is below this share of the noise is adequate."""
 ADEQUATE_COLOURED = 0.35
 """The same of noise whose colour is an estimate itself."""
+FORETOLD = tuple(
+    name
+    for name, effect in EFFECTS.items()
+    if any(parameter.expected is not None for parameter in effect.parameters)
+)
+"""Effects whose size theory foretells: a handful of others would explain anything."""
 SURE = 2.5
 """So many standard deviations of an estimate are surely not chance."""
 
@@ -163,16 +174,32 @@ class Search:
             pool.add([base])
             self._progress("single effects", 0.05)
             self._extend(pool, base, len(EFFECTS), STARTS_FITTED)
-            for size in range(1, MOST_EFFECTS):
-                ranked = pool.ranked()
-                beam = [one for one in ranked if len(one.explanation.effects) == size]
-                if not beam or leftover(ranked[0], self._motions).adequate:
-                    break
-                self._progress(f"{size + 1} effects", 0.1 + 0.3 * size)
-                for one in beam[: BEAM if size == 1 else BEAM // 2]:
-                    self._extend(pool, one, PROMISING, 1)
+            self._add_effects(pool)
+            self._add_foretold(pool)
             self._refine(pool)
         return pool
+
+    def _add_effects(self, pool: Pool) -> None:
+        """Extends the best explanations of each size while they leave more than noise."""
+        for size in range(1, MOST_EFFECTS):
+            ranked = pool.ranked()
+            beam = [one for one in ranked if len(one.explanation.effects) == size]
+            if not beam or leftover(ranked[0], self._motions).adequate:
+                break
+            self._progress(f"{size + 1} effects", 0.1 + 0.3 * size)
+            for one in beam[: BEAM if size == 1 else BEAM // 2]:
+                self._extend(pool, one, PROMISING, 1)
+
+    def _add_foretold(self, pool: Pool) -> None:
+        """Extends those of the best that are full by what theory foretells."""
+        for size in range(MOST_EFFECTS, MOST_FORETOLD):
+            best = pool.ranked()[:BEAM_FORETOLD]
+            full = [one for one in best if len(one.explanation.effects) == size]
+            if not full or leftover(best[0], self._motions).adequate:
+                break
+            self._progress(f"{size + 1} effects", 0.8)
+            for one in full:
+                self._extend(pool, one, PROMISING, 1, FORETOLD)
 
     def _refine(self, pool: Pool) -> None:
         """Fits the best explanations to the end, and the best one with less or more freedom."""
@@ -194,11 +221,18 @@ class Search:
         ]
         pool.add(self._fit_all(near, top))
 
-    def _extend(self, pool: Pool, one: Fit, most: int, starts_each: int) -> None:
+    def _extend(
+        self,
+        pool: Pool,
+        one: Fit,
+        most: int,
+        starts_each: int,
+        among: Iterable[str] = EFFECTS,
+    ) -> None:
         """Fits an explanation with each of the most promising further effects."""
         names = [
             name
-            for name in EFFECTS
+            for name in among
             if self._may_join(name, one.explanation) and name not in pool.without_effect
         ]
         tried = list(self._executor.map(lambda name: self._starts(one, name), names))

@@ -32,6 +32,7 @@ EFFECT = Effect(
             neutral=1.0,
             description="damping ratio relative to the model's",
             plausible=(0.0, 8.0),
+            expected=1.0,
             starts=(0.5, 1.5, 4.0),
         ),
     ),

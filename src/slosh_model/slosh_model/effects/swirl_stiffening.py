@@ -38,8 +38,8 @@ EFFECT = Effect(
             neutral=0.0,
             description="what is added to the squared frequency of a circling mass, per (q/R)²",
             default=0.9,
-            plausible=(0.0, 4.0),
-            spread=1.0,
+            plausible=(-1.0, 4.0),
+            spread=1.0,  # between small waves and those of half the radius
             expected=0.9,
             starts=(0.9,),
         ),
