@@ -20,6 +20,7 @@ Label = tuple[int, int, bool]
 """A mode: m, n = 1, 2, …, and whether it goes with sin(m θ)."""
 
 RADII, SAMPLES = 32, 16
+HELD = 4.3  # above the modes (0, 1), (1, 1), (2, 1) and (3, 1)
 
 
 @dataclass(eq=False)
@@ -32,6 +33,10 @@ class CylinderWaves:
         order: in the surface's steepness, 1…3.
         angular, radial: largest m, and how many n of each.
         damping_ratio: of every mode.
+        tension: surface tension over density [m³/s²].
+        shortest: modes of a larger k R are left out.
+        held_back: damping of modes with k R above HELD, relative to that of the others: where
+            waves are high, an expansion makes more of short ones than there is.
         labels: of the modes.
     """
 
@@ -42,16 +47,20 @@ class CylinderWaves:
     angular: int = 3
     radial: int = 4
     damping_ratio: float = 0.0
+    tension: float = 0.0
+    shortest: float = math.inf
+    held_back: float = 1.0
     labels: list[Label] = field(init=False)
 
     def __post_init__(self) -> None:
+        roots = {m: jnp_zeros(m, self.radial) for m in range(self.angular + 1)}
         self.labels = [
             (m, n, odd)
             for m in range(self.angular + 1)
             for n in range(1, self.radial + 1)
             for odd in ((False, True) if m else (False,))
+            if roots[m][n - 1] <= self.shortest
         ]
-        roots = {m: jnp_zeros(m, self.radial) for m in range(self.angular + 1)}
         places, weights = np.polynomial.legendre.leggauss(RADII)
         turns = 4 * self.angular + 4
         r, angle = (
@@ -77,7 +86,10 @@ class CylinderWaves:
         self._project = (self._shapes * area / norms[:, None]).T
         self._k = relative / self.radius
         self._tanh = np.tanh(self._k * self.fill_height)
-        self.frequency = np.sqrt(self.gravity * self._k * self._tanh)
+        self._pull = self.gravity + self.tension * self._k**2
+        self.frequency = np.sqrt(self._pull * self._k * self._tanh)
+        held = np.where(relative > HELD, self.held_back, 1.0)
+        self._drag = 2.0 * self.damping_ratio * held * self.frequency
         self._levers = [
             self.radius * r * shape(angle) @ self._project for shape in (np.cos, np.sin)
         ]
@@ -85,6 +97,16 @@ class CylinderWaves:
     def place(self, m: int, n: int, *, odd: bool = False) -> int:
         """Where a mode stands among the amplitudes; these are its heights on the wall."""
         return self.labels.index((m, n, odd))
+
+    def heights(self, amplitudes: Array, azimuths: Array, radius: float = 1.0) -> Array:
+        """(T, K) elevation at azimuths (K,) [rad] and a share of the radius [m]."""
+        roots = self._k * self.radius
+        at = np.full(len(azimuths), radius)
+        shapes = [
+            _shape(m, k, odd, at, azimuths)
+            for (m, _, odd), k in zip(self.labels, roots, strict=True)
+        ]
+        return np.asarray(amplitudes @ np.array(shapes))
 
     def rates(self, state: Array, push: Array) -> Array:
         """Rates (2, modes) of the amplitudes of elevation and surface potential.
@@ -95,7 +117,7 @@ class CylinderWaves:
         """
         eta, psi = state
         drive = push[0] * self._levers[0] + push[1] * self._levers[1]
-        linear = -self.gravity * eta - drive - 2.0 * self.damping_ratio * self.frequency * psi
+        linear = -self._pull * eta - drive - self._drag * psi
         return np.stack([self._k * self._tanh * psi, linear]) + self.nonlinear(eta, psi)
 
     def nonlinear(self, eta: Array, psi: Array) -> Array:

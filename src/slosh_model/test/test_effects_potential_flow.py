@@ -192,6 +192,9 @@ def test_surface_tension_adds_its_pull_to_gravitys():
         k = root / RADIUS
         expected = math.sqrt((GRAVITY * k + tension * k**3) * math.tanh(k * 0.07))
         assert mode.natural_frequency == pytest.approx(expected, rel=1e-12)
+    flow = CylinderWaves(RADIUS, 0.07, tension=tension)
+    first = flow.frequency[flow.place(1, 1)]
+    assert model.mode_constants()[0].natural_frequency == pytest.approx(first, rel=1e-12)
     # Heights per displacement are gravity's.
     assert model.height_gains() == Model(cup, modes=2).height_gains()
     assert model.mode_constants()[0].natural_frequency == pytest.approx(18.99, abs=0.01)
