@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from peers.drive import Drive, drive_at
-from peers.library import TERMS, solved
+from peers.library import EFFECT_OF, TERMS, solved
 from peers.oracle import Latent, wall_gain
 from slosh_discovery.discover.gap import closed_share
 from tests.blind.truth_model import Truth
@@ -16,6 +16,7 @@ from tests.blind.truth_model import Truth
 Array = NDArray[np.float64]
 STEP = 0.008
 """Of the integration [s]; the first mode's period is 0.3 s and more."""
+SURFACE = "surface_nonlinearity"
 FAR = 1.0
 """A mass that is farther off has left every cup; there it stays [m]."""
 
@@ -24,7 +25,8 @@ def closed(base: Truth, held_out: Sequence[Latent], coefficients: Array) -> list
     """Of each model: share of the gap in the maximum height that it closes; NaN: no gap.
 
     Each model starts in the true state and runs on the true inputs; compared are heights without
-    noise, by the base model's own ratio of height to coordinate.
+    noise. The ratio of height to coordinate is the base model's, and that of a nonlinear surface
+    where the model says one.
 
     Args:
         base: the model that was given.
@@ -54,7 +56,15 @@ def heights_of(base: Truth, motion: Latent, models: Array) -> tuple[Array, Array
     for step in range(steps):
         state = _step(drive, 2 * step, state, models)
         heights[step + 1] = np.hypot(state[:, 0], state[:, 1])
-    return times, wall_gain(base) * heights
+    return times, _gains(base, models) * heights
+
+
+def _gains(base: Truth, models: Array) -> Array:
+    """(M,) height at the wall over |q|."""
+    curved = base.plus(SURFACE, {})
+    bends = np.array([effect == SURFACE for effect in EFFECT_OF.values()])
+    said = np.any(models[:, bends] != 0.0, axis=1)
+    return np.where(said, wall_gain(curved), wall_gain(base))
 
 
 def _step(drive: Drive, index: int, state: Array, models: Array) -> Array:
