@@ -23,15 +23,15 @@ def tune(jobs: list[Job], path: Path) -> Tuned:
     """By noise and method the settings with most exact answers, then fewest false names.
 
     Args:
-        jobs: the tuning cases.
-        path: of their rows; what is there is not run again.
+        jobs: tuning cases to run first.
+        path: of the rows of all of them; what is there is not run again.
     """
     known = rows.read(path)
     for job in jobs:
         if name_of(job) not in known:
             rows.add(path, _tried(job))
             print(f"tuned on {name_of(job)}", flush=True)
-    tried = [row for case, row in rows.read(path).items() if case in set(map(name_of, jobs))]
+    tried = list(rows.read(path).values())
     return {
         label(noise): {method: _best(tried, label(noise), method) for method in METHODS}
         for noise in NOISES
