@@ -184,7 +184,9 @@ def estimate_sensor(leftovers: Sequence[Leftovers]) -> SensorNoise | None:
             break
     likelihood = _likelihood
     above = _most_likely(clean, shape, _likelihood_above)
-    if _likelihood_above(clean, above)[0] - _likelihood_above(clean, shape)[0] > CONTRADICTED:
+    against = _likelihood_above(clean, above)[0] - _likelihood_above(clean, shape)[0]
+    # What goes together too strongly for a noise is noise and something slow.
+    if against > CONTRADICTED or abs(shape.correlation) > MOST:
         shape, likelihood = above, _likelihood_above
     _, size = likelihood(clean, shape)
     outliers = 1.0 - sum(len(part.t) for part in clean) / sum(len(part.t) for part in parts)
