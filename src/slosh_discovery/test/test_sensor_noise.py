@@ -28,13 +28,17 @@ def swing(t):
     return 0.015 * np.sin(2.0 * np.pi * 3.0 * t) * np.exp(-0.2 * t)
 
 
-def leftovers(random, motions=5, noise=3e-4, correlation=0.7, jitter=0.0, left=0.0, outliers=0):
-    """Residuals of a model that lacks a swing of that size."""
+def leftovers(
+    random, motions=5, noise=3e-4, correlation=0.7, jitter=0.0, left=0.0, outliers=0, drift=0.0
+):
+    """Residuals of a model that lacks a swing and a drift of those sizes."""
     found = []
     for _ in range(motions):
         true = T - random.uniform(-1.0, 1.0, COUNT) * jitter * np.sqrt(3.0)
         heights = swing(true) + left * np.sin(2.0 * np.pi * 2.6 * T)
         heights = heights + remembering(random, noise, correlation)
+        if drift:
+            heights = heights + remembering(random, drift, 0.97)
         struck = random.choice(COUNT, outliers, replace=False)
         heights[struck] += 3e-3 * random.choice([-1.0, 1.0], outliers)
         heights[random.random(COUNT) < 0.1] = np.nan
@@ -133,6 +137,16 @@ def test_what_the_model_lacks_is_no_noise():
     assert found is not None
     assert found.stddev < 1e-3
     assert found.jitter == pytest.approx(0.0023, abs=5e-4)
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_a_drift_beside_the_noise_does_not_make_it_plain(seed):
+    """Both together go together more strongly than any noise; above the liquid's band they part."""
+    random = np.random.default_rng(seed)
+    found = estimate_sensor(leftovers(random, 4, 3e-4, jitter=0.0023, outliers=3, drift=6e-4))
+    assert found is not None
+    assert found.correlation < 0.9
+    assert found.jitter == pytest.approx(0.0023, abs=6e-4)
 
 
 def test_a_smooth_residual_is_all_the_models():
