@@ -177,11 +177,13 @@ class TestBlind:
         pixels = np.ascontiguousarray(pixels[::-1]) if lens == "upside down" else 0 * pixels
         picture = image_message(pixels, "mono8", 0, "camera")
         with nodes_and_robot(tmp_path, domain, picture=picture) as (_, robot):
-            robot.until(lambda: is_blind(robot, "NOT_FOUND"), f"blindness of a lens {lens}")
-            assert not robot.comparisons[-1].measured_stale
+            # With images coming: a busy machine may hold one up for a moment.
+            def shows(reason: str) -> bool:
+                return is_blind(robot, reason) and not robot.comparisons[-1].measured_stale
+
+            robot.until(lambda: shows("NOT_FOUND"), f"blindness of a lens {lens}")
             picture.encoding = "mono17"
-            robot.until(lambda: is_blind(robot, "BAD_IMAGE"), "blindness of a broken camera")
-            assert not robot.comparisons[-1].measured_stale
+            robot.until(lambda: shows("BAD_IMAGE"), "blindness of a broken camera")
 
 
 class TestUnknown:

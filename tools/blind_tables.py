@@ -93,7 +93,12 @@ def run_jobs(jobs: list[Job], folder: Path, processes: int) -> None:
     with ProcessPoolExecutor(processes, context, _start) as pool:
         waiting = {pool.submit(_one, job): job for job in jobs}
         for number, future in enumerate(as_completed(waiting), 1):
-            row, job = future.result(), waiting[future]
+            job = waiting[future]
+            try:
+                row = future.result()
+            except RuntimeError as error:  # the generator finds no such case: one less
+                print(f"{number}/{len(jobs)} left out: {error}", flush=True)
+                continue
             with (folder / f"{job[0]}-{job[2]}.jsonl").open("a") as file:
                 file.write(json.dumps(row) + "\n")
             print(f"{number}/{len(jobs)} {_line(row)}", flush=True)

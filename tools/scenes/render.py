@@ -14,6 +14,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import cv2
+import liquids
 import numpy as np
 import povray
 import unkind
@@ -31,6 +32,7 @@ GROUPS = {
     "all": list(SCENES.values()),
     "stills": unkind.stills(),
     "sequences": unkind.sequences(),
+    "liquids": liquids.liquids(),
 }
 
 
@@ -200,7 +202,7 @@ def main() -> int:
         for scene in SCENES.values():
             print(f"{scene.name:16} {scene.about}")
         return 0
-    scenes = SCENES | {scene.name: scene for scene in GROUPS["stills"] + GROUPS["sequences"]}
+    scenes = {scene.name: scene for group in GROUPS.values() for scene in group}
     groups = {name: [scene.name for scene in group] for name, group in GROUPS.items()}
     names = [name for given in args.names for name in groups.get(given, [given])]
     unknown = [name for name in names if name not in scenes]

@@ -141,7 +141,7 @@ def test_what_the_model_lacks_is_no_noise():
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_a_drift_beside_the_noise_does_not_make_it_plain(seed):
-    """Both together go together more strongly than any noise; above the liquid's band they part."""
+    """Together they remember more than any noise does; above the liquid's band they part."""
     random = np.random.default_rng(seed)
     found = estimate_sensor(leftovers(random, 4, 3e-4, jitter=0.0023, outliers=3, drift=6e-4))
     assert found is not None
