@@ -66,11 +66,15 @@ def measured(sequence: RenderedSequence, about: str) -> tuple[str, Image]:
         return f"{about} | refused: {error} | 0 of {len(sequence.frames)} | | | | | |", plain
     found = figures(sequence.name, frames).raw
     share = found.count / max(found.count + found.missing, 1)
-    row = (
-        f"{about} | {verdict(share, found.silent, frames)} | {found.count} of "
-        f"{found.count + found.missing} | {1e3 * found.rms:.2f} | {1e3 * found.largest:.2f} | "
-        f"{100 * found.within_2:.0f} % | {1e3 * found.sigma:.2f} | {found.silent} |"
-    )
+    heights = f"{found.count} of {found.count + found.missing}"
+    row = f"{about} | {verdict(share, found.silent, frames)} | {heights} | "
+    if found.count:
+        row += (
+            f"{1e3 * found.rms:.2f} | {1e3 * found.largest:.2f} | {100 * found.within_2:.0f} % | "
+            f"{1e3 * found.sigma:.2f} | {found.silent} |"
+        )
+    else:
+        row += "– | – | – | – | 0 |"
     shown = next(frame for frame in frames if frame.truth.index == highest.index)
     return row, draw_measurement(plain, sequence.calibration, shown.measured)
 
