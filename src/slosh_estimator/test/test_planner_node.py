@@ -256,8 +256,8 @@ def test_a_path_that_is_none_is_refused_and_the_node_goes_on(cell: Cell, name: s
         ({"limit": -1.0}, "height limit = -1.0 m must lie above 0"),
         ({"max_jerk": -1.0}, "limit of jerk = -1"),
         ({"margin": 0.5}, "margin = 500 mm leaves nothing"),
-        # A known law would be so slow that none is looked for; or the service's time is up before.
-        ({"limit": 1e-8, "residual_limit": 1e-9}, "safe motion"),
+        # No motion, or no safe one: a known law would be too slow, or the time is up before.
+        ({"limit": 1e-8, "residual_limit": 1e-9}, "motion"),
         ({"model_path": "/nowhere/model.yaml"}, "/nowhere/model.yaml: No such file"),
         ({"from_estimate": True}, "no estimate has come on /estimate"),
     ],
