@@ -17,13 +17,13 @@ import numpy as np
 from camera_accuracy import make_detector
 from camera_figures import FrameResult, Options, figures, measure_sequence
 from camera_sequences import ROOT, Image, RenderedSequence, read_image, read_sequence, sequences_in
+from camera_tables import replace_table
 
 from slosh_camera.detection.drawing import draw_measurement
 from slosh_camera.errors import SloshCameraError
 
 PAGE = ROOT / "docs" / "liquids.md"
 SHEET = ROOT / "docs" / "images" / "liquids.jpg"
-START, END = "<!-- table liquids -->", "<!-- end liquids -->"
 HEAD = (
     "| | | verdict | heights | RMS [mm] | largest [mm] | within 2σ | median σ [mm] | silent |\n"
     "|--:|---|---|--:|--:|--:|--:|--:|--:|"
@@ -49,9 +49,7 @@ def main() -> int:
     table = "\n".join([HEAD, *rows])
     print(table)
     if arguments.docs:
-        text = PAGE.read_text()
-        head, rest = text.split(START)
-        PAGE.write_text(f"{head}{START}\n\n{table}\n\n{END}{rest.split(END)[1]}")
+        replace_table(PAGE, "liquids", f"{table}\n")
         cv2.imwrite(str(SHEET), sheet(pictures), [cv2.IMWRITE_JPEG_QUALITY, 82])
     return 0
 

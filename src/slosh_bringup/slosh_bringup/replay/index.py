@@ -33,18 +33,14 @@ def check_index(folder: Path, tasks: Sequence[Task]) -> None:
         raise SloshBringupError(f"{page}: is no replay's index; choose another folder (-o)")
 
 
-def write_index(folder: Path, outcomes: Sequence[Outcome[Task, Replayed]]) -> Path:
-    """Writes FOLDER/index.html; returns where.
+def write_index(folder: Path, outcomes: Sequence[Outcome[Task, Replayed]]) -> None:
+    """Writes FOLDER/index.html.
 
     Raises:
-        SloshBringupError: it cannot be written.
+        OSError: it cannot be written; it bears the path.
     """
-    page = folder / INDEX
-    try:
-        write_text(page, render_index("Replayed bags", [_row(each) for each in outcomes]))
-    except OSError as error:
-        raise SloshBringupError(f"{error.filename or page}: {error.strerror}") from None
-    return page
+    page = render_index("Replayed bags", [_row(each) for each in outcomes])
+    write_text(folder / INDEX, page)
 
 
 def _is_index(page: Path) -> bool:
