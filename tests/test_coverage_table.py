@@ -14,6 +14,7 @@ def test_the_table_has_each_package_once_and_all_of_them_last():
             "src/slosh_bag/slosh_bag/a.py": entry(10, 10),
             "src/slosh_model/slosh_model/__init__.py": entry(0, 0),
             "src/slosh_model/slosh_model/c.py": entry(10, 5),
+            "/tmp/poisoned/slosh_model/c.py": entry(10, 10),
         }
     )
     assert text.splitlines()[2:] == [

@@ -64,9 +64,9 @@ def contents(folder):
 
 
 def recorded(run):
-    """Whether a run's bag holds a message that is on the disk."""
-    files = list((run / "bag").glob("*.mcap"))
-    return bool(files) and any(info.count for info in BagReader(run / "bag").topics().values())
+    """Whether a run's bag holds a message that is on the disk; what is just begun holds none."""
+    begun = any(file.stat().st_size for file in (run / "bag").glob("*.mcap"))
+    return begun and any(info.count for info in BagReader(run / "bag").topics().values())
 
 
 def stop(process):

@@ -75,7 +75,9 @@ def table(files: dict[str, dict[str, dict[str, int]]]) -> str:
     """
     lines: dict[str, list[int]] = defaultdict(lambda: [0, 0])
     for path, entry in files.items():
-        package = Path(path).relative_to("src").parts[0]
+        if not path.startswith("src/"):  # a copy that a test damages and runs
+            continue
+        package = Path(path).parts[1]
         for name in (package, "all"):
             lines[name][0] += entry["summary"]["num_statements"]
             lines[name][1] += entry["summary"]["covered_lines"]

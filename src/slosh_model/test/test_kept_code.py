@@ -286,7 +286,9 @@ event.register("numba:compile", Forks())
 # Places where nothing can be kept.
 
 
-def test_a_full_disk_costs_a_warning_and_nothing_else(folder):
+def test_a_full_disk_costs_a_warning_and_nothing_else(folder, monkeypatch):
+    # `make coverage` would write to that disk, too, and complain.
+    monkeypatch.delenv("COVERAGE_PROCESS_CONFIG", raising=False)
     full = "import resource\nresource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))"
     process = Process(folder, full)
     assert process.result() == {"answers": ANSWERS, "loaded": [], "compiled": NAMES}
