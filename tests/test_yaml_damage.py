@@ -25,8 +25,8 @@ from slosh_camera.calibrate.camera_file import read_any_calibration
 from slosh_camera.calibrate.intrinsics import read_known_camera
 from slosh_camera.errors import SloshCameraError
 from slosh_estimator.errors import SloshEstimatorError
-from slosh_estimator.model_file import read_model
 from slosh_model.errors import SloshModelError
+from slosh_model.model_file import read_model
 
 BAGS = Path(__file__).resolve().parent.parent / "bags"
 CELL = """\

@@ -273,6 +273,9 @@ def write_environment(environment: dict[str, str]) -> None:
         if entries
     ]
     (VENV / "environment.sh").write_text("\n".join(lines) + "\n")
+    # So that the environment's own interpreter, a notebook's too, finds the packages by itself.
+    paths = added["PYTHONPATH"].split(":")
+    (site_packages() / "slosh_workspace.pth").write_text("\n".join(paths) + "\n")
     command = VENV / "bin" / "slosh"
     target = WORKSPACE / "install" / "bin" / "slosh"
     # -S: the script loads `site` itself, when Ctrl-C no longer ends in a traceback.
@@ -280,6 +283,12 @@ def write_environment(environment: dict[str, str]) -> None:
     runner = f'#!/bin/sh\nexec {words} "$@"\n'
     command.write_text(runner)
     command.chmod(0o755)
+
+
+def site_packages() -> Path:
+    """Where the environment's interpreter looks for packages."""
+    (found,) = (VENV / "lib").glob("python3*/site-packages")
+    return found
 
 
 def new_entries(after: str, before: str) -> str:

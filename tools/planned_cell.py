@@ -29,9 +29,9 @@ from trajectory_msgs.msg import MultiDOFJointTrajectory
 
 from slosh_bringup.cell.motions import make_motion
 from slosh_bringup.processes import NodeGroup, NodeProcess, config_folder, node_environment
-from slosh_estimator.model_file import read_model
 from slosh_estimator.nodes.plan_messages import plan_message
 from slosh_files.nanoseconds import SECOND
+from slosh_model.model_file import read_model
 from slosh_msgs.msg import (
     FreeSurface,
     MotionPrediction,

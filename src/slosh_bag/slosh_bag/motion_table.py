@@ -5,7 +5,8 @@ Columns: `t,ax,ay,az` [s, m/s²: container's origin, world frame, gravity exclud
 (attitude, world ← container), `wx,wy,wz` (angular velocity, container's frame, rad/s), `msh` [m],
 `eta_000` … `eta_359` (height on the wall by azimuth in degrees from the
 container's +x, m) and `profile_X` (height of the surface seen from the side at X metres along the
-container's x axis, as in `profile_-0.0295`, m). `.csv.gz` is compressed.
+container's x axis, as in `profile_-0.0295`, m). A height that was not measured is `nan` or an
+empty cell. `.csv.gz` is compressed.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from array import array
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +25,11 @@ from numpy.typing import NDArray
 from slosh_bag.bounded_text import bounded_text
 from slosh_bag.errors import SloshBagError
 from slosh_files import new_text
+from slosh_model import for_notebooks
+from slosh_model.simulate import Inputs
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 Array = NDArray[np.float64]
 
@@ -36,7 +43,7 @@ PROFILE = "profile_"
 _BATCH = 10_000  # rows that are turned into text at a time
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class MotionTable:
     """A motion and what was measured during it.
 
@@ -73,8 +80,32 @@ class MotionTable:
         filled = np.where(np.isnan(self.eta), -np.inf, self.eta).max(axis=1)
         return np.where(unknown, np.nan, filled)
 
+    def __repr__(self) -> str:
+        heights = self.measured
+        found = "" if heights is None else f", {for_notebooks.peak(self.t, heights, 'measured')}"
+        return f"MotionTable({for_notebooks.span(self.t)}{found})"
 
-def read_motion_table(path: Path) -> MotionTable:
+    def inputs(self) -> Inputs:
+        """The motion as `slosh_model.simulate` takes it.
+
+        Raises:
+            SloshModelError: it cannot be simulated; the text names the array and the row.
+        """
+        return Inputs(self.t, self.acceleration, self.attitude, self.angular_velocity)
+
+    def to_pandas(self) -> DataFrame:
+        """A table with the file's columns by time; its `to_csv` gives a motion table again.
+
+        Raises:
+            SloshBagError: a measured azimuth is no whole degree.
+            ImportError: pandas is not installed.
+        """
+        names, columns = _columns("to_pandas", self)
+        data = np.column_stack(columns)
+        return for_notebooks.table(self.t, dict(zip(names[1:], data.T[1:], strict=True)))
+
+
+def read_motion_table(path: str | Path) -> MotionTable:
     """Reads a motion table.
 
     Args:
@@ -85,6 +116,7 @@ def read_motion_table(path: Path) -> MotionTable:
             twice, a value is no number, an input is not finite, time does not increase; one line
             that names the file, the line and the column.
     """
+    path = Path(path)
     names, data = read_columns(path, _check_columns)
     check_finite(path, names, data)
     check_time(path, data[:, names.index("t")])
@@ -111,7 +143,7 @@ def read_columns(path: Path, check: Callable[[Path, list[str]], None]) -> tuple[
             raise SloshBagError(f"{path}: line {rows.line_num}: is no CSV: {error}") from None
 
 
-def write_motion_table(path: Path, table: MotionTable) -> None:
+def write_motion_table(path: str | Path, table: MotionTable) -> None:
     """Writes a motion table that `read_motion_table` reads back to the same bits.
 
     Args:
@@ -122,6 +154,7 @@ def write_motion_table(path: Path, table: MotionTable) -> None:
         SloshBagError: a measured azimuth is no whole degree.
         OSError: the file cannot be written; what was there is as it was.
     """
+    path = Path(path)
     names, columns = _columns(path, table)
     data = np.column_stack(columns)
     with new_text(path) as text:
@@ -150,6 +183,10 @@ def eta_azimuths(names: Iterable[str]) -> Array:
 def _is_eta(name: str) -> bool:
     digits = name.removeprefix(ETA)
     return name.startswith(ETA) and len(digits) == 3 and digits.isdecimal() and int(digits) < 360
+
+
+def _is_height(name: str) -> bool:
+    return name == MSH or _is_eta(name) or _is_profile(name)
 
 
 def _is_profile(name: str) -> bool:
@@ -207,6 +244,8 @@ def _numbers(path: Path, names: list[str], rows: Iterator[list[str]]) -> Array:
 
 
 def _number(path: Path, line: int, name: str, text: str) -> float:
+    if _is_height(name) and not text.strip():
+        return math.nan  # how spreadsheets and pandas write what was not measured
     try:
         return float(text)
     except ValueError:
@@ -218,7 +257,7 @@ def _number(path: Path, line: int, name: str, text: str) -> float:
 def check_finite(path: Path, names: list[str], data: Array) -> None:
     """Raises SloshBagError where an input is not finite, or a height infinite."""
     for column, name in enumerate(names):
-        heights = name == MSH or _is_eta(name) or _is_profile(name)
+        heights = _is_height(name)
         bad = np.isinf(data[:, column]) if heights else ~np.isfinite(data[:, column])
         if bad.any():
             row = int(np.argmax(bad))
@@ -260,7 +299,7 @@ def _table(names: list[str], data: Array) -> MotionTable:
     )
 
 
-def _columns(path: Path, table: MotionTable) -> tuple[list[str], list[Array]]:
+def _columns(path: Path | str, table: MotionTable) -> tuple[list[str], list[Array]]:
     names, columns = list(MOTION), [table.t, table.acceleration]
     groups = ((ATTITUDE, table.attitude), (ANGULAR_VELOCITY, table.angular_velocity))
     for group, values in groups:
@@ -279,7 +318,7 @@ def _columns(path: Path, table: MotionTable) -> tuple[list[str], list[Array]]:
     return names, columns
 
 
-def _eta_names(path: Path, azimuth: Array) -> list[str]:
+def _eta_names(path: Path | str, azimuth: Array) -> list[str]:
     degrees = np.degrees(azimuth)
     whole = np.rint(degrees)
     if np.abs(degrees - whole).max() > 1e-6:

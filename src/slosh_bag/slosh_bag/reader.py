@@ -102,7 +102,8 @@ class BagReader:
         SloshBagError: there is no readable bag.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: str | Path) -> None:
+        path = Path(path)
         self.path = path
         self.warnings: list[str] = []
         self.files, odd = ordered_files(path)

@@ -13,8 +13,8 @@ from slosh_bringup.cell.sensors import read_sensors
 from slosh_bringup.cell.truth import integrate_truth
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.processes import config_folder
-from slosh_estimator.model_file import read_model
 from slosh_model.constants import GRAVITY
+from slosh_model.model_file import read_model
 
 TRUTH = read_model(config_folder() / "truth.yaml")
 

@@ -17,8 +17,8 @@ from slosh_bringup.cli.main import main
 from slosh_bringup.processes import config_folder
 from slosh_discovery.discover.finding import Verdict, WorstMoment
 from slosh_discovery.discovering import recorded_model
-from slosh_estimator.model_file import read_model
 from slosh_model.measure import predicted_heights
+from slosh_model.model_file import read_model
 from slosh_model.model_text import format_model, parse_model
 from slosh_model.simulate import Inputs
 

@@ -11,10 +11,10 @@ from slosh_bag.interchange.table_bag import import_table
 from slosh_bag.motion_table import MotionTable, read_motion_table, write_motion_table
 from slosh_bringup.cli.main import main
 from slosh_bringup.processes import config_folder
-from slosh_estimator.model_file import read_model
 from slosh_model.containers import Cylinder
 from slosh_model.measure import predicted_heights
 from slosh_model.model import Model
+from slosh_model.model_file import read_model
 from slosh_model.model_text import format_model
 from slosh_model.motion_profiles import Cycle
 from slosh_model.simulate import Inputs

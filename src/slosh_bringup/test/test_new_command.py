@@ -12,9 +12,9 @@ from slosh_bringup.new_cup.cup import LIQUIDS
 from slosh_camera.calibrate.camera_file import read_any_calibration
 from slosh_camera.calibrate.intrinsics import read_known_camera
 from slosh_camera.errors import SloshCameraError
-from slosh_estimator.model_file import read_model
 from slosh_model.containers import Cylinder, Rectangle
 from slosh_model.liquid import Liquid
+from slosh_model.model_file import read_model
 
 ROUND = ["--diameter", "0.08", "--fill-height", "0.06"]
 SQUARE = ["--width", "0.1", "--depth", "0.07", "--fill-height", "0.06"]

@@ -29,9 +29,9 @@ from slosh_discovery.discovery_report import (
     render_discovery,
 )
 from slosh_discovery.errors import SloshDiscoveryError
-from slosh_estimator.model_file import read_model
 from slosh_files import check_outside, write_text
 from slosh_model.model import Model
+from slosh_model.model_file import read_model
 from slosh_model.model_text import format_model
 from slosh_model.simulate import Inputs
 
@@ -95,7 +95,7 @@ def prepare(request: Request, tell: Tell) -> Prepared:
 
     Raises:
         SloshDiscoveryError: a file stands for two things.
-        SloshBagError, SloshEstimatorError, SloshModelError, and likewise SloshDiscoveryError: a
+        SloshBagError, SloshModelError, and likewise SloshDiscoveryError: a
             file is not usable.
     """
     base = recorded_model(request.data[0]) if request.model is None else read_model(request.model)

@@ -25,11 +25,11 @@ from slosh_discovery.identification_report import (
 )
 from slosh_discovery.identify.parameters import DEFAULT
 from slosh_discovery.identify.result import Identification, Strategy
-from slosh_estimator.model_file import read_model
 from slosh_files import write_text
 from slosh_files.errors import TextFileError
 from slosh_files.text_file import read_text
 from slosh_model.model import Model
+from slosh_model.model_file import read_model
 from slosh_model.model_text import format_model
 from slosh_model.parameters import DAMPING, FREQUENCY
 
@@ -94,7 +94,7 @@ def prepare(request: Request, tell: Tell) -> Prepared:
         tell: is told what the reader must know of the data, one line each.
 
     Raises:
-        SloshBagError, SloshEstimatorError, SloshModelError, SloshDiscoveryError: a file is not
+        SloshBagError, SloshModelError, SloshDiscoveryError: a file is not
             usable.
     """
     base = recorded_model(request.data[0]) if request.model is None else read_model(request.model)
@@ -119,7 +119,7 @@ def read_beside(folder: Path) -> Beside:
 
     Raises:
         SloshDiscoveryError: it holds no identification.
-        SloshEstimatorError, SloshModelError: its model cannot be read.
+        SloshModelError: its model cannot be read.
     """
     path = folder / DOCUMENT
     try:

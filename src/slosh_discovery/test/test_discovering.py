@@ -22,7 +22,7 @@ from slosh_discovery.discovering import (
 )
 from slosh_discovery.discovery_report import DiscoveryReport
 from slosh_discovery.errors import SloshDiscoveryError
-from slosh_estimator.model_file import read_model
+from slosh_model.model_file import read_model
 
 BAGS = Path(__file__).parents[3] / "bags"
 

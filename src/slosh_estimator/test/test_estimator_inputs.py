@@ -1,8 +1,6 @@
 from __future__ import annotations
 
 import math
-import os
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,10 +11,8 @@ from slosh_estimator.accel_input import AccelInput
 from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.gate import GateSettings, Verdict
 from slosh_estimator.imu_input import ImuInput, SensorTransform
-from slosh_estimator.model_file import read_model
 from slosh_estimator.pose_input import PoseInput
 from slosh_model.constants import GRAVITY
-from slosh_model.errors import SloshModelError
 
 MS = 1_000_000
 GATE = GateSettings()
@@ -212,27 +208,3 @@ def test_an_attitude_of_no_length_is_dropped() -> None:
 def test_windows_without_a_centre_or_too_short_are_refused(window: int) -> None:
     with pytest.raises(SloshEstimatorError, match=str(window)):
         PoseInput(GATE, window)
-
-
-def test_model_files_are_named_in_every_error(tmp_path: Path) -> None:
-    with pytest.raises(SloshEstimatorError, match="no file given"):
-        read_model("")
-    with pytest.raises(SloshEstimatorError, match=r"absent\.yaml"):
-        read_model(tmp_path / "absent.yaml")
-    binary = tmp_path / "binary.yaml"
-    binary.write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(SloshEstimatorError, match=r"binary\.yaml"):
-        read_model(binary)
-    os.mkfifo(tmp_path / "pipe")
-    for place in (tmp_path, tmp_path / "pipe", Path("/dev/zero")):
-        with pytest.raises(SloshEstimatorError, match=r"regular file|directory"):
-            read_model(place)
-    with pytest.raises(SloshEstimatorError, match="null byte"):
-        read_model("a\0b")
-    (tmp_path / "large").write_bytes(b"#" * 100_000)
-    with pytest.raises(SloshEstimatorError, match="too large, more than 64000 bytes"):
-        read_model(tmp_path / "large")
-    wrong = tmp_path / "wrong.yaml"
-    wrong.write_text("container: {shape: cylinder, radius: 0.05, fill_height: 0.07, colour: 1}")
-    with pytest.raises(SloshModelError, match=r"wrong\.yaml.*colour"):
-        read_model(wrong)

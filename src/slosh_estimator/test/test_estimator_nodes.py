@@ -23,11 +23,11 @@ from sensor_msgs.msg import Imu  # noqa: E402
 from std_msgs.msg import Header  # noqa: E402
 from std_srvs.srv import Trigger  # noqa: E402
 
-from slosh_estimator.errors import SloshEstimatorError  # noqa: E402
 from slosh_estimator.nodes.estimator_node import EstimatorNode  # noqa: E402
 from slosh_estimator.nodes.monitor_node import MonitorNode  # noqa: E402
 from slosh_estimator.sight import SurfaceFlag  # noqa: E402
 from slosh_estimator.validity import EstimateFlag  # noqa: E402
+from slosh_model.errors import ModelFileError  # noqa: E402
 from slosh_model.model_text import parse_model  # noqa: E402
 from slosh_msgs.msg import (  # noqa: E402
     ExpectedReading,
@@ -207,7 +207,7 @@ def test_a_bad_parameter_is_refused_by_name(
     start: Callable[..., Cell], name: str, value: str
 ) -> None:
     start(**{name: value})
-    with pytest.raises((SloshMessageError, SloshEstimatorError), match=name):
+    with pytest.raises((SloshMessageError, ModelFileError), match=name):
         EstimatorNode()
 
 

@@ -1,6 +1,6 @@
 """Mechanical models of liquid sloshing in a moving container.
 
-Pure physics: no ROS, no files, no clock. SI units throughout.
+Pure physics: no ROS, no clock, and no files but for `read_model`. SI units throughout.
 """
 
 from importlib import import_module
@@ -17,6 +17,7 @@ from slosh_model.model import EffectUse, Model
 from slosh_model.simulate import Inputs, Response, Simulator, State, simulate
 
 if TYPE_CHECKING:
+    from slosh_model.model_file import read_model
     from slosh_model.model_text import format_model, parse_model
 
 __all__ = [
@@ -35,13 +36,23 @@ __all__ = [
     "measured_heights",
     "parse_model",
     "predicted_heights",
+    "read_model",
     "simulate",
     "wall_heights",
 ]
 
+# They read YAML by slosh_files, which a model that is made in Python does without.
+_IN_FILES = {"format_model": "model_text", "parse_model": "model_text", "read_model": "model_file"}
+
 
 def __getattr__(name: str) -> Any:
-    # They read YAML by slosh_files, which a model that is made in Python does without.
-    if name not in ("format_model", "parse_model"):
+    if name not in _IN_FILES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module("slosh_model.model_text"), name)
+    try:
+        return getattr(import_module(f"slosh_model.{_IN_FILES[name]}"), name)
+    except ModuleNotFoundError as error:
+        if error.name != "slosh_files":
+            raise
+        raise ImportError(
+            f"{name} needs slosh_files: pip install ./src/slosh_files", name="slosh_files"
+        ) from None

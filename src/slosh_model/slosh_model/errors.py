@@ -14,3 +14,7 @@ class SloshModelError(ValueError):
     def __init__(self, text: str, keys: tuple[str | int, ...] = ()) -> None:
         super().__init__(text)
         self.keys = keys
+
+
+class ModelFileError(SloshModelError):
+    """A model's file cannot be read; the text does not tell what stands in it."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,10 +21,15 @@ from slosh_model.effects.registry import (
     SLOTS,
 )
 from slosh_model.errors import SloshModelError
+from slosh_model.for_notebooks import height_axes, peak, span, table
 from slosh_model.interpolation import columns_at
 from slosh_model.layout import MODAL, RUN, back_to_rest, divided, new_store
 from slosh_model.model import VERTICAL, Model
 from slosh_model.pose import pose_rows
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from pandas import DataFrame
 
 Array = NDArray[np.float64]
 
@@ -37,7 +42,7 @@ _REMEMBERED = ("started", "turn", "yaw")
 _MEMORY_COUNT = len(_REMEMBERED) + RUN["drive_memory"].shape[0]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Inputs:
     """The container's motion.
 
@@ -81,6 +86,11 @@ class Inputs:
         for name, array in (("yaws", yaws), ("poses", poses)):
             array.setflags(write=False)
             object.__setattr__(self, name, array)
+
+    def __repr__(self) -> str:
+        strongest = float(np.linalg.norm(self.acceleration, axis=1).max())
+        turning = "turning" if len(self.poses) else "upright"
+        return f"Inputs({span(self.t)}, {turning}, acceleration up to {strongest:.3g} m/s²)"
 
     def resampled(self, t: Array, acceleration: Array | None = None) -> Inputs:
         """The motion at other moments, interpolated as the integrator would.
@@ -138,7 +148,7 @@ class State:
         object.__setattr__(self, "memory", _frozen("memory", memory, (_MEMORY_COUNT,)))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Response:
     """The liquid's answer, one entry per input sample.
 
@@ -176,6 +186,32 @@ class Response:
         if self.corner is not None:
             x, y = self.corner[0] * np.sign(x), self.corner[1] * np.sign(y)
         return np.arctan2(y, x)
+
+    def __repr__(self) -> str:
+        return f"Response({span(self.t)}, {peak(self.t, self.msh, 'height')})"
+
+    def to_pandas(self) -> DataFrame:
+        """A table of `msh`, `azimuth`, `sh_x` and `sh_y` [m, rad] by time.
+
+        Raises:
+            ImportError: pandas is not installed.
+        """
+        names = ("msh", "azimuth", "sh_x", "sh_y")
+        return table(self.t, {name: getattr(self, name) for name in names})
+
+    def plot(self, axes: Axes | None = None, **line: Any) -> Axes:
+        """Draws the maximum sloshing height over time.
+
+        Args:
+            axes: matplotlib's; None: of a new figure.
+            line: of matplotlib's `Axes.plot`, such as label and color.
+
+        Raises:
+            ImportError: matplotlib is not installed.
+        """
+        axes = height_axes(axes)
+        axes.plot(self.t, 1e3 * self.msh, **line)
+        return axes
 
 
 class Simulator:

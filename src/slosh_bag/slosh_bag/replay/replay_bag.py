@@ -52,7 +52,7 @@ _COMPARISON_FIELDS = (*STAMP, "measured_stale", *COMPARED)
 
 
 def replay_bag(
-    path: Path,
+    path: str | Path,
     model: Model | None = None,
     monitor: MonitorSettings | None = None,
     given: InputSettings | None = None,
@@ -73,6 +73,7 @@ def replay_bag(
     Raises:
         SloshBagError: no readable bag, no input in it, no model, or clocks that cannot be related.
     """
+    path = Path(path)
     reader = BagReader(path)
     sources = find_sources(path, reader, given.kind if given else None, cell)
     started = settings.first(sources.starts, "estimator")

@@ -7,7 +7,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,9 +17,14 @@ from slosh_bag.replay.verification import Verification
 from slosh_estimator.limits import Event
 from slosh_estimator.monitor import MonitorSettings
 from slosh_files import write_text
+from slosh_model.for_notebooks import height_axes, table
 from slosh_model.model import Model
 from slosh_report.alignment import ClockOffset, StillLevel
 from slosh_report.json_values import plain
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from pandas import DataFrame
 
 Array = NDArray[np.float64]
 
@@ -75,7 +80,7 @@ class MotionAccuracy:
     models: tuple[ModelAccuracy, ...]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class ReplayResult:
     """A replayed run.
 
@@ -130,6 +135,50 @@ class ReplayResult:
     def seconds(self) -> float:
         """Time from the first to the last image [s]; 0 where there are none."""
         return float(self.stamps[-1] - self.stamps[0]) * 1e-9 if len(self.stamps) else 0.0
+
+    def __repr__(self) -> str:
+        told = [f"{len(self.stamps)} images, {self.seconds:.3g} s"]
+        told += [f"{row.name} σ {1e3 * row.sigma:.2f} mm" for row in self.accuracy[-1:]]
+        told += [f"{len(self.events)} events"] if self.events else []
+        if self.verification is not None:
+            same = f"{self.verification.identical} of {self.verification.recorded}"
+            told.append(f"{same} bit for bit")
+        return f"ReplayResult({self.name}: {', '.join(told)})"
+
+    def to_pandas(self) -> DataFrame:
+        """A table of the series at the images: `measured`, each model's heights [m], `flags`.
+
+        The index is `t`, the time since the first image [s]; `stamp` is the image's own [ns].
+
+        Raises:
+            ImportError: pandas is not installed.
+        """
+        columns = {"stamp": self.stamps, "measured": self.measured, **self.heights}
+        if len(self.flags) == len(self.stamps):
+            columns["flags"] = self.flags
+        return table(self._since_start, columns)
+
+    def plot(self, axes: Axes | None = None) -> Axes:
+        """Draws the measured and the models' heights over the time since the first image.
+
+        Args:
+            axes: matplotlib's; None: of a new figure.
+
+        Raises:
+            ImportError: matplotlib is not installed.
+        """
+        axes = height_axes(axes, self.name)
+        t = self._since_start
+        axes.plot(t, 1e3 * self.measured, ".", color="black", ms=3, label="measured")
+        for name, heights in self.heights.items():
+            axes.plot(t, 1e3 * heights, label=name)
+        axes.legend()
+        return axes
+
+    @property
+    def _since_start(self) -> Array:
+        first = self.stamps[0] if len(self.stamps) else 0
+        return np.asarray((self.stamps - first) * 1e-9, dtype=np.float64)
 
     def to_json(self, *, series: bool = False) -> str:
         """The result as JSON; a number that is not known is null.

@@ -12,9 +12,9 @@ from pathlib import Path
 from slosh_bag.path_table import read_path_table, write_plan_table
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.model_error import read_model_error
-from slosh_estimator.model_file import read_model
 from slosh_files import check_apart, check_free, new_folder, write_text
 from slosh_model import Model
+from slosh_model.model_file import read_model
 from slosh_plan import ModelError
 from slosh_plan.planning.limits import ACCELERATION, JERK, TILT_ACCELERATION, TILT_RATE, PlanLimits
 from slosh_plan.planning.path import path_through

@@ -13,9 +13,9 @@ from typing import Any
 from slosh_bag.trajectory_table import read_joint_trajectory, read_trajectory
 from slosh_bringup.cli.progress import share_bar
 from slosh_bringup.errors import SloshBringupError
-from slosh_estimator.model_file import read_model
 from slosh_estimator.robot_file import read_arm
 from slosh_files import check_apart, new_text
+from slosh_model.model_file import read_model
 from slosh_plan import (
     HeightLimits,
     ModelError,

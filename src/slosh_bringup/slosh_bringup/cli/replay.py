@@ -27,8 +27,8 @@ from slosh_bringup.replay.task import (
     replay_task,
     unique_names,
 )
-from slosh_estimator.model_file import read_model
 from slosh_files import check_apart, check_outside
+from slosh_model.model_file import read_model
 from slosh_report.text_table import aligned
 
 DONE, FAILED, WRONG_INPUT = 0, 1, 2

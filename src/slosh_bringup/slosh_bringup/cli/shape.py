@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from slosh_bag.path_table import write_plan_table
 from slosh_bag.trajectory_table import read_trajectory
 from slosh_bringup.errors import SloshBringupError
-from slosh_estimator.model_file import read_model
 from slosh_files import check_apart
 from slosh_model import Model
+from slosh_model.model_file import read_model
 from slosh_plan import Trajectory
 from slosh_plan.planning.checked import Checked, checked
 from slosh_plan.planning.plan import upright_yaw

@@ -12,10 +12,10 @@ from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.simulate.answer import Answer, make_answer
 from slosh_bringup.simulate.doubts import check_possible, doubts
 from slosh_bringup.simulate.table import STANDARD_OUTPUT, output_path, write_response
-from slosh_estimator.model_file import read_model
 from slosh_files import check_apart
 from slosh_model.measure import predicted_heights
-from slosh_model.simulate import Inputs, simulate
+from slosh_model.model_file import read_model
+from slosh_model.simulate import simulate
 from slosh_plan import HeightLimits
 
 PICTURES = (".png", ".svg")
@@ -65,12 +65,7 @@ def run(arguments: argparse.Namespace) -> int:
     model = read_model(arguments.model)
     motion = read_motion_table(arguments.motion)
     check_possible(arguments.motion, motion)
-    inputs = Inputs(
-        t=motion.t,
-        acceleration=motion.acceleration,
-        attitude=motion.attitude,
-        angular_velocity=motion.angular_velocity,
-    )
+    inputs = motion.inputs()
     response, _ = simulate(model, inputs)
     msh = predicted_heights(model, inputs, inputs.t)[:, 0]
     answer = make_answer(

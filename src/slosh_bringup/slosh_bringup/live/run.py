@@ -22,7 +22,7 @@ from slosh_bringup.processes import (
 )
 from slosh_bringup.stop_request import StopRequest
 from slosh_camera.calibrate.camera_file import read_any_calibration
-from slosh_estimator.model_file import read_model
+from slosh_model.model_file import read_model
 from slosh_msgs_py import topics
 from slosh_msgs_py.node.domain import own_domain
 from slosh_msgs_py.node.shared_memory import remove_leftovers

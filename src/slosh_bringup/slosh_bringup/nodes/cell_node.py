@@ -29,8 +29,8 @@ from slosh_bringup.nodes.ready_cell import ReadyCell
 from slosh_bringup.processes import config_folder
 from slosh_bringup.ready_wait import PATIENCE
 from slosh_camera.calibrate.camera_file import read_calibration
-from slosh_estimator.model_file import read_model
 from slosh_model.compilation import load_telling
+from slosh_model.model_file import read_model
 from slosh_msgs_py import images, topics
 from slosh_msgs_py.node.diagnostics import OK, WARN, Health
 from slosh_msgs_py.node.parameters import ParameterSpec, declare

@@ -34,8 +34,8 @@ from slosh_bag.replay.report import shown_models
 from slosh_bag.replay.result import ModelAccuracy
 from slosh_bag.replay.verification import Verification
 from slosh_bringup.errors import SloshBringupError
-from slosh_estimator.model_file import read_model
 from slosh_files import is_unfinished, new_folder
+from slosh_model.model_file import read_model
 
 RECORDED = Expectation(tolerance=0.0)
 """What a bag without a manifest must give: its own estimates again."""

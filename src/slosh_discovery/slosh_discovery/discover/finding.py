@@ -6,13 +6,19 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from slosh_discovery.discover.motion import MeasuredMotion
+from slosh_model.for_notebooks import height_axes, table
 from slosh_model.model import Model
 from slosh_model.simulate import Inputs
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from pandas import DataFrame
 
 Array = NDArray[np.float64]
 NAN = float("nan")
@@ -81,7 +87,8 @@ class Candidate:
         by_group: the others' by group of motions and effect.
         probability: among all explanations tried, in [0, 1].
         evidence: log of the evidence over the base model's.
-        fit_rms: root mean square of the residual over the motions of the fit [m].
+        fit_rms: root mean square of the residual over the motions of the fit [m], of the heights
+            as they were measured: where they are the wall's by azimuth, of all of these.
         holdout_rms: over motions that the parameters were not fitted to [m]; NaN: none.
         reason: why it was not fitted ("the motions have no yaw"); empty where it was.
     """
@@ -103,7 +110,7 @@ class Candidate:
 
 @dataclass(frozen=True, slots=True)
 class Gap:
-    """The disagreement in numbers: root mean squares [m].
+    """The disagreement of the highest point of the wall in numbers: root mean squares [m].
 
     Attributes:
         noise: of the measurement.
@@ -145,7 +152,7 @@ class Agreement:
     peak: float
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class MotionFinding:
     """A motion before and after.
 
@@ -169,6 +176,30 @@ class MotionFinding:
     after_heights: Array
     before: Agreement
     after: Agreement
+
+    def __repr__(self) -> str:
+        before, after = 1e3 * self.before.rms, 1e3 * self.after.rms
+        return (
+            f"MotionFinding({self.motion.name}, {self.role.value}: "
+            f"rms {before:.2f} mm before, {after:.2f} mm after)"
+        )
+
+    def plot(self, axes: Axes | None = None) -> Axes:
+        """Draws the measured heights, and the model's before and after; of a wall its highest.
+
+        Args:
+            axes: matplotlib's; None: of a new figure.
+
+        Raises:
+            ImportError: matplotlib is not installed.
+        """
+        axes = height_axes(axes, self.motion.name)
+        t = self.motion.t
+        axes.plot(t, 1e3 * self.motion.peak_heights, ".", color="black", ms=3, label="measured")
+        for heights, name in ((self.before_heights, "before"), (self.after_heights, "after")):
+            axes.plot(t, 1e3 * heights.max(axis=1), label=name)
+        axes.legend()
+        return axes
 
     @property
     def samples(self) -> int:
@@ -248,7 +279,7 @@ class Proposal:
     explained: float
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Finding:
     """Everything that a discovery found.
 
@@ -289,3 +320,39 @@ class Finding:
     def changed(self) -> bool:
         """Whether another model goes out than came in."""
         return self.model != self.base or bool(self.group_models)
+
+    def __repr__(self) -> str:
+        names = " + ".join(effect.name for effect in self.effects)
+        named = f" {names} ({self.confidence:.2f})" if names else ""
+        gap = self.gap
+        told = f"rms {1e3 * gap.fit_before:.2f} → {1e3 * gap.fit_after:.2f} mm"
+        if math.isfinite(gap.holdout_before):
+            held = f"{1e3 * gap.holdout_before:.2f} → {1e3 * gap.holdout_after:.2f} mm"
+            told += f", held out {held}"
+        return f"Finding({self.verdict.value}{named}, {told}, {len(self.motions)} motions)"
+
+    def to_pandas(self) -> DataFrame:
+        """A table of the explanations that were fitted, the likeliest first.
+
+        Columns: `probability`, `evidence` (log, over the base model's), `fit_rms` and
+        `holdout_rms` [m], by the effects' ids joined by " + "; of the base model "".
+
+        Raises:
+            ImportError: pandas is not installed.
+        """
+        fitted = [row for row in self.candidates if not row.reason]
+        columns = ("probability", "evidence", "fit_rms", "holdout_rms")
+        return table(
+            [" + ".join(row.effects) for row in fitted],
+            {name: [getattr(row, name) for row in fitted] for name in columns},
+            index="effects",
+        )
+
+    def plot(self, motion: int = 0, axes: Axes | None = None) -> Axes:
+        """Draws a motion before and after; see `MotionFinding.plot`.
+
+        Args:
+            motion: which of `motions`.
+            axes: matplotlib's; None: of a new figure.
+        """
+        return self.motions[motion].plot(axes)

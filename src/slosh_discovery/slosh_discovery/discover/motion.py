@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_discovery.errors import SloshDiscoveryError
+from slosh_model.for_notebooks import peak, span
 from slosh_model.simulate import Inputs
 
 Array = NDArray[np.float64]
@@ -17,7 +18,7 @@ HIGHEST = 2.0
 """No wave in a container on a robot is so high [m]: another unit was taken for metres."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class MeasuredMotion:
     """A motion and its measured heights.
 
@@ -83,6 +84,10 @@ class MeasuredMotion:
             raise SloshDiscoveryError(
                 f"{self.name}: heights reach {highest:.4g} m; they must be given in metres"
             )
+
+    def __repr__(self) -> str:
+        found = peak(self.t, self.peak_heights, "measured")
+        return f"MeasuredMotion({self.name}: {span(self.t)}, {found})"
 
     @property
     def heights(self) -> Array:

@@ -48,7 +48,7 @@ def _quietly(line: str) -> None:
 
 
 def read_motions(
-    path: Path, model: Model | None = None, tell: Callable[[str], object] = _quietly
+    path: str | Path, model: Model | None = None, tell: Callable[[str], object] = _quietly
 ) -> list[MeasuredMotion]:
     """The measured motions of a file or a folder.
 
@@ -66,7 +66,7 @@ def read_motions(
     Raises:
         SloshBagError, SloshDiscoveryError: one line that says what is wrong and where.
     """
-    return [motion for item in _sources(path) for motion, _ in _read(item, model, tell)]
+    return [motion for item in _sources(Path(path)) for motion, _ in _read(item, model, tell)]
 
 
 def motions_of_day(

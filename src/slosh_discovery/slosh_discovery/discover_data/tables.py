@@ -14,7 +14,6 @@ from slosh_discovery.discover_data.heights import without_spikes
 from slosh_discovery.errors import SloshDiscoveryError
 from slosh_model.errors import SloshModelError
 from slosh_model.model import Model
-from slosh_model.simulate import Inputs
 from slosh_report.surface_metrics import line_slopes
 
 Array = NDArray[np.float64]
@@ -78,7 +77,7 @@ def motion_of_table(
     try:
         if table.msh is None and table.eta is None:
             return _profile_motion(path, name, table, model)
-        inputs = Inputs(table.t, table.acceleration, table.attitude, table.angular_velocity)
+        inputs = table.inputs()
         if table.eta is not None and len(walls) >= len(sampled):
             return MeasuredMotion(
                 name, inputs, table.t[walls], eta_azimuth=table.eta_azimuth, eta=table.eta[walls]
@@ -108,7 +107,7 @@ def _profile_motion(
     half = model.container.reaches[0]
     return MeasuredMotion(
         name,
-        Inputs(table.t, table.acceleration, table.attitude, table.angular_velocity),
+        table.inputs(),
         table.t[rows],
         eta_azimuth=np.zeros(1),
         eta=half * line_slopes(table.profile_x, profile)[:, np.newaxis],

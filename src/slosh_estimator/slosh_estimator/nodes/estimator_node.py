@@ -18,7 +18,6 @@ from slosh_estimator.estimator import Estimator
 from slosh_estimator.gate import DROPPED, GateSettings
 from slosh_estimator.imu_input import ImuInput
 from slosh_estimator.inputs import MESSAGE_TYPES, POSE_WINDOW, AnyInput, InputSettings
-from slosh_estimator.model_file import read_model
 from slosh_estimator.nodes.estimator_messages import fill, fill_reading, imu_sample
 from slosh_estimator.nodes.input_health import InputHealth
 from slosh_estimator.nodes.requested_model import requested_model
@@ -29,6 +28,7 @@ from slosh_estimator.validity import EstimateFlag, attitude_warning
 from slosh_model.arithmetic import arithmetic_fingerprint
 from slosh_model.compilation import load_telling
 from slosh_model.compile_cache import sources_digest
+from slosh_model.model_file import read_model
 from slosh_model.model_text import format_model
 from slosh_msgs.msg import ExpectedReading, SloshEstimate
 from slosh_msgs.srv import LoadModel

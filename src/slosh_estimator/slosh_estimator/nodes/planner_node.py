@@ -12,7 +12,6 @@ from rclpy.action import ActionServer, CancelResponse
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup, ReentrantCallbackGroup
 
 from slosh_estimator.errors import SloshEstimatorError
-from slosh_estimator.model_file import read_model
 from slosh_estimator.nodes import plan_messages
 from slosh_estimator.nodes.goal_feedback import GoalFeedback
 from slosh_estimator.nodes.newest_estimate import NewestEstimate
@@ -21,6 +20,7 @@ from slosh_estimator.nodes.requested_model import model_at
 from slosh_model.arithmetic import arithmetic_fingerprint
 from slosh_model.compilation import load_telling
 from slosh_model.compile_cache import sources_digest
+from slosh_model.model_file import read_model
 from slosh_model.model_text import format_model
 from slosh_msgs import action, srv
 from slosh_msgs_py import topics

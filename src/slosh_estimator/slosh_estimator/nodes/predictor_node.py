@@ -7,7 +7,6 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from slosh_estimator.model_file import read_model
 from slosh_estimator.nodes import predict_messages
 from slosh_estimator.nodes.newest_estimate import NewestEstimate
 from slosh_estimator.nodes.planned_motions import PlannedMotions
@@ -17,6 +16,7 @@ from slosh_model.arithmetic import arithmetic_fingerprint
 from slosh_model.compilation import load_telling
 from slosh_model.compile_cache import sources_digest
 from slosh_model.model import Model
+from slosh_model.model_file import read_model
 from slosh_model.model_text import format_model
 from slosh_msgs.srv import PredictSlosh
 from slosh_msgs_py import topics

@@ -6,9 +6,9 @@ from collections.abc import Callable
 from typing import Any
 
 from slosh_estimator.errors import SloshEstimatorError
-from slosh_estimator.model_file import read_model
-from slosh_model.errors import SloshModelError
+from slosh_model.errors import ModelFileError, SloshModelError
 from slosh_model.model import Model
+from slosh_model.model_file import read_model
 from slosh_model.model_text import parse_model
 
 
@@ -43,6 +43,8 @@ def model_at(path: str, tell: Callable[[str], object], service: str) -> Model:
     """
     try:
         return read_model(path)
+    except ModelFileError as error:
+        raise SloshEstimatorError(str(error)) from None
     except SloshModelError as error:
         tell(f"{service}: {error}")
         raise SloshEstimatorError(

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from slosh_estimator.errors import SloshEstimatorError
 from slosh_files.errors import TextFileError
 from slosh_files.text_file import read_text
+from slosh_model.errors import ModelFileError
 from slosh_model.model import Model
 from slosh_model.model_text import LONGEST, parse_model
 
@@ -15,13 +15,13 @@ def read_model(path: str | Path) -> Model:
     """The model in a file.
 
     Raises:
-        SloshEstimatorError: the file is no regular file, too large, or not readable text.
+        ModelFileError: the file is no regular file, too large, or not readable text.
         SloshModelError: its content is no model; the text names the file, the line and the key.
     """
     if not str(path):
-        raise SloshEstimatorError("model: no file given; name a model.yaml")
+        raise ModelFileError("model: no file given; name a model.yaml")
     try:
         text = read_text(path, LONGEST)
     except TextFileError as error:
-        raise SloshEstimatorError(str(error)) from None
+        raise ModelFileError(str(error)) from None
     return parse_model(text, str(path))

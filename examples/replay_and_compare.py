@@ -1,0 +1,17 @@
+"""Replays a recording with two models and lays them beside the camera: replay.png."""
+
+import sys
+
+import matplotlib.pyplot as plt
+
+from slosh_bag import replay_bag
+
+bag = sys.argv[1] if len(sys.argv) > 1 else "bags/c3"
+result = replay_bag(bag)
+print(result)
+for accuracy in result.accuracy:
+    print(f"{accuracy.name}: σ {1e3 * accuracy.sigma:.2f} mm, ε {accuracy.epsilon:+.1%}")
+worst = (result.to_pandas()["measured"] - result.to_pandas()["3D-NL"]).abs().idxmax()
+print(f"the nonlinear model is farthest off {worst:.2f} s after the first image")
+result.plot()
+plt.savefig("replay.png")
