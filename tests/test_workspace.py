@@ -37,7 +37,7 @@ PIP = {
 """Import name to the requirement that brings it where rosdep does not."""
 UNSEEN = {"websockets"}
 """What one of them imports, and calls optional."""
-OPTIONAL = {"casadi"}
+OPTIONAL = {"casadi", "pandas"}
 """Imported where it is used, and told of where it is missing."""
 MESSAGE_TYPE = re.compile(r"(\w+)/(?:msg|srv)/\w+")
 
