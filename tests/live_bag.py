@@ -66,6 +66,8 @@ class LiveBag:
         unused: indices of inputs that the recorder heard and the estimator did not.
         unrecorded: indices of inputs whose estimates the recorder missed.
         restarts: indices of inputs with which a new estimator process begins.
+        idle: indices of inputs before which an estimator process begins and ends; the next one,
+            which takes that input first, does not take the liquid for still.
         loads: model texts by the index of the first input that they apply to.
         camera_gap: from and to which moment there are no images [s].
         height: measured height over what the model expects the camera to read.
@@ -83,6 +85,7 @@ class LiveBag:
         self.unused: Collection[int] = ()
         self.unrecorded: Collection[int] = ()
         self.restarts: Collection[int] = ()
+        self.idle: Collection[int] = ()
         self.loads: dict[int, str] = {}
         self.camera_gap = (0.0, 0.0)
         self.height = 1.0
@@ -128,6 +131,9 @@ class LiveBag:
         for index, (stamp, a) in enumerate(
             zip(stamps.tolist(), accelerations.tolist(), strict=True)
         ):
+            if index in self.idle:
+                self._start(estimator.model, 0, stamp - MS)
+                estimator, source = self._start(estimator.model, 0, stamp - 1, at_rest=False)
             if index in self.restarts:
                 estimator, source = self._start(estimator.model, 0, stamp - 1)
             if index in self.loads:
@@ -163,17 +169,21 @@ class LiveBag:
             self._put("pose", stamp, pose=self._pose(*given))
         return None if index in self.unused else source.update(stamp, *given)
 
-    def _start(self, model, stamp: int, log_ns: int):
-        self._settings("estimator", stamp, {"model": format_model(model)}, log_ns)
+    def _start(self, model, stamp: int, log_ns: int, *, at_rest: bool = True):
+        files = {"model": format_model(model)}
+        self._settings("estimator", stamp, files, log_ns, starts_at_rest=at_rest)
         source = {
             "accel": lambda: AccelInput(GateSettings(), ("world", "container")),
             "imu": lambda: ImuInput(GateSettings(), SensorTransform()),
             "pose": lambda: PoseInput(GateSettings(), 21),
         }
-        return Estimator(model), source[self.kind]()
+        estimator = Estimator(model, at_rest=at_rest)
+        return estimator, source[self.kind]()
 
-    def _settings(self, node: str, stamp: int, files: dict[str, str], log_ns: int) -> None:
-        parameters = dict(PARAMETERS[node])
+    def _settings(
+        self, node: str, stamp: int, files: dict[str, str], log_ns: int, **own: object
+    ) -> None:
+        parameters = {**PARAMETERS[node], **own}
         if node == "estimator":
             parameters["input"] = self.kind
         names = (self.kind, "free_surface", "estimate")

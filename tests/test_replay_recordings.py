@@ -84,6 +84,14 @@ def test_chunks_do_not_matter(eventful, tmp_path, monkeypatch, chunk):
     assert everything(replay_bag(in_many)) == everything(expected)
 
 
+@pytest.mark.parametrize("index", [0, 900], ids=["at first", "later"])
+def test_a_process_that_ended_before_it_estimated_is_nobodys_start(live, tmp_path, index):
+    live.idle = {index}
+    live.unrecorded = {index + 1}
+    replayed = replay_bag(live.write(tmp_path / "bag"))
+    assert replayed.verification.exact, replayed.verification.lines()
+
+
 def test_late_images_are_the_same_as_punctual_ones(eventful, live, tmp_path):
     late, prompt = replay_bag(eventful), replay_bag(busy(live).write(tmp_path / "bag"))
     assert everything(late) == everything(prompt)

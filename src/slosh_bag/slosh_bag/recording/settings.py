@@ -6,6 +6,9 @@ from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any, NamedTuple, TypeVar
 
+import numpy as np
+from numpy.typing import NDArray
+
 from slosh_bag.errors import SloshBagError
 from slosh_bag.reader import BagMessage, BagReader
 from slosh_files.errors import YamlError
@@ -64,6 +67,26 @@ def read_starts(reader: BagReader, topic: str) -> list[NodeStart]:
 def first(starts: Sequence[NodeStart], node: str) -> NodeStart | None:
     """A node's first start; None: the recording does not tell."""
     return next((start for start in starts if start.node == node), None)
+
+
+def heard(
+    starts: Sequence[NodeStart], node: str, published_ns: NDArray[np.int64]
+) -> tuple[NodeStart, ...]:
+    """The starts without those of a node's processes that ended before they published anything.
+
+    Args:
+        starts: in the order of the recording.
+        node: which.
+        published_ns: (N,) when its messages were recorded, rising [ns].
+    """
+    own = [start.log_ns for start in starts if start.node == node and not start.stamp_ns]
+    counts = np.diff(np.searchsorted(published_ns, own))
+    idle = [(own[k], own[k + 1]) for k in np.flatnonzero(counts == 0).tolist()]
+    return tuple(
+        start
+        for start in starts
+        if start.node != node or not any(begin <= start.log_ns < end for begin, end in idle)
+    )
 
 
 def latest(starts: list[NodeStart], node: str) -> NodeStart | None:

@@ -76,6 +76,7 @@ def replay_bag(
     path = Path(path)
     reader = BagReader(path)
     sources = find_sources(path, reader, given.kind if given else None, cell)
+    sources = sources._replace(starts=_heard_starts(reader, sources))
     started = settings.first(sources.starts, "estimator")
     recorded = settings.model_of(started) if started else None
     used = model or recorded or _noted_model(path, sources.facts)
@@ -115,6 +116,16 @@ def replay_bag(
     unfelt = [f"{path}: {line}" for line in [attitude_warning(used, sources.kind)] if line]
     warnings = (*_warnings(path, reader, sources), *unfelt, *result.warnings)
     return replace(result, warnings=warnings)
+
+
+def _heard_starts(reader: BagReader, sources: Sources) -> tuple[NodeStart, ...]:
+    """The starts that recorded estimates follow, where the estimator's process was started anew."""
+    processes = [s for s in sources.starts if s.node == "estimator" and not s.stamp_ns]
+    if len(processes) < 2 or sources.estimate is None:
+        return sources.starts
+    recorded = [block.log_ns for block in reader.blocks([sources.estimate])]
+    published = np.sort(np.concatenate([np.empty(0, np.int64), *recorded]))
+    return settings.heard(sources.starts, "estimator", published)
 
 
 def _is_turning_table(sources: Sources, model: Model) -> bool:
