@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from functools import cache
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -13,9 +14,26 @@ FloatArray = NDArray[np.float64]
 Image = NDArray[np.uint8]
 Place = tuple[float, float, float, float, float]
 
-SIZE = (640, 480)
-MATRIX = np.array([[620.0, 0.0, 331.0], [0.0, 618.0, 236.0], [0.0, 0.0, 1.0]])
-LENS = np.array([-0.21, 0.09, 0.001, -0.0008, 0.0])
+
+class BoardCamera(NamedTuple):
+    """A camera: image size, focal lengths, principal point [px]; lens: k1, k2, p1, p2, k3."""
+
+    size: tuple[int, int]
+    focal: tuple[float, float]
+    centre: tuple[float, float]
+    lens: tuple[float, float, float, float, float]
+
+    @property
+    def matrix(self) -> FloatArray:
+        """The camera's matrix (3, 3)."""
+        (fx, fy), (cx, cy) = self.focal, self.centre
+        return np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
+
+
+CAMERA = BoardCamera(
+    (640, 480), (620.0, 618.0), (331.0, 236.0), (-0.21, 0.09, 0.001, -0.0008, 0.0)
+)
+SIZE, MATRIX, LENS = CAMERA.size, CAMERA.matrix, np.array(CAMERA.lens)
 # Turn about x and y [deg], centre right and down as parts of the view, distance [m].
 POSES: list[Place] = [
     (0, 0, 0.0, 0.0, 0.30), (25, 0, -0.3, -0.3, 0.42), (-25, 5, 0.3, 0.3, 0.42),
@@ -34,20 +52,21 @@ def pose(
     right: float,
     down: float,
     distance: float,
+    camera: BoardCamera = CAMERA,
 ) -> tuple[FloatArray, FloatArray]:
     """Rotation (3, 3) and translation (3,) board -> camera of a board whose middle is aimed at."""
     about = (np.deg2rad([about_x, 0.0, 0.0]), np.deg2rad([0.0, about_y, 0.0]))
     turns = [np.asarray(cv2.Rodrigues(turn)[0], np.float64) for turn in about]
     turn = turns[0] @ turns[1]
-    half = 0.5 * np.array(SIZE) / MATRIX[[0, 1], [0, 1]]
+    half = 0.5 * np.array(camera.size) / camera.focal
     middle = distance * np.array([right * half[0], down * half[1], 1.0])
     return turn, middle - turn @ np.array([0.5 * board_size[0], 0.5 * board_size[1], 0.0])
 
 
-def rays_of(pixels: FloatArray) -> FloatArray:
+def rays_of(pixels: FloatArray, camera: BoardCamera = CAMERA) -> FloatArray:
     """Directions (N, 3) of pixels (N, 2), by a fixed point of the distortion's equations."""
-    seen = (pixels - MATRIX[:2, 2]) / MATRIX[[0, 1], [0, 1]]
-    k1, k2, p1, p2, _ = LENS
+    seen = (pixels - camera.centre) / camera.focal
+    k1, k2, p1, p2, _ = camera.lens
     ideal = seen.copy()
     for _ in range(20):
         x, y = ideal.T
@@ -60,35 +79,41 @@ def rays_of(pixels: FloatArray) -> FloatArray:
 
 
 @cache
-def all_rays() -> FloatArray:
+def all_rays(camera: BoardCamera = CAMERA) -> FloatArray:
     """Directions of the samples of all pixels, row by row."""
-    width, height = SIZE
+    width, height = camera.size
     steps = (np.arange(_FINE * width) + 0.5) / _FINE - 0.5
     u, v = np.meshgrid(steps, steps[: _FINE * height])
-    return rays_of(np.column_stack((u.ravel(), v.ravel())))
+    return rays_of(np.column_stack((u.ravel(), v.ravel())), camera)
 
 
 def render(
-    page: Image, scale: float, rotation: FloatArray, translation: FloatArray, seed: int = 0
+    page: Image,
+    scale: float,
+    rotation: FloatArray,
+    translation: FloatArray,
+    seed: int = 0,
+    camera: BoardCamera = CAMERA,
 ) -> Image:
-    """Image (480, 640) of a page that lies in the board's plane.
+    """Image of a page that lies in the board's plane, of the camera's size.
 
     Args:
         page: (H, W) grey levels of the board alone; its corner is the board's origin.
         scale: of the page [px/m].
         rotation, translation: board -> camera.
         seed: of the noise.
+        camera: that takes it.
     """
     wide = cv2.copyMakeBorder(page, 100, 100, 100, 100, cv2.BORDER_CONSTANT, value=255)
-    width, height = SIZE
-    rays = all_rays()
+    width, height = camera.size
+    rays = all_rays(camera)
     depth = rotation[:, 2] @ translation / (rays @ rotation[:, 2])
     places = (rays * depth[:, None] - translation) @ rotation[:, :2]
     spots = (
         (places * scale - 0.5 + 100).astype(np.float32).reshape(_FINE * height, _FINE * width, 2)
     )
     fine = cv2.remap(wide, spots[..., 0], spots[..., 1], cv2.INTER_LINEAR, borderValue=(120,))
-    image = cv2.resize(fine, SIZE, interpolation=cv2.INTER_AREA).astype(float)
+    image = cv2.resize(fine, camera.size, interpolation=cv2.INTER_AREA).astype(float)
     image = 20.0 + 0.8 * cv2.GaussianBlur(image, (0, 0), 0.7)
     image += np.random.default_rng(seed).normal(0.0, 2.0, image.shape)
     return np.asarray(np.clip(image, 0, 255), np.uint8)
@@ -114,10 +139,17 @@ def chessboard_page(columns: int, rows: int, square: float, scale: float) -> Ima
 
 
 def chessboard_pictures(
-    columns: int = 8, rows: int = 5, square: float = 0.02, poses: Sequence[Place] = POSES
+    columns: int = 8,
+    rows: int = 5,
+    square: float = 0.02,
+    poses: Sequence[Place] = POSES,
+    camera: BoardCamera = CAMERA,
 ) -> list[Image]:
     """Rendered pictures of a chessboard in many poses."""
     scale = 4000.0
     page = chessboard_page(columns, rows, square, scale)
     size = ((columns + 1) * square, (rows + 1) * square)
-    return [render(page, scale, *pose(size, *where), k) for k, where in enumerate(poses)]
+    return [
+        render(page, scale, *pose(size, *where, camera), k, camera)
+        for k, where in enumerate(poses)
+    ]
