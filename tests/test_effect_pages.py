@@ -8,6 +8,7 @@ from xml.etree import ElementTree
 
 import pytest
 
+from slosh_bringup.cli.main import main
 from slosh_model.effects.registry import EFFECTS
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -49,6 +50,12 @@ def test_a_page_says_what_the_registry_says(name, tool):
 def test_the_index_lists_what_the_registry_has(tool):
     text = (FOLDER / "index.md").read_text(encoding="utf-8")
     assert tool.with_part(text, tool.table()) == text, ANEW
+
+
+def test_the_command_tells_each_page(capsys):
+    for name in EFFECTS:
+        assert main(["explain", name]) == 0
+        assert (ROOT / capsys.readouterr().out.split()[-1]).samefile(FOLDER / f"{name}.md")
 
 
 @pytest.mark.parametrize("name", EFFECTS)

@@ -19,6 +19,7 @@ from matplotlib.style import context
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from slosh_bringup.explain.effect import bounds, usually
 from slosh_model.containers import Cylinder, Rectangle
 from slosh_model.effects.base import Effect, Parameter
 from slosh_model.effects.registry import EFFECTS
@@ -159,28 +160,16 @@ def parameter_table(effect: Effect) -> str:
 
 def parameter_row(parameter: Parameter) -> str:
     """A line of the table."""
-    bounds = f"{parameter.lower:g} … {parameter.upper:g}"
-    if parameter.choices is not None:
-        bounds = " or ".join(f"{choice:g}" for choice in parameter.choices)
     cells = (
         f"`{parameter.name}`",
         parameter.unit,
-        bounds,
+        bounds(parameter),
         number(parameter.neutral),
         number(parameter.default),
         usually(parameter),
         parameter.description,
     )
     return f"| {' | '.join(cells)} |"
-
-
-def usually(parameter: Parameter) -> str:
-    """How far people and rigs have it wrong, or else where it lies."""
-    expected = parameter.neutral if parameter.expected is None else parameter.expected
-    if parameter.spread is not None and expected is not None:
-        return f"{expected:g} ± {parameter.spread:g}"
-    usual = parameter.plausible
-    return "" if usual is None else f"{usual[0]:.3g} … {usual[1]:.3g}"
 
 
 def number(value: float | None) -> str:
@@ -232,7 +221,7 @@ def table() -> str:
         )
         stages = ", ".join(stage.value for stage in effect.stages)
         link = f"[`{effect.name}`]({effect.name}.md)"
-        rows.append(f"| {link} | {stages} | {effect.title} | {parameters or '–'} |")
+        rows.append(f"| {link} | {stages} | {effect.meaning} | {parameters or '–'} |")
     return "\n".join(rows) + "\n"
 
 

@@ -215,6 +215,8 @@ def test_every_effect_explains_itself(name):
     effect = EFFECTS[name]
     assert effect.name == name
     assert effect.title
+    assert effect.meaning.endswith(".")
+    assert not set(effect.meaning) & set("$\\_")
     assert effect.source
     assert effect.equation
     assert effect.equation.count("{") == effect.equation.count("}")

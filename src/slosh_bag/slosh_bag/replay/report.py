@@ -13,6 +13,8 @@ from slosh_bag.replay.checking import Checked, dropped
 from slosh_bag.replay.result import ModelAccuracy, ReplayResult
 from slosh_estimator.limits import Event, Kind, Source
 from slosh_estimator.sight import SATURATED
+from slosh_model.effects.registry import EFFECTS
+from slosh_model.model import Model
 from slosh_model.model_text import format_model
 from slosh_report.run_report import (
     AzimuthSeries,
@@ -92,6 +94,7 @@ def replay_report(result: ReplayResult, around: Surroundings | None = None) -> R
         frames=around.frames,
         topics=around.topics,
         model_text=format_model(result.model) if result.model else "",
+        effects=_meanings(result.model) if result.model else {},
         notes=around.notes,
         warnings=result.warnings,
         status=_status(result, around.checked),
@@ -103,6 +106,11 @@ def replay_report(result: ReplayResult, around: Surroundings | None = None) -> R
         ),
         saturated=(result.flags[shown] & SATURATED) != 0 if len(result.flags) else None,
     )
+
+
+def _meanings(model: Model) -> dict[str, str]:
+    """What the effects of a model are."""
+    return {use.name: EFFECTS[use.name].meaning for use in model.effects}
 
 
 def report_start(result: ReplayResult) -> int:

@@ -35,6 +35,7 @@ COMMANDS: dict[str, str] = {
     "plan": "the fastest motion along a path that keeps the liquid below a limit",
     "watch": "the operator's page, of a running cell or of a recording",
     "shape": "a motion that leaves no wave of the liquid's frequency, by a filter",
+    "explain": "what an effect or a flag means, with equation, parameters and source",
     "doctor": "what works here, what is missing, how to mend it",
 }
 LIVE = ("demo", "cell")

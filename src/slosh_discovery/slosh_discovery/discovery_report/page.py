@@ -216,8 +216,10 @@ def fitted_by_group(
 def named_set(names: Sequence[str], per_group: Sequence[str] = ()) -> Markup:
     """A set of effects, whose names stay whole."""
     ids = (
-        Markup('<span class="id">{}</span>').format(name)
-        for name in words.marked(names, per_group)
+        Markup('<span class="id" title="{}">{}</span>').format(
+            words.effect_meaning(name), shown_as
+        )
+        for name, shown_as in zip(names, words.marked(names, per_group), strict=True)
     )
     return Markup(" + ").join(ids) or Markup(words.AS_IT_IS)
 
@@ -241,5 +243,6 @@ def _template() -> Template:
     environment.globals.update(
         parameter=parameter, fitted=fitted, probability=probability, bar=bar,
         named_set=named_set, fitted_by_group=fitted_by_group, effect_title=words.effect_title,
+        effect_meaning=words.effect_meaning,
     )  # fmt: skip
     return environment.get_template("discovery.html.j2")

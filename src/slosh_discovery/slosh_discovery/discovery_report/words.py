@@ -38,6 +38,11 @@ def effect_title(name: str) -> str:
     return EFFECTS[name].title if name in EFFECTS else name
 
 
+def effect_meaning(name: str) -> str:
+    """What an effect is, in a sentence; of one that is not known nothing."""
+    return EFFECTS[name].meaning if name in EFFECTS else ""
+
+
 def explanation(names: Iterable[str]) -> str:
     """A set of effects as one name."""
     return " + ".join(names) or AS_IT_IS

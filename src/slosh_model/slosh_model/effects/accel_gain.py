@@ -14,6 +14,9 @@ def _drive(dt, inputs, pose, memory, p):  # type: ignore[no-untyped-def]
 EFFECT = Effect(
     name="accel_gain",
     title="gain of the acceleration",
+    meaning=(
+        "The given acceleration is too small or too large by a constant factor, in all directions."
+    ),
     stages=(Stage.INPUT,),
     equation=r"a \to k\,a",
     source="scale error of an accelerometer or of a planned motion",

@@ -20,6 +20,10 @@ def _term(mode, elapsed, q, inputs, p):  # type: ignore[no-untyped-def]
 EFFECT = Effect(
     name="anisotropic_stiffness",
     title="anisotropic stiffness",
+    meaning=(
+        "A cup that is not quite round has two natural frequencies, one along an axis "
+        "and one across it."
+    ),
     stages=(Stage.DYNAMICS,),
     equation=(
         r"\omega^2 q \to \omega^2\left[1 + e\,(u u^T - v v^T)\right] q,"

@@ -100,6 +100,7 @@ class Effect:
     Attributes:
         name: id, as in model.yaml.
         title: a few words for people.
+        meaning: what it is physically, in one sentence without signs.
         stages: where it acts.
         equation: what it adds, as LaTeX.
         source: paper and equation.
@@ -127,6 +128,7 @@ class Effect:
     stages: tuple[Stage, ...]
     equation: str
     source: str
+    meaning: str = ""
     parameters: tuple[Parameter, ...] = ()
     order: int = 0
     needs_rotation: bool = False

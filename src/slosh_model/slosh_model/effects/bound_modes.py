@@ -115,6 +115,7 @@ def _reading(dt, eta, wall, memory, p):  # type: ignore[no-untyped-def]
 EFFECT = Effect(
     name="bound_modes",
     title="waves bound to the first mode",
+    meaning="A high wave drags a mean rise and a double wave along, which sharpen its crests.",
     stages=(Stage.MEASUREMENT,),
     equation=(
         r"\eta \to \eta + \kappa\,(b_0 + b_c\cos2\varphi + b_s\sin2\varphi),\quad"

@@ -22,6 +22,10 @@ def _term(mode, elapsed, q, inputs, p):  # type: ignore[no-untyped-def]
 EFFECT = Effect(
     name="contact_line_friction",
     title="friction of the contact line",
+    meaning=(
+        "The line in which the surface meets the wall sticks: a force of constant size "
+        "against the velocity."
+    ),
     stages=(Stage.DYNAMICS,),
     equation=(
         r"\ddot q + \dots + \mu g\,\frac{\dot q}{\sqrt{\lVert\dot q\rVert^2 + v_0^2}} = 0,"

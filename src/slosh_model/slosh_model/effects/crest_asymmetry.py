@@ -14,6 +14,7 @@ def _reading(dt, eta, wall, memory, p):  # type: ignore[no-untyped-def]
 EFFECT = Effect(
     name="crest_asymmetry",
     title="asymmetry of crest and trough",
+    meaning="A wave of finite height has sharper crests and flatter troughs.",
     stages=(Stage.MEASUREMENT,),
     equation=r"\eta \to \eta + \kappa\,\eta^2/R",
     source="second order of the standing wave: Faltinsen & Timokha 2009, ch. 8",

@@ -17,6 +17,9 @@ def _reading(dt, eta, wall, memory, p):  # type: ignore[no-untyped-def]
 EFFECT = Effect(
     name="draining_film",
     title="draining film",
+    meaning=(
+        "A crest leaves a film on the wall that a camera takes for liquid until it has run down."
+    ),
     stages=(Stage.MEASUREMENT,),
     equation=r"\dot\eta_{\mathrm{measured}} \ge -v",
     source="gravity drainage of a film on a wall: Jeffreys 1930",

@@ -20,6 +20,7 @@ def _modes(modes: tuple[Mode, ...], parameters: Parameters) -> tuple[Mode, ...]:
 EFFECT = Effect(
     name="fill_level",
     title="fill level",
+    meaning="The container holds more or less liquid than the model says.",
     stages=(Stage.DYNAMICS, Stage.HEIGHT),
     equation=r"h \to h + \delta",
     source="DL22, eqs. (3), (4), Tables 1 and 2 with the changed h",

@@ -48,6 +48,7 @@ def _reading(dt, eta, wall, memory, p):  # type: ignore[no-untyped-def]
 EFFECT = Effect(
     name="fill_loss",
     title="loss of liquid",
+    meaning="Liquid is lost during the motion: the still level falls at a constant rate.",
     stages=(Stage.DYNAMICS, Stage.HEIGHT),
     equation=r"h(t) = h - \dot h\,t",
     source="DL22, eqs. (3), (4), Tables 1 and 2 with the momentary h",

@@ -13,6 +13,7 @@ def _reading(dt, eta, wall, memory, p):  # type: ignore[no-untyped-def]
 EFFECT = Effect(
     name="frame_saturation",
     title="saturation at the frame's edge",
+    meaning="Nothing above the image's edge is seen: measured heights end at a cap.",
     stages=(Stage.MEASUREMENT,),
     equation=r"\eta \to \min(\eta, \mathrm{cap})",
     source="DL22, Fig. 9",

@@ -13,6 +13,9 @@ def _reading(dt, eta, wall, memory, p):  # type: ignore[no-untyped-def]
 EFFECT = Effect(
     name="height_offset",
     title="offset of the heights",
+    meaning=(
+        "The still surface is not where the calibration says: a constant is added to every height."
+    ),
     stages=(Stage.MEASUREMENT,),
     equation=r"\eta \to \eta + b",
     source="error of the still level in the camera's calibration",

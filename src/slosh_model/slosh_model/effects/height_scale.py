@@ -13,6 +13,7 @@ def _reading(dt, eta, wall, memory, p):  # type: ignore[no-untyped-def]
 EFFECT = Effect(
     name="height_scale",
     title="scale of the heights",
+    meaning="Every measured height is too small or too large by a constant factor.",
     stages=(Stage.MEASUREMENT,),
     equation=r"\eta \to k\,\eta",
     source="scale error of the camera's calibration",

@@ -57,6 +57,7 @@ def _arm(name: str) -> Parameter:
 EFFECT = Effect(
     name="lever_arm",
     title="lever arm",
+    meaning="The acceleration is that of another point of the robot than the container.",
     stages=(Stage.INPUT,),
     equation=r"a \to a + \dot\omega\times r + \omega\times(\omega\times r)",
     source="kinematics of the rigid body",

@@ -39,6 +39,9 @@ def _term(mode, elapsed, q, inputs, p):  # type: ignore[no-untyped-def]
 EFFECT = Effect(
     name="pendulum_nonlinearity",
     title="nonlinear pendulum",
+    meaning=(
+        "In a rectangular container the liquid swings as a pendulum does, also at large angles."
+    ),
     stages=(Stage.DYNAMICS,),
     equation=(
         r"\ddot\theta = -2\zeta\omega\cos^2\theta\,\dot\theta - \omega^2\sin\theta"

@@ -19,6 +19,9 @@ def _term(mode, elapsed, q, inputs, p):  # type: ignore[no-untyped-def]
 EFFECT = Effect(
     name="quadratic_damping",
     title="quadratic damping",
+    meaning=(
+        "Drag that grows with the square of the liquid's speed: baffles, edges, breaking crests."
+    ),
     stages=(Stage.DYNAMICS,),
     equation=r"\ddot q + \dots + \frac{\beta}{R}\lVert\dot q\rVert\,\dot q = 0",
     source="separation at edges and breaking crests: Dodge 2000, ch. 2; Faltinsen & Timokha 2009",

@@ -12,6 +12,7 @@ def _static_share(parameters: Parameters) -> float:
 EFFECT = Effect(
     name="quasi_static_modes",
     title="static share of the higher modes",
+    meaning="The higher modes are so fast that their height follows the acceleration at once.",
     stages=(Stage.HEIGHT,),
     equation=(
         r"\eta \to \eta - \kappa"

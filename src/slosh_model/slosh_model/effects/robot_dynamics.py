@@ -50,6 +50,7 @@ def _drive(dt, inputs, pose, memory, p):  # type: ignore[no-untyped-def]
 EFFECT = Effect(
     name="robot_dynamics",
     title="dynamics of the arm",
+    meaning="The motion is what was commanded; the arm follows it as a second-order system.",
     stages=(Stage.INPUT,),
     equation=(
         r"\ddot a + 2\zeta_a\omega_a\dot a + \omega_a^2 a = \omega_a^2 a_{\mathrm{command}}"

@@ -16,6 +16,9 @@ def _modes(modes: tuple[Mode, ...], parameters: Parameters) -> tuple[Mode, ...]:
 EFFECT = Effect(
     name="second_mode",
     title="second mode",
+    meaning=(
+        "The second mode of the cup sloshes besides the first, with its own frequency and damping."
+    ),
     stages=(Stage.DYNAMICS, Stage.HEIGHT),
     equation=(
         r"\ddot q_2 + 2\zeta_2\omega_2\dot q_2 + \omega_2^2 q_2 + \ddot s_0 = 0,"

@@ -36,6 +36,10 @@ def _slope(name: str, axis: str) -> Parameter:
 EFFECT = Effect(
     name="sensor_tilt",
     title="tilt of the sensor's level",
+    meaning=(
+        "The level from which heights are read leans against the container's: one side "
+        "is read too high."
+    ),
     stages=(Stage.MEASUREMENT,),
     equation=r"\eta \to \eta + R\,(e_x\cos\varphi + e_y\sin\varphi)",
     source=(

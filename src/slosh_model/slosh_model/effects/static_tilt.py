@@ -39,6 +39,10 @@ def _angle(name: str, description: str) -> Parameter:
 EFFECT = Effect(
     name="static_tilt",
     title="constant tilt",
+    meaning=(
+        "The container, or the accelerometer, is mounted with a constant tilt that "
+        "nobody measured."
+    ),
     stages=(Stage.INPUT,),
     equation=r"a \to R_t^T(a + g\hat z) - g\hat z,\quad R_t = R_y(\theta)R_x(\phi)",
     source="equivalence of gravity and acceleration",

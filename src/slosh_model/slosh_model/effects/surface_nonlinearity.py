@@ -34,6 +34,10 @@ def _height_gain(mode: Mode, parameters: Parameters) -> float:
 EFFECT = Effect(
     name="surface_nonlinearity",
     title="nonlinear free surface",
+    meaning=(
+        "High waves are no plane: the liquid slides on a paraboloid, and its surface has "
+        "the shape of a Bessel function."
+    ),
     stages=(Stage.DYNAMICS, Stage.HEIGHT),
     equation=(
         r"C^2\bar q\bar q^T(\ddot q + 2\zeta\omega\dot q) + C^2\bar q\,\lVert\dot q\rVert^2/R"

@@ -15,6 +15,9 @@ def _modes(modes: tuple[Mode, ...], parameters: Parameters) -> tuple[Mode, ...]:
 EFFECT = Effect(
     name="surface_tension",
     title="surface tension",
+    meaning=(
+        "Surface tension pulls a curved surface flat beside gravity, and short waves the more."
+    ),
     stages=(Stage.DYNAMICS,),
     equation=(
         r"\omega_n^2 \to \omega_n^2\left(1 + \frac{\sigma}{\rho g}\frac{\xi_n^2}{R^2}\right)"

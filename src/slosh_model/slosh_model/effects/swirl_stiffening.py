@@ -17,6 +17,7 @@ def _term(mode, elapsed, q, inputs, p):  # type: ignore[no-untyped-def]
 EFFECT = Effect(
     name="swirl_stiffening",
     title="stiffening by swirl",
+    meaning="A wave that goes round the wall is stiffer than one that goes to and fro.",
     stages=(Stage.DYNAMICS,),
     equation=(
         r"\ddot q + \dots + \frac{\gamma}{R^2}"

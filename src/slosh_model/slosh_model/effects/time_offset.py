@@ -12,6 +12,7 @@ def _delay(parameters: Parameters) -> float:
 EFFECT = Effect(
     name="time_offset",
     title="time offset",
+    meaning="Heights are stamped too late or too early by a constant time.",
     stages=(Stage.MEASUREMENT,),
     equation=r"\eta(t) \to \eta(t - \tau)",
     source="delay between exposure and stamp; clocks that are not one",

@@ -17,6 +17,9 @@ def _term(mode, elapsed, q, inputs, p):  # type: ignore[no-untyped-def]
 EFFECT = Effect(
     name="vertical_acceleration",
     title="vertical acceleration",
+    meaning=(
+        "While the container is accelerated upwards gravity is stronger and the liquid stiffer."
+    ),
     stages=(Stage.DYNAMICS,),
     equation=r"\ddot q + \dots + \frac{\ddot z_0}{g}\,\omega^2 q = 0",
     source="DL22, eqs. (14), (15)",

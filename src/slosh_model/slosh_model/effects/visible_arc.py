@@ -21,6 +21,9 @@ def _reading(dt, eta, wall, memory, p):  # type: ignore[no-untyped-def]
 EFFECT = Effect(
     name="visible_arc",
     title="visible part of the wall",
+    meaning=(
+        "The camera sees a part of the wall alone, and the highest point is that of this part."
+    ),
     stages=(Stage.MEASUREMENT,),
     equation=r"\max_{\varphi}\eta(\varphi) \to \max_{|\varphi-c|\le w/2}\eta(\varphi)",
     source="one camera beside the container",

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,6 +68,7 @@ class RunReport:
         verifications: what was recorded and whether it came out again.
         key_figures, facts, events, models, motions, frames, topics: tables, in the order shown.
         model_text: the model file.
+        effects: of the model: what each is, in a sentence, by name.
         warnings: what a reader must know before believing the page, one line each.
         notes: remarks, one line each.
 
@@ -89,6 +91,7 @@ class RunReport:
     frames: tuple[Frame, ...] = ()
     topics: tuple[Topic, ...] = ()
     model_text: str = ""
+    effects: Mapping[str, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
     status: Status = OPEN

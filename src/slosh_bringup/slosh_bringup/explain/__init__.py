@@ -1,0 +1,1 @@
+"""What the product's own words mean: effects and flags, for a terminal."""
