@@ -1,0 +1,74 @@
+"""The built pages: a browser loads nothing from outside; formulae and search need no network."""
+
+import re
+import subprocess
+import sys
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+pytestmark = [pytest.mark.long, pytest.mark.timeout(600)]
+# What a browser fetches by itself; a link that is clicked may lead anywhere.
+LOADED = {
+    "script": "src", "img": "src", "iframe": "src", "source": "src", "object": "data",
+    "link": "href",
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory):
+    """The pages, built anew."""
+    folder = tmp_path_factory.mktemp("html")
+    command = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-q", "-b", "html"]
+    done = subprocess.run(
+        [*command, str(ROOT / "docs"), str(folder)],
+        capture_output=True, text=True, check=False, cwd=ROOT,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    return folder
+
+
+class Addresses(HTMLParser):
+    """Collects what a page loads, and its formulae."""
+
+    def __init__(self, page):
+        super().__init__()
+        self.loaded, self.formulae = [], 0
+        self.feed(page.read_text(encoding="utf-8"))
+
+    def handle_starttag(self, tag, attrs):
+        given = dict(attrs)
+        self.formulae += tag == "math"
+        # Of links those to where other pages are load nothing.
+        if tag in LOADED and given.get("rel") not in ("index", "search", "next", "prev"):
+            self.loaded.append(given.get(LOADED[tag]) or "")
+
+
+def test_nothing_is_loaded_from_outside(built):
+    pages = sorted(built.rglob("*.html"))
+    assert len(pages) > 60
+    for page in pages:
+        for address in Addresses(page).loaded:
+            assert not re.match(r"(\w+:)?//", address), f"{page.name}: {address}"
+            path = re.split(r"[?#]", address)[0]
+            assert not path or (page.parent / path).exists(), f"{page.name}: {address}"
+    for sheet in built.rglob("*.css"):
+        text = sheet.read_text(encoding="utf-8")
+        assert not re.search(r"(@import|url\()\s*['\"]?(https?:)?//", text), sheet.name
+
+
+def test_formulae_are_written_and_not_fetched(built):
+    page = built / "physics.html"
+    assert Addresses(page).formulae > 50
+    assert not re.search(r"<m[ion][^>]*>[^<]*\\", page.read_text(encoding="utf-8"))
+
+
+def test_there_is_an_icon_and_the_words_to_search(built):
+    index = (built / "index.html").read_text(encoding="utf-8")
+    assert re.search(r'rel="shortcut icon" href="_static/icon\.svg"', index)
+    words = (built / "searchindex.js").read_text(encoding="utf-8")
+    # A script, which a page may load from a file; data it may not.
+    assert words.startswith("Search.setIndex(")
+    assert "damp" in words
