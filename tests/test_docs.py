@@ -5,21 +5,40 @@ import re
 from pathlib import Path
 
 import pytest
+from pages.commands import command_lines, words_of
 
-from slosh_bringup.cli.main import COMMANDS
+from slosh_bringup.cli.main import COMMANDS, build_parser, main
 
 ROOT = Path(__file__).resolve().parent.parent
-PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "bags" / "README.md", *sorted(
+    page for page in (ROOT / "docs").rglob("*.md") if "_build" not in page.parts
+)]  # fmt: skip
+CONFIG = ROOT / "src" / "slosh_bringup" / "config"
+# What a command writes, by the names of its options.
+OUTPUTS = (
+    "output", "picture", "print_board", "plot", "strip", "video", "worst", "report", "junit",
+)  # fmt: skip
+# What is named like a file and is none: topics.
+TOPICS = ("measured", "topic", "topics", "rename", "exclude")
+# What `make demo` leaves.
+DEMO = Path("out/demo")
+# What scripts leave where they are started.
+SCRIPTS = {"tools/stand_in.py": ("pictures", "still.png", "footage")}
+# Pages that are typed one after the other; all others stand alone.
+TUTORIAL = [ROOT / "docs" / "start" / f"{name}.md" for name in ("cup", "camera", "robot")]
+ORDERS = [TUTORIAL, *([page] for page in PAGES if page not in TUTORIAL)]
+# Done within a second or two where all that they read is in the repository.
+QUICK = ("intrinsics", "motion", "new", "export", "explain")
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
 def test_relative_links_lead_somewhere(page):
     for target in re.findall(r"\]\(([^)#\s]+)", page.read_text(encoding="utf-8")):
         if "://" not in target:
             assert (page.parent / target).exists(), target
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
 def test_named_commands_exist(page):
     for name in re.findall(r"`(?:\.venv/bin/)?slosh ([a-z]+)", page.read_text(encoding="utf-8")):
         assert name in COMMANDS, name
@@ -32,3 +51,139 @@ def test_the_parameter_tables_are_those_of_the_nodes():
     spec.loader.exec_module(module)
     text = (ROOT / "docs" / "interfaces.md").read_text(encoding="utf-8")
     assert text.endswith(module.tables()), "run tools/run python tools/parameter_tables.py"
+
+
+class Reader:
+    """Follows a page's commands: what they write is there for those that come after."""
+
+    def __init__(self):
+        self.written, self.folder = {DEMO}, Path()
+
+    def take(self, words):
+        """Takes a command, or raises with what is wrong about it."""
+        while "=" in words[0]:
+            words = words[1:]
+        if words[0] == "cd":
+            self.folder = Path(words[1])
+        elif words[0] == "make":
+            targets = re.findall(r"^(\w[\w-]*):", (ROOT / "Makefile").read_text(), re.M)
+            assert words[1] in targets, f"no such target: {words[1]}"
+        elif words[0] == "slosh":
+            self.take_slosh(words[1:])
+        elif words[0].endswith("tools/run") and words[2] != "-c":
+            assert words[1] == "python"
+            self.take_script(words[2].replace("$SLOSH/", ""), words[3:])
+
+    def take_slosh(self, words):
+        """Parses it as the command itself does."""
+        assert words[0] in COMMANDS, f"no such command: {words[0]}"
+        given = vars(build_parser(words[0]).parse_args(words))
+        writes = (*OUTPUTS, "folder") if words[0] == "new" else OUTPUTS
+        for name, value in given.items():
+            if name not in (*writes, *TOPICS):
+                for word in files_in(value):
+                    assert self.there(word), f"no such file: {word}"
+        self.written |= {Path(word) for name in writes for word in files_in(given.get(name))}
+
+    def take_script(self, script, words):
+        """The script is there, and knows the options by their names."""
+        path = ROOT / script
+        assert path.is_file(), f"no such script: {script}"
+        for word in words:
+            known = f'"{word}"' in path.read_text(encoding="utf-8")
+            assert known or not word.startswith("--"), f"{script}: no such option: {word}"
+        self.written |= {Path(name) for name in SCRIPTS.get(script, ())}
+        if "-o" in words:
+            self.written.add(Path(words[words.index("-o") + 1]))
+
+    def there(self, word):
+        """A file of the repository or of an earlier command, a name by convention, or CAPITALS."""
+        path = Path(word)
+        return (
+            re.search(r"[A-Z]{3,}|…", word) is not None
+            or any(ROOT.glob(word)) or (CONFIG / path.name).exists()
+            or any(self.folder / path == one or one in (self.folder / path).parents
+                   for one in self.written)
+        )  # fmt: skip
+
+
+def files_in(value):
+    """Words among an option's values that name files."""
+    values = value if isinstance(value, list | tuple) else [value]
+    return [
+        str(one) for one in values
+        if isinstance(one, Path) or (isinstance(one, str) and re.search(r"/|\.\w{2,5}$", one))
+        if not re.match(r"/?slosh$|\w+://", str(one))
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("pages", ORDERS, ids=lambda pages: str(pages[-1].relative_to(ROOT)))
+def test_commands_can_be_typed_as_they_stand(pages, capsys):
+    reader = Reader()
+    for page in pages:
+        for command in command_lines(page):
+            try:
+                reader.take(words_of(command.text))
+            except (SystemExit, AssertionError) as error:
+                told = capsys.readouterr().err.splitlines()[-1:] or error
+                pytest.fail(f"{page.name}:{command.line}: {command.text}: {told}")
+
+
+def runnable():
+    """Quick commands that read what the repository has, each once."""
+    seen = {}
+    for page in PAGES:
+        for command in () if page in TUTORIAL else command_lines(page):
+            words = words_of(command.text)
+            if words[0] == "slosh" and words[1] in QUICK:
+                given = vars(build_parser(words[1]).parse_args(words[1:]))
+                reads = [
+                    word for name, value in given.items()
+                    if name not in (*OUTPUTS, "folder") for word in files_in(value)
+                ]  # fmt: skip
+                if all((ROOT / word).exists() for word in reads):
+                    seen.setdefault(" ".join(words), words)
+    return seen
+
+
+@pytest.mark.parametrize("words", runnable().values(), ids=runnable().keys())
+def test_quick_commands_do_what_they_say(words, tmp_path, monkeypatch):
+    (tmp_path / "bags").symlink_to(ROOT / "bags")
+    monkeypatch.chdir(tmp_path)
+    assert main(words[1:]) == 0
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "slosh dtect IMAGES --camera camera.yaml -o a.csv",
+        "slosh detect IMAGES --camera camera.yaml -o a.csv --colour",
+        "slosh replay bags/none",
+        "slosh replay bags/c3 --model other.yaml",
+        "slosh plan model.yaml PATH.csv --limit high -o a.csv",
+        "make coffee",
+        "tools/run python tools/no_such.py",
+        "tools/run python tools/stand_in.py robot --no-such-option",
+    ],
+)
+def test_a_command_that_cannot_be_typed_is_found(text):
+    with pytest.raises((SystemExit, AssertionError)):
+        Reader().take(words_of(text))
+
+
+def test_what_a_command_writes_is_there_for_the_next():
+    reader = Reader()
+    reader.take(words_of("slosh motion quintic --speed 20 --stroke 0.3 -o move.csv"))
+    reader.take(words_of("slosh simulate model.yaml move.csv -o heights.csv"))
+    reader.take(words_of("tools/run python tools/scenes/render.py hd -o out/scenes  # or: all"))
+    reader.take(words_of("cd out/scenes/hd"))
+    reader.take(words_of("slosh detect a.png b.png --camera camera.yaml -o heights.csv"))
+
+
+def test_every_page_is_listed_by_what_it_is_for():
+    index = (ROOT / "docs" / "index.md").read_text(encoding="utf-8")
+    for page in (ROOT / "docs").rglob("*.md"):
+        name = page.relative_to(ROOT / "docs").with_suffix("").as_posix()
+        if not name.startswith(("effects/", "_build/")) and name != "index":
+            assert re.search(rf"^- \[.+\]\({name}\.md\): \S", index, re.M), name
+            assert re.search(rf"^{name}$", index, re.M), name

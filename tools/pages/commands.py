@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import re
 import shlex
+import textwrap
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 _FENCE = re.compile(r"^```(?P<language>[\w{}-]*)\n(?P<body>.*?)^```$", re.M | re.S)
+_OWN = re.compile(r"(?:\w+=\S+ )*(?:slosh [a-z]+(?!:)\b|make [a-z]|(?:\$SLOSH/)?tools/run |cd )")
 _CTRL_C = re.compile(r"\s+# Ctrl-C after \"(?P<after>.+)\"$")
 _NUMBER = re.compile(r"[+-]?\d+(?:\.\d+)?")
 _TYPED, _SHOWN = "sh", ""
@@ -60,15 +62,15 @@ def _commands(body: str, first: int) -> Iterator[Command]:
         if line.endswith("\\"):
             kept += line[:-1].rstrip() + " "
             continue
-        text, kept = (kept + line.strip()).strip(), ""
+        text, kept = (kept + line.strip()).strip().removeprefix("$ "), ""
         if text and not text.startswith("#"):
             ctrl_c = _CTRL_C.search(text)
             yield Command(_CTRL_C.sub("", text), start, ctrl_c["after"] if ctrl_c else "")
 
 
 def words_of(command: str) -> list[str]:
-    """The command's words as a shell takes them, without remarks."""
-    return shlex.split(command, comments=True)
+    """The command's words as a shell takes them, without remarks after two spaces or a #."""
+    return shlex.split(re.split(r"\s{2,}", command)[0], comments=True)
 
 
 def not_said(shown: tuple[str, ...], said: str) -> list[str]:
@@ -96,3 +98,25 @@ def _alike(shown: str, said: str) -> bool:
         one == "…" or abs(float(one) - float(other)) <= max(_LEAST, _PART * abs(float(one)))
         for one, other in zip(expected, found.groups(), strict=True)
     )
+
+
+def command_lines(page: Path) -> Iterator[Command]:
+    """Every line of a page that is a command, in fenced blocks and in indented ones.
+
+    Commands are those of this project: `slosh`, `make`, `tools/run`, and `cd`. What stands before
+    a colon, as in `slosh cell: stopped`, is an answer.
+    """
+    for body, first in _blocks_to_type(page.read_text(encoding="utf-8")):
+        for command in _commands(body, first):
+            if _OWN.match(command.text):
+                yield command
+
+
+def _blocks_to_type(text: str) -> Iterator[tuple[str, int]]:
+    for fence in _FENCE.finditer(text):
+        if fence["language"] in ("", _TYPED, "console", "bash"):
+            yield fence["body"], text.count("\n", 0, fence.start("body")) + 1
+    # Of the same length, so that lines stay where they are.
+    rest = _FENCE.sub(lambda fence: "\n" * fence[0].count("\n"), text)
+    for block in re.finditer(r"(?:^ {4,}\S.*\n)+", rest, re.M):
+        yield textwrap.dedent(block[0]), rest.count("\n", 0, block.start()) + 1
