@@ -89,7 +89,10 @@ def _heights(store, dt, acceleration, yaw, pose, checks, row, which):  # type: i
     row[READINGS + which] = row[column + MSH]
     if checks["reads"] != 0.0:
         first = modes[0]
-        wall = (hx, hy, math.nan, first["radius"], run["elapsed"], first["fill_height"])
+        wall = (
+            hx, hy, math.nan, first["radius"], run["elapsed"], first["fill_height"],
+            first["radius_y"], run["cornered"],
+        )  # fmt: skip
         memory = checks["reading_memory"][which]
         row[READINGS + which] = all_readings(
             dt, row[column + MSH], wall, memory, run["parameters"]

@@ -35,3 +35,5 @@ TERM_COUNT = 5
 WALL_X, WALL_Y, WALL_AZIMUTH, WALL_RADIUS, WALL_ELAPSED, WALL_FILL = range(6)
 """What is read of the wall: height at the container's +x and +y [m], azimuth of what is read [rad]
 or NaN where it is the maximum over the wall, R [m], time since rest [s], h [m]."""
+WALL_RADIUS_Y, WALL_CORNERED = range(6, 8)
+"""And R along y [m], and 0 where the wall is round."""

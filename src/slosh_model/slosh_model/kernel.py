@@ -36,6 +36,7 @@ from slosh_model.indices import (
     Y,
 )
 from slosh_model.layout import records
+from slosh_model.tank_wall import place_on_wall
 
 UPRIGHT = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 """The pose of a container that stands upright and does not turn."""
@@ -299,15 +300,16 @@ def read_many(  # type: ignore[no-untyped-def]
     """
     radius, radius_y = reaches[0], reaches[1]
     c, s = math.cos(azimuth), math.sin(azimuth)
-    if cornered:  # from the axis to the wall in that direction, in units of R
-        c, s = c / radius, s / radius_y
-        distance = 1.0 / max(abs(c), abs(s))
-        c, s = c * distance, s * distance
+    if cornered:
+        c, s = place_on_wall(azimuth, radius, radius_y)
     for i in range(t.shape[0]):
         height_x, height_y = heights[i, 0], heights[i, 1]
         eta = corner_height(height_x, height_y) if cornered else math.hypot(height_x, height_y)
         if azimuth == azimuth:
             eta = c * height_x + s * height_y
         dt = t[i] - t[i - 1] if i > 0 else 0.0
-        wall = (height_x, height_y, azimuth, radius, started + t[i] - t[0], fill)
+        wall = (
+            height_x, height_y, azimuth, radius, started + t[i] - t[0], fill, radius_y,
+            1.0 if cornered else 0.0,
+        )  # fmt: skip
         read[i] = all_readings(dt, eta, wall, memory, parameters)

@@ -18,6 +18,7 @@ from slosh_model.simulate import Inputs, Simulator, simulate
 # Every effect with values that are not neutral.
 VALUES = {
     "accel_gain": {"gain": 1.3},
+    "amplitude_stiffening": {"kappa": 2.0},
     "anisotropic_stiffness": {"e": 0.1, "axis": 0.4},
     "bound_modes": {"kappa": 1.2, "damping_ratio": 0.05},
     "contact_line_friction": {"mu": 0.02},
@@ -63,7 +64,7 @@ AZIMUTHS = np.array([0.2, 2.0, -1.4])
 
 def test_the_effects_are_those_of_the_list():
     assert set(EFFECTS) == set(VALUES)
-    assert len(EFFECTS) == 28
+    assert len(EFFECTS) == 29
 
 
 def with_effect(name, **parameters):
@@ -104,8 +105,8 @@ def test_the_neutral_value_is_nothing(name, inputs):
     parameters, within = LIMITS.get(name, ({}, 1e-12))
     neutral = {p.name: p.neutral for p in EFFECTS[name].parameters if p.neutral is not None}
     assert neutral or parameters
-    model = PLAIN.with_effect(name, **{**VALUES[name], **neutral, **parameters})
-    assert both(model, inputs) == pytest.approx(both(PLAIN, inputs), abs=within)
+    model = with_effect(name, **{**VALUES[name], **neutral, **parameters})
+    assert both(model, inputs) == pytest.approx(both(plain(name), inputs), abs=within)
 
 
 @pytest.mark.parametrize(

@@ -4,9 +4,18 @@ from __future__ import annotations
 
 import math
 
-from slosh_model.constants import GRAVITY
+from slosh_model.bound_waves import advance_bound, swing
 from slosh_model.effects.base import Effect, Parameter, Stage, compiled
-from slosh_model.indices import WALL_AZIMUTH, WALL_FILL, WALL_RADIUS, WALL_X, WALL_Y
+from slosh_model.indices import (
+    WALL_AZIMUTH,
+    WALL_CORNERED,
+    WALL_FILL,
+    WALL_RADIUS,
+    WALL_RADIUS_Y,
+    WALL_X,
+    WALL_Y,
+)
+from slosh_model.tank_wall import advance_tank, bound_height, highest_on_wall, place_on_wall
 
 FIRST = 1.8411837813406595
 """Root of J₁′: the first mode's wave number, in units of 1/R."""
@@ -16,40 +25,20 @@ OVERLAP_AXISYMMETRIC, OVERLAP_DOUBLE = 0.14451578634458237, 0.5040802760553215
 """½ ∫ r s f² dr / ∫ r s² dr over 0 … 1: how much of f², the first mode's radial shape squared,
 lies in the radial shape s of either; shapes are 1 at the wall."""
 
-_X, _Y, _BEGUN, _MODES = range(4)  # of the memory: the wall's heights before; then the modes
+_X, _Y, _BEGUN, _MODES = range(4)  # of the memory: the wall's heights before; then three modes
 _ANGLES = 16  # around the wall, where the highest place is looked for
 _NEAR = math.pi / _ANGLES  # so far from the best place the highest may be
 _REFINED = 4
 
 
 @compiled
-def _driven(k, overlap, radius, fill, damping, dt):  # type: ignore[no-untyped-def]
-    """What takes a mode over an interval: its drives' factors, rate, and propagator.
-
-    Elevation b and potential c follow ḃ = K c + u, ċ = -g b - 2ζω c + w with constant u, w.
-    """
+def _advance(memory, at, along, square, k, overlap, radius, fill, damping, dt):  # type: ignore[no-untyped-def]
+    """Takes one of a cylinder's bound modes over the interval."""
     first = FIRST * math.tanh(FIRST * fill / radius)
     rate = k * math.tanh(k * fill / radius)
     rise = overlap * (0.5 * k * k - rate * first) / (radius * radius)
     push = 0.5 * overlap * (0.5 * k * k - FIRST * FIRST + first * first) / (radius * radius)
-    rate /= radius
-    omega = math.sqrt(GRAVITY * rate)
-    swing = omega * math.sqrt(1.0 - damping * damping)
-    decay = math.exp(-damping * omega * dt)
-    c, s = decay * math.cos(swing * dt), decay * math.sin(swing * dt) / swing
-    return rise, push, rate, 2.0 * damping * omega, c, s
-
-
-@compiled
-def _advance(memory, at, along, square, driven):  # type: ignore[no-untyped-def]
-    """Takes one mode over the interval, about the place where its constant drive holds it."""
-    rise, push, rate, drag, c, s = driven
-    potential = -rise * along / rate
-    elevation = (push * square - drag * potential) / GRAVITY
-    b, p = memory[at] - elevation, memory[at + 1] - potential
-    half = 0.5 * drag
-    memory[at] = elevation + (c + half * s) * b + rate * s * p
-    memory[at + 1] = potential + (c - half * s) * p - GRAVITY * s * b
+    advance_bound(memory, at, rise * along, push * square, swing(rate / radius, damping, dt))
 
 
 @compiled
@@ -89,27 +78,46 @@ def _highest(x, y, mean, double_c, double_s):  # type: ignore[no-untyped-def]
 
 
 @compiled
+def _advance_cylinder(memory, place, moved, wall, damping, dt):  # type: ignore[no-untyped-def]
+    """The mean rise, and the double wave by its cosine and its sine."""
+    radius, fill = wall[WALL_RADIUS], wall[WALL_FILL]
+    px, py = place
+    # The first mode's potential at the still level, by how fast the wall's height changes.
+    share = radius / (FIRST * math.tanh(FIRST * fill / radius) * dt)
+    ux, uy = share * moved[0], share * moved[1]
+    along, square = px * ux + py * uy, ux * ux + uy * uy
+    k, overlap = AXISYMMETRIC, OVERLAP_AXISYMMETRIC
+    _advance(memory, _MODES, along, square, k, overlap, radius, fill, damping, dt)
+    along, square = px * ux - py * uy, ux * ux - uy * uy
+    k, overlap = DOUBLE, OVERLAP_DOUBLE
+    _advance(memory, _MODES + 2, along, square, k, overlap, radius, fill, damping, dt)
+    along, square = px * uy + py * ux, 2.0 * ux * uy
+    _advance(memory, _MODES + 4, along, square, k, overlap, radius, fill, damping, dt)
+
+
+@compiled
 def _reading(dt, eta, wall, memory, p):  # type: ignore[no-untyped-def]
-    x, y, radius, fill = wall[WALL_X], wall[WALL_Y], wall[WALL_RADIUS], wall[WALL_FILL]
+    x, y, cornered = wall[WALL_X], wall[WALL_Y], wall[WALL_CORNERED] != 0.0
     if dt > 0.0 and memory[_BEGUN] != 0.0:
-        px, py = 0.5 * (x + memory[_X]), 0.5 * (y + memory[_Y])
-        # The first mode's potential at the still level, by how fast the wall's height changes.
-        share = radius / (FIRST * math.tanh(FIRST * fill / radius) * dt)
-        ux, uy = share * (x - memory[_X]), share * (y - memory[_Y])
-        mean = _driven(AXISYMMETRIC, OVERLAP_AXISYMMETRIC, radius, fill, p[1], dt)
-        _advance(memory, _MODES, px * ux + py * uy, ux * ux + uy * uy, mean)
-        double = _driven(DOUBLE, OVERLAP_DOUBLE, radius, fill, p[1], dt)
-        _advance(memory, _MODES + 2, px * ux - py * uy, ux * ux - uy * uy, double)
-        _advance(memory, _MODES + 4, px * uy + py * ux, 2.0 * ux * uy, double)
+        place = (0.5 * (x + memory[_X]), 0.5 * (y + memory[_Y]))
+        moved = (x - memory[_X], y - memory[_Y])
+        if cornered:
+            reaches = (wall[WALL_RADIUS], wall[WALL_RADIUS_Y])
+            advance_tank(memory, _MODES, place, moved, reaches, wall[WALL_FILL], p[1], dt)
+        else:
+            _advance_cylinder(memory, place, moved, wall, p[1], dt)
     memory[_X], memory[_Y], memory[_BEGUN] = x, y, 1.0
-    rise, double_c, double_s = (
-        p[0] * memory[_MODES], p[0] * memory[_MODES + 2], p[0] * memory[_MODES + 4],
-    )  # fmt: skip
+    b0, b1, b2 = p[0] * memory[_MODES], p[0] * memory[_MODES + 2], p[0] * memory[_MODES + 4]
     azimuth = wall[WALL_AZIMUTH]
+    if cornered and azimuth == azimuth:
+        c, s = place_on_wall(azimuth, wall[WALL_RADIUS], wall[WALL_RADIUS_Y])
+        return eta + bound_height(b0, b1, b2, c, s)
+    if cornered:
+        return eta + highest_on_wall(x, y, b0, b1, b2) - abs(x) - abs(y)
     if azimuth == azimuth:
-        height, _, _ = _wall(0.0, 0.0, rise, double_c, double_s, azimuth)
+        height, _, _ = _wall(0.0, 0.0, b0, b1, b2, azimuth)
         return eta + height
-    return eta + _highest(x, y, rise, double_c, double_s) - math.sqrt(x * x + y * y)
+    return eta + _highest(x, y, b0, b1, b2) - math.sqrt(x * x + y * y)
 
 
 EFFECT = Effect(
@@ -125,11 +133,11 @@ EFFECT = Effect(
     ),
     source=(
         r"second order of potential flow, $\alpha_s = I_s(\frac12k_s^2 - k_sT_sk_1T_1)$, "
-        r"$\beta_s = \frac12I_s(\frac12k_s^2 - k_1^2 + k_1^2T_1^2)$, $T = \tanh kh$: the modes "
-        "(0, 1) and (2, 1) of Lukovsky 1990; Faltinsen, Lukovsky & Timokha, J. Fluid Mech. 804, "
-        "2016"
+        r"$\beta_s = \frac12I_s(\frac12k_s^2 - k_1^2 + k_1^2T_1^2)$, $T = \tanh kh$: in a "
+        "cylinder the modes (0, 1) and (2, 1) of Lukovsky 1990; Faltinsen, Lukovsky & Timokha, J. "
+        r"Fluid Mech. 804, 2016; in a rectangle, with $I_s = \frac12$, the second mode of "
+        "Faltinsen, Rognebakke, Lukovsky & Timokha, J. Fluid Mech. 407, 2000"
     ),
-    shapes=("cylinder",),
     parameters=(
         Parameter(
             name="kappa",
