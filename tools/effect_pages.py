@@ -80,6 +80,7 @@ SCENES = {
     "fill_level": Scene({"delta": -0.03}),
     "fill_loss": Scene({"rate": 0.006}),
     "frame_saturation": Scene({"cap": 0.012}),
+    "frequency_mismatch": Scene({"factor": 0.98}),
     "gravity_tilt": Scene(motion="turning"),
     "height_offset": Scene({"offset": 0.002}),
     "height_scale": Scene({"gain": 1.15}),

@@ -18,6 +18,7 @@ STRENGTHS: dict[str, dict[str, float]] = {
     "quadratic_damping": {"beta": 2.0},
     "contact_line_friction": {"mu": 0.02},
     "fill_level": {"delta": -0.03},
+    "frequency_mismatch": {"factor": 0.97},
     "fill_loss": {"rate": 0.01, "fixed_zero": 1.0},
     "anisotropic_stiffness": {"e": 0.1, "axis": 0.4},
     "yaw_coupling": {"kappa": 0.5},

@@ -115,6 +115,21 @@ def test_what_the_motions_cannot_tell_apart_is_ambiguous_with_a_motion_that_can(
     assert np.linalg.norm(motion.inputs.acceleration, axis=1).max() <= BASE.limits.acceleration
 
 
+def test_a_frequency_that_no_plausible_fill_has_is_named_as_one():
+    truth = BASE.with_effect("frequency_mismatch", factor=0.96)
+    finding = discover([measured(truth, seed) for seed in range(3)], BASE)
+    assert finding.verdict is Verdict.NAMED
+    assert names(finding) == {"frequency_mismatch"}
+    assert finding.effects[0].parameters["factor"] == pytest.approx(0.96, abs=1e-3)
+
+
+def test_a_frequency_that_a_plausible_fill_has_is_the_fills():
+    truth = BASE.with_effect("fill_level", delta=-0.012)
+    finding = discover([measured(truth, seed) for seed in range(3)], BASE)
+    assert names(finding) == {"fill_level"}
+    assert finding.verdict is Verdict.NAMED
+
+
 def test_clock_offset_and_still_level_are_no_effects_where_they_are_unknown():
     truth = BASE.with_effect("vertical_acceleration")
     motions = [

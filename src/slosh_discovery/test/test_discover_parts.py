@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -49,7 +50,8 @@ def test_probabilities_do_not_overflow():
 
 def test_before_any_data_an_effect_is_at_work_one_time_in_three():
     """So none is named for what chance alone would show, and none needs more than is there."""
-    anything = 1.0 - (1.0 - EFFECT_PRIOR) ** len(EFFECTS)
+    nothing = math.prod(1.0 - EFFECT_PRIOR * effect.odds for effect in EFFECTS.values())
+    anything = 1.0 - nothing
     assert anything == pytest.approx(1.0 / 3.0, abs=0.06)
 
 

@@ -28,6 +28,7 @@ VALUES = {
     "fill_level": {"delta": -0.03},
     "fill_loss": {"rate": 0.01},
     "frame_saturation": {"cap": 0.008},
+    "frequency_mismatch": {"factor": 0.95},
     "gravity_tilt": {},
     "height_offset": {"offset": 0.002},
     "height_scale": {"gain": 1.2},
@@ -64,7 +65,7 @@ AZIMUTHS = np.array([0.2, 2.0, -1.4])
 
 def test_the_effects_are_those_of_the_list():
     assert set(EFFECTS) == set(VALUES)
-    assert len(EFFECTS) == 29
+    assert len(EFFECTS) == 30
 
 
 def with_effect(name, **parameters):

@@ -1,6 +1,7 @@
 """Effects on the liquid's motion, against closed forms and equations integrated elsewhere."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -131,6 +132,30 @@ def test_second_mode_takes_the_place_of_a_second_mode_that_is_there(motion):
 
 
 # damping_mismatch
+
+
+@pytest.mark.parametrize("factor", [0.9, 1.2])
+def test_a_frequency_mismatch_is_another_frequency_that_was_measured(factor):
+    effect = PLAIN.with_effect("frequency_mismatch", factor=factor)
+    told = replace(PLAIN, natural_frequency=factor * PLAIN.mode_frequency(1))
+    (found,), (expected,) = effect.mode_constants(), told.mode_constants()
+    assert found.natural_frequency == pytest.approx(expected.natural_frequency, rel=1e-12)
+    assert effect.height_gains() == pytest.approx(told.height_gains(), rel=1e-12)
+    # A constant acceleration tilts the surface as before.
+    assert effect.height_gains()[0] / found.natural_frequency**2 == pytest.approx(
+        PLAIN.height_gains()[0] / PLAIN.mode_frequency(1) ** 2, rel=1e-12
+    )
+
+
+def test_while_one_mode_sloshes_a_frequency_mismatch_is_another_fill():
+    """Frequency and heights follow tanh(ξh/R) both: no motion tells the two apart."""
+    fill = PLAIN.with_effect("fill_level", delta=-0.02)
+    ratio = fill.mode_constants()[0].natural_frequency / PLAIN.mode_frequency(1)
+    factor = PLAIN.with_effect("frequency_mismatch", factor=ratio)
+    assert factor.mode_constants()[0].natural_frequency == pytest.approx(
+        fill.mode_constants()[0].natural_frequency, rel=1e-12
+    )
+    assert factor.height_gains() == pytest.approx(fill.height_gains(), rel=1e-12)
 
 
 @pytest.mark.parametrize("factor", [0.0, 0.3, 4.0])

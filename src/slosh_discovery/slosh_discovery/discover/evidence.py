@@ -22,11 +22,13 @@ from numpy.typing import NDArray
 
 from slosh_discovery.discover.fitting import Fit
 from slosh_discovery.discover.problem import PreparedMotion
+from slosh_model.effects.registry import EFFECTS
 
 Array = NDArray[np.float64]
 
 EFFECT_PRIOR = 1.0 / 60.0
-"""Odds of one given effect being at work, before any data: about one in three that any is."""
+"""Odds of one given effect being at work, before any data: about one in three that any is. For
+some effects these are smaller, see `Effect.odds`."""
 GROUP_PRIOR = 1.0 / 10.0
 """Odds of an effect at work being another one in each group, before any data."""
 CORRELATED = 0.05
@@ -47,7 +49,7 @@ def log_prior(fit: Fit) -> float:
     explanation = fit.explanation
     surprise = (fit.vector - explanation.centres) / explanation.spreads
     return (
-        len(explanation.effects) * math.log(EFFECT_PRIOR)
+        sum(math.log(EFFECT_PRIOR * EFFECTS[name].odds) for name in explanation.effects)
         + len(explanation.per_group) * math.log(GROUP_PRIOR)
         - len(explanation.chosen) * math.log(2.0)
         - 0.5 * float(surprise @ surprise)

@@ -109,6 +109,8 @@ class Effect:
         needs_rotation: whether it does nothing while the container does not turn.
         of_rig: whether its parameters belong to how sensors and rig were set up, so that they may
             be others after they were set up anew; else to the liquid and the container.
+        odds: how likely it is before any data, relative to any other effect; a discovery names
+            what has small odds only where nothing else is plausible.
         shapes: of the containers for which it has a meaning; empty: of all.
         drive: changes what drives the liquid (INPUT).
         drive_memory: length of its memory.
@@ -133,6 +135,7 @@ class Effect:
     order: int = 0
     needs_rotation: bool = False
     of_rig: bool = False
+    odds: float = 1.0
     shapes: tuple[str, ...] = ()
     drive: Drive | None = None
     drive_memory: int = 0
