@@ -10,7 +10,7 @@ from slosh_discovery.discover import MeasuredMotion, Verdict, discover
 from slosh_discovery.discover.finding import Role
 from slosh_discovery.discover.search import FORETOLD
 from slosh_discovery.errors import SloshDiscoveryError
-from slosh_model import Model, Rectangle
+from slosh_model import Model, Rectangle, predicted_heights
 
 
 def names(finding) -> set[str]:
@@ -113,6 +113,34 @@ def test_what_the_motions_cannot_tell_apart_is_ambiguous_with_a_motion_that_can(
     (motion,) = finding.separating
     assert motion.difference > 5.0 * NOISE
     assert np.linalg.norm(motion.inputs.acceleration, axis=1).max() <= BASE.limits.acceleration
+
+
+def at_azimuths(truth: Model, seed: int, vertical: float) -> MeasuredMotion:
+    """What a camera that sees all of the wall measures of a motion."""
+    inputs = inputs_of(seed, vertical)
+    azimuths = np.linspace(0.0, 2.0 * np.pi, 12, endpoint=False)
+    t = np.arange(0.01, DURATION, 1.0 / 60.0)
+    heights = predicted_heights(truth, inputs, t, azimuths)
+    noise = 0.2 * NOISE * np.random.default_rng(1000 + seed).normal(size=heights.shape)
+    return MeasuredMotion(f"motion {seed}", inputs, t, eta=heights + noise, eta_azimuth=azimuths)
+
+
+def test_a_difference_that_no_model_has_right_decides_nothing():
+    """A cup that stands askew, or a sensor that leans: here they differ by the lean's square.
+
+    Where the cup is lifted they differ by its lift over g, and that tells.
+    """
+    truth = BASE.with_effect("static_tilt", roll=0.04, pitch=-0.07)
+    leans = BASE.with_effect("sensor_tilt", e_x=-0.07, e_y=-0.04)
+    apart = at_azimuths(truth, 0, 0.0).eta - at_azimuths(leans, 0, 0.0).eta
+    assert 3e-5 < np.sqrt(np.mean(apart**2)) < 5e-5  # as much as the noise, 1.5 % of the gap
+    finding = discover([at_azimuths(truth, seed, 0.0) for seed in range(3)], BASE)
+    assert finding.verdict is Verdict.AMBIGUOUS
+    (found,) = finding.effects
+    assert {found.name, *found.alternatives} == {"static_tilt", "sensor_tilt"}
+    finding = discover([at_azimuths(truth, seed, 3.0) for seed in range(3)], BASE)
+    assert finding.verdict is Verdict.NAMED
+    assert names(finding) == {"static_tilt"}
 
 
 def test_a_frequency_that_no_plausible_fill_has_is_named_as_one():

@@ -10,16 +10,18 @@ samples whose residuals go together, neighbours in time and azimuths. It is 1 wh
 explanation leaves nothing but white noise; where even the best one leaves more, differences of χ²
 count for less. Every further effect costs a fixed prior, and so does one whose parameters each
 group of motions has its own of; each of these is paid for by the second and the third term.
+Differences that are within what models themselves have wrong count for less: see `discounted`.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
+from slosh_discovery.discover.explanation import Key
 from slosh_discovery.discover.fitting import Fit
 from slosh_discovery.discover.problem import PreparedMotion
 from slosh_model.effects.registry import EFFECTS
@@ -34,6 +36,10 @@ GROUP_PRIOR = 1.0 / 10.0
 CORRELATED = 0.05
 """Correlations of the residual below this are none."""
 LONGEST_LAG = 60
+MODEL_ERROR = 0.02
+"""Share of what a model explains that its own left-out terms may change."""
+
+Logs = dict[Key, float]
 
 
 def log_evidence(fit: Fit, temperature: float) -> float:
@@ -42,6 +48,37 @@ def log_evidence(fit: Fit, temperature: float) -> float:
     information = fit.information * np.outer(spreads, spreads) / temperature
     _, log_determinant = np.linalg.slogdet(np.eye(len(information)) + information)
     return -0.5 * fit.chi_square / temperature - 0.5 * float(log_determinant) + log_prior(fit)
+
+
+def discounted(logs: Mapping[Key, float], fits: Mapping[Key, Fit], temperature: float) -> Logs:
+    """The logs of the evidence, as far as models can be believed.
+
+    No model has what it explains right to the last percent: terms of the second order are left
+    out on all sides. Two explanations whose heights differ by no more than that are told apart by
+    the error of either, not by the data. So the difference of two answers has an error of its
+    own, of MODEL_ERROR of what the likeliest explains: the component of the data along it, which
+    is all by which their χ² differ, has the variance T + (MODEL_ERROR ‖explained‖)² in place of T.
+    Whether one more effect is at work beside others is another question, and stays as it is.
+
+    Args:
+        logs: of each explanation, as `log_evidence` gives them.
+        fits: by the same keys, and the base.
+        temperature: T.
+    """
+    first = max(logs, key=lambda key: logs[key])
+    best = fits[first]
+    effects = set(best.explanation.effects)
+    explained = fits[(), ()].residual - best.residual
+    share = 1.0 / (1.0 + MODEL_ERROR**2 * float(explained @ explained) / temperature)
+    told_apart = dict(logs)
+    for key in logs:
+        others = set(fits[key].explanation.effects)
+        worse = fits[key].chi_square - best.chi_square
+        if worse > 0.0 and not effects <= others and not others <= effects:
+            # What fits worse never becomes the likelier one.
+            given_back = 0.5 * (1.0 - share) * worse / temperature
+            told_apart[key] = min(logs[key] + given_back, logs[first])
+    return told_apart
 
 
 def log_prior(fit: Fit) -> float:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from slosh_discovery.discover.crosscheck import HeldOut, held_out
 from slosh_discovery.discover.evidence import (
+    discounted,
     log_evidence,
     log_prior,
     parts_of,
@@ -99,6 +100,8 @@ def judge(pool: Pool, motions: Sequence[PreparedMotion]) -> Judgement:
             + log_prior(one)
             for one in contenders
         }
+    else:
+        logs = discounted(logs, pool.fits, temperature)
     ranked = _ranked(pool, logs)
     best = ranked[0][0]
     before, after = leftover(base, motions), leftover(best, motions)
