@@ -94,6 +94,7 @@ class Room:
 
     Attributes:
         wall: colour of the board behind the cup; `things` shows blurred objects before it.
+        posters: sheets with sharp edges on the board, lighter or darker than it.
         slope: brightness at the left and right end of the board, relative.
         texture: relative strength of a fine pattern on the board.
         moving: amplitude of the board's motion.
@@ -105,6 +106,7 @@ class Room:
     wall: Colour = (0.75, 0.75, 0.73)
     table: Colour = (0.06, 0.06, 0.07)
     things: int = 5
+    posters: int = 0
     contrast: float = 0.8
     seed: int = 1
     slope: tuple[float, float] = (1.0, 1.0)

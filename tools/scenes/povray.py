@@ -258,12 +258,26 @@ def paint_board(scene: Scene, path: Path) -> None:
     shelf = int(rng.uniform(0.25, 0.4) * high)
     image[shelf : shelf + 6] *= 1 - 0.5 * room.contrast
     image = cv2.GaussianBlur(image, (0, 0), 3.0)
+    _hang_posters(scene, image)
     if room.texture:
         image *= 1 + room.texture * _pattern(rng, (high, wide))[..., None]
     # The gradient lies in the third of the board that the cameras see.
     image *= np.interp(np.linspace(0, 1, wide), (0.35, 0.65), room.slope)[None, :, None]
     image *= np.linspace(1.08, 0.85, high)[:, None, None]
     cv2.imwrite(str(path), to_srgb(image)[..., ::-1])
+
+
+def _hang_posters(scene: Scene, image: NDArray[np.float64]) -> None:
+    """Sheets on the part of the board (H, W, 3) that is seen behind the cup, in place."""
+    room = scene.room
+    rng = np.random.default_rng(300 + room.seed)
+    high, wide = image.shape[:2]
+    for _ in range(room.posters):
+        left, top = int(rng.uniform(0.36, 0.6) * wide), int(rng.uniform(0.3, 0.65) * high)
+        right = left + int(rng.uniform(0.05, 0.2) * wide)
+        bottom = top + int(rng.uniform(0.03, 0.2) * high)
+        tone = np.array(room.wall) * (1 + room.contrast * rng.uniform(-1.0, 0.6, 3))
+        image[top:bottom, left:right] = tone
 
 
 def _pattern(rng: np.random.Generator, shape: tuple[int, int]) -> NDArray[np.float64]:

@@ -13,6 +13,7 @@ from functools import partial
 from itertools import pairwise
 from pathlib import Path
 
+import clear
 import cv2
 import liquids
 import numpy as np
@@ -33,6 +34,7 @@ GROUPS = {
     "stills": unkind.stills(),
     "sequences": unkind.sequences(),
     "liquids": liquids.liquids(),
+    "clear": clear.clear(),
 }
 
 

@@ -16,7 +16,7 @@ from definitions import Camera, Cup, Label, Liquid, Motion, Photo, Room, Scene
 
 STILLS, SEQUENCES = 40, 20
 
-_LIQUIDS = {
+LIQUIDS = {
     "dark": Liquid(),
     "blue": Liquid(absorption=(120, 60, 12), colour=(0.02, 0.05, 0.14), opacity=0.25),
     "red": Liquid(absorption=(8, 90, 70), colour=(0.25, 0.02, 0.03), opacity=0.25),
@@ -40,16 +40,16 @@ def sequences() -> list[Scene]:
 
 def _still(index: int) -> Scene:
     rng = np.random.default_rng(7000 + index)
-    name = list(_LIQUIDS)[int(rng.integers(len(_LIQUIDS)))]
-    cup = _cup(rng)
-    camera, look = _camera(rng, cup, (640, 480), (150.0, 400.0))
+    name = list(LIQUIDS)[int(rng.integers(len(LIQUIDS)))]
+    cup = draw_cup(rng)
+    camera, look = draw_camera(rng, cup, (640, 480), (150.0, 400.0))
     scene = Scene(
         f"still_{index:02d}",
         "",
         cup,
-        _LIQUIDS[name],
+        LIQUIDS[name],
         camera,
-        _photo(rng),
+        draw_photo(rng),
         _room(rng, name),
         frames=0,
     )
@@ -59,8 +59,8 @@ def _still(index: int) -> Scene:
 def _sequence(index: int) -> Scene:
     rng = np.random.default_rng(8000 + index)
     name = _SEQUENCE_LIQUIDS[index % len(_SEQUENCE_LIQUIDS)]
-    cup = _cup(rng)
-    camera, look = _camera(rng, cup, (480, 360), (150.0, 200.0))
+    cup = draw_cup(rng)
+    camera, look = draw_camera(rng, cup, (480, 360), (150.0, 200.0))
     motion = Motion(
         kind="planar" if rng.random() < 0.25 else "rotating",
         peak=float(rng.uniform(10.0, 0.5 * cup.radius)),
@@ -69,12 +69,12 @@ def _sequence(index: int) -> Scene:
         second=float(rng.uniform(0.0, 0.08)),
         sharpening=(float(rng.uniform(0.0, 0.12)), float(rng.uniform(0.0, 0.3))),
     )
-    photo = _photo(rng, rolling=index % 5 == 4)
+    photo = draw_photo(rng, rolling=index % 5 == 4)
     scene = Scene(
         f"sequence_{index:02d}",
         "",
         cup,
-        _LIQUIDS[name],
+        LIQUIDS[name],
         camera,
         photo,
         _room(rng, name),
@@ -84,7 +84,8 @@ def _sequence(index: int) -> Scene:
     return _dirtied(rng, scene, f"{name}, {look}", 0.3)
 
 
-def _cup(rng: np.random.Generator) -> Cup:
+def draw_cup(rng: np.random.Generator) -> Cup:
+    """A container with an uneven wall, and often a meniscus."""
     radius = float(rng.uniform(32.0, 60.0))
     fill = float(rng.uniform(0.9, 1.6) * radius)
     wall = float(rng.uniform(1.2, 4.0))
@@ -101,7 +102,7 @@ def _cup(rng: np.random.Generator) -> Cup:
     )
 
 
-def _camera(
+def draw_camera(
     rng: np.random.Generator, cup: Cup, size: tuple[int, int], widths: tuple[float, float]
 ) -> tuple[Camera, str]:
     """A camera above, at or below the level, and in words where it stands and what it cuts."""
@@ -139,7 +140,8 @@ def _camera(
     return camera, place + "".join(f", {end} cut off" for end in cut)
 
 
-def _photo(rng: np.random.Generator, *, rolling: bool = False) -> Photo:
+def draw_photo(rng: np.random.Generator, *, rolling: bool = False) -> Photo:
+    """Noise, compression and blur, and an exposure that hunts."""
     return Photo(
         gain=float(rng.uniform(0.7, 1.3)),
         shot=float(rng.uniform(0.003, 0.012)),
