@@ -37,8 +37,8 @@ def surface(x, y, plausible):
 FRONT, REAR = (0.0, -15.0 * MM), (0.0, 15.0 * MM)
 
 
-def choose(candidates, expected, *, certain=False):
-    comparison = SurfaceComparison(NothingElse(), Prior(ZERO, 0.02), 0.5 * MM)
+def choose(candidates, expected, *, certain=False, at_rest=-np.inf):
+    comparison = SurfaceComparison(NothingElse(), Prior(ZERO, 0.02), 0.5 * MM, at_rest)
     return comparison.choose(Sighting(((None, None),), tuple(candidates), certain), expected)
 
 
@@ -58,6 +58,21 @@ def test_the_image_before_chooses_between_surfaces_that_agree_nearly_alike():
     agreed = choose([exchanged, true], expects((0.0, 13.0 * MM)))
     assert agreed.candidate is exchanged
     assert not agreed.decided
+
+
+def test_another_surface_that_agrees_hardly_less_is_a_doubt_unless_the_images_before_tell():
+    alike = [surface(*FRONT, 0.30), surface(0.0, -7.0 * MM, 0.29)]
+    assert choose(alike, None).doubtful
+    assert not choose(alike, expects(FRONT)).doubtful
+    assert choose(alike, expects((0.0, -11.0 * MM))).doubtful
+    assert not choose([alike[0], surface(0.0, -14.0 * MM, 0.29)], None).doubtful
+    assert not choose([alike[0], surface(0.0, -7.0 * MM, 0.10)], None).doubtful
+
+
+def test_a_surface_far_worse_than_the_liquid_at_rest_in_the_still_image_is_a_doubt():
+    assert choose([surface(*FRONT, 0.1)], None, at_rest=0.7).doubtful
+    assert not choose([surface(*FRONT, 0.3)], None, at_rest=0.7).doubtful
+    assert not choose([surface(*FRONT, 0.1)], None).doubtful
 
 
 def test_a_clear_picture_wins_over_the_image_before_and_says_so():

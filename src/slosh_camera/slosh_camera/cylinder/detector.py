@@ -20,6 +20,7 @@ from slosh_camera.cylinder.appearance import Tone, find_tone, percentile
 from slosh_camera.cylinder.container_edges import ContainerEdges
 from slosh_camera.cylinder.outer_edges import outer_edges
 from slosh_camera.cylinder.scan_grid import build_scan_grid
+from slosh_camera.cylinder.still_surface import REMEDY, find_still_surface, is_found_again
 from slosh_camera.cylinder.surface_choice import SurfaceChooser
 from slosh_camera.cylinder.surface_comparison import Choice, Sighting, SurfaceComparison
 from slosh_camera.cylinder.surface_evidence import (
@@ -35,6 +36,7 @@ from slosh_camera.cylinder.surface_memory import SurfaceMemory
 from slosh_camera.cylinder.surface_modes import SHAPES
 from slosh_camera.cylinder.surface_prior import HIGHEST, Prior
 from slosh_camera.cylinder.surface_reading import SurfaceReading
+from slosh_camera.cylinder.surroundings import looks_like_surroundings
 from slosh_camera.cylinder.wall_geometry import WallGeometry
 from slosh_camera.cylinder.wall_pixels import WallPixels
 from slosh_camera.errors import SloshCameraError
@@ -51,8 +53,6 @@ BoolArray = NDArray[np.bool_]
 # Parts of the way from the still level to the lowest row between which there is mostly liquid:
 # below the deepest trough, or higher up, where a transparent liquid does not show the floor.
 _BODIES = (0.5, 1.0), (0.1, 0.5)
-# How much more plausible the second must make the liquid at rest to be preferred.
-_RATHER = 0.3
 # Deviation from the liquid's most frequent level up to which samples may belong to it.
 _LEVEL_REACH = 0.25
 # Deviation from the liquid's level, as a part of the contrast, from which on a sample is rather
@@ -68,10 +68,16 @@ _WHITE = 250.0
 # Standard deviation of the first mode, as a part of the radius.
 _FIRST = 0.5
 _LEAST_POINTS = 10
+# Flags of a line of which too little is seen to be a zero.
+_NOT_WHOLE = Flag.NOT_FOUND | Flag.SATURATED
 # Part of the scan lines that must show an edge of the fitted surface for it to be one, and part
 # that may be hidden without a remark.
 _LEAST_READ = 0.5
 _HIDDEN = 0.13
+_DOUBT = (
+    "the liquid at rest does not surely differ from what is behind it: many images will be "
+    f"refused, and all heights carry the flag AMBIGUOUS; {REMEDY}"
+)
 # Heights that the fade changes by less than this need no second fit [m].
 _NO_FADE = 2e-6
 # The peak is hidden where the fitted surface is so much higher than what is seen [m], and by so
@@ -117,15 +123,22 @@ class FreeSurfaceDetector:
         top = int(np.min(self._wall.first_row))
         self._above = (top + self._grid.still_row) // 2
         self._zero = np.zeros(SHAPES)
-        self._know(Prior(self._zero, first=_FIRST * calibration.view.cup.radius))
+        prior = Prior(self._zero, first=_FIRST * calibration.view.cup.radius)
+        self._know(prior, self._compared(prior))
         self._at_rest = Prior(self._zero, first=3e-3, level=5e-3)
         self._surface = float("nan")
+        self._sure = True
         self._repeats = RepeatedFrames()
 
     @property
     def still_offset(self) -> float:
         """Height of the still level against the calibration, subtracted from heights [m]."""
         return float(self._zero[0])
+
+    @property
+    def doubt(self) -> str:
+        """What the still image leaves open, in words; empty: nothing."""
+        return "" if self._sure else _DOUBT
 
     def learn_still(self, image: Image) -> float:
         """Take an image of the liquid at rest as the zero of all heights.
@@ -137,7 +150,8 @@ class FreeSurfaceDetector:
             The offset [m] of the still level against the calibration.
 
         Raises:
-            SloshCameraError: the image does not fit the camera, or shows no liquid at rest.
+            SloshCameraError: the image does not fit the camera, or shows no liquid at rest, or
+                one that would be measured as something else; what was learnt before stays.
         """
         unrolled = self._unrolled(image)
         turn = self._edges.turn(image)
@@ -146,24 +160,24 @@ class FreeSurfaceDetector:
                 f"still image: the container's sides are turned by {np.degrees(turn):.1f} "
                 "degrees against the calibration, calibrate the camera anew"
             )
-        fits: list[tuple[float, SurfaceFit, Unrolled, slice]] = []
-        for body in self._all_bodies:
-            seen = self._front_line(unrolled, body)
-            if seen is not None:
-                fit, plausible = self._chooser.fit_still(*seen, self._at_rest)
-                fits.append((plausible - (_RATHER if fits else 0.0), fit, seen[0], body))
-        if fits:
-            _, fit, view, body = max(fits, key=lambda entry: entry[0])
-        if not fits or self._flags(fit, view) & (Flag.NOT_FOUND | Flag.SATURATED):
+        seen = ((self._front_line(unrolled, body), body) for body in self._all_bodies)
+        pictures = [(*found, body) for found, body in seen if found is not None]
+        still = find_still_surface(self._chooser, pictures, self._at_rest)
+        if still is None or self._flags(still.fit, still.view) & _NOT_WHOLE:
             raise SloshCameraError(
                 "still image: shows no whole liquid line, check light, region and calibration"
             )
-        self._zero = np.concatenate((fit.heights[:3], np.zeros(SHAPES - 3)))
-        self._know(Prior(self._zero, first=self._prior.first))
-        self._bodies = (body,)
+        prior = Prior(still.zero, first=self._prior.first)
+        comparison = self._compared(
+            prior, self._chooser.plausible_heights(still.view, still.zero, prior)
+        )
+        self._sure = is_found_again(still, comparison) and not self._is_clear(image, still.body)
+        self._zero = still.zero
+        self._know(prior, comparison)
+        self._bodies = (still.body,)
         self._usual_turn = turn
         self._still_edges.learn(image)
-        self._surface = self._chooser.surface_tone(view, self._zero)
+        self._surface = still.view.surface
         return self.still_offset
 
     def update(self, stamp_ns: int, image: Image) -> Measurement:
@@ -193,8 +207,7 @@ class FreeSurfaceDetector:
         sighting = self.look(image)
         if not sighting.candidates:
             return Measurement(stamp_ns=stamp_ns, flags=sighting.flags)
-        choice = self._comparison.choose(sighting, None)
-        return self._measurement(stamp_ns, self._found(choice))
+        return self._measurement(stamp_ns, self._found(self._comparison.choose(sighting, None)))
 
     def look(self, image: Image) -> Sighting:
         """What an image shows by itself: most of the work, and independent of other images.
@@ -235,12 +248,20 @@ class FreeSurfaceDetector:
             )  # fmt: skip
         return self._measurement(stamp_ns, found)
 
-    def _know(self, prior: Prior) -> None:
+    def _is_clear(self, image: Image, body: slice) -> bool:
+        """Whether the liquid looks like what is beside the container."""
+        tone = find_tone(self._unrolled(image), self._grid.inside, body, self._above)
+        return tone is not None and looks_like_surroundings(image, self._grid.pixels[body], tone)
+
+    def _know(self, prior: Prior, comparison: SurfaceComparison) -> None:
         """Take what is known of the heights; what other images told is of another zero."""
         cup = self._view.cup
-        self._prior = prior
-        self._comparison = SurfaceComparison(self._chooser, prior, self._wall.footprint)
+        self._prior, self._comparison = prior, comparison
         self._memory = SurfaceMemory(cup.radius, cup.fill_height)
+
+    def _compared(self, prior: Prior, at_rest: float = -np.inf) -> SurfaceComparison:
+        """A comparison of surfaces; `at_rest`: how plausible rest makes the still image."""
+        return SurfaceComparison(self._chooser, prior, self._wall.footprint, at_rest)
 
     def _learnt_fade(self, found: _Found) -> tuple[_Found, FadeShare]:
         """The surface by what other images told of the fade, and what is told of that now."""
@@ -262,7 +283,10 @@ class FreeSurfaceDetector:
         """The chosen surface with its flags; NOT_FOUND where the picture shows another one."""
         view, fit = choice.candidate.view, choice.candidate.fit
         if choice.believed:
-            return _Found(view, fit, self._flags(fit, view))
+            flags = self._flags(fit, view)
+            # Of a surface that is cut off a bound alone is told.
+            sure = (self._sure and not choice.doubtful) or Flag.SATURATED in flags
+            return _Found(view, fit, flags if sure else flags | Flag.AMBIGUOUS)
         covered = self._wall.covered_border(view.picture)
         return _Found(view, fit, Flag.NOT_FOUND | (Flag.SATURATED if covered else Flag.NONE))
 

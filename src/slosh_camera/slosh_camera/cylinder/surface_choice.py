@@ -34,6 +34,8 @@ _TRIED = 4
 _DIFFERENT = 10.0
 # Rows beside a line that do not show the surface between two lines.
 _EDGE_ROWS = 2.0
+# Points that far from the level that agrees best are no points of liquid at rest [rows].
+_STILL_ROWS = 12.0
 # Levels at which liquid at rest is looked for [m].
 _LEVELS = np.arange(-15e-3, 15.5e-3, 5e-4)
 
@@ -101,8 +103,11 @@ class SurfaceChooser:
 
     def plausible(self, view: Unrolled, fit: SurfaceFit, prior: Prior) -> float:
         """How well a fit agrees with the picture, less how unlikely a surface it is."""
-        unlikely = prior.surprise(fit.heights, self._wall.radius)
-        return self._score(view, fit.heights) - unlikely
+        return self.plausible_heights(view, fit.heights, prior)
+
+    def plausible_heights(self, view: Unrolled, heights: FloatArray, prior: Prior) -> float:
+        """The same of given heights (SHAPES,) [m]."""
+        return self._score(view, heights) - prior.surprise(heights, self._wall.radius)
 
     def fit_still(
         self, view: Unrolled, points: WallPoints, prior: Prior
@@ -114,12 +119,13 @@ class SurfaceChooser:
         """
         levels = np.zeros((_LEVELS.size, SHAPES))
         levels[:, 0] = _LEVELS
-        scores = [self._score(view, heights) for heights in levels]
-        start = levels[int(np.argmax(scores))]
-        both = self._fitter.refined(view, points, start, prior, FINE)
+        likely = [self.plausible_heights(view, heights, prior) for heights in levels]
+        start = levels[int(np.argmax(likely))]
+        near = points.near(self._wall.front_rows(start), _STILL_ROWS)
+        both = self._fitter.refined(view, near, start, prior, FINE)
         if np.isfinite(self.surface_tone(view, both.heights)):
-            return both, max(scores)
-        return self._fitter.fit_front(both.points, prior, start, FINE), max(scores)
+            return both, max(likely)
+        return self._fitter.fit_front(both.points, prior, start, FINE), max(likely)
 
     def surface_tone(self, view: Unrolled, heights: FloatArray) -> float:
         """What the free surface between a surface's two lines looks like; NaN: it is not seen."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +28,11 @@ _USUAL, _JUMP = 2.0, 4.5
 _CERTAINLY = 0.2
 # Two surfaces are others where their first modes lie so far apart [rows].
 _OTHER = 5.0
+# By less than this no surface is preferred to another one for sure.
+_HARDLY = 0.05
+# A front line leaves no choice where its surface agrees with the image at most so much worse than
+# the surface at rest does with the still image; and no surface that agrees so much worse is sure.
+_WORSE, _FAR_WORSE = 0.4, 0.5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -71,33 +76,43 @@ class Choice:
         believed: it agrees with the picture well enough to be one.
         decided: the images before decided for it.
         jumped: it is not where the images before let it be.
+        doubtful: another surface agrees hardly less, or this one far less than the surface at rest
+            does with the still image.
     """
 
     candidate: Candidate
     believed: bool
     decided: bool = False
     jumped: bool = False
+    doubtful: bool = False
 
 
 class SurfaceComparison:
     """Chooses between the surfaces that an image may show."""
 
-    def __init__(self, chooser: SurfaceChooser, prior: Prior, footprint: float) -> None:
+    def __init__(
+        self, chooser: SurfaceChooser, prior: Prior, footprint: float, at_rest: float = -np.inf
+    ) -> None:
         """Keep what candidates are fitted with.
 
         Args:
             chooser: makes candidates.
             prior: of the heights; its centre is the surface at rest.
             footprint: of a sample on the wall [m].
+            at_rest: how plausible the surface at rest makes the still image; -inf: there is none.
         """
         self._chooser, self._prior, self._footprint = chooser, prior, footprint
+        self._at_rest = at_rest
 
     def sighting(self, seen: tuple[tuple[Unrolled, WallPoints], ...]) -> Sighting:
         """The candidates of an image: one where its front line leaves no choice."""
         for view, points in seen:
             fit = self._chooser.fit_certain(view, points, self._prior)
-            if fit is not None:
+            if fit is None:
+                continue
+            if self._chooser.plausible(view, fit, self._prior) >= self._at_rest - _WORSE:
                 return Sighting(seen, (Candidate(view, fit, np.inf),), certain=True)
+            return Sighting(seen, (self._sure(view, fit), *self._several(seen)))
         return Sighting(seen, self._several(seen))
 
     def choose(self, sighting: Sighting, expected: Expected | None) -> Choice:
@@ -109,7 +124,10 @@ class SurfaceComparison:
         """
         best = max(sighting.candidates, key=lambda entry: entry.plausible)
         if expected is None:
-            return Choice(best, best.plausible >= _BELIEVED)
+            others = self._others(sighting.candidates, best)
+            next_best = max((sighting.candidates[k].plausible for k in others), default=-np.inf)
+            doubtful = self._is_doubtful(best, best.plausible - next_best)
+            return Choice(best, best.plausible >= _BELIEVED, doubtful=doubtful)
         usual = expected.distance(self.first(best.fit)) < _USUAL
         if sighting.certain and usual:
             return Choice(best, True)
@@ -133,8 +151,7 @@ class SurfaceComparison:
         candidates = sighting.candidates
         if sighting.certain:
             (sure,) = candidates
-            plausible = self._chooser.plausible(sure.view, sure.fit, self._prior) + _CERTAINLY
-            candidates = (replace(sure, plausible=plausible), *self._several(sighting.seen))
+            candidates = (self._sure(sure.view, sure.fit), *self._several(sighting.seen))
         start = self._prior.centre.copy()
         start[1:3] += expected.first
         foretold = (
@@ -144,6 +161,10 @@ class SurfaceComparison:
         )
         return (*candidates, *foretold)
 
+    def _sure(self, view: Unrolled, fit: SurfaceFit) -> Candidate:
+        """A surface that nearly all of the front line agrees with, to be compared with others."""
+        return Candidate(view, fit, self._chooser.plausible(view, fit, self._prior) + _CERTAINLY)
+
     def _compared(self, candidates: tuple[Candidate, ...], expected: Expected) -> Choice:
         """The surface that agrees best with the picture and with what was foretold."""
         agreement = [
@@ -151,15 +172,28 @@ class SurfaceComparison:
         ]
         index = int(np.argmax(agreement))
         chosen = candidates[index]
-        place = self.first(chosen.fit)
-        others = [
-            k
-            for k, entry in enumerate(candidates)
-            if float(np.hypot(*(self.first(entry.fit) - place))) > _OTHER * self._footprint
-        ]
-        distance = expected.distance(place)
-        clear = all(agreement[k] < agreement[index] - _CLEARLY for k in others)
-        foretold = clear and distance < _FORETOLD and chosen.plausible >= _BELIEVED_FORETOLD
+        others = self._others(candidates, chosen)
+        lead = agreement[index] - max((agreement[k] for k in others), default=-np.inf)
+        distance = expected.distance(self.first(chosen.fit))
+        foretold = (
+            lead > _CLEARLY and distance < _FORETOLD and chosen.plausible >= _BELIEVED_FORETOLD
+        )
         by_itself = chosen.plausible >= _BELIEVED
         decided = not by_itself or any(candidates[k].plausible > chosen.plausible for k in others)
-        return Choice(chosen, by_itself or foretold, decided, distance > _JUMP)
+        return Choice(
+            chosen, by_itself or foretold, decided, distance > _JUMP,
+            doubtful=self._is_doubtful(chosen, lead),
+        )  # fmt: skip
+
+    def _is_doubtful(self, chosen: Candidate, lead: float) -> bool:
+        """Whether an image does not tell a surface that agrees by a lead better than others."""
+        return lead < _HARDLY or chosen.plausible < self._at_rest - _FAR_WORSE
+
+    def _others(self, candidates: tuple[Candidate, ...], chosen: Candidate) -> list[int]:
+        """Which candidates are other surfaces than the chosen one."""
+        place, apart = self.first(chosen.fit), _OTHER * self._footprint
+        return [
+            k
+            for k, entry in enumerate(candidates)
+            if float(np.hypot(*(self.first(entry.fit) - place))) > apart
+        ]

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,6 +56,12 @@ class WallPoints:
     bound: BoolArray
     width: FloatArray
     scale: FloatArray
+
+    def near(self, rows: FloatArray, reach: float) -> Self:
+        """Those within so many rows of given ones (M,); the others are taken for unknown."""
+        far = ~(np.abs(self.place - rows) <= reach) & ~self.bound
+        place, height = (np.where(far, np.nan, value) for value in (self.place, self.height))
+        return replace(self, place=place, height=height)
 
 
 @dataclass(frozen=True, slots=True)

@@ -24,6 +24,10 @@ class SurfaceDetector(Protocol):
     def still_offset(self) -> float:
         """Height that was measured on the liquid at rest and is subtracted since [m]."""
 
+    @property
+    def doubt(self) -> str:
+        """What the still image leaves open of the heights to come, in words; empty: nothing."""
+
     def learn_still(self, image: Image, /) -> float:
         """Learn from an image of the liquid at rest; the offset of its level [m]."""
 

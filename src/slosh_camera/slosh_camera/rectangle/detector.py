@@ -75,6 +75,11 @@ class SideViewDetector:
         """Height that was measured on the liquid at rest and is subtracted since [m]."""
         return self._knowledge.level
 
+    @property
+    def doubt(self) -> str:
+        """What the still image leaves open, in words: nothing, a doubtful one is refused."""
+        return ""
+
     def learn_still(self, image: Image) -> float:
         """Learn the zero of heights and slope, and what liquid and background look like.
 

@@ -1,0 +1,99 @@
+"""The liquid at rest in the still image, and whether it would be found there again.
+
+A clear liquid shows what is behind it. Then an edge of the background may end what is taken for
+liquid more clearly than the surface does, in the still image as in those to come. So the still
+image is measured like any other: what does not find the liquid at rest there, without being told,
+finds no wave either.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_camera.cylinder.surface_choice import SurfaceChooser
+from slosh_camera.cylinder.surface_comparison import SurfaceComparison
+from slosh_camera.cylinder.surface_evidence import SurfaceFit, Unrolled, WallPoints
+from slosh_camera.cylinder.surface_modes import SHAPES
+from slosh_camera.cylinder.surface_prior import Prior
+from slosh_camera.errors import SloshCameraError
+
+FloatArray = NDArray[np.float64]
+
+REMEDY = "dye the liquid"
+"""What was found to help."""
+
+# How much more plausible the second part of the wall must make the liquid at rest to be preferred.
+_RATHER = 0.3
+# Highest first mode that liquid at rest may be measured with [m].
+_LEVEL = 1e-3
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StillSurface:
+    """The liquid at rest.
+
+    Attributes:
+        view: the picture, with what the free surface looks like in it.
+        points: of the front line.
+        fit: the level surface.
+        body: rows that show liquid.
+    """
+
+    view: Unrolled
+    points: WallPoints
+    fit: SurfaceFit
+    body: slice
+
+    @property
+    def zero(self) -> FloatArray:
+        """Heights (SHAPES,) of the surface at rest [m]: its level and its tilt."""
+        return np.concatenate((self.fit.heights[:3], np.zeros(SHAPES - 3)))
+
+
+def find_still_surface(
+    chooser: SurfaceChooser, seen: Sequence[tuple[Unrolled, WallPoints, slice]], prior: Prior
+) -> StillSurface | None:
+    """The most plausible level surface.
+
+    Args:
+        chooser: fits it.
+        seen: pictures, points of the front line and rows of liquid, the usual ones first.
+        prior: of the heights of liquid at rest.
+
+    Returns:
+        The surface; None where there is no picture.
+    """
+    found: list[tuple[float, StillSurface]] = []
+    for view, points, body in seen:
+        fit, plausible = chooser.fit_still(view, points, prior)
+        still = StillSurface(view, points, fit, body)
+        tone = chooser.surface_tone(view, still.zero)
+        still = replace(still, view=replace(view, surface=tone))
+        found.append((plausible - (_RATHER if found else 0.0), still))
+    return max(found, key=lambda entry: entry[0])[1] if found else None
+
+
+def is_found_again(still: StillSurface, comparison: SurfaceComparison) -> bool:
+    """Whether the still image, measured like any other, surely shows the liquid at rest.
+
+    Args:
+        still: the liquid at rest, as it was found by what is known of it.
+        comparison: of surfaces in images to come.
+
+    Raises:
+        SloshCameraError: it shows another surface.
+    """
+    choice = comparison.choose(comparison.sighting(((still.view, still.points),)), None)
+    if not choice.believed:
+        return False
+    height = float(np.hypot(*comparison.first(choice.candidate.fit)))
+    if height > _LEVEL:
+        raise SloshCameraError(
+            f"still image: the liquid at rest would be measured as a wave of {1e3 * height:.0f} "
+            f"mm, by an edge that is seen through it; {REMEDY}"
+        )
+    return not choice.doubtful

@@ -1,0 +1,89 @@
+"""Edges that are seen through a liquid, or hide its line, are no silent wrong heights.
+
+Single images of scenes that `tools/scenes/render.py liquids clear` draws, each with the image of
+the liquid at rest.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import pytest
+from camera_sequences import FrameTruth, read_image, read_sequence
+
+from slosh_camera.cylinder.detector import FreeSurfaceDetector
+from slosh_camera.detection.learnt import learnt_detector
+from slosh_camera.errors import SloshCameraError
+from slosh_camera.measurement import Flag, Measurement
+
+SCENES = Path(__file__).parent / "scenes"
+MM = 1e-3
+
+
+def detector_of(name: str) -> FreeSurfaceDetector:
+    sequence = read_sequence(SCENES / name)
+    detector = learnt_detector(sequence.calibration, sequence.still)
+    assert isinstance(detector, FreeSurfaceDetector)
+    return detector
+
+
+def measured(name: str) -> tuple[FrameTruth, Measurement]:
+    """Truth and measurement of a scene's image, alone."""
+    (frame,) = read_sequence(SCENES / name).frames
+    return frame, detector_of(name).measure(0, read_image(frame.path))
+
+
+def test_clear_water_is_refused_with_what_helps() -> None:
+    """The table's far edge, seen through the water, ends it more clearly than its surface."""
+    with pytest.raises(SloshCameraError, match=r"at rest would be measured as a wave .* dye"):
+        detector_of("liquid_water")
+
+
+def test_a_refused_still_image_changes_nothing() -> None:
+    water = read_sequence(SCENES / "liquid_water")
+    (frame,) = read_sequence(SCENES / "liquid_tea").frames
+    detector = detector_of("liquid_tea")
+    before = detector.measure(0, read_image(frame.path))
+    assert water.still is not None
+    with pytest.raises(SloshCameraError):
+        detector.learn_still(read_image(water.still))
+    again = detector.measure(0, read_image(frame.path))
+    assert (again.msh, again.flags) == (before.msh, before.flags)
+
+
+def test_an_edge_seen_through_tea_is_not_its_line() -> None:
+    """Nearly all of the front line lay on the edge of what is behind the tea."""
+    true, found = measured("liquid_tea")
+    assert found.msh == pytest.approx(true.msh, abs=0.3 * MM)
+    assert not found.flags
+
+
+def test_a_label_over_the_line_leaves_a_doubt_that_is_told() -> None:
+    true, found = measured("liquid_label")
+    assert abs(found.msh - true.msh) < 1.0 * MM or Flag.AMBIGUOUS in found.flags
+
+
+def test_a_liquid_that_looks_like_its_surroundings_is_doubted() -> None:
+    """At rest the table's edge lies at the line itself: only the colour beside tells."""
+    detector = detector_of("clear_20")
+    assert "dye the liquid" in detector.doubt
+    true, found = measured("clear_20")
+    assert abs(found.msh - true.msh) > 1.0 * MM
+    assert Flag.AMBIGUOUS in found.flags
+
+
+def test_the_same_before_other_surroundings_is_not() -> None:
+    """What tells a clear liquid is what stands beside the container, on both sides."""
+    sequence = read_sequence(SCENES / "clear_20")
+    assert sequence.still is not None
+    still = read_image(sequence.still)
+    still[:, 325:] = cv2.cvtColor(255 - still[:, 325:, 0], cv2.COLOR_GRAY2BGR)
+    detector = FreeSurfaceDetector(sequence.calibration)
+    detector.learn_still(still)
+    assert not detector.doubt
+
+
+@pytest.mark.parametrize("name", ["nonlinear_dark", "steep", "liquid_tea", "liquid_label"])
+def test_liquids_that_differ_from_their_background_are_not_doubted(name: str) -> None:
+    assert not detector_of(name).doubt
