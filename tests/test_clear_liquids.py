@@ -6,14 +6,18 @@ the liquid at rest.
 
 from __future__ import annotations
 
+import json
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
 import pytest
 from camera_sequences import FrameTruth, read_image, read_sequence
 
+from slosh_bringup.cli.main import main
+from slosh_camera.calibrate.camera_file import format_calibration
 from slosh_camera.cylinder.detector import FreeSurfaceDetector
-from slosh_camera.detection.learnt import learnt_detector
+from slosh_camera.detection.learnt import learnt_detector, still_doubt
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.measurement import Flag, Measurement
 
@@ -87,3 +91,31 @@ def test_the_same_before_other_surroundings_is_not() -> None:
 @pytest.mark.parametrize("name", ["nonlinear_dark", "steep", "liquid_tea", "liquid_label"])
 def test_liquids_that_differ_from_their_background_are_not_doubted(name: str) -> None:
     assert not detector_of(name).doubt
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [("liquid_water", "as a wave"), ("clear_20", "does not surely differ"), ("liquid_tea", "")],
+)
+def test_the_still_image_alone_tells(name: str, words: str) -> None:
+    sequence = read_sequence(SCENES / name)
+    assert sequence.still is not None
+    doubt = still_doubt(sequence.calibration, read_image(sequence.still))
+    assert words in doubt
+    assert bool(doubt) == bool(words)
+
+
+def test_detection_begins_with_a_warning(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    sequence = read_sequence(SCENES / "clear_20")
+    camera = tmp_path / "camera.yaml"
+    camera.write_text(
+        format_calibration(replace(sequence.calibration, still_image=sequence.still))
+    )
+    words = ["detect", SCENES / "clear_20" / "frame_007.jpg", "--camera", camera, "--json"]
+    assert main([str(word) for word in (*words, "-o", tmp_path / "out.csv")]) == 0
+    captured = capsys.readouterr()
+    (line,) = captured.err.strip().splitlines()
+    assert line.startswith("slosh detect: warning: still image: the liquid at rest does not")
+    assert "dye the liquid" in json.loads(captured.out)["warnings"][0]

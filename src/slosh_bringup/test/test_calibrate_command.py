@@ -97,6 +97,15 @@ def test_writes_what_detect_reads(capsys, tmp_path, still, intrinsics):
     assert np.max(around[:, 1] - around[:, 2]) > 60
 
 
+def test_what_detection_will_find_doubtful_is_told(
+    capsys, tmp_path, still, intrinsics, monkeypatch
+):
+    monkeypatch.setattr("slosh_bringup.cli.calibrate.still_doubt", lambda *_: "too clear")
+    words = ["calibrate", still, "--camera", intrinsics, *CONTAINER, *GLASS]
+    assert main([str(word) for word in (*words, "-o", tmp_path / "camera.yaml")]) == 0
+    assert "warning: `slosh detect` and the node: too clear" in capsys.readouterr().out
+
+
 def test_a_camera_yaml_gives_the_container_too(capsys, tmp_path, still, intrinsics):
     first, second = tmp_path / "camera.yaml", tmp_path / "second.yaml"
     options = [*CONTAINER, *GLASS, "-o", first]
@@ -218,4 +227,6 @@ def test_board_at_a_known_place(capsys, tmp_path, intrinsics):
     assert np.allclose(pose.camera_centre, [0.0, -0.45, 0.0], atol=3e-3)
     assert facts["board_residual"] < 0.5
     assert facts["residual"] is None
-    assert "nothing checks the board's place" in facts["warnings"][-1]
+    board_alone, no_liquid = facts["warnings"][-2:]
+    assert "nothing checks the board's place" in board_alone
+    assert "shows no whole liquid line" in no_liquid

@@ -276,6 +276,17 @@ def test_a_still_image_is_learnt_at_start(make_rig, make_scene, tmp_path):
     assert answer.msh == pytest.approx(HEIGHT, abs=1e-3)
 
 
+def test_a_doubtful_still_image_is_told_of_at_start(make_rig, make_scene, tmp_path, capfd):
+    """A liquid that looks like what is beside the container: here, what is taken for it does."""
+    scene, still = make_scene(camera_height=0.08), tmp_path / "still.png"
+    image = scene.draw()
+    image[scene.height // 2 :][image[scene.height // 2 :] == scene.background] = scene.liquid
+    cv2.imwrite(str(still), image)
+    rig = make_rig(still_image=still)
+    rig.start()
+    assert "dye the liquid" in capfd.readouterr().err
+
+
 def test_complaints_do_not_flood():
     lines = []
     complaints = Complaints(lines.append)

@@ -30,6 +30,7 @@ from slosh_camera.calibrate.picture import draw_calibration
 from slosh_camera.calibrate.pose import CameraPlace
 from slosh_camera.calibrate.still import StillFit, calibrate_by_edges, check_pose, check_size
 from slosh_camera.calibrate.warning_words import warnings_of
+from slosh_camera.detection.learnt import still_doubt
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.images.colour import Image, to_colour
 from slosh_camera.images.decoding import read_image
@@ -138,9 +139,16 @@ def run(arguments: argparse.Namespace) -> int:
         _write_picture(arguments.picture, draw_calibration(image, fit, board))
     write_text(arguments.output, text)
     assumed = _assumptions(arguments, known, fit)
+    warnings = [*warnings_of(fit), *_detection_warnings(fit, known, image)]
     answer = _as_json if arguments.json else _as_text
-    print(answer(arguments, fit, board, assumed))
+    print(answer(arguments, fit, board, assumed, warnings))
     return 0
+
+
+def _detection_warnings(fit: StillFit, known: KnownCamera, image: Image) -> list[str]:
+    """What the detector makes of the same image, where it is more than a level."""
+    doubt = still_doubt(Calibration(fit.view, known.name), image)
+    return [f"`slosh detect` and the node: {doubt}"] if doubt else []
 
 
 def _known_camera(arguments: argparse.Namespace, image: Image) -> KnownCamera:
@@ -240,8 +248,9 @@ def _write_picture(path: Path, picture: Image) -> None:
 
 
 def _as_json(
-    arguments: argparse.Namespace, fit: StillFit, board: BoardFit | None, assumed: list[str]
-) -> str:
+    arguments: argparse.Namespace, fit: StillFit, board: BoardFit | None, assumed: list[str],
+    warnings: list[str],
+) -> str:  # fmt: skip
     pose = fit.view.pose
     facts = {
         "output": str(arguments.output),
@@ -257,7 +266,7 @@ def _as_json(
         },
         "board_residual": None if board is None else board.residual,
         "assumed": assumed,
-        "warnings": warnings_of(fit),
+        "warnings": warnings,
     }
     return json.dumps(plain(facts))
 
@@ -267,8 +276,9 @@ def _named(numbers: NDArray[np.float64]) -> dict[str, float]:
 
 
 def _as_text(
-    arguments: argparse.Namespace, fit: StillFit, board: BoardFit | None, assumed: list[str]
-) -> str:
+    arguments: argparse.Namespace, fit: StillFit, board: BoardFit | None, assumed: list[str],
+    warnings: list[str],
+) -> str:  # fmt: skip
     place, error = fit.place, fit.stddev[: len(_NUMBERS)]
     lines = [
         f"{name:9}{scale * value:8.{digits}f} +- {scale * sigma:.{digits}f} {unit}"
@@ -290,7 +300,7 @@ def _as_text(
         f"a height's error by the pose, at -20 to 20 mm: {front:.2f} mm (front wall), "
         f"{rear:.2f} mm (rear wall), 1 sigma",
         *(f"assumed  {assumption}" for assumption in assumed),
-        *(f"warning: {warning}" for warning in warnings_of(fit)),
+        *(f"warning: {warning}" for warning in warnings),
         f"{arguments.output}",
     ]
     return "\n".join(lines)

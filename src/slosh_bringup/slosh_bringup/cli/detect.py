@@ -75,10 +75,14 @@ def run(arguments: argparse.Namespace) -> int:
         if source.note:
             _tell(f"{source.name}: {source.note}")
         jobs = _jobs(arguments.jobs, source.total)
-        with closing(measure_all(detection, source.frames, jobs)) as results:
+        detector = detection.detector()
+        if detector.doubt:
+            _tell(f"warning: still image: {detector.doubt}")
+        with closing(measure_all(detection, detector, source.frames, jobs)) as results:
             summary = _write_table(arguments.output, source, results, sinks)
         pictures = [sink.finish() for sink in sinks]
-    _print(arguments, summary, source, pictures)
+    warnings = [detector.doubt] if detector.doubt else []
+    _print(arguments, summary, source, pictures, [*warnings, *source.warnings])
     return 0 if summary.measured else 1
 
 
@@ -165,11 +169,12 @@ def _tell(sentence: str) -> None:
 
 
 def _print(
-    arguments: argparse.Namespace, summary: Summary, source: FrameSource, pictures: Sequence[str]
-) -> None:
+    arguments: argparse.Namespace, summary: Summary, source: FrameSource,
+    pictures: Sequence[str], warnings: Sequence[str],
+) -> None:  # fmt: skip
     if arguments.json:
         facts = {"source": source.name, "table": str(arguments.output), **summary.facts()}
-        print(json.dumps({**facts, "warnings": source.warnings, "pictures": pictures}))
+        print(json.dumps({**facts, "warnings": warnings, "pictures": pictures}))
         return
     print(f"{summary.text()}, in {arguments.output}")
     if summary.mostly_unseen:

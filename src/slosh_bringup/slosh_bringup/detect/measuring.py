@@ -75,12 +75,13 @@ class _Look(NamedTuple):
 
 
 def measure_all(
-    detection: Detection, frames: Iterable[SourceFrame], jobs: int = 1
+    detection: Detection, detector: SurfaceDetector, frames: Iterable[SourceFrame], jobs: int = 1
 ) -> Generator[Result]:
     """Measures images.
 
     Args:
         detection: how.
+        detector: made by it.
         frames: the images; no more are taken than the processes soon need.
         jobs: number of processes; 1: this one.
 
@@ -88,10 +89,8 @@ def measure_all(
         The results in the order of the images.
 
     Raises:
-        SloshCameraError: the calibration or the still image cannot be used.
         SloshBringupError: a process has ended before its work.
     """
-    detector = detection.detector()
     looks: Iterator[tuple[SourceFrame, _Look]]
     if jobs == 1:
         looks = ((frame, _look(detector, frame)) for frame in frames)

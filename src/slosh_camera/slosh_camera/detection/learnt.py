@@ -45,6 +45,24 @@ def learnt_detector(
     return detector
 
 
+def still_doubt(calibration: AnyCalibration, image: Image) -> str:
+    """Why images of a calibrated camera may not be measured, as far as one at rest tells.
+
+    Args:
+        calibration: what the camera looks at.
+        image: of the liquid at rest.
+
+    Returns:
+        One line; empty: nothing speaks against it.
+    """
+    detector = detector_for(calibration)
+    try:
+        detector.learn_still(image)
+    except SloshCameraError as error:
+        return str(error)
+    return detector.doubt
+
+
 def read_still_image(calibration: AnyCalibration) -> Image:
     """Image of the liquid at rest that a calibration names.
 

@@ -89,6 +89,8 @@ class CameraNode(PreparedNode):
         load_telling(progress, "slosh_camera")
         still_image = self._given["still_image"] or None
         self._detector = learnt_detector(self._calibration, still_image)
+        if self._detector.doubt:
+            self.get_logger().warning(f"still image: {self._detector.doubt}")
 
     def begin(self) -> None:
         """Listens from now on."""
