@@ -28,6 +28,19 @@ def test_line_and_peak_are_drawn_where_they_are(make_scene):
     assert np.any(picture[v - 9 : v - 4, u - 2 : u + 3, 2].astype(int) > 200)
 
 
+@pytest.mark.parametrize(("u", "side"), [(300.0, 1), (630.0, -1)], ids=["right", "left"])
+def test_the_height_stands_beside_the_ring_within_the_picture(make_scene, u, side):
+    calibration = make_scene().calibration()
+    grey = np.full((480, 640), 120, np.uint8)
+    measurement = Measurement(0, msh=0.0123, peak_pixel=(u, 240.0))
+    other = replace(measurement, msh=0.0456)
+    pictures = [draw_measurement(grey, calibration, one) for one in (measurement, other)]
+    differ = np.argwhere(np.any(pictures[0] != pictures[1], axis=2))
+    columns = differ[np.abs(differ[:, 0] - 240) < 15][:, 1]
+    assert len(columns) > 10
+    assert np.all(side * (columns - u) > 8)
+
+
 def test_flags_are_written(make_scene):
     scene = make_scene()
     calibration = scene.calibration()

@@ -138,6 +138,16 @@ def test_unknown_numbers_are_dashes():
     assert ">nan<" not in text.lower()
 
 
+def test_an_event_is_described_under_its_name_which_no_width_cuts_off():
+    text = render_report(replace(REPORT, events=(Span("measured", 1.0, 2.0, 0.01, 0.02, "why"),)))
+    assert '<th scope="row" class="name">measured<span class="small">why</span></th>' in text
+
+
+def test_the_models_effects_are_explained():
+    text = render_report(replace(REPORT, effects={"fill_loss": "Liquid is lost."}))
+    assert re.search(r"fill_.*loss</code></dt><dd>Liquid is lost\.</dd>", text)
+
+
 def test_the_clock_offset_is_shown_where_there_is_one():
     one_clock = (replace(REPORT.models[0], offset=float("nan")),)
     assert "clock offset" in render_report(REPORT)

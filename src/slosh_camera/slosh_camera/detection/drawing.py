@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from slosh_camera.detection.outline import fitted_line, levels, outline, scale_places
 from slosh_camera.images.colour import to_colour
-from slosh_camera.images.lettering import WHITE, letter_size, put_text
+from slosh_camera.images.lettering import WHITE, letter_size, put_text, text_width
 from slosh_camera.measurement import Flag, Measurement, PeakSide
 from slosh_camera.optics.box import BoxView
 from slosh_camera.optics.calibration import AnyCalibration
@@ -68,6 +68,13 @@ class _Canvas:
         reach = round(7.0 * self.size * (1 << _SHIFT))
         cv2.circle(self.picture, centre, reach, colour, width, cv2.LINE_AA, _SHIFT)
 
+    def beside(self, pixel: FloatArray, words: str) -> None:
+        """Words to the right of a ring around a pixel; to its left where the picture ends."""
+        x, y = self.place(pixel)
+        width, away = text_width(words, self.size), 10.0 * self.size
+        right = x + away + width < self.picture.shape[1]
+        self.text(words, np.array([x + away if right else x - away - width, y + 5.0 * self.size]))
+
     def text(self, words: str, corner: FloatArray, colour: tuple[int, int, int] = WHITE) -> None:
         """Words on a dark plate, so that they are read before any background."""
         put_text(self.picture, words, (round(corner[0]), round(corner[1])), self.size, colour)
@@ -79,7 +86,7 @@ def draw_measurement(
     """Draw the detected line, the fit, the peak, a scale in millimetres and the numbers.
 
     Green is the line on the front wall, blue that on the rear wall, dashed yellow the fitted
-    surface's line on both, the red ring the peak.
+    surface's line on both, the red ring the peak, with its height in millimetres beside it.
 
     Args:
         image: (height, width) grey or (height, width, 3) blue-green-red; not changed.
@@ -103,7 +110,7 @@ def draw_measurement(
 def draw_detail(
     image: Image, calibration: AnyCalibration, measurement: Measurement, size: tuple[int, int]
 ) -> Image:
-    """The container alone, scaled into a picture of a given size, with the marks and no text.
+    """The container alone, scaled into a picture of a given size, with the marks and no captions.
 
     Args:
         image: (height, width) grey or (height, width, 3) blue-green-red; not changed.
@@ -164,6 +171,8 @@ def _draw_marks(canvas: _Canvas, calibration: AnyCalibration, measurement: Measu
     peak = np.asarray(measurement.peak_pixel)
     if np.all(np.isfinite(peak)):
         canvas.ring(peak, PEAK)
+        bound = ">= " if Flag.SATURATED in measurement.flags else ""
+        canvas.beside(peak, f"{bound}{_number(1e3 * measurement.msh, 1)} mm")
 
 
 def _draw_scale(canvas: _Canvas, view: CupView | BoxView) -> None:

@@ -20,6 +20,11 @@ def letter_size(picture: Image) -> float:
     return max(float(picture.shape[0]) / _ROWS, 0.75)
 
 
+def text_width(words: str, size: float = 1.0) -> int:
+    """How wide the words are [px]."""
+    return int(cv2.getTextSize(words, _FONT, _FONT_SCALE * size, max(round(size), 1))[0][0])
+
+
 def put_text(
     picture: Image,
     words: str,
