@@ -2,18 +2,21 @@
 
 The wave at a wall of a tank 1.73 m wide in forced sway (Faltinsen, Rognebakke, Lukovsky, Timokha,
 J. Fluid Mech. 407, 2000), from SLOSH_SHARED_DATA or ../shared/data. Writes the tables of
-docs/measured_tank.md.
+docs/measured_tank.md, and into out/measured_tank the files that the page's commands read.
 
     tools/run python tools/measured_tank.py
 """
 
 from __future__ import annotations
 
+import json
 import math
 import os
+import subprocess
 import sys
+import tempfile
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +30,7 @@ from slosh_discovery.identify import identify
 from slosh_model.containers import Rectangle
 from slosh_model.measure import predicted_heights
 from slosh_model.model import Model
+from slosh_model.model_text import format_model
 from slosh_model.multimodal import Tanks, simulate_tanks
 from slosh_model.simulate import Inputs
 from slosh_report.metrics import rms_error
@@ -35,6 +39,7 @@ Array = NDArray[np.float64]
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGE = ROOT / "docs" / "measured_tank.md"
+FILES = ROOT / "out" / "measured_tank"
 DATA = Path(os.environ.get("SLOSH_SHARED_DATA", ROOT.parent / "shared" / "data"))
 WIDTH, FILL_HEIGHT = 1.73, 0.6  # m
 DEPTH = 0.2  # m; across the motion, where nothing happens
@@ -43,6 +48,7 @@ PROBE = 0.05  # m from the wall at -x
 HALF = 5.0  # s
 STEP = 0.01  # s, of the computed waves
 WALL = np.array([math.pi])
+MODES = 5  # of the linear multimodal theory
 M1 = ("natural_frequency", "damping_ratio")
 
 
@@ -81,6 +87,10 @@ def main() -> int:
     finding = found_gap(record)
     print(finding)
     replace_table(PAGE, "gap", finding)
+    write_files(record)
+    answer = told()
+    print(answer)
+    replace_table(PAGE, "modes", answer)
     return 0
 
 
@@ -114,6 +124,11 @@ def base() -> Model:
     return Model(Rectangle(WIDTH, DEPTH, FILL_HEIGHT), damping_ratio=0.005)
 
 
+def multimodal() -> Model:
+    """The waves of linear potential theory, with nothing identified."""
+    return replace(base(), modes=MODES)
+
+
 def candidates(record: Record) -> list[Candidate]:
     """Models identified on the first half."""
     first = record.half(second=False)
@@ -122,6 +137,26 @@ def candidates(record: Record) -> list[Candidate]:
         lumped("M1", first, base(), M1),
         lumped("M2", first, base(), (*M1, "p")),
         lumped("M2, crests sharper", first, asymmetric, (*M1, "p", "crest_asymmetry.kappa")),
+        lumped("linear multimodal", first, multimodal(), ("damping_ratio",)),
+        lumped("linear multimodal, frequency free", first, multimodal(), M1),
+        lumped(
+            "linear multimodal, crests sharper",
+            first,
+            multimodal().with_effect("crest_asymmetry", kappa=0.1),
+            ("damping_ratio", "crest_asymmetry.kappa"),
+        ),
+        lumped(
+            "linear multimodal, bound modes by theory",
+            first,
+            multimodal().with_effect("bound_modes"),
+            ("damping_ratio",),
+        ),
+        lumped(
+            "linear multimodal, bound modes",
+            first,
+            multimodal().with_effect("bound_modes"),
+            ("damping_ratio", "bound_modes.kappa", "bound_modes.damping_ratio"),
+        ),
         *(wave(order, first, fits) for fits in (False, True) for order in (1, 3)),
     ]
 
@@ -134,6 +169,8 @@ def lumped(name: str, first: Record, model: Model, names: Sequence[str]) -> Cand
         "damping_ratio": "ζ = {:.3f} ± {:.3f}",
         "accel_gain.gain": "p g/ω₀² = {:.2f} ± {:.2f}",
         "crest_asymmetry.kappa": "κ = {:.1f} ± {:.1f}",
+        "bound_modes.kappa": "κ = {:.1f} ± {:.1f}",
+        "bound_modes.damping_ratio": "ζ of the bound = {:.1f} ± {:.1f}",
     }
     found = ", ".join(words[one.name].format(one.value, one.error) for one in overall.parameters)
 
@@ -201,6 +238,55 @@ def found_gap(record: Record) -> str:
         name = " + ".join(f"`{effect}`" for effect in row.effects) or "M2 as it is"
         text += f"| {name} | {row.probability:.3f} | {1e3 * row.fit_rms:.1f} |\n"
     return text
+
+
+def write_files(record: Record) -> None:
+    """The motion tables of both halves, and the model."""
+    FILES.mkdir(parents=True, exist_ok=True)
+    halves = {"first": record.half(second=False), "second": record.half(second=True)}
+    for name, part in halves.items():
+        # Each motion begins at rest; where it was not measured there is no height.
+        t = np.union1d(np.arange(0.0, part.t[-1], STEP), part.t)
+        height = np.full(len(t), np.nan)
+        height[np.searchsorted(t, part.t)] = part.height
+        zeros = np.zeros(len(t))
+        columns = np.column_stack((t, acceleration(t), zeros, zeros, height))
+        np.savetxt(
+            FILES / f"{name}.csv", columns, "%.9g", ",", header="t,ax,ay,az,eta_180", comments=""
+        )
+    (FILES / "model.yaml").write_text(format_model(multimodal()), encoding="utf-8")
+
+
+def told() -> str:
+    """What `slosh discover` answers of the linear multimodal model."""
+    with tempfile.TemporaryDirectory() as folder:
+        options = ["--holdout", "second.csv", "--model", "model.yaml", "--json"]
+        done = subprocess.run(
+            ["slosh", "discover", "first.csv", *options, "-o", f"{folder}/found"],
+            cwd=FILES,
+            stdout=subprocess.PIPE,
+            check=True,
+        )
+    document = json.loads(done.stdout)
+    effects = " + ".join(f"`{effect['name']}`" for effect in document["effects"]) or "nothing"
+    text = f"Verdict `{document['verdict']}`: {effects}.\n\n"
+    text += "| explanation | probability | RMS [mm] | RMS left out [mm] |\n|---|--:|--:|--:|\n"
+    for row in [row for row in document["candidates"] if not row["reason"]][:6]:
+        name = " + ".join(f"`{effect}`" for effect in row["effects"]) or "the model as it is"
+        text += (
+            f"| {name} | {row['probability']:.3f} | {1e3 * row['fit_rms']:.1f} | "
+            f"{millimetres(row['holdout_rms'])} |\n"
+        )
+    before, after = (document["gap"][when]["holdout"] for when in ("before", "after"))
+    return text + (
+        f"\nOn the five seconds after: {millimetres(before)} mm before, "
+        f"{millimetres(after)} mm with the model that goes out.\n"
+    )
+
+
+def millimetres(value: float | None) -> str:
+    """A length [m] for people; a dash for none."""
+    return "–" if value is None else f"{1e3 * value:.1f}"
 
 
 if __name__ == "__main__":
