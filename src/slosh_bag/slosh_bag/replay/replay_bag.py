@@ -119,7 +119,7 @@ def replay_bag(
 
 
 def _heard_starts(reader: BagReader, sources: Sources) -> tuple[NodeStart, ...]:
-    """The starts that recorded estimates follow, where the estimator's process was started anew."""
+    """The starts that estimates follow, where the estimator's process was started anew."""
     processes = [s for s in sources.starts if s.node == "estimator" and not s.stamp_ns]
     if len(processes) < 2 or sources.estimate is None:
         return sources.starts
