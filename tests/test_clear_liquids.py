@@ -20,6 +20,8 @@ from slosh_camera.cylinder.detector import FreeSurfaceDetector
 from slosh_camera.detection.learnt import learnt_detector, still_doubt
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.measurement import Flag, Measurement
+from slosh_camera.optics.cup import CupView
+from slosh_camera.optics.pose import Pose
 
 SCENES = Path(__file__).parent / "scenes"
 MM = 1e-3
@@ -42,6 +44,22 @@ def test_clear_water_is_refused_with_what_helps() -> None:
     """The table's far edge, seen through the water, ends it more clearly than its surface."""
     with pytest.raises(SloshCameraError, match=r"at rest would be measured as a wave .* dye"):
         detector_of("liquid_water")
+
+
+def test_a_doubtful_line_far_from_the_calibration_s_level_is_refused() -> None:
+    """The level lies 8 mm higher than told: a dark liquid leaves no doubt, tea does."""
+    for name, believed in (("nonlinear_dark", True), ("liquid_tea", False)):
+        sequence = read_sequence(SCENES / name)
+        view, still = sequence.calibration.view, sequence.still
+        assert still is not None
+        lowered = view.pose.translation - 8.0 * MM * view.pose.rotation[:, 2]
+        view = CupView(view.camera, Pose(view.pose.rotation, lowered), view.cup)
+        detector = FreeSurfaceDetector(replace(sequence.calibration, view=view))
+        if believed:
+            assert detector.learn_still(read_image(still)) == pytest.approx(8.0 * MM, abs=1.0 * MM)
+        else:
+            with pytest.raises(SloshCameraError, match=r"lies .* off the calibration's level"):
+                detector.learn_still(read_image(still))
 
 
 def test_a_refused_still_image_changes_nothing() -> None:

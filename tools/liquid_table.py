@@ -14,11 +14,11 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from camera_accuracy import make_detector
 from camera_figures import FrameResult, Options, figures, measure_sequence
 from camera_sequences import ROOT, Image, RenderedSequence, read_image, read_sequence, sequences_in
 from camera_tables import replace_table
 
+from slosh_camera.cylinder.detector import FreeSurfaceDetector
 from slosh_camera.detection.drawing import draw_measurement
 from slosh_camera.errors import SloshCameraError
 
@@ -59,7 +59,7 @@ def measured(sequence: RenderedSequence, about: str) -> tuple[str, Image]:
     highest = max(sequence.frames, key=lambda frame: frame.msh)
     plain = read_image(highest.path)
     try:
-        frames = measure_sequence(sequence, make_detector, Options())
+        frames = measure_sequence(sequence, FreeSurfaceDetector, Options())
     except SloshCameraError as error:
         return f"{about} | refused: {error} | 0 of {len(sequence.frames)} | | | | | |", plain
     found = figures(sequence.name, frames).raw

@@ -171,7 +171,14 @@ class FreeSurfaceDetector:
         comparison = self._compared(
             prior, self._chooser.plausible_heights(still.view, still.zero, prior)
         )
-        self._sure = is_found_again(still, comparison) and not self._is_clear(image, still.body)
+        sure = is_found_again(still, comparison) and not self._is_clear(image, still.body)
+        if not sure and abs(still.zero[0]) > self._at_rest.level:
+            raise SloshCameraError(
+                f"still image: its line lies {1e3 * still.zero[0]:+.0f} mm off the calibration's "
+                "level, and may be an edge of what is behind the liquid; check the fill height, "
+                f"or {REMEDY}"
+            )
+        self._sure = sure
         self._zero = still.zero
         self._know(prior, comparison)
         self._bodies = (still.body,)
