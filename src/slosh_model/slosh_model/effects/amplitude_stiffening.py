@@ -48,6 +48,10 @@ def _term(mode, elapsed, q, inputs, p):  # type: ignore[no-untyped-def]
 EFFECT = Effect(
     name="amplitude_stiffening",
     title="frequency that depends on the wave's height",
+    meaning=(
+        "A high wave in a rectangle swings slower than a low one; where the liquid is shallow, "
+        "faster."
+    ),
     stages=(Stage.DYNAMICS,),
     equation=(
         r"\ddot q + \dots"

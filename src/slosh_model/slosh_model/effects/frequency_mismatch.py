@@ -16,6 +16,10 @@ def _modes(modes: tuple[Mode, ...], parameters: Parameters) -> tuple[Mode, ...]:
 EFFECT = Effect(
     name="frequency_mismatch",
     title="frequency mismatch",
+    meaning=(
+        "The liquid swings a little faster or slower than in the ideal container of that size and "
+        "fill."
+    ),
     stages=(Stage.DYNAMICS, Stage.HEIGHT),
     equation=r"\omega_n \to k\,\omega_n,\quad \bar\eta_n \to k^2\,\bar\eta_n",
     source=(
