@@ -144,7 +144,8 @@ def runnable():
                     word for name, value in given.items()
                     if name not in (*OUTPUTS, "folder") for word in files_in(value)
                 ]  # fmt: skip
-                if all((ROOT / word).exists() for word in reads):
+                # What lies in out is of this checkout's past, and no other has it.
+                if all((ROOT / word).exists() and Path(word).parts[0] != "out" for word in reads):
                     seen.setdefault(" ".join(words), words)
     return seen
 

@@ -31,11 +31,7 @@ QUICK = (
     "--ignore=tests/real_time",
     "tests",
 )
-HEAD = """---
-orphan: true
----
-
-# Coverage
+HEAD = """# Coverage
 
 Lines of each package that `make test` runs, but for what must keep pace with a robot, in its own
 processes and in those that it starts; written by `make coverage`. Compiled functions are left out:
