@@ -132,6 +132,7 @@ def run(arguments: argparse.Namespace) -> int:
     cup = _cup(arguments, known)
     try:
         fit, board = _fitted(arguments, image, known, cup)
+        detection = _detection_warnings(fit, known, image)
     except SloshCameraError as error:
         raise SloshBringupError(f"{arguments.still}: {error}") from error
     text = _camera_yaml(arguments, fit, known)
@@ -139,14 +140,18 @@ def run(arguments: argparse.Namespace) -> int:
         _write_picture(arguments.picture, draw_calibration(image, fit, board))
     write_text(arguments.output, text)
     assumed = _assumptions(arguments, known, fit)
-    warnings = [*warnings_of(fit), *_detection_warnings(fit, known, image)]
+    warnings = [*warnings_of(fit), *detection]
     answer = _as_json if arguments.json else _as_text
     print(answer(arguments, fit, board, assumed, warnings))
     return 0
 
 
 def _detection_warnings(fit: StillFit, known: KnownCamera, image: Image) -> list[str]:
-    """What the detector makes of the same image, where it is more than a level."""
+    """What the detector makes of the same image, where it is more than a level.
+
+    Raises:
+        SloshCameraError: it would take the liquid at rest for a wave: there is no zero.
+    """
     doubt = still_doubt(Calibration(fit.view, known.name), image)
     return [f"`slosh detect` and the node: {doubt}"] if doubt else []
 
