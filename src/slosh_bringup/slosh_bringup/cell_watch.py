@@ -6,6 +6,8 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
+from slosh_files.plain_text import plain_line
+
 OK, WARN, ERROR, STALE = range(4)
 """Levels of diagnostic_msgs/DiagnosticStatus."""
 SILENT = 5.0
@@ -82,8 +84,8 @@ def reports(message: Any, namespace: str) -> Iterator[NodeReport]:
     for status in message.status:
         name = status.name.removeprefix(prefix)
         if status.name.startswith(prefix) and "/" not in name:
-            facts = {pair.key: pair.value for pair in status.values}
-            yield NodeReport(name, _number(status.level), status.message, facts)
+            facts = {plain_line(pair.key): plain_line(pair.value) for pair in status.values}
+            yield NodeReport(name, _number(status.level), plain_line(status.message), facts)
 
 
 def _number(level: bytes | int) -> int:

@@ -11,8 +11,10 @@ import os
 import sys
 from collections.abc import Sequence
 from contextlib import nullcontext
+from typing import TextIO, cast
 
 from slosh_bringup.stop_request import StopRequest
+from slosh_files.plain_text import PlainStream, plain_line
 
 # One module per subcommand, imported only when it runs: `slosh --help` stays instant.
 COMMANDS: dict[str, str] = {
@@ -49,6 +51,9 @@ def command() -> int:
     None of them takes a module from the folder that it is started in.
     """
     os.environ["PYTHONSAFEPATH"] = "1"
+    # Whoever names a file, a topic or a model may have put control characters there.
+    sys.stdout = cast("TextIO", PlainStream(sys.stdout))
+    sys.stderr = cast("TextIO", PlainStream(sys.stderr))
     return main()
 
 
@@ -116,13 +121,14 @@ def run_guarded(parsed: argparse.Namespace) -> int:
         return EXIT_DONE
     except OSError as error:
         where = f"{error.filename}: " if error.filename else ""
-        print(f"slosh {parsed.command}: {where}{error.strerror or error}", file=sys.stderr)
+        said = f"slosh {parsed.command}: {where}{error.strerror or error}"
+        print(plain_line(said), file=sys.stderr)
         return EXIT_WRONG_INPUT
     except ValueError as error:
         # Every package's root exception is a ValueError whose text is one line.
         if not is_own(error):
             raise
-        print(f"slosh {parsed.command}: {error}", file=sys.stderr)
+        print(plain_line(f"slosh {parsed.command}: {error}"), file=sys.stderr)
         return EXIT_WRONG_INPUT
 
 

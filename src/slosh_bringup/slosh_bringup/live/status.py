@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Mapping
 from typing import Any
@@ -20,7 +21,7 @@ class CellStatus:
         self._state: int | None = None
         self._measured = self._estimated = self._limit = math.nan
         self._at = -math.inf
-        self._rates: dict[str, str] = {}
+        self._rates: dict[str, float] = {}
 
     def take_comparison(self, measured: float, estimated: float, state: int, now: float) -> None:
         """Takes the newest heights [m] and the monitor's state, at a steady time [s]."""
@@ -30,7 +31,9 @@ class CellStatus:
     def take_report(self, report: NodeReport) -> None:
         """Takes what a node says of its rates."""
         if report.node in RATES:
-            self._rates[report.node] = report.facts.get(RATES[report.node], "")
+            # Whoever speaks on that topic may say anything.
+            with contextlib.suppress(KeyError, ValueError):
+                self._rates[report.node] = float(report.facts[RATES[report.node]])
 
     def take_parameters(self, node: str, parameters: Mapping[str, Any]) -> None:
         """Takes the monitor's limit."""
@@ -47,7 +50,7 @@ class CellStatus:
         else:
             heights = f"measured {_shown(self._measured)}, estimated {_shown(self._estimated)}"
             words.append(f"{heights} of {_shown(self._limit)} mm")
-        rates = [f"{node} {float(rate):.0f} Hz" for node, rate in self._rates.items() if rate]
+        rates = [f"{node} {rate:.0f} Hz" for node, rate in self._rates.items()]
         return " · ".join([*words, *rates])
 
 

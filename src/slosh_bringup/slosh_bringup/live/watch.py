@@ -67,7 +67,9 @@ class LiveWatch:
         return "" if self.began else self._wait.given_up(time.monotonic())
 
     def take_settings(self, start: NodeStart) -> None:
-        """Takes what a node works with, at its start or later."""
+        """Takes what a node works with, at its start or later; strangers are not heard."""
+        if start.node not in self._nodes:
+            return
         self._starts[start.node] = start
         self._status.take_parameters(start.node, start.parameters)
         try:

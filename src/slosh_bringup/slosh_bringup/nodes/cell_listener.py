@@ -18,6 +18,7 @@ from slosh_bag.recording.settings import NodeStart, node_start
 from slosh_bringup.cell_watch import NodeReport, reports
 from slosh_msgs.msg import NodeSettings, SloshComparison
 from slosh_msgs_py import qos, topics
+from slosh_msgs_py.node.guarded import GuardedNode
 from slosh_msgs_py.node.run import initialise, make_heard
 
 
@@ -83,7 +84,8 @@ class CellListener:
 
     def _make(self) -> Node:
         # A name that begins like this is hidden from lists of nodes.
-        node = Node(
+        # Guarded: what a stranger says on these topics must not end the cell.
+        node = GuardedNode(
             f"_slosh_{os.getpid()}",
             namespace=self._namespace,
             enable_rosout=False,

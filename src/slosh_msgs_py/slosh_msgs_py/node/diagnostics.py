@@ -10,6 +10,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.clock import Clock, ClockType
 
 from slosh_files.nanoseconds import SECOND
+from slosh_files.plain_text import plain_line
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.node.guarded import GuardedNode
 from slosh_msgs_py.node.readiness import READY, STATE, Readiness
@@ -122,9 +123,11 @@ class DiagnosticsReporter:
         status = DiagnosticStatus(
             level=level,
             name=name,
-            message=sentence,
+            message=plain_line(sentence),
             hardware_id="",
-            values=[KeyValue(key=key, value=str(value)) for key, value in pairs.items()],
+            values=[
+                KeyValue(key=key, value=plain_line(str(value))) for key, value in pairs.items()
+            ],
         )
         message = DiagnosticArray(status=[status])
         message.header.stamp = self._node.get_clock().now().to_msg()

@@ -15,6 +15,8 @@ from typing import Any
 
 from rclpy.node import Node
 
+from slosh_msgs_py.node.plain_logger import PlainLogger
+
 Callback = Callable[..., Any]
 
 
@@ -25,7 +27,7 @@ class Faults:
         tell: is given a line the first time, the tenth, the hundredth, and so on.
     """
 
-    def __init__(self, tell: Callable[[str], None]) -> None:
+    def __init__(self, tell: Callable[[str], object]) -> None:
         self._tell = tell
         self._counts: Counter[str] = Counter()
         self._last = ""
@@ -67,10 +69,18 @@ class GuardedNode(Node):
         faults: what they stumbled over.
     """
 
+    _plain_logger: PlainLogger | None = None
+
     def __init__(self, name: str, **options: Any) -> None:
         # Before the node, which makes services of its own.
         self.faults = Faults(lambda line: self.get_logger().error(line))
         super().__init__(name, **options)
+
+    def get_logger(self) -> PlainLogger:
+        """The node's logger: whatever it is given comes out as one plain line."""
+        if self._plain_logger is None:
+            self._plain_logger = PlainLogger(super().get_logger().name)
+        return self._plain_logger
 
     def create_subscription(
         self, msg_type: Any, topic: str, callback: Callback, *arguments: Any, **options: Any

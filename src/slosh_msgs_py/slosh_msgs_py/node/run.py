@@ -21,6 +21,7 @@ from rclpy.executors import (
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
+from slosh_files.plain_text import plain_line
 from slosh_msgs_py.errors import SloshMessageError
 from slosh_msgs_py.node.guarded import GuardedNode
 from slosh_msgs_py.node.lifeline import watch_lifelines
@@ -72,7 +73,7 @@ def run_node(
         rclpy.try_shutdown()
         if not isinstance(error, OSError) and not type(error).__module__.startswith("slosh_"):
             raise
-        print(f"{type(error).__name__}: {error}", file=sys.stderr)
+        print(plain_line(f"{type(error).__name__}: {error}"), file=sys.stderr)
         return EXIT_WRONG_INPUT
     # A full collection takes 100 ms with SciPy, Numba and OpenCV loaded: exempt what is there.
     gc.collect()
@@ -122,7 +123,7 @@ def _exit_code(node: Node) -> int:
     failure = getattr(node, "failure", "")
     if not failure:
         return EXIT_DONE
-    print(f"{node.get_name()}: {failure}", file=sys.stderr)
+    print(plain_line(f"{node.get_name()}: {failure}"), file=sys.stderr)
     return int(getattr(node, "failure_code", EXIT_FAILED))
 
 

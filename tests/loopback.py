@@ -1,0 +1,65 @@
+"""The network sockets of processes, from /proc."""
+
+from __future__ import annotations
+
+import contextlib
+import ipaddress
+import os
+import re
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+_TABLES = ("tcp", "tcp6", "udp", "udp6")
+_WORD = 8
+"""Hexadecimal digits of 4 bytes, which /proc shows in the machine's own order."""
+
+
+class Socket(NamedTuple):
+    """A socket: its table (tcp, udp6, …) and its own address and port."""
+
+    table: str
+    address: ipaddress.IPv4Address | ipaddress.IPv6Address
+    port: int
+
+    @property
+    def is_loopback(self) -> bool:
+        """Whether only this machine reaches it."""
+        mapped = getattr(self.address, "ipv4_mapped", None)
+        return (mapped or self.address).is_loopback
+
+
+def sockets(pid: int) -> list[Socket]:
+    """The network sockets that a process holds, in its own network."""
+    held = {
+        match[1] for match in map(re.compile(r"socket:\[(\d+)\]").match, _open_files(pid)) if match
+    }
+    found = []
+    for table in _TABLES:
+        with contextlib.suppress(OSError):
+            lines = Path(f"/proc/{pid}/net/{table}").read_text().splitlines()[1:]
+            found += [_socket(table, line) for line in lines if line.split()[9] in held]
+    return found
+
+
+def descendants(pids: Iterable[int]) -> Iterator[int]:
+    """Processes, and all that they have started."""
+    for pid in pids:
+        yield pid
+        with contextlib.suppress(OSError):
+            for task in Path(f"/proc/{pid}/task").iterdir():
+                yield from descendants(map(int, (task / "children").read_text().split()))
+
+
+def _open_files(pid: int) -> Iterator[str]:
+    with contextlib.suppress(OSError):
+        for entry in Path(f"/proc/{pid}/fd").iterdir():
+            with contextlib.suppress(OSError):
+                yield os.readlink(entry)
+
+
+def _socket(table: str, line: str) -> Socket:
+    digits, port = line.split()[1].split(":")
+    words = [digits[at : at + _WORD] for at in range(0, len(digits), _WORD)]
+    raw = b"".join(bytes.fromhex(word)[::-1] for word in words)
+    return Socket(table, ipaddress.ip_address(raw), int(port, 16))
