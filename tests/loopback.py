@@ -31,15 +31,22 @@ class Socket(NamedTuple):
 
 def sockets(pid: int) -> list[Socket]:
     """The network sockets that a process holds, in its own network."""
-    held = {
-        match[1] for match in map(re.compile(r"socket:\[(\d+)\]").match, _open_files(pid)) if match
-    }
+    held = _held(pid)
     found = []
     for table in _TABLES:
-        with contextlib.suppress(OSError):
-            lines = Path(f"/proc/{pid}/net/{table}").read_text().splitlines()[1:]
-            found += [_socket(table, line) for line in lines if line.split()[9] in held]
+        found += [_socket(table, line) for line in _lines(pid, table) if line.split()[9] in held]
     return found
+
+
+def waiting_bytes(pid: int, table: str, port: int) -> int:
+    """What has come to a process's socket of a port and waits to be read [bytes]."""
+    held = _held(pid)
+    waiting = [
+        int(line.split()[4].partition(":")[2], 16)
+        for line in _lines(pid, table)
+        if line.split()[9] in held and _socket(table, line).port == port
+    ]
+    return max(waiting, default=0)
 
 
 def descendants(pids: Iterable[int]) -> Iterator[int]:
@@ -49,6 +56,18 @@ def descendants(pids: Iterable[int]) -> Iterator[int]:
         with contextlib.suppress(OSError):
             for task in Path(f"/proc/{pid}/task").iterdir():
                 yield from descendants(map(int, (task / "children").read_text().split()))
+
+
+def _held(pid: int) -> set[str]:
+    """The numbers of the sockets that a process holds."""
+    matches = map(re.compile(r"socket:\[(\d+)\]").match, _open_files(pid))
+    return {match[1] for match in matches if match}
+
+
+def _lines(pid: int, table: str) -> list[str]:
+    with contextlib.suppress(OSError):
+        return Path(f"/proc/{pid}/net/{table}").read_text().splitlines()[1:]
+    return []
 
 
 def _open_files(pid: int) -> Iterator[str]:

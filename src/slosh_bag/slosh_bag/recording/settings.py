@@ -49,19 +49,23 @@ class NodeStart(NamedTuple):
 def read_starts(reader: BagReader, topic: str) -> list[NodeStart]:
     """The starts of a cell's nodes, in the order of the recording.
 
+    What cannot be read beside what can is a stranger's, who must not cost the recording.
+
     Raises:
-        SloshBagError: one cannot be read.
+        SloshBagError: none of them can be read.
     """
     source = f"{reader.path}: {topic}"
-    return [
-        node_start(
-            reader.decode(BagMessage(topic, MESSAGE_TYPE, log_ns, log_ns, block.data(index))),
-            log_ns,
-            source,
-        )
-        for block in reader.look_up([topic])
-        for index, log_ns in enumerate(block.log_ns.tolist())
-    ]
+    starts, failure = [], None
+    for block in reader.look_up([topic]):
+        for index, log_ns in enumerate(block.log_ns.tolist()):
+            message = BagMessage(topic, MESSAGE_TYPE, log_ns, log_ns, block.data(index))
+            try:
+                starts.append(node_start(reader.decode(message), log_ns, source))
+            except SloshBagError as error:
+                failure = failure or error
+    if failure is not None and not starts:
+        raise failure
+    return starts
 
 
 def first(starts: Sequence[NodeStart], node: str) -> NodeStart | None:

@@ -28,6 +28,8 @@ from slosh_msgs_py.node.domain import own_domain
 from slosh_msgs_py.node.shared_memory import remove_leftovers
 
 POLL = 0.1
+LOOK_AROUND = 1.0
+"""So long a cell looks for another one before it starts [s]: the middleware introduces them."""
 _WORTH_TELLING = 10_000_000  # bytes
 # What a run writes into its folder.
 BAG, LOGS, SETTINGS = "bag", "logs", "settings.yaml"
@@ -119,6 +121,8 @@ def run_nodes(run: LiveRun, screen: Screen, stop: StopRequest) -> Outcome:
         listener = stack.enter_context(
             CellListener(namespace, watch, remap.get(topics.COMPARISON), diagnostics)
         )
+        if run.simulated is None:
+            _tell_of_another(listener.running(names, LOOK_AROUND), namespace, watch)
         supervision = Supervision(group, processes, watch.tell)
         freed = remove_leftovers()
         if freed > _WORTH_TELLING:
@@ -134,6 +138,15 @@ def run_nodes(run: LiveRun, screen: Screen, stop: StopRequest) -> Outcome:
         if group.stop().get(LAST) == 1:
             problems.append(last_line(run.folder / LOGS / f"{LAST}.log"))
         return _outcome(stop, watch, None if stop.reason else end, problems)
+
+
+def _tell_of_another(running: Sequence[str], namespace: str, watch: LiveWatch) -> None:
+    """Tells of a cell that runs already, whose messages would mix with those of this one."""
+    if running:
+        watch.tell(
+            f"{', '.join(running)} run in {namespace} already: two cells mix their messages, stop "
+            "one or give it another namespace (a killed one is forgotten after half a minute)"
+        )
 
 
 def _outcome(
