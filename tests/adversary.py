@@ -44,6 +44,7 @@ class Robot:
         picture: what the camera shows, where a camera node looks at it.
         camera_shift: by how much its clock is ahead [s].
         gravity: what the inertial sensor reads of gravity [m/s²].
+        frame: of the accelerations.
     """
 
     def __init__(self, name: str, kind: str, namespace: str = "/slosh") -> None:
@@ -54,6 +55,7 @@ class Robot:
         self.push: Callable[[float], float] = lambda t: 0.0
         self.surface: FreeSurface | None = FreeSurface(msh=0.0001, msh_stddev=0.0001)
         self.camera_shift, self.gravity = 0.0, GRAVITY
+        self.frame = "world"
         self.estimates: list[SloshEstimate] = []
         self.comparisons: list[SloshComparison] = []
         self.health: dict[str, tuple[int, str]] = {}
@@ -97,7 +99,7 @@ class Robot:
         message: Any
         if self.kind == topics.ACCEL:
             message = AccelStamped()
-            message.header.frame_id = "world"
+            message.header.frame_id = self.frame
             message.accel.linear.x = push
         elif self.kind == topics.IMU:
             message = Imu()

@@ -14,13 +14,14 @@ import pytest
 
 rclpy = pytest.importorskip("rclpy", reason="ROS 2 is not installed")
 
-from geometry_msgs.msg import PoseStamped  # noqa: E402
-from sensor_msgs.msg import Imu  # noqa: E402
+from geometry_msgs.msg import AccelStamped, PoseStamped  # noqa: E402
+from sensor_msgs.msg import Image, Imu  # noqa: E402
 from std_srvs.srv import Trigger  # noqa: E402
 
 from slosh_bringup.cell.renderer import CupRenderer  # noqa: E402
 from slosh_bringup.processes import config_folder  # noqa: E402
 from slosh_camera.calibrate.camera_file import read_calibration  # noqa: E402
+from slosh_files.plain_text import LONGEST  # noqa: E402
 from slosh_msgs.msg import SloshComparison, SloshEstimate  # noqa: E402
 from slosh_msgs.srv import LoadModel  # noqa: E402
 from slosh_msgs_py import topics  # noqa: E402
@@ -162,6 +163,18 @@ class TestBlind:
         assert "/calm/robot" in said
         assert "/calm/stranger" in said
 
+    @pytest.mark.parametrize("frame", ["", "nowhere", "\x1b[31m\n" * 30_000])
+    def test_a_frame_that_nobody_knows(self, calm: Robot, frame: str) -> None:
+        calm.frame = frame
+        quoted = f"in frame {frame!r}"[:20]
+        calm.until(lambda: quoted in calm.health["estimator"][1], "the reason")
+        level, said = calm.health["estimator"]
+        assert level == ERROR
+        assert len(said) <= LONGEST
+        assert "\x1b" not in said
+        calm.until(lambda: calm.comparisons[-1].estimate_stale, "the monitor's word")
+        calm.frame = "world"
+
     @pytest.mark.parametrize("gravity", [0.0, 1.0])
     def test_a_sensor_without_gravity(self, inertial: Robot, gravity: float) -> None:
         inertial.gravity = gravity
@@ -184,6 +197,27 @@ class TestBlind:
             robot.until(lambda: shows("NOT_FOUND"), f"blindness of a lens {lens}")
             picture.encoding = "mono17"
             robot.until(lambda: shows("BAD_IMAGE"), "blindness of a broken camera")
+            if lens == "upside down":
+                self.break_images(robot, picture)
+
+    def break_images(self, robot: Robot, picture: Image) -> None:
+        """Sizes, rows and data that do not fit together: each is told by the camera node."""
+        picture.encoding, data = "mono8", picture.data
+        whole = {"height": picture.height, "width": picture.width, "step": picture.step}
+        for broken, said in (
+            ({"height": 0, "width": 0}, "is empty"),
+            ({"data": data[:1000]}, "1000 bytes do not match"),
+            ({"step": picture.step - 1}, "is shorter than a row"),
+            ({"height": 2**31, "width": 2**31, "step": 2**31}, "do not match 2147483648 rows"),
+            ({"height": 240, "data": data[: 240 * picture.step]}, "the calibration is for"),
+            ({"encoding": "\x1b[31m\n" * 30_000}, "encoding '"),
+        ):
+            for name, value in {"data": data, "encoding": "mono8", **whole, **broken}.items():
+                setattr(picture, name, value)
+            robot.until(lambda said=said: said in robot.health["camera"][1], said)
+            assert robot.health["camera"][0] == ERROR
+            assert len(robot.health["camera"][1]) <= LONGEST
+            assert robot.comparisons[-1].state != OK
 
 
 class TestUnknown:
@@ -239,6 +273,26 @@ class TestNoFall:
             rough.push = lambda t, push=push: push
             from_now_on(rough, 20)
         assert 0 <= rough.new_estimate().flags < 2**16
+
+    def test_a_flood_of_calls(self, rough: Robot) -> None:
+        client = rough.node.create_client(Trigger, topics.RESET)
+        rough.until(client.service_is_ready, "the service")
+        answers = [client.call_async(Trigger.Request()) for _ in range(1000)]
+        # Some are lost where a thousand wait at once; the newest is not.
+        rough.until(answers[-1].done, "an answer")
+        rough.node.destroy_client(client)
+        from_now_on(rough, 20)
+
+    def test_a_burst_of_samples_and_of_the_same_ones(self, calm: Robot) -> None:
+        message = AccelStamped()
+        message.header.frame_id = "world"
+        before = calm.new_estimate()
+        message.header.stamp = to_time(time.time_ns())
+        for _ in range(5000):
+            calm.inputs[topics.ACCEL].publish(message)
+        calm.until(lambda: calm.estimates[-1].samples_dropped > before.samples_dropped, "drops")
+        worst = max(estimate.nonlinear.msh for estimate in from_now_on(calm, 20))
+        assert worst < 1e-6
 
     def test_paths_that_are_no_models(self, calm: Robot, tmp_path: Path) -> None:
         os.mkfifo(tmp_path / "pipe")

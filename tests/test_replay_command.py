@@ -220,6 +220,19 @@ def test_a_damaged_manifest_is_one_line(bags, capsys):
         assert re.search(r"manifest\.yaml:\d+: bags\.a\.sigma", errors[0])
 
 
+def test_a_bag_with_a_strangers_name_is_one_row_and_obeys_nobody(bags, tmp_path, capsys):
+    name = "<script>alert(1)<\\script>\x1b[31m\nall is well"
+    (bags / "a").rename(bags / name)
+    output = tmp_path / "out"
+    code, out, lines = replay(capsys, bags, "-o", output)
+    assert code == 0
+    assert "<script>alert(1)<\\script>\\x1b[31m\\nall is well  " in out
+    assert not any(line.startswith("all is well") for line in [*out.splitlines(), *lines])
+    pages = [path.read_text() for path in output.glob("*.html")]
+    assert len(pages) == 4
+    assert not any("<script>alert" in page or "\x1b" in page for page in pages)
+
+
 def test_outputs_are_a_page_figures_a_bag_and_an_index(recorded, tmp_path, capsys):
     output = tmp_path / "new" / "out"
     assert replay(capsys, recorded, "-o", output)[0] == 0

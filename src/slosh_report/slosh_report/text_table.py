@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from slosh_files.plain_text import plain_line
+
 
 def aligned(rows: Sequence[Sequence[str]], sides: str) -> list[str]:
     """Rows as lines with columns of equal width.
 
     Args:
-        rows: cells, as many in each row.
+        rows: cells, as many in each row; control characters in them are written out.
         sides: '<' or '>' for each column: where its text stands; the last one goes on.
     """
+    rows = [[plain_line(text) for text in row] for row in rows]
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     sides = sides.ljust(len(widths), sides[-1])
     return [

@@ -28,6 +28,7 @@ from slosh_bringup.replay.task import (
     unique_names,
 )
 from slosh_files import check_apart, check_outside
+from slosh_files.plain_text import plain_line
 from slosh_model.model_file import read_model
 from slosh_report.text_table import aligned
 
@@ -169,13 +170,13 @@ def tell(outcomes: Sequence[Outcome[Task, Replayed]]) -> None:
     for outcome in outcomes:
         item, expected = outcome.value, outcome.item.expected
         if item is None:
-            print(f"slosh replay: {outcome.error}", file=sys.stderr)
+            print(plain_line(f"slosh replay: {outcome.error}"), file=sys.stderr)
             continue
         for warning in item.warnings:
             if expected is None or not any(text in warning for text in expected.warnings):
-                print(f"slosh replay: warning: {warning}", file=sys.stderr)
+                print(plain_line(f"slosh replay: warning: {warning}"), file=sys.stderr)
         for failure in item.checked.failures if item.checked else ():
-            print(f"slosh replay: {item.name}: {failure}", file=sys.stderr)
+            print(plain_line(f"slosh replay: {item.name}: {failure}"), file=sys.stderr)
 
 
 def print_tables(outcomes: Sequence[Outcome[Task, Replayed]]) -> None:
@@ -194,7 +195,7 @@ def print_tables(outcomes: Sequence[Outcome[Task, Replayed]]) -> None:
     for item in replayed:
         if item.checked is None:  # else they are among the failures
             for line in item.differences:
-                print(f"{item.name}: {line}")
+                print(plain_line(f"{item.name}: {line}"))
 
 
 def _row(outcome: Outcome[Task, Replayed]) -> tuple[str, ...]:
