@@ -11,6 +11,7 @@ import sys
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
+from typing import TextIO, cast
 
 from slosh_bringup.cli.progress import Progress, Unit, say
 from slosh_bringup.detect.measuring import Detection, Result, measure_all
@@ -27,6 +28,7 @@ from slosh_bringup.errors import SloshBringupError
 from slosh_camera.calibrate.camera_file import read_any_calibration
 from slosh_camera.optics.calibration import AnyCalibration
 from slosh_files import check_apart, new_text
+from slosh_files.plain_text import PlainStream
 
 WORST_LIMIT = 60
 # Starting a process takes as long as measuring so many images.
@@ -186,6 +188,13 @@ def _print(
         print(sentence)
 
 
+def _writes_to_standard_error(stream: TextIO) -> bool:
+    try:
+        return stream.fileno() == 2
+    except (OSError, ValueError):  # of a stream that is no file
+        return False
+
+
 @contextmanager
 def _quiet_decoders() -> Iterator[None]:
     """Keeps what image and video decoders print themselves off the terminal.
@@ -195,8 +204,8 @@ def _quiet_decoders() -> Iterator[None]:
     """
     before = sys.stderr
     with open(os.dup(2), "w", buffering=1) as terminal, open(os.devnull, "w") as nowhere:
-        if before is sys.__stderr__:
-            sys.stderr = terminal
+        if _writes_to_standard_error(before):
+            sys.stderr = cast("TextIO", PlainStream(terminal))
         os.dup2(nowhere.fileno(), 2)
         try:
             yield
