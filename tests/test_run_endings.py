@@ -223,6 +223,32 @@ def test_a_reader_that_goes_without_a_word_is_as_a_closed_terminal(tmp_path):
     assert reports(folder) == REPORT
 
 
+@pytest.mark.parametrize("what", ["signal.raise_signal(signal.SIGINT)", "1 / 0"])
+def test_ctrl_c_in_a_destructor_is_not_forgotten(what):
+    program = f"""
+import signal, sys, time
+from slosh_bringup.cli import main
+
+class Fragile:
+    def __del__(self):
+        {what}
+
+def run(*_):
+    Fragile()
+    time.sleep(0.5)
+    print("went on")
+
+main._run = run
+sys.exit(main.command())
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    if "SIGINT" in what:
+        assert (done.returncode, done.stdout, done.stderr) == (1, "", "slosh: stopped\n")
+    else:
+        assert done.stdout == "went on\n"
+        assert "ZeroDivisionError" in done.stderr
+
+
 def test_ctrl_c_while_it_starts_is_no_traceback(tmp_path):
     said = []
     for moment in range(2, 30, 3):  # hundredths of a second: where it is then is left to chance

@@ -5,13 +5,15 @@ Exit codes: 0 done, 1 a check failed, 2 the user's input is wrong.
 
 from __future__ import annotations
 
+import _thread
 import argparse
 import importlib
 import os
 import sys
+import threading
 from collections.abc import Sequence
 from contextlib import nullcontext
-from typing import TextIO, cast
+from typing import Any, TextIO, cast
 
 from slosh_bringup.stop_request import StopRequest
 from slosh_files.plain_text import PlainStream, plain_line
@@ -43,6 +45,7 @@ COMMANDS: dict[str, str] = {
 LIVE = ("demo", "cell")
 
 EXIT_DONE, EXIT_FAILED, EXIT_WRONG_INPUT = 0, 1, 2
+_MOMENT = 0.02  # s
 
 
 def command() -> int:
@@ -54,7 +57,22 @@ def command() -> int:
     # Whoever names a file, a topic or a model may have put control characters there.
     sys.stdout = cast("TextIO", PlainStream(sys.stdout))
     sys.stderr = cast("TextIO", PlainStream(sys.stderr))
+    sys.unraisablehook = interrupt_again
     return main()
+
+
+def interrupt_again(unraisable: Any) -> None:
+    """Takes what Python cannot raise where it happened; a Ctrl-C is raised a moment later.
+
+    One that falls into a destructor or a callback, such as those of an import, would be shown as a
+    traceback, and then forgotten.
+    """
+    if not issubclass(unraisable.exc_type, KeyboardInterrupt):
+        sys.__unraisablehook__(unraisable)
+        return
+    later = threading.Timer(_MOMENT, _thread.interrupt_main)
+    later.daemon = True
+    later.start()
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
