@@ -155,7 +155,7 @@ def test_a_second_cell_is_told_and_has_a_folder_of_its_own(cell: Cell, tmp_path:
 
 
 def test_the_recording_of_all_that_has_its_report_and_replays(cell: Cell) -> None:
-    """Is the last one: it ends the cell. The second cell's estimates are in the bag with its own."""
+    """Is the last one: it ends the cell. In the bag are the second cell's estimates, too."""
     cell.process.process.send_signal(signal.SIGINT)
     cell.process.end()
     result = json.loads((cell.run / "result.json").read_text())
