@@ -26,11 +26,11 @@ from numpy.typing import NDArray
 from slosh_bag.errors import SloshBagError
 from slosh_bag.reader import BagReader
 from slosh_bag.replay import replay_bag
-from slosh_bringup.processes import NodeProcess, config_folder, node_environment
+from slosh_bringup.processes import node_environment
 from slosh_files.nanoseconds import SECOND
 from slosh_msgs_py.node.domain import own_domain
-from tests.live_processes import children, node_name
-from tests.soak import sizes
+from tests.live_processes import nodes_of
+from tests.long_cell import long_cell, sizes
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "benchmarks"))
 
@@ -43,6 +43,8 @@ SAMPLED = 5.0
 """Memory is looked at so often [s]."""
 MOTION = 3.9
 """The robot's motion lasts a little longer [s]; how often it is repeated is said beforehand."""
+PATIENCE = 3600.0
+"""All of it is replayed in the end [s]."""
 WARM = 60.0
 """A process fills its buffers and reads code for so long [s]: no slope is taken from it."""
 TURNS = ("camera", "estimator", "monitor", "watch", "recorder")
@@ -85,44 +87,20 @@ def main() -> int:
     parser.add_argument("--viewers", type=int, default=2)
     parser.add_argument("-o", "--output", type=Path, default=Path("out/endurance"))
     given = parser.parse_args()
-    given.output.mkdir(parents=True, exist_ok=True)
+    seconds = 60.0 * given.minutes
+    repeat = str(round(seconds / MOTION) + 10)
+    robot = {"motion": "l", "repeat": repeat, "rate": "1000.0", "fps": "60.0"}
     with own_domain() as domain:
         os.environ.update(node_environment(domain))
-        seen, code = run_cell(given.output, 60.0 * given.minutes, given.viewers)
-    print(f"the cell ended by itself: {seen.ended}; exit code {code} (1: nodes had ended)")
+        with long_cell(given.output, robot, PATIENCE, ["--watch", str(PORT)]) as cell:
+            seen = observe(cell.process, seconds, given.viewers)
+    print(f"the cell ended by itself: {seen.ended}; exit code {cell.code} (1: nodes had ended)")
     bags = sorted((given.output / "latest").resolve().glob("bag*"), key=_number)
     lost = print_gaps(bags, seen.kills)
     print_memory(seen.memory)
     print(f"messages that each viewer got: {', '.join(map(str, seen.frames))}")
     otherwise = sum(not print_replay(bag) for bag in bags)
     return int(seen.ended or lost > 0 or otherwise > 0)
-
-
-def run_cell(output: Path, seconds: float, viewers: int) -> tuple[Observed, int]:
-    """Starts cell, robot and viewers; what was seen, and the cell's exit code."""
-    config = config_folder()
-    (output / "cell.yaml").write_text(
-        f"model: {config / 'model.yaml'}\ncalibration: {config / 'camera.yaml'}\n"
-    )
-    repeat = str(round(seconds / MOTION) + 10)
-    robot = {"model": str(config / "truth.yaml"), "motion": "l", "repeat": repeat,
-             "rate": "1000.0", "fps": "60.0"}  # fmt: skip
-    words = [sys.executable, "-m", "slosh_bringup.cli", "cell", "--watch", str(PORT), "--config"]
-    with (output / "words").open("w") as said:
-        cell = subprocess.Popen(
-            [*words, str(output / "cell.yaml"), "-o", str(output)], stdout=said, stderr=said
-        )
-        source = subprocess.Popen(
-            NodeProcess("cell", parameters=robot).command("/slosh"), stdout=said, stderr=said
-        )
-    try:
-        seen = observe(cell, seconds, viewers)
-    finally:
-        cell.send_signal(signal.SIGTERM)
-        code = cell.wait(3600.0)  # all of it is replayed
-        source.kill()
-        source.wait()
-    return seen, code
 
 
 def observe(cell: subprocess.Popen[bytes], seconds: float, viewers: int) -> Observed:
@@ -137,12 +115,13 @@ def observe(cell: subprocess.Popen[bytes], seconds: float, viewers: int) -> Obse
         watching = _kept(watching, viewers, seen)
         if time.monotonic() >= look:
             look = next(looks)
-            _look(cell.pid, time.monotonic() - begun, seen)
+            for node, size in sizes(cell.pid).items():
+                seen.memory.setdefault(node, []).append((time.monotonic() - begun, size))
         # Not in the last moments: what is killed comes back before the end.
         if strike <= time.monotonic() < begun + seconds - EVERY / 2:
             strike = next(strikes)
             name = next(turns)
-            os.kill(_nodes(cell.pid)[name], signal.SIGKILL)
+            os.kill(nodes_of(cell.pid)[name], signal.SIGKILL)
             seen.kills.append((time.time_ns(), name))
     seen.ended = cell.poll() is not None
     seen.frames += [len(viewer.ages) for viewer in watching]
@@ -166,16 +145,6 @@ def _kept(watching: list[Viewer], wanted: int, seen: Observed) -> list[Viewer]:
             break
         left[-1].start()
     return left
-
-
-def _nodes(parent: int) -> dict[str, int]:
-    return {node_name(pid): pid for pid in children(parent) if node_name(pid)}
-
-
-def _look(parent: int, moment: float, seen: Observed) -> None:
-    pids, found = _nodes(parent), sizes(parent)
-    for name in found.keys() & pids.keys():
-        seen.memory.setdefault((name, pids[name]), []).append((moment, found[name]))
 
 
 def print_gaps(bags: Sequence[Path], kills: Sequence[tuple[int, str]]) -> int:

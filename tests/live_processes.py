@@ -41,10 +41,7 @@ class LiveProcess:
 
     def nodes(self) -> dict[str, int]:
         """Process ids of the nodes that it has started so far, by name."""
-        for child in children(self.process.pid):
-            name = node_name(child)
-            if name:
-                self._nodes[name] = child
+        self._nodes |= nodes_of(self.process.pid)
         return self._nodes
 
     def wait_for(self, condition: Callable[[], object], what: str) -> None:
@@ -109,6 +106,11 @@ def node_name(pid: int) -> str:
         words = Path(f"/proc/{pid}/cmdline").read_text().split("\0")
         return next((word[8:] for word in words if word.startswith("__node:=")), "")
     return ""
+
+
+def nodes_of(parent: int) -> dict[str, int]:
+    """Process ids of the nodes that a process has started, by name."""
+    return {name: child for child in children(parent) if (name := node_name(child))}
 
 
 def alive(pid: int) -> bool:

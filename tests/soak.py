@@ -10,12 +10,9 @@ the bag replays to, and how often the monitor was blind.
 from __future__ import annotations
 
 import argparse
-import contextlib
 import itertools
 import math
 import os
-import resource
-import signal
 import subprocess
 import sys
 import time
@@ -31,13 +28,13 @@ from std_srvs.srv import Trigger
 
 from slosh_bag.reader import BagReader
 from slosh_bag.replay import replay_bag
-from slosh_bringup.processes import NodeProcess, config_folder, node_environment
+from slosh_bringup.processes import node_environment
 from slosh_msgs.msg import FreeSurface, SloshComparison
 from slosh_msgs.srv import LoadModel
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.node.domain import own_domain
 from slosh_msgs_py.stamps import to_time
-from tests.live_processes import children, node_name
+from tests.long_cell import long_cell, sizes
 
 EVERY = 30.0  # s
 SAMPLED = 5.0  # s; how often memory is looked at
@@ -110,28 +107,11 @@ def main() -> int:
 
 def soak(seconds: float, output: Path) -> int:
     """See main."""
-    output.mkdir(parents=True, exist_ok=True)
-    config = config_folder()
-    (output / "cell.yaml").write_text(
-        f"model: {config / 'model.yaml'}\ncalibration: {config / 'camera.yaml'}\n"
-    )
-    robot = {"model": str(config / "truth.yaml"), "motion": "l", "repeat": "100", "fps": "15.0"}
-    words = [sys.executable, "-m", "slosh_bringup.cli", "cell", "--config"]
-    with (output / "words").open("w") as said:
-        cell = subprocess.Popen(
-            [*words, str(output / "cell.yaml"), "-o", str(output)], stdout=said, stderr=said
-        )
-        source = subprocess.Popen(
-            NodeProcess("cell", parameters=robot).command("/slosh"), stdout=said, stderr=said
-        )
-    try:
-        ended, memory, states, sent = attack(cell, seconds)
-    finally:
-        cell.send_signal(signal.SIGTERM)
-        code = cell.wait(600.0)  # ten minutes are replayed, on a machine with load
-        source.kill()
-        source.wait()
-    return report(output, ended, code, memory, states, sent)
+    robot = {"motion": "l", "repeat": "100", "fps": "15.0"}
+    # Ten minutes are replayed in the end, on a machine with load.
+    with long_cell(output, robot, patience=600.0) as cell:
+        ended, memory, states, sent = attack(cell.process, seconds)
+    return report(output, ended, cell.code, memory, states, sent)
 
 
 def attack(
@@ -156,7 +136,7 @@ def attack(
         rclpy.spin_once(node, timeout_sec=0.05)
         if time.monotonic() >= look:
             look += SAMPLED
-            for name, size in sizes(cell.pid).items():
+            for (name, _), size in sizes(cell.pid).items():
                 memory.setdefault(name, []).append(size)
         if time.monotonic() >= due:
             due += EVERY
@@ -182,16 +162,6 @@ def visit(number: int) -> str:
         rclpy.spin_once(node, timeout_sec=0.1)
     node.destroy_node()
     return name
-
-
-def sizes(parent: int) -> dict[str, float]:
-    """Resident memory of the nodes that a process has started [MB], by name."""
-    found = {}
-    for pid in children(parent):
-        with contextlib.suppress(OSError):
-            pages = int(Path(f"/proc/{pid}/statm").read_text().split()[1])
-            found[node_name(pid)] = pages * resource.getpagesize() / 1e6
-    return {name: size for name, size in found.items() if name}
 
 
 def report(

@@ -31,7 +31,6 @@ from slosh_camera.optics.calibration import Calibration
 from slosh_camera.optics.camera import PinholeCamera
 from slosh_camera.optics.cup import Cup, CupView
 from slosh_camera.optics.pose import look_at
-from slosh_estimator.errors import SloshEstimatorError
 from slosh_model.containers import Cylinder
 from slosh_model.errors import SloshModelError
 from slosh_model.model import Model
@@ -70,7 +69,7 @@ def main(words: Sequence[str] | None = None) -> int:
     given = parser.parse_args(words)
     try:
         given.run(given)
-    except (StandInError, SloshModelError, SloshEstimatorError) as error:
+    except (StandInError, SloshModelError) as error:
         print(f"stand_in: {error}", file=sys.stderr)
         return 2
     return 0
