@@ -22,9 +22,9 @@ def swing(rate, damping, dt):  # type: ignore[no-untyped-def]
         dt: the interval [s].
     """
     omega = math.sqrt(GRAVITY * rate)
-    swing = omega * math.sqrt(1.0 - damping * damping)
+    damped = omega * math.sqrt(1.0 - damping * damping)
     decay = math.exp(-damping * omega * dt)
-    c, s = decay * math.cos(swing * dt), decay * math.sin(swing * dt) / swing
+    c, s = decay * math.cos(damped * dt), decay * math.sin(damped * dt) / damped
     return rate, 2.0 * damping * omega, c, s
 
 
