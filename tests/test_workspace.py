@@ -5,6 +5,7 @@ import importlib
 import importlib.metadata
 import re
 import runpy
+import subprocess
 import sys
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
@@ -180,3 +181,22 @@ def test_no_requirement_is_in_two_locks():
     """They are installed side by side."""
     names = [{line.split("==")[0] for line in locked(lock)} for lock in LOCKS]
     assert len(set().union(*names)) == sum(map(len, names))
+
+
+@pytest.mark.parametrize(
+    "module",
+    [
+        "slosh_estimator.nodes.estimator_node",
+        "slosh_camera.nodes.camera_node",
+        "slosh_bringup.cli.simulate",
+    ],
+)
+def test_a_start_waits_for_no_part_of_scipy(module):
+    """They load for a third of a second what a usual model and cup never ask for."""
+    program = (
+        f"import sys, {module}\n"
+        "print([name for name in sys.modules if name in "
+        "('scipy.special', 'scipy.spatial', 'scipy.optimize', 'scipy.interpolate')])"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert done.stdout == "[]\n", done.stderr

@@ -33,6 +33,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+SUFFIXES = (".csv", ".csv.gz")
+"""Of a motion table's file."""
 MOTION = ("t", "ax", "ay", "az")
 POSITION = ("x", "y", "z")
 ATTITUDE = ("qx", "qy", "qz", "qw")
@@ -41,6 +43,11 @@ MSH = "msh"
 ETA = "eta_"
 PROFILE = "profile_"
 _BATCH = 10_000  # rows that are turned into text at a time
+
+
+def is_motion_table(path: Path) -> bool:
+    """Whether a path's name is a motion table's."""
+    return path.name.lower().endswith(SUFFIXES)
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -100,7 +107,7 @@ class MotionTable:
             SloshBagError: a measured azimuth is no whole degree.
             ImportError: pandas is not installed.
         """
-        names, columns = _columns("to_pandas", self)
+        names, columns = _columns("this motion", self)
         data = np.column_stack(columns)
         return for_notebooks.table(self.t, dict(zip(names[1:], data.T[1:], strict=True)))
 

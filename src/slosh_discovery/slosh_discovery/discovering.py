@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from slosh_bag.motion_table import MotionTable, write_motion_table
+from slosh_bag.motion_table import MotionTable, is_motion_table, write_motion_table
 from slosh_bag.reader import BagReader
 from slosh_bag.recording import settings
 from slosh_bag.recording.sources import recorded_starts
@@ -20,7 +20,6 @@ from slosh_discovery.discover.finding import Finding, SeparatingMotion
 from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_discovery.discover_data import read_motions
 from slosh_discovery.discover_data.reading import day_motions
-from slosh_discovery.discover_data.tables import is_table
 from slosh_discovery.discover_frames import Pictures, worst_frames
 from slosh_discovery.discovery_report import (
     Command,
@@ -196,7 +195,7 @@ def recorded_model(bag: Path) -> Model:
         SloshBagError: it cannot be read.
     """
     missing = SloshDiscoveryError(f"{bag}: does not say which model ran; give one (--model)")
-    if is_table(bag) or (bag.is_dir() and not any(bag.glob("*.mcap"))):
+    if is_motion_table(bag) or (bag.is_dir() and not any(bag.glob("*.mcap"))):
         raise missing
     started = settings.latest(recorded_starts(BagReader(bag)), "estimator")
     if started is None:
@@ -281,8 +280,8 @@ def next_commands(request: Request, finding: Finding) -> tuple[Command, ...]:
 def _use(data: Sequence[Path], model: Path) -> list[Command]:
     """How to see the found model at work on the first bag and on the first table."""
     found = []
-    table = next((path for path in data if is_table(path)), None)
-    bag = next((path for path in data if not is_table(path)), None)
+    table = next((path for path in data if is_motion_table(path)), None)
+    bag = next((path for path in data if not is_motion_table(path)), None)
     if table is not None:
         output = model.with_name("heights.csv")
         line = _line("slosh", "simulate", model, table, "-o", output)

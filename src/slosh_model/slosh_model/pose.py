@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from slosh_model.indices import POSE_COUNT
 from slosh_model.interpolation import columns_at
@@ -47,11 +47,12 @@ def pose_rows(
 
 def _integrated(t: Array, rate: Array) -> Array:
     """Attitude from the angular velocity, each interval turned about its mean."""
-    turns = Rotation.from_rotvec(0.5 * (rate[1:] + rate[:-1]) * np.diff(t)[:, np.newaxis])
-    attitude = [Rotation.identity()]
+    rotation = scipy.spatial.transform.Rotation
+    turns = rotation.from_rotvec(0.5 * (rate[1:] + rate[:-1]) * np.diff(t)[:, np.newaxis])
+    attitude = [rotation.identity()]
     for turn in turns:
         attitude.append(attitude[-1] * turn)
-    quaternions: Array = Rotation.concatenate(attitude).as_quat()
+    quaternions: Array = rotation.concatenate(attitude).as_quat()
     return quaternions
 
 
@@ -59,7 +60,7 @@ def _rates(t: Array, quaternion: Array) -> Array:
     """Angular velocity in the container's frame from the attitude, by central differences."""
     if len(t) < 2:
         return np.zeros((len(t), 3))
-    attitude = Rotation.from_quat(quaternion)
+    attitude = scipy.spatial.transform.Rotation.from_quat(quaternion)
     turns = (attitude[:-1].inv() * attitude[1:]).as_rotvec()
     rates = turns / np.diff(t)[:, np.newaxis]
     middles = 0.5 * (t[1:] + t[:-1])

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import quad
-from scipy.special import jvp
+from scipy.special import jnp_zeros, jvp
 
 from slosh_model.bessel import bessel_derivative_root, radial_shape
 from slosh_model.constants import GRAVITY
@@ -25,6 +25,7 @@ ratios = st.floats(0.2, 5.0)
 def test_roots_are_those_of_the_bessel_functions_derivative():
     roots = [bessel_derivative_root(n) for n in range(1, 30)]
     assert roots[:3] == pytest.approx([1.841183781, 5.331442774, 8.536316366], abs=1e-9)
+    assert roots == jnp_zeros(1, 29).tolist()
     assert np.max(np.abs(jvp(1, roots))) < 1e-12
     assert np.all(np.diff(roots) > 3.0)
 

@@ -3,12 +3,17 @@
 Pure: no ROS, no files, no clock. SI units throughout.
 """
 
-from slosh_plan.errors import SloshPlanError
-from slosh_plan.limits import HeightLimits
-from slosh_plan.prediction import ModelError, Prediction, predict
-from slosh_plan.scaling import SafeScales, safe_scales
-from slosh_plan.start import LiquidState
-from slosh_plan.trajectory import Trajectory
+from typing import TYPE_CHECKING
+
+from slosh_files.lazy_names import lazy_names
+
+if TYPE_CHECKING:
+    from slosh_plan.errors import SloshPlanError
+    from slosh_plan.limits import HeightLimits
+    from slosh_plan.prediction import ModelError, Prediction, predict
+    from slosh_plan.scaling import SafeScales, safe_scales
+    from slosh_plan.start import LiquidState
+    from slosh_plan.trajectory import Trajectory
 
 __all__ = [
     "HeightLimits",
@@ -21,3 +26,18 @@ __all__ = [
     "predict",
     "safe_scales",
 ]
+
+__getattr__ = lazy_names(
+    __name__,
+    {
+        "HeightLimits": "limits",
+        "LiquidState": "start",
+        "ModelError": "prediction",
+        "Prediction": "prediction",
+        "SafeScales": "scaling",
+        "SloshPlanError": "errors",
+        "Trajectory": "trajectory",
+        "predict": "prediction",
+        "safe_scales": "scaling",
+    },
+)

@@ -8,8 +8,8 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.interpolate import BPoly, CubicHermiteSpline, CubicSpline
 
 from slosh_plan.errors import SloshPlanError
 from slosh_plan.trajectory import PEAK_SPACING, Trajectory, dense
@@ -166,7 +166,7 @@ def _spline(t: Array, columns: Sequence[Array], name: str) -> Any:
                 f"{name}: {len(t)} points with positions alone tell no acceleration; give at "
                 "least 3, or velocities"
             )
-        return CubicSpline(t, columns[0], bc_type="clamped")
+        return scipy.interpolate.CubicSpline(t, columns[0], bc_type="clamped")
     if len(columns) == 2:
-        return CubicHermiteSpline(t, columns[0], columns[1])
-    return BPoly.from_derivatives(t, np.stack(columns, axis=1))
+        return scipy.interpolate.CubicHermiteSpline(t, columns[0], columns[1])
+    return scipy.interpolate.BPoly.from_derivatives(t, np.stack(columns, axis=1))

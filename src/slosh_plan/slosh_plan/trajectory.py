@@ -6,9 +6,8 @@ import math
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import CubicSpline
-from scipy.spatial.transform import Rotation, RotationSpline
 
 from slosh_model.errors import SloshModelError
 from slosh_model.simulate import Inputs
@@ -105,11 +104,12 @@ class Trajectory:
         if count < 3:
             raise SloshPlanError(f"{name}: {count} poses tell no acceleration; give at least 3")
         assert given.position is not None
-        spline = CubicSpline(given.t, given.position, bc_type="clamped")
+        spline = scipy.interpolate.CubicSpline(given.t, given.position, bc_type="clamped")
         if given.attitude is None:
             return replace(given, acceleration=spline(given.t, 2))
         moments = dense(given.t, POSE_SPACING)
-        turns = RotationSpline(given.t, Rotation.from_quat(given.attitude))
+        poses = scipy.spatial.transform.Rotation.from_quat(given.attitude)
+        turns = scipy.spatial.transform.RotationSpline(given.t, poses)
         return cls(
             moments, spline(moments, 2), turns(moments).as_quat(), turns(moments, 1),
             spline(moments), name,

@@ -6,9 +6,8 @@ import math
 from pathlib import Path
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.integrate import cumulative_trapezoid
-from scipy.spatial.transform import Rotation, Slerp
 
 from slosh_bag.motion_table import MotionTable, read_motion_table
 from slosh_bringup.cell.motions import Motion, make_motion
@@ -61,8 +60,8 @@ def motion_from_table(name: str, table: MotionTable, rate: float) -> Motion:
     t = np.arange(math.floor((table.t[-1] - table.t[0]) * rate + 1e-6) + 1) / rate
     moments = np.minimum(table.t[0] + t, table.t[-1])
     acceleration = columns_at(moments, table.t, table.acceleration)
-    velocity = cumulative_trapezoid(acceleration, t, axis=0, initial=0)
-    position = cumulative_trapezoid(velocity, t, axis=0, initial=0)
+    velocity = scipy.integrate.cumulative_trapezoid(acceleration, t, axis=0, initial=0)
+    position = scipy.integrate.cumulative_trapezoid(velocity, t, axis=0, initial=0)
     attitude = table.attitude
     turn = None if attitude is None else _attitude(name, table.t, attitude, moments)
     rate_of_turn = None if turn is None else _angular_velocity(turn, rate)
@@ -72,16 +71,19 @@ def motion_from_table(name: str, table: MotionTable, rate: float) -> Motion:
     return Motion(name, t, position, acceleration, quaternion, rate_of_turn)
 
 
-def _attitude(name: str, t: Array, attitude: Array, moments: Array) -> Rotation:
+def _attitude(
+    name: str, t: Array, attitude: Array, moments: Array
+) -> scipy.spatial.transform.Rotation:
     zero = np.flatnonzero(~np.any(attitude, axis=1))
     if len(zero):
         raise SloshBringupError(
             f"{name}: qx, qy, qz, qw: all zero at t = {t[zero[0]]:g} s, no rotation"
         )
-    return Slerp(t, Rotation.from_quat(attitude))(moments)
+    turns = scipy.spatial.transform.Rotation.from_quat(attitude)
+    return scipy.spatial.transform.Slerp(t, turns)(moments)
 
 
-def _angular_velocity(turn: Rotation, rate: float) -> Array:
+def _angular_velocity(turn: scipy.spatial.transform.Rotation, rate: float) -> Array:
     """Rotation from sample to sample, in the container's frame, per second."""
     steps = (turn[:-1].inv() * turn[1:]).as_rotvec() * rate
     velocity: Array = np.vstack((steps, steps[-1:]))

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from slosh_bringup.errors import SloshBringupError
 from slosh_model.constants import GRAVITY
@@ -72,7 +72,8 @@ class Motion:
         """What an accelerometer in the container feels, Rᵀ(a + g ẑ), (N, 3) [m/s²] (REP-145)."""
         force = self.acceleration + np.array([0.0, 0.0, GRAVITY])
         if self.attitude is not None:
-            force = Rotation.from_quat(self.attitude).apply(force, inverse=True)
+            turns = scipy.spatial.transform.Rotation.from_quat(self.attitude)
+            force = turns.apply(force, inverse=True)
         return np.asarray(force, dtype=np.float64)
 
     def repeated(self, times: int) -> Motion:

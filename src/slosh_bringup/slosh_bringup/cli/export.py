@@ -11,14 +11,12 @@ from pathlib import Path
 from slosh_bag.interchange.bag_table import NO_HEIGHTS, TableSettings, read_bag_table
 from slosh_bag.interchange.export import check_targets, export_targets, export_topics, is_table
 from slosh_bag.mcap_files.bag_folder import files_of
-from slosh_bag.motion_table import write_motion_table
+from slosh_bag.motion_table import SUFFIXES, is_motion_table, write_motion_table
 from slosh_bag.reader import BagReader, TopicInfo
 from slosh_bringup.cli.progress import Progress, Unit
 from slosh_bringup.errors import SloshBringupError
 from slosh_estimator.inputs import MESSAGE_TYPES
 from slosh_files import check_apart, check_outside
-
-TABLE_SUFFIXES = (".csv", ".csv.gz")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -84,8 +82,8 @@ def listing(topics: dict[str, TopicInfo], *, as_json: bool) -> str:
 def export_motion(arguments: argparse.Namespace) -> int:
     """Writes the motion table."""
     output: Path = arguments.output
-    if not output.name.endswith(TABLE_SUFFIXES):
-        raise SloshBringupError(f"{output}: a motion table is {' or '.join(TABLE_SUFFIXES)}")
+    if not is_motion_table(output):
+        raise SloshBringupError(f"{output}: a motion table is {' or '.join(SUFFIXES)}")
     check_apart([output], files_of(arguments.bag))
     check_targets([output], overwrite=arguments.overwrite)
     settings = TableSettings(

@@ -10,9 +10,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from slosh_bag.motion_table import MotionTable, write_motion_table
+from slosh_bag.motion_table import SUFFIXES, MotionTable, is_motion_table, write_motion_table
 from slosh_bringup.errors import SloshBringupError
-from slosh_discovery.discover_data.tables import SUFFIXES, is_table
 from slosh_model.motion_profiles import LAWS, Cycle
 
 Array = NDArray[np.float64]
@@ -54,7 +53,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Writes the table; prints times and peaks."""
-    if not is_table(arguments.output):
+    if not is_motion_table(arguments.output):
         raise SloshBringupError(f"{arguments.output}: a motion table ends in {SUFFIXES[0]}")
     cycle = Cycle(
         arguments.profile.replace("-", "_"), arguments.speed, arguments.stroke, arguments.ratio

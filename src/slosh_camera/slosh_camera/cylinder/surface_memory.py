@@ -11,13 +11,13 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import jnp_zeros
 
 from slosh_camera.cylinder.surface_evidence import USUAL_FADE, FadeShare
+from slosh_model.bessel import bessel_derivative_root
 
 FloatArray = NDArray[np.float64]
 
-_ROOT = float(jnp_zeros(1, 1)[0])
+_ROOT = bessel_derivative_root(1)
 _GRAVITY = 9.81
 # Standard deviation of the container's acceleration, of which nothing is known here [m/s²].
 _ACCELERATION = 3.0

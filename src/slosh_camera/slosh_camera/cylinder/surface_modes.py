@@ -9,15 +9,19 @@ All but the level have the height 1 at the wall at their highest place.
 
 from __future__ import annotations
 
+import math
 from enum import IntEnum
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.special import factorial, jnp_zeros, jv
+
+from slosh_model.bessel import bessel_derivative_root
 
 FloatArray = NDArray[np.float64]
 
 _TERMS = 14
+# First positive roots of J₀′ and J₂′, as SciPy gives them: the camera starts without loading it.
+_MEAN_ROOT, _DOUBLE_ROOT = 3.831705970207512, 3.054236928227140
 
 
 class Shape(IntEnum):
@@ -38,19 +42,23 @@ SHAPES = len(Shape)
 
 def _series(order: int, root: float) -> FloatArray:
     """Coefficients of J_m(ξρ)/(J_m(ξ) ρ^m) in powers of ρ²."""
-    k = np.arange(_TERMS)
     half = 0.5 * root
-    terms = (-1.0) ** k * half ** (2 * k + order) / (factorial(k) * factorial(k + order))
-    series: FloatArray = terms / jv(order, root)
+    terms = np.array(
+        [
+            (-1.0) ** k * half ** (2 * k + order) / (math.factorial(k) * math.factorial(k + order))
+            for k in range(_TERMS)
+        ]
+    )
+    series: FloatArray = terms / math.fsum(terms)
     return series
 
 
 RADIAL = np.array(
     [
-        _series(1, jnp_zeros(1, 1)[0]),
-        _series(1, jnp_zeros(1, 2)[1]),
-        _series(0, jnp_zeros(0, 1)[0]),
-        _series(2, jnp_zeros(2, 1)[0]),
+        _series(1, bessel_derivative_root(1)),
+        _series(1, bessel_derivative_root(2)),
+        _series(0, _MEAN_ROOT),
+        _series(2, _DOUBLE_ROOT),
     ]
 )
 """(4, terms) power series in ρ² of first, second, mean and double shape."""

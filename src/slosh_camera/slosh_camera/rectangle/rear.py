@@ -12,8 +12,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.special import ndtr
 
 from slosh_camera.optics.box import BoxView
 from slosh_camera.rectangle.appearance import Levels
@@ -80,7 +80,7 @@ def front_line(
     if np.count_nonzero(apart) >= _LEAST_COLUMNS:
         steps = _at(channel, rows + 0.5 * gap, columns) - _at(channel, rows + 1.5 * gap, columns)
         # A single edge is still on its way down in the middle.
-        tail = ndtr(-0.5 * gap / sharp) - ndtr(-1.5 * gap / sharp)
+        tail = scipy.special.ndtr(-0.5 * gap / sharp) - scipy.special.ndtr(-1.5 * gap / sharp)
         surface = float(np.median((steps / levels.contrast - tail)[apart]))
     doubt = np.zeros(found.kept.size)
     doubt[columns] = _visible_depth(view, region, rows, columns)

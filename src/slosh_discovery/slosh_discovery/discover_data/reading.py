@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from slosh_bag.interchange.bag_table import TableSettings, read_bag_table
+from slosh_bag.motion_table import is_motion_table
 from slosh_bag.recording.facts import TABLE_COLUMNS, clocks_unrelated
 from slosh_discovery.discover.motion import MINIMUM_SAMPLES, MeasuredMotion
 from slosh_discovery.discover_data.heights import without_spikes
@@ -20,7 +21,7 @@ from slosh_discovery.discover_data.recording import (
     sources_of,
 )
 from slosh_discovery.discover_data.splitting import Part, split
-from slosh_discovery.discover_data.tables import is_table, motion_of_table, table_motion
+from slosh_discovery.discover_data.tables import motion_of_table, table_motion
 from slosh_discovery.discover_data.unrelated import unrelated_motion
 from slosh_discovery.errors import SloshDiscoveryError
 from slosh_files.nanoseconds import SECOND
@@ -100,7 +101,7 @@ def _sources(path: Path) -> list[Path]:
         raise SloshDiscoveryError(f"{path}: no such file or folder")
     if not path.is_dir() or any(path.glob("*.mcap")):
         return [path]
-    tables = [entry for entry in path.iterdir() if entry.is_file() and is_table(entry)]
+    tables = [entry for entry in path.iterdir() if entry.is_file() and is_motion_table(entry)]
     bags = [entry for entry in path.iterdir() if entry.is_dir() and any(entry.glob("*.mcap"))]
     if not tables and not bags:
         raise SloshDiscoveryError(f"{path}: holds no motion tables (.csv, .csv.gz) and no bags")
@@ -109,7 +110,7 @@ def _sources(path: Path) -> list[Path]:
 
 def _read(path: Path, model: Model | None, tell: Tell) -> Iterator[tuple[MeasuredMotion, float]]:
     """The motions of a table or a bag, with the recorded disagreement [m]."""
-    if is_table(path):
+    if is_motion_table(path):
         yield table_motion(path, tell, model), float("nan")
         return
     name = path.name.removesuffix(".mcap")

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from slosh_bag.motion_table import MotionTable, read_motion_table
+from slosh_bag.motion_table import SUFFIXES, MotionTable, read_motion_table
 from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_discovery.discover_data.heights import without_spikes
 from slosh_discovery.errors import SloshDiscoveryError
@@ -17,13 +17,6 @@ from slosh_model.model import Model
 from slosh_report.surface_metrics import line_slopes
 
 Array = NDArray[np.float64]
-
-SUFFIXES = (".csv", ".csv.gz")
-
-
-def is_table(path: Path) -> bool:
-    """Whether a path's name is a motion table's."""
-    return path.name.lower().endswith(SUFFIXES)
 
 
 def table_motion(

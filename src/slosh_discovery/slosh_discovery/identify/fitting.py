@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy import special
 from scipy.optimize import least_squares
 
 from slosh_discovery.discover.colour import Colour, Neighbours, estimate_colour
@@ -104,7 +104,7 @@ class Estimate:
 
     def quantile(self, confidence: float = 0.95) -> float:
         """Half width of a confidence interval in standard errors."""
-        return float(stats.t.ppf(0.5 + 0.5 * confidence, self.degrees))
+        return float(special.stdtrit(self.degrees, 0.5 + 0.5 * confidence))
 
     def band(self) -> Array:
         """(N,) standard error of the predicted heights [m]."""
@@ -256,6 +256,6 @@ def _scatter(problem: Problem, scores: Array, inverse: Array, covariance: Array)
     square = float(np.einsum("mi,ij,mj->", drawn, expected, drawn)) / count
     degrees = count * (motions - 1)
     ratio = square * motions / (motions - 1)
-    if ratio * degrees < stats.chi2.ppf(DIFFER, degrees):
+    if ratio * degrees < special.chdtri(degrees, 1.0 - DIFFER):
         return 1.0
     return math.sqrt(ratio)
