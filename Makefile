@@ -42,6 +42,7 @@ test-all: setup
 	@tools/run python -m pytest $(REAL_TIME)
 
 coverage: setup
+	@tools/run python -m pip install --quiet --no-deps -r requirements/coverage.txt
 	@tools/run python tools/coverage_table.py
 
 lint: setup

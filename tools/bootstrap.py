@@ -129,18 +129,21 @@ def install_environment(python: Path) -> None:
     system = ["--system-site-packages"] if ROS.is_dir() else []
     run([str(python), "-m", "venv", "--clear", *system, str(VENV)])
     pip = [str(VENV / "bin/python"), "-m", "pip", "install", "--quiet", "--no-input"]
-    pip += ["--disable-pip-version-check"]
+    # pip would turn everything to bytecode, the packages' own tests too, on one core.
+    pip += ["--disable-pip-version-check", "--no-compile"]
     if ROS.is_dir():
         # The system's NumPy stays: ROS 2's own binaries are built with it.
         constraint = ["-c", str(REQUIREMENTS / "constraints-jazzy.txt")]
         inputs = [REQUIREMENTS / "runtime.in", REQUIREMENTS / "development.in"]
         run([*pip, *constraint, *flatten("-r", inputs)])
+        to_bytecode([site_packages()])
         return
     # The locks are complete, so nothing is left for pip to resolve, and no two name the same.
     together([[*pip, "--no-deps", "-r", str(path)] for path in requirement_files()])
     if version := os.environ.get("SLOSH_NUMPY"):
         run([*pip, "--no-deps", f"numpy=={version}"])
     mend_wheels()
+    to_bytecode([site_packages()])
 
 
 def mend_wheels() -> None:
@@ -219,11 +222,18 @@ def compile_functions() -> None:
     """Compiles all functions that run compiled, so that no node has to wait for them later."""
     # To bytecode first: where Python may write nothing, each process would do it anew.
     folders = [*(ROOT / "src").glob("*/slosh_*"), *(WORKSPACE / "install").glob("lib/python3*")]
-    run([str(VENV / "bin/python"), "-m", "compileall", "-q", *map(str, folders)])
+    to_bytecode(folders)
     command = [str(ROOT / "tools" / "run"), "python", "-m", "slosh_bringup.compiling"]
     done = subprocess.run(command, cwd=ROOT, check=False)
     if done.returncode != 0:
         raise BootstrapError(f"`{shlex.join(command)}` failed with exit code {done.returncode}")
+
+
+def to_bytecode(folders: Iterable[Path]) -> None:
+    """Compiles modules to bytecode on all cores, but for the packages' own tests."""
+    command = [str(VENV / "bin/python"), "-m", "compileall", "-q", "-j", "0", "-x", "/tests?/"]
+    # Some wheels hold templates that are no Python; they are told, and nothing imports them.
+    subprocess.run([*command, *map(str, folders)], capture_output=True, check=False)
 
 
 def first_error(text: str) -> str:
