@@ -34,8 +34,9 @@ def domain() -> Iterator[int]:
 
 @pytest.fixture(scope="session", autouse=True)
 def interrupts() -> None:
-    """Workers ignore Ctrl-C, and what a test starts would inherit that."""
+    """Workers ignore Ctrl-C, nohup the hang-up, and what a test starts would inherit that."""
     signal.signal(signal.SIGINT, signal.default_int_handler)
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 
 @pytest.hookimpl(optionalhook=True)
