@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -37,9 +39,8 @@ def measured_heights(
     started = 0.0 if rest is None else float(response.t[0]) - rest
     places = np.array([np.nan]) if azimuths is None else np.atleast_1d(np.asarray(azimuths))
     heights = np.column_stack([response.sh_x, response.sh_y])
-    parameters, container = effect_parameters(model), model.container
-    reaches, cornered = np.array(container.reaches), container.corner is not None
-    fill = model.mode_constants()[0].container.fill_height
+    reaches, cornered = np.array(model.container.reaches), model.container.corner is not None
+    parameters, fill = _read_with(model)
     read = np.empty((len(places), len(response.t)))
     for azimuth, row in zip(places.tolist(), read, strict=True):
         memory = np.zeros(READING_MEMORY_COUNT)
@@ -48,6 +49,14 @@ def measured_heights(
             row,
         )  # fmt: skip
     return read.T
+
+
+@lru_cache(maxsize=64)
+def _read_with(model: Model) -> tuple[Array, float]:
+    """Effects' parameters and the fill height [m]; a fit reads many motions with one model."""
+    parameters = effect_parameters(model)
+    parameters.setflags(write=False)
+    return parameters, model.mode_constants()[0].container.fill_height
 
 
 def remembers(model: Model) -> bool:

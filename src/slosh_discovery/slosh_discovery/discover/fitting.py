@@ -112,7 +112,8 @@ class Evaluator:
             return np.full(int(motion.kept.sum()), IMPOSSIBLE)
         heights = answer.at(motion.t, offset)
         difference = (motion.heights - heights)[motion.kept]
-        difference = np.nan_to_num(difference, nan=IMPOSSIBLE * motion.noise)
+        # Ten times as fast as nan_to_num, which looks for infinities, too: there are none.
+        difference[np.isnan(difference)] = IMPOSSIBLE * motion.noise
         if not motion.motion.level_known:
             difference = difference - difference.mean()
         return np.clip(motion.in_noises(difference), -1e6, 1e6)
