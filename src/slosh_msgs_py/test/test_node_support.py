@@ -15,12 +15,13 @@ import rclpy
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.parameter import Parameter
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_msgs.msg import Header
 from std_srvs.srv import Trigger
 
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.errors import SloshMessageError
-from slosh_msgs_py.node.diagnostics import ERROR, OK, WARN, DiagnosticsReporter
+from slosh_msgs_py.node.diagnostics import ERROR, OK, STALE, WARN, DiagnosticsReporter
 from slosh_msgs_py.node.guarded import GuardedNode
 from slosh_msgs_py.node.lifeline import VARIABLE, watch_lifelines
 from slosh_msgs_py.node.parameters import ParameterSpec, declare
@@ -172,10 +173,42 @@ def test_a_node_reports_while_simulated_time_stands_still(make_node):
     assert node.get_clock().now().nanoseconds == 0
     received = []
     node.create_subscription(DiagnosticArray, topics.DIAGNOSTICS, received.append, qos.DIAGNOSTICS)
-    reporter = DiagnosticsReporter(node, lambda: (WARN, "no clock"))
+    reporter = DiagnosticsReporter(node, lambda: (WARN, "what follows from it"))
     spin_until(node, lambda: received)
-    assert received[0].status[0].message == "no clock"
+    assert received[0].status[0].message.startswith("simulated time stands still: use_sim_time")
+    assert received[0].status[0].level == STALE
     assert reporter.latency_percentiles()[0] != reporter.latency_percentiles()[0]  # NaN: none yet
+
+
+ASKS_FOR_MORE = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+OFFERS_LESS = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+
+
+def test_a_node_names_who_cannot_be_heard_or_hear_for_another_qos(make_node):
+    node = make_node()
+    node.create_publisher(Header, "out", qos.STREAM_OUT)
+    node.create_subscription(Header, "in", print, qos.PLANNED_IN)
+    said = []
+    node.create_subscription(DiagnosticArray, topics.DIAGNOSTICS, said.append, qos.DIAGNOSTICS)
+    DiagnosticsReporter(node, lambda: (OK, "fine"))
+    other = rclpy.create_node("other")
+    try:
+        reader = other.create_subscription(Header, "out", print, ASKS_FOR_MORE)
+        speaker = other.create_publisher(Header, "in", OFFERS_LESS)
+
+        def newest():
+            return said[-1].status[0] if said else None
+
+        heard = "/in: /other is not heard, its QoS does not fit: Best effort publisher"
+        hears = "/out: /other hears nothing, its QoS does not fit: Volatile publisher"
+        spin_until(node, lambda: newest() and all(w in newest().message for w in (heard, hears)))
+        assert newest().level == WARN
+        other.destroy_subscription(reader)
+        other.destroy_publisher(speaker)
+        spin_until(node, lambda: newest().message == "fine")
+        assert newest().level == OK
+    finally:
+        other.destroy_node()
 
 
 @pytest.mark.parametrize("executor", ["events", "single"])

@@ -8,6 +8,7 @@ from slosh_estimator.monitor import Condition, Monitor
 from slosh_msgs_py import topics
 from slosh_msgs_py.node.diagnostics import ERROR, OK, STALE, WARN, Health
 from slosh_msgs_py.node.rivals import Rivals
+from slosh_msgs_py.node.silence import SilentTopic
 
 _INPUTS = {
     topics.ESTIMATE: "slosh_msgs/msg/SloshEstimate",
@@ -25,8 +26,8 @@ class MonitorHealth:
 
     def __init__(self, node: Node, core: Monitor) -> None:
         self._core = core
+        self._topics = {topic: SilentTopic(node, topic, kind) for topic, kind in _INPUTS.items()}
         self._rivals = [Rivals(node, topic, kind) for topic, kind in _INPUTS.items()]
-        self._reported = -1
         self._measured = self._unmatched = 0
 
     def look(self, now_ns: int, measured: int) -> Health:
@@ -36,9 +37,6 @@ class MonitorHealth:
             now_ns: the monitor's time [ns].
             measured: measurements so far.
         """
-        stands_still, self._reported = now_ns == self._reported, now_ns
-        if stands_still:
-            return STALE, "simulated time stands still: no /clock"
         self._core.obstruction = "; ".join(filter(None, (rival.look() for rival in self._rivals)))
         mismatch = self._mismatch(measured)
         return self._silence(now_ns) or self._blindness(now_ns) or self._state(now_ns, mismatch)
@@ -51,7 +49,8 @@ class MonitorHealth:
             return None
         condition = self._core.condition(now_ns)
         level = ERROR if condition is Condition.ERROR else STALE
-        return level, f"{condition.name}: no {' and no '.join(silent)}"
+        why = "; ".join(self._topics[topic].reason() for topic in silent)
+        return level, f"{condition.name}: no {' and no '.join(silent)}: {why}"
 
     def _blindness(self, now_ns: int) -> Health | None:
         blindness = self._core.blindness(now_ns)

@@ -24,6 +24,7 @@ OK, WARN, ERROR, STALE = (
 PERIOD = 1.0
 _KEPT = 2000  # latencies that the percentiles look back on
 _LONGEST = 60 * SECOND  # ns
+NO_CLOCK = "simulated time stands still: use_sim_time is set, and no /clock goes on"
 
 Health = tuple[bytes, str]
 
@@ -31,7 +32,8 @@ Health = tuple[bytes, str]
 class DiagnosticsReporter:
     """Counts what a node does and reports it once a second.
 
-    The timer runs on a steady clock: with use_sim_time and no /clock the node still reports.
+    The timer runs on a steady clock: with use_sim_time and no /clock the node still reports, and
+    says so in place of what follows from it.
 
     Args:
         node: the node.
@@ -61,6 +63,7 @@ class DiagnosticsReporter:
         self._latencies: deque[int] = deque(maxlen=_KEPT)
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._last = self._steady.now().nanoseconds
+        self._simulated = -1
         self._publisher = node.create_publisher(
             DiagnosticArray, topics.DIAGNOSTICS, qos.DIAGNOSTICS
         )
@@ -116,7 +119,23 @@ class DiagnosticsReporter:
         except Exception as error:
             health = (ERROR, self._node.faults.add("diagnostics", error))
         news = self._node.faults.news()
-        return (ERROR, news) if news else health
+        if news:
+            return ERROR, news
+        if self._time_stands_still():
+            return STALE, NO_CLOCK
+        unheard = self._node.mismatches.look()
+        if unheard:
+            level, sentence = health
+            return (WARN if level == OK else level), f"{sentence}; {unheard}"
+        return health
+
+    def _time_stands_still(self) -> bool:
+        """Whether simulated time has not moved since the last report, or never has."""
+        clock = self._node.get_clock()
+        if not clock.ros_time_is_active:
+            return False
+        before, self._simulated = self._simulated, clock.now().nanoseconds
+        return self._simulated in (before, 0)
 
     def _array(self, level: bytes, sentence: str, pairs: Mapping[str, Any]) -> DiagnosticArray:
         name = self._node.get_fully_qualified_name()

@@ -14,7 +14,9 @@ from collections.abc import Callable
 from typing import Any
 
 from rclpy.node import Node
+from rclpy.qos import QoSProfile
 
+from slosh_msgs_py.node.mismatches import Mismatches
 from slosh_msgs_py.node.plain_logger import PlainLogger
 
 Callback = Callable[..., Any]
@@ -67,6 +69,7 @@ class GuardedNode(Node):
 
     Attributes:
         faults: what they stumbled over.
+        mismatches: who is not heard, or does not hear, for another QoS.
     """
 
     _plain_logger: PlainLogger | None = None
@@ -74,6 +77,7 @@ class GuardedNode(Node):
     def __init__(self, name: str, **options: Any) -> None:
         # Before the node, which makes services of its own.
         self.faults = Faults(lambda line: self.get_logger().error(line))
+        self.mismatches = Mismatches(self)
         super().__init__(name, **options)
 
     def get_logger(self) -> PlainLogger:
@@ -83,11 +87,28 @@ class GuardedNode(Node):
         return self._plain_logger
 
     def create_subscription(
-        self, msg_type: Any, topic: str, callback: Callback, *arguments: Any, **options: Any
+        self,
+        msg_type: Any,
+        topic: str,
+        callback: Callback,
+        qos_profile: QoSProfile | int,
+        **options: Any,
     ) -> Any:
-        """As Node's, with the callback guarded."""
+        """As Node's, with the callback guarded; who is not heard is noticed."""
         guarded = self._guarded(callback, topic)
-        return super().create_subscription(msg_type, topic, guarded, *arguments, **options)
+        if isinstance(qos_profile, QoSProfile):
+            watch = self.mismatches.of_subscription(topic, qos_profile)
+            options.setdefault("event_callbacks", watch)
+        return super().create_subscription(msg_type, topic, guarded, qos_profile, **options)
+
+    def create_publisher(
+        self, msg_type: Any, topic: str, qos_profile: QoSProfile | int, **options: Any
+    ) -> Any:
+        """As Node's; who does not hear it is noticed."""
+        if isinstance(qos_profile, QoSProfile):
+            watch = self.mismatches.of_publisher(topic, qos_profile)
+            options.setdefault("event_callbacks", watch)
+        return super().create_publisher(msg_type, topic, qos_profile, **options)
 
     def create_timer(
         self, timer_period_sec: float, callback: Callback, *arguments: Any, **options: Any

@@ -41,4 +41,6 @@ class SilentTopic:
             return f"nobody publishes {name}"
         if self._type_name not in types:
             return f"{name} is published as {types[0]}, it must be {self._type_name}"
-        return f"the publisher of {name} is silent"
+        others = sorted({*types} - {self._type_name})
+        strange = f"; it is published as {others[0]}, too, which is not heard" if others else ""
+        return f"the publisher of {name} is silent{strange}"
