@@ -14,7 +14,8 @@ from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import AccelStamped, PoseStamped
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
-from sensor_msgs.msg import Image, Imu
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import CompressedImage, Image, Imu
 
 from slosh_bringup.processes import NodeGroup, NodeProcess, config_folder, node_environment
 from slosh_msgs.msg import FreeSurface, SloshComparison, SloshEstimate
@@ -42,7 +43,9 @@ class Robot:
         push: acceleration at a moment [s] along x [m/s²].
         surface: what the camera says; None: it says nothing.
         picture: what the camera shows, where a camera node looks at it.
-        camera_shift: by how much its clock is ahead [s].
+        shift: by how much the clock of the input is ahead [s].
+        camera_shift: by how much the camera's clock is ahead [s].
+        time_ns: the time [ns], of which it tells by `/clock` when it is not the system's.
         gravity: what the inertial sensor reads of gravity [m/s²].
         frame: of the accelerations.
     """
@@ -54,7 +57,8 @@ class Robot:
         self.kind = kind
         self.push: Callable[[float], float] = lambda t: 0.0
         self.surface: FreeSurface | None = FreeSurface(msh=0.0001, msh_stddev=0.0001)
-        self.camera_shift, self.gravity = 0.0, GRAVITY
+        self.shift, self.camera_shift, self.gravity = 0.0, 0.0, GRAVITY
+        self.time_ns: Callable[[], int] = time.time_ns
         self.frame = "world"
         self.estimates: list[SloshEstimate] = []
         self.comparisons: list[SloshComparison] = []
@@ -64,7 +68,9 @@ class Robot:
             topic: self.node.create_publisher(kind, topic, qos.STREAM_OUT)
             for topic, kind in types.items()
         }
-        self.picture: Image | None = None
+        self.picture: Image | CompressedImage | None = None
+        self._clock: Any = None
+        self._tells_time = False
         self._surfaces: Any = None
         self._pictures: Any = None
         self._due = dict.fromkeys(("sample", "image"), time.monotonic())
@@ -82,10 +88,16 @@ class Robot:
             FreeSurface, topics.FREE_SURFACE, qos.STREAM_OUT
         )
 
-    def shows(self, picture: Image) -> None:
+    def shows(self, picture: Image | CompressedImage) -> None:
         """Shows pictures from now on."""
-        self.picture = picture
-        self._pictures = self.node.create_publisher(Image, topics.IMAGE, qos.STREAM_OUT)
+        self.picture, kind = picture, type(picture)
+        topic = topics.IMAGE if kind is Image else topics.IMAGE_COMPRESSED
+        self._pictures = self.node.create_publisher(kind, topic, qos.STREAM_OUT)
+
+    def simulates(self, time_ns: Callable[[], int] | None) -> None:
+        """Tells the time from now on, another one than the system's; None: it says no more."""
+        self._clock = self._clock or self.node.create_publisher(Clock, "/clock", 10)
+        self._tells_time, self.time_ns = time_ns is not None, time_ns or self.time_ns
 
     def sample(self, ahead: float = 0.0, ax: float | None = None) -> None:
         """Sends a sample of the input.
@@ -94,7 +106,7 @@ class Robot:
             ahead: of the clock [s].
             ax: acceleration [m/s²]; None: as `push` has it.
         """
-        now = time.time()
+        now = self.time_ns() * 1e-9
         push = self.push(now) if ax is None else ax
         message: Any
         if self.kind == topics.ACCEL:
@@ -108,7 +120,7 @@ class Robot:
         else:
             message = PoseStamped()
             message.pose.orientation.w = 1.0
-        message.header.stamp = to_time(time.time_ns() + round(ahead * 1e9))
+        message.header.stamp = to_time(self.time_ns() + round((ahead + self.shift) * 1e9))
         self.inputs[self.kind].publish(message)
 
     def until(self, condition: Callable[[], object], what: str, *, speak: bool = True) -> None:
@@ -155,11 +167,13 @@ class Robot:
         now = time.monotonic()
         if now >= self._due["sample"]:
             self._due["sample"] = max(self._due["sample"] + SAMPLE, now - 0.04)
+            if self._tells_time:
+                self._clock.publish(Clock(clock=to_time(self.time_ns())))
             self.sample()
         if now < self._due["image"]:
             return
         self._due["image"] = max(self._due["image"] + IMAGE, now - 0.04)
-        stamp = time.time_ns() + round(self.camera_shift * 1e9)
+        stamp = self.time_ns() + round(self.camera_shift * 1e9)
         for publisher, message in ((self._surfaces, self.surface), (self._pictures, self.picture)):
             if publisher and message:
                 message.header.stamp = to_time(stamp)
@@ -177,7 +191,7 @@ def nodes_and_robot(
     domain: int,
     parameters: Mapping[str, Mapping[str, str]] | None = None,
     kind: str = topics.ACCEL,
-    picture: Image | None = None,
+    picture: Image | CompressedImage | None = None,
     namespace: str = "/slosh",
 ) -> Iterator[tuple[NodeGroup, Robot]]:
     """Estimator, monitor, for a picture a camera node, and a robot.

@@ -60,11 +60,20 @@ def long_cell(
         source.wait()
 
 
+def resident(pid: int) -> float:
+    """Resident memory of a process [MB].
+
+    Raises:
+        OSError: there is no such process.
+    """
+    pages = int(Path(f"/proc/{pid}/statm").read_text().split()[1])
+    return pages * resource.getpagesize() / 1e6
+
+
 def sizes(parent: int) -> dict[tuple[str, int], float]:
     """Resident memory of the nodes that a process has started [MB], by name and process id."""
     found = {}
     for name, pid in nodes_of(parent).items():
         with contextlib.suppress(OSError):
-            pages = int(Path(f"/proc/{pid}/statm").read_text().split()[1])
-            found[name, pid] = pages * resource.getpagesize() / 1e6
+            found[name, pid] = resident(pid)
     return found

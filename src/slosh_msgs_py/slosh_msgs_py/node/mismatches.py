@@ -6,8 +6,10 @@ when it meets such an end; which one it is, and whether it is still there, the g
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
+from rclpy.duration import Duration
 from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, qos_check_compatible
@@ -16,6 +18,21 @@ from rclpy.topic_endpoint_info import TopicEndpointInfo
 from slosh_msgs_py.node.rivals import node_of
 
 _ERROR = "ERROR: "
+_INFINITE = 2**62
+"""No deadline is that long [ns]."""
+
+
+class _Met:
+    """A topic on which another end was met that does not fit.
+
+    Attributes:
+        own: QoS of the node's own end.
+        is_found: whether the graph has shown the other one, which may be later than the event.
+    """
+
+    def __init__(self, own: QoSProfile) -> None:
+        self.own = own
+        self.is_found = False
 
 
 class Mismatches:
@@ -27,8 +44,8 @@ class Mismatches:
 
     def __init__(self, node: Node) -> None:
         self._node = node
-        self._read: dict[str, QoSProfile] = {}
-        self._published: dict[str, QoSProfile] = {}
+        self._read: dict[str, _Met] = {}
+        self._published: dict[str, _Met] = {}
 
     def of_subscription(self, topic: str, asked: QoSProfile) -> SubscriptionEventCallbacks:
         """What watches a subscription of the node: its topic, and what it asks for."""
@@ -36,47 +53,48 @@ class Mismatches:
 
     def of_publisher(self, topic: str, offered: QoSProfile) -> PublisherEventCallbacks:
         """What watches a publisher of the node: its topic, and what it offers."""
-        return PublisherEventCallbacks(incompatible_qos=self._note(self._published, topic, offered))
+        watch = self._note(self._published, topic, offered)
+        return PublisherEventCallbacks(incompatible_qos=watch)
 
     def look(self) -> str:
         """Who is not heard or does not hear, why and what to do, in a line; empty: nobody."""
-        return "; ".join(self._unheard() + self._unhearing())
-
-    def _note(self, met: dict[str, QoSProfile], topic: str, own: QoSProfile) -> Any:
-        def note(_: Any) -> None:
-            met[self._node.resolve_topic_name(topic)] = own
-
-        return note
-
-    def _unheard(self) -> list[str]:
         lines = []
-        for topic, asked in list(self._read.items()):
+        for topic, met in list(self._read.items()):
             publishers = self._node.get_publishers_info_by_topic(topic)
-            found = [
-                _line(topic, one, "is not heard", why)
-                for one in publishers
-                if (why := _reason(one.qos_profile, asked))
-            ]
-            lines += found or self._forget(self._read, topic)
-        return lines
-
-    def _unhearing(self) -> list[str]:
-        lines = []
-        for topic, offered in list(self._published.items()):
+            reasons = [(end, _reason(_told(end), met.own)) for end in publishers]
+            found = [_line(topic, end, "is not heard", why) for end, why in reasons if why]
+            lines += found
+            _keep(self._read, topic, bool(found))
+        for topic, met in list(self._published.items()):
             subscriptions = self._node.get_subscriptions_info_by_topic(topic)
-            found = [
-                _line(topic, one, "hears nothing", why)
-                for one in subscriptions
-                if (why := _reason(offered, one.qos_profile))
-            ]
-            lines += found or self._forget(self._published, topic)
-        return lines
+            reasons = [(end, _reason(met.own, _told(end))) for end in subscriptions]
+            found = [_line(topic, end, "hears nothing", why) for end, why in reasons if why]
+            lines += found
+            _keep(self._published, topic, bool(found))
+        return "; ".join(lines)
 
-    @staticmethod
-    def _forget(met: dict[str, QoSProfile], topic: str) -> list[str]:
-        """Whoever it was has gone."""
+    def _note(self, met: dict[str, _Met], topic: str, own: QoSProfile) -> Callable[[Any], None]:
+        return lambda _: met.update({self._node.resolve_topic_name(topic): _Met(own)})
+
+
+def _keep(met: dict[str, _Met], topic: str, is_found: bool) -> None:
+    """Forgets a topic on which the other end has gone."""
+    if met[topic].is_found and not is_found:
         del met[topic]
-        return []
+    else:
+        met[topic].is_found = is_found
+
+
+def _told(end: TopicEndpointInfo) -> QoSProfile:
+    """QoS of an end without the infinite times by which the graph tells that there are none."""
+    given = end.qos_profile
+    has_deadline = given.deadline.nanoseconds < _INFINITE
+    return QoSProfile(
+        depth=1,
+        reliability=given.reliability,
+        durability=given.durability,
+        deadline=given.deadline if has_deadline else Duration(),
+    )
 
 
 def _line(topic: str, end: TopicEndpointInfo, what: str, why: str) -> str:

@@ -1,0 +1,234 @@
+"""Stamps of another time, types and QoS that do not fit, broken files: told, and no harm done."""
+
+from __future__ import annotations
+
+import os
+import struct
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+rclpy = pytest.importorskip("rclpy", reason="ROS 2 is not installed")
+
+from rclpy.node import Node  # noqa: E402
+from rclpy.qos import DurabilityPolicy, QoSProfile  # noqa: E402
+from sensor_msgs.msg import CompressedImage, Imu  # noqa: E402
+
+from slosh_bringup.cell.renderer import CupRenderer  # noqa: E402
+from slosh_bringup.processes import (  # noqa: E402
+    NodeGroup,
+    NodeProcess,
+    config_folder,
+    node_environment,
+)
+from slosh_camera.calibrate.camera_file import read_calibration  # noqa: E402
+from slosh_files.plain_text import LONGEST  # noqa: E402
+from slosh_msgs.msg import SloshEstimate  # noqa: E402
+from slosh_msgs.srv import LoadModel, PredictSlosh  # noqa: E402
+from slosh_msgs_py import qos, topics  # noqa: E402
+from tests.adversary import MODEL, Robot, nodes_and_robot  # noqa: E402
+from tests.long_cell import resident  # noqa: E402
+
+OK, BLIND = 0, 4
+WARN, ERROR, STALE = 1, 2, 3
+WELL_AGAIN = 15.0
+"""On a busy machine; it takes two or three [s]."""
+GROWTH = 30.0
+"""What a flood may cost for good [MB]."""
+pytestmark = pytest.mark.timeout(200)
+LONG = pytest.mark.long
+
+
+@pytest.fixture(scope="module")
+def cell(
+    tmp_path_factory: pytest.TempPathFactory, domain: int
+) -> Iterator[tuple[NodeGroup, Robot]]:
+    """Estimator and monitor, and a robot whose liquid is at rest."""
+    with nodes_and_robot(tmp_path_factory.mktemp("cell"), domain) as made:
+        yield made
+
+
+@pytest.fixture
+def robot(cell: tuple[NodeGroup, Robot]) -> Robot:
+    """All is well with it."""
+    wait_until_well(cell[1])
+    return cell[1]
+
+
+def wait_until_well(robot: Robot) -> None:
+    """Waits until estimator and monitor have nothing to say against what comes."""
+    robot.until(
+        lambda: robot.comparisons[-1].state == OK and robot.health["estimator"][0] == OK,
+        "the state OK",
+    )
+
+
+@contextmanager
+def stranger(domain: int) -> Iterator[Node]:
+    """A node of another process, as it were: one process may not use a topic with two types."""
+    context = rclpy.Context()
+    rclpy.init(context=context, domain_id=domain)
+    node = Node("stranger", namespace="/slosh", context=context)
+    try:
+        yield node
+    finally:
+        node.destroy_node()
+        rclpy.shutdown(context=context)
+
+
+@pytest.mark.parametrize(
+    ("shift", "reason"),
+    [
+        (3.4e8, "are stamped in the future by more than max_age"),
+        pytest.param(1.0, "are stamped in the future by more than max_age", marks=LONG),
+        (-1.0, "are stale: older than max_age"),
+        pytest.param(-1e9, "are stale: older than max_age", marks=LONG),
+    ],
+)
+def test_accelerations_of_another_time_are_dropped_and_told(
+    robot: Robot, shift: float, reason: str
+) -> None:
+    robot.shift = shift
+    robot.until(lambda: reason in robot.health["estimator"][1], reason)
+    assert robot.health["estimator"][0] == STALE
+    robot.until(lambda: robot.comparisons[-1].estimate_stale, "the monitor's word")
+    assert robot.comparisons[-1].state != OK
+    robot.shift, since = 0.0, time.monotonic()
+    wait_until_well(robot)
+    assert time.monotonic() - since < WELL_AGAIN
+
+
+def test_a_topic_in_another_type_is_told(robot: Robot, domain: int) -> None:
+    with stranger(domain) as other:
+        for topic in (topics.ACCEL, topics.FREE_SURFACE):
+            other.create_publisher(Imu, topic, qos.STREAM_OUT)
+        said = "is published as sensor_msgs/msg/Imu, too, which is not heard"
+
+        def told() -> bool:
+            return all(said in robot.health[name][1] for name in ("estimator", "monitor"))
+
+        robot.until(told, said, speak=False)
+        assert robot.health["estimator"][0] == robot.health["monitor"][0] == STALE
+        wait_until_well(robot)
+
+
+def test_a_reader_that_asks_for_too_much_is_named(robot: Robot, domain: int) -> None:
+    with stranger(domain) as other:
+        asked = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        other.create_subscription(SloshEstimate, topics.ESTIMATE, print, asked)
+        said = "/slosh/estimate: /slosh/stranger hears nothing, its QoS does not fit"
+        robot.until(lambda: said in robot.health["estimator"][1], said)
+        assert robot.health["estimator"][0] == WARN
+    wait_until_well(robot)
+
+
+def test_a_flood_of_models_is_outlived(cell: tuple[NodeGroup, Robot], robot: Robot) -> None:
+    pid = cell[0].pid("estimator")
+    client = robot.node.create_client(LoadModel, topics.LOAD_MODEL)
+    robot.until(client.service_is_ready, "the service")
+    before = resident(pid)
+    for text, taken in (("no: model", False), (MODEL, True)):
+        answers = [client.call_async(LoadModel.Request(text=text)) for _ in range(1000)]
+        # Most are lost where a thousand wait at once; the newest is not.
+        robot.until(answers[-1].done, "an answer")
+        assert answers[-1].result().success is taken
+        robot.new_estimate()
+    robot.node.destroy_client(client)
+    assert resident(pid) - before < GROWTH
+
+
+@LONG
+def test_a_flood_of_predictions_is_outlived(
+    cell: tuple[NodeGroup, Robot], robot: Robot, tmp_path: Path
+) -> None:
+    group, (model, request) = cell[0], (tmp_path / "model.yaml", PredictSlosh.Request())
+    model.write_text(MODEL)
+    group.start(NodeProcess("predictor", (), {"model": str(model)}))
+    client = robot.node.create_client(PredictSlosh, topics.PREDICT)
+    robot.until(client.service_is_ready, "the service")
+    robot.until(lambda: robot.health.get("predictor", (ERROR,))[0] != ERROR, "the predictor")
+    before = resident(group.pid("predictor"))
+    answers = [client.call_async(request) for _ in range(1000)]
+    robot.until(answers[-1].done, "an answer")
+    assert not answers[-1].result().success
+    assert answers[-1].result().message
+    robot.node.destroy_client(client)
+    assert resident(group.pid("predictor")) - before < GROWTH
+    wait_until_well(robot)
+
+
+def broken_files() -> Iterator[tuple[str, bytes, str]]:
+    """Formats and data of compressed images, and what is to be said of each."""
+    view = read_calibration(config_folder() / "camera.yaml").view
+    good = cv2.imencode(".jpg", CupRenderer(view).render(0, 0))[1].tobytes()
+    huge = bytearray(good)
+    size = huge.find(b"\xff\xc0") + 5
+    huge[size : size + 4] = struct.pack(">HH", 65000, 65000)
+    black = cv2.imencode(".png", np.zeros((16000, 16000), np.uint8))[1].tobytes()
+    yield "jpeg", os.urandom(5000), "5000 bytes are not a complete JPEG or PNG file"
+    yield "jpeg", good[: len(good) // 2], "data are missing from"
+    yield "jpeg", bytes(huge), "claims 65000 x 65000 pixels"
+    yield "png", black, "claims 16000 x 16000 pixels"
+    yield "jpeg", b"", "is empty, 0 bytes"
+    yield "\x1b[31mjp2k" * 10_000, good, "format '\\x1b[31mjp2k"
+
+
+@LONG
+def test_compressed_images_that_are_none(tmp_path: Path, domain: int) -> None:
+    files = list(broken_files())
+    picture = CompressedImage(format="jpeg", data=files[-1][1])
+    given = {"camera": {"transport": "compressed"}}
+    made = nodes_and_robot(tmp_path, domain, given, picture=picture, namespace="/compressed")
+    with made as (group, robot):
+        pid = group.pid("camera")
+        before = resident(pid)
+        for picture.format, picture.data, said in files:
+            robot.until(lambda said=said: said in robot.health["camera"][1], said)
+            level, sentence = robot.health["camera"]
+            assert level == ERROR
+            assert len(sentence) <= LONGEST
+            robot.until(lambda: "BAD_IMAGE" in robot.health["monitor"][1], "blindness")
+            assert robot.comparisons[-1].state == BLIND
+        assert resident(pid) - before < GROWTH
+
+
+@LONG
+def test_simulated_time_that_is_absent_or_goes_back(tmp_path: Path, domain: int) -> None:
+    (tmp_path / "model.yaml").write_text(MODEL)
+    own = {
+        "recorder": {"output": str(tmp_path / "bag")},
+        "estimator": {"model": str(tmp_path / "model.yaml")},
+        "monitor": {},
+    }
+    with ExitStack() as stack:
+        group = stack.enter_context(
+            NodeGroup("/simulated", tmp_path / "logs", node_environment(domain))
+        )
+        robot = Robot("robot", topics.ACCEL, "/simulated")
+        stack.callback(robot.close)
+        robot.listen()
+        robot.sees()
+        for name, values in own.items():
+            group.start(NodeProcess(name, (), {**values, "use_sim_time": "true"}))
+
+        def all_say(words: str) -> bool:
+            said = [robot.health.get(name, (OK, "")) for name in own]
+            return all(level == STALE and words in sentence for level, sentence in said)
+
+        robot.until(lambda: all_say("simulated time stands still"), "the missing clock")
+        assert not robot.estimates
+        robot.simulates(time.time_ns)
+        robot.until(lambda: robot.comparisons, "comparisons")
+        wait_until_well(robot)
+        robot.simulates(lambda: time.time_ns() - 5_000_000_000)
+        since = time.monotonic()
+        robot.until(lambda: "dropped" in robot.health["estimator"][1], "the drops")
+        wait_until_well(robot)
+        assert time.monotonic() - since < WELL_AGAIN
+        robot.simulates(None)
+        robot.until(lambda: all_say("simulated time stands still"), "the clock that stopped")
