@@ -17,6 +17,7 @@ from typing import Any, TextIO, cast
 
 from slosh_bringup.stop_request import StopRequest
 from slosh_files.plain_text import PlainStream, plain_line
+from slosh_files.private_mode import keep_others_from_writing
 
 # One module per subcommand, imported only when it runs: `slosh --help` stays instant.
 COMMANDS: dict[str, str] = {
@@ -51,9 +52,11 @@ _MOMENT = 0.02  # s
 def command() -> int:
     """The process `slosh`: `main`, and what holds for each process that it starts.
 
-    None of them takes a module from the folder that it is started in.
+    None of them takes a module from the folder that it is started in, or writes what others could
+    change.
     """
     os.environ["PYTHONSAFEPATH"] = "1"
+    keep_others_from_writing()
     # Whoever names a file, a topic or a model may have put control characters there.
     sys.stdout = cast("TextIO", PlainStream(sys.stdout))
     sys.stderr = cast("TextIO", PlainStream(sys.stderr))

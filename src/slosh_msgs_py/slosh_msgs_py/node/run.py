@@ -22,6 +22,7 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from slosh_files.plain_text import plain_line
+from slosh_files.private_mode import keep_others_from_writing
 from slosh_msgs_py.errors import SloshMessageError
 from slosh_msgs_py.node.guarded import GuardedNode
 from slosh_msgs_py.node.lifeline import watch_lifelines
@@ -58,6 +59,7 @@ def run_node(
         exit code: 0 done; 2 a wrong parameter or file; where the node has failed its attribute
         `failure_code`, or 1. All but 0 come with one line on stderr.
     """
+    keep_others_from_writing()
     stop = _StopFlag()
     watch_lifelines(stop.starter_ended)
     preparation = None
