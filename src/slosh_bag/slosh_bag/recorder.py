@@ -43,6 +43,8 @@ RESERVED = 256 * 2**10
 It is given up when the recording ends."""
 LOST = "messages_lost"
 """A fact of a bag: messages that the recorder got and could not keep."""
+SEVERAL = "several_publishers"
+"""A fact of a bag: topics of one node on which several spoke, with commas."""
 RATE_PERIOD = 30  # samples, one a second
 
 
@@ -142,6 +144,7 @@ class Recorder:
         self._lost = self._lost_meanwhile = self._highest = self._size = 0
         # Each counted by one thread alone: the difference needs no lock.
         self._bytes_in = self._bytes_out = 0
+        self._notes: dict[str, str] = {}
         self._failure = ""
         self._failed_path = self._writer.path
         self._failed_at = self._retry_at = 0.0
@@ -184,6 +187,10 @@ class Recorder:
         self._highest = max(self._highest, len(self._queue))
         if waiting > WAKE_BYTES:
             self._wake.set()
+
+    def note(self, name: str, value: str) -> None:
+        """Notes a fact of the bag, in the place of one of that name."""
+        self._notes[name] = value
 
     def status(self) -> RecorderStatus:
         """How the recording goes."""
@@ -344,6 +351,8 @@ class Recorder:
         self._lost_meanwhile += missed
         if self._lost:
             self._writer.note(LOST, str(self._lost))
+        for name, value in self._notes.items():
+            self._writer.note(name, value)
 
     def _look_for_deleted(self) -> None:
         """Notices files that were deleted while the bag is being written."""

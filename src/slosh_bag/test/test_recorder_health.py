@@ -21,6 +21,15 @@ def said(absent=None, on_the_way=0, left_out=None, silent=False, **changes):
     return findings(status, absent or {}, on_the_way, left_out or {}, silent)
 
 
+def test_topics_that_are_not_of_one_are_named():
+    level, sentence = findings(
+        RecorderStatus(**FINE), {}, 0, {}, False, ["/slosh/estimate"], {"/slosh/accel": "a/msg/B"}
+    )
+    assert level == WARN
+    assert "several publishers speak on /slosh/estimate: another cell" in sentence
+    assert "/slosh/accel is published as a/msg/B, too, of which nothing is recorded" in sentence
+
+
 def test_all_is_well():
     assert said() == (OK, "15 messages recorded")
     assert said(silent=True) == (STALE, "nothing to record")

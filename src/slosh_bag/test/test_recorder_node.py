@@ -19,6 +19,7 @@ from slosh_bag.errors import SloshBagError
 from slosh_bag.nodes.recorder_node import RecorderNode
 from slosh_bag.nodes.topic_input import Publisher, matching, wanted
 from slosh_bag.reader import BagReader
+from slosh_bag.recording.facts import shared_topics_line
 from slosh_msgs.msg import FreeSurface, LimitEvent
 from slosh_msgs_py import qos
 from slosh_msgs_py.errors import SloshMessageError
@@ -182,6 +183,21 @@ def test_latched_messages_of_a_late_joiner_are_recorded_once(graph):
     assert [event.id for event in events] == [1, 2, 3]
     # Latched messages of which only the last were kept are not lost ones.
     assert graph.recorder._lost_on_the_way() == 0
+
+
+def test_two_that_speak_where_one_may_are_told_and_noted(graph):
+    graph.record()
+    both = [graph.publisher(FreeSurface, "surface") for _ in range(2)]
+    for number in range(20):
+        both[number % 2].publish(FreeSurface(msh=0.001))
+        graph.until(lambda n=number: graph.recorded("surface") == n + 1)
+    level, sentence = graph.recorder._health()
+    assert level == WARN
+    assert f"several publishers speak on {both[0].topic_name}" in sentence
+    assert "several" not in graph.recorder._health()[1]
+    graph.finish()
+    line = shared_topics_line(BagReader(graph.folder).metadata())
+    assert line.startswith(f"several publishers spoke on {both[0].topic_name}, ")
 
 
 def test_log_times_are_those_of_the_reception_in_order(graph):

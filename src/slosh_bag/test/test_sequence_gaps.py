@@ -23,6 +23,17 @@ def test_a_publisher_that_starts_anew_has_lost_nothing() -> None:
     assert lost([1, 2, 10**9, 10**9 + 1]) == 0
 
 
+def test_who_speaks_in_turns() -> None:
+    """A publisher that takes the place of another has no turn; of two that speak each has some."""
+    gaps = SequenceGaps()
+    for number in (500, 501, 1, 2, 3):
+        gaps.take(number, 2)
+    assert gaps.turns == 0
+    for number in (502, 4, 503, 5):
+        gaps.take(number, 2)
+    assert gaps.turns == 4
+
+
 def test_a_middleware_that_does_not_count_loses_nothing() -> None:
     assert lost([None, None]) == 0
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 
 from slosh_bag.recorder import RecorderStatus
 from slosh_msgs_py.node.diagnostics import ERROR, OK, STALE, WARN, Health
@@ -17,6 +17,8 @@ def findings(
     lost_on_the_way: int,
     left_out: Mapping[str, str],
     silent: bool,
+    shared: Collection[str] = (),
+    other_types: Mapping[str, str] | None = None,
 ) -> Health:
     """The worst level of all that is to be said, and all of it in one line, the worst first.
 
@@ -26,6 +28,8 @@ def findings(
         lost_on_the_way: messages that the middleware lost since the last report.
         left_out: topics that cannot be recorded, and why.
         silent: whether no message has been written since the last report.
+        shared: topics of one node on which several have spoken since the last report.
+        other_types: in which other type a topic is published, by topic.
     """
     errors, warnings = _errors(status), _warnings(status)
     if absent:
@@ -33,6 +37,13 @@ def findings(
         warnings.append(f"no publisher any more: {names}")
     if lost_on_the_way:
         warnings.append(f"{lost_on_the_way} messages lost on the way, before they got here")
+    if shared:
+        warnings.append(
+            f"several publishers speak on {', '.join(shared)}: another cell in this namespace? "
+            "What is recorded of them does not replay; stop one or give it another namespace"
+        )
+    for topic, kind in (other_types or {}).items():
+        warnings.append(f"{topic} is published as {kind}, too, of which nothing is recorded")
     if left_out:
         topic, reason = next(iter(left_out.items()))
         warnings.append(f"{len(left_out)} topics are not recorded, such as {topic}: {reason}")

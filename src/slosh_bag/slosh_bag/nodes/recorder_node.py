@@ -17,7 +17,7 @@ from slosh_bag.bag_writer import Split
 from slosh_bag.errors import SloshBagError
 from slosh_bag.nodes.recorder_health import findings
 from slosh_bag.nodes.topic_input import Received, TopicInput, noted
-from slosh_bag.recorder import Recorder
+from slosh_bag.recorder import SEVERAL, Recorder
 from slosh_files.nanoseconds import SECOND
 from slosh_msgs_py.node.diagnostics import DiagnosticsReporter, Health
 from slosh_msgs_py.node.guarded import GuardedNode
@@ -63,6 +63,8 @@ class RecorderNode(GuardedNode):
         self._include = _pattern("topics", values["topics"])
         self._exclude = _pattern("exclude", values["exclude"])
         self._unknown: dict[str, str] = {}
+        self._other_types: dict[str, str] = {}
+        self._shared: set[str] = set()
         self._held: list[Received] = []
         self._core = Recorder(
             Path(values["output"]),
@@ -103,7 +105,11 @@ class RecorderNode(GuardedNode):
                 self.get_logger().warning(f"{entry.topic}: {change}")
             elif change:
                 self.get_logger().info(f"{entry.topic}: {change}")
+        self._other_types = {}
         for topic, types in self.get_topic_names_and_types():
+            if topic in self._inputs and len(types) > 1:
+                own = self._inputs[topic].type_name
+                self._other_types[topic] = next(kind for kind in types if kind != own)
             wanted = self._include.search(topic) and not self._exclude.search(topic)
             known = topic in self._inputs or topic in self._unknown
             if wanted and not known and self.count_publishers(topic):
@@ -147,7 +153,16 @@ class RecorderNode(GuardedNode):
         newly_lost = lost - self._reported_lost
         self._reported, self._reported_lost = total, lost
         left_out = self._unknown | status.refused
-        return findings(status, self._absent(), newly_lost, left_out, silent)
+        absent, shared = self._absent(), self._look_for_shared()
+        return findings(status, absent, newly_lost, left_out, silent, shared, self._other_types)
+
+    def _look_for_shared(self) -> list[str]:
+        """Topics of one node on which several have just spoken; the bag notes all of them."""
+        shared = [entry.topic for entry in self._inputs.values() if entry.is_shared()]
+        self._shared.update(shared)
+        if shared:
+            self._core.note(SEVERAL, ",".join(sorted(self._shared)))
+        return shared
 
     def _facts(self) -> dict[str, Any]:
         status = self._core.status()

@@ -17,10 +17,13 @@ class SequenceGaps:
 
     Attributes:
         lost: numbers that were left out.
+        turns: how often a publisher went on after another one had spoken. Where one took the
+            place of another there is none; where two speak, there are many.
     """
 
     def __init__(self) -> None:
-        self.lost = 0
+        self.lost = self.turns = 0
+        self._newest: int | None = None
         self._last: list[int] = []  # of each publisher
 
     def take(self, number: int | None, publishers: int = 1) -> None:
@@ -32,9 +35,11 @@ class SequenceGaps:
         """
         if number is None:
             return
+        newest, self._newest = self._newest, number
         last = self._last
         if number - 1 in last:
             last[last.index(number - 1)] = number
+            self.turns += newest != number - 1
             return
         before = max((one for one in last if one < number), default=None)
         if before is None or len(last) < publishers or number - before > FORGIVEN:

@@ -19,6 +19,11 @@ from slosh_bag.nodes.sequence_gaps import SequenceGaps
 
 # Several seconds at 1 kHz: a stalled process must not lose messages before it sees them.
 DEPTH = 5000
+OF_ONE = frozenset(
+    f"slosh_msgs/msg/{name}"
+    for name in ("ExpectedReading", "FreeSurface", "SloshComparison", "SloshEstimate")
+)
+"""Types of topics on which one node of a cell speaks alone."""
 
 
 class Received(NamedTuple):
@@ -63,6 +68,7 @@ class TopicInput:
         self.topic = topic
         self.type_name = type_name
         self._gaps = SequenceGaps()
+        self._turns = 0
         self.silent_since: float | None = None
         self._node = node
         self._message_type = message_type
@@ -76,6 +82,11 @@ class TopicInput:
     def lost(self) -> int:
         """Messages that were sent and did not arrive."""
         return self._gaps.lost
+
+    def is_shared(self) -> bool:
+        """Whether several publishers have spoken since the last call on a topic of one alone."""
+        turns, self._turns = self._gaps.turns - self._turns, self._gaps.turns
+        return turns > 1 and self.type_name in OF_ONE
 
     def watch(self, now: float) -> str:
         """Looks at the topic's publishers; subscribes anew where they offer other things.

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final
 
+from slosh_bag.recorder import SEVERAL
 from slosh_model.containers import Cylinder
 
 CLOCKS: Final = "clocks"
@@ -20,6 +21,17 @@ CONTAINER_FILL_HEIGHT: Final = "container_fill_height"
 def clocks_unrelated(facts: Mapping[str, str]) -> bool:
     """Whether the stamps of inputs and of heights have nothing to do with each other."""
     return facts.get(CLOCKS) == UNRELATED
+
+
+def shared_topics_line(facts: Mapping[str, str]) -> str:
+    """What several publishers on topics of one node mean for a bag; empty: there were none."""
+    topics = facts.get(SEVERAL, "").replace(",", ", ")
+    if not topics:
+        return ""
+    return (
+        f"several publishers spoke on {topics}, as where two cells share a namespace: "
+        "what was recorded is a mixture, and its estimates do not replay"
+    )
 
 
 def noted_container(facts: Mapping[str, str]) -> Cylinder | None:

@@ -24,6 +24,7 @@ from slosh_bag.recording.facts import (
     TABLE_ORIGIN,
     clocks_unrelated,
     noted_container,
+    shared_topics_line,
 )
 from slosh_bag.recording.heights import SURFACE_FIELDS, measurements
 from slosh_bag.recording.inputs import STAMP, InputReader, stamps_of
@@ -158,6 +159,9 @@ def _warnings(path: Path, reader: BagReader, sources: Sources) -> list[str]:
     lost = sources.facts.get(LOST)
     if lost:
         found.append(f"{path}: the recorder lost {lost} messages: what follows is without them")
+    shared = shared_topics_line(sources.facts)
+    if shared:
+        found.append(f"{path}: {shared}")
     if len(sources.cells) > 1:
         own, *others = (cell or "/" for cell in sources.cells)
         found.append(f"{path}: the cell {own} is replayed; the bag also holds {', '.join(others)}")

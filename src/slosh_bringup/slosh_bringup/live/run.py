@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import os
+import time
 from collections.abc import Sequence
 from contextlib import ExitStack, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 
 from slosh_bringup.live.cell_setup import CellSetup
+from slosh_bringup.live.other_cells import PERIOD, OtherCells
 from slosh_bringup.live.supervision import Supervision
 from slosh_bringup.live.watch import LiveWatch, Screen
 from slosh_bringup.parameter_file import check_parameter_file
@@ -28,8 +30,6 @@ from slosh_msgs_py.node.domain import own_domain
 from slosh_msgs_py.node.shared_memory import remove_leftovers
 
 POLL = 0.1
-LOOK_AROUND = 1.0
-"""So long a cell looks for another one before it starts [s]: the middleware introduces them."""
 _WORTH_TELLING = 10_000_000  # bytes
 # What a run writes into its folder.
 BAG, LOGS, SETTINGS = "bag", "logs", "settings.yaml"
@@ -121,18 +121,22 @@ def run_nodes(run: LiveRun, screen: Screen, stop: StopRequest) -> Outcome:
         listener = stack.enter_context(
             CellListener(namespace, watch, remap.get(topics.COMPARISON), diagnostics)
         )
-        if run.simulated is None:
-            _tell_of_another(listener.running(names, LOOK_AROUND), namespace, watch)
-        supervision = Supervision(group, processes, watch.tell)
+        others = OtherCells()
+        supervision = Supervision(group, processes, watch.tell, others)
         freed = remove_leftovers()
         if freed > _WORTH_TELLING:
             watch.tell(f"{1e-6 * freed:.0f} MB of shared memory freed that killed nodes had left")
         for process in processes:
             group.start(process)
-        end = None
+            others.started(process.name, time.monotonic())
+        end, look_at = None, time.monotonic()
         while not (stop.reason or watch.given_up or end or "cell" in group.ended()):
             watch.look()
             listener.listen(POLL)
+            if time.monotonic() >= look_at:
+                look_at += PERIOD
+                found = others.look(listener.running(names), time.monotonic())
+                _tell_of_another(found, namespace, watch)
             end = supervision.look(began=watch.began)
         problems = supervision.problems
         if group.stop().get(LAST) == 1:
@@ -141,11 +145,12 @@ def run_nodes(run: LiveRun, screen: Screen, stop: StopRequest) -> Outcome:
 
 
 def _tell_of_another(running: Sequence[str], namespace: str, watch: LiveWatch) -> None:
-    """Tells of a cell that runs already, whose messages would mix with those of this one."""
+    """Tells of another cell, whose messages mix with those of this one."""
     if running:
         watch.tell(
-            f"{', '.join(running)} run in {namespace} already: two cells mix their messages, stop "
-            "one or give it another namespace (a killed one is forgotten after half a minute)"
+            f"another cell's {', '.join(running)} run in {namespace}, too: the two mix their "
+            "messages, and no recording of them replays; stop one or give it another namespace (a "
+            "killed one is forgotten after half a minute)"
         )
 
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from slosh_bag.reader import BagReader, TopicInfo, stamp_ns
 from slosh_bag.recorder import LOST
+from slosh_bag.recording.facts import shared_topics_line
 
 Array = NDArray[np.float64]
 HEIGHTS = (
@@ -121,7 +122,8 @@ def read_run(bag: Path) -> RunData:
         SloshBagError: there is no readable bag.
     """
     reader = BagReader(bag)
-    topics = reader.topics()
+    topics, facts = reader.topics(), reader.metadata()
+    shared = shared_topics_line(facts)
     gathered = _Gathered()
     takers = {topic: taker for topic in topics if (taker := _taker(topic)) is not None}
     seen_estimate = False
@@ -143,8 +145,8 @@ def read_run(bag: Path) -> RunData:
         published=gathered.published,
         diagnostics=gathered.diagnostics,
         models=gathered.models,
-        warnings=tuple(reader.warnings),
-        recorder_lost=int(reader.metadata().get(LOST, 0)),
+        warnings=(*reader.warnings, *filter(None, [shared])),
+        recorder_lost=int(facts.get(LOST, 0)),
     )
 
 

@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
+from slosh_bringup.live.other_cells import OtherCells
 from slosh_bringup.processes import LAST, NodeEnd, NodeGroup, NodeProcess
 
 ATTEMPTS, WITHIN = 5, 60.0
@@ -20,6 +21,7 @@ class Supervision:
         group: the nodes.
         processes: how they were started.
         tell: is told what has happened, in a line.
+        others: is told of each start.
 
     Attributes:
         problems: what was told, for the report.
@@ -30,8 +32,9 @@ class Supervision:
         group: NodeGroup,
         processes: Sequence[NodeProcess],
         tell: Callable[[str], None],
+        others: OtherCells,
     ) -> None:
-        self._group, self._tell = group, tell
+        self._group, self._tell, self._others = group, tell, others
         self._processes = {process.name: process for process in processes}
         self._ends: dict[str, list[float]] = {}
         self.problems: list[str] = []
@@ -58,6 +61,7 @@ class Supervision:
             return None
         process = self._again(self._processes[end.name])
         self._group.start(process)
+        self._others.started(process.name, now)
         where = f", recording to {process.parameters['output']}" if end.name == LAST else ""
         self._say(f"{end.text}; it is started again{where}")
         return None

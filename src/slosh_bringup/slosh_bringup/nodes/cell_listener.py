@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import time
+from collections import Counter
 from collections.abc import Collection
 from types import TracebackType
 from typing import Protocol
@@ -83,16 +84,10 @@ class CellListener:
         while (left := deadline - time.monotonic()) > 0.0:
             self._executor.spin_once(timeout_sec=left)
 
-    def running(self, names: Collection[str], seconds: float) -> list[str]:
-        """Those of the names whose nodes run in the namespace already.
-
-        Args:
-            names: of nodes.
-            seconds: for so long it looks around [s].
-        """
-        self.listen(seconds)
+    def running(self, names: Collection[str]) -> Counter[str]:
+        """How often each of the names is a node's in the namespace, as far as is known by now."""
         found = self._node.get_node_names_and_namespaces()
-        return sorted({name for name, space in found if space == self._namespace} & set(names))
+        return Counter(name for name, space in found if space == self._namespace and name in names)
 
     def _make(self) -> Node:
         # A name that begins like this is hidden from lists of nodes.

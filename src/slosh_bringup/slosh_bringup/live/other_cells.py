@@ -1,0 +1,56 @@
+"""Whether another cell runs in the namespace of this one: two of them mix their messages.
+
+The graph tells: each name of a node that is there once more than this cell has started it. It may
+tell late on a busy machine, and the other cell may come later, so it is asked as long as the cell
+runs, and nobody waits for the answer.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Mapping
+
+from slosh_msgs_py.node.rivals import FORGOTTEN
+
+PERIOD = 1.0
+"""How often to look [s]."""
+
+
+class OtherCells:
+    """Compares what runs with what was started here."""
+
+    def __init__(self) -> None:
+        self._starts: dict[str, deque[float]] = {}
+        self._seen: frozenset[str] = frozenset()
+        self._told: frozenset[str] = frozenset()
+
+    def started(self, name: str, now: float) -> None:
+        """A node of this cell was started, or started again, at a steady time [s]."""
+        self._starts.setdefault(name, deque()).append(now)
+
+    def look(self, running: Mapping[str, int], now: float) -> list[str]:
+        """Names of nodes that others run in this namespace; empty: none, or told already.
+
+        Two looks in a row have to agree: nodes appear one after the other, and are told together.
+
+        Args:
+            running: how often each name is in the graph.
+            now: steady time [s].
+        """
+        foreign = frozenset(
+            name for name, count in running.items() if count > self._own(name, now)
+        )
+        before, self._seen = self._seen, foreign
+        if foreign != before or foreign == self._told:
+            return []
+        news, self._told = foreign - self._told, foreign
+        return sorted(foreign) if news else []
+
+    def _own(self, name: str, now: float) -> int:
+        """How often a name may be there by this cell: a killed node stays for a while."""
+        starts = self._starts.get(name)
+        if not starts:
+            return 0
+        while len(starts) > 1 and now - starts[1] > FORGOTTEN:
+            starts.popleft()
+        return len(starts)
