@@ -211,6 +211,39 @@ def test_a_cell_goes_on_when_its_nodes_are_killed(domain, tmp_path, write_cell):
     assert verification.exact, verification.lines()
 
 
+@pytest.mark.long
+def test_a_node_that_was_stopped_and_goes_on_is_told_and_settles(domain, tmp_path, write_cell):
+    """The recording knows of the pause, and so do replay and report."""
+    folder = tmp_path / "out" / "latest"
+    with (
+        cell(tmp_path, write_cell()) as running,
+        robot(domain, motion="l", repeat="20"),
+    ):
+        running.wait_for(lambda: holds(folder / "bag", 0), "estimates that are settled")
+        estimator = running.nodes()["estimator"]
+        os.kill(estimator, signal.SIGSTOP)
+        running.wait_for(lambda: "no estimate" in running.said, "the monitor's word")
+        running.wait_for(lambda: "estimator: has said nothing for" in running.said, "silence")
+        os.kill(estimator, signal.SIGCONT)
+        settles = "estimator: validity flags 0x10"
+        running.wait_for(lambda: settles in running.said, settles)
+        running.process.terminate()
+        running.end()
+    result = json.loads((folder / "result.json").read_text())
+    assert not result["nothing_because"], running.said
+    estimates = estimates_of(folder / "bag")
+    stamps = np.array(
+        [one.header.stamp.sec + 1e-9 * one.header.stamp.nanosec for one in estimates]
+    )
+    pause = int(np.argmax(np.diff(stamps)))
+    assert stamps[pause + 1] - stamps[pause] > 2.0
+    assert estimates[pause].flags & SETTLING == 0
+    assert estimates[pause + 1].flags & SETTLING
+    verification = replay_bag(folder / "bag").verification
+    # What the stopped node dropped is in the bag: the first sample that it took again differs.
+    assert verification.identical >= len(estimates) - 1, verification.lines()
+
+
 def holds(bag, settling):
     """Whether a bag, finished or not, holds an estimate that settles (0: one that does not)."""
     try:
