@@ -39,9 +39,11 @@ PARAMETERS = {
         "container_frame": "container",
     },
 }  # fmt: skip
+STATE_EVERY = 125
 TYPES = {
     "accel": "geometry_msgs/msg/AccelStamped",
     "estimate": "slosh_msgs/msg/SloshEstimate",
+    "estimator_state": "slosh_msgs/msg/EstimatorState",
     "free_surface": "slosh_msgs/msg/FreeSurface",
     "imu": "sensor_msgs/msg/Imu",
     "pose": "geometry_msgs/msg/PoseStamped",
@@ -65,6 +67,8 @@ class LiveBag:
     Attributes:
         unused: indices of inputs that the recorder heard and the estimator did not.
         unrecorded: indices of inputs whose estimates the recorder missed.
+        unheard: indices of inputs that the estimator used and the recorder missed.
+        states: whether the estimator tells its state, every STATE_EVERY inputs.
         restarts: indices of inputs with which a new estimator process begins.
         idle: indices of inputs before which an estimator process begins and ends; the next one,
             which takes that input first, does not take the liquid for still.
@@ -84,6 +88,8 @@ class LiveBag:
     def __init__(self, kind: str = "accel") -> None:
         self.unused: Collection[int] = ()
         self.unrecorded: Collection[int] = ()
+        self.unheard: Collection[int] = ()
+        self.states = False
         self.restarts: Collection[int] = ()
         self.idle: Collection[int] = ()
         self.loads: dict[int, str] = {}
@@ -144,6 +150,8 @@ class LiveBag:
             if sample is None:
                 continue
             estimate = estimator.update(sample)
+            if self.states and index % STATE_EVERY == 0 and index not in self.unrecorded:
+                self._state(estimator, source, stamp)
             if index not in self.unrecorded:
                 self._estimate(estimator, estimate, source.gate, stamp + self.estimate_lag(index))
             second = (stamp - START) * 1e-9
@@ -158,15 +166,18 @@ class LiveBag:
     def _input(self, source, index: int, stamp: int, a: list[float], position: list[float]):
         """Records an input; returns the sample that the estimator makes of it, if it gets it."""
         x, y, z = a
+        heard = index not in self.unheard
         if self.kind == "accel":
-            self._put("accel", stamp, accel=self._accel(a))
+            fields = {"accel": self._accel(a)}
             given = ("world", x, y, z)
         elif self.kind == "imu":
             given = ((x, y, z + GRAVITY), (0.0, 0.0, 0.3))
-            self._put("imu", stamp, **self._imu(*given))
+            fields = self._imu(*given)
         else:
             given = (tuple(position), self.attitude(index))
-            self._put("pose", stamp, pose=self._pose(*given))
+            fields = {"pose": self._pose(*given)}
+        if heard:
+            self._put(self.kind, stamp, **fields)
         return None if index in self.unused else source.update(stamp, *given)
 
     def _start(self, model, stamp: int, log_ns: int, *, at_rest: bool = True):
@@ -234,6 +245,16 @@ class LiveBag:
             "estimate", sample.stamp_ns, log_ns, linear=models[0], nonlinear=models[1],
             acceleration=np.array(sample[1:4]), jerk=estimate.jerk, yaw=sample.yaw,
             flags=estimate.flags, samples_used=gate.used, samples_dropped=gate.dropped,
+        )  # fmt: skip
+
+    def _state(self, estimator: Estimator, source, stamp: int) -> None:
+        state = estimator.state()
+        sample = state.sample
+        self._put(
+            "estimator_state", stamp, samples_used=source.gate.used,
+            sample_stamp=sample.stamp_ns, sample=np.array([*sample[1:5], *(sample.pose or ())]),
+            first_stamp=state.first_ns, settled_stamp=state.settled_ns, linear=state.linear,
+            nonlinear=state.nonlinear, checks=state.checks, input=np.array(source.memory),
         )  # fmt: skip
 
     def _surface(self, stamp: int, height: float, estimate, lag: int) -> None:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
 from slosh_estimator.gate import GateSettings, SampleGate, Verdict
 from slosh_estimator.sample import Sample, Samples
+from slosh_estimator.state import remembered
 
 Array = NDArray[np.float64]
 
@@ -42,6 +45,20 @@ class AccelInput:
         if verdict is Verdict.RESTART:
             return Sample(stamp_ns, ax, ay, az, 0.0, True)
         return None
+
+    @property
+    def memory(self) -> list[float]:
+        """What the next samples depend on, beside the last one's stamp."""
+        return list(self.gate.last)
+
+    def take_up(self, stamp_ns: int, memory: Sequence[float]) -> None:
+        """Goes on behind the message that another reader used last, with its memory.
+
+        Raises:
+            SloshEstimatorError: the memory is of another kind of input.
+        """
+        ax, ay, az = remembered(memory, 3)
+        self.gate.go_on(stamp_ns, (ax, ay, az))
 
     def update_many(
         self, stamps: NDArray[np.int64], frames: NDArray[np.object_], accelerations: Array

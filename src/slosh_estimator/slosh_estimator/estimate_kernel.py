@@ -63,6 +63,10 @@ CHECKS = np.dtype(
 """What an estimate is judged and read by; lies in a flat array of floats."""
 
 
+MOVING_CHECKS = CHECKS.fields["slow"][1] // np.dtype(np.float64).itemsize  # type: ignore[index]
+"""From this place of the flat array on it changes from sample to sample."""
+
+
 def new_checks() -> NDArray[np.float64]:
     """The flat array of CHECKS, all zeros."""
     return np.zeros(1, dtype=CHECKS).view(np.float64)

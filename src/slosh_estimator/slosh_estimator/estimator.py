@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_estimator import estimate_kernel
+from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.estimate_kernel import (
     ANSWERS,
     CHECKS,
@@ -17,16 +18,19 @@ from slosh_estimator.estimate_kernel import (
     JERK,
     LEFT_RANGE,
     MODAL,
+    MOVING_CHECKS,
     READINGS,
     ROW,
     new_checks,
 )
 from slosh_estimator.sample import Sample, Samples
 from slosh_estimator.self_test import check_model
+from slosh_estimator.state import EstimatorState
 from slosh_estimator.validity import EstimateFlag, validity_limits
 from slosh_model.containers import X_AXIS, Y_AXIS
+from slosh_model.errors import SloshModelError
 from slosh_model.indices import POSE_COUNT
-from slosh_model.layout import back_to_rest, divided
+from slosh_model.layout import back_to_rest, divided, moving_part, set_moving_part
 from slosh_model.measure import delay
 from slosh_model.model import Model
 from slosh_model.simulate import Simulator
@@ -184,6 +188,37 @@ class Estimator:
         self._first_ns: int | None = None
         self._settled_ns = _LONG_AGO
         self._at_rest = at_rest
+
+    def state(self) -> EstimatorState | None:
+        """Where it stands; None: before the first sample."""
+        if self._last is None or self._first_ns is None:
+            return None
+        return EstimatorState(
+            self._last, self._first_ns, self._settled_ns, moving_part(self._linear.store),
+            moving_part(self._nonlinear.store), self._checks[MOVING_CHECKS:].copy(),
+        )  # fmt: skip
+
+    def take_up(self, state: EstimatorState) -> None:
+        """Goes on from where another estimator with this model stood.
+
+        Raises:
+            SloshEstimatorError: the state is one of another model or version; nothing changes.
+        """
+        checks = self._checks[MOVING_CHECKS:]
+        if len(state.checks) != len(checks):
+            raise SloshEstimatorError(
+                f"a state with {len(state.checks)} numbers of checks, not {len(checks)}"
+            )
+        before = moving_part(self._linear.store)
+        try:
+            set_moving_part(self._linear.store, state.linear)
+            set_moving_part(self._nonlinear.store, state.nonlinear)
+        except SloshModelError as error:
+            set_moving_part(self._linear.store, before)
+            raise SloshEstimatorError(str(error)) from None
+        checks[:] = state.checks
+        self._last, self._first_ns = state.sample, state.first_ns
+        self._settled_ns = state.settled_ns
 
     def _is_still(self) -> bool:
         """Whether the liquid is known to be nearer than STILL to where it would rest now."""

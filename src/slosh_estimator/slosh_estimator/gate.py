@@ -139,13 +139,22 @@ class SampleGate:
         self.counts[verdict] += 1
         if verdict is Verdict.USE or verdict is Verdict.RESTART:
             self.used += 1
-            self._last_ns, self._early_ns, self._apart_ns = stamp_ns, None, None
-            self._early_count = self._aside_count = 0
-            if acceleration is not None:
-                self._last = acceleration
+            self.go_on(stamp_ns, acceleration)
         else:
             self.dropped += 1
         return verdict
+
+    @property
+    def last(self) -> Vector:
+        """Acceleration of the last sample that was used and told one [m/s²]."""
+        return self._last
+
+    def go_on(self, stamp_ns: int, acceleration: Vector | None) -> None:
+        """Goes on behind a sample that another gate used last: its stamp [ns] and [m/s²]."""
+        self._last_ns, self._early_ns, self._apart_ns = stamp_ns, None, None
+        self._early_count = self._aside_count = 0
+        if acceleration is not None:
+            self._last = acceleration
 
     def judge_many(
         self, stamps: NDArray[np.int64], accelerations: NDArray[np.float64]

@@ -14,12 +14,14 @@ part of f. So the attitude of the samples is the yaw ψ alone: what turns gravit
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.gate import GateSettings, SampleGate, Verdict, fault_of
 from slosh_estimator.rotation import Vector, cross, matrix_from_rpy, rotate
 from slosh_estimator.sample import SECONDS, Sample
+from slosh_estimator.state import remembered
 from slosh_model.constants import GRAVITY
 
 ANGULAR_FILTER = 0.01
@@ -101,6 +103,24 @@ class ImuInput:
             stamp_ns, c * fx - s * fy, s * fx + c * fy, fz - GRAVITY, self._yaw, restarted,
             (0.0, 0.0, math.sin(half), math.cos(half), *omega, *change), self._doubtful,
         )  # fmt: skip
+
+    @property
+    def memory(self) -> list[float]:
+        """What the next samples depend on, beside the last one's stamp."""
+        mean = math.nan if self._mean_force is None else self._mean_force
+        return [*self.gate.last, *self._slow_rate, self._last_yaw_rate, self._yaw, mean]
+
+    def take_up(self, stamp_ns: int, memory: Sequence[float]) -> None:
+        """Goes on behind the message that another reader used last, with its memory.
+
+        Raises:
+            SloshEstimatorError: the memory is of another kind of input.
+        """
+        fx, fy, fz, sx, sy, sz, rate, yaw, mean = remembered(memory, 9)
+        self.gate.go_on(stamp_ns, (fx, fy, fz))
+        self._stamp_ns, self._slow_rate = stamp_ns, (sx, sy, sz)
+        self._last_yaw_rate, self._yaw = rate, yaw
+        self._mean_force = None if math.isnan(mean) else mean
 
     def warning(self) -> str | None:
         """What the user should mend; None: nothing."""

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -23,6 +24,7 @@ from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.gate import GateSettings, SampleGate, Verdict, fault_of
 from slosh_estimator.rotation import Vector, yaw_of_quaternion
 from slosh_estimator.sample import SECONDS, Sample
+from slosh_estimator.state import remembered
 from slosh_model.compilation import GIVEN_1, GIVEN_2, compiled, entry_point
 
 MINIMUM_WINDOW = 5
@@ -100,6 +102,29 @@ class PoseInput:
         yaw = yaw_of_quaternion(*centre.attitude)
         restarted, self._restarted = self._restarted, False
         return Sample(centre.stamp_ns, ax, ay, az, yaw, restarted, pose)
+
+    @property
+    def memory(self) -> list[float]:
+        """What the next samples depend on, beside the last one's stamp: the window's poses."""
+        newest = self._window[-1].stamp_ns if self._window else 0
+        return [
+            number
+            for pose in self._window
+            for number in (pose.stamp_ns - newest, *pose.position, *pose.attitude)
+        ]
+
+    def take_up(self, stamp_ns: int, memory: Sequence[float]) -> None:
+        """Goes on behind the message that another reader used last, with its memory.
+
+        Raises:
+            SloshEstimatorError: the memory is of another kind of input or another window.
+        """
+        rows = np.reshape(remembered(memory, 8 * (self._window.maxlen or 0)), (-1, 8)).tolist()
+        self._window.clear()
+        for back, px, py, pz, qx, qy, qz, qw in rows:
+            self._window.append(_Pose(stamp_ns + round(back), (px, py, pz), (qx, qy, qz, qw)))
+        self._restarted = False
+        self.gate.go_on(stamp_ns, None)
 
     def warning(self) -> str | None:
         """What the user should mend; None: nothing."""

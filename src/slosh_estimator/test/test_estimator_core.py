@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.estimate_kernel import MAX_STEP
 from slosh_estimator.estimator import Estimate, Estimator
 from slosh_estimator.sample import Sample, Samples
@@ -283,3 +284,27 @@ def test_an_input_with_which_no_liquid_can_rest_gives_no_height() -> None:
         assert 0 <= estimate.flags < 2**16
         if estimate.flags & EstimateFlag.DIVERGED:
             assert not 0.0 < estimate.nonlinear.msh < 1e-3
+
+
+def test_a_state_that_is_taken_up_gives_the_same_bits_and_flags() -> None:
+    """Among them SETTLING, until the same moment; and what reads the heights remembers, too."""
+    model = MODEL.with_effect("draining_film", speed=0.01)
+    live, other = Estimator(model, at_rest=False), Estimator(model)
+    samples = [Sample(k * MS, math.sin(0.02 * k), 0.3, 0.0) for k in range(1200)]
+    for sample in samples[:1000]:
+        live.update(sample)
+    state = live.state()
+    assert state is not None
+    other.take_up(state)
+    for sample in samples[1000:]:
+        assert repr(live.update(sample)) == repr(other.update(sample))
+
+
+def test_a_state_of_another_model_is_refused_and_changes_nothing() -> None:
+    live, other = Estimator(MODEL.with_effect("second_mode")), Estimator(MODEL)
+    run(live, 10, (1.0, 0.0, 0.0))
+    state = live.state()
+    assert state is not None
+    with pytest.raises(SloshEstimatorError, match="the model has"):
+        other.take_up(state)
+    assert other.state() is None

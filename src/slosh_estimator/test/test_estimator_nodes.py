@@ -30,6 +30,7 @@ from slosh_estimator.validity import EstimateFlag  # noqa: E402
 from slosh_model.errors import ModelFileError  # noqa: E402
 from slosh_model.model_text import parse_model  # noqa: E402
 from slosh_msgs.msg import (  # noqa: E402
+    EstimatorState,
     ExpectedReading,
     FreeSurface,
     LimitEvent,
@@ -151,6 +152,32 @@ def test_accelerations_in_estimates_out_and_faults_counted(start: Callable[..., 
     assert last.linear.msh > last.nonlinear.msh > 0.0
     assert list(last.acceleration) == [2.0, 0.0, 0.0]
     assert len(last.linear.modal_position) == len(last.linear.modal_velocity) == 2
+
+
+def test_the_state_is_published_four_times_a_second_by_the_stamps(
+    start: Callable[..., Cell],
+) -> None:
+    cell = start()
+    cell.add(EstimatorNode())
+    estimates = cell.collect(SloshEstimate, topics.ESTIMATE)
+    states = cell.collect(EstimatorState, topics.ESTIMATOR_STATE)
+    publisher = cell.publisher(AccelStamped, topics.ACCEL)
+    cell.until(lambda: cell.probe.count_publishers(topics.ESTIMATOR_STATE) > 0)
+    begin = cell.now()
+    for k in range(0, 501, 10):
+        publisher.publish(accel(begin + k * MS, 2.0))
+        cell.until(lambda k=k: len(estimates) > k // 10)
+    cell.until(lambda: len(states) == 3)
+    stamps = [to_nanoseconds(state.header.stamp) for state in states]
+    assert stamps == [begin, begin + 250 * MS, begin + 500 * MS]
+    assert [state.samples_used for state in states] == [1, 26, 51]
+    assert states[-1].sample_stamp == stamps[-1]
+    assert states[-1].first_stamp == begin
+    assert list(states[-1].sample) == [2.0, 0.0, 0.0, 0.0]
+    assert list(states[-1].input) == [2.0, 0.0, 0.0]
+    place = estimates[-1].nonlinear.modal_position[0]
+    assert place in states[-1].nonlinear
+    assert place != 0.0
 
 
 def test_imu_and_its_transform(start: Callable[..., Cell]) -> None:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from slosh_model.compilation import compiled
 from slosh_model.effects.registry import DRIVE_MEMORY_COUNT, PARAMETER_COUNT
+from slosh_model.errors import SloshModelError
 
 RUN = np.dtype(
     [
@@ -82,6 +83,28 @@ def back_to_rest(store: NDArray[np.float64]) -> None:
     store[_STATE:_RUN_LENGTH] = 0.0
     for name in MODAL:
         divided(store)[1][name] = 0.0
+
+
+def moving_part(store: NDArray[np.float64]) -> NDArray[np.float64]:
+    """What a motion changes of a store: (M,), a copy."""
+    modes = divided(store)[1]
+    return np.concatenate([store[_STATE:_RUN_LENGTH], *(modes[name] for name in MODAL)])
+
+
+def set_moving_part(store: NDArray[np.float64], values: NDArray[np.float64]) -> None:
+    """Puts back what `moving_part` of a store with as many modes has given.
+
+    Raises:
+        SloshModelError: it is one of another number of modes or another version.
+    """
+    modes = divided(store)[1]
+    run = _RUN_LENGTH - _STATE
+    expected = run + len(MODAL) * len(modes)
+    if len(values) != expected:
+        raise SloshModelError(f"a state of {len(values)} numbers, the model has {expected}")
+    store[_STATE:_RUN_LENGTH] = values[:run]
+    for name, column in zip(MODAL, values[run:].reshape(len(MODAL), -1), strict=True):
+        modes[name] = column
 
 
 records = compiled(divided)

@@ -95,6 +95,14 @@ class InputReader:
         self._gaps_before = counters["gaps"]
         self._adapter = self._settings.reader(self.kind)
 
+    def take_up(self, stamp_ns: int, memory: Sequence[float]) -> None:
+        """Goes on behind the message that the live node used last, with what it remembered.
+
+        Raises:
+            SloshEstimatorError: the memory is of another kind of input.
+        """
+        self._adapter.take_up(stamp_ns, memory)
+
     def samples(
         self, stamps: NDArray[np.int64], columns: Mapping[str, NDArray[Any]], rows: NDArray[Any]
     ) -> Samples:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from slosh_bag.errors import SloshBagError
 from slosh_bag.reader import BagReader
-from slosh_bag.recording import settings
+from slosh_bag.recording import settings, states
 from slosh_bag.recording.cells import COMPARISON, ESTIMATE, SURFACE, CellTopics
 from slosh_bag.recording.settings import NodeStart
 from slosh_estimator.inputs import MESSAGE_TYPES
@@ -23,6 +23,7 @@ class Sources(NamedTuple):
         estimate, comparison: topics of what was recorded live; None: there is none.
         starts: of the recorded nodes.
         facts: about the whole bag.
+        state: topic of the estimator's states; None: none were recorded.
         cells: namespaces of all cells that were recorded, the one that is read first.
     """
 
@@ -34,6 +35,7 @@ class Sources(NamedTuple):
     starts: tuple[NodeStart, ...]
     facts: Mapping[str, str]
     cells: tuple[str, ...] = ()
+    state: str | None = None
 
 
 def recorded_starts(reader: BagReader, found: CellTopics | None = None) -> list[NodeStart]:
@@ -86,6 +88,7 @@ def find_sources(
                 tuple(starts),
                 reader.metadata(),
                 found.cells,
+                found.topic(states.TOPIC, states.MESSAGE_TYPE),
             )
     where = f" for the cell {found.cells[0] or '/'}" if len(found.cells) > 1 else ""
     raise SloshBagError(

@@ -48,7 +48,10 @@ def conclude(
     if not components.reader.counters["samples_used"]:
         raise SloshBagError(f"{name}: holds no usable message of {source}")
     origin = origin or Origin()
-    if components.matcher is not None:
+    if stream.untaken:
+        causes = (*origin.causes, f"the recorded state cannot be taken up: {stream.untaken}")
+        origin = origin._replace(causes=causes)
+    elif components.matcher is not None and components.known is None:
         origin = origin._replace(causes=(*origin.causes, *components.matcher.remarks()))
     counters = {**components.reader.counters, "images": stream.images}
     if stream.unused:

@@ -13,8 +13,10 @@ from numpy.typing import NDArray
 
 Integers = NDArray[np.int64]
 
-PATIENCE_NS = 2_000_000_000
-"""An input without an estimate is decided upon once inputs this much later have come [ns]."""
+PATIENCE_NS = 10_000_000_000
+"""An input without an estimate is decided upon once inputs this much later have come [ns]. On a
+loaded machine a recorder may hear a new estimator seconds after it began, and only the counter in
+its first recorded estimate tells with which input that was."""
 
 
 class Decision(NamedTuple):
@@ -24,11 +26,14 @@ class Decision(NamedTuple):
         reached: how many inputs it is about.
         used: (reached,) whether the live estimator used them.
         restarts: (R,) increasing indices of inputs with which a new estimator began.
+        counts: (reached,) the estimator's counter at each input, 0 where no estimate tells; None:
+            nothing tells.
     """
 
     reached: int
     used: NDArray[np.bool_]
     restarts: list[int]
+    counts: Integers | None = None
 
 
 class InputMatcher:
@@ -68,12 +73,13 @@ class InputMatcher:
         index = np.searchsorted(self._stamps, chosen)
         known = np.append(self._stamps, np.iinfo(np.int64).max)
         used = known[index] == chosen
+        counts = np.where(used, np.append(self._used, 0)[index], 0)
         used |= self._unrecorded(index, ~used, final)
         restarts = self._starts(chosen, used)
         if count:
             self.forget(int(chosen.max()))
             self._anew = False
-        return Decision(count, used, restarts)
+        return Decision(count, used, restarts, counts)
 
     def forget(self, until: int) -> None:
         """No input up to this stamp [ns] will come any more."""

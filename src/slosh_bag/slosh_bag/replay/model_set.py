@@ -9,6 +9,7 @@ import numpy as np
 from slosh_bag.replay.at_images import ModelHeights
 from slosh_estimator.estimator import Estimates, Estimator
 from slosh_estimator.sample import Samples
+from slosh_estimator.state import EstimatorState
 from slosh_model.model import Model
 
 _MSH, _AZIMUTH = 0, 1
@@ -62,6 +63,18 @@ class ModelSet:
     def restart(self, *, at_rest: bool = True) -> None:
         """A new estimator with the same model."""
         self._begin(self.model, at_rest=at_rest)
+
+    def take_up(self, state: EstimatorState) -> None:
+        """Goes on from a state of the live estimator.
+
+        The twin goes on from it, too: how far it would have been elsewhere nobody knows, and that
+        dies out.
+
+        Raises:
+            SloshEstimatorError: the state is one of another model or version.
+        """
+        self._own.take_up(state)
+        self._twin.take_up(state)
 
     def load_model(self, model: Model) -> None:
         """Replaces the model, as the node's service does; the same one: as its reset does."""

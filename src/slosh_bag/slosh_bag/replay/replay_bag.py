@@ -30,9 +30,11 @@ from slosh_bag.recording.heights import SURFACE_FIELDS, measurements
 from slosh_bag.recording.inputs import STAMP, InputReader, stamps_of
 from slosh_bag.recording.settings import NodeStart
 from slosh_bag.recording.sources import Sources, find_sources
+from slosh_bag.recording.states import RecordedState, states_of
 from slosh_bag.replay.columns import chosen, joined
 from slosh_bag.replay.conclusion import Origin, conclude
 from slosh_bag.replay.input_matching import InputMatcher
+from slosh_bag.replay.known_state import KnownState
 from slosh_bag.replay.model_set import ModelSet
 from slosh_bag.replay.monitor_feed import MonitorFeed
 from slosh_bag.replay.replay_table import replay_table
@@ -94,15 +96,17 @@ def replay_bag(
         counters = {**input_reader.counters, **result.counters}
         warnings = (*_warnings(path, reader, sources), *result.warnings)
         return replace(result, counters=counters, warnings=warnings, model=used)
+    verifier = Verifier(sources.estimate) if sources.estimate else None
     with Series(4) as series:
         components = Components(
             ModelSet(used, at_rest=settings.starts_at_rest(started)),
             input_reader,
             MonitorFeed(watched),
             series,
-            verifier=Verifier(sources.estimate) if sources.estimate else None,
+            verifier=verifier,
             comparisons=Verifier(sources.comparison) if sources.comparison else None,
             matcher=matcher,
+            known=KnownState(verifier) if sources.state else None,
             changes=_changes(sources, used, follow=model is None),
             outputs=outputs or Outputs(),
         )
@@ -173,13 +177,15 @@ class TopicBatch(NamedTuple):
 
     Attributes:
         topic: theirs.
-        columns: their fields, (N,) each.
+        columns: their fields, (N,) each; none of the estimator's states.
         log_ns: when the last of them was recorded [ns].
+        states: of the estimator, where the topic is theirs.
     """
 
     topic: str
     columns: Mapping[str, NDArray[Any]]
     log_ns: int
+    states: tuple[RecordedState, ...] = ()
 
 
 def feed(reader: BagReader, sources: Sources, modes: int = 1) -> Iterator[list[TopicBatch]]:
@@ -198,9 +204,12 @@ def feed(reader: BagReader, sources: Sources, modes: int = 1) -> Iterator[list[T
     if sources.comparison is not None:
         wanted[sources.comparison] = _COMPARISON_FIELDS
     read = ColumnReader(reader.typestore_of)
-    for blocks in by_chunk(reader.blocks(list(wanted))):
+    topics = [*wanted, *([sources.state] if sources.state else [])]
+    for blocks in by_chunk(reader.blocks(topics)):
         yield [
-            TopicBatch(
+            TopicBatch(block.topic, {}, int(block.log_ns[-1]), states_of(reader, block))
+            if block.topic == sources.state
+            else TopicBatch(
                 block.topic, read.columns(block, wanted[block.topic]), int(block.log_ns[-1])
             )
             for block in blocks
@@ -258,6 +267,8 @@ def _hand_over(batch: TopicBatch, sources: Sources, stream: ReplayStream) -> Non
         stream.add_recorded(batch.columns)
     elif batch.topic == sources.comparison:
         stream.add_comparisons(batch.columns)
+    elif batch.topic == sources.state:
+        stream.add_states(batch.states)
     else:
         stream.add_measurements(measurements(batch.columns), batch.log_ns)
 

@@ -7,7 +7,8 @@ need to become a height. So a replay holds seconds of a recording in memory, how
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,14 +18,17 @@ from slosh_bag.errors import SloshBagError
 from slosh_bag.recording.heights import Measurements
 from slosh_bag.recording.inputs import InputReader, stamps_of
 from slosh_bag.recording.settings import NodeStart, model_of, starts_at_rest
+from slosh_bag.recording.states import RecordedState
 from slosh_bag.replay.at_images import ModelHeights, at_images
 from slosh_bag.replay.columns import chosen, joined
 from slosh_bag.replay.input_matching import Decision, InputMatcher
+from slosh_bag.replay.known_state import KnownState
 from slosh_bag.replay.model_set import ModelSet, ModelSetEstimates
 from slosh_bag.replay.monitor_feed import Heights, MonitorFeed
 from slosh_bag.replay.series import Series
 from slosh_bag.replay.verification import Verifier, comparison_columns, estimate_columns
 from slosh_bag.strays import StrayFilter
+from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.limits import Event
 from slosh_estimator.monitor import Comparison
 from slosh_estimator.validity import EstimateFlag
@@ -73,6 +77,7 @@ class Components(NamedTuple):
         series: receives the images.
         verifier, comparisons: of recorded estimates and comparisons; None: there are none.
         matcher: decides which inputs the live estimator used; None: all.
+        known: follows where the liquid's state is known; None: no state is recorded.
         changes: starts of the estimator after its first, where the model follows the recording.
         outputs: receives all results.
     """
@@ -84,6 +89,7 @@ class Components(NamedTuple):
     verifier: Verifier | None = None
     comparisons: Verifier | None = None
     matcher: InputMatcher | None = None
+    known: KnownState | None = None
     changes: tuple[NodeStart, ...] = ()
     outputs: Outputs = Outputs()
 
@@ -96,12 +102,14 @@ class ReplayStream:
         events: limit events so far.
         images: measurements so far.
         unused: inputs that the live estimator did not use.
+        untaken: why the estimator's recorded state cannot be taken up; empty: it can.
     """
 
     def __init__(self, name: str, components: Components) -> None:
         self.motions = MotionFinder()
         self.events: list[Event] = []
         self.images = self.unused = 0
+        self.untaken = ""
         self._stray_images = 0
         self._filter = StrayFilter(components.reader.max_gap_ns)
         self._measured_until = -(2**62)
@@ -143,6 +151,11 @@ class ReplayStream:
             self._components.verifier.add_recorded(stamps, told)
         if self._components.matcher is not None:
             self._components.matcher.add_recorded(stamps, columns["samples_used"].astype(np.int64))
+
+    def add_states(self, states: Sequence[RecordedState]) -> None:
+        """Takes recorded states of the estimator."""
+        if self._components.known is not None:
+            self._components.known.add(states)
 
     def add_comparisons(self, columns: Columns) -> None:
         """Takes recorded comparisons."""
@@ -215,9 +228,13 @@ class ReplayStream:
         }
         matcher = self._components.matcher
         everything = Decision(len(stamps), np.ones(len(stamps), dtype=bool), [])
-        count, used, restarts = matcher.decide(stamps, final=final) if matcher else everything
+        decision = matcher.decide(stamps, final=final) if matcher else everything
+        count, used = decision.reached, decision.used
         self.unused += count - int(np.count_nonzero(used))
-        actions = [(index, self._restart) for index in restarts] + self._due(stamps[:count])
+        # What belongs to the inputs before an index comes first.
+        actions = self._known_again(stamps, decision)
+        actions += [(index, self._restart) for index in decision.restarts]
+        actions += self._due(stamps[:count])
         start = 0
         for index, act in sorted(actions, key=lambda action: action[0]):
             self._take(stamps, columns, used, start, index)
@@ -241,6 +258,26 @@ class ReplayStream:
                 (int(later[0]), lambda change=change: self._load(change))  # type: ignore[misc]
             )
         return actions
+
+    def _known_again(
+        self, stamps: Integers, decision: Decision
+    ) -> list[tuple[int, Callable[[], None]]]:
+        """Recorded states that are taken up among the inputs with these stamps."""
+        if self._components.known is None:
+            return []
+        course = self._components.known.follow(stamps, decision)
+        models = self._components.models
+        actions: list[tuple[int, Callable[[], None]]] = []
+        if course.unknown:
+            actions.append((0, partial(models.restart, at_rest=False)))
+        return actions + [(index, partial(self._take_up, state)) for index, state in course.states]
+
+    def _take_up(self, state: RecordedState) -> None:
+        try:
+            self._components.models.take_up(state.estimator)
+            self._components.reader.take_up(state.stamp_ns, state.memory)
+        except SloshEstimatorError as error:
+            self.untaken = str(error)
 
     def _load(self, change: NodeStart) -> None:
         self._components.models.load_model(model_of(change))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -67,6 +67,7 @@ class Verification:
         first: the first difference; None: there is none.
         largest: largest absolute difference by field, of the fields that differ.
         counts: messages by field, of the fields that differ.
+        unchecked: recorded messages that were not compared, by why they could not be.
         causes: what is known to differ: model, code, arithmetic.
         rounds_otherwise: this machine's elementary functions round otherwise than those of the
             recording one.
@@ -80,12 +81,13 @@ class Verification:
     first: Difference | None
     largest: Mapping[str, float]
     counts: Mapping[str, int]
+    unchecked: Mapping[str, int] = field(default_factory=dict)
     causes: tuple[str, ...] = ()
     rounds_otherwise: bool = False
 
     @property
     def exact(self) -> bool:
-        """Whether every recorded message came out again, bit for bit."""
+        """Whether every recorded message that was compared came out again, bit for bit."""
         return self.recorded > 0 and self.identical == self.recorded and not self.missing
 
     def within(self, tolerance: float) -> bool:
@@ -95,11 +97,15 @@ class Verification:
     def lines(self) -> tuple[str, ...]:
         """What to tell, one line each."""
         total = self.recorded + self.missing
+        unchecked = [
+            f"{self.topic}: {count} not checked: {why}" for why, count in self.unchecked.items()
+        ]
         if self.exact:
-            return (f"{self.topic}: {self.identical} of {total} messages bit for bit",)
+            return (f"{self.topic}: {self.identical} of {total} messages bit for bit", *unchecked)
         lines = [
             f"{self.topic}: {self.identical} of {total} messages bit for bit, "
-            f"{self.recorded - self.identical} differ, {self.missing} missing"
+            f"{self.recorded - self.identical} differ, {self.missing} missing",
+            *unchecked,
         ]
         if self.missing:
             lines.append(
@@ -108,8 +114,8 @@ class Verification:
         if self.first is not None:
             lines.append(f"{self.topic}: first difference: {self.first}")
         if self.largest:
-            field, value = max(self.largest.items(), key=lambda item: item[1])
-            lines.append(f"{self.topic}: largest difference: {field} by {value:.3g}")
+            name, value = max(self.largest.items(), key=lambda item: item[1])
+            lines.append(f"{self.topic}: largest difference: {name} by {value:.3g}")
         return (*lines, *(f"{self.topic}: {cause}" for cause in self.causes))
 
 
@@ -128,6 +134,8 @@ class Verifier:
         self._first: Difference | None = None
         self._largest: dict[str, float] = {}
         self._differing: dict[str, int] = {}
+        self._unchecked: dict[str, int] = {}
+        self._unknown: list[_Unknown] = []
 
     def add_recorded(self, stamps: Integers, columns: Columns) -> None:
         """Takes recorded messages: stamps (N,) [ns] and their fields by dotted name, (N,) each."""
@@ -138,6 +146,15 @@ class Verifier:
         """Takes replayed ones; what they have no field for is not compared."""
         if len(stamps):
             self._replayed.append(_Batch(stamps, columns))
+
+    def lose(self, after_ns: int, why: str) -> None:
+        """What is stamped later [ns] is not compared, until `find` tells to what stamp."""
+        self._unknown.append(_Unknown(after_ns, 2**62, why))
+
+    def find(self, until_ns: int) -> None:
+        """What is stamped later [ns] is compared again."""
+        if self._unknown:
+            self._unknown[-1] = self._unknown[-1]._replace(until_ns=until_ns)
 
     def compare(self, settled: int = -(2**62), *, final: bool = False) -> None:
         """Compares what both sides have come to.
@@ -155,6 +172,8 @@ class Verifier:
         until = max(ends) if final else max(common, settled)
         recorded, self._recorded = _split(self._recorded, until)
         replayed, self._replayed = _split(self._replayed, until)
+        recorded, replayed = self._known(recorded, count=True), self._known(replayed)
+        self._unknown = [span for span in self._unknown if span.until_ns > until]
         _, left, right = np.intersect1d(recorded.stamps, replayed.stamps, return_indices=True)
         self._counts["recorded"] += len(left)
         self._counts["missing"] += len(recorded.stamps) - len(left)
@@ -170,17 +189,27 @@ class Verifier:
         """
         return Verification(
             self._topic, first=self._first, largest=dict(self._largest),
-            counts=dict(self._differing), causes=tuple(causes),
+            counts=dict(self._differing), unchecked=dict(self._unchecked), causes=tuple(causes),
             rounds_otherwise=rounds_otherwise, **self._counts,
         )  # fmt: skip
+
+    def _known(self, batch: _Batch, *, count: bool = False) -> _Batch:
+        """Those messages that can be compared; the others are counted, where that is asked."""
+        for span in self._unknown:
+            inside = (batch.stamps > span.after_ns) & (batch.stamps <= span.until_ns)
+            found = int(np.count_nonzero(inside))
+            if found and count:
+                self._unchecked[span.why] = self._unchecked.get(span.why, 0) + found
+            batch = batch.rows(~inside) if found else batch
+        return batch
 
     def _fields(self, recorded: _Batch, replayed: _Batch) -> None:
         same = np.ones(len(recorded.stamps), dtype=bool)
         first: tuple[int, str, float, float] | None = None
-        for field, column in replayed.columns.items():
-            known = _column(self._topic, recorded.columns, field)
+        for name, column in replayed.columns.items():
+            known = _column(self._topic, recorded.columns, name)
             differing = ~_same_bits(known, column)
-            if _HIGHER_MODE.search(field):
+            if _HIGHER_MODE.search(name):
                 # A model with fewer modes was recorded: there is nothing to compare with.
                 differing &= ~np.isnan(known)
             differs = np.flatnonzero(differing)
@@ -190,14 +219,22 @@ class Verifier:
             with np.errstate(invalid="ignore"):
                 gap = np.abs(column[differs].astype(float) - known[differs].astype(float))
             largest = float(np.max(np.where(np.isnan(gap), math.inf, gap)))
-            self._largest[field] = max(self._largest.get(field, 0.0), largest)
-            self._differing[field] = self._differing.get(field, 0) + len(differs)
+            self._largest[name] = max(self._largest.get(name, 0.0), largest)
+            self._differing[name] = self._differing.get(name, 0) + len(differs)
             row = int(differs[0])
             if first is None or row < first[0]:
-                first = (row, field, float(known[row]), float(column[row]))
+                first = (row, name, float(known[row]), float(column[row]))
         self._counts["identical"] += int(np.count_nonzero(same))
         if self._first is None and first is not None:
             self._first = Difference(int(recorded.stamps[first[0]]), *first[1:])
+
+
+class _Unknown(NamedTuple):
+    """A span of stamps, behind `after_ns` and up to `until_ns`, in which nothing is compared."""
+
+    after_ns: int
+    until_ns: int
+    why: str
 
 
 class _Batch(NamedTuple):
@@ -234,8 +271,8 @@ def estimate_columns(estimates: Estimates) -> Columns:
         for index, height in enumerate(_HEIGHTS):
             columns[f"{name}.{height}"] = estimates.heights[:, model, index]
         for mode in range(estimates.modal.shape[2]):
-            for index, field in enumerate(_MODAL):
-                key = f"{name}.{field}[{2 * mode + index % 2}]"
+            for index, kind in enumerate(_MODAL):
+                key = f"{name}.{kind}[{2 * mode + index % 2}]"
                 columns[key] = estimates.modal[:, model, mode, index]
     for axis in range(3):
         columns[f"acceleration[{axis}]"] = estimates.accelerations[:, axis]

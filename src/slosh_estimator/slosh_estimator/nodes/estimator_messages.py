@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from array import array
+from collections.abc import Sequence
 
 from sensor_msgs.msg import Imu
 
 from slosh_estimator.estimate_kernel import MODAL
 from slosh_estimator.estimator import Estimate, ModelState
+from slosh_estimator.state import EstimatorState
 from slosh_files.nanoseconds import SECOND
+from slosh_msgs import msg as messages
 from slosh_msgs.msg import ExpectedReading, ModelEstimate, SloshEstimate
 from slosh_msgs_py.stamps import to_nanoseconds
 
@@ -45,6 +48,19 @@ def fill_reading(message: ExpectedReading, estimate: Estimate, delay: float) -> 
     message.linear = estimate.linear.reading
     message.nonlinear = estimate.nonlinear.reading
     message.delay = delay
+
+
+def fill_state(
+    message: messages.EstimatorState, state: EstimatorState, memory: Sequence[float]
+) -> None:
+    """Writes what the estimator's next answers depend on; `memory`: of the input's reader."""
+    sample = state.sample
+    message.sample_stamp = sample.stamp_ns
+    pose = sample.pose or ()
+    message.sample = array("d", (sample.ax, sample.ay, sample.az, sample.yaw, *pose))
+    message.first_stamp, message.settled_stamp = state.first_ns, state.settled_ns
+    message.linear, message.nonlinear = array("d", state.linear), array("d", state.nonlinear)
+    message.checks, message.input = array("d", state.checks), array("d", memory)
 
 
 def _fill_model(message: ModelEstimate, state: ModelState) -> None:

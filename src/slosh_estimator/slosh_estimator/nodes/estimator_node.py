@@ -21,6 +21,7 @@ from slosh_estimator.inputs import MESSAGE_TYPES, POSE_WINDOW, AnyInput, InputSe
 from slosh_estimator.nodes.estimator_messages import fill, fill_reading, imu_sample
 from slosh_estimator.nodes.input_health import InputHealth
 from slosh_estimator.nodes.requested_model import requested_model
+from slosh_estimator.nodes.state_publisher import StatePublisher
 from slosh_estimator.pose_input import PoseInput
 from slosh_estimator.readings import has_readings
 from slosh_estimator.sample import Sample
@@ -107,6 +108,7 @@ class EstimatorNode(PreparedNode):
         self._readings = self.create_publisher(
             ExpectedReading, topics.EXPECTED_READING, qos.STREAM_OUT
         )
+        self._states = StatePublisher(self, values["container_frame"])
         self._flags = self._contested = 0
         self._watch(self._health, self._facts)
         self._get_ready(later=later)
@@ -144,15 +146,17 @@ class EstimatorNode(PreparedNode):
     def _on_accel(self, source: AccelInput, message: AccelStamped) -> None:
         a, header = message.accel.linear, message.header
         stamp = to_nanoseconds(header.stamp)
-        self._answer(source.update(stamp, header.frame_id, a.x, a.y, a.z, self._now()))
+        self._answer(stamp, source.update(stamp, header.frame_id, a.x, a.y, a.z, self._now()))
 
     def _on_imu(self, source: ImuInput, message: Imu) -> None:
-        self._answer(source.update(*imu_sample(message), self._now()))
+        stamp, force, rate = imu_sample(message)
+        self._answer(stamp, source.update(stamp, force, rate, self._now()))
 
     def _on_pose(self, source: PoseInput, message: PoseStamped) -> None:
         p, q = message.pose.position, message.pose.orientation
         stamp = to_nanoseconds(message.header.stamp)
-        self._answer(source.update(stamp, (p.x, p.y, p.z), (q.x, q.y, q.z, q.w), self._now()))
+        sample = source.update(stamp, (p.x, p.y, p.z), (q.x, q.y, q.z, q.w), self._now())
+        self._answer(stamp, sample)
 
     def _now(self) -> int:
         # The system clock read directly costs a tenth of a Time object.
@@ -160,12 +164,13 @@ class EstimatorNode(PreparedNode):
             return int(self.get_clock().now().nanoseconds)
         return time.time_ns()
 
-    def _answer(self, sample: Sample | None) -> None:
+    def _answer(self, input_ns: int, sample: Sample | None) -> None:
         self._report.counts["input"] += 1
         if sample is None:
             return
         estimate = self._estimator.update(sample)
         self._last_stamp = sample.stamp_ns
+        self._states.look(input_ns, self._estimator, self._input)
         flags = estimate.flags | self._contested
         self._flags |= flags
         gate = self._input.gate

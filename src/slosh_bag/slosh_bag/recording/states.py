@@ -1,0 +1,62 @@
+"""The estimator's states in a recording, from its `estimator_state` topic."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+
+from slosh_bag.errors import SloshBagError
+from slosh_bag.mcap_files.chunks import MessageBlock
+from slosh_bag.reader import BagReader, messages_of, stamp_ns
+from slosh_estimator.sample import Sample
+from slosh_estimator.state import EstimatorState
+
+TOPIC: Final = "estimator_state"
+MESSAGE_TYPE: Final = "slosh_msgs/msg/EstimatorState"
+_POSE = 4  # where a sample's pose begins
+
+
+class RecordedState(NamedTuple):
+    """What the estimator's next answers depend on; see EstimatorState.msg.
+
+    Attributes:
+        stamp_ns: of the last input that was used [ns].
+        used: inputs that were used since the start.
+        estimator: the core's state.
+        memory: what the reader of the input remembers.
+    """
+
+    stamp_ns: int
+    used: int
+    estimator: EstimatorState
+    memory: tuple[float, ...]
+
+
+def states_of(reader: BagReader, block: MessageBlock) -> tuple[RecordedState, ...]:
+    """The states in a block; what cannot be read is a stranger's and tells nothing."""
+    return tuple(_readable(reader, block))
+
+
+def _readable(reader: BagReader, block: MessageBlock) -> Iterator[RecordedState]:
+    for message in messages_of(block):
+        try:
+            yield _state(reader.decode(message))
+        except (SloshBagError, ValueError):
+            continue
+
+
+def _state(message: Any) -> RecordedState:
+    ax, ay, az, yaw = message.sample[:_POSE].tolist()
+    pose = tuple(message.sample[_POSE:].tolist()) or None
+    sample = Sample(int(message.sample_stamp), ax, ay, az, yaw, pose=pose)
+    return RecordedState(
+        stamp_ns(message),
+        int(message.samples_used),
+        EstimatorState(
+            sample, int(message.first_stamp), int(message.settled_stamp),
+            *(np.array(part) for part in (message.linear, message.nonlinear, message.checks)),
+        ),
+        tuple(message.input.tolist()),
+    )  # fmt: skip

@@ -1,0 +1,50 @@
+"""Publishes some times a second all that the estimator's next answers depend on."""
+
+from __future__ import annotations
+
+from rclpy.node import Node
+
+from slosh_estimator.estimator import Estimator
+from slosh_estimator.inputs import AnyInput
+from slosh_estimator.nodes.estimator_messages import fill_state
+from slosh_files.nanoseconds import SECOND
+from slosh_msgs.msg import EstimatorState
+from slosh_msgs_py import qos, topics
+from slosh_msgs_py.stamps import to_time
+
+PERIOD_NS = SECOND // 4
+"""How far the inputs' stamps go on between two states [ns]."""
+
+
+class StatePublisher:
+    """Publishes the state whenever the inputs' stamps have gone on far enough.
+
+    Args:
+        node: whose.
+        frame: the container's.
+    """
+
+    def __init__(self, node: Node, frame: str) -> None:
+        self._message = EstimatorState()
+        self._message.header.frame_id = frame
+        self._publisher = node.create_publisher(
+            EstimatorState, topics.ESTIMATOR_STATE, qos.STREAM_OUT
+        )
+        self._last_ns = -PERIOD_NS
+
+    def look(self, stamp_ns: int, estimator: Estimator, source: AnyInput) -> None:
+        """Takes the stamp of an input that was used [ns]; publishes where it is time.
+
+        Before the input's estimate goes out: in a recording, too, the state comes first.
+        """
+        # Time that was set back begins anew.
+        if 0 <= stamp_ns - self._last_ns < PERIOD_NS:
+            return
+        state = estimator.state()
+        if state is None:
+            return
+        self._last_ns = stamp_ns
+        self._message.header.stamp = to_time(stamp_ns)
+        self._message.samples_used = source.gate.used
+        fill_state(self._message, state, source.memory)
+        self._publisher.publish(self._message)

@@ -1,0 +1,44 @@
+"""All that an estimator's next answers depend on."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_estimator.errors import SloshEstimatorError
+from slosh_estimator.sample import Sample
+
+Array = NDArray[np.float64]
+
+
+def remembered(memory: Sequence[float], count: int) -> Sequence[float]:
+    """What a reader of the input is given to remember.
+
+    Raises:
+        SloshEstimatorError: it does not consist of so many numbers.
+    """
+    if len(memory) != count:
+        raise SloshEstimatorError(f"an input's memory of {len(memory)} numbers, not {count}")
+    return memory
+
+
+class EstimatorState(NamedTuple):
+    """Where an estimator stands behind a sample; one that takes it up goes on with the same bits.
+
+    Attributes:
+        sample: the last one.
+        first_ns: stamp of the first one [ns].
+        settled_ns: from when on the liquid's state is known [ns].
+        linear, nonlinear: (M,) the moving part of each model; see `slosh_model.layout`.
+        checks: (K,) what the checks and the effects on the measurement remember.
+    """
+
+    sample: Sample
+    first_ns: int
+    settled_ns: int
+    linear: Array
+    nonlinear: Array
+    checks: Array

@@ -1,0 +1,117 @@
+"""A recording that begins in the middle of a run, or has a hole, goes on from a recorded state."""
+
+import math
+
+import pytest
+
+from slosh_bag.definitions import find_interfaces
+from slosh_bag.replay import replay_bag
+from slosh_bag.replay.input_matching import PATIENCE_NS
+from tests.live_bag import MODEL, LiveBag
+from tests.test_replay_verification import TANK
+
+pytestmark = pytest.mark.skipif(
+    find_interfaces("slosh_msgs") is None, reason="the interfaces are not built"
+)
+REMEMBERING = (
+    MODEL.with_effect("robot_dynamics", frequency=60.0, damping_ratio=0.7)
+    .with_effect("draining_film", speed=0.01)
+    .with_effect("fill_loss", rate=0.0001)
+)
+
+
+def begun_late(kind="accel", start=1010):
+    live = LiveBag(kind)
+    live.states = True
+    live.unheard = live.unrecorded = range(start)
+    return live
+
+
+@pytest.mark.parametrize("kind", ["accel", "imu", "pose"])
+@pytest.mark.parametrize("start", [1001, 1124, 1125])
+def test_from_the_first_state_on_every_bit_is_the_same(kind, start, tmp_path):
+    live = begun_late(kind, start)
+    live.attitude = lambda index: (0.0, 0.0, math.sin(1e-3 * index), math.cos(1e-3 * index))
+    found = replay_bag(live.write(tmp_path / "bag")).verification
+    assert found.exact, found.lines()
+    # A pose's estimate lies half a window behind it.
+    assert found.unchecked == {"before the first known state": 1126 - start}
+    assert found.recorded == 2500 - 1126
+    assert f"{1126 - start} not checked: before the first known state" in found.lines()[1]
+
+
+@pytest.mark.parametrize("model", [TANK, REMEMBERING], ids=["tank", "remembering"])
+def test_the_state_is_all_that_the_answers_depend_on(model, tmp_path):
+    live = begun_late("imu")
+    live.model = model
+    found = replay_bag(live.write(tmp_path / "bag")).verification
+    assert found.exact, found.lines()
+
+
+def test_the_state_that_is_not_known_is_said_so_in_the_estimates(tmp_path):
+    """The monitor must not judge by what came from an unknown state."""
+    folder = begun_late(start=1001).write(tmp_path / "bag")
+    result = replay_bag(folder)
+    (row,) = [row for row in result.accuracy if row.name == "3D-NL"]
+    assert row.sigma == pytest.approx(0.0, abs=1e-15)
+    assert row.count == 172  # of 188 images behind the beginning
+
+
+def test_inputs_that_are_lacking_cost_the_time_to_the_next_state(tmp_path):
+    live = LiveBag()
+    live.states = True
+    live.unheard = range(1130, 1140)
+    found = replay_bag(live.write(tmp_path / "bag")).verification
+    assert found.exact, found.lines()
+    why = "behind inputs that the recording lacks, until the next known state"
+    assert found.unchecked == {why: 1250 - 1129}
+    assert found.recorded == 2500 - (1250 - 1129)
+
+
+def test_without_states_it_says_that_nothing_is_known(tmp_path):
+    live = begun_late()
+    live.states = False
+    found = replay_bag(live.write(tmp_path / "bag")).verification
+    assert not found.exact
+    assert not found.unchecked
+    assert "had used 1010 inputs" in "\n".join(found.lines())
+
+
+def test_a_bag_from_the_start_is_checked_whole(tmp_path):
+    live = LiveBag()
+    live.states = True
+    found = replay_bag(live.write(tmp_path / "bag")).verification
+    assert found.exact
+    assert not found.unchecked
+    assert found.recorded == 2500
+
+
+def test_a_restart_in_a_hole_is_known_by_the_next_state(tmp_path):
+    live = LiveBag()
+    live.states = True
+    live.restarts = {1130}
+    live.unheard = live.unrecorded = range(1130, 1140)
+    found = replay_bag(live.write(tmp_path / "bag")).verification
+    assert found.exact, found.lines()
+    assert sum(found.unchecked.values()) == 1251 - 1140
+
+
+def test_a_state_of_another_number_of_modes_is_not_taken_up(tmp_path):
+    """Nothing is left out of the comparison for it: the estimates differ, as they do."""
+    live = begun_late()
+    live.model = TANK
+    folder = live.write(tmp_path / "bag")
+    found = replay_bag(folder, MODEL).verification
+    assert not found.exact
+    assert "the recorded state cannot be taken up" in "\n".join(found.lines())
+
+
+def test_the_recorder_may_hear_a_new_estimator_late(tmp_path):
+    """Later than the two seconds in which measurements take their place in the order."""
+    live = LiveBag()
+    live.unused = range(1300, 1400)
+    live.restarts = {1400}
+    live.unrecorded = range(1400, 1400 + 1250)  # 2.5 s
+    found = replay_bag(live.write(tmp_path / "bag", 4.0)).verification
+    assert found.exact, found.lines()
+    assert PATIENCE_NS > 2_500_000_000
