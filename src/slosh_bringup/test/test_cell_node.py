@@ -17,6 +17,7 @@ from std_msgs.msg import String  # noqa: E402
 
 from slosh_bag.motion_table import MotionTable, write_motion_table  # noqa: E402
 from slosh_bringup.cell.motion_source import load_motion  # noqa: E402
+from slosh_bringup.cell.renderer import CupRenderer  # noqa: E402
 from slosh_bringup.cell.truth import integrate_truth  # noqa: E402
 from slosh_bringup.errors import SloshBringupError  # noqa: E402
 from slosh_bringup.nodes.cell_node import CellNode  # noqa: E402
@@ -190,6 +191,25 @@ def test_topics_that_are_not_wanted_stay_silent(table):
         topics.TRUTH: 11,
     }
     assert "/imu" not in summary["published"]
+
+
+def test_a_camera_too_fast_for_the_machine_leaves_out_images_and_keeps_up(table, monkeypatch):
+    """A drawing takes six times as long as an image: in four seconds it would be 20 s behind."""
+    draw = CupRenderer.render
+
+    def slowly(self, *heights):
+        time.sleep(0.2)
+        return draw(self, *heights)
+
+    monkeypatch.setattr(CupRenderer, "render", slowly)
+    begun = time.monotonic()
+    got, _ = play(motion=table, readers=1, imu_every=0, compressed=False, fps=30.0, repeat=8)
+    assert time.monotonic() - begun < 15.0
+    seconds = [to_nanoseconds(m.header.stamp) * 1e-9 for m in got[topics.IMAGE]]
+    assert 10 < len(seconds) < 40  # of 121
+    assert 0.9 < max(np.diff(seconds)) < 1.6
+    start = to_nanoseconds(got[topics.ACCEL][0].header.stamp) * 1e-9
+    assert seconds[-1] - start > 2.5
 
 
 def test_an_unknown_motion_ends_it_before_it_starts():

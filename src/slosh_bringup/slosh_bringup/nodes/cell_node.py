@@ -41,6 +41,7 @@ from slosh_msgs_py.stamps import to_time
 
 TICK = 0.002  # s; samples that fall due within it go out together
 JPEG_QUALITY = 90
+BEHIND = 1.0  # s; an image that would be sent later than that is left out
 LATE = 0.1  # s; a sample that is later than that tells of a machine that is too slow
 LINGER = 1.0  # s; the last messages are delivered before the process ends
 PARAMETERS = (
@@ -91,6 +92,7 @@ class CellNode(PreparedNode):
         self._others = ReadyCell(self, names, given["readers"], given["patience"])
         self.failure = ""
         self._latest = 0.0
+        self._left_out = 0
         self._playing = False
         self._stop = threading.Event()
         self._finished = threading.Event()
@@ -128,7 +130,8 @@ class CellNode(PreparedNode):
 
     def _facts(self) -> dict[str, Any]:
         late = f"{1e3 * self._latest:.0f}"
-        return {"playing": self._playing, "late maximum [ms]": late, **self._counts}
+        facts = {"playing": self._playing, "late maximum [ms]": late, **self._counts}
+        return {**facts, "images left out": self._left_out}
 
     def _publish(self, topic: str, message: Any) -> None:
         self._pub[topic].publish(message)
@@ -188,10 +191,20 @@ class CellNode(PreparedNode):
                 due += 1
 
     def _film(self, start_ns: int) -> None:
-        """Draws and publishes images at the camera's rate; a late image is drawn all the same."""
+        """Draws and publishes images at the camera's rate.
+
+        A late image is drawn all the same, up to BEHIND: a slow machine's demo has all of them. A
+        camera that is always too fast for the machine would fall behind for ever: it leaves out
+        what is later, as a driver does.
+        """
         given = self._given
         frame = 0
         while (t := frame / given["fps"]) <= self._motion.duration and self._wait_until(t):
+            due = int((time.monotonic() - self._start) * given["fps"])
+            if due - frame > BEHIND * given["fps"]:
+                self._left_out += due - frame
+                frame = due
+                continue
             sh_x, sh_y = self._truth.at(t)
             pixels = self._renderer.render(sh_x, sh_y)
             stamp_ns = start_ns + round(t * 1e9)
