@@ -26,6 +26,7 @@ def slowness(data: RunData) -> str:
         return ""
     used = _count(estimator, "output total")
     measured = _count(camera, "measurement total")
+    left_out = _count(cell, "images left out")
     late = _count(cell, "late maximum [ms]") * 1e-3
     lost = sum(data.lost().values())
     found = []
@@ -33,6 +34,8 @@ def slowness(data: RunData) -> str:
         found.append(f"{sent - used} of {sent} samples were late or lost")
     if taken - measured > IMAGES * taken:
         found.append(f"{taken - measured} of {taken} images were not measured")
+    if left_out:
+        found.append(f"{left_out} images were not sent")
     if late > LATE:
         found.append(f"samples were sent up to {late:.1f} s late")
     if lost > 0:
