@@ -60,20 +60,30 @@ def long_cell(
         source.wait()
 
 
-def resident(pid: int) -> float:
+def resident(pid: int, *, own: bool = False) -> float:
     """Resident memory of a process [MB].
+
+    Args:
+        pid: its process id.
+        own: without what it shares with others: the middleware's segments, of which each node
+            comes to see more and more up to their size, and code.
 
     Raises:
         OSError: there is no such process.
     """
-    pages = int(Path(f"/proc/{pid}/statm").read_text().split()[1])
-    return pages * resource.getpagesize() / 1e6
+    size, shared = Path(f"/proc/{pid}/statm").read_text().split()[1:3]
+    return (int(size) - own * int(shared)) * resource.getpagesize() / 1e6
 
 
-def sizes(parent: int) -> dict[tuple[str, int], float]:
-    """Resident memory of the nodes that a process has started [MB], by name and process id."""
+def sizes(parent: int, *, own: bool = False) -> dict[tuple[str, int], float]:
+    """Resident memory of the nodes that a process has started [MB], by name and process id.
+
+    Args:
+        parent: its process id.
+        own: as of `resident`.
+    """
     found = {}
     for name, pid in nodes_of(parent).items():
         with contextlib.suppress(OSError):
-            found[name, pid] = resident(pid)
+            found[name, pid] = resident(pid, own=own)
     return found
