@@ -45,7 +45,8 @@ NEGLIGIBLE_SHARE = 0.004
 COSMETIC_SHARE = 0.02
 """where even the best explanation leaves more than noise, below this share of the gap."""
 TRUST = 2.0
-"""Where more than noise is left, confidence falls by this times the rest's share in amplitude,"""
+"""Where more than noise is left, however little beside the noise, confidence falls by this times
+the rest's share of the gap in amplitude,"""
 LEAST_TRUST = 0.85
 """but not below this times the share of the gap that is closed."""
 
@@ -105,7 +106,7 @@ def judge(pool: Pool, motions: Sequence[PreparedMotion]) -> Judgement:
     ranked = _ranked(pool, logs)
     best = ranked[0][0]
     before, after = leftover(base, motions), leftover(best, motions)
-    trust = _trust(before, after)
+    trust = trust_in(before, after)
     effects = set(best.explanation.effects)
     likely = sum(share for one, share in ranked if effects <= set(one.explanation.effects))
     likely = likely if effects else ranked[0][1]
@@ -207,10 +208,14 @@ def _without_mean(heights: Array) -> Array:
     return centred
 
 
-def _trust(before: Leftover, after: Leftover) -> float:
-    """Probability that the cause is a listed one, from the share of the gap that is left."""
+def trust_in(before: Leftover, after: Leftover) -> float:
+    """Probability that the cause is a listed one, from the share of the gap that is left.
+
+    Also where what is left is little beside the noise: of a small gap it may be a large part, and
+    a law that is nearly the right one leaves no more.
+    """
     sure_rest = max(after.mean_square - 2.0 * after.stddev, 0.0)
-    if before.mean_square <= 0.0 or sure_rest == 0.0 or after.adequate:
+    if before.adequate or sure_rest == 0.0:
         return 1.0
     share = min(sure_rest / before.mean_square, 1.0)
     return float(max(1.0 - TRUST * np.sqrt(share), LEAST_TRUST * (1.0 - share)))

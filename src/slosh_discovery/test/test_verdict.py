@@ -1,0 +1,40 @@
+"""How far a verdict may be trusted, by what the best explanation leaves."""
+
+from __future__ import annotations
+
+import pytest
+
+from slosh_discovery.discover.search import ADEQUATE, Leftover
+from slosh_discovery.discover.verdict import trust_in
+
+GAP = Leftover(mean_square=0.8, stddev=0.03)
+"""Of a base: hardly as large as the noise."""
+
+
+def test_what_leaves_nothing_but_noise_is_trusted():
+    assert trust_in(GAP, Leftover(mean_square=0.01, stddev=0.02)) == 1.0
+
+
+def test_a_name_that_explains_only_part_of_a_small_gap_is_not_certain():
+    """Little beside the noise, and yet a third of the gap's amplitude: a law that is nearly it."""
+    rest = Leftover(mean_square=0.9 * ADEQUATE**2, stddev=0.005)
+    assert rest.adequate
+    assert trust_in(GAP, rest) < 0.9
+
+
+def test_the_same_rest_of_a_large_gap_matters_little():
+    gap = Leftover(mean_square=400.0, stddev=0.5)
+    assert trust_in(gap, Leftover(mean_square=ADEQUATE**2, stddev=0.005)) > 0.95
+
+
+def test_where_nothing_is_missing_nothing_is_left_unexplained():
+    """A base that is adequate leaves all of its own gap."""
+    base = Leftover(mean_square=0.9 * ADEQUATE**2, stddev=0.005)
+    assert trust_in(base, base) == 1.0
+
+
+@pytest.mark.parametrize("share", [0.25, 0.5, 0.9])
+def test_the_more_of_a_gap_is_left_the_less_is_sure(share):
+    """Down to a share of what is closed: half of a gap explained is something."""
+    trust = trust_in(Leftover(4.0, 0.0), Leftover(4.0 * share, 0.0))
+    assert trust == pytest.approx(0.85 * (1.0 - share))
