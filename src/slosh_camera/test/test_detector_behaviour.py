@@ -9,6 +9,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from slosh_camera.cylinder.detector import FreeSurfaceDetector
+from slosh_camera.cylinder.scan_grid import build_scan_grid
+from slosh_camera.cylinder.stationary_edges import no_edges
+from slosh_camera.cylinder.surface_choice import SurfaceChooser
+from slosh_camera.cylinder.surface_evidence import Unrolled
+from slosh_camera.cylinder.surface_fit import SurfaceFitter
+from slosh_camera.cylinder.surface_modes import SHAPES
+from slosh_camera.cylinder.surface_prior import Prior
+from slosh_camera.cylinder.wall_geometry import WallGeometry
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.measurement import Flag, Measurement, PeakSide
 
@@ -318,3 +326,38 @@ def test_a_surface_that_is_not_cut_off_is_not_said_to_be(make_scene, azimuth):
     result = FreeSurfaceDetector(scene.calibration()).measure(0, scene.draw(0.008, azimuth))
     assert result.flags == Flag.NONE
     assert result.msh == pytest.approx(0.008, abs=0.4 * MM)
+
+
+# What is no surface.
+
+
+@pytest.mark.parametrize(("part", "is_end"), [(0.08, False), (0.3, True)])
+def test_a_few_edges_above_the_line_are_not_the_surface_s_end(make_scene, part, is_end):
+    # The surface looks like what is behind it, but for a dark band that ends where it should.
+    scene = make_scene(camera_height=0.1)
+    walls = WallGeometry(build_scan_grid(scene.calibration().view, None), scene.radius)
+    rest, rows = np.zeros(SHAPES), np.arange(walls.rows)[:, np.newaxis]
+    front, upper = walls.front_rows(rest), walls.silhouette(rest, 2.0)
+    picture = np.where(rows < front, 1.0, 0.0)
+    band = np.abs(np.arange(walls.lines) / walls.lines - 0.5) < 0.5 * part
+    picture = np.where((rows > upper + 2.0) & (rows < front) & band, 0.4, picture)
+    picture = picture.astype(np.float32)
+    view = Unrolled(picture, no_edges(picture.shape), np.nan, 0.01, 2.0, clipped=False)
+    border = np.zeros(walls.lines, np.bool_)
+    points = walls.wall_points(front, np.full(walls.lines, 2.0), border)
+    fit = SurfaceFitter(walls).refined(view, points, rest, Prior(rest, first=0.025))
+    assert np.any(np.isfinite(fit.upper_place)) == is_end
+
+
+def test_liquid_above_the_rim_would_have_spilt(make_scene):
+    scene = make_scene(camera_height=0.1)
+    calibration = scene.calibration()
+    wave = np.zeros(SHAPES)
+    wave[2] = 0.045
+    walls = WallGeometry(build_scan_grid(calibration.view, None), scene.radius)
+    image = scene.draw(0.01, 1.5)
+    (view, _), *_ = FreeSurfaceDetector(calibration).look(image).seen
+    prior = Prior(np.zeros(SHAPES), first=0.025)
+    for rim, possible in ((0.03, False), (0.043, True), (np.inf, True)):
+        chooser = SurfaceChooser(walls, rim)
+        assert np.isfinite(chooser.plausible_heights(view, wave, prior)) == possible

@@ -6,6 +6,7 @@ from hypothesis.extra.numpy import arrays
 from scipy.special import erf
 
 from slosh_camera.cylinder import edge_search
+from slosh_camera.cylinder.stationary_edges import no_edges
 
 ROWS = 80
 FIRST = np.zeros(100, np.int64)
@@ -201,6 +202,7 @@ def follow(picture, guess, reach=10, floor=None, first=None, reversed_weight=0.3
     lines = picture.shape[1]
     return edge_search.follow_edge(
         picture,
+        no_edges(picture.shape),
         np.asarray(guess, np.float64),
         reach,
         np.full(lines, ROWS - 1.0) if floor is None else floor,
@@ -316,7 +318,7 @@ def score(picture, front, upper, surface=np.nan):
     lines = picture.shape[1]
     first, last = np.zeros(lines, np.int64), np.full(lines, ROWS - 1, np.int64)
     return edge_search.surface_score(
-        picture, surface,
+        picture, no_edges(picture.shape), surface,
         np.asarray(front, np.float64), np.asarray(upper, np.float64), first, last,
     )  # fmt: skip
 

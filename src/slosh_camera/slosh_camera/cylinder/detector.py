@@ -20,7 +20,13 @@ from slosh_camera.cylinder.appearance import Tone, find_tone, percentile
 from slosh_camera.cylinder.container_edges import ContainerEdges
 from slosh_camera.cylinder.outer_edges import outer_edges
 from slosh_camera.cylinder.scan_grid import build_scan_grid
-from slosh_camera.cylinder.still_surface import REMEDY, find_still_surface, is_found_again
+from slosh_camera.cylinder.stationary_edges import moved_edges, no_edges, stationary_edges
+from slosh_camera.cylinder.still_surface import (
+    REMEDY,
+    StillSurface,
+    find_still_surface,
+    is_found_again,
+)
 from slosh_camera.cylinder.surface_choice import SurfaceChooser
 from slosh_camera.cylinder.surface_comparison import Choice, Sighting, SurfaceComparison
 from slosh_camera.cylinder.surface_evidence import (
@@ -48,6 +54,7 @@ from slosh_camera.settings import DetectionSettings, Liquid
 
 Image = NDArray[np.uint8]
 FloatArray = NDArray[np.float64]
+Single = NDArray[np.float32]
 BoolArray = NDArray[np.bool_]
 
 # Parts of the way from the still level to the lowest row between which there is mostly liquid:
@@ -80,6 +87,8 @@ _DOUBT = (
 )
 # Heights that the fade changes by less than this need no second fit [m].
 _NO_FADE = 2e-6
+# Rows around a line at rest that belong to it, and in widths of its edge.
+_OWN_ROWS, _OWN_WIDTHS = 2.0, 1.0
 # The peak is hidden where the fitted surface is so much higher than what is seen [m], and by so
 # many of its standard deviations.
 _HIGHER, _SURELY = 5e-4, 1.0
@@ -113,7 +122,9 @@ class FreeSurfaceDetector:
         self._settings = settings or calibration.detection
         self._grid = build_scan_grid(calibration.view, calibration.region)
         self._wall = WallGeometry(self._grid, calibration.view.cup.radius)
-        self._fitter, self._chooser = SurfaceFitter(self._wall), SurfaceChooser(self._wall)
+        rim = calibration.view.cup.rim_level
+        self._fitter = SurfaceFitter(self._wall)
+        self._chooser = SurfaceChooser(self._wall, np.inf if rim is None else rim)
         self._wall_pixels = WallPixels(calibration.view)
         self._edges = ContainerEdges(calibration.view)
         self._still_edges = StillEdges(outer_edges(self._view), self._view.camera.size)
@@ -127,6 +138,7 @@ class FreeSurfaceDetector:
         self._know(prior, self._compared(prior))
         self._at_rest = Prior(self._zero, first=3e-3, level=5e-3)
         self._surface = float("nan")
+        self._stationary = self._unknown = no_edges(self._grid.shape)
         self._sure = True
         self._repeats = RepeatedFrames()
 
@@ -160,7 +172,9 @@ class FreeSurfaceDetector:
                 f"still image: the container's sides are turned by {np.degrees(turn):.1f} "
                 "degrees against the calibration, calibrate the camera anew"
             )
-        seen = ((self._front_line(unrolled, body), body) for body in self._all_bodies)
+        seen = (
+            (self._front_line(unrolled, body, self._unknown), body) for body in self._all_bodies
+        )
         pictures = [(*found, body) for found, body in seen if found is not None]
         still = find_still_surface(self._chooser, pictures, self._at_rest)
         if still is None or self._flags(still.fit, still.view) & _NOT_WHOLE:
@@ -168,10 +182,10 @@ class FreeSurfaceDetector:
                 "still image: shows no whole liquid line, check light, region and calibration"
             )
         prior = Prior(still.zero, first=self._prior.first)
-        comparison = self._compared(
-            prior, self._chooser.plausible_heights(still.view, still.zero, prior)
-        )
-        sure = is_found_again(still, comparison) and not self._is_clear(image, still.body)
+        # In one image all edges stand still: nothing tells those of the background as yet.
+        sure = is_found_again(
+            still, self._compared_with_rest(still.view, prior)
+        ) and not self._is_clear(image, still.body)
         if not sure and abs(still.zero[0]) > self._at_rest.level:
             raise SloshCameraError(
                 f"still image: its line lies {1e3 * still.zero[0]:+.0f} mm off the calibration's "
@@ -180,7 +194,10 @@ class FreeSurfaceDetector:
             )
         self._sure = sure
         self._zero = still.zero
-        self._know(prior, comparison)
+        # Of a doubted liquid it is not known which edge is its own.
+        self._stationary = self._standing_edges(still) if sure else self._unknown
+        view = replace(still.view, stationary=self._stationary)
+        self._know(prior, self._compared_with_rest(view, prior))
         self._bodies = (still.body,)
         self._usual_turn = turn
         self._still_edges.learn(image)
@@ -224,7 +241,7 @@ class FreeSurfaceDetector:
         unrolled = self._unrolled(image)
         if self._edges.turned(image, self._usual_turn) or self._still_edges.missing(image):
             return Sighting(flags=Flag.NOT_FOUND)
-        lines = (self._front_line(unrolled, body) for body in self._bodies)
+        lines = (self._front_line(unrolled, body, self._stationary) for body in self._bodies)
         seen = tuple(found for found in lines if found is not None)
         if not seen:
             return Sighting(flags=self._light(unrolled))
@@ -270,6 +287,20 @@ class FreeSurfaceDetector:
         """A comparison of surfaces; `at_rest`: how plausible rest makes the still image."""
         return SurfaceComparison(self._chooser, prior, self._wall.footprint, at_rest)
 
+    def _compared_with_rest(self, view: Unrolled, prior: Prior) -> SurfaceComparison:
+        """A comparison that knows how plausible a still image makes the surface at rest."""
+        return self._compared(prior, self._chooser.plausible_heights(view, prior.centre, prior))
+
+    def _standing_edges(self, still: StillSurface) -> Single:
+        """Edges of the still image away from the liquid's lines, where those are seen."""
+        fit, view = still.fit, still.view
+        seen = (fit.front_weight > INLIER) & ~fit.points.bound
+        front = np.where(seen, fit.points.place, np.nan)
+        upper = np.where(fit.upper_weight > INLIER, fit.upper_place, np.nan)
+        return stationary_edges(
+            view.picture, np.stack((front, upper)), _OWN_ROWS + _OWN_WIDTHS * view.softness
+        )
+
     def _learnt_fade(self, found: _Found) -> tuple[_Found, FadeShare]:
         """The surface by what other images told of the fade, and what is told of that now."""
         fade = self._memory.fade
@@ -311,7 +342,9 @@ class FreeSurfaceDetector:
             return Flag.TOO_BRIGHT | Flag.NOT_FOUND
         return Flag.NOT_FOUND
 
-    def _front_line(self, unrolled: Image, body: slice) -> tuple[Unrolled, WallPoints] | None:
+    def _front_line(
+        self, unrolled: Image, body: slice, stationary: Single
+    ) -> tuple[Unrolled, WallPoints] | None:
         """The wall on the axis from liquid to background, and where the liquid ends on it."""
         tone = find_tone(unrolled, self._grid.inside, body, self._above)
         if tone is None or not self._believable(tone):
@@ -331,7 +364,8 @@ class FreeSurfaceDetector:
         known = width[np.isfinite(width)]
         softness = float(np.median(known)) if known.size else _SHARP
         clipped = bool(np.all(tone.background >= _WHITE))
-        view = Unrolled(picture, self._surface, tone.noise, softness, clipped)
+        view = Unrolled(picture, stationary, self._surface, tone.noise, softness, clipped)
+        place = moved_edges(picture, stationary, place)
         return view, self._wall.wall_points(place, width, row <= first)
 
     def _believable(self, tone: Tone) -> bool:

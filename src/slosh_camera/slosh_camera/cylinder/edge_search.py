@@ -12,7 +12,7 @@ from numba.types import Tuple, UniTuple, float32, float64, int64
 from slosh_model.compilation import GIVEN_1, GIVEN_2, GIVEN_3, compiled, entry_point, given
 
 # Numba's types of what the functions take.
-PICTURE, ROWS = given(float32, 2), given(int64, 1)
+PICTURE, ROWS, STEPS = given(float32, 2), given(int64, 1), given(float32, 3)
 
 # Bins of a histogram of what may be liquid, its ends, and samples that tell a line's level.
 _LOWEST, _TOP = -0.3, 0.5
@@ -207,7 +207,16 @@ def refine_edges(picture, row, first, last):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _gains(picture, guess, reach, floor, first, reversed_weight):  # type: ignore[no-untyped-def]
+def _step(picture, stationary, j, i):  # type: ignore[no-untyped-def]
+    """Fall of a line above a row; 0 where the still image shows as much of an edge there."""
+    above = picture[j - 1, i] + picture[j - 2, i]
+    below = picture[j, i] + picture[j + 1, i]
+    step = 0.5 * (above - below)
+    return step if abs(step) >= stationary[0 if step > 0.0 else 1, j, i] else 0.0
+
+
+@compiled
+def _gains(picture, stationary, guess, reach, floor, first, reversed_weight):  # type: ignore[no-untyped-def]
     """Slopes (M, 2 reach + 1) around a guessed curve; -inf where there is no edge to look for."""
     rows, lines = picture.shape
     offsets = 2 * reach + 1
@@ -220,16 +229,16 @@ def _gains(picture, guess, reach, floor, first, reversed_weight):  # type: ignor
             j = centre + o - reach
             if j - 2 < first[i] or j + 1 >= rows or j > floor[i]:
                 continue
-            above = picture[j - 1, i] + picture[j - 2, i]
-            below = picture[j, i] + picture[j + 1, i]
-            step = 0.5 * (above - below)
+            step = _step(picture, stationary, j, i)
             step = step if step > 0.0 else -reversed_weight * step
             gain[i, o] = step
     return gain
 
 
-@entry_point(Tuple((int64[::1], float64[::1]))(PICTURE, GIVEN_1, int64, GIVEN_1, ROWS, float64))
-def follow_edge(picture, guess, reach, floor, first, reversed_weight):  # type: ignore[no-untyped-def]
+@entry_point(
+    Tuple((int64[::1], float64[::1]))(PICTURE, STEPS, GIVEN_1, int64, GIVEN_1, ROWS, float64)
+)
+def follow_edge(picture, stationary, guess, reach, floor, first, reversed_weight):  # type: ignore[no-untyped-def]
     """The most marked edge near a guessed curve, continuous from line to line.
 
     The path along which the sum of the slopes is largest, with steps of at most two samples from
@@ -237,6 +246,7 @@ def follow_edge(picture, guess, reach, floor, first, reversed_weight):  # type: 
 
     Args:
         picture: (J, M).
+        stationary: (2, J, M) steps that edges must exceed, see `stationary_edges`.
         guess: (M,) rows of the guessed curve; NaN: no edge is looked for.
         reach: samples by which the edge may lie off the guess.
         floor: (M,) row below which there is no edge to look for.
@@ -247,7 +257,7 @@ def follow_edge(picture, guess, reach, floor, first, reversed_weight):  # type: 
         row: (M,) first row below the edge; -1 where there is none.
         slope: (M,) difference over the edge.
     """
-    gain = _gains(picture, guess, reach, floor, first, reversed_weight)
+    gain = _gains(picture, stationary, guess, reach, floor, first, reversed_weight)
     lines, offsets = gain.shape
     score = np.zeros((lines, offsets))
     origin = np.zeros((lines, offsets), np.int64)
@@ -307,15 +317,13 @@ def rows_of_heights(table, level):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _edge_at(picture, row, line, first, last, reversed_weight):  # type: ignore[no-untyped-def]
+def _edge_at(picture, stationary, row, line, first, last, reversed_weight):  # type: ignore[no-untyped-def]
     """How marked the edge next to a row is, and how near: between 0 and 1."""
     best = 0.0
     place = row
     centre = int(np.rint(row + 0.5))
     for j in range(max(centre - _BESIDE, first + 2), min(centre + _BESIDE + 1, last)):
-        above = picture[j - 1, line] + picture[j - 2, line]
-        below = picture[j, line] + picture[j + 1, line]
-        step = 0.5 * (above - below)
+        step = _step(picture, stationary, j, line)
         step = step if step > 0.0 else -reversed_weight * step
         if step > best:
             best, place = step, j - 0.5
@@ -325,11 +333,11 @@ def _edge_at(picture, row, line, first, last, reversed_weight):  # type: ignore[
 
 @entry_point(
     float64(
-        given(float32, 2, "A"), float64, given(float64, 1, "A"), GIVEN_1,
+        given(float32, 2, "A"), given(float32, 3, "A"), float64, given(float64, 1, "A"), GIVEN_1,
         given(int64, 1, "A"), given(int64, 1, "A"),
     )
 )  # fmt: skip
-def surface_score(picture, surface, front, upper, first, last):  # type: ignore[no-untyped-def]
+def surface_score(picture, stationary, surface, front, upper, first, last):  # type: ignore[no-untyped-def]
     """How well a picture agrees with a surface's front line and upper edge.
 
     Below the front line there should be liquid, above the upper edge background, in between
@@ -337,6 +345,7 @@ def surface_score(picture, surface, front, upper, first, last):  # type: ignore[
 
     Args:
         picture: (J, M).
+        stationary: (2, J, M) steps that edges must exceed, see `stationary_edges`.
         surface: what the free surface looks like at rest; NaN: unknown.
         front, upper: (M,) rows; an upper edge that is NaN or negative is not seen.
         first, last: (M,) rows inside the image.
@@ -364,9 +373,9 @@ def surface_score(picture, surface, front, upper, first, last):  # type: ignore[
             wrong += min(max((1.0 - picture[j, i]) * _BACKGROUND_SPREAD, 0.0) ** 2, 1.0)
         for j in range(low, last[i] + 1):
             wrong += min((picture[j, i] * _LIQUID_SPREAD) ** 2, 1.0)
-        edges = _edge_at(picture, front[i], i, first[i], last[i], 0.7)
+        edges = _edge_at(picture, stationary, front[i], i, first[i], last[i], 0.7)
         if high < low - 2:
-            upper_edge = _edge_at(picture, upper[i], i, first[i], last[i], 0.3)
+            upper_edge = _edge_at(picture, stationary, upper[i], i, first[i], last[i], 0.3)
             edges = front_part * edges + upper_part * upper_edge
         total += edges - _WRONG * wrong / (last[i] + 1 - first[i])
     return total / lines

@@ -9,7 +9,7 @@ from slosh_camera.cylinder import edge_search, surface_solver
 from slosh_camera.cylinder.first_modes import first_mode_candidates
 from slosh_camera.cylinder.surface_evidence import SurfaceFit, Unrolled, WallPoints
 from slosh_camera.cylinder.surface_fit import SurfaceFitter
-from slosh_camera.cylinder.surface_modes import SHAPES
+from slosh_camera.cylinder.surface_modes import SHAPES, wall_shapes
 from slosh_camera.cylinder.surface_prior import HIGHEST, Prior
 from slosh_camera.cylinder.surface_solver import COARSE, FINE
 from slosh_camera.cylinder.wall_geometry import SKIP, WallGeometry
@@ -38,14 +38,22 @@ _EDGE_ROWS = 2.0
 _STILL_ROWS = 12.0
 # Levels at which liquid at rest is looked for [m].
 _LEVELS = np.arange(-15e-3, 15.5e-3, 5e-4)
+# Heights all around the wall, and by what part of the radius a crest may stand above the rim.
+_AROUND = wall_shapes(np.radians(np.arange(0.0, 360.0, 10.0)))
+_OVER_RIM = 0.1
 
 
 class SurfaceChooser:
     """Finds the surface in pictures along one camera's scan lines."""
 
-    def __init__(self, geometry: WallGeometry) -> None:
-        """Prepare pairs of lines."""
-        self._wall = geometry
+    def __init__(self, geometry: WallGeometry, rim: float = np.inf) -> None:
+        """Prepare pairs of lines.
+
+        Args:
+            geometry: tables of the scan lines.
+            rim: height of the container's rim above its origin [m]; inf: not known.
+        """
+        self._wall, self._highest = geometry, rim + _OVER_RIM * geometry.radius
         self._fitter = SurfaceFitter(geometry)
         some = np.linspace(0, geometry.lines - 1, min(_PAIR_LINES, geometry.lines))
         chosen = some.astype(np.int64)
@@ -64,7 +72,8 @@ class SurfaceChooser:
             the fit is no likely surface.
         """
         starts, shares = self._candidates(points.azimuth, points.height, points.bound, prior)
-        if shares[0] < _CERTAIN:
+        # Points that were always there are none of the surface, and leave the line unseen.
+        if shares[0] * np.mean(~np.isnan(points.height)) < _CERTAIN:
             return None
         start = self._fitter.fit_front(points, prior, starts[0], FINE).heights
         fit = self._fitter.refined(view, points, start, prior, FINE)
@@ -106,7 +115,9 @@ class SurfaceChooser:
         return self.plausible_heights(view, fit.heights, prior)
 
     def plausible_heights(self, view: Unrolled, heights: FloatArray, prior: Prior) -> float:
-        """The same of given heights (SHAPES,) [m]."""
+        """The same of given heights (SHAPES,) [m]; -inf: liquid as high would spill."""
+        if float(np.max(_AROUND @ heights)) > self._highest:
+            return -np.inf
         return self._score(view, heights) - prior.surprise(heights, self._wall.radius)
 
     def fit_still(
@@ -176,6 +187,7 @@ class SurfaceChooser:
         upper = self._wall.silhouette(heights, view.softness, coarse=True)
         score = edge_search.surface_score(
             view.picture[:, ::SKIP],
+            view.stationary[:, :, ::SKIP],
             view.surface,
             self._wall.front_rows(heights)[::SKIP],
             upper,

@@ -22,6 +22,8 @@ class Unrolled:
 
     Attributes:
         picture: (J, M), liquid 0, background 1.
+        stationary: (2, J, M) steps that edges must exceed to be told from those that stood there
+            in the still image.
         surface: what the free surface looked like at rest, on the picture's scale; NaN: unknown.
         noise: standard deviation of a sample.
         softness: width of its edges [rows].
@@ -29,6 +31,7 @@ class Unrolled:
     """
 
     picture: Single
+    stationary: Single
     surface: float
     noise: float
     softness: float

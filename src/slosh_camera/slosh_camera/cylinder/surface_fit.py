@@ -36,6 +36,9 @@ _APART = 3.0
 _WIDTHS_APART = 1.5
 # Slope from which on there is an edge.
 _LEAST_SLOPE = 0.03
+# Part of the lines on which the surface's end would be told from its front line that must show it
+# for it to be one.
+_LEAST_SEEN = 0.125
 # Weight of upper edges above which it is less like background than below.
 _REVERSED = 0.3
 
@@ -131,7 +134,8 @@ class SurfaceFitter:
             return replace(points, scale=scale)
         guess = np.where(far, expected, np.nan)
         row, slope = edge_search.follow_edge(
-            view.picture, guess, _AGAIN_ROWS, self._wall.last_row.astype(np.float64),
+            view.picture, view.stationary, guess, _AGAIN_ROWS,
+            self._wall.last_row.astype(np.float64),
             np.fmax(self._wall.first_row, upper).astype(np.int64), 1.0,
         )  # fmt: skip
         place, width = edge_search.refine_edges(
@@ -162,12 +166,15 @@ class SurfaceFitter:
         floor = np.where(agree, points.place, expected)
         floor -= max(_APART, _WIDTHS_APART * view.softness)
         row, slope = edge_search.follow_edge(
-            view.picture, guess, reach, floor, self._wall.first_row, _REVERSED
+            view.picture, view.stationary, guess, reach, floor, self._wall.first_row, _REVERSED
         )
         place, _ = edge_search.refine_edges(
             view.picture, np.maximum(row, 0), self._wall.first_row, self._wall.last_row
         )
         found = (row > 0) & (slope > max(_LEAST_SLOPE, 3.0 * view.noise)) & (place < floor)
+        # A few edges here and there are those of reflections and dirt.
+        if np.count_nonzero(found) < _LEAST_SEEN * np.count_nonzero(guess < floor):
+            return np.full(found.size, np.nan)
         return np.where(found, place, np.nan)
 
     def _solve(

@@ -1,0 +1,71 @@
+"""Edges that stand where they stood in the still image, away from the liquid's line.
+
+They are of a label, or of what is behind the container; whatever the liquid does, they are not its
+surface's.
+
+Pictures are unrolled walls as in `edge_search`. A row names the edge between it and the one above.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba.types import float64
+from numpy.typing import NDArray
+
+from slosh_camera.cylinder.edge_search import PICTURE, STEPS
+from slosh_model.compilation import GIVEN_1, entry_point
+
+FloatArray = NDArray[np.float64]
+Single = NDArray[np.float32]
+
+# Steps of less than this are noise, or too faint to be taken for a line [of liquid to background].
+_FAINT = 0.06
+# Rows by which a picture may be shifted against the still image.
+_SHIFT = 1
+# An edge as marked as this many times the one that stood there is another one.
+_MORE = 2.0
+
+
+def no_edges(shape: tuple[int, int]) -> Single:
+    """What is known of a wall (J, M) without a still image: (2, J, M)."""
+    return np.zeros((2, *shape), np.float32)
+
+
+def stationary_edges(picture: Single, lines: FloatArray, reach: float) -> Single:
+    """The edges of a still image that are not the liquid's.
+
+    Args:
+        picture: (J, M) the still image.
+        lines: (N, M) rows of the liquid's lines where they are seen; NaN where they are not.
+        reach: rows around these lines that belong to them.
+
+    Returns:
+        (2, J, M) size of the step at each row, less like background below than above, and the
+        other way round; 0: none.
+    """
+    rows = np.arange(len(picture))[:, np.newaxis]
+    step = np.zeros_like(picture)
+    above, below = picture[:-3] + picture[1:-2], picture[2:-1] + picture[3:]
+    step[2:-1] = 0.5 * (above - below)
+    step[np.abs(step) < _FAINT] = 0.0
+    for line in lines:
+        step[np.abs(rows - 0.5 - line) <= reach] = 0.0
+    known = np.maximum(np.stack((step, -step)), 0.0)
+    shifted = [np.roll(known, by, axis=1) for by in range(-_SHIFT, _SHIFT + 1)]
+    return np.ascontiguousarray(_MORE * np.max(shifted, axis=0), dtype=np.float32)
+
+
+@entry_point(float64[::1](PICTURE, STEPS, GIVEN_1))
+def moved_edges(picture, stationary, place):  # type: ignore[no-untyped-def]
+    """Rows (M,) of edges to a fraction of a row, NaN for those that have always stood there."""
+    moved = place.copy()
+    for i in range(place.size):
+        if np.isnan(place[i]):
+            continue
+        j = int(np.rint(place[i] + 0.5))
+        if j < 2 or j + 1 >= picture.shape[0]:
+            continue
+        step = 0.5 * (picture[j - 1, i] + picture[j - 2, i] - picture[j, i] - picture[j + 1, i])
+        if abs(step) < stationary[0 if step > 0.0 else 1, j, i]:
+            moved[i] = np.nan
+    return moved
