@@ -15,7 +15,7 @@ from hypothesis import given  # noqa: E402
 from hypothesis import strategies as st  # noqa: E402
 from rclpy.duration import Duration  # noqa: E402
 from rclpy.node import Node  # noqa: E402
-from sensor_msgs.msg import CompressedImage, Image  # noqa: E402
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image  # noqa: E402
 
 from slosh_camera.errors import SloshCameraError  # noqa: E402
 from slosh_camera.measurement import Flag  # noqa: E402
@@ -167,6 +167,29 @@ def test_a_raw_image_is_measured(make_rig, picture, monkeypatch, encoding, execu
     assert answer.sh_right == pytest.approx(HEIGHT, abs=1e-3)
     assert answer.sh_left == pytest.approx(-HEIGHT, abs=1e-3)
     assert len(answer.profile_height) == len(answer.profile_azimuth) > 100
+
+
+def test_a_driver_that_speaks_of_another_lens_is_told(make_rig, picture):
+    rig = make_rig()
+    rig.start()
+    heard, camera = rig.nodes[-1]._driver, rig.nodes[-1]._calibration.view.camera
+    driver = rig.nodes[0].create_publisher(CameraInfo, topics.CAMERA_INFO, qos.IMAGE_OUT)
+    rig.until(lambda: driver.get_subscription_count() == 1)
+    longer = f"camera_info says fx = {1.1 * camera.fx:.6g} px, the calibration {camera.fx:.6g} px"
+    for width, k, words in (
+        (80, camera.matrix, f"camera_info says 80 x {camera.height} pixels, the calibration "),
+        (camera.width, camera.matrix, ""),
+        (camera.width, camera.matrix * 1.1, longer),
+        (camera.width, camera.matrix * 0.0, ""),  # not calibrated
+    ):
+        driver.publish(CameraInfo(width=width, height=camera.height, k=k.ravel()))
+        rig.until(lambda words=words: bool(heard.contradiction) == bool(words))
+        rig.measure(images.image_message(picture, "mono8", SECOND, "camera_optical"))
+        status, _ = rig.report(lambda status, _, words=words: words in status.message)
+        assert not words or (status.level, "calibrate anew" in status.message) == (
+            DiagnosticStatus.WARN,
+            True,
+        )
 
 
 def test_a_compressed_image_is_measured(make_rig, picture):

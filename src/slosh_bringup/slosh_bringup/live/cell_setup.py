@@ -22,6 +22,7 @@ REMAPPABLE = (
     topics.POSE,
     topics.IMAGE,
     topics.IMAGE_COMPRESSED,
+    topics.CAMERA_INFO,
     topics.FREE_SURFACE,
     topics.ESTIMATE,
     topics.EXPECTED_READING,

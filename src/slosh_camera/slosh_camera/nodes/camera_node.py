@@ -18,6 +18,7 @@ from slosh_camera.images.colour import Image as Pixels
 from slosh_camera.images.decoding import decode_compressed, to_image
 from slosh_camera.measurement import Flag, Measurement, bad_image
 from slosh_camera.nodes.complaints import Complaints
+from slosh_camera.nodes.driver_info import DriverInfo
 from slosh_camera.nodes.frame_gaps import FrameGaps
 from slosh_camera.nodes.newest_image import NewestImage
 from slosh_model.arithmetic import arithmetic_fingerprint
@@ -100,6 +101,7 @@ class CameraNode(PreparedNode):
         type_name = f"sensor_msgs/msg/{kind.__name__}"
         self._topic = SilentTopic(self, self._image, type_name)
         self._rivals = Rivals(self, self._image, type_name)
+        self._driver = DriverInfo(self, self._calibration.view.camera)
         self._input = NewestImage(self, kind, self._image, use)
 
     def _on_image(self, message: Image) -> None:
@@ -157,6 +159,8 @@ class CameraNode(PreparedNode):
             return ERROR, self._contested
         if Flag.BAD_IMAGE in recent:
             return ERROR, self._complaints.last
+        if self._driver.contradiction:
+            return WARN, self._driver.contradiction
         if recent:
             names = ", ".join(str(flag.name) for flag in recent)
             return WARN, f"measuring, with flags: {names}"
