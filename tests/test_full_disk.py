@@ -6,6 +6,7 @@ import shutil
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import pytest
 import rclpy
@@ -20,6 +21,7 @@ from slosh_msgs_py import qos, topics
 from slosh_msgs_py.node.run import make_executor
 from tests.small_disk import small_disk
 
+BAG = Path(__file__).resolve().parents[1] / "bags" / "cut"
 PATIENCE = 30.0
 MEGABYTE = 2**20
 # A Header of stamp 0 with the frame "a".
@@ -183,3 +185,26 @@ def test_the_node_lives_on_and_says_so_in_the_diagnostics(node, domain, tmp_path
     frames = [reader.decode(message).frame_id for message in reader.messages()]
     assert frames == ["0", "1", "2", "3"]
     assert len(list(bag.glob("*.mcap"))) == 2
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("slosh_bringup.cli", "demo", "-o"),
+        ("slosh_bringup.cli", "replay", str(BAG), "-o"),
+        ("slosh_bag.nodes.recorder_node", "--ros-args", "-p"),
+    ],
+    ids=["demo", "replay", "recorder"],
+)
+def test_a_folder_that_is_read_only_is_one_line_before_anything_starts(tmp_path, words):
+    folder = tmp_path / "disk"
+    folder.mkdir()
+    output = folder / "out"
+    with small_disk(folder, "ro"):
+        last = f"output:={output}" if words[-1] == "-p" else str(output)
+        done = subprocess.run(
+            [sys.executable, "-m", *words, last], capture_output=True, text=True, timeout=PATIENCE
+        )
+    assert done.returncode == 2
+    (line,) = done.stderr.splitlines()
+    assert line.endswith(f"{output}: Read-only file system")
