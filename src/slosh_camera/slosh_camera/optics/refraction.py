@@ -120,7 +120,9 @@ class GlassWall:
             error = self._turn(impact, slope, distance, rear) - target
             ahead = phase - _DIFFERENCE
             change = self._turn(widest * np.sin(ahead), slope, distance, rear) - target - error
-            step = np.clip(error * _DIFFERENCE / change, -0.3, 0.3)
+            # Where the turn does not change the step is clipped; what never arrives is NaN below.
+            with np.errstate(divide="ignore", invalid="ignore"):
+                step = np.clip(error * _DIFFERENCE / change, -0.3, 0.3)
             phase = np.clip(phase + step, 0.0, 0.5 * np.pi)
             if np.nanmax(np.abs(step), initial=0.0) < _CONVERGED:
                 break
