@@ -23,6 +23,7 @@ from tests.live_processes import PATIENCE, live_process, recorded
 
 BAG = Path(__file__).resolve().parents[1] / "bags" / "l"
 SETTLING = SloshEstimate.SETTLING
+SETTLES = "estimator: validity flags 0x10"
 pytestmark = pytest.mark.timeout(200)
 
 
@@ -63,6 +64,15 @@ def cell(tmp_path, path):
     words = ("cell", "--config", str(path), "-o", str(tmp_path / "out"))
     with live_process(*words, output=tmp_path / "words") as running:
         running.wait_for_nodes(4)
+        yield running
+
+
+@contextmanager
+def moving_cell(domain, tmp_path, path):
+    """The same beside a robot that moves for a minute, as soon as it estimates what it knows."""
+    with cell(tmp_path, path) as running, robot(domain, motion="l", repeat="20"):
+        bag = tmp_path / "out" / "latest" / "bag"
+        running.wait_for(lambda: holds(bag, 0), "estimates that are settled")
         yield running
 
 
@@ -179,11 +189,7 @@ def test_a_recording_that_is_played_without_its_clock_is_recognised(domain, tmp_
 def test_a_cell_goes_on_when_its_nodes_are_killed(domain, tmp_path, write_cell):
     """Each is started again; the recorder into a bag of its own, so that the first one stays."""
     folder = tmp_path / "out" / "latest"
-    with (
-        cell(tmp_path, write_cell()) as running,
-        robot(domain, motion="l", repeat="20"),
-    ):
-        running.wait_for(lambda: holds(folder / "bag", 0), "estimates that are settled")
+    with moving_cell(domain, tmp_path, write_cell()) as running:
         before = dict(running.nodes())
         for name in ("recorder", "estimator"):
             os.kill(before[name], signal.SIGKILL)
@@ -192,8 +198,7 @@ def test_a_cell_goes_on_when_its_nodes_are_killed(domain, tmp_path, write_cell):
             lambda: all(running.nodes()[name] != pid for name, pid in killed.items()),
             "others in their place",
         )
-        settles = "estimator: validity flags 0x10"
-        running.wait_for(lambda: settles in running.said, settles)
+        running.wait_for(lambda: SETTLES in running.said, SETTLES)
         running.wait_for_recording(folder / "bag_2", recorded(folder / "bag_2") + 400_000)
         # On a busy machine the two new ones take longer to find each other.
         running.wait_for(lambda: holds(folder / "bag_2", SETTLING), "estimates that settle")
@@ -215,18 +220,13 @@ def test_a_cell_goes_on_when_its_nodes_are_killed(domain, tmp_path, write_cell):
 def test_a_node_that_was_stopped_and_goes_on_is_told_and_settles(domain, tmp_path, write_cell):
     """The recording knows of the pause, and so do replay and report."""
     folder = tmp_path / "out" / "latest"
-    with (
-        cell(tmp_path, write_cell()) as running,
-        robot(domain, motion="l", repeat="20"),
-    ):
-        running.wait_for(lambda: holds(folder / "bag", 0), "estimates that are settled")
+    with moving_cell(domain, tmp_path, write_cell()) as running:
         estimator = running.nodes()["estimator"]
         os.kill(estimator, signal.SIGSTOP)
         running.wait_for(lambda: "no estimate" in running.said, "the monitor's word")
         running.wait_for(lambda: "estimator: has said nothing for" in running.said, "silence")
         os.kill(estimator, signal.SIGCONT)
-        settles = "estimator: validity flags 0x10"
-        running.wait_for(lambda: settles in running.said, settles)
+        running.wait_for(lambda: SETTLES in running.said, SETTLES)
         running.process.terminate()
         running.end()
     result = json.loads((folder / "result.json").read_text())

@@ -141,7 +141,7 @@ def replay_task(task: Task) -> Replayed:
         _peak(result),
         checked,
         _in_short(found),
-        found.lines() if found and not (found.exact and not found.unchecked) else (),
+        found.lines() if found and (not found.exact or found.unchecked) else (),
         result.warnings,
         {
             "images": result.counters.get("images", 0),

@@ -207,12 +207,24 @@ def refine_edges(picture, row, first, last):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _step(picture, stationary, j, i):  # type: ignore[no-untyped-def]
-    """Fall of a line above a row; 0 where the still image shows as much of an edge there."""
+def fall_above(picture, j, i):  # type: ignore[no-untyped-def]
+    """Fall of a line above a row."""
     above = picture[j - 1, i] + picture[j - 2, i]
     below = picture[j, i] + picture[j + 1, i]
-    step = 0.5 * (above - below)
-    return step if abs(step) >= stationary[0 if step > 0.0 else 1, j, i] else 0.0
+    return 0.5 * (above - below)
+
+
+@compiled
+def has_stood(step, stationary, j, i):  # type: ignore[no-untyped-def]
+    """Whether the still image shows as much of an edge above a row, see `stationary_edges`."""
+    return abs(step) < stationary[0 if step > 0.0 else 1, j, i]
+
+
+@compiled
+def _step(picture, stationary, j, i):  # type: ignore[no-untyped-def]
+    """Fall of a line above a row; 0 where the still image shows as much of an edge there."""
+    step = fall_above(picture, j, i)
+    return 0.0 if has_stood(step, stationary, j, i) else step
 
 
 @compiled

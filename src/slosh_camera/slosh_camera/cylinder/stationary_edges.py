@@ -12,7 +12,7 @@ import numpy as np
 from numba.types import float64
 from numpy.typing import NDArray
 
-from slosh_camera.cylinder.edge_search import PICTURE, STEPS
+from slosh_camera.cylinder.edge_search import PICTURE, STEPS, fall_above, has_stood
 from slosh_model.compilation import GIVEN_1, entry_point
 
 FloatArray = NDArray[np.float64]
@@ -65,7 +65,6 @@ def moved_edges(picture, stationary, place):  # type: ignore[no-untyped-def]
         j = int(np.rint(place[i] + 0.5))
         if j < 2 or j + 1 >= picture.shape[0]:
             continue
-        step = 0.5 * (picture[j - 1, i] + picture[j - 2, i] - picture[j, i] - picture[j + 1, i])
-        if abs(step) < stationary[0 if step > 0.0 else 1, j, i]:
+        if has_stood(fall_above(picture, j, i), stationary, j, i):
             moved[i] = np.nan
     return moved

@@ -6,7 +6,7 @@ when it meets such an end; which one it is, and whether it is still there, the g
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from rclpy.duration import Duration
@@ -58,31 +58,42 @@ class Mismatches:
 
     def look(self) -> str:
         """Who is not heard or does not hear, why and what to do, in a line; empty: nobody."""
-        lines = []
-        for topic, met in list(self._read.items()):
-            publishers = self._node.get_publishers_info_by_topic(topic)
-            reasons = [(end, _reason(_told(end), met.own)) for end in publishers]
-            found = [_line(topic, end, "is not heard", why) for end, why in reasons if why]
-            lines += found
-            _keep(self._read, topic, bool(found))
-        for topic, met in list(self._published.items()):
-            subscriptions = self._node.get_subscriptions_info_by_topic(topic)
-            reasons = [(end, _reason(met.own, _told(end))) for end in subscriptions]
-            found = [_line(topic, end, "hears nothing", why) for end, why in reasons if why]
-            lines += found
-            _keep(self._published, topic, bool(found))
-        return "; ".join(lines)
+        unheard = _lines(
+            self._read, self._node.get_publishers_info_by_topic, "is not heard",
+            lambda own, other: _reason(other, own),
+        )  # fmt: skip
+        deaf = _lines(
+            self._published, self._node.get_subscriptions_info_by_topic, "hears nothing", _reason
+        )
+        return "; ".join([*unheard, *deaf])
 
     def _note(self, met: dict[str, _Met], topic: str, own: QoSProfile) -> Callable[[Any], None]:
         return lambda _: met.update({self._node.resolve_topic_name(topic): _Met(own)})
 
 
-def _keep(met: dict[str, _Met], topic: str, is_found: bool) -> None:
-    """Forgets a topic on which the other end has gone."""
-    if met[topic].is_found and not is_found:
-        del met[topic]
-    else:
-        met[topic].is_found = is_found
+def _lines(
+    met: dict[str, _Met],
+    ends: Callable[[str], Sequence[TopicEndpointInfo]],
+    what: str,
+    reason: Callable[[QoSProfile, QoSProfile], str],
+) -> list[str]:
+    """The ends that do not fit, a line each; forgets the topics on which they have gone.
+
+    Args:
+        met: topics on which such an end was met.
+        ends: the other ends of a topic.
+        what: what happens to such an end.
+        reason: why the node's own QoS and another one do not fit; empty: they do.
+    """
+    lines = []
+    for topic, one in list(met.items()):
+        reasons = [(end, reason(one.own, _told(end))) for end in ends(topic)]
+        found = [_line(topic, end, what, why) for end, why in reasons if why]
+        lines += found
+        if one.is_found and not found:
+            del met[topic]
+        one.is_found = bool(found)
+    return lines
 
 
 def _told(end: TopicEndpointInfo) -> QoSProfile:
