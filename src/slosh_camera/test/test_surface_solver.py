@@ -6,6 +6,9 @@ from slosh_camera.cylinder.first_modes import first_mode_candidates
 from slosh_camera.cylinder.scan_grid import build_scan_grid
 from slosh_camera.cylinder.surface_modes import SHAPES, Shape, shapes_at, wall_shapes
 from slosh_camera.cylinder.wall_geometry import WallGeometry
+from slosh_model.compilation import uncompiled
+
+touch = uncompiled(surface_solver.touch)
 
 RADIUS = 0.05
 MM = 1e-3
@@ -101,18 +104,18 @@ def test_a_ray_over_a_crest_touches_it_there():
     heights[Shape.MEAN] = -2.0 * MM
     top = shapes_at(0.0, 0.0)[0] @ heights
     near, far = np.array([0.0, -1.0, top + MM]), np.array([0.0, 1.0, top + MM])
-    part, above, hidden = surface_solver.touch(near, far, RADIUS, 0.5 * MM, heights)
+    part, above, hidden = touch(near, far, RADIUS, 0.5 * MM, heights)
     assert part == pytest.approx(0.5, abs=1e-6)
     assert above == pytest.approx(-1.0 * MM, abs=1e-6)
     # A crest fades in over its whole fade, and a wider one where the picture is softer.
     assert hidden == pytest.approx(0.5 * MM, rel=1e-6)
-    assert surface_solver.touch(near, far, RADIUS, MM, heights)[2] == pytest.approx(MM, rel=1e-6)
+    assert touch(near, far, RADIUS, MM, heights)[2] == pytest.approx(MM, rel=1e-6)
 
 
 def test_a_level_surface_is_touched_at_the_rear_wall_and_hides_nothing():
     near, far = np.array([0.0, -1.0, 3.0 * MM]), np.array([0.0, 1.0, MM])
     heights = np.eye(SHAPES)[Shape.LEVEL] * 0.5 * MM
-    part, above, hidden = surface_solver.touch(near, far, RADIUS, MM, heights)
+    part, above, hidden = touch(near, far, RADIUS, MM, heights)
     assert part == 1.0
     assert above == pytest.approx(-0.5 * MM)
     assert hidden == 0.0
@@ -125,7 +128,7 @@ def test_the_steeper_the_rear_edge_is_seen_the_less_is_hidden(angle):
     heights = np.zeros(SHAPES)
     heights[Shape.FIRST_Y] = size
     near, far = np.array([0.0, -1.0, 2.0 * RADIUS * angle]), np.array([0.0, 1.0, 0.0])
-    part, _, hidden = surface_solver.touch(near, far, RADIUS, fade, heights)
+    part, _, hidden = touch(near, far, RADIUS, fade, heights)
     assert part == 1.0
     bend = size * (1.8411837813**2 - 1.0) / RADIUS**2
     further = np.sqrt(angle**2 + 2.0 * bend * 3.5 * fade)
@@ -139,7 +142,7 @@ def test_touch_against_looking_everywhere():
         heights = random_surface(rng, 0.3)
         near, far = touching_rays(heights, 2, rng)
         for i in range(2):
-            part, above, hidden = surface_solver.touch(near[i], far[i], RADIUS, 0.5 * MM, heights)
+            part, above, hidden = touch(near[i], far[i], RADIUS, 0.5 * MM, heights)
             errors.append(above)
             assert 0.0 <= part <= 1.0
             assert 0.0 <= hidden <= 0.5 * MM * (1.0 + 1e-9)

@@ -26,6 +26,7 @@ from slosh_estimator.rotation import Vector, yaw_of_quaternion
 from slosh_estimator.sample import SECONDS, Sample
 from slosh_estimator.state import remembered
 from slosh_model.compilation import GIVEN_1, GIVEN_2, compiled, entry_point
+from slosh_model.normal_equations import factorize, substitute
 
 MINIMUM_WINDOW = 5
 MAXIMUM_SPEED = 20.0
@@ -157,10 +158,10 @@ def _fault_of_attitude(quaternion: tuple[float, float, float, float]) -> Verdict
 
 @compiled
 def _cubic(tau: Any, scale: float, values: Any) -> Any:
-    """Coefficients (4, 3) of the least-squares cubic in tau/scale, about the centre's value."""
+    """Coefficients (3, 4) of the least-squares cubics in tau/scale, about the centre's value."""
     centre = values[len(tau) // 2]
     normal = np.zeros((4, 4))
-    right = np.zeros((4, 3))
+    right = np.zeros((3, 4))
     powers = np.ones(4)
     for i in range(len(tau)):
         for p in range(1, 4):
@@ -169,8 +170,20 @@ def _cubic(tau: Any, scale: float, values: Any) -> Any:
             for q in range(4):
                 normal[p, q] += powers[p] * powers[q]
             for axis in range(3):
-                right[p, axis] += powers[p] * (values[i, axis] - centre[axis])
-    return np.linalg.solve(normal, right)
+                right[axis, p] += powers[p] * (values[i, axis] - centre[axis])
+    factorize(normal, 4)
+    for axis in range(3):
+        substitute(normal, 4, right[axis])
+    return right
+
+
+@compiled
+def _reach(tau: Any) -> float:
+    """The longest time from the centre [s]; it keeps the normal equations well conditioned."""
+    reach = 0.0
+    for one in tau:
+        reach = max(reach, abs(one))
+    return reach
 
 
 @entry_point(UniTuple(float64, 3)(GIVEN_1, GIVEN_2))
@@ -184,10 +197,10 @@ def second_derivative(tau: Any, positions: Any) -> Any:
     Returns:
         its three components [m/s²].
     """
-    scale = np.max(np.abs(tau))  # keeps the normal equations well conditioned
+    scale = _reach(tau)
     solution = _cubic(tau, scale, positions)
     factor = 2.0 / (scale * scale)
-    return solution[2, 0] * factor, solution[2, 1] * factor, solution[2, 2] * factor
+    return solution[0, 2] * factor, solution[1, 2] * factor, solution[2, 2] * factor
 
 
 @entry_point(UniTuple(float64, 10)(GIVEN_1, GIVEN_2))
@@ -202,7 +215,9 @@ def turning(tau: Any, attitudes: Any) -> Any:
         the centre's attitude, of length 1, angular velocity [rad/s] and acceleration [rad/s²].
     """
     centre = attitudes[len(tau) // 2]
-    x, y, z, w = centre / math.sqrt((centre * centre).sum())
+    x, y, z, w = centre
+    length = math.sqrt(x * x + y * y + z * z + w * w)
+    x, y, z, w = x / length, y / length, z / length, w / length
     rotations = np.empty((len(tau), 3))
     for i in range(len(tau)):
         bx, by, bz, bw = attitudes[i]
@@ -218,7 +233,10 @@ def turning(tau: Any, attitudes: Any) -> Any:
         size = math.sqrt(rx * rx + ry * ry + rz * rz)
         factor = 2.0 * math.atan2(size, rw) / size if size > 0.0 else 0.0
         rotations[i, 0], rotations[i, 1], rotations[i, 2] = factor * rx, factor * ry, factor * rz
-    scale = np.max(np.abs(tau))
+    scale = _reach(tau)
     solution = _cubic(tau, scale, rotations)
-    first, second = solution[1] / scale, solution[2] * (2.0 / (scale * scale))
-    return x, y, z, w, first[0], first[1], first[2], second[0], second[1], second[2]
+    second = 2.0 / (scale * scale)
+    return (
+        x, y, z, w, solution[0, 1] / scale, solution[1, 1] / scale, solution[2, 1] / scale,
+        solution[0, 2] * second, solution[1, 2] * second, solution[2, 2] * second,
+    )  # fmt: skip

@@ -217,7 +217,8 @@ def _load_runs(lanes, w, stores, memory):  # type: ignore[no-untyped-def]
         w[STATIC_HEIGHT + k] = run["static_height"]
         w[STATIC_HEIGHT + LANES + k] = run["static_height_y"]
         w[LIFT + k] = run["lift"]
-        memory[k] = run["drive_memory"]
+        for place in range(DRIVE_MEMORY_COUNT):
+            memory[k, place] = run["drive_memory"][place]
         for slot in range(PARAMETER_COUNT):
             w[PARAMETERS + slot * LANES + k] = run["parameters"][slot]
 

@@ -23,18 +23,23 @@ def compile_generated(
 
     Args:
         module: name of the module that generated it.
-        source: functions whose names begin with `all_`; they call an effect's hook by the names
-            of both, joined by an underscore.
+        source: functions, each of which may call those before it; they call an effect's hook by
+            the names of both, joined by an underscore.
         hooks: the hooks that it calls.
     """
     file = f"<{module}, generated>"
+    code = compile(source, file, "exec")
     names: dict[str, Any] = {"__name__": module}
     for hook in hooks:
         names |= {f"{effect.name}_{hook}": getattr(effect, hook) for effect in BY_HOOK[hook]}
     # So that an error in it shows the line.
     linecache.cache[file] = (len(source), None, source.splitlines(keepends=True), file)
-    exec(compile(source, file, "exec"), names)
-    return {name: compiled(names[name]) for name in names if name.startswith("all_")}
+    exec(code, names)
+    # In the source's order: what a function calls is compiled before it.
+    functions = {}
+    for name in code.co_names:
+        names[name] = functions[name] = compiled(names[name])
+    return functions
 
 
 def own_memory(effect: Effect, hook: str, memory: Mapping[str, int], array: str) -> str:

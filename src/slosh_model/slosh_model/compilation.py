@@ -28,6 +28,7 @@ from typing import Any, NamedTuple
 import numba
 import numpy as np
 from numba.core.bytecode import FunctionIdentity
+from numba.core.registry import CPUDispatcher
 from numba.types import Array, float64
 
 from slosh_model.code_digest import DIGEST, called, digest, paths, written
@@ -35,7 +36,15 @@ from slosh_model.compile_cache import CodeFile
 
 OPTIONS: Mapping[str, Any] = {"error_model": "numpy"}
 """A division by zero gives inf or NaN, whose check would double the cost of a step."""
-_INLINED = {"forceinline": True, **OPTIONS}
+# What nobody calls from outside needs no code for that: half of the time of compiling.
+_INLINED = {
+    "forceinline": True,
+    "no_cpython_wrapper": True,
+    "no_cfunc_wrapper": True,
+    "nopython": True,
+    **OPTIONS,
+}
+_CALLED = {"nogil": True, "no_cfunc_wrapper": True}
 _OPTIONS = "compiled_with"  # attribute of compiled functions: their options
 _LOCK = threading.RLock()
 _NAMES: dict[str, str] = {}
@@ -61,7 +70,19 @@ def compiled(function: Function) -> Any:
             neither compiled nor a constant.
     """
     _name(function, _INLINED)
-    return numba.njit(**_INLINED)(function)
+    if numba.config.DISABLE_JIT:
+        return function
+    return _Part(function, targetoptions=_INLINED)
+
+
+class _Part(CPUDispatcher):
+    """What compiled code may call; there is no machine code for Python to call."""
+
+    def __call__(self, *arguments: Any) -> Any:
+        raise TypeError(
+            f"{self.py_func.__module__}.{self.py_func.__name__} is a part of compiled functions; "
+            "call it from one, or call `uncompiled` of it"
+        )
 
 
 def entry_point(signature: Any, **options: Any) -> Callable[[Function], EntryPoint]:
@@ -76,7 +97,7 @@ def entry_point(signature: Any, **options: Any) -> Callable[[Function], EntryPoi
     """
 
     def decorate(function: Function) -> EntryPoint:
-        return EntryPoint(function, signature, {"nogil": True, **OPTIONS, **options})
+        return EntryPoint(function, signature, {**_CALLED, **OPTIONS, **options})
 
     return decorate
 

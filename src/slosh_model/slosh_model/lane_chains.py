@@ -29,68 +29,72 @@ def _tuple(first: int, count: int) -> str:
     return "(" + "".join(f"w[{first + row * LANES} + k], " for row in range(count)) + ")"
 
 
-def _loop(effect: Effect, **values: str) -> list[str]:
-    """Where the effect is on: each lane's parameters and values, to be worked with."""
+def _reader(name: str, first: int, count: int) -> list[str]:
+    """A function for a lane's values of some rows.
+
+    Every effect calls it, so that Numba infers the types of these lines once.
+    """
+    return [f"def {name}(w, k):", f"    return {_tuple(first, count)}", ""]
+
+
+def _writer(name: str, first: int, count: int, sign: str) -> list[str]:
+    """A function that sets, or adds to, a lane's values of some rows."""
+    rows = [f"    w[{first + row * LANES} + k] {sign} values[{row}]" for row in range(count)]
+    return [f"def {name}(w, k, values):", *rows, ""]
+
+
+def _loop(effect: Effect, line: str) -> list[str]:
+    """Where the effect is on: a line with each lane's parameters."""
     slot = PARAMETERS + SLOTS[effect.name] * LANES
-    values["p"] = _tuple(slot + LANES, len(effect.parameters))
     return [
         f"    if w[{slot}] != 0.0:",
         "        for k in range(lanes):",
-        *(f"            {name} = {value}" for name, value in values.items()),
-    ]
-
-
-def _rows(first: int, count: int, sign: str, value: str) -> list[str]:
-    return [
-        f"            w[{first + row * LANES} + k] {sign} {value}[{row}]" for row in range(count)
+        f"            p = {_tuple(slot + LANES, len(effect.parameters))}",
+        f"            {line}",
     ]
 
 
 def _terms() -> list[str]:
     lines = [
+        *_reader("mode_at", MODE, MODE_COUNT),
+        *_reader("state_at", STATE, STATE_COUNT),
+        *_reader("inputs_at", INPUTS, INPUT_COUNT),
+        *_writer("add_sums", SUMS, TERM_COUNT, "+="),
         "def all_lane_terms(lanes, w):",
         "    for k in range(lanes):",
         *(f"        w[{SUMS + row * LANES} + k] = 0.0" for row in range(TERM_COUNT)),
     ]
-    mode, q, inputs = (
-        _tuple(MODE, MODE_COUNT),
-        _tuple(STATE, STATE_COUNT),
-        _tuple(INPUTS, INPUT_COUNT),
-    )
+    around = f"mode_at(w, k), w[{MOMENT} + k], state_at(w, k), inputs_at(w, k)"
     for effect in BY_HOOK["term"]:
-        lines += _loop(effect, mode=mode, q=q, inputs=inputs)
-        lines += [f"            sums = {effect.name}_term(mode, w[{MOMENT} + k], q, inputs, p)"]
-        lines += _rows(SUMS, TERM_COUNT, "+=", "sums")
+        lines += _loop(effect, f"add_sums(w, k, {effect.name}_term({around}, p))")
     return lines
 
 
 def _modulations() -> list[str]:
     lines = [
+        *_reader("constants_at", CONSTANTS, MODE_COUNT),
+        *_writer("set_mode", MODE, MODE_COUNT, "="),
         "def all_lane_modulations(lanes, w):",
         "    for k in range(lanes):",
-        *(
-            f"        w[{MODE + row * LANES} + k] = w[{CONSTANTS + row * LANES} + k]"
-            for row in range(MODE_COUNT)
-        ),
+        "        set_mode(w, k, constants_at(w, k))",
     ]
+    around = f"mode_at(w, k), w[{MOMENT} + k]"
     for effect in BY_HOOK["modulation"]:
-        lines += _loop(effect, mode=_tuple(MODE, MODE_COUNT))
-        lines += [f"            mode = {effect.name}_modulation(mode, w[{MOMENT} + k], p)"]
-        lines += _rows(MODE, MODE_COUNT, "=", "mode")
+        lines += _loop(effect, f"set_mode(w, k, {effect.name}_modulation({around}, p))")
     return lines
 
 
 def _drives() -> list[str]:
-    lines = ["def all_lane_drives(lanes, w, memory):"]
+    lines = [
+        *_reader("new_inputs_at", NEW_INPUTS, INPUT_COUNT),
+        *_reader("pose_at", POSE, POSE_COUNT),
+        *_writer("set_new_inputs", NEW_INPUTS, INPUT_COUNT, "="),
+        "def all_lane_drives(lanes, w, memory):",
+    ]
     for effect in BY_HOOK["drive"]:
         own = own_memory(effect, "drive", DRIVE_MEMORY, "memory[k, ")
-        lines += _loop(
-            effect, inputs=_tuple(NEW_INPUTS, INPUT_COUNT), pose=_tuple(POSE, POSE_COUNT)
-        )
-        lines += [
-            f"            inputs = {effect.name}_drive(w[{INTERVAL} + k], inputs, pose, {own}, p)"
-        ]
-        lines += _rows(NEW_INPUTS, INPUT_COUNT, "=", "inputs")
+        around = f"w[{INTERVAL} + k], new_inputs_at(w, k), pose_at(w, k), {own}"
+        lines += _loop(effect, f"set_new_inputs(w, k, {effect.name}_drive({around}, p))")
     return lines
 
 

@@ -418,12 +418,20 @@ def test_uncompiled_is_plain_python_all_the_way_down(define, monkeypatch):
     plain = uncompiled(module.top)
     with monkeypatch.context() as patch:
         patch.setattr(type(module.part), "compile", compile_nothing)
-        for call in (module.part, module.top):
-            with pytest.raises(AssertionError, match="compiled"):
-                call(1.0)
+        with pytest.raises(AssertionError, match="compiled"):
+            module.top(1.0)
         found = [plain(x) for x in (0.0, 0.3, 7.7, 1e9)]
     assert found == [module.top(x) for x in (0.0, 0.3, 7.7, 1e9)]
-    assert uncompiled(module.part)(4.0) == module.part(4.0)
+    assert uncompiled(module.part)(4.0) == 3.0
+
+
+def test_a_part_is_not_called_from_python(define):
+    """It has no machine code for that, and the processor would run whatever lies at zero."""
+    part = "@compiled\ndef part(x):\n    return x + 1.0\n"
+    module = define(f"{part}@entry_point(float64(float64))\ndef top(x):\n    return part(x)\n")
+    assert module.top(1.0) == 2.0
+    with pytest.raises(TypeError, match=r"part is a part of compiled functions; call it from one"):
+        module.part(1.0)
 
 
 def test_the_models_own_step_is_the_same_uncompiled():

@@ -6,6 +6,7 @@ import math
 import numpy as np
 import pytest
 
+from slosh_model.compilation import uncompiled
 from slosh_model.constants import GRAVITY
 from slosh_model.containers import Rectangle
 from slosh_model.effects.amplitude_stiffening import frequency_shift
@@ -164,8 +165,9 @@ def test_a_free_wave_has_the_frequency_of_the_third_order(relative):
 
 def test_waves_stiffen_below_the_depth_that_the_literature_gives_and_soften_above():
     """h/w = 0.3368 (Faltinsen & Timokha 2009); a quarter in deep liquid (Rayleigh)."""
-    assert frequency_shift(0.336 * math.pi) > 0.0 > frequency_shift(0.338 * math.pi)
-    assert frequency_shift(20.0) == pytest.approx(-0.25, abs=1e-12)
+    shift_at = uncompiled(frequency_shift)
+    assert shift_at(0.336 * math.pi) > 0.0 > shift_at(0.338 * math.pi)
+    assert shift_at(20.0) == pytest.approx(-0.25, abs=1e-12)
 
 
 def test_the_higher_modes_and_the_other_axis_do_not_stiffen():

@@ -21,6 +21,7 @@ from numba.types import Tuple, boolean, float64, int64
 
 from slosh_camera.cylinder.surface_modes import RADIAL_STEPS, RADIAL_TABLE
 from slosh_model.compilation import GIVEN_1, GIVEN_2, GIVEN_3, compiled, entry_point, given
+from slosh_model.normal_equations import factorize, substitute
 
 _TABLE = RADIAL_TABLE
 _PER_UNIT = float(RADIAL_STEPS)
@@ -222,16 +223,66 @@ def _add(normal, right, shapes, error, weight):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _whole(lower):  # type: ignore[no-untyped-def]
-    """The symmetric matrix of a lower triangle, in place."""
+def _begin(normal, right, heights, centre, precision, share_error, share_precision):  # type: ignore[no-untyped-def]
+    """The prior's part of the normal equations, of the heights and of the share."""
+    for k in range(_SHAPES):
+        right[k] = 0.0
+        for j in range(_SHAPES):
+            right[k] += precision[k, j] * (centre[j] - heights[j])
+        for j in range(k + 1):
+            normal[k, j] = precision[k, j]
+        normal[_SHAPES, k] = 0.0
+    normal[_SHAPES, _SHAPES] = share_precision
+    right[_SHAPES] = share_precision * share_error
+
+
+@compiled
+def _factorized(normal, held, factor):  # type: ignore[no-untyped-def]
+    """Cholesky's factor of the normal matrix, with more weight on the share where it is held."""
     for k in range(_SHAPES + 1):
-        for j in range(k):
-            lower[j, k] = lower[k, j]
-    return lower
+        for j in range(k + 1):
+            factor[k, j] = normal[k, j]
+    factor[_SHAPES, _SHAPES] += held
+    factorize(factor, _SHAPES + 1)
+    return factor
+
+
+@compiled
+def _solved(factor, right, step):  # type: ignore[no-untyped-def]
+    """Step that solves the normal equations."""
+    for k in range(_SHAPES + 1):
+        step[k] = right[k]
+    substitute(factor, _SHAPES + 1, step)
+
+
+@compiled
+def _inverse(factor):  # type: ignore[no-untyped-def]
+    """The inverse of the normal matrix, column by column."""
+    columns = np.zeros((_SHAPES + 1, _SHAPES + 1))
+    for k in range(_SHAPES + 1):
+        columns[k, k] = 1.0
+        substitute(factor, _SHAPES + 1, columns[k])
+    return columns
+
+
+@compiled
+def _move(heights, step):  # type: ignore[no-untyped-def]
+    """Adds the step to the heights."""
+    for k in range(_SHAPES):
+        heights[k] += step[k]
+
+
+@compiled
+def _largest(step):  # type: ignore[no-untyped-def]
+    """By how much a height changes at most."""
+    largest = 0.0
+    for k in range(_SHAPES):
+        largest = max(largest, abs(step[k]))
+    return largest
 
 
 @entry_point(
-    Tuple((float64[::1], float64[::1, :], *5 * [float64[::1]]))(
+    Tuple((float64[::1], float64[:, ::1], *5 * [float64[::1]]))(
         GIVEN_2, GIVEN_1, GIVEN_1, given(boolean, 1), GIVEN_2, GIVEN_2, GIVEN_1, float64, float64,
         GIVEN_1, GIVEN_1, GIVEN_2, float64, float64, float64,
     )
@@ -264,16 +315,14 @@ def solve(  # type: ignore[no-untyped-def]
     ray_error, ray_weight, part = np.full(m, np.nan), np.zeros(m), np.full(m, np.nan)
     shapes = np.empty(_SHAPES)
     normal = np.zeros((_SHAPES + 1, _SHAPES + 1))
-    right = np.empty(_SHAPES + 1)
+    factor = np.zeros((_SHAPES + 1, _SHAPES + 1))
+    right, step = np.empty(_SHAPES + 1), np.empty(_SHAPES + 1)
     share_centre, share_precision = share, share_spread**-2
     hidden = np.zeros(m)
     limit = max(coarse, _TUKEY, _usual_ratio(near, far, ray_scale, radius, fade, heights))
     for round in range(_STEPS):
-        normal[:_SHAPES, :_SHAPES] = precision
-        right[:_SHAPES] = precision @ (centre - heights)
-        normal[_SHAPES, :_SHAPES] = 0.0
-        normal[_SHAPES, _SHAPES] = share_precision
-        right[_SHAPES] = share_precision * (share_centre - share)
+        doubt = share_centre - share
+        _begin(normal, right, heights, centre, precision, doubt, share_precision)
         for i in range(n):
             if np.isnan(front_height[i]):
                 continue
@@ -300,21 +349,22 @@ def solve(  # type: ignore[no-untyped-def]
             normal[_SHAPES, _SHAPES] += weight * hidden[i] ** 2
             for k in range(_SHAPES):
                 normal[_SHAPES, k] -= weight * hidden[i] * shapes[k]
-        step = np.linalg.solve(_whole(normal), right)
+        _solved(_factorized(normal, 0.0, factor), right, step)
         free = share + step[_SHAPES]
         if free < 0.0 or free > 1.0:
             # Solved anew for the share that is nearest, so that the heights go with it.
-            held = normal.copy()
-            held[_SHAPES, _SHAPES] += _HELD
             right[_SHAPES] += _HELD * (min(max(free, 0.0), 1.0) - share)
-            step = np.linalg.solve(held, right)
-        heights += step[:_SHAPES]
+            _solved(_factorized(normal, _HELD, factor), right, step)
+        _move(heights, step)
         share += step[_SHAPES]
-        if limit == _TUKEY and np.max(np.abs(step[:_SHAPES])) < _CONVERGED:
+        if limit == _TUKEY and _largest(step) < _CONVERGED:
             break
         limit = max(_TUKEY, _NARROWER * limit)
-    found = np.append(heights, share)
-    return found, np.linalg.inv(normal), front_error, front_weight, ray_error, ray_weight, part
+    found = np.zeros(_SHAPES + 1)
+    _move(found, heights)
+    found[_SHAPES] = share
+    inverse = _inverse(_factorized(normal, 0.0, factor))
+    return found, inverse, front_error, front_weight, ray_error, ray_weight, part
 
 
 @entry_point(float64[:, ::1](GIVEN_2))
