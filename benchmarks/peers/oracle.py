@@ -92,9 +92,7 @@ def wall_gain(base: Truth) -> float:
 def _derivatives(truth: Truth, inputs: Inputs, states: Array) -> tuple[Array, Array]:
     """(T, 2) q̇ and (T, 2) q̈ from the truth's own slopes."""
     nodes = truth_drive.nodes_at(truth, inputs, inputs.t, 0.0)
-    const, slopes = constants(truth), np.zeros_like(states)
-    for state, node, out in zip(states, nodes, slopes, strict=True):
-        gauss.slope(state, node, const, out)
+    slopes = gauss.slopes_of(np.ascontiguousarray(states), nodes, constants(truth))
     q, v, rate = states[:, :2], slopes[:, :2], slopes[:, 2:4]
     kappa = truth.value("yaw_coupling", "kappa", 0.0)
     attitude = truth_drive.attitude_at(inputs, inputs.t)

@@ -21,7 +21,7 @@ from slosh_model.compilation import compiled, entry_point, given
 from tests.blind.theory import GRAVITY
 
 Array = NDArray[np.float64]
-GIVEN_1, GIVEN_3 = given(float64, 1), given(float64, 3)
+GIVEN_1, GIVEN_2, GIVEN_3 = (given(float64, axes) for axes in (1, 2, 3))
 
 # Columns of a node: the inputs and coefficients at one instant.
 COMMAND, ADDED, FRAME, SPIN, HEADING, MODE = 0, 3, 6, 15, 16, 17
@@ -117,6 +117,15 @@ def slope(q: Array, node: Array, const: Array, out: Array) -> None:
             mode_slope(q, node, mode, const, ax, ay, az, out)
         else:
             out[4 * mode : 4 * mode + 4] = 0.0
+
+
+@entry_point(float64[:, ::1](GIVEN_2, GIVEN_2, GIVEN_1))
+def slopes_of(states: Array, nodes: Array, const: Array) -> Array:
+    """(N, 14) slopes of N states, each with its node (N, NODE_WIDTH)."""
+    slopes = np.zeros(states.shape)
+    for i in range(len(states)):
+        slope(states[i], nodes[i], const, slopes[i])
+    return slopes
 
 
 @entry_point(float64[:, ::1](GIVEN_1, GIVEN_1, GIVEN_3, GIVEN_1))
