@@ -6,14 +6,14 @@ OUT ?= out/demo
 export ROS_PYTHON_CHECK_FIELDS ?= 1
 # The longest first, so that no worker is left with them in the end.
 TESTS := tests $(wildcard src/*/test)
-# What must keep pace with a camera and a robot has the machine to itself, in the end.
+# What must keep pace with a camera and a robot goes before the others, which are given what it leaves.
 REAL_TIME := tests/real_time src/slosh_bringup/test/test_cell_node.py
 # One worker more than there are cores: tests of live nodes wait for each other a third of the time.
 # `make test WORKERS=0` runs all in one process, as a debugger wants it.
 WORKERS ?= $(shell expr $$(getconf _NPROCESSORS_ONLN) + 1)
 PYTEST := tools/run python -m pytest -n $(WORKERS) --no-loadscope-reorder
 
-.PHONY: help setup demo test test-all lint bench docs tables study coverage clean
+.PHONY: help setup demo test test-all keeping-pace the-others lint bench docs tables study coverage clean
 
 help:
 	@echo "make demo      set up, run the simulated cell with all nodes, record, report"
@@ -33,13 +33,18 @@ setup:
 demo: setup
 	@ROS_PYTHON_CHECK_FIELDS=0 tools/run slosh demo --motion $(MOTION) -o $(OUT)
 
+test: SELECT = -m "not long"
 test: setup
-	@$(PYTEST) -m "not long" $(TESTS) $(REAL_TIME:%=--ignore=%)
-	@tools/run python -m pytest -m "not long" $(REAL_TIME)
+	@$(MAKE) --no-print-directory --jobs=2 SELECT='$(SELECT)' keeping-pace the-others
 
 test-all: setup
-	@$(PYTEST) --hypothesis-profile=search $(TESTS) $(REAL_TIME:%=--ignore=%)
-	@tools/run python -m pytest $(REAL_TIME)
+	@$(MAKE) --no-print-directory --jobs=1 SELECT=--hypothesis-profile=search the-others keeping-pace
+
+keeping-pace:
+	@tools/run python -m pytest $(SELECT) $(REAL_TIME)
+
+the-others:
+	@nice -n 5 $(PYTEST) $(SELECT) $(TESTS) $(REAL_TIME:%=--ignore=%)
 
 coverage: setup
 	@tools/run python -m pip install --quiet --no-deps -r requirements/coverage.txt
