@@ -1,7 +1,7 @@
 """Edges that are seen through a liquid, or hide its line, are no silent wrong heights.
 
-Single images of scenes that `tools/scenes/render.py liquids clear` draws, each with the image of
-the liquid at rest.
+Single images of scenes that `tools/scenes/render.py liquids clear sequence_59 sequence_111` draws,
+each with the image of the liquid at rest.
 """
 
 from __future__ import annotations
@@ -35,8 +35,8 @@ def detector_of(name: str) -> FreeSurfaceDetector:
 
 
 def measured(name: str) -> tuple[FrameTruth, Measurement]:
-    """Truth and measurement of a scene's image, alone."""
-    (frame,) = read_sequence(SCENES / name).frames
+    """Truth and measurement of a scene's last image, alone."""
+    frame = read_sequence(SCENES / name).frames[-1]
     return frame, detector_of(name).measure(0, read_image(frame.path))
 
 
@@ -84,6 +84,32 @@ def test_an_edge_seen_through_tea_is_not_its_line() -> None:
 def test_a_label_over_the_line_leaves_a_doubt_that_is_told() -> None:
     true, found = measured("liquid_label")
     assert abs(found.msh - true.msh) < 1.0 * MM or Flag.AMBIGUOUS in found.flags
+
+
+def test_the_shade_that_is_the_front_line_of_milk_moves_nothing() -> None:
+    """Where milk climbs at the wall its front line is seen up to three rows too high."""
+    true, found = measured("sequence_111")
+    assert not detector_of("sequence_111").doubt
+    assert found.msh == pytest.approx(true.msh, abs=0.2 * MM)
+    assert found.fitted_msh == pytest.approx(true.msh, abs=0.2 * MM)
+    assert not found.flags
+
+
+def test_milk_whose_lines_are_near_each_other_is_told_to_be_in_doubt() -> None:
+    """Then the front line is not told from other shades: the crest before it is not, either."""
+    true = read_sequence(SCENES / "sequence_111").frames[0]
+    found = detector_of("sequence_111").measure(0, read_image(true.path))
+    assert Flag.AMBIGUOUS in found.flags
+    assert found.fitted_msh_stddev > 0.5 * MM
+    assert abs(found.fitted_msh - true.msh) < 2.0 * found.fitted_msh_stddev
+
+
+def test_a_liquid_at_rest_that_is_inclined_to_the_far_edge_of_a_table_is_doubted() -> None:
+    """Of tea before a dark table that edge, right behind the rear wall, is the more marked."""
+    assert "does not surely differ" in detector_of("sequence_59").doubt
+    true, found = measured("sequence_59")
+    assert abs(found.msh - true.msh) > 1.0 * MM
+    assert Flag.AMBIGUOUS in found.flags
 
 
 def test_a_liquid_that_looks_like_its_surroundings_is_doubted() -> None:

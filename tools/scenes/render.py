@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import math
+import re
 import sys
 import tempfile
 from collections.abc import Callable
@@ -29,6 +30,8 @@ from truth import frame_truth, header, mask_truth
 STILL = "calib.jpg"
 # Parts of the picture between which a rolling shutter's time steps.
 STRIPS = 8
+# Scenes as those of `sequences`, of any number.
+FURTHER = re.compile(r"sequence_[0-9]{2,6}")
 GROUPS = {
     "all": list(SCENES.values()),
     "stills": unkind.stills(),
@@ -207,6 +210,7 @@ def main() -> int:
     scenes = {scene.name: scene for group in GROUPS.values() for scene in group}
     groups = {name: [scene.name for scene in group] for name, group in GROUPS.items()}
     names = [name for given in args.names for name in groups.get(given, [given])]
+    scenes |= {name: unkind.sequence(int(name[9:])) for name in names if FURTHER.fullmatch(name)}
     unknown = [name for name in names if name not in scenes]
     if unknown or not names or args.out is None:
         parser.error(f"unknown scene {unknown[0]}" if unknown else "give NAME... and -o DIR")

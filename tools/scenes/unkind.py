@@ -35,7 +35,7 @@ def stills() -> list[Scene]:
 
 def sequences() -> list[Scene]:
     """Scenes with motion, of small images."""
-    return [_sequence(index) for index in range(SEQUENCES)]
+    return [sequence(index) for index in range(SEQUENCES)]
 
 
 def _still(index: int) -> Scene:
@@ -56,7 +56,8 @@ def _still(index: int) -> Scene:
     return _dirtied(rng, scene, f"{name}, {look}", 0.5)
 
 
-def _sequence(index: int) -> Scene:
+def sequence(index: int) -> Scene:
+    """The scene with motion of a number; those from SEQUENCES on are further ones to tune on."""
     rng = np.random.default_rng(8000 + index)
     name = _SEQUENCE_LIQUIDS[index % len(_SEQUENCE_LIQUIDS)]
     cup = draw_cup(rng)

@@ -231,6 +231,15 @@ def test_no_surface_is_read_from_noise(detectors, seed, grain, low):
         assert Flag.NOT_FOUND in detector.measure(0, image).flags
 
 
+@pytest.mark.parametrize(("inclined_mm", "doubted"), [(0.4, False), (1.5, True)])
+def test_one_edge_that_is_inclined_at_rest_may_be_on_either_wall(make_scene, inclined_mm, doubted):
+    # From the height of the still level both lines are one.
+    scene = make_scene(camera_height=0.0)
+    detector = FreeSurfaceDetector(scene.calibration())
+    detector.learn_still(scene.draw(1e-3 * inclined_mm, -np.pi / 2))
+    assert bool(detector.doubt) == doubted
+
+
 @pytest.mark.parametrize(
     "seed", [0, 1, 2, 3, 4, pytest.param(5, marks=pytest.mark.xfail(reason="taken for a cup"))]
 )
@@ -347,6 +356,35 @@ def test_a_few_edges_above_the_line_are_not_the_surface_s_end(make_scene, part, 
     points = walls.wall_points(front, np.full(walls.lines, 2.0), border)
     fit = SurfaceFitter(walls).refined(view, points, rest, Prior(rest, first=0.025))
     assert np.any(np.isfinite(fit.upper_place)) == is_end
+
+
+def lines_at_rest(make_scene, surface, shifted):
+    """A fit to two lines at rest, the front one of which is seen some rows higher than it is."""
+    scene = make_scene(camera_height=0.15)
+    walls = WallGeometry(build_scan_grid(scene.calibration().view, None), scene.radius)
+    rest, rows = np.zeros(SHAPES), np.arange(walls.rows)[:, np.newaxis]
+    front, upper = walls.front_rows(rest) - shifted, walls.silhouette(rest, 2.0)
+    picture = np.where(rows < front, surface, 0.0)
+    picture = np.where(rows < upper, 1.0, picture).astype(np.float32)
+    view = Unrolled(picture, no_edges(picture.shape), surface, 0.005, 2.0, clipped=False)
+    seen = front if surface > 0.5 else upper
+    border = np.zeros(walls.lines, np.bool_)
+    points = walls.wall_points(seen, np.full(walls.lines, 2.0), border)
+    fit = SurfaceFitter(walls).refined(view, points, rest, Prior(rest, first=3e-3))
+    return fit, walls.footprint
+
+
+def test_the_front_line_of_a_liquid_that_scatters_light_is_a_mere_shade(make_scene):
+    mirror, footprint = lines_at_rest(make_scene, 0.6, 3.0)
+    milk, _ = lines_at_rest(make_scene, -0.1, 3.0)
+    tilts = [np.hypot(*fit.heights[1:3]) / (3.0 * footprint) for fit in (mirror, milk)]
+    assert tilts[0] > 0.4
+    assert tilts[1] < 0.25
+    assert np.all(milk.points.scale > 4.0 * mirror.points.scale)
+    # It is the front line all the same, and its upper edge is none of its points.
+    assert np.nanmedian(milk.points.place) == pytest.approx(
+        np.nanmedian(mirror.points.place), 0.01
+    )
 
 
 def test_liquid_above_the_rim_would_have_spilt(make_scene):

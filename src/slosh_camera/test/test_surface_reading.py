@@ -56,8 +56,8 @@ def fit_of(
     )
 
 
-def read(fit, *, zero=ZERO, cut_off=False):
-    return SurfaceReading(fit, zero, FOOTPRINT, cut_off=cut_off)
+def read(fit, *, zero=ZERO, cut_off=False, shaded=False):
+    return SurfaceReading(fit, zero, FOOTPRINT, cut_off=cut_off, shaded=shaded)
 
 
 def turned(a, b):
@@ -101,6 +101,15 @@ def test_points_above_the_fit_raise_the_highest_seen_point_and_not_the_fitted_on
     assert 0.4 * MM < gain < 0.9 * MM
     assert raised.seen().azimuth == pytest.approx(azimuth, abs=np.radians(3.0))
     assert raised.at(azimuth) == pytest.approx(raised.seen().height, abs=0.05 * MM)
+
+
+def test_a_shade_off_the_fit_is_no_bump_of_the_liquid():
+    fit = fit_of(slosh(10.0 * MM, -np.pi / 2), bump=np.full(LINES, 1.0 * MM))
+    line, shade = read(fit).seen(), read(fit, shaded=True).seen()
+    assert line.height > 10.5 * MM
+    assert shade.height == pytest.approx(10.0 * MM, abs=0.02 * MM)
+    assert shade.stddev < 0.5 * line.stddev
+    assert np.array_equal(read(fit, shaded=True).height, read(fit).height)
 
 
 def test_the_edge_of_a_label_is_no_part_of_the_line():

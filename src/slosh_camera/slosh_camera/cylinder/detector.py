@@ -89,9 +89,10 @@ _DOUBT = (
 _NO_FADE = 2e-6
 # Rows around a line at rest that belong to it, and in widths of its edge.
 _OWN_ROWS, _OWN_WIDTHS = 2.0, 1.0
-# The peak is hidden where the fitted surface is so much higher than what is seen [m], and by so
-# many of its standard deviations.
-_HIGHER, _SURELY = 5e-4, 1.0
+# Standard deviation from which on a surface is not told whose front line is a mere shade [m].
+_UNTOLD = 5e-4
+# The peak is hidden where the fitted surface is so much higher than what is seen [m].
+_HIGHER = 5e-4
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -183,9 +184,9 @@ class FreeSurfaceDetector:
             )
         prior = Prior(still.zero, first=self._prior.first)
         # In one image all edges stand still: nothing tells those of the background as yet.
-        sure = is_found_again(
-            still, self._compared_with_rest(still.view, prior)
-        ) and not self._is_clear(image, still.body)
+        sure = is_found_again(still, self._compared_with_rest(still.view, prior)) and not (
+            self._chooser.is_suspect(still.fit) or self._is_clear(image, still.body)
+        )
         if not sure and abs(still.zero[0]) > self._at_rest.level:
             raise SloshCameraError(
                 f"still image: its line lies {1e3 * still.zero[0]:+.0f} mm off the calibration's "
@@ -418,13 +419,18 @@ class FreeSurfaceDetector:
 
     def _read(self, stamp_ns: int, found: _Found) -> Measurement:
         cut_off = bool(found.flags & Flag.SATURATED)
-        reading = SurfaceReading(found.fit, self._zero, self._wall.footprint, cut_off=cut_off)
+        reading = SurfaceReading(
+            found.fit, self._zero, self._wall.footprint,
+            cut_off=cut_off, shaded=found.view.scatters,
+        )  # fmt: skip
         fitted, seen = reading.fitted(), reading.seen()
         flags = found.flags
         if reading.edge_width > self._settings.max_blur:
             flags |= Flag.BLURRED
+        if found.view.scatters and fitted.stddev > _UNTOLD:
+            flags |= Flag.AMBIGUOUS
         missing = max(fitted.height - seen.height, 0.0)
-        if missing > max(_HIGHER, _SURELY * fitted.stddev) and not cut_off:
+        if missing > _HIGHER and not cut_off:
             flags |= Flag.OCCLUDED
         side = self._side(fitted.azimuth)
         left, right = (reading.at(azimuth) for azimuth in self._tangents)

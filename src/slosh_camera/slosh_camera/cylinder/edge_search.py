@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numba.types import Tuple, UniTuple, float32, float64, int64
 
+from slosh_camera.cylinder.surface_evidence import LIKE_LIQUID
 from slosh_model.compilation import GIVEN_1, GIVEN_2, GIVEN_3, compiled, entry_point, given
 
 # Numba's types of what the functions take.
@@ -40,8 +41,6 @@ _BESIDE = 4
 _UNKNOWN_SURFACE = 0.3, 0.8
 _DULL_SURFACE = 0.15, 1.0
 _BRIGHT_SURFACE = 0.45, 0.65
-# A surface that at rest deviates less from the liquid shows hardly any front line.
-_LIKE_LIQUID = 0.15
 
 
 @entry_point(float64[::1](PICTURE, int64, int64, float64))
@@ -367,9 +366,9 @@ def surface_score(picture, stationary, surface, front, upper, first, last):  # t
     """
     lines = picture.shape[1]
     front_part, upper_part = _UNKNOWN_SURFACE
-    if abs(surface) < _LIKE_LIQUID:
+    if surface < LIKE_LIQUID:
         front_part, upper_part = _DULL_SURFACE
-    elif abs(surface) >= _LIKE_LIQUID:
+    elif surface >= LIKE_LIQUID:
         front_part, upper_part = _BRIGHT_SURFACE
     total = 0.0
     for i in range(lines):

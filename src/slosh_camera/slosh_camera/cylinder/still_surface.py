@@ -72,7 +72,11 @@ def find_still_surface(
         fit, plausible = chooser.fit_still(view, points, prior)
         still = StillSurface(view, points, fit, body)
         tone = chooser.surface_tone(view, still.zero)
-        still = replace(still, view=replace(view, surface=tone))
+        view = replace(view, surface=tone)
+        if view.scatters:
+            # Fitted anew, for the front line is a mere shade.
+            fit, plausible = chooser.fit_still(view, points, prior)
+        still = StillSurface(view, points, fit, body)
         found.append((plausible - (_RATHER if found else 0.0), still))
     return max(found, key=lambda entry: entry[0])[1] if found else None
 

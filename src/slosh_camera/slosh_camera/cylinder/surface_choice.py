@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
 from slosh_camera.cylinder import edge_search, surface_solver
 from slosh_camera.cylinder.first_modes import first_mode_candidates
-from slosh_camera.cylinder.surface_evidence import SurfaceFit, Unrolled, WallPoints
+from slosh_camera.cylinder.surface_evidence import INLIER, SurfaceFit, Unrolled, WallPoints
 from slosh_camera.cylinder.surface_fit import SurfaceFitter
 from slosh_camera.cylinder.surface_modes import SHAPES, wall_shapes
 from slosh_camera.cylinder.surface_prior import HIGHEST, Prior
@@ -36,6 +38,9 @@ _DIFFERENT = 10.0
 _EDGE_ROWS = 2.0
 # Points that far from the level that agrees best are no points of liquid at rest [rows].
 _STILL_ROWS = 12.0
+# A surface at rest is suspect that is inclined so far against the calibration [rad], and whose
+# upper edges are off by so many rows.
+_INCLINED, _OFF_ROWS = math.radians(0.8), 0.7
 # Levels at which liquid at rest is looked for [m].
 _LEVELS = np.arange(-15e-3, 15.5e-3, 5e-4)
 # Heights all around the wall, and by what part of the radius a crest may stand above the rim.
@@ -71,6 +76,9 @@ class SurfaceChooser:
             The fit to the front line and the upper edge; None where the points do not agree, or
             the fit is no likely surface.
         """
+        # Where the liquid ends there is the upper edge, whatever line these points would make.
+        if view.scatters:
+            return None
         starts, shares = self._candidates(points.azimuth, points.height, points.bound, prior)
         # Points that were always there are none of the surface, and leave the line unseen.
         if shares[0] * np.mean(~np.isnan(points.height)) < _CERTAIN:
@@ -137,6 +145,20 @@ class SurfaceChooser:
         if np.isfinite(self.surface_tone(view, both.heights)):
             return both, max(likely)
         return self._fitter.fit_front(both.points, prior, start, FINE), max(likely)
+
+    def is_suspect(self, still: SurfaceFit) -> bool:
+        """Whether a line at rest may be of something else than a level surface.
+
+        Liquid at rest is level. A surface that inclines itself towards its edges has one that is
+        not its own - the far edge of a table, which is straight, so that both do not agree - or
+        only one edge, which is on the front wall here and on the rear wall there.
+        """
+        inclined = float(np.hypot(*still.heights[1:3])) > _INCLINED * self._wall.radius
+        agree = still.upper_weight > INLIER
+        if not inclined or not np.any(agree):
+            return inclined
+        off = float(np.sqrt(np.mean(np.square(still.upper_error[agree]))))
+        return off > _OFF_ROWS * self._wall.footprint
 
     def surface_tone(self, view: Unrolled, heights: FloatArray) -> float:
         """What the free surface between a surface's two lines looks like; NaN: it is not seen."""

@@ -12,6 +12,8 @@ FloatArray = NDArray[np.float64]
 Single = NDArray[np.float32]
 BoolArray = NDArray[np.bool_]
 
+LIKE_LIQUID = 0.15
+"""A surface that at rest deviates less from the liquid, towards the background, looks like it."""
 INLIER = 0.1
 """Weight from which on an edge agrees with a fit."""
 
@@ -36,6 +38,15 @@ class Unrolled:
     noise: float
     softness: float
     clipped: bool
+
+    @property
+    def scatters(self) -> bool:
+        """Whether the surface looks like its liquid, or differs from the background even more.
+
+        Such a liquid scatters light, as milk does: it ends at the upper edge, and its front line
+        is a mere shade. Other surfaces mirror what is around them.
+        """
+        return self.surface < LIKE_LIQUID
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -21,6 +21,7 @@ from slosh_camera.cylinder.surface_solver import COARSE, FINE
 from slosh_camera.cylinder.wall_geometry import SYSTEMATIC, WallGeometry
 
 FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
 
 # Standard deviation of the upper edge, which depends on the surface between the walls as well, as
 # a part of a row.
@@ -34,6 +35,11 @@ _AGAIN_ROWS = 5
 # their width.
 _APART = 3.0
 _WIDTHS_APART = 1.5
+# The shade that is the front line of a liquid like milk goes on where the liquid climbs at the
+# wall, so that all of its points may lie up to three rows off alike: together they tell as much as
+# if each one by itself were so many rows off. In a band between the lines that is narrower than so
+# many rows other shades of the surface are as near, and the line is told the less.
+_SHADE_ROWS, _SHADE_BAND = 8.0, 40.0
 # Slope from which on there is an edge.
 _LEAST_SLOPE = 0.03
 # Part of the lines on which the surface's end would be told from its front line that must show it
@@ -87,7 +93,8 @@ class SurfaceFitter:
             coarse: deviations of an edge up to which it counts at first.
         """
         expected, upper = self._wall.front_rows(start), self._wall.silhouette(start, view.softness)
-        used = self._corrected(view, points, expected, upper)
+        correct = self._shade if view.scatters else self._corrected
+        used = correct(view, points, expected, upper)
         edge = self._upper_edge(view, used, expected, upper, start)
         return self._solve(
             used, edge, start, prior.about(start, self._wall.radius), coarse, view.softness
@@ -132,17 +139,7 @@ class SurfaceFitter:
         far = ~(np.abs(points.place - expected) < _FAR_ROWS) & ~points.bound
         if not np.any(far):
             return replace(points, scale=scale)
-        guess = np.where(far, expected, np.nan)
-        row, slope = edge_search.follow_edge(
-            view.picture, view.stationary, guess, _AGAIN_ROWS,
-            self._wall.last_row.astype(np.float64),
-            np.fmax(self._wall.first_row, upper).astype(np.int64), 1.0,
-        )  # fmt: skip
-        place, width = edge_search.refine_edges(
-            view.picture, np.maximum(row, 0), self._wall.first_row, self._wall.last_row
-        )
-        found = far & (row > 0) & (slope > max(_LEAST_SLOPE, 3.0 * view.noise))
-        again = self._wall.wall_points(np.where(found, place, np.nan), width, np.zeros_like(far))
+        found, again = self._looked_for(view, far, expected, upper)
         return WallPoints(
             np.where(found, again.place, points.place),
             np.where(found, again.azimuth, points.azimuth),
@@ -152,6 +149,56 @@ class SurfaceFitter:
             np.where(found, again.width, points.width),
             np.where(found, 2.0 * scale, scale),
         )
+
+    def _shade(
+        self, view: Unrolled, points: WallPoints, expected: FloatArray, upper: FloatArray
+    ) -> WallPoints:
+        """Points of a front line that is a mere shade.
+
+        Liquid and surface end together at the upper edge, and there the points were found: all of
+        them are looked for again, below that edge.
+
+        Args:
+            view: the picture.
+            points: as found without a surface.
+            expected, upper: (M,) rows of the surface's front line and upper edge.
+        """
+        apart = max(_APART, _WIDTHS_APART * view.softness)
+        found, again = self._looked_for(view, ~points.bound, expected, upper + apart)
+        band = np.where(upper > 0.0, np.fmax(expected - upper, apart), np.inf)
+        rows = _SHADE_ROWS * np.fmax(_SHADE_BAND / band, 1.0)
+        known = np.where(points.bound, points.height, np.nan)
+        return WallPoints(
+            np.where(points.bound, points.place, again.place),
+            np.where(found, again.azimuth, points.azimuth),
+            np.where(found, again.height, known),
+            np.where(found[:, np.newaxis], again.shapes, points.shapes),
+            points.bound,
+            np.where(found, again.width, points.width),
+            np.hypot(SYSTEMATIC, rows * self._wall.footprint),
+        )
+
+    def _looked_for(
+        self, view: Unrolled, lines: BoolArray, expected: FloatArray, least: FloatArray
+    ) -> tuple[BoolArray, WallPoints]:
+        """Edges near the rows of a front line (M,), below least ones: where found, and the points.
+
+        Args:
+            view: the picture.
+            lines: (M,) those that are looked at.
+            expected, least: (M,) rows.
+        """
+        row, slope = edge_search.follow_edge(
+            view.picture, view.stationary, np.where(lines, expected, np.nan), _AGAIN_ROWS,
+            self._wall.last_row.astype(np.float64),
+            np.fmax(self._wall.first_row, least).astype(np.int64), 1.0,
+        )  # fmt: skip
+        place, width = edge_search.refine_edges(
+            view.picture, np.maximum(row, 0), self._wall.first_row, self._wall.last_row
+        )
+        found = lines & (row > 0) & (slope > max(_LEAST_SLOPE, 3.0 * view.noise))
+        place = np.where(found, place, np.nan)
+        return found, self._wall.wall_points(place, width, np.zeros_like(found))
 
     def _upper_edge(
         self, view: Unrolled, points: WallPoints, expected: FloatArray, upper: FloatArray,
@@ -165,6 +212,9 @@ class SurfaceFitter:
         agree = np.abs(points.place - expected) < 3.0
         floor = np.where(agree, points.place, expected)
         floor -= max(_APART, _WIDTHS_APART * view.softness)
+        if view.scatters:
+            # The front line is too faint to be taken for the upper edge, however near.
+            floor = expected + reach
         row, slope = edge_search.follow_edge(
             view.picture, view.stationary, guess, reach, floor, self._wall.first_row, _REVERSED
         )

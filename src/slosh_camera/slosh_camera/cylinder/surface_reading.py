@@ -33,6 +33,9 @@ _AT_REAR = 0.9
 # points' scatter about the fit, of an edge's width and of the height, and what is always left [m].
 _OF_FADE, _OF_SCATTER, _OF_WIDTH, _OF_HEIGHT = 1.0, 0.5, 0.05, 0.0025
 _REST = 2e-5
+# Weight among the points of one of a front line that is a mere shade: what all of these are off
+# alike is no bump of the liquid.
+_SHADE = 0.004
 # Width of an edge where there is none to measure it [rows].
 _WIDE = 10.0
 
@@ -56,8 +59,9 @@ class SurfaceReading:
     """Heights on the wall as fitted, and as the points of the line have them."""
 
     def __init__(
-        self, fit: SurfaceFit, zero: FloatArray, footprint: float, *, cut_off: bool = False
-    ) -> None:
+        self, fit: SurfaceFit, zero: FloatArray, footprint: float,
+        *, cut_off: bool = False, shaded: bool = False,
+    ) -> None:  # fmt: skip
         """Gather the residuals of the points by azimuth.
 
         Args:
@@ -65,6 +69,7 @@ class SurfaceReading:
             zero: (SHAPES,) heights of the surface at rest [m].
             footprint: of a sample on the wall [m].
             cut_off: the surface reaches the image's border; nothing is told of what is beyond.
+            shaded: the front line is a mere shade, whose points hardly speak for themselves.
         """
         self._fit, points = fit, fit.points
         self._heights = fit.heights - zero
@@ -75,8 +80,10 @@ class SurfaceReading:
         self.azimuth = np.concatenate((points.azimuth[front], fit.upper_azimuth[rear][::-1]))
         self._residual = np.concatenate((-fit.front_error[front], -fit.upper_error[rear][::-1]))
         # A point that hardly agrees hardly counts.
-        trust = np.concatenate((fit.front_weight[front], fit.upper_weight[rear][::-1]))
-        self._trust = trust * _ordinary(self._residual)
+        weight = np.concatenate((fit.front_weight[front], fit.upper_weight[rear][::-1]))
+        told = np.full(np.count_nonzero(front), _SHADE if shaded else 1.0)
+        self._told = np.concatenate((told, np.ones(np.count_nonzero(rear))))
+        self._trust = weight * self._told * _ordinary(self._residual)
         self._footprint, self._cut_off = footprint, cut_off
         width = points.width[front & ~points.bound]
         self.edge_width = float(np.median(width)) if width.size else np.nan
@@ -126,7 +133,7 @@ class SurfaceReading:
         """Standard deviation of the points about the fit [m]."""
         if not self._residual.size:
             return 0.0
-        return float(np.sqrt(np.mean(np.square(self._residual))))
+        return float(np.sqrt(np.average(np.square(self._residual), weights=self._told)))
 
     def _stddev(self, height: float, azimuth: float) -> float:
         shapes = _WALL[round(azimuth / _STEP) % _BINS]
