@@ -340,6 +340,20 @@ def test_the_true_lines_agree_best(surface, known):
         assert score(picture, front + i, upper + j, known) < true - 0.05
 
 
+def test_a_surface_lighter_than_its_light_liquid_shows_as_little_of_a_front_line():
+    # A marked edge at the front line counts for it, the more so where the surface is a mirror.
+    front, upper = CURVE + 10, CURVE - 8
+    picture = two_lines(front, upper, 0.0)
+    picture[front, np.arange(100)] = 0.4
+    away = [
+        score(picture, front - 0.5, upper - 0.5, known)
+        - score(picture, front + 9.5, upper - 0.5, known)
+        for known in (-0.2, 0.0, 0.2)
+    ]
+    assert away[0] == pytest.approx(away[1], abs=0.1)
+    assert away[2] > away[0] + 0.1
+
+
 def test_no_upper_line_is_no_fault():
     picture = two_lines(CURVE, CURVE)
     alone = score(picture, CURVE - 0.5, np.full(100, np.nan))

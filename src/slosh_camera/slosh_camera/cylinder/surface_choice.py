@@ -76,9 +76,6 @@ class SurfaceChooser:
             The fit to the front line and the upper edge; None where the points do not agree, or
             the fit is no likely surface.
         """
-        # Where the liquid ends there is the upper edge, whatever line these points would make.
-        if view.scatters:
-            return None
         starts, shares = self._candidates(points.azimuth, points.height, points.bound, prior)
         # Points that were always there are none of the surface, and leave the line unseen.
         if shares[0] * np.mean(~np.isnan(points.height)) < _CERTAIN:
