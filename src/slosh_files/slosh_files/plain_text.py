@@ -8,20 +8,29 @@ become what a programmer would write for them, `\x1b`.
 from __future__ import annotations
 
 import re
+from os import PathLike, fspath
 from typing import Any, TextIO
 
 LONGEST = 1000
 """Characters of a line that quotes a stranger; what is longer is cut."""
+_LAST = 200
+"""Of them so many are its end."""
 # C0 and C1, line separators, what turns the direction of writing, halves of characters.
 _DIRECTIONS = "\u061c\u200e\u200f\u202a-\u202e\u2066-\u2069"
 _ALL = re.compile(f"[\x00-\x1f\x7f-\x9f\u2028\u2029{_DIRECTIONS}\ud800-\udfff]")
 _IN_LINES = re.compile(f"[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028\u2029{_DIRECTIONS}\ud800-\udfff]")
 
 
-def plain_line(text: str) -> str:
-    """A text as one line without control characters, of at most LONGEST characters."""
-    plain = _ALL.sub(_written, text[: LONGEST + 1])
-    return plain if len(plain) <= LONGEST else f"{plain[: LONGEST - 1]}…"
+def plain_line(text: str | PathLike[str]) -> str:
+    """A text or a path as one line without control characters, of at most LONGEST characters.
+
+    What is longer lacks its middle: what a line quotes stands there, and the reason at its end.
+    """
+    whole = fspath(text)
+    begin, end = (_ALL.sub(_written, part) for part in (whole[:LONGEST], whole[LONGEST:][-_LAST:]))
+    if len(whole) <= LONGEST + _LAST and len(begin) + len(end) <= LONGEST:
+        return begin + end
+    return f"{begin[: LONGEST - 1 - _LAST]}…{(begin + end)[-_LAST:]}"
 
 
 def plain_lines(text: str) -> str:

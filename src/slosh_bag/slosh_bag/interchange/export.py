@@ -6,6 +6,7 @@ Every table starts with `log_ns` and `publish_ns`, when the message was received
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, Final, Literal, NamedTuple
@@ -22,6 +23,7 @@ from slosh_files import check_apart
 
 Form = Literal["csv", "parquet"]
 SUFFIXES: Final = (".csv", ".csv.gz", ".parquet")
+_NO_TOPIC = re.compile(r"[^\w/-]", re.ASCII)
 BATCH_ROWS: Final = 4096
 BATCH_BYTES: Final = 4 << 20
 """Messages of a topic are written when there are so many, or so many bytes of them."""
@@ -85,12 +87,19 @@ def export_targets(
         paths = [output]
     else:
         _check_folder_name(output)
-        # No topic has a dot in its name: no two of them share a file.
-        paths = [output / f"{name.strip('/').replace('/', '.')}.{form}" for name in wanted]
+        paths = [output / f"{_file_stem(name)}.{form}" for name in wanted]
+        if len(set(paths)) < len(paths):
+            raise SloshBagError(f"{bag}: topics whose names differ by a slash; export one by one")
     return {
         name: ExportTarget(known[name].message_type, known[name].count or 0, path)
         for name, path in zip(wanted, paths, strict=True)
     }
+
+
+def _file_stem(topic: str) -> str:
+    """A topic's name as that of a file: dots for slashes, what no ROS topic has as `%2e`."""
+    inner = _NO_TOPIC.sub(lambda found: f"%{ord(found[0]):02x}", topic.strip("/"))
+    return inner.replace("/", ".")
 
 
 def _check_folder_name(output: Path) -> None:

@@ -38,6 +38,7 @@ from slosh_camera.optics.calibration import Calibration
 from slosh_camera.optics.cup import Cup, CupView, Wall
 from slosh_camera.optics.pose import Pose
 from slosh_files import check_apart, write_bytes, write_text
+from slosh_files.plain_text import plain_line
 from slosh_report.json_values import plain
 
 _CUP_KEYS = tuple(entry.name for entry in fields(Cup))
@@ -306,7 +307,7 @@ def _as_text(
         f"{rear:.2f} mm (rear wall), 1 sigma",
         *(f"assumed  {assumption}" for assumption in assumed),
         *(f"warning: {warning}" for warning in warnings),
-        f"{arguments.output}",
+        plain_line(arguments.output),
     ]
     return "\n".join(lines)
 

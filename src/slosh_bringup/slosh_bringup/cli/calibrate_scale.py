@@ -16,6 +16,7 @@ from slosh_camera.calibrate.scale import calibrate_by_scale
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.images.decoding import read_image
 from slosh_files import check_apart, write_text
+from slosh_files.plain_text import plain_line
 from slosh_report.json_values import plain
 
 # What a scale has no use for, and what it would be taken for.
@@ -57,5 +58,5 @@ def run_scale(arguments: argparse.Namespace) -> int:
         print(json.dumps(plain(facts)))
     else:
         print(f"scale    {1e3 * pixel:8.3f} mm/px, heights in the image's plane to {known:.1%}")
-        print(arguments.output)
+        print(plain_line(arguments.output))
     return 0

@@ -28,7 +28,7 @@ from slosh_bringup.errors import SloshBringupError
 from slosh_camera.calibrate.camera_file import read_any_calibration
 from slosh_camera.optics.calibration import AnyCalibration
 from slosh_files import check_apart, new_text
-from slosh_files.plain_text import PlainStream
+from slosh_files.plain_text import PlainStream, plain_line
 
 WORST_LIMIT = 60
 # Starting a process takes as long as measuring so many images.
@@ -150,7 +150,7 @@ def _write_table(
         for result in results:
             measurement = result.measurement
             first_ns = measurement.stamp_ns if first_ns is None else first_ns
-            writer.writerow(row(measurement, result.frame.name, first_ns))
+            writer.writerow(row(measurement, plain_line(result.frame.name), first_ns))
             summary.add(measurement, result.problem)
             if result.problem and summary.problems <= _TOLD_PROBLEMS:
                 _tell(result.problem)
@@ -178,14 +178,14 @@ def _print(
         facts = {"source": source.name, "table": str(arguments.output), **summary.facts()}
         print(json.dumps({**facts, "warnings": warnings, "pictures": pictures}))
         return
-    print(f"{summary.text()}, in {arguments.output}")
+    print(f"{summary.text()}, in {plain_line(arguments.output)}")
     if summary.mostly_unseen:
         _tell(
             f"most images show no surface where {arguments.camera} expects it: is it this "
             "camera's, and has nothing moved since? `slosh calibrate` on an image at rest tells"
         )
     for sentence in pictures:
-        print(sentence)
+        print(plain_line(sentence))
 
 
 def _writes_to_standard_error(stream: TextIO) -> bool:

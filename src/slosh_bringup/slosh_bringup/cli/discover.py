@@ -22,6 +22,7 @@ from slosh_discovery.discovering import (
 )
 from slosh_discovery.discovery_report import discovery_text
 from slosh_files import new_folder
+from slosh_files.plain_text import plain_line
 
 GROUP_NAME = re.compile(r"[\w-]{1,40}")
 
@@ -80,7 +81,7 @@ def run(arguments: argparse.Namespace) -> int:
         print(document, end="")
     else:
         print(discovery_text(report))
-        print(f"\nreport {request.output / PAGE}")
+        print(f"\nreport {plain_line(request.output / PAGE)}")
     return 0
 
 
@@ -121,4 +122,4 @@ def groups_of(options: Sequence[str]) -> dict[str, tuple[str, ...]]:
 
 def tell(line: str) -> None:
     """Tells the user something that must be known of the data."""
-    print(f"slosh discover: note: {line}", file=sys.stderr)
+    print(plain_line(f"slosh discover: note: {line}"), file=sys.stderr)

@@ -17,6 +17,8 @@ from slosh_bringup.cli.progress import Progress, Unit
 from slosh_bringup.errors import SloshBringupError
 from slosh_estimator.inputs import MESSAGE_TYPES
 from slosh_files import check_apart, check_outside
+from slosh_files.plain_text import plain_line
+from slosh_report.text_table import aligned
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -69,14 +71,8 @@ def listing(topics: dict[str, TopicInfo], *, as_json: bool) -> str:
             for name, info in sorted(topics.items())
         ]
         return json.dumps(entries, indent=2)
-    widths = [
-        max(map(len, words), default=0)
-        for words in (topics, (i.message_type for i in topics.values()))
-    ]
-    return "\n".join(
-        f"{name:<{widths[0]}}  {info.message_type:<{widths[1]}}  {info.count:>8}"
-        for name, info in sorted(topics.items())
-    )
+    rows = [(name, info.message_type, str(info.count)) for name, info in sorted(topics.items())]
+    return "\n".join(aligned(rows, "<<>")) if rows else ""
 
 
 def export_motion(arguments: argparse.Namespace) -> int:
@@ -95,8 +91,8 @@ def export_motion(arguments: argparse.Namespace) -> int:
     tell(given.notes)
     heights = f", heights from {given.measured}" if given.measured else ", no heights"
     print(
-        f"{output}: {len(given.table.t)} rows from {given.source}{heights}; "
-        f"t = 0 is the stamp {given.origin_ns} ns"
+        f"{plain_line(output)}: {len(given.table.t)} rows from "
+        f"{plain_line(f'{given.source}{heights}')}; t = 0 is the stamp {given.origin_ns} ns"
     )
     return 0
 
@@ -116,11 +112,11 @@ def export_tables(arguments: argparse.Namespace) -> int:
         )
     tell(result.notes)
     for path, rows in result.rows.items():
-        print(f"{path}: {rows} rows")
+        print(plain_line(f"{path}: {rows} rows"))
     return 0
 
 
 def tell(notes: Iterable[str]) -> None:
     """Says what is not in the files."""
     for note in notes:
-        print(f"slosh export: {note}", file=sys.stderr)
+        print(plain_line(f"slosh export: {note}"), file=sys.stderr)

@@ -15,6 +15,7 @@ from slosh_discovery.identify import Strategy, identify
 from slosh_discovery.identify.parameters import DEFAULT
 from slosh_discovery.identifying import PAGE, Request, make_report, prepare, write_results
 from slosh_files import new_folder
+from slosh_files.plain_text import plain_line
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -84,7 +85,7 @@ def run(arguments: argparse.Namespace) -> int:
         print(document, end="")
     else:
         print(identification_text(report))
-        print(f"\nreport {request.output / PAGE}")
+        print(f"\nreport {plain_line(request.output / PAGE)}")
     return 0
 
 
@@ -115,4 +116,4 @@ def make_request(arguments: argparse.Namespace) -> Request:
 
 def tell(line: str) -> None:
     """Tells the user something that must be known of the data."""
-    print(f"slosh identify: note: {line}", file=sys.stderr)
+    print(plain_line(f"slosh identify: note: {line}"), file=sys.stderr)

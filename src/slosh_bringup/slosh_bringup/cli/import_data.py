@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -13,6 +14,7 @@ from slosh_bag.interchange.table_bag import import_table
 from slosh_bringup.cli.progress import Progress, Unit
 from slosh_bringup.errors import SloshBringupError
 from slosh_files import check_free
+from slosh_files.plain_text import plain_line
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -58,7 +60,7 @@ def import_runs(arguments: argparse.Namespace) -> int:
     count = len(find_runs(arguments.folder))
     with Progress("import", count, Unit("runs")) as progress:
         bags = import_antisloshing(arguments.folder, arguments.output, lambda run: progress.add())
-    print(f"{len(bags)} bags in {arguments.output}")
+    print(plain_line(f"{len(bags)} bags in {arguments.output}"))
     return 0
 
 
@@ -68,7 +70,7 @@ def import_tables(arguments: argparse.Namespace) -> int:
         with Progress(source.name, None, Unit("rows")) as progress:
             told = import_table(source, bag, progress.of)
         rounded = f", {told.rounded} times rounded to whole nanoseconds" if told.rounded else ""
-        print(f"{told.bag}: {told.rows} rows{rounded}")
+        print(plain_line(f"{told.bag}: {told.rows} rows{rounded}"))
     return 0
 
 
@@ -80,7 +82,7 @@ def import_rosbags(arguments: argparse.Namespace) -> int:
         with Progress(source.name, None, Unit("messages")) as progress:
             told = import_rosbag(source, bag, arguments.topics, rename, progress.of)
         for note in told.notes:
-            print(f"slosh import: {source}: {note}", file=sys.stderr)
+            print(plain_line(f"slosh import: {source}: {note}"), file=sys.stderr)
         print(summary(told))
     return 0
 
@@ -88,8 +90,8 @@ def import_rosbags(arguments: argparse.Namespace) -> int:
 def summary(told: RosbagImport) -> str:
     """A line for each topic of a new bag."""
     total = sum(told.counts.values())
-    topics = "".join(f"\n  {topic}: {count}" for topic, count in told.counts.items())
-    return f"{told.bag}: {total} messages{topics}"
+    topics = "".join(f"\n  {plain_line(topic)}: {count}" for topic, count in told.counts.items())
+    return f"{plain_line(told.bag)}: {total} messages{topics}"
 
 
 def bag_folders(sources: Sequence[Path], output: Path) -> dict[Path, Path]:
@@ -101,7 +103,7 @@ def bag_folders(sources: Sequence[Path], output: Path) -> dict[Path, Path]:
     """
     folders: dict[Path, Path] = {}
     for source in sources:
-        name = source.name
+        name = Path(os.path.abspath(source)).name  # of `..` or `.`, too
         if not source.is_dir():
             for suffix in (".gz", ".csv", ".bag", ".db3", ".mcap"):
                 name = name.removesuffix(suffix)

@@ -22,6 +22,7 @@ from slosh_camera.intrinsics.solve import IntrinsicFit, solve_intrinsics
 from slosh_camera.intrinsics.target import CHESSBOARD_FORMAT, Target, parse_target
 from slosh_camera.intrinsics.views import find_views
 from slosh_files import check_apart, write_bytes, write_text
+from slosh_files.plain_text import plain_line
 from slosh_report.json_values import plain
 
 _PICTURES, _SHEETS = (".png", ".jpg", ".jpeg"), (".pdf", ".svg")
@@ -123,7 +124,7 @@ def _as_text(fit: IntrinsicFit, output: Path) -> str:
     lines.append(f"residual {fit.rms:9.2f} px rms, {len(fit.views)} of {count} pictures used")
     lines += [f"left out: {picture.name}: {picture.reason}" for picture in fit.left_out]
     lines += [f"missing: {pose}" for pose in missing_poses(fit)]
-    return "\n".join([*lines, str(output)])
+    return "\n".join([*lines, plain_line(output)])
 
 
 def _as_json(fit: IntrinsicFit, output: Path) -> str:

@@ -20,6 +20,7 @@ from slosh_bringup.live.run import BAG, LiveRun, check_files, run_nodes
 from slosh_bringup.live.run_folder import new_run
 from slosh_bringup.live.run_result import print_replay, table
 from slosh_bringup.stop_request import StopRequest
+from slosh_files.plain_text import plain_line
 
 _STDERR = 2
 WATCH_PORT = 8765
@@ -133,8 +134,8 @@ def print_result(result: LiveResult, folder: Path) -> None:
     if result.replayed is not None:
         print_replay(result.replayed)
     if (folder / BAG).exists():
-        print(f"bag                 {folder / BAG}")
-    print(f"report              {folder / REPORT}")
+        print(f"bag                 {plain_line(folder / BAG)}")
+    print(f"report              {plain_line(folder / REPORT)}")
 
 
 def print_json(result: LiveResult, folder: Path) -> None:
@@ -144,4 +145,4 @@ def print_json(result: LiveResult, folder: Path) -> None:
 
 
 def _say(run: LiveRun, line: str) -> None:
-    print(f"slosh {run.command}: {line}", file=sys.stderr)
+    print(plain_line(f"slosh {run.command}: {line}"), file=sys.stderr)

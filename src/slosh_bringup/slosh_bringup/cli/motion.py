@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from slosh_bag.motion_table import SUFFIXES, MotionTable, is_motion_table, write_motion_table
 from slosh_bringup.errors import SloshBringupError
+from slosh_files.plain_text import plain_line
 from slosh_model.motion_profiles import LAWS, Cycle
 
 Array = NDArray[np.float64]
@@ -109,5 +110,5 @@ def summary(cycle: Cycle, table: MotionTable, output: Path, *, as_json: bool) ->
         return json.dumps(facts)
     return (
         f"{cycle.law}: moves {cycle.motion_time:.4g} s of each {cycle.cycle_time:.4g} s, "
-        f"up to {peak:.3g} m/s², {len(table.t)} rows in {output}"
+        f"up to {peak:.3g} m/s², {len(table.t)} rows in {plain_line(output)}"
     )

@@ -13,6 +13,7 @@ from slosh_bringup.new_cup.cup import LIQUIDS, LiquidKind, NewCup
 from slosh_bringup.new_cup.files import next_steps, texts_of
 from slosh_bringup.new_cup.units import QUANTITIES
 from slosh_files import check_free, new_folder, write_text
+from slosh_files.plain_text import plain_line
 
 _IMAGE_SIZE = "1280x720"
 _MOST_PIXELS = 20_000
@@ -51,7 +52,7 @@ def run(arguments: argparse.Namespace) -> int:
         for name, text in texts_of(cup, folder).items():
             write_text(room / name, text)
     for name in texts_of(cup, folder):
-        print(folder / name)
+        print(plain_line(folder / name))
     if cup.wall is None:
         print("note: the wall's thickness is not told, 0 is taken; the camera needs it: --wall")
     print("next:", *next_steps(cup, folder), sep="\n  ")

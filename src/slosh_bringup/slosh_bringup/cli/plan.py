@@ -13,6 +13,7 @@ from slosh_bag.path_table import read_path_table, write_plan_table
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.model_error import read_model_error
 from slosh_files import check_apart, check_free, new_folder, write_text
+from slosh_files.plain_text import plain_line
 from slosh_model import Model
 from slosh_model.model_file import read_model
 from slosh_plan import ModelError
@@ -111,7 +112,7 @@ def run(arguments: argparse.Namespace) -> int:
             time_limit=arguments.time_limit,
         )  # fmt: skip
     except NoSafeMotionError as error:
-        print(f"slosh plan: {arguments.path}: {error}", file=sys.stderr)
+        print(plain_line(f"slosh plan: {arguments.path}: {error}"), file=sys.stderr)
         return EXIT_NONE
     write_results(arguments, model, answer, waypoints)
     text = json.dumps(facts(answer)) if arguments.json else summary(answer, arguments.output)
@@ -207,7 +208,7 @@ def summary(answer: Plan, output: Path) -> str:
         *tilted(answer),
         f"path {answer.path.length:.3f} m, {_stops(len(answer.path.legs) - 1)}, up to "
         f"{1e3 * answer.path.departure:.2f} mm from straight lines between the waypoints",
-        f"{len(found.motion.t)} rows in {output}, planned in {answer.seconds:.1f} s",
+        f"{len(found.motion.t)} rows in {plain_line(output)}, planned in {answer.seconds:.1f} s",
     ]
     return "\n".join(lines)
 

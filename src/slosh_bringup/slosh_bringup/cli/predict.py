@@ -15,6 +15,7 @@ from slosh_bringup.cli.progress import share_bar
 from slosh_bringup.errors import SloshBringupError
 from slosh_estimator.robot_file import read_arm
 from slosh_files import check_apart, new_text
+from slosh_files.plain_text import plain_line
 from slosh_model.model_file import read_model
 from slosh_plan import (
     HeightLimits,
@@ -181,7 +182,7 @@ def _facts(
     for one, scale in zip(found, scales, strict=True):
         linear, nonlinear = one.linear, one.nonlinear
         yield {
-            "trajectory": one.name,
+            "trajectory": plain_line(one.name),
             "models": [linear.model, nonlinear.model],
             "duration": one.duration,
             "peak_linear": linear.peak,

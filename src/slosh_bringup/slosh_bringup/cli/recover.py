@@ -13,6 +13,8 @@ from slosh_bag.recover import Recovery, recover_bag
 from slosh_bag.split import split_bag
 from slosh_bringup.cli.progress import MEGABYTES, MESSAGES, Progress
 from slosh_files import check_free, check_outside
+from slosh_files.plain_text import plain_line
+from slosh_report.text_table import aligned
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -40,7 +42,7 @@ def run(arguments: argparse.Namespace) -> int:
     with Progress("recover", size, MEGABYTES) as progress:
         recovery = recover_bag(arguments.bag, arguments.output, progress.add)
     for note in recovery.notes:
-        print(f"slosh recover: {note}", file=sys.stderr)
+        print(plain_line(f"slosh recover: {note}"), file=sys.stderr)
     print(as_json(recovery) if arguments.json else as_text(recovery))
     return 0
 
@@ -51,7 +53,11 @@ def _split(arguments: argparse.Namespace) -> int:
     total = sum(topic.count or 0 for topic in BagReader(arguments.bag).topics().values())
     with Progress("cut", total, MESSAGES) as progress:
         parts = [str(part) for part in split_bag(arguments.bag, arguments.output, progress.add)]
-    print(json.dumps({"bags": parts}, indent=2) if arguments.json else "\n".join(parts))
+    print(
+        json.dumps({"bags": parts}, indent=2)
+        if arguments.json
+        else "\n".join(map(plain_line, parts))
+    )
     return 0
 
 
@@ -65,6 +71,5 @@ def as_json(recovery: Recovery) -> str:
 
 def as_text(recovery: Recovery) -> str:
     """What was recovered, for people."""
-    width = max(map(len, recovery.counts), default=0)
-    lines = [f"{topic:<{width}}  {count:>8}" for topic, count in sorted(recovery.counts.items())]
-    return "\n".join([*lines, str(recovery.bag)])
+    rows = [(topic, str(count)) for topic, count in sorted(recovery.counts.items())]
+    return "\n".join([*aligned(rows, "<>"), plain_line(recovery.bag)])

@@ -13,6 +13,7 @@ from slosh_bag.path_table import write_plan_table
 from slosh_bag.trajectory_table import read_trajectory
 from slosh_bringup.errors import SloshBringupError
 from slosh_files import check_apart
+from slosh_files.plain_text import plain_line
 from slosh_model import Model
 from slosh_model.model_file import read_model
 from slosh_plan import Trajectory
@@ -149,6 +150,6 @@ def summary(facts: list[dict[str, float]], bent: float, rows: int, output: Path)
             f"{change('residual', 1e3, 2)} mm "
             f"(linear model {change('residual_linear', 1e3, 2)} mm)",
             f"acceleration {change('acceleration', 1.0, 2)} m/s², jerk "
-            f"{change('jerk', 1.0, 1)} m/s³, {rows} rows in {output}",
+            f"{change('jerk', 1.0, 1)} m/s³, {rows} rows in {plain_line(output)}",
         ]
     )

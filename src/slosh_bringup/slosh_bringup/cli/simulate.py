@@ -13,6 +13,7 @@ from slosh_bringup.simulate.answer import Answer, make_answer
 from slosh_bringup.simulate.doubts import check_possible, doubts
 from slosh_bringup.simulate.table import STANDARD_OUTPUT, output_path, write_response
 from slosh_files import check_apart
+from slosh_files.plain_text import plain_line
 from slosh_model.measure import predicted_heights
 from slosh_model.model_file import read_model
 from slosh_model.simulate import simulate
@@ -78,7 +79,7 @@ def run(arguments: argparse.Namespace) -> int:
         write_chart(plot, inputs, msh, answer, model.limits.acceleration)
     if answer.doubts:
         told = "; ".join(answer.doubts)
-        print(f"slosh simulate: warning: {arguments.motion}: {told}", file=sys.stderr)
+        print(plain_line(f"slosh simulate: warning: {arguments.motion}: {told}"), file=sys.stderr)
     # On standard output the table stands alone.
     stream = sys.stderr if output == STANDARD_OUTPUT else sys.stdout
     where = "standard output" if output == STANDARD_OUTPUT else str(output)
@@ -90,4 +91,4 @@ def summary(answer: Answer, output: str, *, as_json: bool) -> str:
     """The answer in one line, or as JSON."""
     if as_json:
         return json.dumps({**answer.facts(), "output": output})
-    return f"{answer.text()}, {answer.samples} rows in {output}"
+    return f"{answer.text()}, {answer.samples} rows in {plain_line(output)}"

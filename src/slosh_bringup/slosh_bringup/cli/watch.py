@@ -10,6 +10,7 @@ from pathlib import Path
 
 from slosh_bringup.live.cell_setup import NAMESPACE
 from slosh_bringup.processes import NodeProcess, node_environment
+from slosh_files.plain_text import plain_line
 
 PORT, HOST = 8765, "127.0.0.1"
 
@@ -67,4 +68,4 @@ def _watch_recording(arguments: argparse.Namespace) -> int:
 
 
 def _say(line: str) -> None:
-    print(f"slosh watch: {line}", file=sys.stderr)
+    print(plain_line(f"slosh watch: {line}"), file=sys.stderr)

@@ -12,7 +12,7 @@ from slosh_discovery.discover.finding import (
     Verdict,
     WhereRow,
 )
-from slosh_discovery.discovery_report.data import DiscoveryReport
+from slosh_discovery.discovery_report.data import Command, DiscoveryReport
 from slosh_discovery.discovery_report.figures import (
     NAN,
     largest_share,
@@ -25,6 +25,7 @@ from slosh_discovery.discovery_report.words import (
     part_name,
     verdict_sentence,
 )
+from slosh_files.plain_text import plain_line
 from slosh_report.page.units import DASH, shown
 from slosh_report.text_table import aligned
 
@@ -50,10 +51,16 @@ def discovery_text(report: DiscoveryReport) -> str:
         _where(finding),
         _proposal(finding),
         _separating(report),
-        list(report.remarks),
-        [line for command in report.commands for line in (f"# {command.purpose}", command.line)],
+        [plain_line(remark) for remark in report.remarks],
+        [line for command in report.commands for line in _command(command)],
     ]
     return "\n\n".join("\n".join(block) for block in blocks if block)
+
+
+def _command(command: Command) -> tuple[str, str]:
+    """What a command is for, and its line: whole, where nobody put control characters into it."""
+    line = command.line
+    return f"# {command.purpose}", line if line.isprintable() else plain_line(line)
 
 
 def _effects(finding: Finding) -> list[str]:

@@ -8,6 +8,7 @@ from slosh_discovery.identification_report.data import IdentificationReport
 from slosh_discovery.identification_report.figures import rounded, shown_value
 from slosh_discovery.identify.information import Unidentified
 from slosh_discovery.identify.result import IdentifiedModel
+from slosh_files.plain_text import plain_line
 from slosh_report.page.units import DASH, shown
 from slosh_report.text_table import aligned
 
@@ -23,7 +24,7 @@ def identification_text(report: IdentificationReport) -> str:
         [held_sentence(held) for held in found.overall.held],
         _single(found.single),
         _points(report),
-        list(report.remarks),
+        [plain_line(remark) for remark in report.remarks],
     ]
     return "\n\n".join("\n".join(block) for block in blocks if block)
 
