@@ -18,6 +18,7 @@ from slosh_bag.errors import SloshBagError
 from slosh_bag.nodes.recorder_health import findings
 from slosh_bag.nodes.topic_input import Received, TopicInput, noted
 from slosh_bag.recorder import SEVERAL, Recorder
+from slosh_bag.recording.log_times import LogTimes
 from slosh_files.nanoseconds import SECOND
 from slosh_msgs_py.node.diagnostics import DiagnosticsReporter, Health
 from slosh_msgs_py.node.guarded import GuardedNode
@@ -66,6 +67,7 @@ class RecorderNode(GuardedNode):
         self._other_types: dict[str, str] = {}
         self._shared: set[str] = set()
         self._held: list[Received] = []
+        self._times = LogTimes(time.time_ns(), time.monotonic_ns())
         self._core = Recorder(
             Path(values["output"]),
             Split(values["max_bag_size"], values["max_bag_duration"] * SECOND),
@@ -126,11 +128,16 @@ class RecorderNode(GuardedNode):
         self._core.add_topic(topic, type_name, noted(entry.profile))
         self._inputs[topic] = entry
 
+    def _hold(self, received: Received) -> None:
+        arrived_ns = self._times.of(received.arrived_ns)
+        self._held.append(received._replace(arrived_ns=arrived_ns))
+
     def _take(self, final: bool = False) -> None:
         """Hands over what has come, in the order in which it came on all topics together."""
-        settled = time.time_ns() - _SETTLED
+        self._times.look(time.time_ns(), time.monotonic_ns())
+        settled = self._times.of(time.time_ns()) - _SETTLED
         for entry in self._inputs.values():
-            entry.take(self._held.append)
+            entry.take(self._hold)
         if not self._held:
             return
         clock = self.get_clock()
@@ -141,8 +148,8 @@ class RecorderNode(GuardedNode):
             if not final and 0 < received.arrived_ns - settled < SECOND:
                 self._held.append(received)
             elif simulated is None:
-                sent_ns = received.sent_ns or None
-                self._core.add(received.topic, received.data, received.arrived_ns, sent_ns)
+                log_ns = self._times.in_order(received.arrived_ns)
+                self._core.add(received.topic, received.data, log_ns, received.sent_ns or None)
             else:
                 self._core.add(received.topic, received.data, simulated)
 

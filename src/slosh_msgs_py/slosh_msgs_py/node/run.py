@@ -9,6 +9,7 @@ import signal
 import sys
 import time
 from collections.abc import Callable, Sequence
+from functools import partial
 from types import FrameType
 from typing import Any, TypeVar
 
@@ -24,6 +25,7 @@ from rclpy.signals import SignalHandlerOptions
 from slosh_files.plain_text import plain_line
 from slosh_files.private_mode import keep_others_from_writing
 from slosh_msgs_py.errors import SloshMessageError
+from slosh_msgs_py.node.clock_steps import wake_timers, watch_clock
 from slosh_msgs_py.node.guarded import GuardedNode
 from slosh_msgs_py.node.lifeline import watch_lifelines
 from slosh_msgs_py.node.network import bound
@@ -68,6 +70,7 @@ def run_node(
         executor = make_executor() if threads == 1 else MultiThreadedExecutor(threads)
         node = make_heard(factory)
         executor.add_node(node)
+        watch_clock(partial(wake_timers, node))
         if isinstance(node, PreparedNode) and node.readiness.state != READY:
             preparation = Preparation(node)
             _prepare(node, preparation, executor, stop)
