@@ -130,11 +130,14 @@ class Model:
 
     def with_effect(self, effect: str, **parameters: float) -> Model:
         """The model with the effect added, or with these parameters in place of its own."""
-        use = EffectUse(effect, parameters)
-        if not self.has(effect):
-            return replace(self, effects=(*self.effects, use))
-        others = (use if other.name == effect else other for other in self.effects)
-        return replace(self, effects=tuple(others))
+        return self.with_effects(EffectUse(effect, parameters))
+
+    def with_effects(self, *uses: EffectUse) -> Model:
+        """The model with all of these added, or in place of its own of the same name."""
+        if not uses:
+            return self
+        acting = {use.name: use for use in (*self.effects, *uses)}
+        return replace(self, effects=tuple(acting.values()))
 
     def without_effect(self, effect: str) -> Model:
         """The model without the effect."""

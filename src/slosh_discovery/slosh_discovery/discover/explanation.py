@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from slosh_model.effects.base import Effect, Parameter
 from slosh_model.effects.registry import EFFECTS
 from slosh_model.errors import SloshModelError
-from slosh_model.model import Model
+from slosh_model.model import EffectUse, Model
 
 Array = NDArray[np.float64]
 
@@ -118,14 +118,12 @@ class Explanation:
         Returns:
             None where the parameters are impossible.
         """
-        model = self.base
+        names = [name for name in self.effects if group is not None or name not in self.per_group]
         try:
-            for name in self.effects:
-                if group is not None or name not in self.per_group:
-                    model = model.with_effect(name, **self.part(vector, name, group))
+            uses = (EffectUse(name, self.part(vector, name, group)) for name in names)
+            return self.base.with_effects(*uses)
         except SloshModelError:
             return None
-        return model
 
     def with_effect(
         self, name: str, chosen: Mapping[str, float], *, per_group: bool = False

@@ -181,14 +181,13 @@ def simulate_all(pairs: Sequence[tuple[Model, PreparedMotion]]) -> list[Answer |
     if not pairs:
         return []
     inputs = [motion.inputs_for(model) for model, motion in pairs]
-    # Models that differ in what the sensor reads have one liquid.
-    liquids = {model: liquid_alone(model) for model, _ in pairs}
-    keys = [(liquids[model], id(given)) for (model, _), given in zip(pairs, inputs, strict=True)]
-    distinct = dict(zip(keys, inputs, strict=True))
+    liquids = _liquids([model for model, _ in pairs])
+    keys = [(id(liquid), id(given)) for liquid, given in zip(liquids, inputs, strict=True)]
+    distinct = dict(zip(keys, zip(liquids, inputs, strict=True), strict=True))
     # The search runs a fit per thread already.
     heights = wall_heights(
-        [liquid for liquid, _ in distinct],
-        list(distinct.values()),
+        [liquid for liquid, _ in distinct.values()],
+        [given for _, given in distinct.values()],
         max_step=LONGEST_STEP,
         threads=1,
     )
@@ -197,6 +196,20 @@ def simulate_all(pairs: Sequence[tuple[Model, PreparedMotion]]) -> list[Answer |
         motion.answer(model, given, rows[key])
         for (model, motion), given, key in zip(pairs, inputs, keys, strict=True)
     ]
+
+
+def _liquids(models: Sequence[Model]) -> list[Model]:
+    """Each model's liquid; models that differ in what the sensor reads have the same object.
+
+    Many motions share one model, and a model's hash goes through all of its parameters.
+    """
+    equal: dict[Model, Model] = {}
+    liquids: dict[int, Model] = {}
+    for model in models:
+        if id(model) not in liquids:
+            liquid = liquid_alone(model)
+            liquids[id(model)] = equal.setdefault(liquid, liquid)
+    return [liquids[id(model)] for model in models]
 
 
 def liquid_alone(model: Model) -> Model:
