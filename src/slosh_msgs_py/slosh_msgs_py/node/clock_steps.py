@@ -9,10 +9,12 @@ steady, and the timers are set anew, which wakes whoever waits for them.
 
 from __future__ import annotations
 
+import contextlib
 import threading
 import time
 from collections.abc import Callable
 
+from rclpy.exceptions import InvalidHandle
 from rclpy.node import Node
 
 PERIOD = 0.25
@@ -29,7 +31,8 @@ def watch_clock(set_back: Callable[[], None]) -> None:
 def wake_timers(node: Node) -> None:
     """Has all of a node's timers wait anew, a whole period each."""
     for timer in list(node.timers):
-        timer.reset()
+        with contextlib.suppress(InvalidHandle):  # the node has ended meanwhile
+            timer.reset()
 
 
 def _watch(set_back: Callable[[], None]) -> None:
