@@ -48,6 +48,8 @@ SAMPLED = 5.0
 """Memory is looked at so often [s]."""
 MOTION = 3.9
 """The robot's motion lasts a little longer [s]; how often it is repeated is said beforehand."""
+BACK = 30.0
+"""So long after its kill a node speaks again [s], and the others have found it."""
 PATIENCE = 3600.0
 """All of it is replayed in the end [s]."""
 WARM = 60.0
@@ -195,7 +197,7 @@ def print_gaps(bags: Sequence[Path], kills: Sequence[tuple[int, str]]) -> int:
     """Prints each stream's gaps; returns how many messages nothing explains.
 
     A height is missing, too, where the camera on a busy machine took the next image in its place:
-    that is told and not counted.
+    that is told, and counted only where it was silent for a second.
     """
     lost = 0
     read = read_columns(bags)
@@ -204,11 +206,11 @@ def print_gaps(bags: Sequence[Path], kills: Sequence[tuple[int, str]]) -> int:
         own = [moment for moment, node in kills if node in NEEDED[name]]
         by_kill, refused, other = gaps(stream, own)
         missing = sum(count for _, count in other)
-        lost += missing if name != "free_surface" else 0
+        lost += sum(count for _, count in other if name != "free_surface" or count > FPS)
         why = f", {refused} {stream.reason}" if stream.reason else ""
         print(f"{name:<13} {len(stream.stamps)} recorded; missing after a kill {by_kill}{why}, "
               f"else {missing}")  # fmt: skip
-        for moment, count in other[:SHOWN]:
+        for moment, count in sorted(other, key=lambda gap: -gap[1])[:SHOWN]:
             print(f"  {moment} ns: {count} messages missing, nothing explains them")
         if len(other) > SHOWN:
             print(f"  and {len(other) - SHOWN} more gaps")
@@ -261,7 +263,7 @@ def gaps(stream: Stream, kills: Sequence[int]) -> tuple[int, int, list[tuple[int
     for row in np.flatnonzero(missing > 0).tolist():
         count = int(missing[row])
         start, end = stamps[row] - SLACK * SECOND, stamps[row + 1]
-        if any(start <= kill <= end for kill in kills):
+        if any(start <= kill <= end <= kill + BACK * SECOND for kill in kills):
             by_kill += count
             continue
         if stream.refused is not None:
