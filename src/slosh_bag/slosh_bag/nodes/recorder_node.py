@@ -134,8 +134,9 @@ class RecorderNode(GuardedNode):
 
     def _take(self, final: bool = False) -> None:
         """Hands over what has come, in the order in which it came on all topics together."""
-        self._times.look(time.time_ns(), time.monotonic_ns())
-        settled = self._times.of(time.time_ns()) - _SETTLED
+        now = time.time_ns()
+        self._times.look(now, time.monotonic_ns())
+        settled = self._times.of(now) - _SETTLED
         for entry in self._inputs.values():
             entry.take(self._hold)
         if not self._held:
