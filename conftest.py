@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 from hypothesis import settings
 
+from slosh_msgs_py.node.dead_ports import free_dead_ports
 from slosh_msgs_py.node.domain import own_domain
-from slosh_msgs_py.node.shared_memory import free_dead_ports
 
 REAL_TIME = "tests/real_time/"
 """Tests of processes that must keep pace: one worker runs them all, one after the other."""

@@ -68,6 +68,10 @@ class CellWatch:
         heard.told = kind
         return [f"{report.node}: {report.sentence if kind else f'well again: {report.sentence}'}"]
 
+    def silences(self, now: float) -> dict[str, float]:
+        """For how long each node has said nothing [s]."""
+        return {node: now - heard.at for node, heard in self._heard.items()}
+
     def look(self, now: float) -> list[str]:
         """Returns what is to be told of nodes that say nothing."""
         lines = []

@@ -151,6 +151,14 @@ class NodeGroup:
         """Process id of a running node."""
         return self._running[name].pid
 
+    def kill(self, name: str) -> bool:
+        """Kills a node that does not listen; whether there was one to kill."""
+        process = self._running.get(name)
+        if process is None or process.poll() is not None:
+            return False
+        process.kill()
+        return True
+
     def failed(self) -> NodeEnd | None:
         """The first node that has ended and should not have; None: all is well."""
         for name, code in self.ended().items():

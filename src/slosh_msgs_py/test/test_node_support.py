@@ -1,6 +1,5 @@
 """What nodes share: parameters, diagnostics, the process's life."""
 
-import fcntl
 import os
 import re
 import signal
@@ -8,7 +7,6 @@ import subprocess
 import sys
 import threading
 import time
-from pathlib import Path
 
 import pytest
 import rclpy
@@ -26,7 +24,6 @@ from slosh_msgs_py.node.guarded import GuardedNode
 from slosh_msgs_py.node.lifeline import VARIABLE, watch_lifelines
 from slosh_msgs_py.node.parameters import ParameterSpec, declare
 from slosh_msgs_py.node.run import make_executor
-from slosh_msgs_py.node.shared_memory import free_dead_ports, is_deaf, remove_leftovers
 
 SPECS = (
     ParameterSpec("size", 1.0, "size [m]", (0.0, 2.0), read_only=False),
@@ -472,86 +469,3 @@ def test_an_unknown_executor_is_named(monkeypatch):
     monkeypatch.setenv("SLOSH_EXECUTOR", "multi")
     with pytest.raises(SloshMessageError, match="'multi' must be one of events, single"):
         make_executor()
-
-
-@pytest.mark.parametrize(
-    ("targets", "deaf"),
-    [
-        ([], False),  # no shared memory at all
-        (["/dev/shm/fastrtps_71a8d4d185374fd8_el"], True),
-        # A port below RTPS's own serves the whole machine, not this process.
-        (["/dev/shm/fastrtps_71a8d4d185374fd8_el", "/dev/shm/fastrtps_port7002_el"], True),
-        (["/dev/shm/fastrtps_71a8d4d185374fd8_el", "/dev/shm/fastrtps_port7411_el"], False),
-    ],
-)
-def test_a_process_without_its_shared_memory_port_is_deaf(tmp_path, targets, deaf):
-    for number, target in enumerate(targets):
-        (tmp_path / str(number)).symlink_to(target)
-    assert is_deaf(tmp_path) == deaf
-    assert not is_deaf(tmp_path / "nowhere")
-
-
-def test_a_living_process_is_not_deaf():
-    rclpy.init()
-    node = rclpy.create_node("hears")
-    assert not is_deaf()
-    node.destroy_node()
-    rclpy.shutdown()
-
-
-def test_what_killed_nodes_leave_in_shared_memory_is_removed_and_nothing_else(tmp_path):
-    names = [f"fastrtps_{number:016x}" for number in range(3)]
-    for name in (*names, "fastrtps_port7411", "somebody_else"):
-        (tmp_path / name).write_bytes(bytes(1000))
-        (tmp_path / f"{name}_el").touch()
-    later = time.time() + 60.0
-    with (tmp_path / f"{names[1]}_el").open() as held:
-        fcntl.flock(held, fcntl.LOCK_SH)
-        assert remove_leftovers(tmp_path) == 0  # all are young
-        assert remove_leftovers(tmp_path, later) == 2000
-    left = {path.name for path in tmp_path.iterdir() if not path.name.endswith("_el")}
-    assert left == {names[1], "fastrtps_port7411", "somebody_else"}
-
-
-def mutex(folder, port, count):
-    path = folder / f"sem.fastrtps_port{port}_mutex"
-    path.write_bytes(count.to_bytes(8, sys.byteorder) + bytes(24))
-    return path
-
-
-def test_a_ports_mutex_that_stays_locked_is_deleted_and_no_other(tmp_path):
-    dead, free, busy = (mutex(tmp_path, port, count) for port, count in ((1, 0), (2, 1), (3, 0)))
-    (tmp_path / "sem.somebody_elses_mutex").write_bytes(bytes(32))
-    (tmp_path / "sem.fastrtps_port4_mutex").write_bytes(b"")
-    unlocking = threading.Timer(0.1, mutex, (tmp_path, 3, 1))
-    unlocking.start()
-    heard = mutex(tmp_path, 5, 0)
-    for name in ("fastrtps_port1", "fastrtps_port2", "fastrtps_port5", "fastrtps_port5_el"):
-        (tmp_path / name).touch()
-    with (tmp_path / "fastrtps_port5_el").open() as listens:
-        fcntl.flock(listens, fcntl.LOCK_EX)
-        assert free_dead_ports(tmp_path, 0.5) == ["fastrtps_port1", "fastrtps_port5"]
-    unlocking.join()
-    assert not heard.exists()
-    ports = {path.name for path in tmp_path.glob("fastrtps_port?")}
-    assert ports == {"fastrtps_port2", "fastrtps_port5"}
-    assert not dead.exists()
-    assert free.exists()
-    assert busy.exists()
-
-
-def test_a_node_starts_where_a_killed_one_left_its_port_locked(domain):
-    """Without it the process hangs in the middleware, deaf to every signal but SIGKILL."""
-    speaks = "import rclpy; rclpy.init(); rclpy.create_node('tested'); print('speaks')"
-    taken = 7400 + 250 * domain
-    locked = [mutex(Path("/dev/shm"), taken + offset, 0) for offset in range(10, 32)]
-    try:
-        freed = free_dead_ports()
-        assert {f"fastrtps_port{taken + offset}" for offset in range(10, 32)} <= {*freed}
-        done = subprocess.run(
-            [sys.executable, "-c", speaks], capture_output=True, text=True, timeout=60, check=True
-        )
-        assert done.stdout == "speaks\n"
-    finally:
-        for path in locked:
-            path.unlink(missing_ok=True)

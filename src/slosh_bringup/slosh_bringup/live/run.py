@@ -137,7 +137,7 @@ def run_nodes(run: LiveRun, screen: Screen, stop: StopRequest) -> Outcome:
                 look_at += PERIOD
                 found = others.look(listener.running(names), time.monotonic())
                 _tell_of_another(found, namespace, watch)
-            end = supervision.look(began=watch.began)
+            end = supervision.look(began=watch.began, silences=watch.silences)
         problems = supervision.problems
         if group.stop().get(LAST) == 1:
             problems.append(last_line(run.folder / LOGS / f"{LAST}.log"))

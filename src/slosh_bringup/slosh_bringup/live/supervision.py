@@ -1,16 +1,25 @@
-"""Keeps a run going when one of its nodes ends: that node is started again, the others go on."""
+"""Keeps a run going when one of its nodes ends or hangs: it is started again, the others go on."""
 
 from __future__ import annotations
 
+import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
+from slosh_bringup.cell_watch import SILENT
 from slosh_bringup.live.other_cells import OtherCells
 from slosh_bringup.processes import LAST, NodeEnd, NodeGroup, NodeProcess
+from slosh_msgs_py.node.dead_ports import hold_dead_ports
 
 ATTEMPTS, WITHIN = 5, 60.0
 """A node that ends so often within so long [s] is not started again."""
+HANGS = 30.0
+"""A process that says nothing for so long, though others are heard, is of no use [s].
+
+It was stopped, it hangs, or nobody hears it since a neighbour was killed. A busy machine takes a
+third of that to start one.
+"""
 EXIT_WRONG_INPUT = 2
 
 
@@ -37,22 +46,27 @@ class Supervision:
         self._group, self._tell, self._others = group, tell, others
         self._processes = {process.name: process for process in processes}
         self._ends: dict[str, list[float]] = {}
+        self._started: dict[str, float] = {}
         self.problems: list[str] = []
 
-    def look(self, *, began: bool) -> NodeEnd | None:
-        """Starts a node again that has ended.
+    def look(self, *, began: bool, silences: Mapping[str, float]) -> NodeEnd | None:
+        """Starts a node again that has ended, and ends one that hangs.
 
         Args:
             began: whether all were at work before; if not, what keeps one from it keeps it again.
+            silences: for how long each node has said nothing [s].
 
         Returns:
             an end that ends the run: of a node that was not at work yet or that refuses its
             parameters; None: the run goes on.
         """
+        now = time.monotonic()
         end = self._group.failed()
+        if end is None and began:
+            self._end_hanging(silences, now)
         if end is None or not began or end.code == EXIT_WRONG_INPUT:
             return end
-        now = time.monotonic()
+        hold_dead_ports()
         self._ends.setdefault(end.name, []).append(now)
         recent = sum(now - at < WITHIN for at in self._ends[end.name])
         self._group.forget(end.name)
@@ -61,10 +75,22 @@ class Supervision:
             return None
         process = self._again(self._processes[end.name])
         self._group.start(process)
+        self._started[process.name] = now
         self._others.started(process.name, now)
         where = f", recording to {process.parameters['output']}" if end.name == LAST else ""
         self._say(f"{end.text}; it is started again{where}")
         return None
+
+    def _end_hanging(self, silences: Mapping[str, float], now: float) -> None:
+        """Kills what hangs; where nobody at all is heard, it is the listener who does not hear."""
+        if all(silence > SILENT for silence in silences.values()):
+            return
+        for name, silence in silences.items():
+            mute = min(silence, now - self._started.get(name, -math.inf))
+            if mute > HANGS and self._group.kill(name):
+                # It counts from here, however long the end takes.
+                self._started[name] = now
+                self._say(f"node {name} runs and has said nothing for {mute:.0f} s: it is killed")
 
     def _again(self, process: NodeProcess) -> NodeProcess:
         """How a node is started that has missed something of the motion."""

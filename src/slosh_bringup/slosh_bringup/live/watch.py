@@ -66,6 +66,11 @@ class LiveWatch:
         """Why there is no sense in waiting longer; empty: there is."""
         return "" if self.began else self._wait.given_up(time.monotonic())
 
+    @property
+    def silences(self) -> dict[str, float]:
+        """For how long each node has said nothing since all are at work [s]."""
+        return {} if self._health is None else self._health.silences(time.monotonic())
+
     def take_settings(self, start: NodeStart) -> None:
         """Takes what a node works with, at its start or later; strangers are not heard."""
         if start.node not in self._nodes:

@@ -26,16 +26,18 @@ from slosh_files.plain_text import plain_line
 from slosh_files.private_mode import keep_others_from_writing
 from slosh_msgs_py.errors import SloshMessageError
 from slosh_msgs_py.node.clock_steps import wake_timers, watch_clock
+from slosh_msgs_py.node.dead_ports import free_dead_ports, hold_dead_ports
 from slosh_msgs_py.node.guarded import GuardedNode
 from slosh_msgs_py.node.lifeline import watch_lifelines
 from slosh_msgs_py.node.network import bound
 from slosh_msgs_py.node.prepared import Preparation, PreparedNode
 from slosh_msgs_py.node.readiness import READY
-from slosh_msgs_py.node.shared_memory import free_dead_ports, is_deaf
+from slosh_msgs_py.node.shared_memory import is_deaf
 
 EXIT_DONE, EXIT_FAILED, EXIT_WRONG_INPUT = 0, 1, 2
 EXECUTORS = ("events", "single")
 ATTEMPTS, PAUSE = 20, 0.25  # s; what holds a dead port open is found out within a second or two
+HEARING_PERIOD = 2.0  # s
 _Node = TypeVar("_Node", bound=Node)
 _POLL = 0.1  # s; how long an idle executor waits before it looks whether to stop
 
@@ -84,8 +86,11 @@ def run_node(
     gc.collect()
     gc.freeze()
     with contextlib.suppress(ExternalShutdownException):
-        while not (stop.requested or finished(node)):
+        hearing = _Hearing()
+        while not (stop.requested or finished(node) or hearing.is_lost()):
             _spin_once(node, executor)
+        if hearing.lost:
+            node.failure = "another process has its shared-memory port: it hears nothing, and ends"
     close = getattr(node, "close", None)
     if close is not None:
         close()
@@ -140,6 +145,7 @@ def initialise(arguments: Sequence[str] | None) -> None:
     """
     bound()
     free_dead_ports()
+    hold_dead_ports()
     try:
         rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
     except RuntimeError as error:
@@ -166,6 +172,27 @@ def make_heard(factory: Callable[[], _Node]) -> _Node:
         return factory()
     finally:
         first.destroy_node()
+
+
+class _Hearing:
+    """Whether others still reach this process; see `shared_memory`.
+
+    Attributes:
+        lost: whether they do no more.
+    """
+
+    def __init__(self) -> None:
+        self.lost = False
+        self._suspect = False
+        self._look_at = time.monotonic() + HEARING_PERIOD
+
+    def is_lost(self) -> bool:
+        """Looks now and then: lost is what is so twice, as a port is closed to be opened anew."""
+        if time.monotonic() >= self._look_at:
+            self._look_at += HEARING_PERIOD
+            suspect, self._suspect = self._suspect, is_deaf()
+            self.lost = suspect and self._suspect
+        return self.lost
 
 
 def _participant() -> Node:

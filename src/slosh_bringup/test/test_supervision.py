@@ -1,0 +1,67 @@
+"""A run's nodes as real processes: what is done about one that hangs."""
+
+import os
+import signal
+import time
+
+import pytest
+
+from slosh_bringup.live.other_cells import OtherCells
+from slosh_bringup.live.supervision import HANGS, Supervision
+from slosh_bringup.processes import NodeGroup, NodeProcess, node_environment
+
+
+@pytest.fixture
+def cell(tmp_path, domain):
+    """A monitor that runs, who looks after it, and what is told."""
+    told = []
+    with NodeGroup("/slosh", tmp_path, node_environment(domain)) as group:
+        process = NodeProcess("monitor")
+        group.start(process)
+        yield group, Supervision(group, [process], told.append, OtherCells()), told
+
+
+def look_until_it_runs_again(group, supervision, before):
+    deadline = time.monotonic() + 20.0
+    while group.pid("monitor") == before:
+        assert time.monotonic() < deadline
+        assert supervision.look(began=True, silences={"monitor": 0.0, "camera": 0.0}) is None
+        time.sleep(0.02)
+
+
+def test_a_node_that_hangs_is_killed_and_started_again(cell):
+    group, supervision, told = cell
+    before = group.pid("monitor")
+    os.kill(before, signal.SIGSTOP)  # what hangs hears no SIGTERM
+    silences = {"monitor": HANGS + 1.0, "camera": 0.5}
+    assert supervision.look(began=True, silences=silences) is None
+    look_until_it_runs_again(group, supervision, before)
+    hangs, again = told
+    assert hangs == "node monitor runs and has said nothing for 31 s: it is killed"
+    assert again.startswith("node monitor ended with exit code -9: Killed")
+    assert again.endswith("it is started again")
+    assert supervision.problems == told
+    # It is as old as its start, not as the silence: nobody heard the one before.
+    after = group.pid("monitor")
+    assert supervision.look(began=True, silences=silences) is None
+    assert supervision.look(began=True, silences=silences) is None
+    assert (group.pid("monitor"), len(told)) == (after, 2)
+
+
+@pytest.mark.parametrize(
+    ("began", "silences"),
+    [
+        pytest.param(True, {"monitor": HANGS - 1.0, "camera": 0.5}, id="not long enough"),
+        pytest.param(True, {"monitor": 60.0, "camera": 60.0}, id="nobody is heard: not its fault"),
+        pytest.param(False, {"monitor": 60.0, "camera": 0.5}, id="still starting"),
+        pytest.param(True, {"monitor": 0.5, "camera": 60.0}, id="another, which is gone"),
+    ],
+)
+def test_a_node_is_not_killed_without_reason(cell, began, silences):
+    group, supervision, told = cell
+    before = group.pid("monitor")
+    assert supervision.look(began=began, silences=silences) is None
+    os.kill(before, 0)
+    assert group.pid("monitor") == before
+    assert group.ended() == {}
+    assert told == []

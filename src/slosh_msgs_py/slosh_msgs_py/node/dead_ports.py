@@ -1,0 +1,175 @@
+"""What killed processes leave of their shared-memory ports, and what Fast DDS makes of it.
+
+Whoever wrote to a killed process goes on writing into its port's memory until somebody finds out,
+which takes as many seconds as there are processes, and never happens where it was killed between
+two messages. A process that takes the port over hears nothing of them meanwhile. Where it was
+killed in the midst of a message, those who find out take turns for ever at clearing it up, and
+write no more at all, to nobody. They clear nothing up whose lock somebody holds: so the lock of a
+dead port is held for as long as anybody has the port open. Then nobody takes it over, either.
+
+Another thing that is left is the port's mutex, a semaphore by name, which the system does not let
+go of with the process. Every later process that gets this port would hang in its start for ever,
+where no signal reaches it.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import re
+import sys
+import threading
+import time
+from pathlib import Path
+
+from slosh_msgs_py.node.lock_files import held, shared
+
+_MUTEX = re.compile(r"sem\.fast\w+_port\d+_mutex")
+_MAPPED = re.compile(r"/(fastrtps_port\d+)(?: \(deleted\))?$", re.MULTILINE)
+_SAMPLE = 0.05  # s
+_LONGEST_HELD = 3.0
+"""A living process holds a port's mutex for microseconds; for a second where it waits for an
+answer of whoever had the port before [s]."""
+_MOST = 64
+"""Fast DDS tries a hundred ports, one after the other, and a domain has little more."""
+_PERIOD = 30.0
+"""So often it is looked what died and what nobody has open any more [s]."""
+_FORGOTTEN = 30.0
+"""Writers open a dead port now and then until they take its reader for gone, after 20 s [s]."""
+
+
+class DeadPorts:
+    """Holds the locks of dead ports.
+
+    Any number of processes may do so. It takes two hundredths of a second to look.
+
+    Args:
+        folder: where the ports are.
+        processes: folder with a folder for each process.
+    """
+
+    def __init__(self, folder: Path = Path("/dev/shm"), processes: Path = Path("/proc")) -> None:
+        self._folder, self._processes = folder, processes
+        self._held: dict[str, int] = {}
+        self._seen: dict[str, float] = {}
+        self._lock = threading.Lock()
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the ports that are held."""
+        return sorted(self._held)
+
+    def look(self, now: float | None = None) -> list[str]:
+        """Holds what has died, and lets go of what nobody has had open for some time.
+
+        Args:
+            now: steady time [s].
+
+        Returns:
+            names of the ports that are held.
+        """
+        now = time.monotonic() if now is None else now
+        with self._lock:
+            used = _ports_in_use(self._processes)
+            self._seen.update(dict.fromkeys(used, now))
+            for port in [port for port in self._held if now - self._seen[port] > _FORGOTTEN]:
+                os.close(self._held.pop(port))
+            for port in sorted(used - self._held.keys())[: _MOST - len(self._held)]:
+                with contextlib.suppress(OSError):  # somebody listens, or it is another's
+                    self._held[port] = shared(self._folder / f"{port}_el")
+            return self.names
+
+    def close(self) -> None:
+        """Lets go of all."""
+        with self._lock:
+            while self._held:
+                os.close(self._held.popitem()[1])
+
+
+_DEAD = DeadPorts()
+_THREAD = "dead ports"
+
+
+def hold_dead_ports() -> list[str]:
+    """Holds the dead ports for this process, from now on until it ends.
+
+    To be called before it opens a port of its own, and when a process is known to have been
+    killed: what happens in between is noticed half a minute later.
+
+    Returns:
+        names of the ports that are held.
+    """
+    if not any(thread.name == _THREAD for thread in threading.enumerate()):
+        threading.Thread(target=_look_now_and_then, name=_THREAD, daemon=True).start()
+    return _DEAD.look()
+
+
+def held_dead_ports() -> list[str]:
+    """Names of the ports that this process holds for dead ones."""
+    return _DEAD.names
+
+
+def _look_now_and_then() -> None:
+    never = threading.Event()
+    while not never.wait(_PERIOD):
+        _DEAD.look()
+
+
+def free_dead_ports(folder: Path = Path("/dev/shm"), patience: float = _LONGEST_HELD) -> list[str]:
+    """Deletes the ports that killed processes have left locked.
+
+    Without such a one it takes milliseconds, with one `patience`. Whoever comes next makes the
+    port anew. Of a port on which somebody alive listens only the mutex goes.
+
+    Args:
+        folder: where they are.
+        patience: how long one has to stay locked to count as left [s].
+
+    Returns:
+        names of the ports.
+    """
+    locked = {path for path in folder.glob("sem.*_mutex") if _MUTEX.fullmatch(path.name)}
+    deadline = time.monotonic() + patience
+    while locked := {path for path in locked if _is_locked(path)}:
+        if time.monotonic() >= deadline:
+            break
+        time.sleep(_SAMPLE)
+    freed = []
+    for path in sorted(locked):
+        port = folder / path.name.removeprefix("sem.").removesuffix("_mutex")
+        with contextlib.suppress(OSError):  # another's, or gone by now
+            # Its own state is as locked as the mutex: who opened it would hang in there.
+            if not _is_listened_to(port):
+                port.unlink(missing_ok=True)
+            path.unlink()
+            freed.append(port.name)
+    return freed
+
+
+def _is_listened_to(port: Path) -> bool:
+    """Whether a living process holds the lock of a port's listener."""
+    try:
+        with held(port.with_name(f"{port.name}_el")):
+            return False
+    except FileNotFoundError:
+        return False
+    except BlockingIOError:
+        return True
+
+
+def _is_locked(mutex: Path) -> bool:
+    """Whether a semaphore's count, the low half of its first eight bytes, is zero."""
+    try:
+        head = mutex.read_bytes()[:8]
+    except OSError:
+        return False
+    return len(head) == 8 and int.from_bytes(head, sys.byteorder) & 0xFFFFFFFF == 0
+
+
+def _ports_in_use(processes: Path) -> set[str]:
+    """Names of the ports that processes of this user have open, also such as were deleted."""
+    ports: set[str] = set()
+    for maps in processes.glob("[0-9]*/maps"):
+        with contextlib.suppress(OSError):  # another's, or it has ended
+            ports.update(_MAPPED.findall(maps.read_text(errors="replace")))
+    return ports

@@ -1,0 +1,44 @@
+"""Lock files as Fast DDS has them: whoever owns something holds its file alone while it lives."""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+
+@contextlib.contextmanager
+def held(lock: Path) -> Iterator[None]:
+    """Holds a lock file alone.
+
+    Raises:
+        BlockingIOError: somebody else holds it.
+        OSError: there is none, or it is not ours.
+    """
+    descriptor = os.open(lock, os.O_RDWR | os.O_CLOEXEC)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        yield
+    finally:
+        os.close(descriptor)
+
+
+def shared(lock: Path) -> int:
+    """Holds a lock file together with others, and makes it where there is none.
+
+    Returns:
+        the file's descriptor: the lock is held until it is closed.
+
+    Raises:
+        BlockingIOError: somebody holds it alone.
+        OSError: it is not ours.
+    """
+    descriptor = os.open(lock, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except OSError:
+        os.close(descriptor)
+        raise
+    return descriptor

@@ -1,0 +1,231 @@
+"""Shared memory: who is heard through it, and what killed processes leave there."""
+
+import fcntl
+import os
+import re
+import signal
+import subprocess
+import sys
+import threading
+import time
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+import rclpy
+from std_msgs.msg import String
+
+from slosh_msgs_py import qos
+from slosh_msgs_py.node.dead_ports import DeadPorts, free_dead_ports
+from slosh_msgs_py.node.shared_memory import is_deaf, remove_leftovers
+
+
+@pytest.mark.parametrize(
+    ("targets", "deaf"),
+    [
+        ([], False),  # no shared memory at all
+        (["/dev/shm/fastrtps_71a8d4d185374fd8_el"], True),
+        # A port below RTPS's own serves the whole machine, not this process.
+        (["/dev/shm/fastrtps_71a8d4d185374fd8_el", "/dev/shm/fastrtps_port7002_el"], True),
+        (["/dev/shm/fastrtps_71a8d4d185374fd8_el", "/dev/shm/fastrtps_port7411_el"], False),
+        # Held for a dead process.
+        (["/dev/shm/fastrtps_71a8d4d185374fd8_el", "/dev/shm/fastrtps_port7413_el"], True),
+    ],
+)
+def test_a_process_without_its_shared_memory_port_is_deaf(tmp_path, targets, deaf):
+    for number, target in enumerate(targets):
+        (tmp_path / str(number)).symlink_to(target)
+    assert is_deaf(tmp_path, ["fastrtps_port7413"]) == deaf
+    assert not is_deaf(tmp_path / "nowhere")
+
+
+def test_a_living_process_is_not_deaf():
+    rclpy.init()
+    node = rclpy.create_node("hears")
+    assert not is_deaf()
+    node.destroy_node()
+    rclpy.shutdown()
+
+
+def test_what_killed_nodes_leave_in_shared_memory_is_removed_and_nothing_else(tmp_path):
+    names = [f"fastrtps_{number:016x}" for number in range(3)]
+    for name in (*names, "fastrtps_port7411", "somebody_else"):
+        (tmp_path / name).write_bytes(bytes(1000))
+        (tmp_path / f"{name}_el").touch()
+    later = time.time() + 60.0
+    with (tmp_path / f"{names[1]}_el").open() as held:
+        fcntl.flock(held, fcntl.LOCK_SH)
+        assert remove_leftovers(tmp_path) == 0  # all are young
+        assert remove_leftovers(tmp_path, later) == 2000
+    left = {path.name for path in tmp_path.iterdir() if not path.name.endswith("_el")}
+    assert left == {names[1], "fastrtps_port7411", "somebody_else"}
+
+
+def mutex(folder, port, count):
+    path = folder / f"sem.fastrtps_port{port}_mutex"
+    path.write_bytes(count.to_bytes(8, sys.byteorder) + bytes(24))
+    return path
+
+
+def test_a_ports_mutex_that_stays_locked_is_deleted_and_no_other(tmp_path):
+    dead, free, busy = (mutex(tmp_path, port, count) for port, count in ((1, 0), (2, 1), (3, 0)))
+    (tmp_path / "sem.somebody_elses_mutex").write_bytes(bytes(32))
+    (tmp_path / "sem.fastrtps_port4_mutex").write_bytes(b"")
+    unlocking = threading.Timer(0.1, mutex, (tmp_path, 3, 1))
+    unlocking.start()
+    heard = mutex(tmp_path, 5, 0)
+    for name in ("fastrtps_port1", "fastrtps_port2", "fastrtps_port5", "fastrtps_port5_el"):
+        (tmp_path / name).touch()
+    with (tmp_path / "fastrtps_port5_el").open() as listens:
+        fcntl.flock(listens, fcntl.LOCK_EX)
+        assert free_dead_ports(tmp_path, 0.5) == ["fastrtps_port1", "fastrtps_port5"]
+    unlocking.join()
+    assert not heard.exists()
+    ports = {path.name for path in tmp_path.glob("fastrtps_port?")}
+    assert ports == {"fastrtps_port2", "fastrtps_port5"}
+    assert not dead.exists()
+    assert free.exists()
+    assert busy.exists()
+
+
+def test_a_node_starts_where_a_killed_one_left_its_port_locked(domain):
+    """Without it the process hangs in the middleware, deaf to every signal but SIGKILL."""
+    speaks = "import rclpy; rclpy.init(); rclpy.create_node('tested'); print('speaks')"
+    taken = 7400 + 250 * domain
+    locked = [mutex(Path("/dev/shm"), taken + offset, 0) for offset in range(10, 32)]
+    try:
+        freed = free_dead_ports()
+        assert {f"fastrtps_port{taken + offset}" for offset in range(10, 32)} <= {*freed}
+        done = subprocess.run(
+            [sys.executable, "-c", speaks], capture_output=True, text=True, timeout=60, check=True
+        )
+        assert done.stdout == "speaks\n"
+    finally:
+        for path in locked:
+            path.unlink(missing_ok=True)
+
+
+def folders(tmp_path, ports, mapped):
+    """A folder of ports with their locks, and one of processes that have them open."""
+    memory, processes = tmp_path / "memory", tmp_path / "processes"
+    memory.mkdir()
+    for port in ports:
+        (memory / f"{port}_el").touch()
+    for number, lines in enumerate(mapped, start=1):
+        (processes / str(number)).mkdir(parents=True)
+        text = "".join(f"7f00-7f01 rw-s 0 00:1b 7    /dev/shm/{line}\n" for line in lines)
+        (processes / str(number) / "maps").write_text(text)
+    return memory, processes
+
+
+def test_dead_ports_are_held_while_somebody_has_them_open(tmp_path):
+    """Not those of the living, and not such as nobody knows any more."""
+    dead, living, forgotten = "fastrtps_port7411", "fastrtps_port7413", "fastrtps_port7415"
+    mapped = [[f"{dead} (deleted)", living], [living]]
+    memory, processes = folders(tmp_path, (dead, living, forgotten), mapped)
+    ports, others = DeadPorts(memory, processes), DeadPorts(memory, processes)
+    with (memory / f"{living}_el").open() as listens:
+        fcntl.flock(listens, fcntl.LOCK_EX)
+        assert ports.look(0.0) == others.look(0.0) == [dead]  # several hold it at once
+    for path in processes.glob("*/maps"):
+        path.write_text("")
+    others.close()
+    with (memory / f"{dead}_el").open() as taker:
+        assert ports.look(29.0) == [dead]  # its writers come back to it now and then
+        with pytest.raises(BlockingIOError):
+            fcntl.flock(taker, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        assert ports.look(31.0) == []
+        fcntl.flock(taker, fcntl.LOCK_EX | fcntl.LOCK_NB)
+
+
+def test_a_port_that_was_deleted_with_its_lock_is_held_all_the_same(tmp_path):
+    memory, processes = folders(tmp_path, (), [["fastrtps_port7411 (deleted)"]])
+    assert DeadPorts(memory, processes).look(0.0) == ["fastrtps_port7411"]
+
+
+READS = """
+import rclpy
+from rclpy.node import Node
+from std_msgs.msg import String
+from slosh_msgs_py import qos
+from slosh_msgs_py.node.run import initialise, make_heard
+initialise([])
+node = make_heard(lambda: Node("reads"))
+hear = lambda message: print(message.data, flush=True)
+node.create_subscription(String, "words", hear, qos.EVENT)
+rclpy.spin(node)
+"""
+
+
+@contextmanager
+def reader():
+    """A process that prints what it reads."""
+    command = [sys.executable, "-c", READS]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        try:
+            yield process
+        finally:
+            process.kill()
+
+
+def rtps_port(process):
+    """The port on which a process listens: it has its lock file open."""
+    links = [os.readlink(link) for link in Path(f"/proc/{process.pid}/fd").iterdir()]
+    ports = [int(found[1]) for link in links if (found := re.search(r"_port(\d+)_el", link))]
+    return [port for port in ports if port >= 7400]
+
+
+def test_nobody_takes_over_the_port_of_a_killed_reader_that_is_still_written_to(domain):
+    """The writer would write to the dead one, and nothing would reach the new one."""
+    rclpy.init()
+    node = rclpy.create_node("writes")
+    words = node.create_publisher(String, "words", qos.EVENT)
+    ports = DeadPorts()
+    try:
+        words.publish(String(data="hello"))
+        with reader() as first:
+            assert first.stdout.readline() == "hello\n"
+            (taken,) = rtps_port(first)
+            first.send_signal(signal.SIGKILL)
+            first.wait()
+        assert f"fastrtps_port{taken}" in ports.look()
+        with reader() as second:
+            assert second.stdout.readline() == "hello\n"
+            words.publish(String(data="again"))
+            assert second.stdout.readline() == "again\n"
+            assert f"fastrtps_port{taken}" in ports.names
+            assert set(rtps_port(second)) - {taken}
+    finally:
+        ports.close()
+        node.destroy_node()
+        rclpy.shutdown()
+
+
+LOSES = """
+import os, sys
+from pathlib import Path
+from rclpy.node import Node
+from slosh_msgs_py.node.run import run_node
+
+class Loses(Node):
+    def __init__(self):
+        super().__init__("loses")
+        self.create_timer(0.1, self.lose)
+
+    def lose(self):
+        for link in Path("/proc/self/fd").iterdir():
+            if link.exists() and "fastrtps_port" in os.readlink(link):
+                os.close(int(link.name))
+
+sys.exit(run_node(Loses, []))
+"""
+
+
+def test_a_node_that_loses_its_port_says_so_and_ends(domain):
+    """It would hear nothing any more, and say so to nobody."""
+    done = subprocess.run(
+        [sys.executable, "-c", LOSES], capture_output=True, text=True, timeout=60, check=False
+    )
+    assert done.returncode == 1, done.stderr
+    assert "loses: another process has its shared-memory port: it hears nothing" in done.stderr
+    assert "Traceback" not in done.stderr
