@@ -5,7 +5,9 @@ which takes as many seconds as there are processes, and never happens where it w
 two messages. A process that takes the port over hears nothing of them meanwhile. Where it was
 killed in the midst of a message, those who find out take turns for ever at clearing it up, and
 write no more at all, to nobody. They clear nothing up whose lock somebody holds: so the lock of a
-dead port is held for as long as anybody has the port open. Then nobody takes it over, either.
+dead port is held for as long as anybody has the port open. Then nobody takes it over, either. And
+its name is deleted: who looks for a port that does not answer waits a second for it, and publishes
+nothing meanwhile; where there is none it is made anew at once.
 
 Another thing that is left is the port's mutex, a semaphore by name, which the system does not let
 go of with the process. Every later process that gets this port would hang in its start for ever,
@@ -46,6 +48,9 @@ class DeadPorts:
     Args:
         folder: where the ports are.
         processes: folder with a folder for each process.
+
+    Attributes:
+        names: of the ports that are held, in order.
     """
 
     def __init__(self, folder: Path = Path("/dev/shm"), processes: Path = Path("/proc")) -> None:
@@ -53,13 +58,9 @@ class DeadPorts:
         self._held: dict[str, int] = {}
         self._seen: dict[str, float] = {}
         self._lock = threading.Lock()
+        self.names: tuple[str, ...] = ()
 
-    @property
-    def names(self) -> list[str]:
-        """Names of the ports that are held."""
-        return sorted(self._held)
-
-    def look(self, now: float | None = None) -> list[str]:
+    def look(self, now: float | None = None) -> tuple[str, ...]:
         """Holds what has died, and lets go of what nobody has had open for some time.
 
         Args:
@@ -74,23 +75,38 @@ class DeadPorts:
             self._seen.update(dict.fromkeys(used, now))
             for port in [port for port in self._held if now - self._seen[port] > _FORGOTTEN]:
                 os.close(self._held.pop(port))
-            for port in sorted(used - self._held.keys())[: _MOST - len(self._held)]:
-                with contextlib.suppress(OSError):  # somebody listens, or it is another's
-                    self._held[port] = shared(self._folder / f"{port}_el")
+            for port in sorted(used - self._held.keys()):
+                if len(self._held) < _MOST and not self._is_for_all(port):
+                    with contextlib.suppress(OSError):  # somebody listens, or it is another's
+                        self._hold(port)
+            self.names = tuple(sorted(self._held))
             return self.names
+
+    def _hold(self, port: str) -> None:
+        """Raises OSError where it is not dead, or not ours."""
+        lock = self._folder / f"{port}_el"
+        had_listener = lock.exists()
+        self._held[port] = shared(lock)
+        if had_listener:
+            (self._folder / port).unlink(missing_ok=True)
+
+    def _is_for_all(self, port: str) -> bool:
+        """Whether any number of processes may listen on a port: nobody takes such a one over."""
+        return (self._folder / f"{port}_sl").exists()
 
     def close(self) -> None:
         """Lets go of all."""
         with self._lock:
             while self._held:
                 os.close(self._held.popitem()[1])
+            self.names = ()
 
 
 _DEAD = DeadPorts()
 _THREAD = "dead ports"
 
 
-def hold_dead_ports() -> list[str]:
+def hold_dead_ports() -> tuple[str, ...]:
     """Holds the dead ports for this process, from now on until it ends.
 
     To be called before it opens a port of its own, and when a process is known to have been
@@ -104,7 +120,7 @@ def hold_dead_ports() -> list[str]:
     return _DEAD.look()
 
 
-def held_dead_ports() -> list[str]:
+def held_dead_ports() -> tuple[str, ...]:
     """Names of the ports that this process holds for dead ones."""
     return _DEAD.names
 
