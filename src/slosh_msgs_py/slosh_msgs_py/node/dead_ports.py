@@ -60,11 +60,12 @@ class DeadPorts:
         self._lock = threading.Lock()
         self.names: tuple[str, ...] = ()
 
-    def look(self, now: float | None = None) -> tuple[str, ...]:
+    def look(self, now: float | None = None, *, unnamed: bool = False) -> tuple[str, ...]:
         """Holds what has died, and lets go of what nobody has had open for some time.
 
         Args:
             now: steady time [s].
+            unnamed: delete the names of those that are new, too.
 
         Returns:
             names of the ports that are held.
@@ -78,16 +79,16 @@ class DeadPorts:
             for port in sorted(used - self._held.keys()):
                 if len(self._held) < _MOST and not self._is_for_all(port):
                     with contextlib.suppress(OSError):  # somebody listens, or it is another's
-                        self._hold(port)
+                        self._hold(port, unnamed)
             self.names = tuple(sorted(self._held))
             return self.names
 
-    def _hold(self, port: str) -> None:
+    def _hold(self, port: str, unnamed: bool) -> None:
         """Raises OSError where it is not dead, or not ours."""
         lock = self._folder / f"{port}_el"
         had_listener = lock.exists()
         self._held[port] = shared(lock)
-        if had_listener:
+        if unnamed and had_listener:
             (self._folder / port).unlink(missing_ok=True)
 
     def _is_for_all(self, port: str) -> bool:
@@ -106,18 +107,22 @@ _DEAD = DeadPorts()
 _THREAD = "dead ports"
 
 
-def hold_dead_ports() -> tuple[str, ...]:
+def hold_dead_ports(*, unnamed: bool = False) -> tuple[str, ...]:
     """Holds the dead ports for this process, from now on until it ends.
 
     To be called before it opens a port of its own, and when a process is known to have been
     killed: what happens in between is noticed half a minute later.
+
+    Args:
+        unnamed: delete the names, too: for whoever knows that one was killed. Fast DDS tells on
+            the standard output of whoever starts next that it did not get such a port.
 
     Returns:
         names of the ports that are held.
     """
     if not any(thread.name == _THREAD for thread in threading.enumerate()):
         threading.Thread(target=_look_now_and_then, name=_THREAD, daemon=True).start()
-    return _DEAD.look()
+    return _DEAD.look(unnamed=unnamed)
 
 
 def held_dead_ports() -> tuple[str, ...]:
