@@ -88,7 +88,7 @@ def write() -> int:
 
 
 def read(name: str, without: bool) -> int:
-    """Prints what it has heard, once a second: its name, and the number of each topic."""
+    """Prints once a second how many messages of each topic it has heard in it."""
     if without:
         patch("slosh_msgs_py.node.run.hold_dead_ports").start()
     initialise([])

@@ -127,9 +127,8 @@ def test_dead_ports_are_held_while_somebody_has_them_open(tmp_path):
     ports, others = DeadPorts(memory, processes), DeadPorts(memory, processes)
     with (memory / f"{living}_el").open() as listens:
         fcntl.flock(listens, fcntl.LOCK_EX)
-        assert (
-            ports.look(0.0, unnamed=True) == others.look(0.0) == (dead,)
-        )  # several hold it at once
+        # Several hold it at once.
+        assert ports.look(0.0, unnamed=True) == others.look(0.0) == (dead,)
     assert {path.name for path in memory.glob("*[0-9]")} == {living, forgotten}
     for path in processes.glob("*/maps"):
         path.write_text("")

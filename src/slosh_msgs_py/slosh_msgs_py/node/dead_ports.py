@@ -6,8 +6,8 @@ two messages. A process that takes the port over hears nothing of them meanwhile
 killed in the midst of a message, those who find out take turns for ever at clearing it up, and
 write no more at all, to nobody. They clear nothing up whose lock somebody holds: so the lock of a
 dead port is held for as long as anybody has the port open. Then nobody takes it over, either. And
-its name is deleted: who looks for a port that does not answer waits a second for it, and publishes
-nothing meanwhile; where there is none it is made anew at once.
+whoever knows of a kill deletes the port's name: writers that look for a port which does not answer
+wait a second for it, and publish nothing meanwhile; where there is none it is made anew at once.
 
 Another thing that is left is the port's mutex, a semaphore by name, which the system does not let
 go of with the process. Every later process that gets this port would hang in its start for ever,
@@ -17,6 +17,7 @@ where no signal reaches it.
 from __future__ import annotations
 
 import contextlib
+import functools
 import os
 import re
 import sys
@@ -104,7 +105,6 @@ class DeadPorts:
 
 
 _DEAD = DeadPorts()
-_THREAD = "dead ports"
 
 
 def hold_dead_ports(*, unnamed: bool = False) -> tuple[str, ...]:
@@ -120,14 +120,19 @@ def hold_dead_ports(*, unnamed: bool = False) -> tuple[str, ...]:
     Returns:
         names of the ports that are held.
     """
-    if not any(thread.name == _THREAD for thread in threading.enumerate()):
-        threading.Thread(target=_look_now_and_then, name=_THREAD, daemon=True).start()
+    _go_on_looking()
     return _DEAD.look(unnamed=unnamed)
 
 
 def held_dead_ports() -> tuple[str, ...]:
     """Names of the ports that this process holds for dead ones."""
     return _DEAD.names
+
+
+@functools.cache
+def _go_on_looking() -> None:
+    """Starts the thread that looks now and then; once in a process."""
+    threading.Thread(target=_look_now_and_then, name="dead ports", daemon=True).start()
 
 
 def _look_now_and_then() -> None:

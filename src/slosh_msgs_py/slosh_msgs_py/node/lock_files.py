@@ -17,9 +17,8 @@ def held(lock: Path) -> Iterator[None]:
         BlockingIOError: somebody else holds it.
         OSError: there is none, or it is not ours.
     """
-    descriptor = os.open(lock, os.O_RDWR | os.O_CLOEXEC)
+    descriptor = _locked(lock, os.O_RDWR, fcntl.LOCK_EX)
     try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
         yield
     finally:
         os.close(descriptor)
@@ -35,9 +34,14 @@ def shared(lock: Path) -> int:
         BlockingIOError: somebody holds it alone.
         OSError: it is not ours.
     """
-    descriptor = os.open(lock, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
+    return _locked(lock, os.O_RDWR | os.O_CREAT, fcntl.LOCK_SH)
+
+
+def _locked(lock: Path, flags: int, how: int) -> int:
+    """The descriptor of a file that is locked now; it does not wait."""
+    descriptor = os.open(lock, flags | os.O_CLOEXEC, 0o666)
     try:
-        fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        fcntl.flock(descriptor, how | fcntl.LOCK_NB)
     except OSError:
         os.close(descriptor)
         raise
