@@ -166,7 +166,7 @@ def kill(rounds: int, without: bool) -> int:
         for number in range(1, rounds + 1):
             readers[KILLED].kill_amid_messages()
             if not without:
-                hold_dead_ports(unnamed=True)
+                hold_dead_ports(close=True)
             readers[KILLED].start()
             begun = time.monotonic()
             time.sleep(ROUND)

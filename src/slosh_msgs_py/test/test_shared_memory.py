@@ -128,8 +128,9 @@ def test_dead_ports_are_held_while_somebody_has_them_open(tmp_path):
     with (memory / f"{living}_el").open() as listens:
         fcntl.flock(listens, fcntl.LOCK_EX)
         # Several hold it at once.
-        assert ports.look(0.0, unnamed=True) == others.look(0.0) == (dead,)
-    assert {path.name for path in memory.glob("*[0-9]")} == {living, forgotten}
+        assert ports.look(0.0, close=True) == others.look(0.0) == (dead,)
+    closed = {path.name for path in memory.glob("*[0-9]") if path.stat().st_size}
+    assert closed == {dead}
     for path in processes.glob("*/maps"):
         path.write_text("")
     others.close()
@@ -138,6 +139,7 @@ def test_dead_ports_are_held_while_somebody_has_them_open(tmp_path):
         with pytest.raises(BlockingIOError):
             fcntl.flock(taker, fcntl.LOCK_EX | fcntl.LOCK_NB)
         assert ports.look(31.0) == ports.names == ()
+        assert {path.name for path in memory.glob("*[0-9]")} == {living, forgotten}
         fcntl.flock(taker, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
 

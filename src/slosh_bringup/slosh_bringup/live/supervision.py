@@ -66,7 +66,7 @@ class Supervision:
             self._end_hanging(silences, now)
         if end is None or not began or end.code == EXIT_WRONG_INPUT:
             return end
-        hold_dead_ports(unnamed=True)
+        hold_dead_ports(close=True)
         self._ends.setdefault(end.name, []).append(now)
         recent = sum(now - at < WITHIN for at in self._ends[end.name])
         self._group.forget(end.name)

@@ -6,8 +6,8 @@ two messages. A process that takes the port over hears nothing of them meanwhile
 killed in the midst of a message, those who find out take turns for ever at clearing it up, and
 write no more at all, to nobody. They clear nothing up whose lock somebody holds: so the lock of a
 dead port is held for as long as anybody has the port open. Then nobody takes it over, either. And
-whoever knows of a kill deletes the port's name: writers that look for a port which does not answer
-wait a second for it, and publish nothing meanwhile; where there is none it is made anew at once.
+whoever knows of a kill closes the port: writers that look for one which does not answer wait a
+second for it, and publish nothing meanwhile; what tells that it is broken they leave at once.
 
 Another thing that is left is the port's mutex, a semaphore by name, which the system does not let
 go of with the process. Every later process that gets this port would hang in its start for ever,
@@ -37,6 +37,8 @@ _MOST = 64
 """Fast DDS tries a hundred ports, one after the other, and a domain has little more."""
 _PERIOD = 30.0
 """So often it is looked what died and what nobody has open any more [s]."""
+_BROKEN = (3).to_bytes(4, sys.byteorder) + bytes(4092)
+"""A segment begins with its state; this one says that it could not be made, and nobody waits."""
 _FORGOTTEN = 30.0
 """Writers open a dead port now and then until they take its reader for gone, after 20 s [s]."""
 
@@ -57,16 +59,17 @@ class DeadPorts:
     def __init__(self, folder: Path = Path("/dev/shm"), processes: Path = Path("/proc")) -> None:
         self._folder, self._processes = folder, processes
         self._held: dict[str, int] = {}
+        self._closed: set[str] = set()
         self._seen: dict[str, float] = {}
         self._lock = threading.Lock()
         self.names: tuple[str, ...] = ()
 
-    def look(self, now: float | None = None, *, unnamed: bool = False) -> tuple[str, ...]:
+    def look(self, now: float | None = None, *, close: bool = False) -> tuple[str, ...]:
         """Holds what has died, and lets go of what nobody has had open for some time.
 
         Args:
             now: steady time [s].
-            unnamed: delete the names of those that are new, too.
+            close: close those that are new, too.
 
         Returns:
             names of the ports that are held.
@@ -76,21 +79,33 @@ class DeadPorts:
             used = _ports_in_use(self._processes)
             self._seen.update(dict.fromkeys(used, now))
             for port in [port for port in self._held if now - self._seen[port] > _FORGOTTEN]:
-                os.close(self._held.pop(port))
+                self._release(port)
             for port in sorted(used - self._held.keys()):
                 if len(self._held) < _MOST and not self._is_for_all(port):
                     with contextlib.suppress(OSError):  # somebody listens, or it is another's
-                        self._hold(port, unnamed)
+                        self._hold(port, close)
             self.names = tuple(sorted(self._held))
             return self.names
 
-    def _hold(self, port: str, unnamed: bool) -> None:
+    def _hold(self, port: str, close: bool) -> None:
         """Raises OSError where it is not dead, or not ours."""
         lock = self._folder / f"{port}_el"
         had_listener = lock.exists()
         self._held[port] = shared(lock)
-        if unnamed and had_listener:
-            (self._folder / port).unlink(missing_ok=True)
+        if close and had_listener:
+            # In the place of its name: whoever still writes to it has the memory itself.
+            aside = self._folder / f"{port}_closed"
+            aside.write_bytes(_BROKEN)
+            aside.replace(self._folder / port)
+            self._closed.add(port)
+
+    def _release(self, port: str) -> None:
+        """Others may have it; to be called with the lock held."""
+        if port in self._closed:
+            self._closed.remove(port)
+            with contextlib.suppress(OSError):
+                (self._folder / port).unlink()
+        os.close(self._held.pop(port))
 
     def _is_for_all(self, port: str) -> bool:
         """Whether any number of processes may listen on a port: nobody takes such a one over."""
@@ -99,29 +114,28 @@ class DeadPorts:
     def close(self) -> None:
         """Lets go of all."""
         with self._lock:
-            while self._held:
-                os.close(self._held.popitem()[1])
+            for port in list(self._held):
+                self._release(port)
             self.names = ()
 
 
 _DEAD = DeadPorts()
 
 
-def hold_dead_ports(*, unnamed: bool = False) -> tuple[str, ...]:
+def hold_dead_ports(*, close: bool = False) -> tuple[str, ...]:
     """Holds the dead ports for this process, from now on until it ends.
 
     To be called before it opens a port of its own, and when a process is known to have been
     killed: what happens in between is noticed half a minute later.
 
     Args:
-        unnamed: delete the names, too: for whoever knows that one was killed. Fast DDS tells on
-            the standard output of whoever starts next that it did not get such a port.
+        close: close them, too: for whoever knows that one was killed.
 
     Returns:
         names of the ports that are held.
     """
     _go_on_looking()
-    return _DEAD.look(unnamed=unnamed)
+    return _DEAD.look(close=close)
 
 
 def held_dead_ports() -> tuple[str, ...]:
