@@ -32,7 +32,7 @@ from sensor_msgs.msg import Image
 
 from slosh_bringup.processes import node_environment
 from slosh_msgs_py import qos
-from slosh_msgs_py.node.dead_ports import hold_dead_ports
+from slosh_msgs_py.node.dead_ports import DeadPorts
 from slosh_msgs_py.node.domain import own_domain
 from slosh_msgs_py.node.run import initialise, make_heard
 
@@ -160,13 +160,13 @@ def running(options: list[str]) -> Iterator[dict[str, Reader]]:
 
 def kill(rounds: int, without: bool) -> int:
     """Kills the reader of images so often, and prints who hears nothing."""
-    lasted = []
+    lasted, dead_ports = [], DeadPorts()
     with running(["--without"] if without else []) as readers:
         time.sleep(2 * ROUND)
         for number in range(1, rounds + 1):
             readers[KILLED].kill_amid_messages()
             if not without:
-                hold_dead_ports(close=True)
+                dead_ports.look(close=True)
             readers[KILLED].start()
             begun = time.monotonic()
             time.sleep(ROUND)

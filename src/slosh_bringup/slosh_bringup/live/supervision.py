@@ -10,7 +10,7 @@ from dataclasses import replace
 from slosh_bringup.cell_watch import SILENT
 from slosh_bringup.live.other_cells import OtherCells
 from slosh_bringup.processes import LAST, NodeEnd, NodeGroup, NodeProcess
-from slosh_msgs_py.node.dead_ports import hold_dead_ports
+from slosh_msgs_py.node.dead_ports import DeadPorts
 
 ATTEMPTS, WITHIN = 5, 60.0
 """A node that ends so often within so long [s] is not started again."""
@@ -47,6 +47,7 @@ class Supervision:
         self._processes = {process.name: process for process in processes}
         self._ends: dict[str, list[float]] = {}
         self._started: dict[str, float] = {}
+        self._dead_ports = DeadPorts()
         self.problems: list[str] = []
 
     def look(self, *, began: bool, silences: Mapping[str, float]) -> NodeEnd | None:
@@ -66,7 +67,7 @@ class Supervision:
             self._end_hanging(silences, now)
         if end is None or not began or end.code == EXIT_WRONG_INPUT:
             return end
-        hold_dead_ports(close=True)
+        self._dead_ports.look(close=True)
         self._ends.setdefault(end.name, []).append(now)
         recent = sum(now - at < WITHIN for at in self._ends[end.name])
         self._group.forget(end.name)

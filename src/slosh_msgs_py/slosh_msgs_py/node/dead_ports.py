@@ -17,7 +17,6 @@ where no signal reaches it.
 from __future__ import annotations
 
 import contextlib
-import functools
 import os
 import re
 import sys
@@ -35,8 +34,8 @@ _LONGEST_HELD = 3.0
 answer of whoever had the port before [s]."""
 _MOST = 64
 """Fast DDS tries a hundred ports, one after the other, and a domain has little more."""
-_PERIOD = 30.0
-"""So often it is looked what died and what nobody has open any more [s]."""
+_START = 60.0
+"""A process that starts has found its own ports by then, also on a busy machine [s]."""
 _BROKEN = (3).to_bytes(4, sys.byteorder) + bytes(4092)
 """A segment begins with its state; this one says that it could not be made, and nobody waits."""
 _FORGOTTEN = 30.0
@@ -46,7 +45,8 @@ _FORGOTTEN = 30.0
 class DeadPorts:
     """Holds the locks of dead ports.
 
-    Any number of processes may do so. It takes two hundredths of a second to look.
+    Any number of processes may do so. It takes two hundredths of a second to look: nothing for a
+    process that has to keep pace, once it does.
 
     Args:
         folder: where the ports are.
@@ -119,40 +119,24 @@ class DeadPorts:
             self.names = ()
 
 
-_DEAD = DeadPorts()
+_AT_START = DeadPorts()
 
 
-def hold_dead_ports(*, close: bool = False) -> tuple[str, ...]:
-    """Holds the dead ports for this process, from now on until it ends.
+def hold_dead_ports() -> None:
+    """Holds the dead ports while this process starts, and for a minute more.
 
-    To be called before it opens a port of its own, and when a process is known to have been
-    killed: what happens in between is noticed half a minute later.
-
-    Args:
-        close: close them, too: for whoever knows that one was killed.
-
-    Returns:
-        names of the ports that are held.
+    To be called before it opens a port of its own. Who looks after the killed process holds its
+    ports for longer.
     """
-    _go_on_looking()
-    return _DEAD.look(close=close)
+    _AT_START.look()
+    letting_go = threading.Timer(_START, _AT_START.close)
+    letting_go.daemon = True
+    letting_go.start()
 
 
 def held_dead_ports() -> tuple[str, ...]:
-    """Names of the ports that this process holds for dead ones."""
-    return _DEAD.names
-
-
-@functools.cache
-def _go_on_looking() -> None:
-    """Starts the thread that looks now and then; once in a process."""
-    threading.Thread(target=_look_now_and_then, name="dead ports", daemon=True).start()
-
-
-def _look_now_and_then() -> None:
-    never = threading.Event()
-    while not never.wait(_PERIOD):
-        _DEAD.look()
+    """Names of the ports that this process holds for its start."""
+    return _AT_START.names
 
 
 def free_dead_ports(folder: Path = Path("/dev/shm"), patience: float = _LONGEST_HELD) -> list[str]:
