@@ -203,7 +203,10 @@ def test_the_liquid_goes_on_from_the_estimate(cell: Cell) -> None:
         time.sleep(0.1)
         return cell.ask(from_estimate=True, limit=0.02)
 
-    answer = told(0.0)
+    for _ in range(10):  # an estimate is old when a busy machine holds this process up
+        answer = told(0.0)
+        if answer.success:
+            break
     assert answer.success, answer.message
     state = LiquidState([[0.002, 0.0, 0.0, 0.01]], [[0.002, 0.0, 0.0, 0.01]])
     (found,) = predict(MODEL, motion(), state=state)
@@ -276,11 +279,13 @@ def test_a_planned_motion_finds_the_liquid_as_it_is(
         message.header.stamp = to_time(cell.probe.get_clock().now().nanoseconds)
         publisher.publish(message)
 
+    given = points(poses=False)  # half a second on a busy machine, in which nobody tells
     timer = cell.probe.create_timer(0.02, tell)
     cell.until(lambda: publisher.get_subscription_count() > 0)
-    end = time.monotonic() + 0.3
-    cell.until(lambda: time.monotonic() > end)
-    found = told(points(poses=False))
+    for _ in range(10):  # an estimate is old when such a machine holds this process up
+        found = told(given)
+        if found.from_estimate:
+            break
     cell.probe.destroy_timer(timer)
     cell.probe.destroy_publisher(publisher)
     assert found.from_estimate, found.description

@@ -143,9 +143,58 @@ def test_dead_ports_are_held_while_somebody_has_them_open(tmp_path):
         fcntl.flock(taker, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
 
-def test_a_port_that_was_deleted_with_its_lock_is_held_all_the_same(tmp_path):
-    memory, processes = folders(tmp_path, (), [["fastrtps_port7411 (deleted)"]])
-    assert DeadPorts(memory, processes).look(0.0) == ("fastrtps_port7411",)
+def test_a_port_that_was_deleted_is_closed_while_anybody_holds_it(tmp_path):
+    port = "fastrtps_port7411"
+    memory, processes = folders(tmp_path, (), [[f"{port} (deleted)"]])
+    first, last = DeadPorts(memory, processes), DeadPorts(memory, processes)
+    assert first.look(0.0) == last.look(0.0) == (port,)
+    first.close()
+    assert {path.name for path in memory.iterdir()} == {port, f"{port}_el"}
+    last.close()
+    assert {path.name for path in memory.iterdir()} == {f"{port}_el"}
+
+
+def test_a_port_that_somebody_made_anew_is_not_deleted(tmp_path):
+    port = "fastrtps_port7411"
+    memory, processes = folders(tmp_path, (port,), [[port]])
+    ports = DeadPorts(memory, processes)
+    assert ports.look(0.0, close=True) == (port,)
+    (memory / port).write_bytes(b"new")
+    ports.close()
+    assert free_dead_ports(memory) == []
+    assert (memory / port).read_bytes() == b"new"
+
+
+def test_what_a_killed_holder_left_closed_is_open_to_the_next(tmp_path):
+    port = "fastrtps_port7411"
+    memory, processes = folders(tmp_path, (port,), [[port]])
+    ports = DeadPorts(memory, processes)
+    ports.look(0.0, close=True)
+    free_dead_ports(memory)
+    assert (memory / port).exists()  # it is held
+    (memory / port).rename(memory / "aside")
+    ports.close()
+    (memory / "aside").rename(memory / port)
+    free_dead_ports(memory)
+    assert not (memory / port).exists()
+
+
+def test_who_starts_while_deleted_ports_are_held_says_nothing_of_them(domain, tmp_path):
+    """Such as processes of this machine leave that end while others still know of them."""
+    first = 7400 + 250 * domain
+    names = [f"fastrtps_port{first + 10 + number}" for number in range(20)]
+    gone = [name for name in names if not Path("/dev/shm", name).exists()]
+    _, processes = folders(tmp_path, (), [[f"{name} (deleted)" for name in gone]])
+    ports = DeadPorts(processes=processes)
+    speaks = "import rclpy; rclpy.init(); rclpy.create_node('speaks'); print('speaks')"
+    try:
+        assert len(ports.look()) == len(gone) > 10
+        done = subprocess.run(
+            [sys.executable, "-c", speaks], capture_output=True, text=True, timeout=60, check=True
+        )
+    finally:
+        ports.close()
+    assert done.stdout == "speaks\n"
 
 
 def test_a_port_of_many_listeners_is_left_alone(tmp_path):

@@ -8,6 +8,8 @@ write no more at all, to nobody. They clear nothing up whose lock somebody holds
 dead port is held for as long as anybody has the port open. Then nobody takes it over, either. And
 whoever knows of a kill closes the port: writers that look for one which does not answer wait a
 second for it, and publish nothing meanwhile; what tells that it is broken they leave at once.
+Such a mark also stands wherever a lock is held and the name is gone: who starts would tell of it
+on standard output.
 
 Another thing that is left is the port's mutex, a semaphore by name, which the system does not let
 go of with the process. Every later process that gets this port would hang in its start for ever,
@@ -24,8 +26,9 @@ import threading
 import time
 from pathlib import Path
 
-from slosh_msgs_py.node.lock_files import held, shared
+from slosh_msgs_py.node.lock_files import held, is_alone, shared
 
+_PORT = re.compile(r"fast\w+_port\d+")
 _MUTEX = re.compile(r"sem\.fast\w+_port\d+_mutex")
 _MAPPED = re.compile(r"/(fastrtps_port\d+)(?: \(deleted\))?$", re.MULTILINE)
 _SAMPLE = 0.05  # s
@@ -59,7 +62,6 @@ class DeadPorts:
     def __init__(self, folder: Path = Path("/dev/shm"), processes: Path = Path("/proc")) -> None:
         self._folder, self._processes = folder, processes
         self._held: dict[str, int] = {}
-        self._closed: set[str] = set()
         self._seen: dict[str, float] = {}
         self._lock = threading.Lock()
         self.names: tuple[str, ...] = ()
@@ -92,20 +94,27 @@ class DeadPorts:
         lock = self._folder / f"{port}_el"
         had_listener = lock.exists()
         self._held[port] = shared(lock)
+        # In the place of its name: whoever still writes to it has the memory itself.
+        aside = self._folder / f"{port}_closed_{os.getpid()}"
+        aside.write_bytes(_BROKEN)
         if close and had_listener:
-            # In the place of its name: whoever still writes to it has the memory itself.
-            aside = self._folder / f"{port}_closed"
-            aside.write_bytes(_BROKEN)
             aside.replace(self._folder / port)
-            self._closed.add(port)
+            return
+        try:
+            os.link(aside, self._folder / port)
+        except FileExistsError:
+            pass
+        finally:
+            aside.unlink()
 
     def _release(self, port: str) -> None:
-        """Others may have it; to be called with the lock held."""
-        if port in self._closed:
-            self._closed.remove(port)
-            with contextlib.suppress(OSError):
-                (self._folder / port).unlink()
-        os.close(self._held.pop(port))
+        """The last who holds a port opens it to others; to be called with the lock held."""
+        descriptor = self._held.pop(port)
+        if is_alone(descriptor):
+            path = self._folder / port
+            if _is_closed(path):
+                path.unlink(missing_ok=True)
+        os.close(descriptor)
 
     def _is_for_all(self, port: str) -> bool:
         """Whether any number of processes may listen on a port: nobody takes such a one over."""
@@ -140,9 +149,9 @@ def held_dead_ports() -> tuple[str, ...]:
 
 
 def free_dead_ports(folder: Path = Path("/dev/shm"), patience: float = _LONGEST_HELD) -> list[str]:
-    """Deletes the ports that killed processes have left locked.
+    """Deletes the ports that killed processes have left locked, or closed.
 
-    Without such a one it takes milliseconds, with one `patience`. Whoever comes next makes the
+    Without a locked one it takes milliseconds, with one `patience`. Whoever comes next makes the
     port anew. Of a port on which somebody alive listens only the mutex goes.
 
     Args:
@@ -152,6 +161,10 @@ def free_dead_ports(folder: Path = Path("/dev/shm"), patience: float = _LONGEST_
     Returns:
         names of the ports.
     """
+    for port in folder.glob("fast*_port*"):
+        with contextlib.suppress(OSError):  # another's, or gone by now
+            if _PORT.fullmatch(port.name) and _is_closed(port) and not _is_listened_to(port):
+                port.unlink()
     locked = {path for path in folder.glob("sem.*_mutex") if _MUTEX.fullmatch(path.name)}
     deadline = time.monotonic() + patience
     while locked := {path for path in locked if _is_locked(path)}:
@@ -179,6 +192,14 @@ def _is_listened_to(port: Path) -> bool:
         return False
     except BlockingIOError:
         return True
+
+
+def _is_closed(port: Path) -> bool:
+    """Whether the mark stands in the place of a port's name."""
+    try:
+        return port.stat().st_size == len(_BROKEN) and port.read_bytes() == _BROKEN
+    except OSError:  # gone, or another's
+        return False
 
 
 def _is_locked(mutex: Path) -> bool:

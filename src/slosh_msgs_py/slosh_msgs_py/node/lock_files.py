@@ -37,6 +37,15 @@ def shared(lock: Path) -> int:
     return _locked(lock, os.O_RDWR | os.O_CREAT, fcntl.LOCK_SH)
 
 
+def is_alone(descriptor: int) -> bool:
+    """Whether nobody else holds the lock file that this one shares; then it is held alone."""
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    return True
+
+
 def _locked(lock: Path, flags: int, how: int) -> int:
     """The descriptor of a file that is locked now; it does not wait."""
     descriptor = os.open(lock, flags | os.O_CLOEXEC, 0o666)
