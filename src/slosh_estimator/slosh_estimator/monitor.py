@@ -24,6 +24,9 @@ from slosh_report.metrics import RunningAccuracy
 NAN = float("nan")
 MAXIMUM_WAITING = 1000
 """Measurements that wait for an estimate; the oldest goes when there are more."""
+PATIENCE_NS = 100_000_000
+"""So long a measurement waits for an estimator that is silent: at its start, and after a pause,
+the first image may be here before the first estimate [ns]."""
 
 
 class Condition(IntEnum):
@@ -141,11 +144,11 @@ class Comparison(NamedTuple):
 class Monitor:
     """Takes estimates and measurements as they come, and gives comparisons and events.
 
-    A measurement waits until an estimate of the moment that it shows, or a later one, has come. It
-    is compared with what the model expects a sensor to read; the limit of the estimated height is
-    that of the liquid itself. A saturated measurement
-    is a lower bound: it enters σ and ε only where it lies above the estimate, counts as
-    disagreement only there, and does not end an excess of the measured height. Measurements
+    A measurement waits until an estimate of the moment that it shows, or a later one, has come, or
+    until the estimator has long been silent. It is compared with what the model expects a sensor
+    to read; the limit of the estimated height is that of the liquid itself. A saturated
+    measurement is a lower bound: it enters σ and ε only where it lies above the estimate, counts
+    as disagreement only there, and does not end an excess of the measured height. Measurements
     without a height, and estimates from an unknown state or a doubtful input, are compared but do
     not enter σ and ε; where there is nothing else for too long, the monitor is blind.
 
@@ -163,7 +166,7 @@ class Monitor:
         self.unmatched = 0
         self.late_estimates = 0
         self._estimates: deque[EstimatePoint] = deque()
-        self._waiting: deque[MeasuredPoint] = deque()
+        self._waiting: deque[_Waiting] = deque()
         self._events: list[Event] = []
         self._excesses = 0
         self._measured_at: int | None = None
@@ -224,9 +227,7 @@ class Monitor:
         point = point._replace(msh=height)
         self._last_measured, self._measured_stamp = height, point.stamp_ns
         self._track(Source.MEASURED, point.stamp_ns, self._bounded(point))
-        if self._stale(self._estimated_at, arrival_ns):
-            return [self._compare(point, None, arrival_ns, estimate_stale=True)]
-        self._waiting.append(point)
+        self._waiting.append(_Waiting(point, arrival_ns))
         if len(self._waiting) > MAXIMUM_WAITING:
             self._waiting.popleft()
             self.unmatched += 1
@@ -249,10 +250,8 @@ class Monitor:
         if measured_stale or estimate_stale:
             self._close(Source.DISAGREEMENT, self._last_stamp(), "a side fell silent")
         comparisons = []
-        if estimate_stale:
-            while self._waiting:
-                point = self._waiting.popleft()
-                comparisons.append(self._compare(point, None, now_ns, estimate_stale=True))
+        while estimate_stale and self._waiting and self._waiting[0].is_over(now_ns):
+            comparisons.append(self._without_estimate(now_ns))
         idle, self._met = not self._met, False
         speaks = bool(self._estimates) and not estimate_stale
         if speaks and (measured_stale or (idle and self.blindness(now_ns))):
@@ -262,6 +261,13 @@ class Monitor:
                 self._compare(missing, _as_read(newest), now_ns, measured_stale=True)
             )
         return comparisons
+
+    def finish(self) -> list[Comparison]:
+        """Nothing follows: the comparisons of what still waits for an estimator that is silent."""
+        found = []
+        while self._waiting and self._stale(self._estimated_at, self._waiting[-1].arrival_ns):
+            found.append(self._without_estimate(self._waiting[-1].arrival_ns))
+        return found
 
     def silent_sides(self, now_ns: int) -> tuple[bool, bool]:
         """Whether the camera and whether the estimator is silent."""
@@ -301,8 +307,9 @@ class Monitor:
         return since is not None and (now_ns - since) * SECONDS > self.settings.timeout
 
     def _last_stamp(self) -> int:
-        stamps = [points[-1].stamp_ns for points in (self._estimates, self._waiting) if points]
-        return max(stamps, default=0)
+        newest = [self._estimates[-1].stamp_ns] if self._estimates else []
+        newest += [self._waiting[-1].point.stamp_ns] if self._waiting else []
+        return max(newest, default=0)
 
     def _is_quiet(self, points: Sequence[EstimatePoint], first: int) -> bool:
         """True where the estimates from the first on complete no comparison and cause no event."""
@@ -352,15 +359,20 @@ class Monitor:
         delay = self._estimates[-1].delay_ns
         newest = self._estimates[-1].stamp_ns + delay
         # All of them: one stamp far in the future must not hold up those behind it.
-        ready = [point for point in self._waiting if point.stamp_ns <= newest]
+        ready = [one.point for one in self._waiting if one.point.stamp_ns <= newest]
         if not ready:
             return
-        self._waiting = deque(point for point in self._waiting if point.stamp_ns > newest)
+        self._waiting = deque(one for one in self._waiting if one.point.stamp_ns > newest)
         for point in ready:
             estimate = self._interpolated(point.stamp_ns - delay)
             if estimate is None:
                 self.unmatched += 1
             yield self._compare(point, estimate, now_ns)
+
+    def _without_estimate(self, now_ns: int) -> Comparison:
+        """The comparison of the measurement that has waited longest."""
+        point = self._waiting.popleft().point
+        return self._compare(point, None, now_ns, estimate_stale=True)
 
     def _interpolated(self, stamp_ns: int) -> EstimatePoint | None:
         """The reading at a moment, linear between its neighbours; None outside the buffer."""
@@ -435,6 +447,17 @@ class Monitor:
         difference = measured.msh - nonlinear
         gap = max(difference, 0.0) if measured.flags & SATURATED else abs(difference)
         self._track(Source.DISAGREEMENT, measured.stamp_ns, gap)
+
+
+class _Waiting(NamedTuple):
+    """A measurement that waits for its estimate since it arrived [ns]."""
+
+    point: MeasuredPoint
+    arrival_ns: int
+
+    def is_over(self, now_ns: int) -> bool:
+        """Whether it has waited long enough for one who is silent; a clock may be set back."""
+        return not 0 <= now_ns - self.arrival_ns < PATIENCE_NS
 
 
 def _as_read(point: EstimatePoint) -> EstimatePoint:

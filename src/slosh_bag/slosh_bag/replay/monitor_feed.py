@@ -86,6 +86,10 @@ class MonitorFeed:
             found += self.monitor.add_measurement(image, image.stamp_ns)
         return found + self._estimates(points[at:])
 
+    def finish(self) -> list[Comparison]:
+        """Nothing follows: the comparisons that are left."""
+        return self.monitor.finish()
+
     def take_events(self) -> list[Event]:
         """The events since the last call."""
         return self.monitor.take_events()

@@ -191,6 +191,8 @@ class ReplayStream:
             self.motions.finish()
         until = 2**62 if final else self._settled()
         self._release(until)
+        if final:
+            self._take_comparisons(self._components.monitor.finish())
         if self._components.verifier is not None:
             self._components.verifier.compare(until, final=final)
         if self._components.comparisons is not None:
@@ -362,13 +364,14 @@ class ReplayStream:
         return chosen(measured, np.flatnonzero(kept))
 
     def _monitor(self, estimates: Heights, measured: Measurements) -> None:
-        feed = self._components.monitor
-        comparisons = feed.add(estimates, measured)
+        self._take_comparisons(self._components.monitor.add(estimates, measured))
+
+    def _take_comparisons(self, comparisons: list[Comparison]) -> None:
         if comparisons:
             self._components.outputs.comparisons(comparisons)
             if self._components.comparisons is not None:
                 self._components.comparisons.add_replayed(*comparison_columns(comparisons))
-        events = feed.take_events()
+        events = self._components.monitor.take_events()
         if events:
             self.events += events
             self._components.outputs.events(events)
