@@ -49,6 +49,8 @@ def demo(tmp_path):
     words = ("demo", "--motion", "l", "--repeat", "100", "-o", str(folder.parent))
     with live_process(*words, output=tmp_path / "words") as running:
         running.wait_for_nodes(5)
+        # What the nodes say at rest is recorded, too.
+        running.wait_for(lambda: "the motion begins" in running.said, "all nodes to be ready")
         running.wait_for_recording(folder / "bag")
         yield running, folder
 
@@ -262,4 +264,7 @@ def test_ctrl_c_while_it_starts_is_no_traceback(tmp_path):
             process.wait(60)
             words.seek(0)
             said.append(words.read())
-    assert "Traceback" not in "".join(said)
+    # The interpreter's own start is not ours: on a busy machine it takes longer than 20 ms.
+    ours = [text for text in said if not text.startswith("Fatal Python error: init")]
+    assert len(ours) > 3
+    assert "Traceback" not in "".join(ours)

@@ -35,6 +35,8 @@ _SAMPLE = 0.05  # s
 _LONGEST_HELD = 3.0
 """A living process holds a port's mutex for microseconds; for a second where it waits for an
 answer of whoever had the port before [s]."""
+_YOUNG = 2.0
+"""A process that starts makes its port first, and takes its lock then [s]."""
 _MOST = 64
 """Fast DDS tries a hundred ports, one after the other, and a domain has little more."""
 _START = 60.0
@@ -71,7 +73,7 @@ class DeadPorts:
 
         Args:
             now: steady time [s].
-            close: close those that are new, too.
+            close: somebody has just been killed: close those that are new.
 
         Returns:
             names of the ports that are held.
@@ -91,21 +93,25 @@ class DeadPorts:
 
     def _hold(self, port: str, close: bool) -> None:
         """Raises OSError where it is not dead, or not ours."""
-        lock = self._folder / f"{port}_el"
-        had_listener = lock.exists()
-        self._held[port] = shared(lock)
-        # In the place of its name: whoever still writes to it has the memory itself.
-        aside = self._folder / f"{port}_closed_{os.getpid()}"
+        path, lock = self._folder / port, self._folder / f"{port}_el"
+        if _is_gone(path):
+            self._held[port] = shared(lock)
+            self._mark(path)
+        elif close or not _is_young(path):
+            self._held[port] = shared(lock, make=False)
+            if close:
+                self._mark(path, in_place=True)
+
+    def _mark(self, path: Path, *, in_place: bool = False) -> None:
+        """Closes a port: whoever still writes to it has the memory itself."""
+        aside = path.with_name(f"{path.name}_closed_{os.getpid()}")
         aside.write_bytes(_BROKEN)
-        if close and had_listener:
-            aside.replace(self._folder / port)
+        if in_place:
+            aside.replace(path)
             return
-        try:
-            os.link(aside, self._folder / port)
-        except FileExistsError:
-            pass
-        finally:
-            aside.unlink()
+        with contextlib.suppress(FileExistsError):
+            os.link(aside, path)
+        aside.unlink()
 
     def _release(self, port: str) -> None:
         """The last who holds a port opens it to others; to be called with the lock held."""
@@ -192,6 +198,16 @@ def _is_listened_to(port: Path) -> bool:
         return False
     except BlockingIOError:
         return True
+
+
+def _is_gone(port: Path) -> bool:
+    """Whether a port has no name any more, or the mark in its place."""
+    return not port.exists() or _is_closed(port)
+
+
+def _is_young(port: Path) -> bool:
+    """Whether who made a port may not have taken its lock yet."""
+    return time.time() - port.stat().st_mtime < _YOUNG
 
 
 def _is_closed(port: Path) -> bool:

@@ -24,17 +24,21 @@ def held(lock: Path) -> Iterator[None]:
         os.close(descriptor)
 
 
-def shared(lock: Path) -> int:
-    """Holds a lock file together with others, and makes it where there is none.
+def shared(lock: Path, *, make: bool = True) -> int:
+    """Holds a lock file together with others.
+
+    Args:
+        lock: its path.
+        make: make it where there is none.
 
     Returns:
         the file's descriptor: the lock is held until it is closed.
 
     Raises:
         BlockingIOError: somebody holds it alone.
-        OSError: it is not ours.
+        OSError: there is none, or it is not ours.
     """
-    return _locked(lock, os.O_RDWR | os.O_CREAT, fcntl.LOCK_SH)
+    return _locked(lock, os.O_RDWR | (os.O_CREAT if make else 0), fcntl.LOCK_SH)
 
 
 def is_alone(descriptor: int) -> bool:
