@@ -11,7 +11,6 @@ import io
 import json
 import shutil
 from contextlib import redirect_stderr, redirect_stdout
-from html.parser import HTMLParser
 from pathlib import Path
 from typing import NamedTuple
 
@@ -27,11 +26,9 @@ from slosh_bringup.cli.main import main
 from slosh_bringup.processes import config_folder
 from slosh_camera.calibrate.camera_file import read_calibration
 from slosh_files.plain_text import LONGEST, PlainStream
+from tests.hostile import CONTROL, EVIL, FORGED, Page
 
 BAGS = Path(__file__).parents[1] / "bags"
-EVIL = "<img src=x onerror=hacked=1>'\"\x1b[31m\nslosh: all is well\u202e\u2028"
-FORGED = "slosh: all is well"
-CONTROL = set("\x1b\x07\u202e\u2028")
 HEADER, DATA = "std_msgs/msg/Header", bytes.fromhex("000100000000000000000000020000006100")
 STRANGE = ("/../../../up", "/a/../b", "/a.b", "/a/b", f"/{EVIL}", "/x\0y")
 NAMES = ["a.b", "a.%2e%2e.b", "a%2eb", "%2e%2e.%2e%2e.%2e%2e.up", "x%00y"]
@@ -155,20 +152,6 @@ def check_file(path: Path) -> None:
         text = path.read_text()
         assert not CONTROL & set(text)
         assert len({len(row) for row in csv.reader(text.splitlines())}) == 1
-
-
-class Page(HTMLParser):
-    """Whether an element of a page is a stranger's, and all its text."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.hacked, self.text = False, ""
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.hacked |= ("src", "x") in attrs or "onerror" in dict(attrs)
-
-    def handle_data(self, data: str) -> None:
-        self.text += data
 
 
 def test_a_reason_stands_behind_a_name_of_a_hundred_kilobytes(shop: Shop) -> None:

@@ -5,7 +5,9 @@ The same job as a launch file, for machines without `launch` and for runs that e
 
 from __future__ import annotations
 
+import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -40,6 +42,8 @@ ENDING = ("cell", "player")
 LAST = "recorder"
 # Long enough for the recorder to finish its last chunk on a busy machine.
 STOP_TIMEOUT = 20.0
+# Words, numbers and lists of them: what ROS reads as it stands.
+_PLAIN = re.compile(r"[\w./+~-]*|\[[\w., +-]*\]", re.ASCII)
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,10 +69,15 @@ class NodeProcess:
         for path in self.parameter_files:
             words += ["--params-file", str(path)]
         for name, value in self.parameters.items():
-            words += ["-p", f"{name}:={value}"]
+            words += ["-p", f"{name}:={_quoted(value)}"]
         for name, topic in self.remappings.items():
             words += ["-r", f"{name}:={topic}"]
         return words
+
+
+def _quoted(value: str) -> str:
+    """A parameter's value as ROS reads it, as YAML: a path may hold anything."""
+    return value if _PLAIN.fullmatch(value) else json.dumps(value)
 
 
 class NodeEnd(NamedTuple):
