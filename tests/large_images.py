@@ -41,7 +41,7 @@ PHASES = 24
 HEIGHT = 0.008
 """Of the wave [m]."""
 QUALITY = 85
-PATIENCE = 60.0
+PATIENCE = 30.0
 """A camera node starts within [s]."""
 
 
@@ -125,11 +125,15 @@ def run(folder: Path, domain: int, given: argparse.Namespace) -> int:
     environment = node_environment(domain)
     rclpy.init(domain_id=domain)
     listener = Listener()
-    words = [sys.executable, "-m", "tests.large_images", "--send", str(folder)]
+    words = [sys.executable, __file__, "--send", str(folder)]
+    root = str(Path(__file__).resolve().parents[1])
     with NodeGroup("/slosh", folder / "logs", environment) as group:
-        group.start(NodeProcess("camera", (), {"calibration": str(folder / "camera.yaml")}))
+        own = {"calibration": str(folder / "camera.yaml"), "transport": "compressed"}
+        group.start(NodeProcess("camera", (), own))
         spin(listener, lambda: bool(listener.health), PATIENCE)
-        lens = subprocess.Popen([*words, "--fps", str(given.fps)], env=environment)
+        lens = subprocess.Popen(
+            [*words, "--fps", str(given.fps)], env={**environment, "PYTHONPATH": root}
+        )
         try:
             spin(listener, lambda: len(listener.found) > PHASES, PATIENCE)
             listener.found.clear()

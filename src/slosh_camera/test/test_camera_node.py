@@ -269,15 +269,18 @@ def test_the_newest_image_is_measured_and_the_others_give_way(
     rig = make_rig()
     rig.start()
     for number in range(1, 7):
-        rig.driver.publish(images.image_message(picture, "mono8", number * FRAME, "optical"))
+        shown = cv2.add(picture, number)  # no two alike: they would pass for frozen
+        rig.driver.publish(images.image_message(shown, "mono8", number * FRAME, "optical"))
         if number == 1:
             rig.until(lambda: rig.heights)
     # All have arrived before the node gets to see any.
     assert rig.driver.wait_for_all_acked(Duration(seconds=PATIENCE))
     rig.until(lambda: to_nanoseconds(rig.heights[-1].header.stamp) == 6 * FRAME)
     assert [to_nanoseconds(answer.header.stamp) for answer in rig.heights] == [FRAME, 6 * FRAME]
-    _, values = rig.report(lambda status, values: values.get("measurement total") == "2")
+    status, values = rig.report(lambda status, values: values.get("measurement total") == "2")
     assert values["dropped images"] == "4"
+    assert status.level == DiagnosticStatus.WARN
+    assert "they come faster than they can be measured" in status.message
 
 
 def test_images_offered_as_best_effort_are_read(make_rig, picture):

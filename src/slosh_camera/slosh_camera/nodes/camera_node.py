@@ -38,6 +38,8 @@ from slosh_msgs_py.node.silence import SilentTopic
 from slosh_msgs_py.stamps import MAXIMUM, to_nanoseconds
 
 PACKAGE = Path(__file__).parents[1]
+MANY = 0.25
+"""Where this share of the images is dropped between two reports, the node cannot keep pace."""
 PARAMETERS = (
     ParameterSpec("calibration", "", "camera.yaml: camera, container and pose"),
     ParameterSpec(
@@ -79,7 +81,7 @@ class CameraNode(PreparedNode):
         self._gaps = FrameGaps(given["frame_rate"])
         self._flags: Counter[Flag] = Counter()
         self._recent = Flag.NONE
-        self._images = self._reported = self._refused = 0
+        self._images = self._reported = self._refused = self._dropped = 0
         self._contested = ""
         self._complaints = Complaints(self.get_logger().error)
         self._watch(self._health, self._facts)
@@ -149,9 +151,10 @@ class CameraNode(PreparedNode):
         self._complaints.add(complaint, time.monotonic_ns())
 
     def _health(self) -> Health:
-        silent, self._reported = self._images == self._reported, self._images
+        measured, self._reported = self._images - self._reported, self._images
+        dropped, self._dropped = self._input.dropped - self._dropped, self._input.dropped
         recent, self._recent = self._recent, Flag.NONE
-        if silent:
+        if not measured:
             return STALE, f"no image for {self._topic.seconds:.0f} s: {self._topic.reason()}"
         self._topic.heard()
         self._contested = self._rivals.look()
@@ -164,6 +167,11 @@ class CameraNode(PreparedNode):
         if recent:
             names = ", ".join(str(flag.name) for flag in recent)
             return WARN, f"measuring, with flags: {names}"
+        if dropped > MANY * (measured + dropped):
+            return WARN, (
+                f"measuring {measured} of {measured + dropped} images: they come faster than they "
+                "can be measured; let the camera send fewer, or smaller ones"
+            )
         return OK, "measuring"
 
     def _facts(self) -> dict[str, Any]:
