@@ -19,23 +19,38 @@ from slosh_msgs_py import qos
 from slosh_msgs_py.node.dead_ports import DeadPorts, free_dead_ports
 from slosh_msgs_py.node.shared_memory import is_deaf, remove_leftovers
 
+SEGMENT = "fastrtps_71a8d4d185374fd8"
+
 
 @pytest.mark.parametrize(
-    ("targets", "deaf"),
+    ("held", "mapped", "deaf"),
     [
-        ([], False),  # no shared memory at all
-        (["/dev/shm/fastrtps_71a8d4d185374fd8_el"], True),
+        ([], [], False),  # no shared memory at all
+        ([SEGMENT], [], True),
         # A port below RTPS's own serves the whole machine, not this process.
-        (["/dev/shm/fastrtps_71a8d4d185374fd8_el", "/dev/shm/fastrtps_port7002_el"], True),
-        (["/dev/shm/fastrtps_71a8d4d185374fd8_el", "/dev/shm/fastrtps_port7411_el"], False),
+        ([SEGMENT, "fastrtps_port7002"], ["fastrtps_port7002"], True),
+        ([SEGMENT, "fastrtps_port7411"], ["fastrtps_port7411"], False),
         # Held for a dead process.
-        (["/dev/shm/fastrtps_71a8d4d185374fd8_el", "/dev/shm/fastrtps_port7413_el"], True),
+        ([SEGMENT, "fastrtps_port7413"], ["fastrtps_port7413"], True),
+        # Made anew by others: what it reads is another's memory.
+        ([SEGMENT, "fastrtps_port7411"], ["other"], True),
+        ([SEGMENT, "fastrtps_port7411"], [], True),
     ],
 )
-def test_a_process_without_its_shared_memory_port_is_deaf(tmp_path, targets, deaf):
-    for number, target in enumerate(targets):
-        (tmp_path / str(number)).symlink_to(target)
-    assert is_deaf(tmp_path, ["fastrtps_port7413"]) == deaf
+def test_a_process_without_its_shared_memory_port_is_deaf(tmp_path, held, mapped, deaf):
+    memory, process = tmp_path / "shm", tmp_path / "self"
+    (process / "fd").mkdir(parents=True)
+    memory.mkdir()
+    for number, name in enumerate(held):
+        (process / "fd" / str(number)).symlink_to(memory / f"{name}_el")
+    for name in ("other", *held):
+        (memory / name).touch()
+    lines = [
+        f"7f-80 rw-s 00000000 00:1b {(memory / name).stat().st_ino}  /dev/shm/fastrtps_port7411\n"
+        for name in mapped
+    ]
+    (process / "maps").write_text("7f-80 rw-p 00000000 00:00 0\n" + "".join(lines))
+    assert is_deaf(process, ["fastrtps_port7413"]) == deaf
     assert not is_deaf(tmp_path / "nowhere")
 
 
@@ -308,17 +323,21 @@ class Loses(Node):
 
     def lose(self):
         for link in Path("/proc/self/fd").iterdir():
-            if link.exists() and "fastrtps_port" in os.readlink(link):
-                os.close(int(link.name))
+            if link.exists() and "fastrtps_port" in (lock := os.readlink(link)):
+                if sys.argv[1] == "closed":
+                    os.close(int(link.name))
+                elif (port := Path(lock.removesuffix("_el"))).exists():
+                    port.unlink()
 
 sys.exit(run_node(Loses, []))
 """
 
 
-def test_a_node_that_loses_its_port_says_so_and_ends(domain):
+@pytest.mark.parametrize("how", ["closed", "deleted"])
+def test_a_node_that_loses_its_port_says_so_and_ends(domain, how):
     """It would hear nothing any more, and say so to nobody."""
     done = subprocess.run(
-        [sys.executable, "-c", LOSES], capture_output=True, text=True, timeout=60, check=False
+        [sys.executable, "-c", LOSES, how], capture_output=True, text=True, timeout=60, check=False
     )
     assert done.returncode == 1, done.stderr
     assert "loses: another process has its shared-memory port: it hears nothing" in done.stderr

@@ -37,6 +37,8 @@ from slosh_msgs_py.node.shared_memory import is_deaf
 EXIT_DONE, EXIT_FAILED, EXIT_WRONG_INPUT = 0, 1, 2
 EXECUTORS = ("events", "single")
 ATTEMPTS, PAUSE = 20, 0.25  # s; what holds a dead port open is found out within a second or two
+SURE = 3
+"""So many looks, one after the other, that find a process deaf are believed."""
 HEARING_PERIOD = 2.0  # s
 _Node = TypeVar("_Node", bound=Node)
 _POLL = 0.1  # s; how long an idle executor waits before it looks whether to stop
@@ -183,15 +185,16 @@ class _Hearing:
 
     def __init__(self) -> None:
         self.lost = False
-        self._suspect = False
+        self._suspected = 0
         self._look_at = time.monotonic() + HEARING_PERIOD
 
     def is_lost(self) -> bool:
-        """Looks now and then: lost is what is so twice, as a port is closed to be opened anew."""
+        """Looks now and then: lost is what is so each time, as a port is made anew in a second."""
         if time.monotonic() >= self._look_at:
-            self._look_at += HEARING_PERIOD
-            suspect, self._suspect = self._suspect, is_deaf()
-            self.lost = suspect and self._suspect
+            # From now on: who stood still for long does not look three times at once.
+            self._look_at = time.monotonic() + HEARING_PERIOD
+            self._suspected = self._suspected + 1 if is_deaf() else 0
+            self.lost = self._suspected >= SURE
         return self.lost
 
 

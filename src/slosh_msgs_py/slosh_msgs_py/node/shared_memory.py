@@ -3,7 +3,8 @@
 A process that starts in place of a killed one takes over its port. While the others still find
 the dead port out, Fast DDS fails to open it, goes on without, and yet announces it: nobody reaches
 the process any more, for as long as it lives. What is open tells: each process holds a lock file
-of its own segment, and one of its port.
+of its own segment, and one of its port. And a process that stood still for seconds passes for
+dead: where its port was made anew meanwhile, others write to memory that it does not read.
 
 A killed process also leaves its segment behind, tens of megabytes of memory. Its lock is free
 then, as the system lets go of it with the process.
@@ -24,7 +25,8 @@ from slosh_msgs_py.node.dead_ports import held_dead_ports
 from slosh_msgs_py.node.lock_files import held
 
 _SEGMENT = re.compile(r"/fastrtps_[0-9a-f]{16}_el")
-_PORT = re.compile(r"/(fastrtps_port(\d+))_el")
+_PORT = re.compile(r"(.*/fastrtps_port(\d+))_el")
+_MAPPED = re.compile(r"(\d+) +[^ \n]*/fastrtps_port\d+(?: \(deleted\))?$", re.MULTILINE)
 _OWN_SEGMENT = re.compile(r"fastrtps_[0-9a-f]{16}")
 _YOUNG = 10.0
 """A segment is made before its lock is taken; one that is younger is left alone [s]."""
@@ -32,25 +34,26 @@ _FIRST_PORT = 7400
 """Of RTPS; those below serve all participants of the machine together."""
 
 
-def is_deaf(
-    open_files: Path = Path("/proc/self/fd"), of_others: Collection[str] | None = None
-) -> bool:
-    """True where shared memory is in use and its port is not open.
+def is_deaf(process: Path = Path("/proc/self"), of_others: Collection[str] | None = None) -> bool:
+    """True where shared memory is in use, and its port is not open or leads elsewhere.
 
     Args:
-        open_files: folder with a link to each open file; where there is none, nothing is known,
-            and the answer is no.
+        process: folder with `fd`, a folder with a link to each open file, and `maps`, the memory
+            of files; where they are not, nothing is known, and the answer is no.
         of_others: names of ports that are held for dead processes; None: as this process does.
     """
     others = held_dead_ports() if of_others is None else of_others
     try:
-        links = [_target(link) for link in open_files.iterdir()]
+        links = [_target(link) for link in (process / "fd").iterdir()]
+        mapped = {int(found[1]) for found in _MAPPED.finditer((process / "maps").read_text())}
     except OSError:
         return False
     in_use = any(_SEGMENT.search(link) for link in links)
-    found = [match for link in links if (match := _PORT.search(link))]
-    own = [int(match[2]) for match in found if match[1] not in others]
-    return in_use and not any(port >= _FIRST_PORT for port in own)
+    locks = [match for link in links if (match := _PORT.fullmatch(link))]
+    own = [match for match in locks if int(match[2]) >= _FIRST_PORT]
+    return in_use and not any(
+        Path(match[1]).name not in others and _number(Path(match[1])) in mapped for match in own
+    )
 
 
 def remove_leftovers(folder: Path = Path("/dev/shm"), now: float | None = None) -> int:
@@ -84,6 +87,14 @@ def _remove_free(segment: Path, lock: Path) -> int:
         segment.unlink()
         lock.unlink()
     return size
+
+
+def _number(port: Path) -> int:
+    """The number by which the system knows the memory of a name; -1: it has none."""
+    try:
+        return port.stat().st_ino
+    except OSError:
+        return -1
 
 
 def _target(link: Path) -> str:
