@@ -67,6 +67,8 @@ def test_a_cell_of_hostile_names_runs_and_says_so_plainly(
     output = tmp_path / "words"
     with robot(domain), live_process("cell", *words, "--watch", str(port), output=output) as cell:
         run = folder / f"{EVIL}-out" / "latest"
+        # What the robot says before all nodes are ready is recorded, too.
+        cell.wait_for(lambda: "ready: recording to" in cell.said, "all nodes to be ready")
         cell.wait_for_recording(run / "bag")
         assert_plain(served(port))
         cell.process.send_signal(signal.SIGTERM)
