@@ -5,11 +5,14 @@ from __future__ import annotations
 import contextlib
 import os
 import signal
+import socket
 import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+
+from slosh_bringup.processes import NodeProcess, config_folder, node_environment
 
 PATIENCE = 100.0
 """A machine that is busy with other things starts five nodes slowly [s]."""
@@ -63,6 +66,10 @@ class LiveProcess:
         self.wait_for(lambda: len(self.nodes()) >= count, f"{count} nodes")
         return self.nodes()
 
+    def wait_until_ready(self) -> None:
+        """Waits until all nodes are ready; what the robot says before is recorded, too."""
+        self.wait_for(lambda: "ready: recording to" in self.said, "all nodes to be ready")
+
     def wait_for_recording(self, bag: Path, size: int = 400_000) -> None:
         """Waits until so many bytes are in the bag: the cell is in motion."""
         self.wait_for(lambda: recorded(bag) > size, "a recording")
@@ -90,6 +97,25 @@ def live_process(
         yield running
     finally:
         running.clean_up()
+
+
+@contextlib.contextmanager
+def robot(domain: int, **parameters: str) -> Iterator[subprocess.Popen[bytes]]:
+    """The simulated cell in the place of a robot and its camera; gives its process."""
+    given = {"model": str(config_folder() / "truth.yaml"), **parameters}
+    command = NodeProcess("cell", parameters=given).command("/slosh")
+    process = subprocess.Popen(command, env=node_environment(domain))
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.wait()
+
+
+def free_port() -> int:
+    """A port that nobody uses yet."""
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        return int(taken.getsockname()[1])
 
 
 def recorded(bag: Path) -> int:

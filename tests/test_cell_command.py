@@ -17,13 +17,15 @@ from slosh_bag.motion_table import MotionTable, write_motion_table
 from slosh_bag.reader import BagReader
 from slosh_bag.replay import replay_bag
 from slosh_bringup.in_force import in_force, last_starts
-from slosh_bringup.processes import NodeProcess, config_folder, node_environment
+from slosh_bringup.processes import config_folder
 from slosh_msgs.msg import SloshEstimate
-from tests.live_processes import PATIENCE, live_process, recorded
+from tests.live_processes import PATIENCE, live_process, recorded, robot
 
 BAG = Path(__file__).resolve().parents[1] / "bags" / "l"
 SETTLING = SloshEstimate.SETTLING
 SETTLES = "estimator: validity flags 0x10"
+SLOW = {"rate": "250.0", "fps": "20.0"}
+"""Samples and images of the robot: nothing here is about pace."""
 pytestmark = pytest.mark.timeout(200)
 
 
@@ -45,22 +47,6 @@ def write_cell(tmp_path):
 
 
 @contextmanager
-def robot(domain, **parameters):
-    """The simulated cell in the place of a robot and its camera; gives its process."""
-    # Slower than it could be: nothing here is about pace.
-    slow = {"rate": "250.0", "fps": "20.0"}
-    given = {"model": str(config_folder() / "truth.yaml"), **slow, **parameters}
-    process = subprocess.Popen(
-        NodeProcess("cell", parameters=given).command("/slosh"), env=node_environment(domain)
-    )
-    try:
-        yield process
-    finally:
-        process.kill()
-        process.wait()
-
-
-@contextmanager
 def cell(tmp_path, path):
     """`slosh cell` on a cell file; its results go to tmp_path/out."""
     words = ("cell", "--config", str(path), "-o", str(tmp_path / "out"))
@@ -72,7 +58,7 @@ def cell(tmp_path, path):
 @contextmanager
 def moving_cell(domain, tmp_path, path):
     """The same beside a robot that moves for a minute, as soon as it estimates what it knows."""
-    with cell(tmp_path, path) as running, robot(domain, motion="l", repeat="20"):
+    with cell(tmp_path, path) as running, robot(domain, **SLOW, motion="l", repeat="20"):
         bag = tmp_path / "out" / "latest" / "bag"
         running.wait_for(lambda: holds(bag, 0), "estimates that are settled")
         yield running
@@ -98,7 +84,7 @@ def test_a_file_with_two_parameters_keeps_the_limits_and_the_cell_says_so(
     folder = tmp_path / "out" / "latest"
     with (
         cell(tmp_path, path) as running,
-        robot(domain, motion=str(push_beyond_the_limit(tmp_path))) as source,
+        robot(domain, **SLOW, motion=str(push_beyond_the_limit(tmp_path))) as source,
     ):
         running.wait_for(lambda: source.poll() is not None, "the motion's end")
         running.process.send_signal(signal.SIGINT)

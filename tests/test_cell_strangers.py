@@ -6,7 +6,6 @@ import json
 import signal
 import socket
 import stat
-import subprocess
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack
@@ -21,11 +20,11 @@ rclpy = pytest.importorskip("rclpy", reason="ROS 2 is not installed")
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue  # noqa: E402
 
 from slosh_bag.replay import replay_bag  # noqa: E402
-from slosh_bringup.processes import NodeProcess, config_folder, node_environment  # noqa: E402
+from slosh_bringup.processes import config_folder  # noqa: E402
 from slosh_files.plain_text import LONGEST  # noqa: E402
 from slosh_msgs.msg import NodeSettings  # noqa: E402
 from slosh_msgs_py import qos, topics  # noqa: E402
-from tests.live_processes import LiveProcess, alive, live_process  # noqa: E402
+from tests.live_processes import LiveProcess, alive, free_port, live_process, robot  # noqa: E402
 from tests.loopback import Socket, descendants, sockets, waiting_bytes  # noqa: E402
 
 NODES = ("recorder", "estimator", "camera", "monitor", "watch")
@@ -59,16 +58,10 @@ def cell(domain: int, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cell
     file = folder / "cell.yaml"
     document = {"model": config / "model.yaml", "calibration": config / "camera.yaml"}
     file.write_text(yaml.safe_dump({key: str(path) for key, path in document.items()}))
-    given = {"model": str(config / "truth.yaml"), "motion": "l", "repeat": "50", "fps": "15.0"}
-    with socket.create_server(("127.0.0.1", 0)) as free:
-        port = str(free.getsockname()[1])
-    words = ("cell", "--config", str(file), "-o", str(folder / "runs"), "--watch", port)
+    words = ("cell", "--config", str(file), "-o", str(folder / "runs"))
+    words += ("--watch", str(free_port()))
     with ExitStack() as stack:
-        robot = subprocess.Popen(
-            NodeProcess("cell", parameters=given).command("/slosh"), env=node_environment(domain)
-        )
-        stack.callback(robot.wait)
-        stack.callback(robot.kill)
+        stack.enter_context(robot(domain, motion="l", repeat="50", fps="15.0"))
         running = stack.enter_context(live_process(*words, output=folder / "words"))
         running.wait_for_nodes(len(NODES))
         running.wait_for_recording(folder / "runs" / "latest" / "bag")

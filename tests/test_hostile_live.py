@@ -5,19 +5,15 @@ from __future__ import annotations
 import json
 import shutil
 import signal
-import socket
-import subprocess
 import urllib.request
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 import yaml
 
-from slosh_bringup.processes import NodeProcess, config_folder, node_environment
+from slosh_bringup.processes import config_folder
 from tests.hostile import CONTROL, EVIL, FORGED, Page
-from tests.live_processes import LiveProcess, live_process
+from tests.live_processes import LiveProcess, free_port, live_process, robot
 
 BAG = Path(__file__).resolve().parents[1] / "bags" / "l"
 pytestmark = pytest.mark.timeout(200)
@@ -39,36 +35,16 @@ def folder(tmp_path: Path) -> Path:
     return made
 
 
-def free_port() -> int:
-    """A port that nobody uses yet."""
-    with socket.create_server(("127.0.0.1", 0)) as taken:
-        return int(taken.getsockname()[1])
-
-
-@contextmanager
-def robot(domain: int) -> Iterator[None]:
-    """The simulated cell in the place of a robot and its camera."""
-    given = {"model": str(config_folder() / "truth.yaml"), "motion": "l", "repeat": "20"}
-    process = subprocess.Popen(
-        NodeProcess("cell", parameters=given).command("/slosh"), env=node_environment(domain)
-    )
-    try:
-        yield
-    finally:
-        process.kill()
-        process.wait()
-
-
 def test_a_cell_of_hostile_names_runs_and_says_so_plainly(
     domain: int, tmp_path: Path, folder: Path
 ) -> None:
     port = free_port()
     words = ["--config", str(folder / f"{EVIL}-cell.yaml"), "-o", str(folder / f"{EVIL}-out")]
     output = tmp_path / "words"
-    with robot(domain), live_process("cell", *words, "--watch", str(port), output=output) as cell:
+    moves = robot(domain, motion="l", repeat="20")
+    with moves, live_process("cell", *words, "--watch", str(port), output=output) as cell:
         run = folder / f"{EVIL}-out" / "latest"
-        # What the robot says before all nodes are ready is recorded, too.
-        cell.wait_for(lambda: "ready: recording to" in cell.said, "all nodes to be ready")
+        cell.wait_until_ready()
         cell.wait_for_recording(run / "bag")
         assert_plain(served(port))
         cell.process.send_signal(signal.SIGTERM)

@@ -49,8 +49,7 @@ def demo(tmp_path):
     words = ("demo", "--motion", "l", "--repeat", "100", "-o", str(folder.parent))
     with live_process(*words, output=tmp_path / "words") as running:
         running.wait_for_nodes(5)
-        # What the nodes say at rest is recorded, too.
-        running.wait_for(lambda: "the motion begins" in running.said, "all nodes to be ready")
+        running.wait_until_ready()
         running.wait_for_recording(folder / "bag")
         yield running, folder
 

@@ -30,7 +30,7 @@ from slosh_msgs.msg import FreeSurface, LimitEvent, NodeSettings, SloshCompariso
 from slosh_msgs_py import qos, topics  # noqa: E402
 from slosh_msgs_py.images import image_message  # noqa: E402
 from slosh_msgs_py.stamps import to_time  # noqa: E402
-from tests.live_processes import live_process  # noqa: E402
+from tests.live_processes import free_port, live_process  # noqa: E402
 
 BAG = Path(__file__).resolve().parents[1] / "bags" / "l3"
 NASTY = "<script>document.title='owned'</script><img src=x onerror=\"document.title='owned'\">"
@@ -127,12 +127,6 @@ def _image_topic():
     from sensor_msgs.msg import Image
 
     return Image, topics.IMAGE, qos.IMAGE_OUT
-
-
-def free_port() -> int:
-    """A port that nobody uses yet."""
-    with socket.create_server(("127.0.0.1", 0)) as taken:
-        return taken.getsockname()[1]
 
 
 @pytest.fixture(scope="module")

@@ -30,7 +30,7 @@ from slosh_msgs_py.node.lock_files import held, is_alone, shared
 
 _PORT = re.compile(r"fast\w+_port\d+")
 _MUTEX = re.compile(r"sem\.fast\w+_port\d+_mutex")
-_MAPPED = re.compile(r"/(fastrtps_port\d+)(?: \(deleted\))?$", re.MULTILINE)
+_MAPPED = re.compile(r"(\d+) +[^ \n]*/(fastrtps_port\d+)(?: \(deleted\))?$", re.MULTILINE)
 _SAMPLE = 0.05  # s
 _LONGEST_HELD = 3.0
 """A living process holds a port's mutex for microseconds; for a second where it waits for an
@@ -227,10 +227,23 @@ def _is_locked(mutex: Path) -> bool:
     return len(head) == 8 and int.from_bytes(head, sys.byteorder) & 0xFFFFFFFF == 0
 
 
+def mapped_ports(maps: Path) -> set[tuple[int, str]]:
+    """The ports that a process has open, also such as were deleted: number of the file, and name.
+
+    Args:
+        maps: the process's list of its memory.
+
+    Raises:
+        OSError: it is another's, or it has ended.
+    """
+    found = _MAPPED.findall(maps.read_text(errors="replace"))
+    return {(int(number), name) for number, name in found}
+
+
 def _ports_in_use(processes: Path) -> set[str]:
-    """Names of the ports that processes of this user have open, also such as were deleted."""
+    """Names of the ports that processes of this user have open."""
     ports: set[str] = set()
     for maps in processes.glob("[0-9]*/maps"):
-        with contextlib.suppress(OSError):  # another's, or it has ended
-            ports.update(_MAPPED.findall(maps.read_text(errors="replace")))
+        with contextlib.suppress(OSError):
+            ports.update(name for _, name in mapped_ports(maps))
     return ports

@@ -21,12 +21,11 @@ import time
 from collections.abc import Collection
 from pathlib import Path
 
-from slosh_msgs_py.node.dead_ports import held_dead_ports
+from slosh_msgs_py.node.dead_ports import held_dead_ports, mapped_ports
 from slosh_msgs_py.node.lock_files import held
 
 _SEGMENT = re.compile(r"/fastrtps_[0-9a-f]{16}_el")
 _PORT = re.compile(r"(.*/fastrtps_port(\d+))_el")
-_MAPPED = re.compile(r"(\d+) +[^ \n]*/fastrtps_port\d+(?: \(deleted\))?$", re.MULTILINE)
 _OWN_SEGMENT = re.compile(r"fastrtps_[0-9a-f]{16}")
 _YOUNG = 10.0
 """A segment is made before its lock is taken; one that is younger is left alone [s]."""
@@ -45,7 +44,7 @@ def is_deaf(process: Path = Path("/proc/self"), of_others: Collection[str] | Non
     others = held_dead_ports() if of_others is None else of_others
     try:
         links = [_target(link) for link in (process / "fd").iterdir()]
-        mapped = {int(found[1]) for found in _MAPPED.finditer((process / "maps").read_text())}
+        mapped = {number for number, _ in mapped_ports(process / "maps")}
     except OSError:
         return False
     in_use = any(_SEGMENT.search(link) for link in links)
