@@ -21,3 +21,8 @@ class Page(HTMLParser):
 
     def handle_data(self, data: str) -> None:
         self.text += data
+
+
+def has_forged_line(text: str) -> bool:
+    """Whether a line of what was said is a name's own."""
+    return any(line.lstrip().startswith(FORGED) for line in text.splitlines())

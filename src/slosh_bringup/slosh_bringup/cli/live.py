@@ -65,7 +65,7 @@ class LiveScreen:
 
     def tell(self, line: str) -> None:
         """Prints a line that stays."""
-        self._try(lambda: say(line))
+        self._try(lambda: say(plain_line(line)))
 
     def _try(self, write: Callable[[], object]) -> None:
         try:
