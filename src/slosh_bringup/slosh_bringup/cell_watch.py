@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from slosh_files.plain_text import plain_line
+from slosh_msgs_py.node.silence import UNHEARD
 
 OK, WARN, ERROR, STALE = range(4)
 """Levels of diagnostic_msgs/DiagnosticStatus."""
@@ -36,7 +37,7 @@ class _Heard:
 
     def __init__(self, now: float) -> None:
         self.at = now
-        self.newest = self.told = ""
+        self.newest = self.told = self.unheard = ""
         self.silent = False
 
 
@@ -60,6 +61,7 @@ class CellWatch:
         if heard is None:
             return []
         heard.at, heard.silent = now, False
+        heard.unheard = report.facts.get(UNHEARD, "")
         # Health that is good has many sentences, and none is news.
         kind = "" if report.level == OK else _NUMBER.sub("#", f"{report.level} {report.sentence}")
         before, heard.newest = heard.newest, kind
@@ -71,6 +73,10 @@ class CellWatch:
     def silences(self, now: float) -> dict[str, float]:
         """For how long each node has said nothing [s]."""
         return {node: now - heard.at for node, heard in self._heard.items()}
+
+    def unheard(self) -> dict[str, str]:
+        """Topic and type on which nodes hear nothing, though somebody publishes, by node."""
+        return {node: heard.unheard for node, heard in self._heard.items() if heard.unheard}
 
     def look(self, now: float) -> list[str]:
         """Returns what is to be told of nodes that say nothing."""

@@ -24,6 +24,7 @@ from slosh_msgs_py.node.guarded import GuardedNode
 from slosh_msgs_py.node.lifeline import VARIABLE, watch_lifelines
 from slosh_msgs_py.node.parameters import ParameterSpec, declare
 from slosh_msgs_py.node.run import make_executor
+from slosh_msgs_py.node.silence import LONG, UNHEARD, SilentTopic
 
 SPECS = (
     ParameterSpec("size", 1.0, "size [m]", (0.0, 2.0), read_only=False),
@@ -469,3 +470,24 @@ def test_an_unknown_executor_is_named(monkeypatch):
     monkeypatch.setenv("SLOSH_EXECUTOR", "multi")
     with pytest.raises(SloshMessageError, match="'multi' must be one of events, single"):
         make_executor()
+
+
+def test_a_node_says_what_it_alone_may_not_hear(make_node, monkeypatch):
+    node = make_node()
+    topic = SilentTopic(node, "input", "std_msgs/msg/Header")
+    now = time.monotonic()
+    monkeypatch.setattr(time, "monotonic", lambda: now)
+    facts = []
+    for seconds, total in ((LONG - 1.0, 0), (LONG + 1.0, 0)):
+        now += seconds
+        facts.append(topic.facts(total))
+    assert facts == [{}, {}]  # nobody publishes
+    node.create_publisher(Header, "input", qos.STREAM_OUT)
+    told = {UNHEARD: "/input std_msgs/msg/Header"}
+    assert topic.facts(0) == told
+    assert topic.facts(7) == {}  # heard, be it of use or not
+    now += LONG - 1.0
+    assert topic.facts(7) == {}
+    now += 1.0
+    assert topic.facts(7) == told
+    assert SilentTopic(node, "input", "std_msgs/msg/String").facts(0) == {}  # of another type

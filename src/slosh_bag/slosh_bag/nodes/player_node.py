@@ -16,7 +16,6 @@ from rosgraph_msgs.msg import Clock
 
 from slosh_bag.bag_writer import Qos
 from slosh_bag.nodes.player_thread import BEHIND_NS, PlayerThread
-from slosh_bag.nodes.recorder_node import find_type
 from slosh_bag.playing.play_plan import (
     CLOCK,
     STREAM_DEPTH,
@@ -26,6 +25,7 @@ from slosh_bag.playing.play_plan import (
     without,
 )
 from slosh_bag.playing.playback import CLOCK_RATES, RATES, PlaybackSettings
+from slosh_msgs_py.message_type import find_type
 from slosh_msgs_py.node.diagnostics import ERROR, OK, WARN, DiagnosticsReporter, Health
 from slosh_msgs_py.node.guarded import GuardedNode
 from slosh_msgs_py.node.parameters import ParameterSpec, declare

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import re
 import sys
 import time
@@ -20,6 +19,7 @@ from slosh_bag.nodes.topic_input import Received, TopicInput, noted
 from slosh_bag.recorder import SEVERAL, Recorder
 from slosh_bag.recording.log_times import LogTimes
 from slosh_files.nanoseconds import SECOND
+from slosh_msgs_py.message_type import find_type
 from slosh_msgs_py.node.diagnostics import DiagnosticsReporter, Health
 from slosh_msgs_py.node.guarded import GuardedNode
 from slosh_msgs_py.node.parameters import ParameterSpec, declare
@@ -202,12 +202,6 @@ class RecorderNode(GuardedNode):
 
     def _lost_on_the_way(self) -> int:
         return sum(entry.lost for entry in self._inputs.values())
-
-
-def find_type(name: str) -> Any:
-    """The class of a message type, e.g. 'std_msgs/msg/Header'."""
-    package, kind, message = name.split("/")
-    return getattr(importlib.import_module(f"{package}.{kind}"), message)
 
 
 def _pattern(name: str, text: str) -> re.Pattern[str]:

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from slosh_bringup.live.cell_setup import CellSetup
+from slosh_bringup.live.deafness import Deafness
 from slosh_bringup.live.other_cells import PERIOD, OtherCells
 from slosh_bringup.live.supervision import Supervision
 from slosh_bringup.live.watch import LiveWatch, Screen
@@ -121,7 +122,7 @@ def run_nodes(run: LiveRun, screen: Screen, stop: StopRequest) -> Outcome:
         listener = stack.enter_context(
             CellListener(namespace, watch, remap.get(topics.COMPARISON), diagnostics)
         )
-        others = OtherCells()
+        others, deafness = OtherCells(), Deafness(listener.probe)
         supervision = Supervision(group, processes, watch.tell, others)
         freed = remove_leftovers()
         if freed > _WORTH_TELLING:
@@ -137,6 +138,7 @@ def run_nodes(run: LiveRun, screen: Screen, stop: StopRequest) -> Outcome:
                 look_at += PERIOD
                 found = others.look(listener.running(names), time.monotonic())
                 _tell_of_another(found, namespace, watch)
+                supervision.end_deaf(deafness.look(watch.unheard, time.monotonic()))
             end = supervision.look(began=watch.began, silences=watch.silences)
         problems = supervision.problems
         if group.stop().get(LAST) == 1:

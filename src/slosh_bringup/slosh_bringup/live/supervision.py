@@ -82,6 +82,16 @@ class Supervision:
         self._say(f"{end.text}; it is started again{where}")
         return None
 
+    def end_deaf(self, deaf: Mapping[str, str]) -> None:
+        """Kills nodes that hear nothing on a topic though others do; the next look starts them.
+
+        Args:
+            deaf: the topic, by node.
+        """
+        for name, topic in deaf.items():
+            if self._group.kill(name):
+                self._say(f"node {name} hears nothing on {topic}, though others do: it is killed")
+
     def _end_hanging(self, silences: Mapping[str, float], now: float) -> None:
         """Kills what hangs; where nobody at all is heard, it is the listener who does not hear."""
         if all(silence > SILENT for silence in silences.values()):

@@ -71,6 +71,11 @@ class LiveWatch:
         """For how long each node has said nothing since all are at work [s]."""
         return {} if self._health is None else self._health.silences(time.monotonic())
 
+    @property
+    def unheard(self) -> dict[str, str]:
+        """As of CellWatch; nothing before all are at work."""
+        return {} if self._health is None else self._health.unheard()
+
     def take_settings(self, start: NodeStart) -> None:
         """Takes what a node works with, at its start or later; strangers are not heard."""
         if start.node not in self._nodes:

@@ -8,7 +8,7 @@ import time
 from collections import Counter
 from collections.abc import Collection
 from types import TracebackType
-from typing import Protocol
+from typing import Any, Protocol
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
@@ -20,8 +20,12 @@ from slosh_bag.recording.settings import NodeStart, node_start
 from slosh_bringup.cell_watch import NodeReport, reports
 from slosh_msgs.msg import NodeSettings, SloshComparison
 from slosh_msgs_py import qos, topics
+from slosh_msgs_py.message_type import find_type
 from slosh_msgs_py.node.guarded import GuardedNode
 from slosh_msgs_py.node.run import initialise, make_heard
+
+_READ = ("geometry_msgs", "sensor_msgs", "slosh_msgs")
+"""Packages whose messages the cell's nodes read."""
 
 
 class Hearer(Protocol):
@@ -35,6 +39,33 @@ class Hearer(Protocol):
 
     def take_comparison(self, comparison: SloshComparison) -> None:
         """Is given the newest comparison."""
+
+
+class TopicProbe:
+    """Counts what comes on a topic, whatever it is.
+
+    Args:
+        node: that listens.
+        topic: in full.
+        message_type: its class.
+
+    Attributes:
+        count: of the messages so far.
+    """
+
+    def __init__(self, node: Node, topic: str, message_type: Any) -> None:
+        self.count = 0
+        self._node = node
+        self._subscription = node.create_subscription(
+            message_type, topic, self._take, qos.NEWEST_IN, raw=True
+        )
+
+    def close(self) -> None:
+        """Listens no more."""
+        self._node.destroy_subscription(self._subscription)
+
+    def _take(self, message: bytes) -> None:
+        self.count += 1
 
 
 class CellListener:
@@ -88,6 +119,16 @@ class CellListener:
         """How often each of the names is a node's in the namespace, as far as is known by now."""
         found = self._node.get_node_names_and_namespaces()
         return Counter(name for name, space in found if space == self._namespace and name in names)
+
+    def probe(self, topic: str, type_name: str) -> TopicProbe | None:
+        """Listens to a topic from now on, until the probe is closed; None: of another type."""
+        package, _, _ = type_name.partition("/")
+        if package not in _READ:  # a name from the network: nothing else is imported for it
+            return None
+        try:
+            return TopicProbe(self._node, topic, find_type(type_name))
+        except (AttributeError, ImportError, ValueError):
+            return None
 
     def _make(self) -> Node:
         # A name that begins like this is hidden from lists of nodes.

@@ -183,6 +183,7 @@ class CameraNode(PreparedNode):
             "dropped images": self._input.dropped,
             "dropped: impossible stamp": self._refused,
             **flags,
+            **self._topic.facts(self._images),
         }
 
 

@@ -240,7 +240,12 @@ class EstimatorNode(PreparedNode):
     def _facts(self) -> dict[str, Any]:
         gate = self._input.gate
         dropped = {f"dropped: {verdict.value}": gate.counts[verdict] for verdict in DROPPED}
-        return {**dropped, "gaps": gate.gaps, "divergences": self._estimator.divergences}
+        return {
+            **dropped,
+            "gaps": gate.gaps,
+            "divergences": self._estimator.divergences,
+            **self._input_health.facts(gate),
+        }
 
 
 def main() -> int:

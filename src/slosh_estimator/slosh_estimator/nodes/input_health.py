@@ -28,6 +28,10 @@ class InputHealth:
         self._used = 0
         self._dropped = dict.fromkeys(DROPPED, 0)
 
+    def facts(self, gate: SampleGate) -> dict[str, str]:
+        """What others may hear, and this node does not."""
+        return self._topic.facts(gate.used + gate.dropped)
+
     def look(self, gate: SampleGate) -> Health | None:
         """What is wrong; None: nothing.
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from rclpy.node import Node
 
 from slosh_estimator.monitor import Condition, Monitor
@@ -40,6 +42,17 @@ class MonitorHealth:
         self._core.obstruction = "; ".join(filter(None, (rival.look() for rival in self._rivals)))
         mismatch = self._mismatch(measured)
         return self._silence(now_ns) or self._blindness(now_ns) or self._state(now_ns, mismatch)
+
+    def facts(self, counts: Mapping[str, int]) -> dict[str, str]:
+        """What others may hear, and the monitor does not.
+
+        Args:
+            counts: messages so far, by topic.
+        """
+        found: dict[str, str] = {}
+        for topic, silent in self._topics.items():
+            found.update(silent.facts(counts[topic]))
+        return found
 
     def _silence(self, now_ns: int) -> Health | None:
         measured_stale, estimate_stale = self._core.silent_sides(now_ns)

@@ -174,6 +174,7 @@ class MonitorNode(GuardedNode):
             "estimates out of order": core.late_estimates,
             "estimates without an expected reading": self._joiner.lost,
             **self._predictions.facts(),
+            **self._judge.facts(self._report.counts),
         }
 
 

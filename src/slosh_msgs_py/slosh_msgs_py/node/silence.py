@@ -3,8 +3,16 @@
 from __future__ import annotations
 
 import time
+from typing import TYPE_CHECKING, Final
 
-from rclpy.node import Node
+if TYPE_CHECKING:  # who reads what nodes say needs no middleware
+    from rclpy.node import Node
+
+UNHEARD: Final = "hears nothing on"
+"""Fact of a node that has heard nothing on a topic for LONG, though somebody publishes it: the
+topic and its type."""
+LONG: Final = 5.0
+"""A publisher that is at work pauses for less [s]."""
 
 
 class SilentTopic:
@@ -22,21 +30,35 @@ class SilentTopic:
     def __init__(self, node: Node, name: str, type_name: str) -> None:
         self.full_name: str = node.resolve_topic_name(name)
         self._node, self._type_name = node, type_name
-        self._since = time.monotonic()
+        self._since = self._came = time.monotonic()
+        self._total = 0
 
     @property
     def seconds(self) -> float:
-        """For how long nothing has been heard [s]."""
+        """For how long nothing of use has been heard [s]."""
         return time.monotonic() - self._since
 
     def heard(self) -> None:
-        """Something has come."""
+        """Something of use has come."""
         self._since = time.monotonic()
+
+    def facts(self, total: int) -> dict[str, str]:
+        """What is to be told others, who may hear what this node does not: UNHEARD, or nothing.
+
+        Args:
+            total: how many messages have come so far, of use or not.
+        """
+        now = time.monotonic()
+        if total != self._total:
+            self._total, self._came = total, now
+        if now - self._came < LONG or self._type_name not in self._types():
+            return {}
+        return {UNHEARD: f"{self.full_name} {self._type_name}"}
 
     def reason(self) -> str:
         """Why nothing comes, as far as the middleware knows."""
         name = self.full_name
-        types = [info.topic_type for info in self._node.get_publishers_info_by_topic(name)]
+        types = self._types()
         if not types:
             return f"nobody publishes {name}"
         if self._type_name not in types:
@@ -44,3 +66,8 @@ class SilentTopic:
         others = sorted({*types} - {self._type_name})
         strange = f"; it is published as {others[0]}, too, which is not heard" if others else ""
         return f"the publisher of {name} is silent{strange}"
+
+    def _types(self) -> list[str]:
+        """Of what its publishers send."""
+        found = self._node.get_publishers_info_by_topic(self.full_name)
+        return [info.topic_type for info in found]

@@ -1,0 +1,103 @@
+"""Whether a node that hears nothing on a topic is deaf, or its publisher silent.
+
+The middleware cannot tell: to both of them all is well connected. So what a node does not hear is
+listened to for a moment by somebody else.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Protocol
+
+TRIAL = 5.0
+"""Somebody else listens so long, so long after the node said so and after the last trial [s]."""
+ENOUGH = 5
+"""Messages that come in a trial from a publisher that is at work."""
+CERTAIN = 3.0
+"""So long the others hear and the node does not [s]: it reports once a second."""
+AGAIN = 300.0
+"""A node that stays deaf is not found so sooner [s]: to start it anew was of no use."""
+
+
+class Probe(Protocol):
+    """Listens to a topic beside the node."""
+
+    @property
+    def count(self) -> int:
+        """Messages that were heard so far."""
+
+    def close(self) -> None:
+        """Listens no more."""
+
+
+@dataclass(slots=True)
+class _Doubt:
+    """What a node does not hear.
+
+    Attributes:
+        topic: and its type.
+        since: when it said so first, or the last trial ended [s].
+        probe: listens beside it, since when [s], and since when it has heard enough [s].
+    """
+
+    topic: str
+    since: float
+    probe: Probe | None = None
+    tried: float = math.inf
+    heard: float = math.inf
+
+    def end_trial(self, now: float) -> None:
+        """Listens no more."""
+        if self.probe is not None:
+            self.probe.close()
+        self.probe, self.since, self.tried, self.heard = None, now, math.inf, math.inf
+
+
+class Deafness:
+    """Tries what nodes do not hear.
+
+    Args:
+        listen: begins to listen to a topic of a type; None: it cannot.
+    """
+
+    def __init__(self, listen: Callable[[str, str], Probe | None]) -> None:
+        self._listen = listen
+        self._doubts: dict[str, _Doubt] = {}
+        self._found: dict[str, float] = {}
+
+    def look(self, unheard: Mapping[str, str], now: float) -> dict[str, str]:
+        """The topics that nodes do not hear though others do, by node; about once a second.
+
+        Args:
+            unheard: topic and type that nodes say they hear nothing on, by node.
+            now: steady time [s].
+        """
+        for node, doubt in [*self._doubts.items()]:
+            if unheard.get(node) != doubt.topic:
+                doubt.end_trial(now)
+                del self._doubts[node]
+        deaf = {}
+        for node, topic in unheard.items():
+            doubt = self._doubts.setdefault(node, _Doubt(topic, now))
+            recently = now - self._found.get(node, -math.inf) < AGAIN
+            if not recently and self._is_deaf(doubt, now):
+                self._found[node] = now
+                deaf[node] = topic.partition(" ")[0]
+        return deaf
+
+    def _is_deaf(self, doubt: _Doubt, now: float) -> bool:
+        """Begins a trial, looks at it, or ends it."""
+        if doubt.probe is None:
+            if now - doubt.since >= TRIAL:
+                topic, _, type_name = doubt.topic.partition(" ")
+                doubt.probe, doubt.since = self._listen(topic, type_name), now
+                doubt.tried = now
+            return False
+        if doubt.probe.count >= ENOUGH:
+            doubt.heard = min(doubt.heard, now)
+        deaf = now - doubt.heard >= CERTAIN
+        if deaf or (doubt.heard == math.inf and now - doubt.tried >= TRIAL):
+            doubt.end_trial(now)
+        return deaf
