@@ -96,7 +96,7 @@ def test_a_node_that_never_gets_ready_ends_the_run_with_its_name(tmp_path):
         camera = running.nodes()["camera"]
         os.kill(camera, signal.SIGSTOP)
         deadline = time.monotonic() + PATIENCE
-        while "waiting for camera (has not been heard of)" not in running.said:
+        while "waiting for camera (not heard of yet)" not in running.said:
             assert time.monotonic() < deadline, running.said
             time.sleep(0.05)
         assert running.process.wait(PATIENCE) == 1

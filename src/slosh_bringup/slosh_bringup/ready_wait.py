@@ -35,7 +35,7 @@ class ReadyWait:
 
     def __init__(self, nodes: Collection[str], now: float, patience: float = PATIENCE) -> None:
         self._patience = patience
-        self._words = {node: _Word("", "has not been heard of", now, now) for node in nodes}
+        self._words = {node: _Word("", "not heard of yet", now, now) for node in nodes}
 
     def take(self, report: NodeReport, now: float) -> None:
         """Takes a report at a moment of the steady clock [s]."""
@@ -70,5 +70,8 @@ class ReadyWait:
 
 
 def sentence(missing: Mapping[str, str]) -> str:
-    """Who is waited for, and why."""
-    return ", ".join(f"{node} ({why})" for node, why in missing.items())
+    """Who is waited for, and why; those of one reason together."""
+    together: dict[str, list[str]] = {}
+    for node, why in missing.items():
+        together.setdefault(why, []).append(node)
+    return ", ".join(f"{', '.join(nodes)} ({why})" for why, nodes in together.items())

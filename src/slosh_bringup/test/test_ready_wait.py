@@ -12,12 +12,11 @@ def report(node, state, text="measuring"):
 
 def test_all_named_nodes_are_waited_for():
     wait = ReadyWait(["camera", "monitor"], 0.0)
-    assert sentence(wait.missing()) == (
-        "camera (has not been heard of), monitor (has not been heard of)"
-    )
+    assert sentence(wait.missing()) == "camera, monitor (not heard of yet)"
     wait.take(report("camera", "compiling", "not ready, compiling: the detector"), 1.0)
     wait.take(report("monitor", "ready"), 1.0)
     assert wait.missing() == {"camera": "compiling: the detector"}
+    assert sentence(wait.missing()) == "camera (compiling: the detector)"
     wait.take(report("camera", "ready"), 2.0)
     assert wait.missing() == {}
 
