@@ -30,8 +30,9 @@ from truth import frame_truth, header, mask_truth
 STILL = "calib.jpg"
 # Parts of the picture between which a rolling shutter's time steps.
 STRIPS = 8
-# Scenes as those of `sequences`, of any number.
-FURTHER = re.compile(r"sequence_[0-9]{2,6}")
+# Scenes as those of `sequences` and of `stills`, of any number.
+FURTHER = {"sequence": unkind.sequence, "still": unkind.still}
+NUMBERED = re.compile(r"(sequence|still)_([0-9]{2,6})")
 GROUPS = {
     "all": list(SCENES.values()),
     "stills": unkind.stills(),
@@ -210,7 +211,8 @@ def main() -> int:
     scenes = {scene.name: scene for group in GROUPS.values() for scene in group}
     groups = {name: [scene.name for scene in group] for name, group in GROUPS.items()}
     names = [name for given in args.names for name in groups.get(given, [given])]
-    scenes |= {name: unkind.sequence(int(name[9:])) for name in names if FURTHER.fullmatch(name)}
+    further = [found for name in names if (found := NUMBERED.fullmatch(name))]
+    scenes |= {found[0]: FURTHER[found[1]](int(found[2])) for found in further}
     unknown = [name for name in names if name not in scenes]
     if unknown or not names or args.out is None:
         parser.error(f"unknown scene {unknown[0]}" if unknown else "give NAME... and -o DIR")

@@ -30,7 +30,7 @@ _SEQUENCE_LIQUIDS = ("dark", "blue", "red", "milk", "dark", "tea")
 
 def stills() -> list[Scene]:
     """Scenes of which the image of the liquid at rest alone is of interest."""
-    return [_still(index) for index in range(STILLS)]
+    return [still(index) for index in range(STILLS)]
 
 
 def sequences() -> list[Scene]:
@@ -38,7 +38,8 @@ def sequences() -> list[Scene]:
     return [sequence(index) for index in range(SEQUENCES)]
 
 
-def _still(index: int) -> Scene:
+def still(index: int) -> Scene:
+    """The still of a number; those from STILLS on are further ones."""
     rng = np.random.default_rng(7000 + index)
     name = list(LIQUIDS)[int(rng.integers(len(LIQUIDS)))]
     cup = draw_cup(rng)

@@ -12,6 +12,7 @@ import pytest
 from slosh_camera.calibrate.doubt import Doubt
 from slosh_camera.calibrate.fit import Hint
 from slosh_camera.calibrate.pose import CameraPlace, place_of, pose_of
+from slosh_camera.calibrate.search import Candidate, _distinct
 from slosh_camera.calibrate.still import calibrate_by_edges, check_pose
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.optics.camera import camera_from_info
@@ -261,6 +262,30 @@ def test_refuses_to_choose_between_two_containers(make_scene):
     image = scene.draw()
     both = np.hstack((image[:, 160:480], image[:, 160:480]))
     assert "two poses fit equally well" in refusal(both, camera, cup)
+
+
+def test_refuses_what_stands_between_the_sides_of_another_container(make_scene):
+    """Another glass behind it, of clearer edges."""
+    scene = make_scene(camera_height=0.05)
+    camera, cup = scene.calibration().view.camera, Cup(scene.radius, scene.fill_height)
+    image = scene.draw()
+    small = cv2.resize(image[:, 160:480], None, fx=0.3, fy=0.3, interpolation=cv2.INTER_AREA)
+    faint = cv2.addWeighted(image, 0.15, np.full_like(image, image[0, 0]), 0.85, 0.0)
+    part = faint[200 : 200 + small.shape[0], 272 : 272 + small.shape[1]]
+    part[:] = np.minimum(part, small)
+    assert "between the sides of what may be the container" in refusal(faint, camera, cup)
+
+
+def test_one_thing_does_not_take_all_candidates():
+    """A label's lines of print are levels of one and the same container."""
+    label = [
+        Candidate(CameraPlace(0.45, -0.05 + 0.03 * k, 0.0, 0.1, 0.0), 0.8, 90.0) for k in range(8)
+    ]
+    wide = Candidate(CameraPlace(0.14, -0.02, 0.0, -0.19, 0.0), 0.6, 300.0)
+    kept = _distinct([*label, wide], 6)
+    assert wide in kept
+    assert kept[:3] == label[:3]
+    assert len(kept) == 4
 
 
 def test_refuses_images_of_another_camera(make_scene):

@@ -113,9 +113,15 @@ def _side_points(view: CupView, curve: Curve, z: FloatArray) -> FloatArray:
     return view.project(points)
 
 
+def sides_of(view: CupView) -> tuple[FloatArray, FloatArray]:
+    """Left and right side at the still level in the image, (2,) each [px]."""
+    left, right = (_side_points(view, curve, np.zeros(1))[0] for curve in WETTED)
+    return left, right
+
+
 def width_of(view: CupView) -> float:
     """Distance of the two sides at the still level in the image [px]."""
-    left, right = (_side_points(view, curve, np.zeros(1))[0] for curve in WETTED)
+    left, right = sides_of(view)
     return float(np.hypot(*(right - left)))
 
 

@@ -35,6 +35,10 @@ _SLACK = 3
 # By how much the score of a container is lowered for its width being so many slacks: the narrower
 # it is, the more edges fall within the slack by chance.
 _CHANCE = 2.0
+# So many candidates at most stand at one place; they differ in level, pitch and roll. Else a label
+# with lines of print takes all of them, and the container on which it is gets none.
+_OF_ONE = 3
+_ONE_DISTANCE, _ONE_YAW = 0.15, 0.03
 # Weights of the level, the sides of the liquid, the sides above it, and the base.
 _WEIGHTS = {"level": 3.0, "liquid": 2.0, "glass": 0.5, "base": 0.7}
 
@@ -235,9 +239,19 @@ def _distinct(found: list[Candidate], count: int) -> list[Candidate]:
     for candidate in found:
         if len(kept) == count:
             break
-        if not any(_alike(candidate.place, other.place) for other in kept):
+        places = [other.place for other in kept]
+        if any(_alike(candidate.place, place) for place in places):
+            continue
+        if sum(_is_one(candidate.place, place) for place in places) < _OF_ONE:
             kept.append(candidate)
     return kept
+
+
+def _is_one(first: CameraPlace, second: CameraPlace) -> bool:
+    """Whether two places have the container's sides in about the same columns."""
+    apart = abs(first.distance - second.distance)
+    near = apart < _ONE_DISTANCE * min(first.distance, second.distance)
+    return near and abs(first.yaw - second.yaw) < _ONE_YAW
 
 
 def _alike(first: CameraPlace, second: CameraPlace) -> bool:

@@ -15,6 +15,7 @@ from slosh_camera.calibrate.curves import (
     Curve,
     distances,
     look_for_curves,
+    sides_of,
     view_at,
     width_of,
 )
@@ -52,6 +53,9 @@ _SAME = 1e-3
 # Rough fits that differ by less than this, relative to the distance or [rad], are one.
 _ALIKE = 0.02
 _RIVAL, _RIVAL_RESIDUAL = 0.93, 1.5
+# What stands between the sides of a container so many times as wide is rather seen through it, or
+# stuck to it, though it scores higher: unless the wide one scores less than this part.
+_WIDER, _ENCLOSING = 1.25, 0.6
 # What shows of the empty glass, or else of the floor, where the container is what it seems.
 _LEAST_GLASS, _LEAST_FLOOR = 0.35, 0.5
 # How well a distance is known that is told, as a part of it.
@@ -166,6 +170,7 @@ def calibrate_by_edges(
         for rival, fault in zip(ranked, faults, strict=True):
             if rival is not ranked[best] and (not fault or not _is_corroborated(rival)):
                 _check_rival(view, ranked[best], rival)
+        _check_enclosed(ranked[best], ranked)
     return answers[best]
 
 
@@ -356,6 +361,31 @@ def _check_rival(view: CupView, best: Fit, rival: Fit) -> None:
             f"still image: two poses fit equally well, {poses}; tell which by --distance, or take "
             "a picture with the floor in it, a board, or fewer other things"
         )
+
+
+def _check_enclosed(best: Fit, fits: list[Fit]) -> None:
+    """Refuse what stands between the sides of another container: a part of that, or behind it.
+
+    The other one need not be good enough to be used: of clear glass with droplets little is seen.
+    """
+    for wide in fits:
+        if wide.score >= _ENCLOSING * best.score and _encloses(wide, best):
+            raise SloshCameraError(
+                f"still image: what fits best, {1e3 * best.place.distance:.0f} mm away, stands "
+                f"between the sides of what may be the container, {1e3 * wide.place.distance:.0f} "
+                "mm away: a label, a reflection, or another glass seen through it; tell which by "
+                "--distance, or take away what is on the container and behind it"
+            )
+
+
+def _encloses(wide: Fit, narrow: Fit) -> bool:
+    """Whether a fit is clearly wider than another one and has its middle between its sides."""
+    outer, inner = (view_at(fit.camera, fit.cup, fit.place) for fit in (wide, narrow))
+    if width_of(outer) < _WIDER * width_of(inner):
+        return False
+    (left, right), ends = sides_of(outer), sides_of(inner)
+    middle = 0.5 * (ends[0][0] + ends[1][0])
+    return bool(left[0] < middle < right[0])
 
 
 def _result(fit: Fit, camera: PinholeCamera, azimuth: float) -> StillFit:
