@@ -331,7 +331,10 @@ def test_files_that_are_no_pipe_are_not_watched(monkeypatch):
 def test_a_signal_during_the_start_ends_a_node_cleanly_too():
     command = [sys.executable, "-c", NODE, "early"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
-    assert (done.returncode, done.stdout) == (0, "closed\n")
+    assert done.returncode == 0
+    # Before it, on a busy machine, Fast DDS may have said words of its own.
+    assert done.stdout.endswith("closed\n")
+    assert "alive" not in done.stdout
 
 
 def test_a_wrong_start_is_one_line_and_exit_code_two():
@@ -388,7 +391,7 @@ def slow():
                 stderr=subprocess.PIPE,
             )
         )
-        assert processes[-1].stdout.readline() == "prepares\n"
+        assert "prepares\n" in iter(processes[-1].stdout.readline, "")
         return processes[-1]
 
     yield start
