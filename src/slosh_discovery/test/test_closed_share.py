@@ -13,7 +13,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from slosh_discovery.discover.finding import Finding, Gap, Role
-from slosh_discovery.discover.gap import LEAST_GAP, closed_share, total_gap
+from slosh_discovery.discover.gap import LEAST_GAP, closed_share, is_worse, total_gap
 from slosh_discovery.discovery_report import (
     DiscoveryReport,
     discovery_json,
@@ -134,3 +134,26 @@ def test_held_out_motions_within_the_noise_are_not_shown_as_the_fits_share():
     assert json.loads(discovery_json(report))["gap"]["closed"] is None
     assert "80 %" in discovery_text(report)
     assert "/gap/closed" not in render_discovery(report)
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "worse"),
+    [
+        (2.0, 2.0, False),
+        (2.0, 2.5, False),  # a little worse may be chance
+        (2.0, 3.0, True),
+        (1.0, 1.2, False),  # of noise
+        (0.9, 1.3, False),  # less than noise is noise
+        (1.0, 1.5, True),
+        (3.0, 1.0, False),
+        (math.nan, math.nan, False),  # nothing was held out
+    ],
+)
+def test_worse_is_what_noise_does_not_explain(before, after, worse):
+    for unit in (1.0, 1e-3):
+        gap = Gap(
+            noise=unit, fit_before=unit, fit_after=unit,
+            holdout_before=before * unit, holdout_after=after * unit,
+            fit_closed=math.nan, holdout_closed=math.nan,
+        )  # fmt: skip
+        assert is_worse(gap) is worse

@@ -55,6 +55,22 @@ def test_in_a_rectangle_what_its_shape_can_have_is_tried():
     assert not tried & {"surface_nonlinearity", "anisotropic_stiffness", "visible_arc"}
 
 
+def test_what_makes_the_motions_held_out_worse_is_not_added():
+    """As what a few motions alone have: of another fill, or of a cause that the list lacks."""
+    truth = BASE.with_effect("quadratic_damping", beta=0.1)
+    motions = [measured(truth, seed) for seed in range(2)]
+    finding = discover(motions, BASE, [measured(BASE, 9)])
+    assert finding.verdict is Verdict.UNEXPLAINED
+    assert (finding.effects, finding.model, finding.changed) == ((), BASE, False)
+    assert finding.gap.holdout_after == finding.gap.holdout_before
+    (remark,) = [remark for remark in finding.remarks if "held out" in remark]
+    assert remark.startswith("quadratic_damping explains the fitted motions best, but takes")
+    assert finding.candidates[0].effects == ("quadratic_damping",)
+    assert finding.proposal is not None
+    # The same cause in all of them is named.
+    assert names(discover(motions, BASE, [measured(truth, 9)])) == {"quadratic_damping"}
+
+
 def test_two_effects_are_named_together():
     truth = BASE.with_effect("height_offset", offset=0.002).with_effect("time_offset", tau=0.03)
     finding = discover([measured(truth, seed) for seed in range(3)], BASE)

@@ -14,6 +14,8 @@ SURE = 3.0
 """A gap is removable where it exceeds the noise by so many of its own standard deviations,"""
 LEAST_GAP = 0.3
 """and where what exceeds it is at least this share of the noise, itself known only so well."""
+WORSE = 2.0
+"""An explanation is none where it leaves so many times what the base leaves, in mean squares."""
 
 
 def closed_share(before: float, after: float, noise: float, samples: int) -> float:
@@ -56,6 +58,17 @@ def total_gap(cases: Sequence[MotionFinding]) -> Gap:
         fit_closed=fit_closed,
         holdout_closed=holdout_closed,
     )
+
+
+def is_worse(gap: Gap) -> bool:
+    """Whether an explanation foretells the motions held out clearly worse than the base does.
+
+    Its mean square beyond the noise is more than WORSE times the base's, and a noise's besides:
+    no accident of the noise, and no small effect that these motions hardly show.
+    """
+    noise = gap.noise**2
+    before, after = gap.holdout_before**2 - noise, gap.holdout_after**2 - noise
+    return after > WORSE * max(before, 0.0) + noise  # without any held out: not a number
 
 
 def _closed(cases: Sequence[MotionFinding]) -> tuple[float, float, float]:

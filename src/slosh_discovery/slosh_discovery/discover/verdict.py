@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -129,6 +129,11 @@ def judge(pool: Pool, motions: Sequence[PreparedMotion]) -> Judgement:
         trust=trust,
         unseen=unseen,
     )
+
+
+def without_effects(judgement: Judgement, base: Fit) -> Judgement:
+    """The judgement where the chosen explanation turns out to be none."""
+    return replace(judgement, verdict=Verdict.UNEXPLAINED, chosen=base, confidences={}, rivals={})
 
 
 def _contenders(worthy: Sequence[Fit], pool: Pool) -> list[Fit]:

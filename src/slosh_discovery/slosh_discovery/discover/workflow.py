@@ -20,11 +20,12 @@ from slosh_discovery.discover.finding import (
     Finding,
     FittedParameters,
     FoundEffect,
+    Gap,
     MotionFinding,
     Role,
 )
 from slosh_discovery.discover.fitting import Fit, fit
-from slosh_discovery.discover.gap import total_gap
+from slosh_discovery.discover.gap import is_worse, total_gap
 from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_discovery.discover.next_steps import proposal, separating_motions
 from slosh_discovery.discover.problem import PreparedMotion, prepare
@@ -36,7 +37,7 @@ from slosh_discovery.discover.sensor_noise import (
     dressed,
     estimate_sensor,
 )
-from slosh_discovery.discover.verdict import Judgement, judge
+from slosh_discovery.discover.verdict import Judgement, judge, without_effects
 from slosh_discovery.discover.where import where, worst_moments
 from slosh_discovery.errors import SloshDiscoveryError
 from slosh_model.measure import predicted_heights
@@ -88,6 +89,11 @@ def discover(
     if grouped_here:
         holdout = [_placed(motion, judgement.chosen, base) for motion in holdout]
     cases = _cases(searched, holdout, base, judgement)
+    rejected: tuple[str, ...] = ()
+    if is_worse(gap := total_gap(cases)):
+        rejected = (_rejection(judgement, gap),)
+        judgement = without_effects(judgement, searched.pool.base)
+        cases = _cases(searched, holdout, base, judgement)
     candidates = _candidates(judgement, prepared, searched.pool.without_effect)
     told("what to do next", 0.97)
     separating, proposed = separating_motions(judgement, prepared), proposal(judgement, prepared)
@@ -107,6 +113,7 @@ def discover(
         proposal=proposed,
         remarks=(
             *(_campaign_remarks(cases) if grouped_here else ()),
+            *rejected,
             *_remarks(judgement),
         ),
         group_models=_group_models(judgement.chosen),
@@ -380,6 +387,16 @@ def _campaign_remarks(cases: Sequence[MotionFinding]) -> tuple[str, ...]:
             "Each held-out motion is taken for one of the set-up that its own heights fit best."
         )
     return tuple(remarks)
+
+
+def _rejection(judgement: Judgement, gap: Gap) -> str:
+    """Why the likeliest explanation is not added."""
+    names = " + ".join(judgement.chosen.explanation.effects)
+    return (
+        f"{names} explains the fitted motions best, but "
+        f"takes those held out from {1e3 * gap.holdout_before:.2f} to "
+        f"{1e3 * gap.holdout_after:.2f} mm rms: it is not what is missing, and not added."
+    )
 
 
 def _remarks(judgement: Judgement) -> tuple[str, ...]:
