@@ -23,6 +23,7 @@ from slosh_msgs_py.node.diagnostics import ERROR, OK, STALE, WARN, DiagnosticsRe
 from slosh_msgs_py.node.guarded import GuardedNode
 from slosh_msgs_py.node.lifeline import VARIABLE, watch_lifelines
 from slosh_msgs_py.node.parameters import ParameterSpec, declare
+from slosh_msgs_py.node.rivals import NAMELESS, PARTICIPANT, node_of
 from slosh_msgs_py.node.run import make_executor
 from slosh_msgs_py.node.silence import LONG, UNHEARD, SilentTopic
 
@@ -494,3 +495,18 @@ def test_a_node_says_what_it_alone_may_not_hear(make_node, monkeypatch):
     now += 1.0
     assert topic.facts(7) == told
     assert SilentTopic(node, "input", "std_msgs/msg/String").facts(0) == {}  # of another type
+
+
+def test_two_processes_whose_names_have_not_come_are_two_nodes(make_node):
+    node = make_node()
+    for topic in ("one", "two"):
+        node.create_subscription(Header, topic, print, qos.STREAM_IN)
+    ends = [*map(node.get_subscriptions_info_by_topic, ("/one", "/two"))]
+    (one,), (two,) = ends
+    assert node_of(one) == node_of(two) == "/tested"
+    for end in (one, two):
+        end.node_name = NAMELESS
+    assert node_of(one) == node_of(two) != "/tested"  # one process
+    assert one.endpoint_gid != two.endpoint_gid
+    two.endpoint_gid = [byte ^ 1 for byte in two.endpoint_gid[:PARTICIPANT]]
+    assert node_of(one) != node_of(two)

@@ -15,8 +15,20 @@ FORGOTTEN = 30.0
 that took its place is not its rival [s]."""
 
 
+PARTICIPANT = 12
+"""So many bytes at the beginning of an endpoint's identity are its process's."""
+NAMELESS = "_NODE_NAME_UNKNOWN_"
+"""The name of a node that is known by its publishers and subscriptions alone."""
+
+
 def node_of(info: TopicEndpointInfo) -> str:
-    """Full name of the node that a publisher or a subscription is of."""
+    """Full name of the node that a publisher or a subscription is of.
+
+    Names come on their own way, later or, on a busy machine, not at all: until then each process
+    is a node of its own, and two of them are two.
+    """
+    if info.node_name == NAMELESS:
+        return f"unknown node {bytes(info.endpoint_gid[:PARTICIPANT]).hex()}"
     return f"{info.node_namespace.rstrip('/')}/{info.node_name}"
 
 
