@@ -496,7 +496,7 @@ ALLOWED = {
     "slosh_bag/mcap_files/mcap_file.py": "makes files that are new, and removes its own",
     "slosh_bag/recorder.py": "the space that it reserves beside the bag's files",
     "slosh_bringup/processes.py": "a node's log, in the folder of its run",
-    "slosh_bringup/cli/detect.py": "open(os.devnull)",
+    "slosh_bringup/cli/quiet_decoders.py": "open(os.devnull)",
     "slosh_bringup/simulate/chart.py": "savefig into a NewFile",
     "slosh_report/page/svg.py": "savefig into memory",
     "slosh_model/compile_cache.py": "compiled code, which is the cache's alone",

@@ -10,6 +10,8 @@ from slosh_bringup.cell.renderer import CupRenderer
 from slosh_bringup.cli.main import main
 from slosh_bringup.processes import config_folder
 from slosh_camera.calibrate.camera_file import read_calibration
+from slosh_camera.errors import SloshCameraError
+from slosh_camera.images.decoding import read_image
 from slosh_camera.optics.cup import CupView
 from slosh_camera.optics.pose import look_at
 
@@ -143,3 +145,24 @@ def test_five_hundred_images(first, pictures, tmp_path, capsys):
     codes = [attempt(number, pictures, tmp_path, capsys) for number in range(first, first + 50)]
     # Plain pictures of a cup are among them: it is not that all are refused.
     assert set(codes) == {0, 2}
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        ("calibrate", "--fov", "40", "--radius", "0.05", "--fill-height", "0.07"),
+        ("calibrate", "--scale", "1", "1", "9", "1", "--radius", "0.05", "--fill-height", "0.07"),
+    ],
+)
+def test_of_a_damaged_image_its_decoder_says_nothing(tmp_path, pictures, capfd, options):
+    whole = cv2.imencode(".bmp", pictures[0])[1].tobytes()
+    still = tmp_path / "still.bmp"
+    still.write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(SloshCameraError):
+        read_image(still)
+    assert "ERROR" in capfd.readouterr().err  # it has much to say
+    command, *rest = options
+    words = [command, str(still), *rest, "-o", str(tmp_path / "camera.yaml")]
+    assert main(words) == 2
+    (line,) = capfd.readouterr().err.splitlines()
+    assert line.startswith(f"slosh {command}: {still}: ")

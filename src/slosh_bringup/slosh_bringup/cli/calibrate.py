@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_bringup.cli.calibrate_scale import run_scale
+from slosh_bringup.cli.quiet_decoders import quiet_decoders
 from slosh_bringup.errors import SloshBringupError
 from slosh_camera.calibrate.board import (
     FORMAT,
@@ -128,7 +129,8 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.camera is None and arguments.fov is None:
         raise SloshBringupError("--camera or --fov: one of them is needed, or --scale")
     check_apart([arguments.output, arguments.picture], [arguments.still, arguments.camera])
-    image = to_colour(read_image(arguments.still))
+    with quiet_decoders():
+        image = to_colour(read_image(arguments.still))
     known = _known_camera(arguments, image)
     cup = _cup(arguments, known)
     try:

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from slosh_bringup.cli.quiet_decoders import quiet_decoders
 from slosh_bringup.errors import SloshBringupError
 from slosh_camera.calibrate.camera_file import format_calibration, parse_any_calibration
 from slosh_camera.calibrate.scale import calibrate_by_scale
@@ -36,7 +37,8 @@ def run_scale(arguments: argparse.Namespace) -> int:
         length = 2.0 * arguments.radius
     if arguments.fill_height is None:
         raise SloshBringupError("--fill-height: is needed")
-    image = read_image(arguments.still)
+    with quiet_decoders():
+        image = read_image(arguments.still)
     u1, v1, u2, v2 = arguments.scale
     size = (int(image.shape[1]), int(image.shape[0]))
     try:

@@ -7,13 +7,12 @@ import csv
 import json
 import math
 import os
-import sys
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, closing, contextmanager
+from contextlib import ExitStack, closing
 from pathlib import Path
-from typing import TextIO, cast
 
 from slosh_bringup.cli.progress import Progress, Unit, say
+from slosh_bringup.cli.quiet_decoders import quiet_decoders
 from slosh_bringup.detect.measuring import Detection, Result, measure_all
 from slosh_bringup.detect.pictures import (
     WORST_LENGTH,
@@ -28,7 +27,7 @@ from slosh_bringup.errors import SloshBringupError
 from slosh_camera.calibrate.camera_file import read_any_calibration
 from slosh_camera.optics.calibration import AnyCalibration
 from slosh_files import check_apart, new_text
-from slosh_files.plain_text import PlainStream, plain_line
+from slosh_files.plain_text import plain_line
 
 WORST_LIMIT = 60
 # Starting a process takes as long as measuring so many images.
@@ -68,7 +67,7 @@ def run(arguments: argparse.Namespace) -> int:
         raise SloshBringupError(f"--rate {arguments.rate:g}: must be positive, at most 1e6 Hz")
     calibration = read_any_calibration(arguments.camera)
     detection = Detection(calibration, arguments.still)
-    with _quiet_decoders(), ExitStack() as unfinished:
+    with quiet_decoders(), ExitStack() as unfinished:
         source = open_source(arguments.source, arguments.rate)
         _check_outputs(arguments, [*source.files, calibration.still_image])
         sinks = _sinks(arguments, calibration, source)
@@ -186,29 +185,3 @@ def _print(
         )
     for sentence in pictures:
         print(plain_line(sentence))
-
-
-def _writes_to_standard_error(stream: TextIO) -> bool:
-    try:
-        return stream.fileno() == 2
-    except (OSError, ValueError):  # of a stream that is no file
-        return False
-
-
-@contextmanager
-def _quiet_decoders() -> Iterator[None]:
-    """Keeps what image and video decoders print themselves off the terminal.
-
-    They write to the process's standard error, one line and more for every damaged image, which
-    gets its own line here.
-    """
-    before = sys.stderr
-    with open(os.dup(2), "w", buffering=1) as terminal, open(os.devnull, "w") as nowhere:
-        if _writes_to_standard_error(before):
-            sys.stderr = cast("TextIO", PlainStream(terminal))
-        os.dup2(nowhere.fileno(), 2)
-        try:
-            yield
-        finally:
-            os.dup2(terminal.fileno(), 2)
-            sys.stderr = before

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import cv2
 
+from slosh_bringup.cli.quiet_decoders import quiet_decoders
 from slosh_bringup.detect.series import IMAGE_ENDINGS, images_in
 from slosh_bringup.errors import SloshBringupError
 from slosh_camera.calibrate.board import FORMAT
@@ -110,7 +111,9 @@ def _calibrate(arguments: argparse.Namespace, files: Sequence[Path], target: Tar
 
 def _pictures(files: Sequence[Path]) -> Iterator[tuple[str, Image]]:
     for file in files:
-        yield str(file), read_image(file)
+        with quiet_decoders():
+            picture = read_image(file)
+        yield str(file), picture
 
 
 def _as_text(fit: IntrinsicFit, output: Path) -> str:
