@@ -74,10 +74,10 @@ def udp_alone(folder: Path) -> dict[str, str]:
     """The variables by which a process uses the cell's own profile without shared memory."""
     ElementTree.register_namespace("", SPACE["dds"])
     profile = ElementTree.parse(PROFILE)
-    for parent in profile.iterfind(".//dds:transport_id/..", SPACE):
-        for child in parent.findall("dds:transport_id", SPACE):
-            if child.text == "shared_memory" and parent.tag.endswith("userTransports"):
-                parent.remove(child)
+    for used in profile.iterfind(".//dds:userTransports", SPACE):
+        for transport in used.findall("dds:transport_id", SPACE):
+            if transport.text == "shared_memory":
+                used.remove(transport)
     path = folder / "udp.xml"
     profile.write(path)
     return dict.fromkeys(PROFILES, str(path))

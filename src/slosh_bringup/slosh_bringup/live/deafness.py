@@ -38,21 +38,21 @@ class _Doubt:
 
     Attributes:
         topic: and its type.
-        since: when it said so first, or the last trial ended [s].
-        probe: listens beside it, since when [s], and since when it has heard enough [s].
+        since: when it said so first, or the last trial began or ended [s].
+        probe: listens beside it; None: there is no trial now.
+        heard: since when the probe has heard enough [s].
     """
 
     topic: str
     since: float
     probe: Probe | None = None
-    tried: float = math.inf
     heard: float = math.inf
 
     def end_trial(self, now: float) -> None:
         """Listens no more."""
         if self.probe is not None:
             self.probe.close()
-        self.probe, self.since, self.tried, self.heard = None, now, math.inf, math.inf
+        self.probe, self.since, self.heard = None, now, math.inf
 
 
 class Deafness:
@@ -93,11 +93,10 @@ class Deafness:
             if now - doubt.since >= TRIAL:
                 topic, _, type_name = doubt.topic.partition(" ")
                 doubt.probe, doubt.since = self._listen(topic, type_name), now
-                doubt.tried = now
             return False
         if doubt.probe.count >= ENOUGH:
             doubt.heard = min(doubt.heard, now)
         deaf = now - doubt.heard >= CERTAIN
-        if deaf or (doubt.heard == math.inf and now - doubt.tried >= TRIAL):
+        if deaf or (doubt.heard == math.inf and now - doubt.since >= TRIAL):
             doubt.end_trial(now)
         return deaf

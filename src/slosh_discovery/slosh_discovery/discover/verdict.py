@@ -131,7 +131,7 @@ def judge(pool: Pool, motions: Sequence[PreparedMotion]) -> Judgement:
     )
 
 
-def without_effects(judgement: Judgement, base: Fit) -> Judgement:
+def rejected(judgement: Judgement, base: Fit) -> Judgement:
     """The judgement where the chosen explanation turns out to be none."""
     return replace(judgement, verdict=Verdict.UNEXPLAINED, chosen=base, confidences={}, rivals={})
 

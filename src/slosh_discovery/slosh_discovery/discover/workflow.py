@@ -20,7 +20,6 @@ from slosh_discovery.discover.finding import (
     Finding,
     FittedParameters,
     FoundEffect,
-    Gap,
     MotionFinding,
     Role,
 )
@@ -29,6 +28,11 @@ from slosh_discovery.discover.gap import is_worse, total_gap
 from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_discovery.discover.next_steps import proposal, separating_motions
 from slosh_discovery.discover.problem import PreparedMotion, prepare
+from slosh_discovery.discover.remarks import (
+    campaign_remarks,
+    judgement_remarks,
+    rejection_remarks,
+)
 from slosh_discovery.discover.search import Pool, Progress, Search, leftover
 from slosh_discovery.discover.sensor_noise import (
     Leftovers,
@@ -37,7 +41,7 @@ from slosh_discovery.discover.sensor_noise import (
     dressed,
     estimate_sensor,
 )
-from slosh_discovery.discover.verdict import Judgement, judge, without_effects
+from slosh_discovery.discover.verdict import Judgement, judge, rejected
 from slosh_discovery.discover.where import where, worst_moments
 from slosh_discovery.errors import SloshDiscoveryError
 from slosh_model.measure import predicted_heights
@@ -89,11 +93,12 @@ def discover(
     if grouped_here:
         holdout = [_placed(motion, judgement.chosen, base) for motion in holdout]
     cases = _cases(searched, holdout, base, judgement)
-    rejected: tuple[str, ...] = ()
-    if is_worse(gap := total_gap(cases)):
-        rejected = (_rejection(judgement, gap),)
-        judgement = without_effects(judgement, searched.pool.base)
+    gap, remarks = total_gap(cases), campaign_remarks(cases) if grouped_here else ()
+    if is_worse(gap):
+        remarks += rejection_remarks(judgement, gap)
+        judgement = rejected(judgement, searched.pool.base)
         cases = _cases(searched, holdout, base, judgement)
+        gap = total_gap(cases)
     candidates = _candidates(judgement, prepared, searched.pool.without_effect)
     told("what to do next", 0.97)
     separating, proposed = separating_motions(judgement, prepared), proposal(judgement, prepared)
@@ -104,18 +109,14 @@ def discover(
         model=judgement.chosen.model,
         effects=_effects(judgement, base),
         confidence=judgement.confidence,
-        gap=total_gap(cases),
+        gap=gap,
         motions=cases,
         where=where(cases, base),
         worst=worst_moments(cases),
         candidates=candidates,
         separating=separating,
         proposal=proposed,
-        remarks=(
-            *(_campaign_remarks(cases) if grouped_here else ()),
-            *rejected,
-            *_remarks(judgement),
-        ),
+        remarks=remarks + judgement_remarks(judgement),
         group_models=_group_models(judgement.chosen),
     )
 
@@ -369,46 +370,3 @@ def _rms(one: Fit, motions: Sequence[PreparedMotion]) -> float:
     parts = zip(motions, parts_of(one.residual, motions), strict=True)
     metres = np.concatenate([motion.in_metres(part) for motion, part in parts])
     return float(np.sqrt(np.mean(metres**2)))
-
-
-def _campaign_remarks(cases: Sequence[MotionFinding]) -> tuple[str, ...]:
-    """Which motions were found to belong together."""
-    groups: dict[str, list[str]] = {}
-    for case in cases:
-        if case.role is Role.FIT and case.motion.group is not None:
-            groups.setdefault(case.motion.group, []).append(case.motion.name)
-    listed = "; ".join(f"{group}: {', '.join(names)}" for group, names in sorted(groups.items()))
-    remarks = [
-        f"The heights show {len(groups)} set-ups of the sensor: {listed}. Where you know which "
-        "motions belong together, say so (--group)."
-    ]
-    if any(case.role is Role.HOLDOUT for case in cases):
-        remarks.append(
-            "Each held-out motion is taken for one of the set-up that its own heights fit best."
-        )
-    return tuple(remarks)
-
-
-def _rejection(judgement: Judgement, gap: Gap) -> str:
-    """Why the likeliest explanation is not added."""
-    names = " + ".join(judgement.chosen.explanation.effects)
-    return (
-        f"{names} explains the fitted motions best, but "
-        f"takes those held out from {1e3 * gap.holdout_before:.2f} to "
-        f"{1e3 * gap.holdout_after:.2f} mm rms: it is not what is missing, and not added."
-    )
-
-
-def _remarks(judgement: Judgement) -> tuple[str, ...]:
-    remarks = []
-    if judgement.unseen:
-        remarks.append(
-            "The measured heights hardly move while the model says that the liquid does: look at "
-            "the camera first."
-        )
-    elif judgement.trust < 1.0:
-        remarks.append(
-            "The best explanation leaves more than noise: something else is at work, too, or its "
-            "equation is not quite what the liquid does."
-        )
-    return tuple(remarks)

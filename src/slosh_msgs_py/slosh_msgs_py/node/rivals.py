@@ -13,8 +13,6 @@ AGAIN = 2.0
 FORGOTTEN = 30.0
 """After so long the middleware has forgotten a node that was killed, and another of the same name
 that took its place is not its rival [s]."""
-
-
 PARTICIPANT = 12
 """So many bytes at the beginning of an endpoint's identity are its process's."""
 NAMELESS = "_NODE_NAME_UNKNOWN_"
