@@ -3,6 +3,7 @@
 import ast
 import importlib
 import importlib.metadata
+import os
 import re
 import runpy
 import subprocess
@@ -200,3 +201,24 @@ def test_a_start_waits_for_no_part_of_scipy(module):
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
     assert done.stdout == "[]\n", done.stderr
+
+
+@pytest.mark.parametrize("command", ["cell", "demo", "discover", "identify", "plan", "replay"])
+def test_a_mistake_does_not_wait_for_what_draws(command):
+    """matplotlib loads for a third of a second; what comes before a page does without."""
+    program = f"import sys, slosh_bringup.cli.{command}\nprint('matplotlib' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert done.stdout == "False\n", done.stderr
+
+
+@pytest.mark.parametrize(("given", "used"), [({}, "1"), ({"OPENBLAS_NUM_THREADS": "3"}, "3")])
+def test_a_command_computes_in_one_thread_unless_told(given, used):
+    program = (
+        "import os, sys\nfrom slosh_bringup.cli.main import command\n"
+        "early = 'numpy' not in sys.modules\nsys.argv = ['slosh', 'explain', 'gravity_tilt']\n"
+        "command()\nprint(early, os.environ['OPENBLAS_NUM_THREADS'])"
+    )
+    environment = {k: v for k, v in os.environ.items() if k != "OPENBLAS_NUM_THREADS"} | given
+    words = [sys.executable, "-c", program]
+    done = subprocess.run(words, capture_output=True, text=True, env=environment)
+    assert done.stdout.splitlines()[-1] == f"True {used}", done.stderr

@@ -56,6 +56,9 @@ def command() -> int:
     change.
     """
     os.environ["PYTHONSAFEPATH"] = "1"
+    # Set before NumPy loads: on matrices as small as a fit's or a detector's, OpenBLAS spends many
+    # times the work on waking and awaiting its threads; and their number would change last digits.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     keep_others_from_writing()
     # Whoever names a file, a topic or a model may have put control characters there.
     sys.stdout = cast("TextIO", PlainStream(sys.stdout))

@@ -148,7 +148,7 @@ def write_results(
     """Writes the motion and, where it is asked for, the plan's page; both or neither."""
     with ExitStack() as stack:
         if arguments.report is not None:
-            # It loads matplotlib: a plan without a page does without.
+            # It loads the templates: a plan without a page does without.
             from slosh_plan.plan_report.document import plan_json
             from slosh_plan.plan_report.making import make_report
             from slosh_plan.plan_report.page import render_plan

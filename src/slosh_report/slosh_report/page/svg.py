@@ -1,14 +1,17 @@
-"""Figures as SVG text in the page's own colours, so that light and dark are one file."""
+"""Figures as SVG text in the page's own colours, so that light and dark are one file.
+
+Whatever draws on a page loads matplotlib, the slowest of all imports, only then: a command that
+ends at a mistake in its input has not waited for it.
+"""
 
 from __future__ import annotations
 
 import io
 import re
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from matplotlib.backends.backend_svg import FigureCanvasSVG
-from matplotlib.figure import Figure
-from matplotlib.style import context
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 # Stand-ins that matplotlib draws with; each becomes a CSS variable of the page.
 COLOURS = {
@@ -54,12 +57,17 @@ def style(name: str) -> Any:
     Args:
         name: of the chart; the file is the same each time.
     """
+    from matplotlib.style import context
+
     # From matplotlib's own defaults, whatever the user's matplotlibrc says.
     return context({**STYLE, "svg.hashsalt": name}, after_reset=True)
 
 
 def canvas(size: tuple[float, float]) -> Figure:
     """An empty figure of that size [in]."""
+    from matplotlib.backends.backend_svg import FigureCanvasSVG
+    from matplotlib.figure import Figure
+
     width, height = size
     left, right, bottom, top = MARGINS
     figure = Figure(figsize=size)

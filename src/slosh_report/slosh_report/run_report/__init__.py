@@ -44,7 +44,7 @@ __all__ = [
     "report_document",
 ]
 
-# They load matplotlib, which takes longer than many a replay that draws nothing.
+# They load the templates, which takes longer than many a replay that makes no page.
 _DRAWING = {"report_document": "document", "render_report": "page"}
 
 

@@ -6,8 +6,6 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
-from matplotlib.patches import PathPatch
-from matplotlib.path import Path
 from numpy.typing import NDArray
 
 from slosh_report.page.lines import (
@@ -162,6 +160,9 @@ def _backdrop(axes: Any, report: RunReport) -> None:
 
 def _shade(axes: Any, spans: Spans, colour: str) -> None:
     """One area of all spans in sight: a thousand of their own would be a megabyte."""
+    from matplotlib.patches import PathPatch
+    from matplotlib.path import Path
+
     first, last = axes.get_xlim()
     pixel = (last - first) / POINTS
     inside = ((start, end) for start, end in spans if end > first and start < last)

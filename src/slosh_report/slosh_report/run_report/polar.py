@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from slosh_report.page.series import gap_length, highest
@@ -89,6 +88,8 @@ def polar_chart(report: RunReport, name: str) -> str:
 
 def _frame(axes: Any, free: float) -> None:
     """Circles with heights along the free azimuth [°], and azimuths around."""
+    from matplotlib.ticker import MaxNLocator
+
     degrees = range(0, 360, 45)
     signs = {0: "+x", 90: "+y", 180: "−x", 270: "−y"}
     labels = [f"{d}°\n{signs[d]}" if d in signs else f"{d}°" for d in degrees]
