@@ -46,6 +46,7 @@ class Voices(threading.Thread):
     Attributes:
         measured: what they say [m].
         speaks: whether they say anything.
+        images: publishes what the camera sees, not compressed.
     """
 
     def __init__(self) -> None:
@@ -63,7 +64,7 @@ class Voices(threading.Thread):
         self._out = {
             kind: self.node.create_publisher(*entry) for entry in kinds if (kind := entry[0])
         }
-        self._images = self.node.create_publisher(*_image_topic())
+        self.images = self.node.create_publisher(*_image_topic())
         calibration = config_folder() / "camera.yaml"
         self._tell("monitor", {"measured_limit": 0.02, "disagreement_limit": 0.01}, {})
         self._tell(
@@ -120,7 +121,7 @@ class Voices(threading.Thread):
             np.full((480, 640), 128, np.uint8), "mono8", time.time_ns(), "camera"
         )
         picture.header.stamp = stamp
-        self._images.publish(picture)
+        self.images.publish(picture)
 
 
 def _image_topic():
@@ -167,6 +168,13 @@ def start(group, port):
             time.sleep(0.05)
 
 
+def wait_for(condition):
+    deadline = time.monotonic() + 60.0
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+
+
 def text(page, part):
     return page.value(f"document.getElementById({part!r}).textContent")
 
@@ -191,6 +199,20 @@ class TestLive:
         page.wait_until("document.getElementById('measured').textContent === '18.7'")
         voices.measured = 0.0123
         assert page.complaints == []
+
+    def test_of_two_kinds_of_images_it_takes_the_small_ones(self, browser, cell, voices):
+        """Also where it hears of them later, as after its own start."""
+        from sensor_msgs.msg import CompressedImage
+
+        page = browser.open(f"http://127.0.0.1:{cell[1]}/")
+        page.wait_until("document.getElementById('camera').width === 640")
+        small = voices.node.create_publisher(
+            CompressedImage, topics.IMAGE_COMPRESSED, qos.IMAGE_OUT
+        )
+        wait_for(lambda: small.get_subscription_count() == 1)
+        wait_for(lambda: voices.images.get_subscription_count() == 0)
+        voices.node.destroy_publisher(small)
+        wait_for(lambda: voices.images.get_subscription_count() == 1)
 
     def test_names_and_sentences_are_text_whatever_they_hold(self, browser, cell, voices):
         page = browser.open(f"http://127.0.0.1:{cell[1]}/")

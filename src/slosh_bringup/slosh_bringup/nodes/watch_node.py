@@ -135,18 +135,23 @@ class WatchNode(GuardedNode):
         if not self._hub.viewers:
             self._stop_images()
             return
-        if self._images is None:
-            self._images = self._subscribe_images()
+        topic, kind = self._best_images()
+        if self._images is None or self._images[1] is not kind:
+            self._stop_images()
+            self._images = self._subscribe(kind, topic, qos.IMAGE_IN), kind
             return
-        subscription, kind = self._images
-        self._image = next(_take(subscription, kind, 1), None)
+        self._image = next(_take(self._images[0], kind, 1), None)
 
-    def _subscribe_images(self) -> tuple[Subscription, Any]:
-        """The compressed images where somebody sends them: the others are ten times as large."""
-        kind, topic = CompressedImage, topics.IMAGE_COMPRESSED
-        if not self.count_publishers(self.resolve_topic_name(topic)):
-            kind, topic = Image, topics.IMAGE
-        return self._subscribe(kind, topic, qos.IMAGE_IN), kind
+    def _best_images(self) -> tuple[str, Any]:
+        """The compressed images unless only the others are sent, which are ten times as large.
+
+        Right after its start a node has heard of no publisher.
+        """
+        compressed, raw = topics.IMAGE_COMPRESSED, topics.IMAGE
+        sent = [
+            self.count_publishers(self.resolve_topic_name(topic)) for topic in (compressed, raw)
+        ]
+        return (raw, Image) if sent[1] and not sent[0] else (compressed, CompressedImage)
 
     def _stop_images(self) -> None:
         """Nobody looks: images cost nothing."""

@@ -28,7 +28,7 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    # It loads matplotlib, which a program that reads only the figures does not need.
+    # It loads the templates, which a program that reads only the figures does not need.
     if name != "render_identification":
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return import_module(f"{__name__}.page").render_identification
