@@ -20,6 +20,8 @@ from slosh_msgs_py.node.dead_ports import DeadPorts, free_dead_ports
 from slosh_msgs_py.node.shared_memory import is_deaf, remove_leftovers
 
 SEGMENT = "fastrtps_71a8d4d185374fd8"
+QUEUE = 41_440
+"""Where a port's memory has the queue of messages, behind its listeners' states."""
 
 
 @pytest.mark.parametrize(
@@ -309,6 +311,57 @@ def test_nobody_takes_over_the_port_of_a_killed_reader_that_is_still_written_to(
         before.close()
         node.destroy_node()
         rclpy.shutdown()
+
+
+def test_who_has_the_port_of_a_killed_reader_open_writes_to_it_no_more(domain):
+    """What is written there stays in the writer's memory, where images then find no room."""
+    rclpy.init()
+    node = rclpy.create_node("writes")
+    words = node.create_publisher(String, "words", qos.EVENT)
+    before, ports, own = DeadPorts(), DeadPorts(), 7400 + 250 * domain
+    try:
+        dead = {int(name.removeprefix("fastrtps_port")) for name in before.look()}
+        words.publish(String(data="hello"))
+        with reader() as first:
+            assert heard(first) == "hello"
+            (taken,) = {*range(own, own + 250)} & {*rtps_ports(first)} - dead
+            with Path(f"/dev/shm/fastrtps_port{taken}").open("rb", buffering=0) as memory:
+
+                def written():
+                    memory.seek(QUEUE)
+                    return memory.read()
+
+                first.send_signal(signal.SIGKILL)
+                first.wait()
+                queue = written()
+                words.publish(String(data="to the dead"))
+                assert written() != queue  # nobody has found out yet
+                ports.look(close=True)
+                queue = written()
+                for number in range(10):
+                    words.publish(String(data=f"to nobody {number}"))
+                assert written() == queue
+        with reader() as second:
+            assert heard(second) == "hello"
+    finally:
+        ports.close()
+        before.close()
+        node.destroy_node()
+        rclpy.shutdown()
+
+
+@pytest.mark.parametrize(
+    ("name", "flags"), [("fastrtps_port7411", 0xFF), ("fastrtps_port7413", 7)]
+)
+def test_memory_that_looks_strange_is_left_alone(tmp_path, name, flags):
+    """As another version's of the middleware may."""
+    memory, processes = folders(tmp_path, (name,), [[name]])
+    content = bytearray(512)
+    content[276:280], content[300] = (7411).to_bytes(4, sys.byteorder), flags
+    (memory / name).write_bytes(content)
+    os.link(memory / name, memory / "aside")
+    assert DeadPorts(memory, processes).look(0.0, close=True) == (name,)
+    assert (memory / "aside").read_bytes() == content
 
 
 LOSES = """
