@@ -33,7 +33,7 @@ from slosh_msgs_py.node.lock_files import held, is_alone, shared
 
 _PORT = re.compile(r"fast\w+_port\d+")
 _MUTEX = re.compile(r"sem\.fast\w+_port\d+_mutex")
-_MAPPED = re.compile(r"(\d+) +[^ \n]*/(fastrtps_port\d+)(?: \(deleted\))?$", re.MULTILINE)
+_MAPPED = re.compile(r"(\d+) +[^ ]*/(fastrtps_port\d+)(?: \(deleted\))?$")
 _SAMPLE = 0.05  # s
 _LONGEST_HELD = 3.0
 """A living process holds a port's mutex for microseconds; for a second where it waits for an
@@ -254,8 +254,11 @@ def mapped_ports(maps: Path) -> set[tuple[int, str]]:
     Raises:
         OSError: it is another's, or it has ended.
     """
-    found = _MAPPED.findall(maps.read_text(errors="replace"))
-    return {(int(number), name) for number, name in found}
+    text = maps.read_text(errors="replace")
+    # Of a thousand lines a dozen are of ports: to search them all takes five times as long.
+    of_ports = [line for line in text.split("\n") if "/fastrtps_port" in line]
+    found = filter(None, map(_MAPPED.search, of_ports))
+    return {(int(match[1]), match[2]) for match in found}
 
 
 def _ports_in_use(processes: Path) -> set[str]:
