@@ -203,6 +203,19 @@ def test_a_start_waits_for_no_part_of_scipy(module):
     assert done.stdout == "[]\n", done.stderr
 
 
+def test_kept_code_is_loaded_without_what_it_was_compiled_with():
+    """Nor does its check take a part of SciPy: both load longer than all of the code."""
+    program = (
+        "import sys, slosh_estimator.estimator\nfrom slosh_model.compilation import load_all\n"
+        "load_all()\nprint([name for name in sys.modules if name in "
+        "('scipy.spatial', 'numba.np.linalg', 'numba.np.arraymath')])"
+    )
+    words = [sys.executable, "-c", program]
+    subprocess.run(words, capture_output=True, check=True)  # so that all of it is kept
+    done = subprocess.run(words, capture_output=True, text=True)
+    assert done.stdout == "[]\n", done.stderr
+
+
 @pytest.mark.parametrize("command", ["cell", "demo", "discover", "identify", "plan", "replay"])
 def test_a_mistake_does_not_wait_for_what_draws(command):
     """matplotlib loads for a third of a second; what comes before a page does without."""

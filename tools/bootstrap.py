@@ -22,6 +22,7 @@ import sys
 import time
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -44,8 +45,11 @@ def main() -> int:
         python = find_python()
         check_tools()
         once("environment", VENV, environment_inputs(python), lambda: install_environment(python))
-        once("workspace", WORKSPACE / "install", workspace_inputs(), build_workspace)
-        once("compiled", VENV, compiled_inputs(), compile_functions)
+        # Neither needs the other, and each leaves cores idle for a while.
+        together(
+            lambda: once("workspace", WORKSPACE / "install", workspace_inputs(), build_workspace),
+            lambda: once("compiled", VENV, compiled_inputs(), compile_functions),
+        )
     except BootstrapError as error:
         print(f"setup: {error}", file=sys.stderr)
         return 1
@@ -139,7 +143,8 @@ def install_environment(python: Path) -> None:
         to_bytecode([site_packages()])
         return
     # The locks are complete, so nothing is left for pip to resolve, and no two name the same.
-    together([[*pip, "--no-deps", "-r", str(path)] for path in requirement_files()])
+    installs = [[*pip, "--no-deps", "-r", str(path)] for path in requirement_files()]
+    together(*(partial(run, install) for install in installs))
     if version := os.environ.get("SLOSH_NUMPY"):
         run([*pip, "--no-deps", f"numpy=={version}"])
     mend_wheels()
@@ -206,6 +211,7 @@ def build_workspace() -> None:
         )
     if done.returncode != 0:
         raise BootstrapError(f"colcon build failed, see {log}: {first_error(log.read_text())}")
+    to_bytecode((WORKSPACE / "install").glob("lib/python3*"))
     write_environment(environment)
 
 
@@ -221,10 +227,12 @@ def compiled_inputs() -> list[bytes]:
 def compile_functions() -> None:
     """Compiles all functions that run compiled, so that no node has to wait for them later."""
     # To bytecode first: where Python may write nothing, each process would do it anew.
-    folders = [*(ROOT / "src").glob("*/slosh_*"), *(WORKSPACE / "install").glob("lib/python3*")]
-    to_bytecode(folders)
-    command = [str(ROOT / "tools" / "run"), "python", "-m", "slosh_bringup.compiling"]
-    done = subprocess.run(command, cwd=ROOT, check=False)
+    to_bytecode((ROOT / "src").glob("*/slosh_*"))
+    # What computes knows nothing of ROS 2, and does without the built workspace.
+    packages = ":".join(str(path.parent) for path in (ROOT / "src").glob("slosh_*/setup.py"))
+    command = [str(VENV / "bin/python"), "-m", "slosh_bringup.compiling"]
+    environment = {**os.environ, "PYTHONPATH": packages}
+    done = subprocess.run(command, cwd=ROOT, env=environment, check=False)
     if done.returncode != 0:
         raise BootstrapError(f"`{shlex.join(command)}` failed with exit code {done.returncode}")
 
@@ -309,10 +317,10 @@ def new_entries(after: str, before: str) -> str:
     )
 
 
-def together(commands: list[list[str]]) -> None:
-    """Runs commands side by side; raises BootstrapError, once all have ended, where one failed."""
-    with ThreadPoolExecutor(len(commands)) as pool:
-        for done in [pool.submit(run, command) for command in commands]:
+def together(*actions: Callable[[], None]) -> None:
+    """Does all side by side; raises BootstrapError, once all have ended, where one failed."""
+    with ThreadPoolExecutor(len(actions)) as pool:
+        for done in [pool.submit(action) for action in actions]:
             done.result()
 
 

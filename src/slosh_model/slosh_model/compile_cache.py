@@ -13,6 +13,7 @@ import contextlib
 import fcntl
 import functools
 import hashlib
+import io
 import logging
 import os
 import pickle
@@ -25,9 +26,11 @@ from pathlib import Path
 from typing import Any
 
 import numba
+from numba.core import environment
 from numba.core.caching import _Cache
 from numba.core.compiler import CompileResult
 from numba.core.registry import cpu_target
+from numba.core.runtime import rtsys
 from numba.core.serialize import dumps
 
 _THIS_PACKAGE = Path(__file__).resolve().parent
@@ -74,7 +77,9 @@ class CodeFile(_Cache):
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """The function with its machine code; None: there is none that can be used."""
-        target_context.refresh()
+        # All that kept code needs. Numba would read in what it compiles with as well, two hundred
+        # modules for a quarter of a second: it does so itself once it compiles.
+        rtsys.initialize(target_context)
         found = self._load(target_context)
         if found is None:
             self._check()
@@ -91,7 +96,8 @@ class CodeFile(_Cache):
         with contextlib.suppress(OSError):
             os.utime(self.path)
         try:
-            return CompileResult._rebuild(target_context, *pickle.loads(_checked(data)))
+            parts = _Unpickler(io.BytesIO(_checked(data))).load()
+            return CompileResult._rebuild(target_context, *parts)
         except Exception as error:  # whatever a pickle may raise
             _LOG.warning("%s: compiled anew, %s is damaged: %s", self._name, self.path, error)
             with contextlib.suppress(OSError):
@@ -133,6 +139,32 @@ class CodeFile(_Cache):
 
     def flush(self) -> None:
         """Nothing waits to be written."""
+
+
+class _Unpickler(pickle.Unpickler):
+    """Reads what Numba pickled, without the modules of Numba's own functions in it.
+
+    Only code that runs Python objects looks into these; they load SciPy's linear algebra.
+    """
+
+    def find_class(self, module: str, name: str) -> Any:
+        """What a pickle names."""
+        found = super().find_class(module, name)
+        return _environment if found is environment._rebuild_env else found
+
+
+def _environment(module: str, constants: Any, name: str) -> Any:
+    """A function's constants, as Numba rebuilds them."""
+    if not module.startswith("numba."):
+        return environment._rebuild_env(module, constants, name)
+    known = environment.lookup_environment(name)
+    if known is not None:
+        return known
+    made = environment.Environment({"__name__": module})
+    made.consts[:] = constants
+    made.env_name = name
+    environment.Environment._memo[name] = made
+    return made
 
 
 def _with_checksum(code: bytes) -> bytes:

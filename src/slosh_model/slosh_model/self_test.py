@@ -78,7 +78,12 @@ def reference_motion() -> Inputs:
     attitude = np.column_stack(
         [0.1 * np.sin(30 * t), 0.2 * np.cos(20 * t), 3.0 * t, np.ones(SAMPLES)]
     )
-    return Inputs(t, acceleration, attitude)
+    # Otherwise it would come from the attitude by a part of SciPy, whose import takes longer than
+    # all of the test.
+    angular_velocity = np.column_stack(
+        [6.0 * np.cos(30 * t), -8.0 * np.sin(20 * t), 6.0 - 20.0 * t]
+    )
+    return Inputs(t, acceleration, attitude, angular_velocity)
 
 
 def _check_advance_many() -> None:
