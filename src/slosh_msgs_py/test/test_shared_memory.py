@@ -351,13 +351,19 @@ def test_who_has_the_port_of_a_killed_reader_open_writes_to_it_no_more(domain):
 
 
 @pytest.mark.parametrize(
-    ("name", "flags"), [("fastrtps_port7411", 0xFF), ("fastrtps_port7413", 7)]
+    ("name", "flags", "size"),
+    [
+        ("fastrtps_port7411", 255, 512),
+        ("fastrtps_port7413", 7, 512),
+        ("fastrtps_port7411", 7, 290),
+    ],
 )
-def test_memory_that_looks_strange_is_left_alone(tmp_path, name, flags):
+def test_memory_that_looks_strange_is_left_alone(tmp_path, name, flags, size):
     """As another version's of the middleware may."""
     memory, processes = folders(tmp_path, (name,), [[name]])
     content = bytearray(512)
     content[276:280], content[300] = (7411).to_bytes(4, sys.byteorder), flags
+    content = content[:size]
     (memory / name).write_bytes(content)
     os.link(memory / name, memory / "aside")
     assert DeadPorts(memory, processes).look(0.0, close=True) == (name,)

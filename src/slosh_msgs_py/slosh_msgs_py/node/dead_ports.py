@@ -213,7 +213,8 @@ def _turn_away(port: Path) -> None:
     with contextlib.suppress(OSError), port.open("r+b", buffering=0) as memory:
         head = memory.read(_FLAGS_AT + 1)
         number = int(port.name.rpartition("port")[2]).to_bytes(4, sys.byteorder)
-        if head[_NUMBER_AT : _NUMBER_AT + 4] == number and head[_FLAGS_AT] | _FLAGS == _FLAGS:
+        known = len(head) > _FLAGS_AT and head[_NUMBER_AT : _NUMBER_AT + 4] == number
+        if known and head[_FLAGS_AT] | _FLAGS == _FLAGS:
             memory.seek(_FLAGS_AT)
             memory.write(bytes([head[_FLAGS_AT] & ~_IS_PORT]))
 
