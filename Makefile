@@ -13,6 +13,7 @@ REAL_TIME := tests/real_time src/slosh_bringup/test/test_cell_node.py
 WORKERS ?= $(shell expr $$(getconf _NPROCESSORS_ONLN) + 1)
 # As many of them as there are cores: none computes in several threads.
 export OPENBLAS_NUM_THREADS ?= 1
+export OPENCV_FOR_THREADS_NUM ?= 1
 PYTEST := tools/run python -m pytest -n $(WORKERS) --no-loadscope-reorder
 
 .PHONY: help setup demo test test-all keeping-pace the-others lint bench docs tables study coverage clean
