@@ -5,13 +5,11 @@ from __future__ import annotations
 import stat
 import subprocess
 import sys
-import time
-from collections.abc import Callable
 from pathlib import Path
 
 from slosh_bringup.processes import NodeProcess, node_environment
 from slosh_files.private_mode import OTHERS_WRITE
-from tests.live_processes import PATIENCE
+from tests.live_processes import PATIENCE, until
 
 BAG = Path(__file__).resolve().parents[1] / "bags" / "l"
 ANY = 'umask 000; exec "$@"'
@@ -44,16 +42,8 @@ def test_a_node_writes_nothing_that_others_may_change(tmp_path: Path, domain: in
     command = ["sh", "-c", ANY, "sh", *node.command("/modes")]
     with subprocess.Popen(command, env=node_environment(domain)) as running:
         try:
-            wait_until(lambda: list(tmp_path.rglob("*.mcap")))
+            until(lambda: list(tmp_path.rglob("*.mcap")), "the recording", PATIENCE)
         finally:
             running.terminate()
     assert running.returncode == 0
     assert not open_to_others(tmp_path)
-
-
-def wait_until(condition: Callable[[], object]) -> None:
-    """Waits until something has happened."""
-    deadline = time.monotonic() + PATIENCE
-    while not condition():
-        assert time.monotonic() < deadline
-        time.sleep(0.05)

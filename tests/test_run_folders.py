@@ -6,7 +6,6 @@ import shutil
 import signal
 import subprocess
 import sys
-import time
 from datetime import datetime
 
 import pytest
@@ -15,6 +14,7 @@ from slosh_bag.reader import BagReader
 from slosh_bringup.cli.main import main
 from slosh_bringup.live.run_folder import new_run
 from slosh_bringup.processes import config_folder
+from tests.live_processes import until
 from tests.small_disk import small_disk
 
 PATIENCE = 60.0
@@ -46,13 +46,6 @@ def cell(tmp_path, domain, monkeypatch):
         if process.poll() is None:
             process.send_signal(signal.SIGINT)
         process.communicate(timeout=PATIENCE)
-
-
-def until(condition, what):
-    deadline = time.monotonic() + PATIENCE
-    while not condition():
-        assert time.monotonic() < deadline, f"waited in vain for {what}"
-        time.sleep(0.02)
 
 
 def runs(output):

@@ -30,7 +30,7 @@ from slosh_msgs.msg import FreeSurface, LimitEvent, NodeSettings, SloshCompariso
 from slosh_msgs_py import qos, topics  # noqa: E402
 from slosh_msgs_py.images import image_message  # noqa: E402
 from slosh_msgs_py.stamps import to_time  # noqa: E402
-from tests.live_processes import free_port, live_process  # noqa: E402
+from tests.live_processes import free_port, live_process, until  # noqa: E402
 
 BAG = Path(__file__).resolve().parents[1] / "bags" / "l3"
 NASTY = "<script>document.title='owned'</script><img src=x onerror=\"document.title='owned'\">"
@@ -168,13 +168,6 @@ def start(group, port):
             time.sleep(0.05)
 
 
-def wait_for(condition):
-    deadline = time.monotonic() + 60.0
-    while not condition():
-        assert time.monotonic() < deadline
-        time.sleep(0.05)
-
-
 def text(page, part):
     return page.value(f"document.getElementById({part!r}).textContent")
 
@@ -209,10 +202,11 @@ class TestLive:
         small = voices.node.create_publisher(
             CompressedImage, topics.IMAGE_COMPRESSED, qos.IMAGE_OUT
         )
-        wait_for(lambda: small.get_subscription_count() == 1)
-        wait_for(lambda: voices.images.get_subscription_count() == 0)
+        until(lambda: small.get_subscription_count() == 1, "the small images' reader")
+        raw = voices.images
+        until(lambda: raw.get_subscription_count() == 0, "nobody to read the large ones")
         voices.node.destroy_publisher(small)
-        wait_for(lambda: voices.images.get_subscription_count() == 1)
+        until(lambda: raw.get_subscription_count() == 1, "their reader to come back")
 
     def test_names_and_sentences_are_text_whatever_they_hold(self, browser, cell, voices):
         page = browser.open(f"http://127.0.0.1:{cell[1]}/")

@@ -184,6 +184,15 @@ def test_no_requirement_is_in_two_locks():
     assert len(set().union(*names)) == sum(map(len, names))
 
 
+def said(program, environment=None):
+    """What a program prints, as a process of its own."""
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, env=environment
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
 @pytest.mark.parametrize(
     "module",
     [
@@ -199,8 +208,7 @@ def test_a_start_waits_for_no_part_of_scipy(module):
         "print([name for name in sys.modules if name in "
         "('scipy.special', 'scipy.spatial', 'scipy.optimize', 'scipy.interpolate')])"
     )
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
-    assert done.stdout == "[]\n", done.stderr
+    assert said(program) == "[]\n"
 
 
 def test_kept_code_is_loaded_without_what_it_was_compiled_with():
@@ -210,18 +218,15 @@ def test_kept_code_is_loaded_without_what_it_was_compiled_with():
         "load_all()\nprint([name for name in sys.modules if name in "
         "('scipy.spatial', 'numba.np.linalg', 'numba.np.arraymath')])"
     )
-    words = [sys.executable, "-c", program]
-    subprocess.run(words, capture_output=True, check=True)  # so that all of it is kept
-    done = subprocess.run(words, capture_output=True, text=True)
-    assert done.stdout == "[]\n", done.stderr
+    said(program)  # so that all of it is kept
+    assert said(program) == "[]\n"
 
 
 @pytest.mark.parametrize("command", ["cell", "demo", "discover", "identify", "plan", "replay"])
 def test_a_mistake_does_not_wait_for_what_draws(command):
     """matplotlib loads for a third of a second; what comes before a page does without."""
     program = f"import sys, slosh_bringup.cli.{command}\nprint('matplotlib' in sys.modules)"
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
-    assert done.stdout == "False\n", done.stderr
+    assert said(program) == "False\n"
 
 
 @pytest.mark.parametrize(("given", "used"), [({}, "1"), ({"OPENBLAS_NUM_THREADS": "3"}, "3")])
@@ -232,6 +237,4 @@ def test_a_command_computes_in_one_thread_unless_told(given, used):
         "command()\nprint(early, os.environ['OPENBLAS_NUM_THREADS'])"
     )
     environment = {k: v for k, v in os.environ.items() if k != "OPENBLAS_NUM_THREADS"} | given
-    words = [sys.executable, "-c", program]
-    done = subprocess.run(words, capture_output=True, text=True, env=environment)
-    assert done.stdout.splitlines()[-1] == f"True {used}", done.stderr
+    assert said(program, environment).splitlines()[-1] == f"True {used}"

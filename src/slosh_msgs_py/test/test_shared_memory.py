@@ -284,70 +284,71 @@ def rtps_ports(process):
     return [port for port in ports if port >= 7400]
 
 
-def test_nobody_takes_over_the_port_of_a_killed_reader_that_is_still_written_to(domain):
-    """The writer would write to the dead one, and nothing would reach the new one."""
+@pytest.fixture
+def writer(domain):
+    """Who writes to readers, what holds the ports of the dead, and how to find a reader's own."""
     rclpy.init()
     node = rclpy.create_node("writes")
     words = node.create_publisher(String, "words", qos.EVENT)
     before, ports, own = DeadPorts(), DeadPorts(), 7400 + 250 * domain
+    dead = {int(name.removeprefix("fastrtps_port")) for name in before.look()}
+
+    def port_of(process):
+        (port,) = {*range(own, own + 250)} & {*rtps_ports(process)} - dead
+        return port
+
     try:
-        dead = {int(name.removeprefix("fastrtps_port")) for name in before.look()}
         words.publish(String(data="hello"))
-        with reader() as first:
-            assert heard(first) == "hello"
-            (taken,) = {*range(own, own + 250)} & {*rtps_ports(first)} - dead
+        yield words, ports, port_of
+    finally:
+        ports.close()
+        before.close()
+        node.destroy_node()
+        rclpy.shutdown()
+
+
+def test_nobody_takes_over_the_port_of_a_killed_reader_that_is_still_written_to(writer):
+    """The writer would write to the dead one, and nothing would reach the new one."""
+    words, ports, port_of = writer
+    with reader() as first:
+        assert heard(first) == "hello"
+        taken = port_of(first)
+        first.send_signal(signal.SIGKILL)
+        first.wait()
+    os.utime(f"/dev/shm/fastrtps_port{taken}", (0.0, 0.0))  # no process starts there any more
+    assert f"fastrtps_port{taken}" in ports.look()
+    with reader() as second:
+        assert heard(second) == "hello"
+        words.publish(String(data="again"))
+        assert heard(second) == "again"
+        assert f"fastrtps_port{taken}" in ports.names
+        assert set(rtps_ports(second)) - {taken}
+
+
+def test_who_has_the_port_of_a_killed_reader_open_writes_to_it_no_more(writer):
+    """What is written there stays in the writer's memory, where images then find no room."""
+    words, ports, port_of = writer
+    with reader() as first:
+        assert heard(first) == "hello"
+        taken = port_of(first)
+        with Path(f"/dev/shm/fastrtps_port{taken}").open("rb", buffering=0) as memory:
+
+            def written():
+                memory.seek(QUEUE)
+                return memory.read()
+
             first.send_signal(signal.SIGKILL)
             first.wait()
-        os.utime(f"/dev/shm/fastrtps_port{taken}", (0.0, 0.0))  # no process starts there any more
-        assert f"fastrtps_port{taken}" in ports.look()
-        with reader() as second:
-            assert heard(second) == "hello"
-            words.publish(String(data="again"))
-            assert heard(second) == "again"
-            assert f"fastrtps_port{taken}" in ports.names
-            assert set(rtps_ports(second)) - {taken}
-    finally:
-        ports.close()
-        before.close()
-        node.destroy_node()
-        rclpy.shutdown()
-
-
-def test_who_has_the_port_of_a_killed_reader_open_writes_to_it_no_more(domain):
-    """What is written there stays in the writer's memory, where images then find no room."""
-    rclpy.init()
-    node = rclpy.create_node("writes")
-    words = node.create_publisher(String, "words", qos.EVENT)
-    before, ports, own = DeadPorts(), DeadPorts(), 7400 + 250 * domain
-    try:
-        dead = {int(name.removeprefix("fastrtps_port")) for name in before.look()}
-        words.publish(String(data="hello"))
-        with reader() as first:
-            assert heard(first) == "hello"
-            (taken,) = {*range(own, own + 250)} & {*rtps_ports(first)} - dead
-            with Path(f"/dev/shm/fastrtps_port{taken}").open("rb", buffering=0) as memory:
-
-                def written():
-                    memory.seek(QUEUE)
-                    return memory.read()
-
-                first.send_signal(signal.SIGKILL)
-                first.wait()
-                queue = written()
-                words.publish(String(data="to the dead"))
-                assert written() != queue  # nobody has found out yet
-                ports.look(close=True)
-                queue = written()
-                for number in range(10):
-                    words.publish(String(data=f"to nobody {number}"))
-                assert written() == queue
-        with reader() as second:
-            assert heard(second) == "hello"
-    finally:
-        ports.close()
-        before.close()
-        node.destroy_node()
-        rclpy.shutdown()
+            queue = written()
+            words.publish(String(data="to the dead"))
+            assert written() != queue  # nobody has found out yet
+            ports.look(close=True)
+            queue = written()
+            for number in range(10):
+                words.publish(String(data=f"to nobody {number}"))
+            assert written() == queue
+    with reader() as second:
+        assert heard(second) == "hello"
 
 
 @pytest.mark.parametrize(

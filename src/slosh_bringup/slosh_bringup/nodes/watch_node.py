@@ -147,11 +147,12 @@ class WatchNode(GuardedNode):
 
         Right after its start a node has heard of no publisher.
         """
-        compressed, raw = topics.IMAGE_COMPRESSED, topics.IMAGE
-        sent = [
-            self.count_publishers(self.resolve_topic_name(topic)) for topic in (compressed, raw)
-        ]
-        return (raw, Image) if sent[1] and not sent[0] else (compressed, CompressedImage)
+        if not self._is_sent(topics.IMAGE_COMPRESSED) and self._is_sent(topics.IMAGE):
+            return topics.IMAGE, Image
+        return topics.IMAGE_COMPRESSED, CompressedImage
+
+    def _is_sent(self, topic: str) -> bool:
+        return bool(self.count_publishers(self.resolve_topic_name(topic)))
 
     def _stop_images(self) -> None:
         """Nobody looks: images cost nothing."""
