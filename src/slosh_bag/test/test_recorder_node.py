@@ -6,6 +6,7 @@ import time
 
 import pytest
 import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
 from mcap.records import Message
 from mcap.stream_reader import StreamReader
 from rclpy.node import Node
@@ -20,10 +21,11 @@ from slosh_bag.nodes.recorder_node import RecorderNode
 from slosh_bag.nodes.topic_input import Publisher, matching, wanted
 from slosh_bag.reader import BagReader
 from slosh_bag.recording.facts import shared_topics_line
-from slosh_msgs.msg import FreeSurface, LimitEvent
+from slosh_msgs.msg import FreeSurface, LimitEvent, NodeSettings
 from slosh_msgs_py import qos
 from slosh_msgs_py.errors import SloshMessageError
 from slosh_msgs_py.node.diagnostics import WARN
+from slosh_msgs_py.node.readiness import RECORDED
 from slosh_msgs_py.node.run import make_executor
 
 PATIENCE = 20.0
@@ -123,6 +125,33 @@ def test_latched_messages_from_before_the_start_are_recorded(graph):
     graph.until(lambda: graph.recorded("event") == 1)
     _, (event,) = graph.finish()
     assert event.id == 7
+
+
+def test_it_tells_at_once_whose_settings_it_has(graph):
+    """What waits for them must not wait for the next report."""
+    said = []
+    graph.node.create_subscription(DiagnosticArray, "/diagnostics", said.append, qos.DIAGNOSTICS)
+    graph.record(topics=".*/settings$")
+
+    def told():
+        return [
+            value.value
+            for array in said
+            for status in array.status
+            for value in status.values
+            if value.key == RECORDED
+        ]
+
+    graph.until(lambda: "" in told())
+    for node in ("monitor", "camera"):
+        publisher = graph.silent_publisher(NodeSettings, "settings", qos.EVENT)
+        publisher.publish(NodeSettings(node=node))
+    graph.until(lambda: "camera, monitor" in told())
+
+
+def test_one_that_leaves_settings_out_promises_none(graph):
+    graph.record(exclude="settings$")
+    assert RECORDED not in graph.recorder._facts()
 
 
 def test_a_later_publisher_that_offers_less_is_recorded_too(graph):

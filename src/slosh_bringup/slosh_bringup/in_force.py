@@ -17,8 +17,6 @@ from slosh_model.model import Model
 from slosh_model.model_text import parse_model
 from slosh_msgs_py import topics
 
-TELLING = ("estimator", "camera", "monitor")
-"""The nodes that publish their settings."""
 _FIELDS = ("parameters", "topics", "files", "code", "arithmetic")
 
 _NO_STILL = "no still image: a picture that is upside down or shifted is not noticed"

@@ -6,12 +6,21 @@ from collections.abc import Collection, Mapping
 from typing import NamedTuple
 
 from slosh_bringup.cell_watch import NodeReport
-from slosh_msgs_py.node.readiness import READY, STATE
+from slosh_msgs_py.node.readiness import READY, RECORDED, STATE
+
+TELLING = ("estimator", "camera", "monitor")
+"""The nodes that publish their settings."""
 
 PATIENCE = 60.0
 """So long a node may say nothing before it is ready [s]: it may have to share a busy machine."""
 STUCK = 10.0
 """So many times as long it may say the same: one step of a compilation takes minutes there."""
+RECORDING = 15.0
+"""So long all may wait for the recorder to hear what they work with, without which no bag replays.
+
+A busy machine's middleware takes three seconds, and as long again for each message it lost [s].
+"""
+_INCOMPLETE = "incomplete"
 
 
 class _Word(NamedTuple):
@@ -31,19 +40,40 @@ class ReadyWait:
             of, until they are ready, too.
         now: steady time [s].
         patience: as PATIENCE.
+
+    Attributes:
+        unrecorded: nodes that are at work and whose settings the recorder has not heard.
     """
 
     def __init__(self, nodes: Collection[str], now: float, patience: float = PATIENCE) -> None:
         self._patience = patience
         self._words = {node: _Word("", "not heard of yet", now, now) for node in nodes}
+        self._at_work: float | None = None
+        self.unrecorded: tuple[str, ...] = ()
 
     def take(self, report: NodeReport, now: float) -> None:
         """Takes a report at a moment of the steady clock [s]."""
-        state = report.facts.get(STATE, READY)
+        state, said = report.facts.get(STATE, READY), report.sentence
+        if RECORDED in report.facts and self._is_incomplete(report, now):
+            state, said = (
+                _INCOMPLETE,
+                f"has not heard the settings of {', '.join(self.unrecorded)}",
+            )
         before = self._words.get(report.node)
-        same = before is not None and (before.state, before.sentence) == (state, report.sentence)
+        same = before is not None and (before.state, before.sentence) == (state, said)
         first = before.first if before is not None and same else now
-        self._words[report.node] = _Word(state, report.sentence, first, now)
+        self._words[report.node] = _Word(state, said, first, now)
+
+    def _is_incomplete(self, recorder: NodeReport, now: float) -> bool:
+        """Whether it is worth waiting for settings that the recorder has not heard."""
+        recorded = recorder.facts[RECORDED].split(", ")
+        self.unrecorded = tuple(
+            node for node in TELLING if node in self._words and node not in recorded
+        )
+        if self._at_work is None and self.missing().keys() <= {recorder.node}:
+            self._at_work = now
+        waited = 0.0 if self._at_work is None else now - self._at_work
+        return bool(self.unrecorded) and waited < RECORDING
 
     def missing(self) -> dict[str, str]:
         """Why each node that is not ready is not."""

@@ -3,7 +3,7 @@
 import pytest
 
 from slosh_bringup.cell_watch import OK, WARN, NodeReport
-from slosh_bringup.ready_wait import STUCK, ReadyWait, sentence
+from slosh_bringup.ready_wait import RECORDING, STUCK, ReadyWait, sentence
 
 
 def report(node, state, text="measuring"):
@@ -26,6 +26,43 @@ def test_a_node_that_shows_up_unready_is_waited_for_too():
     wait.take(report("camera", "starting", "not ready, starting"), 1.0)
     assert wait.missing() == {"camera": "starting"}
     wait.take(report("camera", "ready"), 2.0)
+    assert wait.missing() == {}
+
+
+def recorder(heard):
+    return NodeReport("recorder", OK, "recording", {"state": "ready", "settings of": heard})
+
+
+def test_the_recorder_is_ready_when_it_has_heard_what_the_others_work_with():
+    wait = ReadyWait(["recorder", "camera", "monitor", "cell"], 0.0)
+    for node in ("camera", "monitor", "cell"):
+        wait.take(report(node, "ready"), 1.0)
+    wait.take(recorder(""), 1.0)
+    assert sentence(wait.missing()) == "recorder (has not heard the settings of camera, monitor)"
+    wait.take(recorder("monitor"), 2.0)
+    assert wait.missing() == {"recorder": "has not heard the settings of camera"}
+    wait.take(recorder("camera, monitor"), 3.0)
+    assert wait.missing() == {}
+    assert wait.unrecorded == ()
+
+
+def test_what_the_recorder_does_not_hear_is_not_waited_for_for_ever():
+    wait = ReadyWait(["recorder", "camera"], 0.0)
+    # As long as the others are not at work nothing counts.
+    for now in (0.0, 10.0 * RECORDING):
+        wait.take(recorder(""), now)
+        assert "recorder" in wait.missing()
+    wait.take(report("camera", "ready"), 10.0 * RECORDING)
+    for waited, missing in ((0.0, True), (0.99 * RECORDING, True), (RECORDING, False)):
+        wait.take(recorder(""), 10.0 * RECORDING + waited)
+        assert ("recorder" in wait.missing()) is missing
+    assert wait.unrecorded == ("camera",)
+
+
+def test_a_recorder_that_leaves_settings_out_or_is_of_before_is_not_waited_for():
+    wait = ReadyWait(["recorder", "camera"], 0.0)
+    wait.take(report("camera", "ready"), 1.0)
+    wait.take(report("recorder", "ready"), 1.0)
     assert wait.missing() == {}
 
 

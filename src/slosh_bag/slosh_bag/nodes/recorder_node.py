@@ -5,11 +5,12 @@ from __future__ import annotations
 import re
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 from rclpy.clock import Clock, ClockType
+from rclpy.serialization import deserialize_message
 from rclpy.subscription import Subscription
 
 from slosh_bag.bag_writer import Split
@@ -19,10 +20,13 @@ from slosh_bag.nodes.topic_input import Received, TopicInput, noted
 from slosh_bag.recorder import SEVERAL, Recorder
 from slosh_bag.recording.log_times import LogTimes
 from slosh_files.nanoseconds import SECOND
+from slosh_msgs.msg import NodeSettings
+from slosh_msgs_py import topics
 from slosh_msgs_py.message_type import find_type
 from slosh_msgs_py.node.diagnostics import DiagnosticsReporter, Health
 from slosh_msgs_py.node.guarded import GuardedNode
 from slosh_msgs_py.node.parameters import ParameterSpec, declare
+from slosh_msgs_py.node.readiness import RECORDED
 from slosh_msgs_py.node.run import run_node
 
 DISCOVERY_PERIOD = 0.2
@@ -66,6 +70,7 @@ class RecorderNode(GuardedNode):
         self._unknown: dict[str, str] = {}
         self._other_types: dict[str, str] = {}
         self._shared: set[str] = set()
+        self._told: set[str] = set()
         self._held: list[Received] = []
         self._times = LogTimes(time.time_ns(), time.monotonic_ns())
         self._core = Recorder(
@@ -112,10 +117,12 @@ class RecorderNode(GuardedNode):
             if topic in self._inputs and len(types) > 1:
                 own = self._inputs[topic].type_name
                 self._other_types[topic] = next(kind for kind in types if kind != own)
-            wanted = self._include.search(topic) and not self._exclude.search(topic)
             known = topic in self._inputs or topic in self._unknown
-            if wanted and not known and self.count_publishers(topic):
+            if self._wants(topic) and not known and self.count_publishers(topic):
                 self._add(topic, types[0], now)
+
+    def _wants(self, topic: str) -> bool:
+        return bool(self._include.search(topic)) and not self._exclude.search(topic)
 
     def _add(self, topic: str, type_name: str, now: float) -> None:
         try:
@@ -153,6 +160,17 @@ class RecorderNode(GuardedNode):
                 self._core.add(received.topic, received.data, log_ns, received.sent_ns or None)
             else:
                 self._core.add(received.topic, received.data, simulated)
+        if not final:
+            self._look_for_settings(held)
+
+    def _look_for_settings(self, taken: Sequence[Received]) -> None:
+        """Tells at once whose settings have come: a run does not begin before."""
+        before = len(self._told)
+        for received in taken:
+            if self._inputs[received.topic].message_type is NodeSettings:
+                self._told.add(deserialize_message(received.data, NodeSettings).node)
+        if len(self._told) > before:
+            self._report.report()
 
     def _health(self) -> Health:
         status = self._core.status()
@@ -174,7 +192,10 @@ class RecorderNode(GuardedNode):
 
     def _facts(self) -> dict[str, Any]:
         status = self._core.status()
-        return {
+        recorded = {}
+        if self._wants(self.resolve_topic_name(topics.SETTINGS)):
+            recorded = {RECORDED: ", ".join(sorted(self._told))}
+        return recorded | {
             "file": status.path,
             "files": status.files,
             "topics": len(status.written),

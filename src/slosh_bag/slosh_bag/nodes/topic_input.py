@@ -71,7 +71,7 @@ class TopicInput:
         self._turns = 0
         self.silent_since: float | None = None
         self._node = node
-        self._message_type = message_type
+        self.message_type = message_type
         self._known: frozenset[bytes] = frozenset()
         publishers = self._publishers()
         self.profile = matching([publisher.profile for publisher in publishers])
@@ -118,7 +118,7 @@ class TopicInput:
         with self.subscription.handle:
             take = self.subscription.handle.take_message
             for _ in range(DEPTH):  # not for ever where they come faster than they are taken
-                taken = take(self._message_type, True)
+                taken = take(self.message_type, True)
                 if taken is None:
                     return
                 data, info = taken
@@ -136,7 +136,7 @@ class TopicInput:
     def _subscribe(self) -> Subscription:
         events = SubscriptionEventCallbacks(use_default_callbacks=False)
         return self._node.create_subscription(
-            self._message_type, self.topic, _ignore, self.profile, event_callbacks=events, raw=True
+            self.message_type, self.topic, _ignore, self.profile, event_callbacks=events, raw=True
         )
 
 

@@ -9,9 +9,9 @@ from typing import Any, Protocol
 
 from slosh_bag.recording.settings import NodeStart
 from slosh_bringup.cell_watch import CellWatch, NodeReport
-from slosh_bringup.in_force import TELLING, in_force_lines, settings_document
+from slosh_bringup.in_force import in_force_lines, settings_document
 from slosh_bringup.live.status import CellStatus
-from slosh_bringup.ready_wait import ReadyWait, sentence
+from slosh_bringup.ready_wait import TELLING, ReadyWait, sentence
 from slosh_files import write_text
 from slosh_msgs_py.node.readiness import COMPILING, READY, STATE
 
@@ -135,6 +135,11 @@ class LiveWatch:
         for line in in_force_lines(self._starts):
             self._screen.tell(f"  {line}")
         self._tell([self._ready])
+        if self._wait.unrecorded:
+            names = ", ".join(self._wait.unrecorded)
+            self._tell(
+                [f"the recorder has not heard the settings of {names}: the bag will not replay"]
+            )
 
     def _tell(self, lines: Sequence[str]) -> None:
         for line in lines:

@@ -10,6 +10,8 @@ STATE: Final = "state"
 STARTING: Final = "starting"
 COMPILING: Final = "compiling"
 READY: Final = "ready"
+RECORDED: Final = "settings of"
+"""The key of the recorder's diagnostics that lists the nodes whose settings are in the bag."""
 
 Progress = Callable[[str], None]
 """Is told what is being compiled; not called where all of it is compiled already."""
