@@ -70,7 +70,9 @@ def listener(role: str, seconds: float) -> list[str]:
 def answer_of(listening: subprocess.Popen[str]) -> dict[str, Any]:
     """What it prints when it has heard, or given up."""
     assert listening.stdout
-    answer: dict[str, Any] = json.loads(listening.stdout.readline())
+    # The middleware may say things before.
+    said = next(line for line in listening.stdout if line.startswith("{"))
+    answer: dict[str, Any] = json.loads(said)
     return answer
 
 
