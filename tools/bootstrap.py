@@ -259,6 +259,7 @@ def base_environment() -> dict[str, str]:
     else:
         environment["AMENT_PREFIX_PATH"] = str(VENV)
         environment["CMAKE_PREFIX_PATH"] = str(VENV)
+        environment["SLOSH_MSGS_PYTHON_ONLY"] = "1"  # the wheels bring no C++ program
     environment["VIRTUAL_ENV"] = str(VENV)
     environment["PATH"] = f"{VENV / 'bin'}:{environment['PATH']}"
     environment["COLCON_DEFAULTS_FILE"] = str(WORKSPACE / "colcon-defaults.yaml")
