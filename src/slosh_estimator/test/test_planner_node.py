@@ -88,7 +88,7 @@ class Cell:
 def cell(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cell]:
     model = tmp_path_factory.mktemp("model") / "model.yaml"
     model.write_text(TEXT)
-    rclpy.init(args=["--ros-args", "-p", f"model:={model}", "-p", "service_time_limit:=3.0"])
+    rclpy.init(args=["--ros-args", "-p", f"model:={model}", "-p", "service_time_limit:=20.0"])
     made = Cell(Node("probe"), PlannerNode())
     yield made
     made.node.close()
@@ -178,7 +178,7 @@ def test_the_attitude_goes_back_as_it_came(cell: Cell) -> None:
 @needs_casadi
 def test_an_action_tells_how_far_it_is_and_gives_the_motion(cell: Cell) -> None:
     heard: list[Any] = []
-    goal = cell.send(request(LOOP, time_limit=6.0), heard)
+    goal = cell.send(request(LOOP, time_limit=20.0), heard)
     assert goal.accepted
     # Meanwhile the service refuses.
     cell.until(lambda: len(heard) > 0)
