@@ -45,7 +45,7 @@ from slosh_bag.replay import ReplayResult, replay_bag
 from slosh_bag.replay.monitor_feed import Heights, MonitorFeed
 from slosh_bag.replay.verification import COMPARED, estimate_columns
 from slosh_estimator.estimator import Estimates, Estimator
-from slosh_estimator.monitor import MonitorSettings
+from slosh_estimator.monitor_settings import MonitorSettings
 from slosh_estimator.sample import Samples
 from slosh_model.arithmetic import arithmetic_fingerprint
 from slosh_model.compile_cache import sources_digest

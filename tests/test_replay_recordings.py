@@ -19,7 +19,7 @@ from slosh_bag.replay.checking import excesses
 from slosh_bag.replay.output_bag import OutputBag
 from slosh_bag.replay.replay_bag import feed
 from slosh_bag.replay.stream import ReplayStream
-from slosh_estimator.monitor import MonitorSettings
+from slosh_estimator.monitor_settings import MonitorSettings
 from slosh_model.model_text import parse_model
 from tests.live_bag import MODEL, MS, START, TEXT, LiveBag, Quaternion
 

@@ -15,7 +15,7 @@ from slosh_bag.errors import SloshBagError
 from slosh_bag.motion_table import MotionTable
 from slosh_bag.replay import replay_bag, replay_table
 from slosh_bag.replay.result import accuracy_table, update_table
-from slosh_estimator.monitor import MonitorSettings
+from slosh_estimator.monitor_settings import MonitorSettings
 from slosh_model.containers import Cylinder
 from slosh_model.model import Model
 from slosh_model.simulate import Inputs, simulate

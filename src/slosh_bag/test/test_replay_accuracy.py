@@ -14,7 +14,7 @@ from slosh_bag.replay.at_images import ModelHeights, at_images
 from slosh_bag.replay.conclusion import thinned
 from slosh_bag.replay.series import Series
 from slosh_bag.replay.unrelated import WholeRun, judge_unrelated
-from slosh_estimator.monitor import MonitorSettings
+from slosh_estimator.monitor_settings import MonitorSettings
 from slosh_estimator.sight import SATURATED
 from slosh_estimator.validity import EstimateFlag
 from slosh_report.metrics import mean_absolute_error, peak_error, rms_error

@@ -15,7 +15,7 @@ from slosh_bag.interchange.table_bag import write_table_bag
 from slosh_bag.motion_table import MotionTable
 from slosh_bag.replay import replay_bag, replay_table
 from slosh_bag.replay.stream import Outputs
-from slosh_estimator.monitor import MonitorSettings
+from slosh_estimator.monitor_settings import MonitorSettings
 from slosh_model.containers import Cylinder
 from slosh_model.effects.registry import EFFECTS
 from slosh_model.measure import predicted_heights

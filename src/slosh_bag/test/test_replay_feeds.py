@@ -9,7 +9,9 @@ from hypothesis import strategies as st
 from slosh_bag.recording.heights import Measurements
 from slosh_bag.replay.columns import chosen
 from slosh_bag.replay.monitor_feed import CHECK_NS, Heights, MonitorFeed
-from slosh_estimator.monitor import EstimatePoint, MeasuredPoint, Monitor, MonitorSettings
+from slosh_estimator.comparison import EstimatePoint, MeasuredPoint
+from slosh_estimator.monitor import Monitor
+from slosh_estimator.monitor_settings import MonitorSettings
 from slosh_estimator.validity import EstimateFlag
 
 MS = 1_000_000

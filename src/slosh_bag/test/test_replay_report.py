@@ -10,7 +10,7 @@ import pytest
 from slosh_bag.replay.report import Surroundings, event_spans, replay_report
 from slosh_bag.replay.result import ModelAccuracy, ReplayResult
 from slosh_estimator.limits import Event, Kind, Source
-from slosh_estimator.monitor import MonitorSettings
+from slosh_estimator.monitor_settings import MonitorSettings
 from slosh_report.run_report import render_report
 
 NAMES = ("2D-L", "3D-L", "2D-NL", "3D-NL")

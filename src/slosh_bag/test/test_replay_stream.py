@@ -15,7 +15,7 @@ from slosh_bag.replay.series import Series
 from slosh_bag.replay.stream import Components, Outputs, ReplayStream
 from slosh_bag.replay.verification import Verifier
 from slosh_estimator.inputs import InputSettings
-from slosh_estimator.monitor import MonitorSettings
+from slosh_estimator.monitor_settings import MonitorSettings
 from slosh_model.containers import Cylinder
 from slosh_model.model import Model
 

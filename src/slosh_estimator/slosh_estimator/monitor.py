@@ -8,15 +8,13 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from collections import deque
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
-from enum import IntEnum
-from typing import Any, NamedTuple
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
 
 from slosh_estimator.agreement import MotionWatch
-from slosh_estimator.errors import SloshEstimatorError
-from slosh_estimator.limits import Event, Hysteresis, LimitTracker, Source
-from slosh_estimator.rotation import Vector
+from slosh_estimator.comparison import Comparison, Condition, EstimatePoint, MeasuredPoint
+from slosh_estimator.limits import Event, LimitTracker, Source
+from slosh_estimator.monitor_settings import MonitorSettings
 from slosh_estimator.sample import SECONDS
 from slosh_estimator.sight import SATURATED, UNUSABLE, Sight, clocks_apart, obstacle
 from slosh_report.metrics import RunningAccuracy
@@ -27,118 +25,6 @@ MAXIMUM_WAITING = 1000
 PATIENCE_NS = 100_000_000
 """So long a measurement waits for an estimator that is silent: at its start, and after a pause,
 the first image may be here before the first estimate [ns]."""
-
-
-class Condition(IntEnum):
-    """State of the monitor; the values of SloshComparison.msg."""
-
-    OK = 0
-    WARN = 1
-    ERROR = 2
-    STALE = 3
-    BLIND = 4
-
-
-@dataclass(frozen=True, slots=True)
-class MonitorSettings:
-    """What the monitor watches.
-
-    Attributes:
-        measured_limit, estimated_limit, disagreement_limit: [m]; NaN: not watched.
-        warn_share: share of a limit from which the state is WARN.
-        hysteresis: how an excess ends.
-        timeout: a side that was silent for so long counts as stale [s]; below 0.5.
-        buffer: how far back estimates are kept [s].
-        max_gap: widest pair of estimates between which is interpolated [s].
-
-    Raises:
-        SloshEstimatorError: a value does not fit.
-    """
-
-    measured_limit: float = NAN
-    estimated_limit: float = NAN
-    disagreement_limit: float = NAN
-    warn_share: float = 0.8
-    hysteresis: Hysteresis = field(default_factory=Hysteresis)
-    timeout: float = 0.3
-    buffer: float = 2.0
-    max_gap: float = 0.05
-
-    @classmethod
-    def from_parameters(cls, parameters: Mapping[str, Any]) -> MonitorSettings:
-        """The settings that a monitor node's parameters, by name, mean.
-
-        Raises:
-            KeyError: one is missing.
-            TypeError, ValueError: one cannot be.
-        """
-        return cls(
-            parameters["measured_limit"],
-            parameters["estimated_limit"],
-            parameters["disagreement_limit"],
-            parameters["warn_share"],
-            Hysteresis(parameters["release"], round(parameters["hold"] * 1e9)),
-            parameters["timeout"],
-            parameters["buffer"],
-        )
-
-    def __post_init__(self) -> None:
-        for name in ("timeout", "buffer", "max_gap", "warn_share"):
-            if not getattr(self, name) > 0.0:
-                raise SloshEstimatorError(f"{name} = {getattr(self, name)!r} must be positive")
-
-
-class EstimatePoint(NamedTuple):
-    """An estimate as the monitor keeps it.
-
-    Attributes:
-        stamp_ns: [ns].
-        linear, nonlinear: the liquid's heights [m], by which the limit is watched.
-        flags: bits of EstimateFlag.
-        acceleration: what drove it [m/s²]; it tells motions apart. None: not known.
-        reading: what a sensor reads of the two heights [m], to be compared with what it read;
-            None: the heights themselves.
-        delay_ns: by how much a measurement comes late [ns].
-    """
-
-    stamp_ns: int
-    linear: float
-    nonlinear: float
-    flags: int = 0
-    acceleration: Vector | None = None
-    reading: tuple[float, float] | None = None
-    delay_ns: int = 0
-
-
-class MeasuredPoint(NamedTuple):
-    """A measurement: stamp [ns], maximum height and its standard deviation [m], flags."""
-
-    stamp_ns: int
-    msh: float
-    stddev: float = NAN
-    flags: int = 0
-
-
-class Comparison(NamedTuple):
-    """Measured against estimated at one moment; the fields of SloshComparison.msg."""
-
-    stamp_ns: int
-    measured: float
-    measured_stddev: float
-    estimated_linear: float
-    estimated_nonlinear: float
-    residual_linear: float
-    residual_nonlinear: float
-    sigma_linear: float
-    sigma_nonlinear: float
-    epsilon_linear: float
-    epsilon_nonlinear: float
-    count: int  # type: ignore[assignment]  # the message's name, over tuple.count
-    state: Condition
-    measured_stale: bool
-    estimate_stale: bool
-    measured_flags: int
-    estimate_flags: int
 
 
 class Monitor:

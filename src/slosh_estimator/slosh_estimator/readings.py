@@ -11,7 +11,7 @@ from collections import deque
 from functools import lru_cache
 from typing import NamedTuple
 
-from slosh_estimator.monitor import EstimatePoint
+from slosh_estimator.comparison import EstimatePoint
 from slosh_model.effects.registry import EFFECTS
 
 NAN = float("nan")

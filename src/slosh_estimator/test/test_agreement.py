@@ -8,12 +8,9 @@ import numpy as np
 import pytest
 
 from slosh_estimator.agreement import LEAST, MotionAgreement, MotionWatch
-from slosh_estimator.monitor import (
-    EstimatePoint,
-    MeasuredPoint,
-    Monitor,
-    MonitorSettings,
-)
+from slosh_estimator.comparison import EstimatePoint, MeasuredPoint
+from slosh_estimator.monitor import Monitor
+from slosh_estimator.monitor_settings import MonitorSettings
 from slosh_estimator.sight import SATURATED
 from slosh_estimator.validity import EstimateFlag
 from slosh_model.containers import Cylinder

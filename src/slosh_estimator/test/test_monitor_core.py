@@ -7,17 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from slosh_estimator.comparison import Comparison, Condition, EstimatePoint, MeasuredPoint
 from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.limits import Event, Hysteresis, Kind, LimitTracker, Source
-from slosh_estimator.monitor import (
-    MAXIMUM_WAITING,
-    Comparison,
-    Condition,
-    EstimatePoint,
-    MeasuredPoint,
-    Monitor,
-    MonitorSettings,
-)
+from slosh_estimator.monitor import MAXIMUM_WAITING, Monitor
+from slosh_estimator.monitor_settings import MonitorSettings
 from slosh_estimator.sight import SATURATED, SurfaceFlag
 from slosh_estimator.validity import EstimateFlag
 from slosh_report.metrics import mean_absolute_error, peak_error

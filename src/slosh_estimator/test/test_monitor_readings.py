@@ -7,14 +7,10 @@ import math
 import numpy as np
 import pytest
 
+from slosh_estimator.comparison import Comparison, EstimatePoint, MeasuredPoint
 from slosh_estimator.limits import Source
-from slosh_estimator.monitor import (
-    Comparison,
-    EstimatePoint,
-    MeasuredPoint,
-    Monitor,
-    MonitorSettings,
-)
+from slosh_estimator.monitor import Monitor
+from slosh_estimator.monitor_settings import MonitorSettings
 from slosh_estimator.readings import PATIENCE, Reading, ReadingJoiner, has_readings
 
 MS = 1_000_000

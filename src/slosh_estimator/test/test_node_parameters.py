@@ -6,7 +6,7 @@ from slosh_estimator.gate import GateSettings
 from slosh_estimator.imu_input import SensorTransform
 from slosh_estimator.inputs import InputSettings
 from slosh_estimator.limits import Hysteresis
-from slosh_estimator.monitor import MonitorSettings
+from slosh_estimator.monitor_settings import MonitorSettings
 from slosh_estimator.nodes import estimator_node, monitor_node
 
 

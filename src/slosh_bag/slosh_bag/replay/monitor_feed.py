@@ -11,14 +11,10 @@ from numpy.typing import NDArray
 
 from slosh_bag.recording.heights import Measurements
 from slosh_bag.replay.columns import chosen
+from slosh_estimator.comparison import Comparison, EstimatePoint, MeasuredPoint
 from slosh_estimator.limits import Event
-from slosh_estimator.monitor import (
-    Comparison,
-    EstimatePoint,
-    MeasuredPoint,
-    Monitor,
-    MonitorSettings,
-)
+from slosh_estimator.monitor import Monitor
+from slosh_estimator.monitor_settings import MonitorSettings
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]

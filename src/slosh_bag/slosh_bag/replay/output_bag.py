@@ -15,9 +15,9 @@ from slosh_bag.definitions import Definitions
 from slosh_bag.replay.model_set import ModelSetEstimates
 from slosh_bag.replay.stream import Outputs
 from slosh_bag.replay.verification import estimate_columns
+from slosh_estimator.comparison import Comparison
 from slosh_estimator.estimator import Estimates
 from slosh_estimator.limits import Event
-from slosh_estimator.monitor import Comparison
 from slosh_files.nanoseconds import SECOND
 
 ESTIMATE = "slosh_msgs/msg/SloshEstimate"

@@ -44,7 +44,7 @@ from slosh_bag.replay.stream import Components, Outputs, ReplayStream
 from slosh_bag.replay.unrelated import WholeRun, judge_unrelated
 from slosh_bag.replay.verification import COMPARED, Verifier, estimate_fields
 from slosh_estimator.inputs import InputSettings
-from slosh_estimator.monitor import MonitorSettings
+from slosh_estimator.monitor_settings import MonitorSettings
 from slosh_estimator.validity import attitude_warning
 from slosh_model.arithmetic import arithmetic_fingerprint
 from slosh_model.compile_cache import sources_digest

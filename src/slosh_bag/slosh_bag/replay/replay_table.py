@@ -21,7 +21,7 @@ from slosh_bag.replay.series import Series
 from slosh_bag.replay.stream import Components, Outputs, ReplayStream
 from slosh_estimator.gate import GateSettings
 from slosh_estimator.inputs import InputSettings
-from slosh_estimator.monitor import MonitorSettings
+from slosh_estimator.monitor_settings import MonitorSettings
 from slosh_estimator.sample import Samples
 from slosh_files.nanoseconds import SECOND
 from slosh_model.model import Model

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from slosh_bag.errors import SloshBagError
 from slosh_bag.replay.verification import Verification
 from slosh_estimator.limits import Event
-from slosh_estimator.monitor import MonitorSettings
+from slosh_estimator.monitor_settings import MonitorSettings
 from slosh_files import write_text
 from slosh_model.for_notebooks import height_axes, table
 from slosh_model.model import Model

@@ -28,9 +28,9 @@ from slosh_bag.replay.monitor_feed import Heights, MonitorFeed
 from slosh_bag.replay.series import Series
 from slosh_bag.replay.verification import Verifier, comparison_columns, estimate_columns
 from slosh_bag.strays import StrayFilter
+from slosh_estimator.comparison import Comparison
 from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.limits import Event
-from slosh_estimator.monitor import Comparison
 from slosh_estimator.validity import EstimateFlag
 from slosh_files.nanoseconds import SECOND
 from slosh_report.motion_spans import BIN_NS, MotionFinder

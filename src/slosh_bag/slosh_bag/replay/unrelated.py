@@ -20,7 +20,7 @@ from slosh_bag.replay.at_images import ModelHeights
 from slosh_bag.replay.monitor_feed import Heights, MonitorFeed
 from slosh_bag.replay.result import ReplayResult
 from slosh_bag.replay.series import Series
-from slosh_estimator.monitor import MonitorSettings
+from slosh_estimator.monitor_settings import MonitorSettings
 from slosh_report.alignment import (
     ClockOffset,
     StillLevel,

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_bag.errors import SloshBagError
+from slosh_estimator.comparison import Comparison
 from slosh_estimator.estimator import Estimates
-from slosh_estimator.monitor import Comparison
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]

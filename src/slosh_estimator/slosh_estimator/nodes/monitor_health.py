@@ -6,7 +6,8 @@ from collections.abc import Mapping
 
 from rclpy.node import Node
 
-from slosh_estimator.monitor import Condition, Monitor
+from slosh_estimator.comparison import Condition
+from slosh_estimator.monitor import Monitor
 from slosh_msgs_py import topics
 from slosh_msgs_py.node.diagnostics import ERROR, OK, STALE, WARN, Health
 from slosh_msgs_py.node.rivals import Rivals

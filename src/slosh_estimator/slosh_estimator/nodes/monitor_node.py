@@ -9,14 +9,10 @@ from typing import Any
 from rclpy.clock import Clock, ClockType
 from std_srvs.srv import Trigger
 
+from slosh_estimator.comparison import Comparison, EstimatePoint, MeasuredPoint
 from slosh_estimator.limits import Event
-from slosh_estimator.monitor import (
-    Comparison,
-    EstimatePoint,
-    MeasuredPoint,
-    Monitor,
-    MonitorSettings,
-)
+from slosh_estimator.monitor import Monitor
+from slosh_estimator.monitor_settings import MonitorSettings
 from slosh_estimator.nodes.monitor_health import MonitorHealth
 from slosh_estimator.nodes.prediction_watch import PredictionWatch
 from slosh_estimator.readings import Reading, ReadingJoiner
