@@ -15,12 +15,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from slosh_camera.cylinder import edge_search
-from slosh_camera.cylinder.appearance import Tone, find_tone, percentile
 from slosh_camera.cylinder.container_edges import ContainerEdges
+from slosh_camera.cylinder.front_line import FrontLineFinder
 from slosh_camera.cylinder.outer_edges import outer_edges
 from slosh_camera.cylinder.scan_grid import build_scan_grid
-from slosh_camera.cylinder.stationary_edges import moved_edges, no_edges, stationary_edges
+from slosh_camera.cylinder.stationary_edges import no_edges, stationary_edges
 from slosh_camera.cylinder.still_surface import (
     REMEDY,
     StillSurface,
@@ -35,7 +34,6 @@ from slosh_camera.cylinder.surface_evidence import (
     FadeShare,
     SurfaceFit,
     Unrolled,
-    WallPoints,
 )
 from slosh_camera.cylinder.surface_fit import SurfaceFitter
 from slosh_camera.cylinder.surface_memory import SurfaceMemory
@@ -50,28 +48,13 @@ from slosh_camera.images.repeats import RepeatedFrames
 from slosh_camera.images.still_edges import StillEdges
 from slosh_camera.measurement import Flag, Measurement, PeakSide
 from slosh_camera.optics.calibration import Calibration
-from slosh_camera.settings import DetectionSettings, Liquid
+from slosh_camera.settings import DetectionSettings
 
 Image = NDArray[np.uint8]
 FloatArray = NDArray[np.float64]
 Single = NDArray[np.float32]
 BoolArray = NDArray[np.bool_]
 
-# Parts of the way from the still level to the lowest row between which there is mostly liquid:
-# below the deepest trough, or higher up, where a transparent liquid does not show the floor.
-_BODIES = (0.5, 1.0), (0.1, 0.5)
-# Deviation from the liquid's most frequent level up to which samples may belong to it.
-_LEVEL_REACH = 0.25
-# Deviation from the liquid's level, as a part of the contrast, from which on a sample is rather
-# something else; and the same in standard deviations of the noise from sample to sample, and in
-# median deviations within the liquid.
-_TOLERANCE = 0.08
-_TOLERANCE_NOISE = 4.0
-_TOLERANCE_SPREAD = 4.0
-# Width of an edge where there is none to measure it [rows].
-_SHARP = 2.0
-# Grey level from which on a background is white: whatever is as bright cannot be told from it.
-_WHITE = 250.0
 # Standard deviation of the first mode, as a part of the radius.
 _FIRST = 0.5
 _LEAST_POINTS = 10
@@ -131,9 +114,8 @@ class FreeSurfaceDetector:
         self._still_edges = StillEdges(outer_edges(self._view), self._view.camera.size)
         self._usual_turn = 0.0
         self._tangents = calibration.view.tangent_azimuths()
-        self._all_bodies = self._bodies = tuple(self._rows(body) for body in _BODIES)
-        top = int(np.min(self._wall.first_row))
-        self._above = (top + self._grid.still_row) // 2
+        self._front = FrontLineFinder(self._grid, self._wall, self._settings)
+        self._bodies = self._front.bodies
         self._zero = np.zeros(SHAPES)
         prior = Prior(self._zero, first=_FIRST * calibration.view.cup.radius)
         self._know(prior, self._compared(prior))
@@ -174,7 +156,8 @@ class FreeSurfaceDetector:
                 "degrees against the calibration, calibrate the camera anew"
             )
         seen = (
-            (self._front_line(unrolled, body, self._unknown), body) for body in self._all_bodies
+            (self._front.find(unrolled, body, self._unknown, self._surface), body)
+            for body in self._front.bodies
         )
         pictures = [(*found, body) for found, body in seen if found is not None]
         still = find_still_surface(self._chooser, pictures, self._at_rest)
@@ -242,10 +225,13 @@ class FreeSurfaceDetector:
         unrolled = self._unrolled(image)
         if self._edges.turned(image, self._usual_turn) or self._still_edges.missing(image):
             return Sighting(flags=Flag.NOT_FOUND)
-        lines = (self._front_line(unrolled, body, self._stationary) for body in self._bodies)
+        lines = (
+            self._front.find(unrolled, body, self._stationary, self._surface)
+            for body in self._bodies
+        )
         seen = tuple(found for found in lines if found is not None)
         if not seen:
-            return Sighting(flags=self._light(unrolled))
+            return Sighting(flags=self._front.why_none(unrolled))
         return self._comparison.sighting(seen)
 
     def follow(self, stamp_ns: int, sighting: Sighting) -> Measurement:
@@ -275,7 +261,7 @@ class FreeSurfaceDetector:
 
     def _is_clear(self, image: Image, body: slice) -> bool:
         """Whether the liquid looks like what is beside the container."""
-        tone = find_tone(self._unrolled(image), self._grid.inside, body, self._above)
+        tone = self._front.tone(self._unrolled(image), body)
         return tone is not None and looks_like_surroundings(image, self._grid.pixels[body], tone)
 
     def _know(self, prior: Prior, comparison: SurfaceComparison) -> None:
@@ -312,12 +298,6 @@ class FreeSurfaceDetector:
             found = replace(found, fit=fit)
         return found, found.fit.fade
 
-    def _rows(self, parts: tuple[float, float]) -> slice:
-        """Rows of a part of the way from the still level to the lowest row."""
-        below = self._grid.shape[0] - self._grid.still_row
-        top, bottom = (self._grid.still_row + int(part * below) for part in parts)
-        return slice(top, bottom)
-
     def _found(self, choice: Choice) -> _Found:
         """The chosen surface with its flags; NOT_FOUND where the picture shows another one."""
         view, fit = choice.candidate.view, choice.candidate.fit
@@ -332,51 +312,6 @@ class FreeSurfaceDetector:
     def _unrolled(self, image: Image) -> Image:
         self._view.camera.check(image)
         return self._grid.unroll(image)
-
-    def _light(self, unrolled: Image) -> Flag:
-        """Why no liquid can be told from background: too little or too much light, or neither."""
-        seen = unrolled[::4, ::4][self._grid.inside[::4, ::4]].reshape(-1, 1)
-        dark, bright = percentile(seen, 2.0)[0], percentile(seen, 98.0)[0]
-        if bright < self._settings.max_dark:
-            return Flag.TOO_DARK | Flag.NOT_FOUND
-        if dark > self._settings.min_bright:
-            return Flag.TOO_BRIGHT | Flag.NOT_FOUND
-        return Flag.NOT_FOUND
-
-    def _front_line(
-        self, unrolled: Image, body: slice, stationary: Single
-    ) -> tuple[Unrolled, WallPoints] | None:
-        """The wall on the axis from liquid to background, and where the liquid ends on it."""
-        tone = find_tone(unrolled, self._grid.inside, body, self._above)
-        if tone is None or not self._believable(tone):
-            return None
-        picture = tone.reduce(unrolled)
-        first, last = self._wall.first_row, self._wall.last_row
-        level = edge_search.liquid_levels(picture, body.start, body.stop, _LEVEL_REACH)
-        unknown = np.isnan(level)
-        if unknown.all():
-            return None
-        if unknown.any():
-            level = np.where(unknown, np.nanmedian(level), level)
-        spread = edge_search.usual_deviation(picture, level, body.start, body.stop)
-        tolerance = max(_TOLERANCE, _TOLERANCE_NOISE * tone.noise, _TOLERANCE_SPREAD * spread)
-        row = edge_search.liquid_tops(picture, self._wall.inside, level, tolerance)
-        place, width = edge_search.refine_edges(picture, row, first, last)
-        known = width[np.isfinite(width)]
-        softness = float(np.median(known)) if known.size else _SHARP
-        clipped = bool(np.all(tone.background >= _WHITE))
-        view = Unrolled(picture, stationary, self._surface, tone.noise, softness, clipped)
-        place = moved_edges(picture, stationary, place)
-        return view, self._wall.wall_points(place, width, row <= first)
-
-    def _believable(self, tone: Tone) -> bool:
-        """Whether liquid and background differ enough, and in the way that the settings tell."""
-        bright = max(float(np.max(tone.liquid)), float(np.max(tone.background)))
-        if tone.contrast < self._settings.min_contrast or bright < self._settings.max_dark:
-            return False
-        lighter = float(np.mean(tone.liquid)) > float(np.mean(tone.background))
-        expected = self._settings.liquid
-        return expected is Liquid.ANY or (expected is Liquid.LIGHTER) == lighter
 
     def _flags(self, fit: SurfaceFit, view: Unrolled) -> Flag:
         flags = Flag.TOO_BRIGHT if view.clipped else Flag.NONE

@@ -1,0 +1,124 @@
+"""The front line in one image: where, on each scan line, the liquid behind the front wall ends.
+
+Colours become one axis from liquid to background; what is low on the wall is taken for liquid, and
+the end of what looks like it is found on every line, then to a fraction of a row.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_camera.cylinder import edge_search
+from slosh_camera.cylinder.appearance import Tone, find_tone, percentile
+from slosh_camera.cylinder.scan_grid import ScanGrid
+from slosh_camera.cylinder.stationary_edges import moved_edges
+from slosh_camera.cylinder.surface_evidence import Unrolled, WallPoints
+from slosh_camera.cylinder.wall_geometry import WallGeometry
+from slosh_camera.measurement import Flag
+from slosh_camera.settings import DetectionSettings, Liquid
+
+Image = NDArray[np.uint8]
+Single = NDArray[np.float32]
+
+# Parts of the way from the still level to the lowest row between which there is mostly liquid:
+# below the deepest trough, or higher up, where a transparent liquid does not show the floor.
+_BODIES = (0.5, 1.0), (0.1, 0.5)
+# Deviation from the liquid's most frequent level up to which samples may belong to it.
+_LEVEL_REACH = 0.25
+# Deviation from the liquid's level, as a part of the contrast, from which on a sample is rather
+# something else; and the same in standard deviations of the noise from sample to sample, and in
+# median deviations within the liquid.
+_TOLERANCE = 0.08
+_TOLERANCE_NOISE = 4.0
+_TOLERANCE_SPREAD = 4.0
+# Width of an edge where there is none to measure it [rows].
+_SHARP = 2.0
+# Grey level from which on a background is white: whatever is as bright cannot be told from it.
+_WHITE = 250.0
+# Every so many rows and lines suffice to tell how light an image is.
+_SPARSE = 4
+
+
+class FrontLineFinder:
+    """Finds the front line in unrolled images of one wall.
+
+    Attributes:
+        bodies: the rows, below the deepest trough or higher up, that are mostly liquid.
+    """
+
+    def __init__(self, grid: ScanGrid, wall: WallGeometry, settings: DetectionSettings) -> None:
+        self._grid, self._wall, self._settings = grid, wall, settings
+        self._above = (int(np.min(wall.first_row)) + grid.still_row) // 2
+        self.bodies = tuple(self._rows(body) for body in _BODIES)
+
+    def tone(self, unrolled: Image, body: slice) -> Tone | None:
+        """The axis from liquid to background, by rows that are mostly liquid; None: there is none.
+
+        Args:
+            unrolled: (rows, lines, channels) the wall.
+            body: rows of the liquid.
+        """
+        return find_tone(unrolled, self._grid.inside, body, self._above)
+
+    def find(
+        self, unrolled: Image, body: slice, stationary: Single, surface: float
+    ) -> tuple[Unrolled, WallPoints] | None:
+        """The wall on the axis from liquid to background, and where the liquid ends on it.
+
+        Args:
+            unrolled: (rows, lines, channels) the wall.
+            body: rows of the liquid.
+            stationary: edges that stand still, as `stationary_edges` gives them.
+            surface: how the free surface looks on the axis; NaN: not known.
+
+        Returns:
+            None where liquid and background do not differ as the settings ask for.
+        """
+        tone = self.tone(unrolled, body)
+        if tone is None or not self._believable(tone):
+            return None
+        picture = tone.reduce(unrolled)
+        first, last = self._wall.first_row, self._wall.last_row
+        level = edge_search.liquid_levels(picture, body.start, body.stop, _LEVEL_REACH)
+        unknown = np.isnan(level)
+        if unknown.all():
+            return None
+        if unknown.any():
+            level = np.where(unknown, np.nanmedian(level), level)
+        spread = edge_search.usual_deviation(picture, level, body.start, body.stop)
+        tolerance = max(_TOLERANCE, _TOLERANCE_NOISE * tone.noise, _TOLERANCE_SPREAD * spread)
+        row = edge_search.liquid_tops(picture, self._wall.inside, level, tolerance)
+        place, width = edge_search.refine_edges(picture, row, first, last)
+        known = width[np.isfinite(width)]
+        softness = float(np.median(known)) if known.size else _SHARP
+        clipped = bool(np.all(tone.background >= _WHITE))
+        view = Unrolled(picture, stationary, surface, tone.noise, softness, clipped)
+        place = moved_edges(picture, stationary, place)
+        return view, self._wall.wall_points(place, width, row <= first)
+
+    def why_none(self, unrolled: Image) -> Flag:
+        """Why no liquid can be told from background: too little or too much light, or neither."""
+        sparse = unrolled[::_SPARSE, ::_SPARSE]
+        seen = sparse[self._grid.inside[::_SPARSE, ::_SPARSE]].reshape(-1, 1)
+        dark, bright = percentile(seen, 2.0)[0], percentile(seen, 98.0)[0]
+        if bright < self._settings.max_dark:
+            return Flag.TOO_DARK | Flag.NOT_FOUND
+        if dark > self._settings.min_bright:
+            return Flag.TOO_BRIGHT | Flag.NOT_FOUND
+        return Flag.NOT_FOUND
+
+    def _rows(self, parts: tuple[float, float]) -> slice:
+        """Rows of a part of the way from the still level to the lowest row."""
+        below = self._grid.shape[0] - self._grid.still_row
+        top, bottom = (self._grid.still_row + int(part * below) for part in parts)
+        return slice(top, bottom)
+
+    def _believable(self, tone: Tone) -> bool:
+        """Whether liquid and background differ enough, and in the way that the settings tell."""
+        bright = max(float(np.max(tone.liquid)), float(np.max(tone.background)))
+        if tone.contrast < self._settings.min_contrast or bright < self._settings.max_dark:
+            return False
+        lighter = float(np.mean(tone.liquid)) > float(np.mean(tone.background))
+        expected = self._settings.liquid
+        return expected is Liquid.ANY or (expected is Liquid.LIGHTER) == lighter
