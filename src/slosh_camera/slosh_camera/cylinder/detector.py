@@ -53,7 +53,6 @@ from slosh_camera.settings import DetectionSettings
 Image = NDArray[np.uint8]
 FloatArray = NDArray[np.float64]
 Single = NDArray[np.float32]
-BoolArray = NDArray[np.bool_]
 
 # Standard deviation of the first mode, as a part of the radius.
 _FIRST = 0.5
