@@ -17,7 +17,8 @@ import numpy as np
 from camera_sequences import RenderedSequence, read_sequence, sequences_in, shared_sequences
 from camera_tables import replace_table
 
-from slosh_camera.calibrate.still import HEIGHTS, calibrate_by_edges
+from slosh_camera.calibrate.still import calibrate_by_edges
+from slosh_camera.calibrate.still_fit import HEIGHTS
 from slosh_camera.calibrate.warning_words import warnings_of
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.optics.cup import CupView, Wall

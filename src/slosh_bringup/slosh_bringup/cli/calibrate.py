@@ -29,7 +29,8 @@ from slosh_camera.calibrate.doubt import Doubt
 from slosh_camera.calibrate.intrinsics import KnownCamera, camera_of_view, read_known_camera
 from slosh_camera.calibrate.picture import draw_calibration
 from slosh_camera.calibrate.pose import CameraPlace
-from slosh_camera.calibrate.still import StillFit, calibrate_by_edges, check_pose, check_size
+from slosh_camera.calibrate.still import calibrate_by_edges, check_pose, check_size
+from slosh_camera.calibrate.still_fit import StillFit
 from slosh_camera.calibrate.warning_words import warnings_of
 from slosh_camera.detection.learnt import still_doubt
 from slosh_camera.errors import SloshCameraError

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from slosh_camera.calibrate.board import BoardFit
 from slosh_camera.calibrate.curves import SIDES, Curve, curve_points
-from slosh_camera.calibrate.still import StillFit
+from slosh_camera.calibrate.still_fit import StillFit
 from slosh_camera.images.colour import to_colour
 from slosh_camera.images.lettering import letter_size, put_text
 from slosh_camera.optics.cup import CupView, Wall

@@ -5,8 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from slosh_camera.calibrate.curves import Curve
-from slosh_camera.calibrate.still import CLEAR_SHARE, MAX_HEIGHT_ERROR, MAX_RESIDUAL, StillFit
+from slosh_camera.calibrate.refusals import CLEAR_SHARE
+from slosh_camera.calibrate.still_fit import StillFit
 
+# Residual up to which a fit is believed without a warning [px], and standard error of a height up
+# to which it is [m].
+_MAX_RESIDUAL = 0.6
+_MAX_HEIGHT_ERROR = 1e-3
 # Edges that lie farther than this from a pose are worth a word [px].
 _DOUBTFUL_OFFSET = 1.0
 _LEAST_FLOOR = 0.5
@@ -31,13 +36,13 @@ def warnings_of(fit: StillFit) -> list[str]:
             )
         if check is not None and abs(check.offset) > _DOUBTFUL_OFFSET:
             warnings.append(f"the {name} lies {check.offset:+.1f} px from where the pose puts it")
-    if fit.residual > MAX_RESIDUAL:
+    if fit.residual > _MAX_RESIDUAL:
         warnings.append(
-            f"the edges lie {fit.residual:.2f} px from the pose, more than {MAX_RESIDUAL:g}: "
+            f"the edges lie {fit.residual:.2f} px from the pose, more than {_MAX_RESIDUAL:g}: "
             "check the intrinsic parameters and the dimensions; standard errors are as much larger"
         )
     worst = max(fit.height_stddev.values())
-    if worst > MAX_HEIGHT_ERROR:
+    if worst > _MAX_HEIGHT_ERROR:
         warnings.append(
             f"heights are known to {1e3 * worst:.1f} mm only; a container that fills more of the "
             "image, or a level whose front and rear line can both be seen, tells more"
