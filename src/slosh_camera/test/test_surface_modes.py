@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.special import jv
 
-from slosh_camera.cylinder import surface_solver
+from slosh_camera.cylinder import silhouette
 from slosh_camera.cylinder.surface_modes import (
     RADIAL_STEPS,
     RADIAL_TABLE,
@@ -116,7 +116,7 @@ def test_the_table_is_as_exact_as_it_says():
 @given(st.floats(0.0, 1.0), st.floats(-np.pi, np.pi))
 def test_compiled_shapes_are_the_same_over_the_disc(rho, angle):
     x, y = rho * np.cos(angle), rho * np.sin(angle)
-    compiled = surface_solver.shapes_of(np.array([[x, y, 0.123]]))
+    compiled = silhouette.shapes_of(np.array([[x, y, 0.123]]))
     assert compiled.shape == (1, SHAPES)
     np.testing.assert_allclose(compiled, shapes_at(x, y), atol=2e-5)
 
@@ -124,7 +124,7 @@ def test_compiled_shapes_are_the_same_over_the_disc(rho, angle):
 @settings(deadline=None, derandomize=True)
 @given(st.floats(-10.0, 10.0))
 def test_compiled_shapes_are_the_same_on_the_wall(angle):
-    compiled = surface_solver.wall_shapes_of(np.array([angle]))
+    compiled = silhouette.wall_shapes_of(np.array([angle]))
     np.testing.assert_allclose(compiled, wall_shapes(angle), atol=1e-9)
 
 
@@ -132,5 +132,5 @@ def test_compiled_shapes_are_the_same_on_the_wall(angle):
 @given(st.floats(1.0, 1.001))
 def test_points_just_outside_the_wall_are_continued(rho):
     # Rays meet the wall with rounding; a place a hair outside must not jump.
-    compiled = surface_solver.shapes_of(np.array([[rho, 0.0, 0.0]]))
+    compiled = silhouette.shapes_of(np.array([[rho, 0.0, 0.0]]))
     np.testing.assert_allclose(compiled, shapes_at(rho, 0.0), atol=5e-5)

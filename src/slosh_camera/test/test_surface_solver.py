@@ -1,14 +1,14 @@
 import numpy as np
 import pytest
 
-from slosh_camera.cylinder import surface_solver
+from slosh_camera.cylinder import silhouette, surface_solver
 from slosh_camera.cylinder.first_modes import first_mode_candidates
 from slosh_camera.cylinder.scan_grid import build_scan_grid
 from slosh_camera.cylinder.surface_modes import SHAPES, Shape, shapes_at, wall_shapes
 from slosh_camera.cylinder.wall_geometry import WallGeometry
 from slosh_model.compilation import uncompiled
 
-touch = uncompiled(surface_solver.touch)
+touch = uncompiled(silhouette.touch)
 
 RADIUS = 0.05
 MM = 1e-3
@@ -158,9 +158,9 @@ def test_a_surface_is_above_the_rays_that_meet_it():
     near, far = touching_rays(heights, 20, rng)
     up = np.array([0.0, 0.0, 0.5 * MM])
     none = np.full((20, 3), np.nan)
-    assert np.all(surface_solver.above_ray(near - up, far - up, RADIUS, NO_FADE, heights))
-    assert not np.any(surface_solver.above_ray(near + up, far + up, RADIUS, NO_FADE, heights))
-    assert not np.any(surface_solver.above_ray(near - up, none, RADIUS, NO_FADE, heights))
+    assert np.all(silhouette.above_ray(near - up, far - up, RADIUS, NO_FADE, heights))
+    assert not np.any(silhouette.above_ray(near + up, far + up, RADIUS, NO_FADE, heights))
+    assert not np.any(silhouette.above_ray(near - up, none, RADIUS, NO_FADE, heights))
 
 
 # The silhouette.
@@ -176,7 +176,7 @@ def test_silhouette_against_looking_everywhere(make_scene, camera):
     errors = []
     for _ in range(5):
         heights = random_surface(rng, 0.3)
-        rows = surface_solver.silhouette_rows(near, far, last, RADIUS, NO_FADE, heights)
+        rows = silhouette.silhouette_rows(near, far, last, RADIUS, NO_FADE, heights)
         for i in np.flatnonzero((rows > 2.0) & (rows < wall.rows - 5)):
             # The surface is above the ray of the row below the silhouette, not of that above.
             around = range(int(rows[i]) - 2, int(rows[i]) + 4)
@@ -195,7 +195,7 @@ def test_silhouette_of_a_level_surface_is_the_rear_line(make_scene):
     scene = make_scene(**PITCHED)
     wall = WallGeometry(build_scan_grid(scene.calibration().view, None), RADIUS)
     heights = np.eye(SHAPES)[Shape.LEVEL] * 3.0 * MM
-    rows = surface_solver.silhouette_rows(
+    rows = silhouette.silhouette_rows(
         wall.near, wall.far, wall.last_row, RADIUS, wall.fade(2.0), heights
     )
     middle = wall.lines // 2
@@ -211,7 +211,7 @@ def test_the_edge_of_a_crest_is_seen_lower_in_a_soft_picture(make_scene):
     heights[Shape.MEAN] = -4.0 * MM
 
     def middle(softness):
-        rows = surface_solver.silhouette_rows(
+        rows = silhouette.silhouette_rows(
             wall.near, wall.far, wall.last_row, RADIUS, softness * wall.footprint, heights
         )
         return rows[wall.lines // 2]
@@ -229,9 +229,7 @@ def test_silhouette_rows_that_cannot_be_seen(make_scene):
 
     def rows(level):
         heights = np.eye(SHAPES)[Shape.LEVEL] * level
-        return surface_solver.silhouette_rows(
-            wall.near, far, wall.last_row, RADIUS, NO_FADE, heights
-        )
+        return silhouette.silhouette_rows(wall.near, far, wall.last_row, RADIUS, NO_FADE, heights)
 
     too_high, too_low = rows(0.2), rows(-0.2)
     assert np.isnan(too_high[3])

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from slosh_camera.cylinder import edge_search, surface_solver
+from slosh_camera.cylinder import edge_search, silhouette
 from slosh_camera.cylinder.first_modes import first_mode_candidates
 from slosh_camera.cylinder.surface_evidence import INLIER, SurfaceFit, Unrolled, WallPoints
 from slosh_camera.cylinder.surface_fit import SurfaceFitter
@@ -219,7 +219,7 @@ class SurfaceChooser:
         self, azimuth: FloatArray, height: FloatArray, bound: BoolArray, prior: Prior
     ) -> tuple[FloatArray, FloatArray]:
         """First guesses (N, SHAPES) through points of the wall, and the shares that agree."""
-        offset = surface_solver.wall_shapes_of(azimuth) @ prior.centre
+        offset = silhouette.wall_shapes_of(azimuth) @ prior.centre
         known = np.where(bound | np.isnan(azimuth), np.nan, height - offset)
         agree, highest = _AGREE * self._wall.footprint, HIGHEST * self._wall.radius
         first, shares = first_mode_candidates(

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from slosh_camera.cylinder import surface_solver
+from slosh_camera.cylinder import silhouette, surface_solver
 from slosh_camera.cylinder.surface_evidence import INLIER, SurfaceFit
 from slosh_camera.cylinder.surface_modes import wall_shapes
 
@@ -93,7 +93,7 @@ class SurfaceReading:
     @property
     def height(self) -> FloatArray:
         """Heights of the points of the line above the still level (N,) [m]."""
-        at_points = surface_solver.wall_shapes_of(self.azimuth)
+        at_points = silhouette.wall_shapes_of(self.azimuth)
         return np.asarray(at_points @ self._heights + self._residual)
 
     def fitted(self) -> HighestPoint:

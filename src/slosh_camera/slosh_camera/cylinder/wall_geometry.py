@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from slosh_camera.cylinder import edge_search, surface_solver
+from slosh_camera.cylinder import edge_search, silhouette
 from slosh_camera.cylinder.scan_grid import ScanGrid
 from slosh_camera.cylinder.surface_evidence import WallPoints
 
@@ -69,7 +69,7 @@ class WallGeometry:
         )
         self._some_last = self.last_row[::SKIP].copy()
         self._front_height = np.ascontiguousarray(grid.front[..., 2])
-        self._shapes = surface_solver.shapes_of(self.near[grid.still_row])
+        self._shapes = silhouette.shapes_of(self.near[grid.still_row])
 
     def wall_points(
         self, place: FloatArray, width: FloatArray, at_border: BoolArray
@@ -84,7 +84,7 @@ class WallGeometry:
         rows = np.where(at_border, self.first_row, place)
         points = edge_search.table_at(self.near, rows)
         azimuth = np.arctan2(points[:, 1], points[:, 0])
-        shapes = surface_solver.shapes_of(points)
+        shapes = silhouette.shapes_of(points)
         scale = np.full(rows.size, np.hypot(SYSTEMATIC, _FRONT_ROWS * self.footprint))
         height = points[:, 2].copy()
         return WallPoints(rows, azimuth, height, shapes, at_border, width, scale)
@@ -106,7 +106,7 @@ class WallGeometry:
         Returns:
             (M,), between those of every `SKIP`th line.
         """
-        rows = surface_solver.silhouette_rows(
+        rows = silhouette.silhouette_rows(
             *self._some, self._some_last, self.radius, self.fade(softness), heights
         )
         return rows if coarse else np.asarray(edge_search.between_lines(rows, SKIP, self.lines))
@@ -128,8 +128,8 @@ class WallGeometry:
         near = edge_search.table_at(self._some[0], rows)
         far = edge_search.table_at(self._some[1], rows)
         far[self.stretched[::SKIP]] = np.nan
-        above = surface_solver.above_ray(near, far, self.radius, self.footprint, heights)
-        front = surface_solver.shapes_of(near) @ heights > near[:, 2]
+        above = silhouette.above_ray(near, far, self.radius, self.footprint, heights)
+        front = silhouette.shapes_of(near) @ heights > near[:, 2]
         return np.asarray((above | front) & (self.first_row[::SKIP] > 0))
 
 
