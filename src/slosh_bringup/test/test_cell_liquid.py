@@ -1,5 +1,7 @@
 """The simulated cell's motion tables, sensors and truth liquid."""
 
+import tracemalloc
+
 import numpy as np
 import pytest
 from scipy.integrate import cumulative_trapezoid
@@ -101,6 +103,20 @@ def test_the_truth_is_interpolated_between_its_samples():
     assert truth.at(0.5) == (0.0, 0.0)
     between = truth.at(0.5 * (motion.t[middle] + motion.t[middle + 1]))
     assert between[0] == pytest.approx(truth.sh_x[middle : middle + 2].mean())
+    assert truth.at(-1.0) == (truth.sh_x[0], truth.sh_y[0])
+    assert truth.at(motion.duration + 1.0) == (truth.sh_x[-1], truth.sh_y[-1])
+
+
+def test_a_moment_of_the_truth_costs_no_more_in_a_long_motion():
+    """It once copied all of it for each image: of half an hour 25 images a second were drawn."""
+    truth = integrate_truth(TRUTH, make_motion("l").repeated(20))
+    tracemalloc.start()
+    try:
+        truth.at(0.7 * truth.t[-1])
+        _, most = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert most < 0.01 * truth.sh_x.nbytes
 
 
 def test_the_truths_surface_stays_level_in_a_tilted_container():

@@ -31,7 +31,14 @@ class TruthLiquid:
 
     def at(self, t: float) -> tuple[float, float]:
         """Wall height at +x and +y at a moment, interpolated [m]."""
-        return float(np.interp(t, self.t, self.sh_x)), float(np.interp(t, self.t, self.sh_y))
+        # Of two rows alone: for each moment np.interp would copy the whole of a long motion.
+        start = max(min(int(np.searchsorted(self.t, t)), len(self.t) - 1) - 1, 0)
+        rows = slice(start, start + 2)
+        here = self.t[rows]
+        return (
+            float(np.interp(t, here, self.sh_x[rows])),
+            float(np.interp(t, here, self.sh_y[rows])),
+        )
 
 
 def integrate_truth(model: Model, motion: Motion) -> TruthLiquid:
