@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from enum import IntEnum
 from typing import NamedTuple
 
 from slosh_estimator.rotation import Vector
-
-NAN = float("nan")
 
 
 class Condition(IntEnum):
@@ -47,7 +46,7 @@ class MeasuredPoint(NamedTuple):
 
     stamp_ns: int
     msh: float
-    stddev: float = NAN
+    stddev: float = math.nan
     flags: int = 0
 
 

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.limits import Hysteresis
-
-NAN = float("nan")
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,9 +27,9 @@ class MonitorSettings:
         SloshEstimatorError: a value does not fit.
     """
 
-    measured_limit: float = NAN
-    estimated_limit: float = NAN
-    disagreement_limit: float = NAN
+    measured_limit: float = math.nan
+    estimated_limit: float = math.nan
+    disagreement_limit: float = math.nan
     warn_share: float = 0.8
     hysteresis: Hysteresis = field(default_factory=Hysteresis)
     timeout: float = 0.3

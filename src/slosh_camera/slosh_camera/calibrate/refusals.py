@@ -6,7 +6,7 @@ import numpy as np
 
 from slosh_camera.calibrate.curves import EMPTY, WETTED, Curve, sides_of, view_at, width_of
 from slosh_camera.calibrate.fit import Fit
-from slosh_camera.calibrate.still_fit import ARC, HEIGHTS, StillFit, heights_seen
+from slosh_camera.calibrate.still_fit import StillFit, height_shift
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.optics.cup import CupView, Wall
 
@@ -25,7 +25,7 @@ _RIVAL, _RIVAL_RESIDUAL = 0.93, 1.5
 # stuck to it, though it scores higher: unless the wide one scores less than this part.
 _WIDER, _ENCLOSING = 1.25, 0.6
 # What shows of the empty glass, or else of the floor, where the container is what it seems.
-_LEAST_GLASS, _LEAST_FLOOR = 0.35, 0.5
+_LEAST_GLASS, LEAST_FLOOR = 0.35, 0.5
 
 
 def find_fault(fit: Fit, answer: StillFit, sure: bool) -> str:
@@ -90,7 +90,7 @@ def is_corroborated(fit: Fit) -> bool:
     known = [share for share in glass if np.isfinite(share)]
     if not known and not np.isfinite(floor):
         return True
-    return max(known, default=0.0) >= _LEAST_GLASS or floor >= _LEAST_FLOOR
+    return max(known, default=0.0) >= _LEAST_GLASS or floor >= LEAST_FLOOR
 
 
 def check_rival(view: CupView, best: Fit, rival: Fit) -> None:
@@ -105,7 +105,7 @@ def check_rival(view: CupView, best: Fit, rival: Fit) -> None:
         other = view_at(rival.camera, rival.cup, rival.place)
     except SloshCameraError:
         return
-    shift = heights_seen(other, view, Wall.FRONT) - np.repeat(HEIGHTS, ARC.size)
+    shift = height_shift(other, view, Wall.FRONT)
     # A ray that misses the other container's wall gives no number.
     if not np.max(np.abs(shift)) <= _SAME:
         poses = " or ".join(

@@ -18,10 +18,10 @@ FloatArray = NDArray[np.float64]
 
 HEIGHTS = (-0.02, 0.0, 0.02)
 """Heights at which the error of a measured height is stated [m]."""
-ARC = np.deg2rad(np.linspace(-60.0, 60.0, 13))
-"""The part of either wall at which it is stated [rad], 0 towards or away from the camera."""
 # Residual of a fit whose standard errors are what they seem [px]; they grow with a larger one.
 _USUAL_RESIDUAL = 0.4
+# The part of either wall at which it is stated [rad], 0 towards or away from the camera.
+_ARC = np.deg2rad(np.linspace(-60.0, 60.0, 13))
 # Step of a derivative.
 _STEP = 1e-6
 
@@ -98,6 +98,14 @@ def still_fit(fit: Fit, camera: PinholeCamera, azimuth: float) -> StillFit:
     )
 
 
+def height_shift(view: CupView, truth: CupView, wall: Wall) -> FloatArray:
+    """How much higher a view reads points of the wall, at HEIGHTS, that another one sees [m].
+
+    NaN where a ray misses the view's wall.
+    """
+    return _heights(view, truth, wall) - np.repeat(HEIGHTS, _ARC.size)
+
+
 def _checked(curve: Curve, samples: int, residual: FloatArray) -> CurveCheck:
     near = residual[np.abs(residual) < INLIER]
     rms = float(np.sqrt(np.mean(near**2))) if near.size else float("nan")
@@ -108,12 +116,12 @@ def _checked(curve: Curve, samples: int, residual: FloatArray) -> CurveCheck:
 def _height_stddev(view: CupView, fit: Fit, wall: Wall) -> float:
     """Largest standard error of a height, by the covariance of all that was fitted [m]."""
     told = Told(fit.camera, fit.cup)
-    here = heights_seen(view, view, wall)
+    here = _heights(view, view, wall)
     columns = []
     for step in _STEP * np.eye(len(fit.covariance)):
         place = CameraPlace(*(fit.place.numbers + step[:-QUANTITIES]))
         other = view_at(*told.off_by(step[-QUANTITIES:]), place)
-        columns.append((heights_seen(other, view, wall) - here) / _STEP)
+        columns.append((_heights(other, view, wall) - here) / _STEP)
     slope = np.column_stack(columns)
     variance = np.einsum("ni,ij,nj->n", slope, fit.covariance, slope)
     known = variance[np.isfinite(variance)]
@@ -125,8 +133,8 @@ def _doubtful(fit: Fit) -> float:
     return float(np.nanmax([fit.tension, fit.rms / _USUAL_RESIDUAL, 1.0]))
 
 
-def heights_seen(view: CupView, truth: CupView, wall: Wall) -> FloatArray:
+def _heights(view: CupView, truth: CupView, wall: Wall) -> FloatArray:
     """Heights that a view reads where another one sees points of the wall [m]."""
-    arc = AZIMUTH + (ARC if wall is Wall.FRONT else np.pi - ARC)
+    arc = AZIMUTH + (_ARC if wall is Wall.FRONT else np.pi - _ARC)
     azimuth, height = np.tile(arc, len(HEIGHTS)), np.repeat(HEIGHTS, arc.size)
     return view.on_wall(truth.project_wall(azimuth, height, wall), wall)[1]

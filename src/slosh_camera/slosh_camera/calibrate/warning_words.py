@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from slosh_camera.calibrate.curves import Curve
-from slosh_camera.calibrate.refusals import CLEAR_SHARE
+from slosh_camera.calibrate.refusals import CLEAR_SHARE, LEAST_FLOOR
 from slosh_camera.calibrate.still_fit import StillFit
 
 # Residual up to which a fit is believed without a warning [px], and standard error of a height up
@@ -14,7 +14,6 @@ _MAX_RESIDUAL = 0.6
 _MAX_HEIGHT_ERROR = 1e-3
 # Edges that lie farther than this from a pose are worth a word [px].
 _DOUBTFUL_OFFSET = 1.0
-_LEAST_FLOOR = 0.5
 
 
 def warnings_of(fit: StillFit) -> list[str]:
@@ -22,7 +21,7 @@ def warnings_of(fit: StillFit) -> list[str]:
     checks = {check.name: check for check in fit.curves}
     warnings = []
     floor = checks.get(Curve.BASE.value)
-    if floor is not None and floor.share < _LEAST_FLOOR:
+    if floor is not None and floor.share < LEAST_FLOOR:
         warnings.append(
             "the floor's edge is not where the dimensions put it; if it can be seen, check "
             "radius, fill height, wall thickness and the focal length, which the rest cannot tell"
