@@ -103,7 +103,8 @@ def height_shift(view: CupView, truth: CupView, wall: Wall) -> FloatArray:
 
     NaN where a ray misses the view's wall.
     """
-    return _heights(view, truth, wall) - np.repeat(HEIGHTS, _ARC.size)
+    shift: FloatArray = _heights(view, truth, wall) - np.repeat(HEIGHTS, _ARC.size)
+    return shift
 
 
 def _checked(curve: Curve, samples: int, residual: FloatArray) -> CurveCheck:
