@@ -90,6 +90,7 @@ SCENES = {
     "quasi_static_modes": Scene({"kappa": 1.0}),
     "robot_dynamics": Scene({"frequency": 25.0, "damping_ratio": 0.5}),
     "second_mode": Scene({"damping_ratio": 0.01}),
+    "sensor_lag": Scene({"time": 0.03}),
     "sensor_tilt": Scene({"e_x": 0.03, "e_y": -0.05}),
     "static_tilt": Scene({"roll": 0.03, "pitch": -0.02}),
     "surface_nonlinearity": Scene(base="3D-L"),

@@ -37,6 +37,7 @@ STRENGTHS: dict[str, dict[str, float]] = {
     "swirl_stiffening": {"gamma": 2.0},
     "amplitude_stiffening": {"kappa": 2.0},
     "bound_modes": {"kappa": 1.2, "damping_ratio": 0.05},
+    "sensor_lag": {"time": 0.02},
     "sensor_tilt": {"e_x": 0.03, "e_y": -0.02},
     "draining_film": {"speed": 0.02},
 }

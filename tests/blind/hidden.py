@@ -126,15 +126,15 @@ LISTED: Mapping[str, Hidden] = {
     ),
     "crest_asymmetry": Hidden(uniform(kappa=(0.1, 0.8))),
     "draining_film": Hidden(logarithmic(speed=(0.02, 0.25))),
+    "sensor_lag": Hidden(uniform(time=(0.008, 0.06)), own_clock=True),
 }
-"""The design's list, with a physically sensible range of every parameter."""
+"""Listed effects, with a physically sensible range of every parameter."""
 
 OUTSIDE: Mapping[str, Hidden] = {
     "damping_drift": Hidden(uniform(start=(1.6, 3.0), time=(50.0, 200.0))),
     "cubic_spring": Hidden(_cubic),
     "coriolis": Hidden(either_side(0.0, 0.2, 3.0, "rate")),
     "amplitude_damping": Hidden(logarithmic(gamma=(5.0, 60.0))),
-    "sensor_lag": Hidden(uniform(time=(0.008, 0.06)), own_clock=True),
     "accel_compression": Hidden(uniform(gamma=(0.003, 0.0065))),
 }
 """What no listed effect is."""
@@ -144,8 +144,6 @@ NEAREST: Mapping[str, frozenset[str]] = {
     "cubic_spring": frozenset({"surface_nonlinearity", "anisotropic_stiffness"}),
     "coriolis": frozenset({"yaw_coupling", "anisotropic_stiffness"}),
     "amplitude_damping": frozenset({"quadratic_damping", "damping_mismatch"}),
-    # A lag of what drives a linear liquid and one of what is read of it are the same filter.
-    "sensor_lag": frozenset({"time_offset", "draining_film", "height_scale", "robot_dynamics"}),
     "accel_compression": frozenset({"accel_gain", "height_scale", "surface_nonlinearity"}),
 }
 """The listed effects that are physically nearest."""

@@ -23,7 +23,8 @@ def measure(
     """(M, 1) MSH or (M, K) wall heights as measured, without noise.
 
     The order is the light's: the wave's shape, the film that it leaves on the wall, the part of
-    the wall in view, the frame's edge, then the conversion to metres and the clock.
+    the wall in view, the frame's edge, the sensor's lag, then the conversion to metres and the
+    clock.
 
     Args:
         truth: what acts.
@@ -42,6 +43,7 @@ def measure(
             descent = speed * (t - t[0])[:, np.newaxis]
             surface = np.maximum.accumulate(surface + descent, axis=0) - descent
         if truth.has("sensor_lag"):
+            surface = np.minimum(surface, truth.value("frame_saturation", "cap", np.inf))
             surface = _lag(t, surface, truth.value("sensor_lag", "time", 0.0))
         surface = np.stack([np.interp(seen, t, row) for row in surface.T], axis=1)
     else:

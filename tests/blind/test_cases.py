@@ -130,7 +130,7 @@ def test_every_effect_has_its_turn():
     random = np.random.default_rng(1)
     outside = [hidden_names(random, "outside", i, None) for i in range(len(OUTSIDE))]
     assert {name for (name,) in outside} == set(OUTSIDE)
-    listed = [hidden_names(random, "single", i, None) for i in range(22)]
+    listed = [hidden_names(random, "single", i, None) for i in range(len(LISTED))]
     assert {name for (name,) in listed} == set(LISTED)
     for i in range(100):
         first, second = hidden_names(random, "pairs", i, None)

@@ -260,6 +260,15 @@ def test_a_film_falls_no_faster_than_it_drains():
     assert np.abs(film - true).max() > 2e-3
 
 
+def test_a_slow_sensor_follows_by_the_first_order_equation():
+    time = 0.04
+    true, read = sampled(), sampled(sensor_lag={"time": time})
+    # Samples of 60 Hz: the slope by central differences is good to some percent.
+    slope = np.gradient(read, 1.0 / 60.0)
+    assert np.abs(read - true).max() > 2e-3
+    assert np.abs(time * slope + read - true)[1:-1].max() < 0.06 * np.abs(true).max()
+
+
 def test_a_leak_lowers_the_level_from_the_start_on():
     t = np.arange(0.0, 3.0, 0.005)
     still = Inputs(t, np.zeros((len(t), 3)))

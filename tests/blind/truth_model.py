@@ -16,7 +16,6 @@ OUTSIDE = (
     "cubic_spring",
     "coriolis",
     "amplitude_damping",
-    "sensor_lag",
     "accel_compression",
 )
 """What the truth can do and no listed effect does."""

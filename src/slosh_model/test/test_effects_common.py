@@ -38,6 +38,7 @@ VALUES = {
     "quasi_static_modes": {"kappa": 2.0},
     "robot_dynamics": {"frequency": 30.0, "damping_ratio": 0.5},
     "second_mode": {"damping_ratio": 0.01},
+    "sensor_lag": {"time": 0.03},
     "sensor_tilt": {"e_x": 0.03, "e_y": -0.05},
     "static_tilt": {"roll": 0.05, "pitch": -0.08},
     "surface_nonlinearity": {"alpha": 0.58},
@@ -65,7 +66,7 @@ AZIMUTHS = np.array([0.2, 2.0, -1.4])
 
 def test_the_effects_are_those_of_the_list():
     assert set(EFFECTS) == set(VALUES)
-    assert len(EFFECTS) == 30
+    assert len(EFFECTS) == 31
 
 
 def with_effect(name, **parameters):

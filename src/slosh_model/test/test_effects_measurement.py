@@ -188,6 +188,48 @@ def test_draining_film_is_the_highest_film_that_is_left():
     assert np.max(msh - liquid.msh) > 0.001
 
 
+# sensor_lag
+
+
+def test_sensor_lag_reads_a_harmonic_by_its_transfer_function():
+    """1 / (1 + iωT) of what swings, once the start is forgotten; the same at each azimuth."""
+    time, omega, size = 0.03, 18.0, 0.01
+    t = np.arange(0.0, 1.0, 0.0005)
+    model = PLAIN.with_effect("sensor_lag", time=time)
+    liquid = response(size * np.cos(omega * t), size * np.sin(omega * t), t)
+    found = measured_heights(model, liquid, AZIMUTHS)
+    for azimuth, row in zip(AZIMUTHS, found.T, strict=True):
+        expected = np.real(size * np.exp(1j * (omega * t - azimuth)) / (1.0 + 1j * omega * time))
+        late = t > 20.0 * time
+        assert row[late] == pytest.approx(expected[late], abs=1e-6)
+    # A wave that goes round has one height: nothing is late of it.
+    assert measured_heights(model, liquid)[:, 0] == pytest.approx(np.full(len(t), size), abs=1e-12)
+
+
+def test_sensor_lag_is_exact_between_uneven_samples():
+    """Of a ramp: what is read stays behind by the slope times T, from the first sample on."""
+    time, slope = 0.02, 0.3
+    t = np.array([0.0, 0.001, 0.007, 0.007, 0.03, 0.1])
+    model = PLAIN.with_effect("sensor_lag", time=time)
+    found = measured_heights(model, response(slope * t, 0.0 * t, t), [0.0])[:, 0]
+    expected = slope * (t - time * (1.0 - np.exp(-t / time)))
+    assert found == pytest.approx(expected, abs=1e-15)
+
+
+def test_sensor_lag_follows_what_the_frames_edge_leaves():
+    """The cap is the image's, the lag the sensor's behind it: rising to the cap, never beyond."""
+    cap, time = 0.004, 0.05
+    model = PLAIN.with_effect("sensor_lag", time=time)
+    model = model.with_effect("frame_saturation", cap=cap)
+    high = np.where(T < 0.1, 0.0, 0.01)
+    found = measured_heights(model, response(high, 0.0 * T))[:, 0]
+    step = T[T < 0.1][-1]
+    after = T > 0.12
+    expected = cap * (1.0 - np.exp(-(T[after] - step) / time))
+    assert found[after] == pytest.approx(expected, abs=cap * 0.03)
+    assert found.max() <= cap
+
+
 # time_offset
 
 
