@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 
 import numpy as np
 import pytest
@@ -112,6 +113,20 @@ def test_still_part_needs_one_clock_rest_and_some_noise():
     assert still_noise(other_clock) is None
     assert still_noise(measured(shaken(start=0.0), 5e-4)) is None
     assert still_noise(measured(inputs, 0.0)) is None
+
+
+def test_an_azimuth_unseen_at_rest_tells_nothing_and_warns_of_nothing():
+    azimuth = np.array([0.0, 2.0])
+    eta = 5e-4 * np.random.default_rng(2).normal(size=(len(T), 2))
+    seen = MeasuredMotion("walls", shaken(), T, eta_azimuth=azimuth[:1], eta=eta[:, :1])
+    eta[T < 1.5, 1] = np.nan
+    half_seen = MeasuredMotion("walls", shaken(), T, eta_azimuth=azimuth, eta=eta)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert still_noise(half_seen) == still_noise(seen)
+        eta[T < 1.5] = np.nan
+        unseen = MeasuredMotion("walls", shaken(), T, eta_azimuth=azimuth, eta=eta)
+        assert still_noise(unseen) is None
 
 
 def test_a_detection_that_is_steadier_at_rest_gives_the_noise_in_motion():

@@ -210,10 +210,11 @@ def still_noise(motion: MeasuredMotion) -> Noise | None:
         return None
     still = motion.t < still_until(motion.inputs) - SETTLE
     part = motion.heights[still]
-    levels = np.nanmedian(part, axis=0) if len(part) >= LEAST_SAMPLES else None
-    if levels is None:
+    # An azimuth at which nothing was seen has no level.
+    part = part[:, np.isfinite(part).any(axis=0)]
+    if len(part) < LEAST_SAMPLES or part.shape[1] == 0:
         return None
-    deviations = (part - levels)[np.isfinite(part)]
+    deviations = (part - np.nanmedian(part, axis=0))[np.isfinite(part)]
     if len(deviations) < LEAST_SAMPLES or not np.median(np.abs(deviations)) > 0.0:
         return None
     count = len(deviations) / math.sqrt(part.shape[1])
