@@ -29,9 +29,10 @@ def swing(t):
 
 
 def leftovers(
-    random, motions=5, noise=3e-4, correlation=0.7, jitter=0.0, left=0.0, outliers=0, drift=0.0
-):
-    """Residuals of a model that lacks a swing and a drift of those sizes."""
+    random, motions=5, noise=3e-4, correlation=0.7, jitter=0.0, left=0.0, outliers=0, drift=0.0,
+    zero=None,
+):  # fmt: skip
+    """Residuals of a model that lacks a swing and a drift of those sizes, by an unknown zero."""
     found = []
     for _ in range(motions):
         true = T - random.uniform(-1.0, 1.0, COUNT) * jitter * np.sqrt(3.0)
@@ -42,7 +43,8 @@ def leftovers(
         struck = random.choice(COUNT, outliers, replace=False)
         heights[struck] += 3e-3 * random.choice([-1.0, 1.0], outliers)
         heights[random.random(COUNT) < 0.1] = np.nan
-        motion = prepare(MeasuredMotion("swing", INPUTS, T, msh=heights))
+        heights = heights + (zero or 0.0)
+        motion = prepare(MeasuredMotion("swing", INPUTS, T, msh=heights, level_known=zero is None))
         found.append(Leftovers.of(motion, swing(motion.t)[:, np.newaxis]))
     return found
 
@@ -123,6 +125,17 @@ def test_colour_and_jitter_are_told_apart(noise, correlation, jitter):
     assert found.stddev == pytest.approx(noise, rel=0.25)
     assert found.jitter == pytest.approx(jitter, abs=3e-4)
     assert found.outliers == pytest.approx(0.011, abs=0.006)
+
+
+def test_a_zero_that_is_not_known_is_no_noise():
+    known, unknown = (
+        estimate_sensor(leftovers(np.random.default_rng(3), jitter=0.0023, outliers=3, zero=zero))
+        for zero in (None, 3e-3)
+    )
+    assert unknown is not None
+    assert unknown.correlation == pytest.approx(known.correlation, abs=0.05)
+    assert unknown.stddev == pytest.approx(known.stddev, rel=0.1)
+    assert unknown.jitter == pytest.approx(known.jitter, rel=0.1)
 
 
 def test_white_noise_is_plain():

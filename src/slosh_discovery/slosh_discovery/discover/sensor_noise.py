@@ -105,8 +105,13 @@ class Leftovers:
 
     @classmethod
     def of(cls, motion: PreparedMotion, predicted: Array) -> Leftovers:
-        """From the predicted heights (M, K) at the motion's times [m]."""
+        """From the predicted heights (M, K) at the motion's times [m].
+
+        A still level that is not known goes together like nothing else, and is no noise.
+        """
         residual = np.where(np.isfinite(motion.heights), motion.heights - predicted, np.nan)
+        if not motion.motion.level_known:
+            residual -= float(np.nanmedian(residual))
         return cls(motion, residual, np.gradient(predicted, motion.t, axis=0))
 
 
@@ -182,13 +187,16 @@ def estimate_sensor(leftovers: Sequence[Leftovers]) -> SensorNoise | None:
         before, shape = shape, _most_likely(clean, shape, _likelihood)
         if shape.near(before):
             break
-    likelihood = _likelihood
+    _, size = _likelihood(clean, shape)
     above = _most_likely(clean, shape, _likelihood_above)
-    against = _likelihood_above(clean, above)[0] - _likelihood_above(clean, shape)[0]
+    likelihood, size_above = _likelihood_above(clean, above)
+    against = likelihood - _likelihood_above(clean, shape)[0]
+    # A wrong model adds to what is slow. Where the residual has less of that than the noise above
+    # the band foretells, nothing was added: ever slower noises differ but little up there.
+    added = _slow_part(size_above, above) < _slow_part(size, shape)
     # What goes together too strongly for a noise is noise and something slow.
-    if against > CONTRADICTED or abs(shape.correlation) > MOST:
-        shape, likelihood = above, _likelihood_above
-    _, size = likelihood(clean, shape)
+    if (against > CONTRADICTED and added) or abs(shape.correlation) > MOST:
+        shape, size = above, size_above
     outliers = 1.0 - sum(len(part.t) for part in clean) / sum(len(part.t) for part in parts)
     gained = _likelihood_above(clean, shape)[0] - _likelihood_above(clean, _PLAIN)[0]
     asked = max(SURE, WORTH * sum(len(part.t) for part in clean))
@@ -197,6 +205,11 @@ def estimate_sensor(leftovers: Sequence[Leftovers]) -> SensorNoise | None:
     if (plain and not claims) or not believed or abs(shape.correlation) > MOST:
         return None
     return SensorNoise(size, shape.correlation, math.sqrt(shape.ratio) * size, outliers, claims)
+
+
+def _slow_part(size: float, shape: _Shape) -> float:
+    """Spectral density at low frequencies of what remembers, but for a factor of all [m²]."""
+    return size**2 * (1.0 + shape.correlation) / (1.0 - shape.correlation)
 
 
 def _spikes(parts: Sequence[_Part]) -> float:
