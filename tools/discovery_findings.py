@@ -139,16 +139,21 @@ def robot_runs(names: Sequence[str], prefix: str, base: Model) -> Finding:
 
     The runs along one path were measured together, with one set-up of cameras and cup.
     """
+    runs = runs_of_kind(prefix)
+    fit = [motion for name in names for motion in runs[name]]
+    rest = [motion for name, motions in runs.items() if name not in names for motion in motions]
+    return discover(fit, base, rest)
+
+
+def runs_of_kind(prefix: str) -> dict[str, list[MeasuredMotion]]:
+    """The tilted runs (prefix "Tilt") or the others (""), by name, each path's runs a group."""
     with tempfile.TemporaryDirectory() as folder:
         bags = sorted(import_antisloshing(DATA / "antisloshing", Path(folder)))
-        runs = {
+        return {
             bag.name: [replace(one, group=path_of(bag.name)) for one in read_motions(bag)]
             for bag in bags
             if bag.name.startswith("Tilt") == bool(prefix)
         }
-    fit = [motion for name in names for motion in runs[name]]
-    rest = [motion for name, motions in runs.items() if name not in names for motion in motions]
-    return discover(fit, base, rest)
 
 
 def path_of(run: str) -> str:
