@@ -8,9 +8,12 @@ import math
 import os
 
 import blind_tables
+import numpy as np
 import pytest
 
 from slosh_discovery.discover import discover
+from slosh_discovery.discover.explanation import Explanation, starts
+from slosh_discovery.discover.fitting import fit
 from slosh_discovery.discover.problem import prepare
 from slosh_discovery.discover.sensor_noise import Leftovers, estimate_sensor
 from tests.blind.cases import make_case
@@ -60,6 +63,25 @@ def test_the_noise_of_a_dirty_case_with_an_unknown_zero_is_measured():
     assert found.stddev == pytest.approx(case.noise, rel=0.1)
     assert found.jitter == pytest.approx(DIRT.jitter / math.sqrt(3.0), rel=0.1)
     assert found.outliers == pytest.approx(DIRT.outliers, abs=0.004)
+
+
+def test_a_strongly_damped_second_mode_is_found_from_one_of_its_starts():
+    """A smaller damping ratio is a trap here, beside waves that are high in both modes."""
+    case = make_case("wrong_parameter", 2, 409)
+    (effect,), motions = case.hidden, [prepare(motion) for motion in case.motions]
+    _, given, true = case.wrong
+    levels = {"delta": true - given}
+    fits = []
+    for values, choices in starts(effect):
+        explanation = Explanation(case.base, ("fill_level", effect), choices)
+        start = explanation.vector(
+            lambda name, _, values=values: values if name == effect else levels
+        )
+        fits.append(fit(explanation, motions, start, np.zeros(len(motions)), evaluations=30))
+    best = min(fits, key=lambda one: one.chi_square)
+    assert best.chi_square < 1.2 * len(best.residual)
+    found = best.explanation.part(best.vector, effect)
+    assert found == pytest.approx(case.parameters[effect], rel=0.01)
 
 
 @pytest.fixture(scope="module")

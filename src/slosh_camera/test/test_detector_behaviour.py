@@ -64,6 +64,22 @@ def test_sharp_crests_and_flat_troughs(make_scene, make_wave, camera, azimuth_de
 
 
 @CAMERAS
+def test_a_line_that_no_surface_has_is_flagged(make_scene, camera):
+    """Half of its edges are of something else, or the liquid does what no shape has."""
+    scene = make_scene(noise=2.0, **camera)
+    image = scene.draw(0.012, scene.camera_azimuth + 1.4)
+    rows, columns = np.mgrid[: image.shape[0], : image.shape[1]].astype(np.float32)
+    detector = FreeSurfaceDetector(scene.calibration())
+    claimed = []
+    for size in (0.0, 8.0):
+        wavy = rows + np.float32(size) * np.sin(columns / 18.0)
+        result = detector.measure(0, cv2.remap(image, columns, wavy, cv2.INTER_LINEAR))
+        assert bool(result.flags) == bool(size)
+        claimed.append(result.msh_stddev)
+    assert not claimed[1] < 5e-4 > claimed[0]
+
+
+@CAMERAS
 def test_a_local_bump_is_seen_and_not_fitted(make_scene, camera):
     # The line rises by a millimetre over a few: part of the raw height, not of the modes.
     scene = make_scene(**camera)

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from slosh_camera.cylinder.surface_evidence import USUAL_FADE, SurfaceFit, WallPoints
 from slosh_camera.cylinder.surface_modes import SHAPES, Shape, wall_shapes
-from slosh_camera.cylinder.surface_reading import SurfaceReading
+from slosh_camera.cylinder.surface_reading import SurfaceReading, errors_together
 
 MM = 1e-3
 LINES = 120
@@ -52,6 +52,7 @@ def fit_of(
         upper_azimuth=REAR,
         upper_error=np.zeros(LINES),
         upper_weight=np.full(LINES, 1.0 if rear else 0.0),
+        upper_scale=0.2 * MM,
         upper_part=np.ones(LINES),
     )
 
@@ -209,6 +210,44 @@ def test_a_cut_off_surface_is_as_high_as_its_points_alone():
     # Nothing is told of what is beyond a point's own place.
     assert np.isnan(reading.at(np.radians(170.0)))
     assert np.isfinite(read(fit).at(np.radians(170.0)))
+
+
+# Edges that contradict the fit.
+
+
+@pytest.mark.parametrize("size", [0.5, 1.0, 2.0])
+def test_edges_that_err_by_themselves_tell_as_much_as_they_claim(size):
+    random = np.random.default_rng(2)
+    errors = size * random.normal(size=(300, LINES))
+    edges = random.random((300, LINES)) > 0.2
+    found = [errors_together(row, kept) for row, kept in zip(errors, edges, strict=True)]
+    # A chance correlation of neighbours is taken for one, up to the first that is none.
+    assert np.mean(found) == pytest.approx(size**2, rel=0.2)
+
+
+@pytest.mark.parametrize("together", [5, 10])
+def test_edges_that_err_together_tell_as_much_as_one_of_them(together):
+    random = np.random.default_rng(3)
+    blocks = random.normal(size=(300, LINES // together))
+    edges = np.ones(LINES, np.bool_)
+    found = [errors_together(np.repeat(row, together), edges) for row in blocks]
+    assert together < np.mean(found) < 1.4 * together  # as above
+
+
+def test_few_edges_tell_nothing_of_others():
+    edges = np.arange(LINES) < 4
+    assert errors_together(np.full(LINES, 9.0), edges) == 0.0
+    assert errors_together(np.full(LINES, np.nan), np.zeros(LINES, np.bool_)) == 0.0
+
+
+def test_a_line_that_is_of_no_surface_leaves_it_uncertain():
+    """A wave of the third order along the line: so is an edge of something else beside it."""
+    bump = 0.6 * MM * np.cos(3.0 * FRONT)
+    scattered = np.random.default_rng(4).permutation(bump)
+    fits = [fit_of(slosh(10.0 * MM, -1.2), covariance=1e-9, bump=one) for one in (bump, scattered)]
+    together, alone = (read(fit) for fit in fits)
+    assert together.contradiction > 10.0 > alone.contradiction
+    assert together.fitted().stddev > 1.5 * alone.fitted().stddev
 
 
 # The standard deviation.

@@ -71,7 +71,7 @@ _DOUBT = (
 _NO_FADE = 2e-6
 # Rows around a line at rest that belong to it, and in widths of its edge.
 _OWN_ROWS, _OWN_WIDTHS = 2.0, 1.0
-# Standard deviation from which on a surface is not told whose front line is a mere shade [m].
+# Standard deviation [m] from which on a surface is not told whose edges contradict each other.
 _UNTOLD = 5e-4
 # The peak is hidden where the fitted surface is so much higher than what is seen [m].
 _HIGHER = 5e-4
@@ -361,14 +361,15 @@ class FreeSurfaceDetector:
         flags = found.flags
         if reading.edge_width > self._settings.max_blur:
             flags |= Flag.BLURRED
-        if found.view.scatters and fitted.stddev > _UNTOLD:
-            flags |= Flag.AMBIGUOUS
         missing = max(fitted.height - seen.height, 0.0)
-        if missing > _HIGHER and not cut_off:
-            flags |= Flag.OCCLUDED
-        side = self._side(fitted.azimuth)
+        # Of a surface that is cut off a bound alone is told.
+        if not cut_off:
+            contradicted = reading.contradiction > 1.0 and seen.stddev > _UNTOLD
+            if contradicted or (found.view.scatters and fitted.stddev > _UNTOLD):
+                flags |= Flag.AMBIGUOUS
+            if missing > _HIGHER:
+                flags |= Flag.OCCLUDED
         left, right = (reading.at(azimuth) for azimuth in self._tangents)
-        pixels = self._pixels(found, reading)
         return Measurement(
             stamp_ns=stamp_ns,
             msh=seen.height,
@@ -383,9 +384,9 @@ class FreeSurfaceDetector:
             azimuth_right=self._tangents[1],
             profile_azimuth=reading.azimuth,
             profile_height=reading.height,
-            edge_pixels=pixels,
+            edge_pixels=self._pixels(found, reading),
             peak_pixel=self._wall_pixels(seen.azimuth, seen.height + self._zero[0]),
-            peak_side=side,
+            peak_side=self._side(fitted.azimuth),
             flags=flags,
         )
 

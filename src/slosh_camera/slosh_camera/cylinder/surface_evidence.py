@@ -112,6 +112,7 @@ class SurfaceFit:
         upper_place: (M,) row of the upper edge; NaN: none.
         upper_azimuth: (M,) where its ray meets the rear wall [rad].
         upper_error, upper_weight: (M,) fit less edge [m], and weight.
+        upper_scale: standard deviation that an upper edge is given [m].
         upper_part: (M,) place of touch on the way from the front (0) to the rear wall (1).
     """
 
@@ -126,4 +127,5 @@ class SurfaceFit:
     upper_azimuth: FloatArray
     upper_error: FloatArray
     upper_weight: FloatArray
+    upper_scale: float
     upper_part: FloatArray

@@ -239,9 +239,10 @@ class SurfaceFitter:
     ) -> SurfaceFit:
         wall = self._wall
         near, far = edge_search.table_at(wall.near, upper), edge_search.table_at(wall.far, upper)
-        scale = np.full(wall.lines, np.hypot(SYSTEMATIC, _UPPER_ROWS * wall.footprint))
+        scale = float(np.hypot(SYSTEMATIC, _UPPER_ROWS * wall.footprint))
         found, covariance, *result = surface_solver.solve(
-            points.shapes, points.height, points.scale, points.bound, near, far, scale,
+            points.shapes, points.height, points.scale, points.bound, near, far,
+            np.full(wall.lines, scale),
             wall.radius, wall.fade(softness), start, *about, fade.mean, fade.stddev, coarse,
         )  # fmt: skip
         azimuth = np.arctan2(far[:, 1], far[:, 0])
@@ -252,5 +253,5 @@ class SurfaceFitter:
         front_error, front_weight, upper_error, upper_weight, part = result
         return SurfaceFit(
             points, heights, given, share, by_fade, front_error, front_weight,
-            upper, azimuth, upper_error, upper_weight, part,
+            upper, azimuth, upper_error, upper_weight, scale, part,
         )  # fmt: skip

@@ -38,6 +38,11 @@ _REST = 2e-5
 _SHADE = 0.004
 # Width of an edge where there is none to measure it [rows].
 _WIDE = 10.0
+# Neighbours farther apart than so many lines do not err together, nor do such whose errors
+# correlate by less.
+_LONGEST, _CORRELATED = 40, 0.05
+# Fewer edges tell nothing of that.
+_FEW = 5
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,6 +69,8 @@ class SurfaceReading:
     ) -> None:  # fmt: skip
         """Gather the residuals of the points by azimuth.
 
+        `contradiction` is how much less than claimed the edges tell, see `errors_together`.
+
         Args:
             fit: the fit to the edges.
             zero: (SHAPES,) heights of the surface at rest [m].
@@ -89,6 +96,12 @@ class SurfaceReading:
         self.edge_width = float(np.median(width)) if width.size else np.nan
         self._local, self._seen = self._around_the_wall(1 if cut_off else _NEAR)
         self._scatter = self._consistency()
+        # A shade is off as a whole, which the fit knows.
+        line = front & ~points.bound & (not shaded)
+        self.contradiction = max(
+            errors_together(fit.front_error / points.scale, line),
+            errors_together(fit.upper_error / fit.upper_scale, fit.upper_weight > INLIER),
+        )
 
     @property
     def height(self) -> FloatArray:
@@ -139,7 +152,7 @@ class SurfaceReading:
         shapes = _WALL[round(azimuth / _STEP) % _BINS]
         width = self.edge_width if np.isfinite(self.edge_width) else _WIDE
         parts = (
-            np.sqrt(shapes @ self._fit.covariance @ shapes),
+            np.sqrt(max(self.contradiction, 1.0) * (shapes @ self._fit.covariance @ shapes)),
             _OF_FADE * (shapes @ self._fit.by_fade),
             _OF_SCATTER * self._scatter,
             _OF_WIDTH * width * self._footprint,
@@ -147,6 +160,30 @@ class SurfaceReading:
             _REST,
         )
         return float(np.linalg.norm(parts))
+
+
+def errors_together(ratio: FloatArray, edges: BoolArray) -> float:
+    """How many times the variance that is claimed for a fit's edges is that of their sum.
+
+    Edges of the surface err by themselves. Those of something else beside it, or of a surface that
+    is seen through a wall of uneven thickness, are off together, and then many of them tell no
+    more than one: χ² per edge, times the number of neighbours whose errors go together.
+
+    Args:
+        ratio: (M,) errors by line, in what is claimed for each.
+        edges: (M,) lines that have an edge.
+
+    Returns:
+        0 where there are few edges.
+    """
+    count = int(np.count_nonzero(edges))
+    if count < _FEW:
+        return 0.0
+    errors = np.where(edges, ratio, 0.0)
+    sums = np.correlate(errors, errors, "full")[errors.size - 1 :][: _LONGEST + 1]
+    alone = sums[1:] < _CORRELATED * sums[0]
+    longest = int(np.argmax(alone)) if alone.any() else alone.size
+    return float(sums[0] + 2.0 * np.sum(sums[1 : 1 + longest])) / count
 
 
 def _ordinary(residual: FloatArray) -> FloatArray:

@@ -35,7 +35,7 @@ EFFECT = Effect(
             description="damping ratio of the second mode",
             default=0.01,
             plausible=(0.0, 0.1),
-            starts=(0.01,),
+            starts=(0.01, 0.04),
         ),
     ),
     order=30,  # after what changes the container and the first mode's damping
