@@ -51,7 +51,8 @@ class Measurement:
 
     Attributes:
         stamp_ns: moment of exposure [ns].
-        msh: highest point that the camera sees on the wall [m]; a lower bound where SATURATED.
+        msh: highest point of the wall [m], as seen; where it is hidden, as fitted, if that is the
+            surer; a lower bound where SATURATED.
         msh_stddev: standard deviation of msh [m].
         azimuth: azimuth of that point [rad]; 0 or pi in a side view.
         fitted_msh: highest point of the fitted surface on the whole wall [m].

@@ -113,7 +113,7 @@ def test_a_front_peak_behind_a_thing_is_fitted_and_flagged(make_scene, camera, g
 
 @CAMERAS
 @pytest.mark.parametrize("half", [40, 60])
-def test_a_peak_at_the_side_that_is_hidden_is_not_guessed_at(make_scene, camera, half):
+def test_a_peak_at_the_side_that_is_hidden_is_that_of_the_fit(make_scene, camera, half):
     scene = make_scene(noise=2.0, **camera)
     image = scene.draw(0.02, 0.0)
     detector = FreeSurfaceDetector(scene.calibration())
@@ -121,10 +121,11 @@ def test_a_peak_at_the_side_that_is_hidden_is_not_guessed_at(make_scene, camera,
     image[v - 30 : v + 60, u - half : u + half] = 128
     result = detector.measure(1, image)
     assert Flag.OCCLUDED in result.flags
-    # What is seen is lower; the fit knows better, and less surely.
-    assert result.msh < 0.018
-    assert result.fitted_msh == pytest.approx(0.02, abs=1.0 * MM)
-    assert result.fitted_msh > result.msh + 1.0 * MM
+    # What is seen is lower; the fit knows better, though less surely than of what is seen.
+    assert np.nanmax(result.profile_height) < 0.018
+    assert result.msh == result.fitted_msh == pytest.approx(0.02, abs=1.0 * MM)
+    assert result.azimuth == result.fitted_azimuth
+    assert result.msh_stddev > 1.5 * detector.measure(2, scene.draw(0.02, 0.0)).msh_stddev
 
 
 @CAMERAS
@@ -256,9 +257,7 @@ def test_one_edge_that_is_inclined_at_rest_may_be_on_either_wall(make_scene, inc
     assert bool(detector.doubt) == doubted
 
 
-@pytest.mark.parametrize(
-    "seed", [0, 1, 2, 3, 4, pytest.param(5, marks=pytest.mark.xfail(reason="taken for a cup"))]
-)
+@pytest.mark.parametrize("seed", range(6))
 def test_a_texture_is_no_liquid_at_rest(make_scene, seed):
     detector = FreeSurfaceDetector(make_scene().calibration())
     with pytest.raises(SloshCameraError, match="still image: ") as refusal:

@@ -357,14 +357,14 @@ class FreeSurfaceDetector:
             found.fit, self._zero, self._wall.footprint,
             cut_off=cut_off, shaded=found.view.scatters,
         )  # fmt: skip
-        fitted, seen = reading.fitted(), reading.seen()
+        fitted, seen, highest = reading.fitted(), reading.seen(), reading.highest()
         flags = found.flags
         if reading.edge_width > self._settings.max_blur:
             flags |= Flag.BLURRED
         missing = max(fitted.height - seen.height, 0.0)
         # Of a surface that is cut off a bound alone is told.
         if not cut_off:
-            contradicted = reading.contradiction > 1.0 and seen.stddev > _UNTOLD
+            contradicted = reading.contradiction > 1.0 and highest.stddev > _UNTOLD
             if contradicted or (found.view.scatters and fitted.stddev > _UNTOLD):
                 flags |= Flag.AMBIGUOUS
             if missing > _HIGHER:
@@ -372,9 +372,9 @@ class FreeSurfaceDetector:
         left, right = (reading.at(azimuth) for azimuth in self._tangents)
         return Measurement(
             stamp_ns=stamp_ns,
-            msh=seen.height,
-            msh_stddev=float(np.hypot(seen.stddev, missing)),
-            azimuth=seen.azimuth,
+            msh=highest.height,
+            msh_stddev=highest.stddev,
+            azimuth=highest.azimuth,
             fitted_msh=fitted.height,
             fitted_msh_stddev=fitted.stddev,
             fitted_azimuth=fitted.azimuth,
@@ -385,7 +385,7 @@ class FreeSurfaceDetector:
             profile_azimuth=reading.azimuth,
             profile_height=reading.height,
             edge_pixels=self._pixels(found, reading),
-            peak_pixel=self._wall_pixels(seen.azimuth, seen.height + self._zero[0]),
+            peak_pixel=self._wall_pixels(highest.azimuth, highest.height + self._zero[0]),
             peak_side=self._side(fitted.azimuth),
             flags=flags,
         )

@@ -127,9 +127,22 @@ class SurfaceReading:
             height, azimuth = _highest(np.where(self._seen, around, -np.inf))
         return HighestPoint(height, azimuth, self._stddev(height, azimuth))
 
+    def highest(self) -> HighestPoint:
+        """Highest point of the whole wall: what is seen, or the fit where a higher place is not.
+
+        What is seen is off by what it misses; where the fit is surer than that, it tells.
+        """
+        fitted, seen = self.fitted(), self.seen()
+        missing = max(fitted.height - seen.height, 0.0)
+        stddev = float(np.hypot(seen.stddev, missing))
+        hidden = missing > 0.0 and not (self._cut_off or self._seen[_bin(fitted.azimuth)])
+        if hidden and fitted.stddev < stddev:
+            return fitted
+        return HighestPoint(seen.height, seen.azimuth, stddev)
+
     def at(self, azimuth: float) -> float:
         """Height at one azimuth [m]; NaN where the line is not seen near it."""
-        index = round(azimuth / _STEP) % _BINS
+        index = _bin(azimuth)
         if not self._seen[index]:
             return float("nan")
         return float(_WALL[index] @ self._heights + self._local[index])
@@ -149,7 +162,7 @@ class SurfaceReading:
         return float(np.sqrt(np.average(np.square(self._residual), weights=self._told)))
 
     def _stddev(self, height: float, azimuth: float) -> float:
-        shapes = _WALL[round(azimuth / _STEP) % _BINS]
+        shapes = _WALL[_bin(azimuth)]
         width = self.edge_width if np.isfinite(self.edge_width) else _WIDE
         parts = (
             np.sqrt(max(self.contradiction, 1.0) * (shapes @ self._fit.covariance @ shapes)),
@@ -203,6 +216,10 @@ def _highest(around: FloatArray) -> tuple[float, float]:
     height = float(top - 0.25 * (left - right) * shift) if shift else float(top)
     azimuth = (best + shift) * _STEP
     return height, float(np.arctan2(np.sin(azimuth), np.cos(azimuth)))
+
+
+def _bin(azimuth: float) -> int:
+    return round(azimuth / _STEP) % _BINS
 
 
 def _bell(width: float) -> FloatArray:
