@@ -70,6 +70,7 @@ class Scene:
 
 SCENES = {
     "accel_gain": Scene({"gain": 1.15}),
+    "amplitude_damping": Scene({"gamma": 30.0}),
     "amplitude_stiffening": Scene({"kappa": 1.0}, base="3D-L"),
     "anisotropic_stiffness": Scene({"e": 0.06, "axis": 0.5}),
     "bound_modes": Scene({"kappa": 1.0}),

@@ -36,6 +36,7 @@ STRENGTHS: dict[str, dict[str, float]] = {
     "surface_tension": {"tension": 4e-4},
     "swirl_stiffening": {"gamma": 2.0},
     "amplitude_stiffening": {"kappa": 2.0},
+    "amplitude_damping": {"gamma": 30.0},
     "bound_modes": {"kappa": 1.2, "damping_ratio": 0.05},
     "sensor_lag": {"time": 0.02},
     "sensor_tilt": {"e_x": 0.03, "e_y": -0.02},

@@ -127,6 +127,7 @@ LISTED: Mapping[str, Hidden] = {
     "crest_asymmetry": Hidden(uniform(kappa=(0.1, 0.8))),
     "draining_film": Hidden(logarithmic(speed=(0.02, 0.25))),
     "sensor_lag": Hidden(uniform(time=(0.008, 0.06)), own_clock=True),
+    "amplitude_damping": Hidden(logarithmic(gamma=(5.0, 60.0))),
 }
 """Listed effects, with a physically sensible range of every parameter."""
 
@@ -134,7 +135,6 @@ OUTSIDE: Mapping[str, Hidden] = {
     "damping_drift": Hidden(uniform(start=(1.6, 3.0), time=(50.0, 200.0))),
     "cubic_spring": Hidden(_cubic),
     "coriolis": Hidden(either_side(0.0, 0.2, 3.0, "rate")),
-    "amplitude_damping": Hidden(logarithmic(gamma=(5.0, 60.0))),
     "accel_compression": Hidden(uniform(gamma=(0.003, 0.0065))),
 }
 """What no listed effect is."""
@@ -143,7 +143,6 @@ NEAREST: Mapping[str, frozenset[str]] = {
     "damping_drift": frozenset({"damping_mismatch", "quadratic_damping", "contact_line_friction"}),
     "cubic_spring": frozenset({"surface_nonlinearity", "anisotropic_stiffness"}),
     "coriolis": frozenset({"yaw_coupling", "anisotropic_stiffness"}),
-    "amplitude_damping": frozenset({"quadratic_damping", "damping_mismatch"}),
     "accel_compression": frozenset({"accel_gain", "height_scale", "surface_nonlinearity"}),
 }
 """The listed effects that are physically nearest."""

@@ -15,7 +15,6 @@ OUTSIDE = (
     "damping_drift",
     "cubic_spring",
     "coriolis",
-    "amplitude_damping",
     "accel_compression",
 )
 """What the truth can do and no listed effect does."""

@@ -25,6 +25,7 @@ from slosh_discovery.discover.explanation import Explanation, starts
 from slosh_discovery.discover.fitting import fit
 from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_discovery.discover.problem import SPACING, prepare
+from slosh_discovery.discover.search import Search
 from slosh_model import predicted_heights
 from slosh_model.effects.registry import EFFECTS
 
@@ -64,6 +65,27 @@ def test_a_parameter_that_does_nothing_costs_little_and_one_that_is_pinned_down_
     assert 4.0 < paid < 15.0  # the prior of an effect alone is 4.1
     (error,) = standard_errors(one, 1.0)
     assert error == pytest.approx(NOISE / np.sqrt(motions[0].kept.sum()), rel=0.05)
+
+
+def test_an_unlikely_effect_is_named_only_after_all_others_were_tried_in_its_place(monkeypatch):
+    """A wrong fill height is far from linear: by what it promises it may not be tried at all."""
+    truth = BASE.with_effect("fill_level", delta=0.02).with_effect("height_scale", gain=1.1)
+    motions = [prepare(measured(truth, seed), noise=NOISE) for seed in range(2)]
+    wanted = Explanation(BASE).with_effect("fill_level", {}).with_effect("height_scale", {})
+    unlikely = Explanation(BASE).with_effect("frequency_mismatch", {})
+    search = Search(BASE, motions, [0.0, 0.0], lambda text, share: None, 1)
+
+    def only_that(pool):
+        one = fit(unlikely, motions, unlikely.centres, [0.0, 0.0])
+        two = unlikely.with_effect("height_scale", {})
+        pool.fits = {((), ()): pool.base} | {one.explanation.key: one}
+        pool.add([fit(two, motions, two.centres, [0.0, 0.0], evaluations=30)])
+
+    monkeypatch.setattr(search, "_add_effects", only_that)
+    monkeypatch.setattr(search, "_add_foretold", lambda pool: None)
+    pool = search.run()
+    assert pool.find(wanted) is not None
+    assert "frequency_mismatch" not in pool.ranked()[0].explanation.effects
 
 
 @pytest.mark.parametrize("name", sorted(EFFECTS))

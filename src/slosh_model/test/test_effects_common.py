@@ -18,6 +18,7 @@ from slosh_model.simulate import Inputs, Simulator, simulate
 # Every effect with values that are not neutral.
 VALUES = {
     "accel_gain": {"gain": 1.3},
+    "amplitude_damping": {"gamma": 20.0},
     "amplitude_stiffening": {"kappa": 2.0},
     "anisotropic_stiffness": {"e": 0.1, "axis": 0.4},
     "bound_modes": {"kappa": 1.2, "damping_ratio": 0.05},
@@ -66,7 +67,7 @@ AZIMUTHS = np.array([0.2, 2.0, -1.4])
 
 def test_the_effects_are_those_of_the_list():
     assert set(EFFECTS) == set(VALUES)
-    assert len(EFFECTS) == 31
+    assert len(EFFECTS) == 32
 
 
 def with_effect(name, **parameters):

@@ -8,7 +8,7 @@ import pytest
 from scipy.special import jnp_zeros
 
 from slosh_model.constants import GRAVITY
-from slosh_model.containers import Cylinder
+from slosh_model.containers import Cylinder, Rectangle
 from slosh_model.errors import SloshModelError
 from slosh_model.model import Model
 from slosh_model.simulate import Inputs, State, simulate
@@ -206,6 +206,55 @@ def test_quadratic_damping_decays_as_one_over_time():
     expected = start / (1.0 + start * 4.0 * beta * OMEGA / (3.0 * math.pi * RADIUS) * inputs.t)
     assert expected[-1] < 0.5 * start
     assert amplitude == pytest.approx(expected, rel=0.02)
+
+
+# amplitude_damping
+
+
+def test_amplitude_damping_slows_high_waves(motion, integrated, same):
+    only, inputs, at = pushed(motion)
+    gamma = 25.0
+
+    def drag(t, x, y, vx, vy):
+        rate = 2.0 * ZETA * OMEGA * gamma * (x * x + y * y) / RADIUS**2
+        return rate * vx, rate * vy
+
+    found = modal(PLAIN.with_effect("amplitude_damping", gamma=gamma), inputs)[at]
+    expected = integrated(planar(drag, only), inputs.t[at])
+    assert np.max(np.abs(expected - modal(PLAIN, inputs)[at])) > 0.05 * np.max(np.abs(expected))
+    same(found, expected, 1e-5)
+
+
+@pytest.mark.parametrize(("round_", "share"), [(False, 0.25), (True, 1.0)])
+def test_amplitude_damping_decays_as_its_envelope(round_, share):
+    """Krylov and Bogoliubov: A' = -ζωA (1 + s γA²/R²), s = 1/4 of a planar swing, 1 of a round."""
+    gamma, start = 40.0, 0.01
+    model = Model(CUP, damping_ratio=0.004).with_effect("amplitude_damping", gamma=gamma)
+    inputs = free(6.0, 5e-4)
+    beginning = aside(start, vy=OMEGA * start) if round_ else aside(start)
+    x, y, vx, vy = modal(model, inputs, beginning).T
+    amplitude = np.sqrt((x**2 + y**2 + (vx**2 + vy**2) / OMEGA**2) / (2.0 if round_ else 1.0))
+    rate, height = 0.004 * OMEGA, share * gamma * (start / RADIUS) ** 2
+    faded = np.exp(-2.0 * rate * inputs.t)
+    expected = start * np.sqrt(faded / (1.0 + height * (1.0 - faded)))
+    assert amplitude == pytest.approx(expected, rel=0.01)
+    # Not what the same damping does to low waves.
+    assert expected[-1] < 0.9 * start * math.sqrt(faded[-1])
+
+
+def test_amplitude_damping_knows_a_rectangles_other_side():
+    """Along y the wave is as high, relative to that side's half, and swings by its frequency."""
+    gamma, zeta, start = 40.0, 0.004, 0.005
+    tank = Model(Rectangle(0.12, 0.06, 0.08), damping_ratio=zeta).with_effect(
+        "amplitude_damping", gamma=gamma
+    )
+    omega_y = math.sqrt(GRAVITY * math.pi / 0.06 * math.tanh(math.pi * 0.08 / 0.06))
+    inputs = free(4.0, 5e-4)
+    _, y, _, vy = modal(tank, inputs, aside(y=start)).T
+    faded = np.exp(-2.0 * zeta * omega_y * inputs.t)
+    height = 0.25 * gamma * (start / 0.03) ** 2
+    expected = start * np.sqrt(faded / (1.0 + height * (1.0 - faded)))
+    assert np.hypot(y, vy / omega_y) == pytest.approx(expected, rel=0.01)
 
 
 # contact_line_friction

@@ -28,7 +28,7 @@ from slosh_model.effects.registry import EFFECTS
 
 Array = NDArray[np.float64]
 
-EFFECT_PRIOR = 1.0 / 60.0
+EFFECT_PRIOR = 1.0 / 70.0
 """Odds of one given effect being at work, before any data: about one in three that any is. For
 some effects these are smaller, see `Effect.odds`."""
 GROUP_PRIOR = 1.0 / 10.0

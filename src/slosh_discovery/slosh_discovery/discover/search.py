@@ -176,6 +176,7 @@ class Search:
             self._extend(pool, base, len(EFFECTS), STARTS_FITTED)
             self._add_effects(pool)
             self._add_foretold(pool)
+            self._replace_unlikely(pool)
             self._refine(pool)
         return pool
 
@@ -200,6 +201,19 @@ class Search:
             self._progress(f"{size + 1} effects", 0.8)
             for one in full:
                 self._extend(pool, one, PROMISING, 1, FORETOLD)
+
+    def _replace_unlikely(self, pool: Pool) -> None:
+        """Tries every other effect in the place of one that is named where nothing else will do.
+
+        What is far from linear, as a wrong fill height is, promises little and does much.
+        """
+        best = pool.ranked()[0]
+        for name in best.explanation.effects:
+            if EFFECTS[name].odds < 1.0:
+                without = best.explanation.without(name)
+                start = Start(without, without.vector(_carried(best)), 0.0)
+                pool.add(self._fit_all([start], best))
+                self._extend(pool, pool.fits[without.key], len(EFFECTS), STARTS_FITTED)
 
     def _refine(self, pool: Pool) -> None:
         """Fits the best explanations to the end, and the best one with less or more freedom."""
