@@ -5,6 +5,8 @@ import warnings
 import cv2
 import numpy as np
 import pytest
+from matplotlib import cbook
+from PIL import Image
 
 from slosh_bringup.cell.renderer import CupRenderer
 from slosh_bringup.cli.main import main
@@ -90,6 +92,17 @@ def stripes(rng, pictures):
     ).astype(np.uint8)
 
 
+def photograph(rng, pictures):
+    """A part of a real photograph, of a person: light, grain and edges that nobody drew."""
+    with cbook.get_sample_data("grace_hopper.jpg") as file:
+        whole = np.asarray(Image.open(file))[..., ::-1]
+    high, wide = whole.shape[:2]
+    size = rng.integers(100, (high, wide))
+    top, left = (int(start) for start in rng.integers(0, (high, wide) - size + 1))
+    part = np.ascontiguousarray(whole[top : top + size[0], left : left + size[1]])
+    return np.rot90(part, int(rng.integers(4))).copy()
+
+
 KINDS = (blank, noise, cup, cropped, turned, disturbed, other_things, other_things, stripes)
 
 
@@ -119,10 +132,10 @@ def options(rng):
     return words
 
 
-def attempt(number, pictures, folder, capsys):
+def attempt(number, pictures, folder, capsys, kinds=KINDS):
     """Calibrates the image of a number; returns the exit code."""
     rng = np.random.default_rng(number)
-    image = KINDS[number % len(KINDS)](rng, pictures)
+    image = kinds[number % len(kinds)](rng, pictures)
     still, output = stored(rng, image, folder / f"still_{number}"), folder / f"{number}.yaml"
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -140,11 +153,26 @@ def test_some_images(number, pictures, tmp_path, capsys):
 
 
 @pytest.mark.long
+@pytest.mark.timeout(1800)
 @pytest.mark.parametrize("first", range(1000, 1500, 50))
 def test_five_hundred_images(first, pictures, tmp_path, capsys):
     codes = [attempt(number, pictures, tmp_path, capsys) for number in range(first, first + 50)]
     # Plain pictures of a cup are among them: it is not that all are refused.
     assert set(codes) == {0, 2}
+
+
+@pytest.mark.parametrize("number", [2002, 2058])
+def test_a_photograph_of_a_person_is_no_container(number, tmp_path, capsys):
+    """Of 2058 a fit ended where it saw no edge any more, and divided by their number."""
+    assert attempt(number, (), tmp_path, capsys, (photograph,)) == 2
+
+
+@pytest.mark.long
+@pytest.mark.timeout(1800)
+@pytest.mark.parametrize("first", range(2000, 2100, 50))
+def test_a_hundred_parts_of_a_photograph(first, tmp_path, capsys):
+    numbers = range(first, first + 50)
+    assert {attempt(number, (), tmp_path, capsys, (photograph,)) for number in numbers} == {2}
 
 
 @pytest.mark.parametrize(

@@ -172,6 +172,8 @@ def fit_place(
         seen = look_for_curves(edges, view, reach)
     except SloshCameraError:
         return None
+    if not _enough(seen):
+        return None
     residuals = tuple(distances(view, curve) for curve in seen)
     score = _score(edges, seen, residuals) - _CHANCE / width_of(view)
     fit = Fit(
