@@ -109,6 +109,8 @@ def run(arguments: argparse.Namespace) -> int:
     sequences = [read_sequence(folder) for folder in folders]
     options = Options(still=not arguments.no_still, grey=arguments.grey)
     sequences, results, refused = measured_sequences(sequences, options)
+    if arguments.unflagged:
+        results = [tuple(one for one in frames if not one.measured.flags) for frames in results]
     rows = all_figures(sequences, results)
     missed = [line for row in rows[: len(sequences)] for line in shortfalls(row)] + refused
     print(accuracy_tables(rows))
@@ -323,6 +325,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--frames", type=Path, metavar="DIR", help="write a CSV per sequence")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures")
     parser.add_argument("--worst", nargs=2, metavar=("N", "DIR"), help="draw the worst frames")
+    parser.add_argument("--unflagged", action="store_true", help="frames without a flag alone")
     parser.add_argument("--disturb", action="store_true", help="also under disturbances")
     parser.add_argument("--docs", action="store_true", help=f"write the tables into {PAGE.name}")
     parser.add_argument("--check", action="store_true", help="exit 1 where a requirement fails")
