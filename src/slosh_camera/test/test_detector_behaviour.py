@@ -366,7 +366,16 @@ def test_a_few_edges_above_the_line_are_not_the_surface_s_end(make_scene, part, 
     band = np.abs(np.arange(walls.lines) / walls.lines - 0.5) < 0.5 * part
     picture = np.where((rows > upper + 2.0) & (rows < front) & band, 0.4, picture)
     picture = picture.astype(np.float32)
-    view = Unrolled(picture, no_edges(picture.shape), np.nan, 0.01, 2.0, clipped=False)
+    view = Unrolled(
+        picture,
+        np.ones_like(picture),
+        no_edges(picture.shape),
+        np.nan,
+        np.inf,
+        0.01,
+        2.0,
+        clipped=False,
+    )
     border = np.zeros(walls.lines, np.bool_)
     points = walls.wall_points(front, np.full(walls.lines, 2.0), border)
     fit = SurfaceFitter(walls).refined(view, points, rest, Prior(rest, first=0.025))
@@ -381,7 +390,16 @@ def lines_at_rest(make_scene, surface, shifted):
     front, upper = walls.front_rows(rest) - shifted, walls.silhouette(rest, 2.0)
     picture = np.where(rows < front, surface, 0.0)
     picture = np.where(rows < upper, 1.0, picture).astype(np.float32)
-    view = Unrolled(picture, no_edges(picture.shape), surface, 0.005, 2.0, clipped=False)
+    view = Unrolled(
+        picture,
+        np.ones_like(picture),
+        no_edges(picture.shape),
+        surface,
+        np.inf,
+        0.005,
+        2.0,
+        clipped=False,
+    )
     seen = front if surface > 0.5 else upper
     border = np.zeros(walls.lines, np.bool_)
     points = walls.wall_points(seen, np.full(walls.lines, 2.0), border)

@@ -314,11 +314,12 @@ def test_rows_between_every_fourth_line():
 # Agreement of a surface with a picture.
 
 
-def score(picture, front, upper, surface=np.nan):
+def score(picture, front, upper, surface=np.nan, backdrop=None, hidden=np.inf):
     lines = picture.shape[1]
+    backdrop = np.ones_like(picture) if backdrop is None else backdrop
     first, last = np.zeros(lines, np.int64), np.full(lines, ROWS - 1, np.int64)
     return edge_search.surface_score(
-        picture, no_edges(picture.shape), surface,
+        picture, backdrop, no_edges(picture.shape), surface, hidden,
         np.asarray(front, np.float64), np.asarray(upper, np.float64), first, last,
     )  # fmt: skip
 
@@ -371,11 +372,42 @@ def test_liquid_above_and_background_below_speak_against_a_surface():
     assert score(below, front - 0.5, upper - 0.5) < clean - 0.3
 
 
+def test_what_is_dark_beside_the_container_does_not_speak_against_a_surface():
+    front, upper = CURVE + 10, CURVE - 8
+    picture, backdrop = two_lines(front, upper), np.ones((ROWS, 100), np.float32)
+    clean = score(picture, front - 0.5, upper - 0.5)
+    # A table, whose far edge is seen through the empty glass.
+    picture[3:13], backdrop[3:13] = 0.1, 0.1
+    known = score(picture, front - 0.5, upper - 0.5, backdrop=backdrop)
+    assert score(picture, front - 0.5, upper - 0.5) < clean - 0.3
+    assert known == pytest.approx(clean, abs=0.1)
+    # What is lighter than that is background, too.
+    assert score(two_lines(front, upper), front - 0.5, upper - 0.5, backdrop=backdrop) >= clean
+
+
+def test_lines_that_a_label_hides_do_not_outvote_the_others():
+    front, upper = CURVE + 10, CURVE - 8
+    picture = two_lines(front, upper)
+    picture[20:, 30:60] = 1.0
+    told, untold = (
+        score(picture, front - 0.5, upper - 0.5, hidden=hidden) for hidden in (0.6, np.inf)
+    )
+    assert told > untold + 0.1
+    away = score(picture, front + 14.5, upper + 14.5, hidden=0.6)
+    assert away < told - 0.1
+
+
 def test_a_picture_without_a_surface_agrees_with_none():
     rng = np.random.default_rng(8)
     for picture in (rng.uniform(0.0, 1.0, (ROWS, 100)), np.full((ROWS, 100), 0.6)):
         found = [
-            score(picture.astype(np.float32), np.full(100, row), np.full(100, row - gap))
+            score(
+                picture.astype(np.float32),
+                np.full(100, row),
+                np.full(100, row - gap),
+                hidden=hidden,
+            )
+            for hidden in (0.6, np.inf)
             for row in range(10, 70, 5)
             for gap in (0.0, 5.0, 20.0)
         ]

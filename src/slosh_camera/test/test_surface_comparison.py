@@ -83,12 +83,12 @@ def test_a_clear_picture_wins_over_the_image_before_and_says_so():
 
 
 def test_a_poor_picture_is_believed_where_the_image_before_foretold_it():
-    poor, other = surface(*FRONT, -0.4), surface(*REAR, -0.6)
+    poor, other = surface(*FRONT, -0.05), surface(*REAR, -0.25)
     assert not choose([poor, other], None).believed
     told = choose([poor, other], expects(FRONT))
     assert (told.candidate, told.believed, told.decided) == (poor, True, True)
     # Not a worse one, and not one that was not foretold.
-    assert not choose([surface(*FRONT, -0.9)], expects(FRONT)).believed
+    assert not choose([surface(*FRONT, -0.2)], expects(FRONT)).believed
     assert not choose([poor], expects((4.0 * MM, -15.0 * MM))).believed
 
 

@@ -113,7 +113,9 @@ class FreeSurfaceDetector:
         self._still_edges = StillEdges(outer_edges(self._view), self._view.camera.size)
         self._usual_turn = 0.0
         self._tangents = calibration.view.tangent_azimuths()
-        self._front = FrontLineFinder(self._grid, self._wall, self._settings)
+        self._front = FrontLineFinder(
+            self._grid, self._wall, self._settings, calibration.view.camera.size
+        )
         self._bodies = self._front.bodies
         self._zero = np.zeros(SHAPES)
         prior = Prior(self._zero, first=_FIRST * calibration.view.cup.radius)
@@ -121,7 +123,7 @@ class FreeSurfaceDetector:
         self._at_rest = Prior(self._zero, first=3e-3, level=5e-3)
         self._surface = float("nan")
         self._stationary = self._unknown = no_edges(self._grid.shape)
-        self._sure = True
+        self._sure, self._taught = True, False
         self._repeats = RepeatedFrames()
 
     @property
@@ -155,7 +157,7 @@ class FreeSurfaceDetector:
                 "degrees against the calibration, calibrate the camera anew"
             )
         seen = (
-            (self._front.find(unrolled, body, self._unknown, self._surface), body)
+            (self._front.find(unrolled, body, self._unknown, self._surface, image), body)
             for body in self._front.bodies
         )
         pictures = [(*found, body) for found, body in seen if found is not None]
@@ -175,7 +177,7 @@ class FreeSurfaceDetector:
                 "level, and may be an edge of what is behind the liquid; check the fill height, "
                 f"or {REMEDY}"
             )
-        self._sure = sure
+        self._sure, self._taught = sure, True
         self._zero = still.zero
         # Of a doubted liquid it is not known which edge is its own.
         self._stationary = self._standing_edges(still) if sure else self._unknown
@@ -224,8 +226,9 @@ class FreeSurfaceDetector:
         unrolled = self._unrolled(image)
         if self._edges.turned(image, self._usual_turn) or self._still_edges.missing(image):
             return Sighting(flags=Flag.NOT_FOUND)
+        beside = image if self._taught else None
         lines = (
-            self._front.find(unrolled, body, self._stationary, self._surface)
+            self._front.find(unrolled, body, self._stationary, self._surface, beside)
             for body in self._bodies
         )
         seen = tuple(found for found in lines if found is not None)

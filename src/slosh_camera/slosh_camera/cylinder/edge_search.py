@@ -32,6 +32,8 @@ _BETWEEN = 0.2
 _UNLIKE = 0.3
 # Weight of wrong samples against edges, and a slope that is half an edge.
 _WRONG = 4.0
+# What speaks against a line that is hidden, by a label or the like, counts by this part beyond.
+_LEAK = 0.3
 _HALF_EDGE = 0.08
 # Distance from which on an edge is another one [rows].
 _BESIDE = 4
@@ -344,20 +346,24 @@ def _edge_at(picture, stationary, row, line, first, last, reversed_weight):  # t
 
 @entry_point(
     float64(
-        given(float32, 2, "A"), given(float32, 3, "A"), float64, given(float64, 1, "A"), GIVEN_1,
-        given(int64, 1, "A"), given(int64, 1, "A"),
+        given(float32, 2, "A"), given(float32, 2, "A"), given(float32, 3, "A"), float64, float64,
+        given(float64, 1, "A"), GIVEN_1, given(int64, 1, "A"), given(int64, 1, "A"),
     )
 )  # fmt: skip
-def surface_score(picture, stationary, surface, front, upper, first, last):  # type: ignore[no-untyped-def]
+def surface_score(  # type: ignore[no-untyped-def]
+    picture, backdrop, stationary, surface, hidden, front, upper, first, last
+):
     """How well a picture agrees with a surface's front line and upper edge.
 
-    Below the front line there should be liquid, above the upper edge background, in between
-    anything; on both lines there should be an edge.
+    Below the front line there should be liquid, above the upper edge what is behind the glass, in
+    between anything; on both lines there should be an edge.
 
     Args:
         picture: (J, M).
+        backdrop: (J, M) what is behind the glass, at most 1.
         stationary: (2, J, M) steps that edges must exceed, see `stationary_edges`.
         surface: what the free surface looks like at rest; NaN: unknown.
+        hidden: a line against which more than this speaks is hidden; inf: none is.
         front, upper: (M,) rows; an upper edge that is NaN or negative is not seen.
         first, last: (M,) rows inside the image.
 
@@ -381,14 +387,16 @@ def surface_score(picture, stationary, surface, front, upper, first, last):  # t
             unlike = min(((picture[j, i] - surface) * _LIQUID_SPREAD) ** 2, 1.0)
             wrong += _BETWEEN if np.isnan(surface) else _UNLIKE * unlike
         for j in range(first[i], high):
-            wrong += min(max((1.0 - picture[j, i]) * _BACKGROUND_SPREAD, 0.0) ** 2, 1.0)
+            darker = max(backdrop[j, i] - picture[j, i], 0.0)
+            wrong += min((darker * _BACKGROUND_SPREAD) ** 2, 1.0)
         for j in range(low, last[i] + 1):
             wrong += min((picture[j, i] * _LIQUID_SPREAD) ** 2, 1.0)
         edges = _edge_at(picture, stationary, front[i], i, first[i], last[i], 0.7)
         if high < low - 2:
             upper_edge = _edge_at(picture, stationary, upper[i], i, first[i], last[i], 0.3)
             edges = front_part * edges + upper_part * upper_edge
-        total += edges - _WRONG * wrong / (last[i] + 1 - first[i])
+        share = _WRONG * wrong / (last[i] + 1 - first[i])
+        total += edges - min(share, hidden + _LEAK * max(share - hidden, 0.0))
     return total / lines
 
 

@@ -14,6 +14,7 @@ from slosh_camera.cylinder.appearance import Tone, find_tone, percentile
 from slosh_camera.cylinder.scan_grid import ScanGrid
 from slosh_camera.cylinder.stationary_edges import moved_edges
 from slosh_camera.cylinder.surface_evidence import Unrolled, WallPoints
+from slosh_camera.cylinder.surroundings import Backdrop
 from slosh_camera.cylinder.wall_geometry import WallGeometry
 from slosh_camera.measurement import Flag
 from slosh_camera.settings import DetectionSettings, Liquid
@@ -36,6 +37,8 @@ _TOLERANCE_SPREAD = 4.0
 _SHARP = 2.0
 # Grey level from which on a background is white: whatever is as bright cannot be told from it.
 _WHITE = 250.0
+# What must speak against a line for it to be hidden, see `surface_score`.
+_HIDDEN = 0.6
 # Every so many rows and lines suffice to tell how light an image is.
 _SPARSE = 4
 
@@ -47,8 +50,15 @@ class FrontLineFinder:
         bodies: the rows, below the deepest trough or higher up, that are mostly liquid.
     """
 
-    def __init__(self, grid: ScanGrid, wall: WallGeometry, settings: DetectionSettings) -> None:
+    def __init__(
+        self,
+        grid: ScanGrid,
+        wall: WallGeometry,
+        settings: DetectionSettings,
+        size: tuple[int, int],
+    ) -> None:
         self._grid, self._wall, self._settings = grid, wall, settings
+        self._backdrop = Backdrop(grid.pixels, size)
         self._above = (int(np.min(wall.first_row)) + grid.still_row) // 2
         self.bodies = tuple(self._rows(body) for body in _BODIES)
 
@@ -62,7 +72,12 @@ class FrontLineFinder:
         return find_tone(unrolled, self._grid.inside, body, self._above)
 
     def find(
-        self, unrolled: Image, body: slice, stationary: Single, surface: float
+        self,
+        unrolled: Image,
+        body: slice,
+        stationary: Single,
+        surface: float,
+        beside: Image | None = None,
     ) -> tuple[Unrolled, WallPoints] | None:
         """The wall on the axis from liquid to background, and where the liquid ends on it.
 
@@ -71,6 +86,9 @@ class FrontLineFinder:
             body: rows of the liquid.
             stationary: edges that stand still, as `stationary_edges` gives them.
             surface: how the free surface looks on the axis; NaN: not known.
+            beside: the image, where the still one was accepted: what is beside the container tells
+                what is behind it, and lines may be hidden by a label; None: the background is as
+                light everywhere, and no line is hidden.
 
         Returns:
             None where liquid and background do not differ as the settings ask for.
@@ -93,7 +111,12 @@ class FrontLineFinder:
         known = width[np.isfinite(width)]
         softness = float(np.median(known)) if known.size else _SHARP
         clipped = bool(np.all(tone.background >= _WHITE))
-        view = Unrolled(picture, stationary, surface, tone.noise, softness, clipped)
+        behind, hidden = np.ones_like(picture), np.inf
+        if beside is not None:
+            behind, hidden = self._backdrop.reduced(beside, tone), _HIDDEN
+        view = Unrolled(
+            picture, behind, stationary, surface, hidden, tone.noise, softness, clipped
+        )
         place = moved_edges(picture, stationary, place)
         return view, self._wall.wall_points(place, width, row <= first)
 

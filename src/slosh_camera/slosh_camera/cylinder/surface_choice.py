@@ -206,8 +206,10 @@ class SurfaceChooser:
         upper = self._wall.silhouette(heights, view.softness, coarse=True)
         score = edge_search.surface_score(
             view.picture[:, ::SKIP],
+            view.backdrop[:, ::SKIP],
             view.stationary[:, :, ::SKIP],
             view.surface,
+            view.hidden,
             self._wall.front_rows(heights)[::SKIP],
             upper,
             self._wall.first_row[::SKIP],

@@ -20,7 +20,7 @@ FloatArray = NDArray[np.float64]
 _BELIEVED = 0.0
 # How plausible one must be that the images before foretell, within a standard deviation, and by
 # how much more it must agree than others.
-_BELIEVED_FORETOLD, _FORETOLD, _CLEARLY = -0.75, 1.0, 0.1
+_BELIEVED_FORETOLD, _FORETOLD, _CLEARLY = -0.1, 1.0, 0.1
 # Up to this deviation from what was foretold it is not asked what else an image with a clear front
 # line may show, and beyond the second the liquid cannot have moved so fast [standard deviations].
 _USUAL, _JUMP = 2.0, 4.5

@@ -24,17 +24,22 @@ class Unrolled:
 
     Attributes:
         picture: (J, M), liquid 0, background 1.
+        backdrop: (J, M) what should be seen above the liquid, at most 1.
         stationary: (2, J, M) steps that edges must exceed to be told from those that stood there
             in the still image.
         surface: what the free surface looked like at rest, on the picture's scale; NaN: unknown.
+        hidden: a line against which more than this speaks is hidden, by a label or the like; inf:
+            none is.
         noise: standard deviation of a sample.
         softness: width of its edges [rows].
         clipped: the background is white in the image, and so may be what is not background.
     """
 
     picture: Single
+    backdrop: Single
     stationary: Single
     surface: float
+    hidden: float
     noise: float
     softness: float
     clipped: bool
