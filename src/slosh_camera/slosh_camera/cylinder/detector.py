@@ -156,9 +156,12 @@ class FreeSurfaceDetector:
                 f"still image: the container's sides are turned by {np.degrees(turn):.1f} "
                 "degrees against the calibration, calibrate the camera anew"
             )
+        # Behind a clear liquid, too, is seen what is beside it: that tells nothing of its end.
+        bodies = self._front.bodies
+        besides = [None if self._is_clear(image, body) else image for body in bodies]
         seen = (
-            (self._front.find(unrolled, body, self._unknown, self._surface, image), body)
-            for body in self._front.bodies
+            (self._front.find(unrolled, body, self._unknown, self._surface, beside), body)
+            for body, beside in zip(bodies, besides, strict=True)
         )
         pictures = [(*found, body) for found, body in seen if found is not None]
         still = find_still_surface(self._chooser, pictures, self._at_rest)
@@ -167,9 +170,10 @@ class FreeSurfaceDetector:
                 "still image: shows no whole liquid line, check light, region and calibration"
             )
         prior = Prior(still.zero, first=self._prior.first)
+        clear = besides[bodies.index(still.body)] is None
         # In one image all edges stand still: nothing tells those of the background as yet.
         sure = is_found_again(still, self._compared_with_rest(still.view, prior)) and not (
-            self._chooser.is_suspect(still.fit) or self._is_clear(image, still.body)
+            self._chooser.is_suspect(still.fit) or clear
         )
         if not sure and abs(still.zero[0]) > self._at_rest.level:
             raise SloshCameraError(
@@ -177,7 +181,7 @@ class FreeSurfaceDetector:
                 "level, and may be an edge of what is behind the liquid; check the fill height, "
                 f"or {REMEDY}"
             )
-        self._sure, self._taught = sure, True
+        self._sure, self._taught = sure, not clear
         self._zero = still.zero
         # Of a doubted liquid it is not known which edge is its own.
         self._stationary = self._standing_edges(still) if sure else self._unknown
