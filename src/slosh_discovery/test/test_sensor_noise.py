@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from slosh_discovery.discover import sensor_noise
 from slosh_discovery.discover.colour import Whitening, neighbours_in
 from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_discovery.discover.problem import HeightNoise, prepare
@@ -150,6 +151,17 @@ def test_what_the_model_lacks_is_no_noise():
     assert found is not None
     assert found.stddev < 1e-3
     assert found.jitter == pytest.approx(0.0023, abs=5e-4)
+
+
+@pytest.mark.parametrize(("likeliest", "is_noise"), [(0.8, True), (0.88, False)])
+def test_what_goes_on_for_longer_than_a_sensors_noise_is_the_models(
+    monkeypatch, likeliest, is_noise
+):
+    """As the heights of a robot's cup have it, whose true motion is not the commanded one."""
+    shape = sensor_noise._Shape(likeliest, 0.0)
+    monkeypatch.setattr(sensor_noise, "_most_likely", lambda parts, start, likelihood: shape)
+    found = estimate_sensor(leftovers(np.random.default_rng(0), 4, 5e-4, likeliest))
+    assert (found is not None) == is_noise
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
