@@ -364,7 +364,8 @@ class FreeSurfaceDetector:
             found.fit, self._zero, self._wall.footprint,
             cut_off=cut_off, shaded=found.view.scatters,
         )  # fmt: skip
-        fitted, seen, highest = reading.fitted(), reading.seen(), reading.highest()
+        fitted, seen = reading.fitted(), reading.seen()
+        highest = reading.highest(fitted, seen)
         flags = found.flags
         if reading.edge_width > self._settings.max_blur:
             flags |= Flag.BLURRED

@@ -127,12 +127,14 @@ class SurfaceReading:
             height, azimuth = _highest(np.where(self._seen, around, -np.inf))
         return HighestPoint(height, azimuth, self._stddev(height, azimuth))
 
-    def highest(self) -> HighestPoint:
+    def highest(self, fitted: HighestPoint, seen: HighestPoint) -> HighestPoint:
         """Highest point of the whole wall: what is seen, or the fit where a higher place is not.
 
         What is seen is off by what it misses; where the fit is surer than that, it tells.
+
+        Args:
+            fitted, seen: as the methods of these names give them.
         """
-        fitted, seen = self.fitted(), self.seen()
         missing = max(fitted.height - seen.height, 0.0)
         stddev = float(np.hypot(seen.stddev, missing))
         hidden = missing > 0.0 and not (self._cut_off or self._seen[_bin(fitted.azimuth)])

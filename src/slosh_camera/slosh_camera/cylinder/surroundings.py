@@ -27,8 +27,8 @@ _BESIDE = np.linspace(0.1, 0.25, 12)
 # a dark table by 0.18 and more.
 _ALIKE = 0.13
 _LEAST_SEEN = 0.5
-# Of these places every third tells what is behind the container.
-_FEW = 3
+# Of these places three tell what is behind the container.
+_FEW = 5
 # Rows by which what is behind the glass may be seen higher or lower than beside it.
 _BENT = 4
 
@@ -68,8 +68,9 @@ class Backdrop:
 
     def reduced(self, image: Image, tone: Tone) -> Single:
         """(J, M) on the axis from liquid to background: at most 1, and 1 where it is not known."""
-        sides = np.median(image[self._rows, self._columns], axis=2)
-        level = np.atleast_3d(sides) @ tone.axis - tone.axis @ tone.liquid
+        seen = image[self._rows, self._columns].reshape(*self._rows.shape, -1)
+        # The middle one of three.
+        level = np.sort(seen @ tone.axis, axis=2)[:, :, 1] - tone.axis @ tone.liquid
         level = np.where(self._seen, np.minimum(level, 1.0), 1.0).astype(np.float32)
         lowest = cv2.erode(level, np.ones((2 * _BENT + 1, 1), np.uint8))
         left, right = lowest[:, :1], lowest[:, 1:]
