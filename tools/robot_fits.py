@@ -16,7 +16,6 @@ from typing import NamedTuple
 import numpy as np
 from discovery_findings import ROBOT_CUP, fill, runs_of_kind
 
-from slosh_discovery.discover import MeasuredMotion
 from slosh_discovery.discover.clock import first_offset, slipped_offsets
 from slosh_discovery.discover.explanation import Explanation, starts
 from slosh_discovery.discover.fitting import Fit, fit
@@ -49,7 +48,7 @@ SETS: dict[str, tuple[Wanted, ...]] = {
 def main() -> int:
     """Prints the table; with --docs it goes into the page."""
     base = Model(ROBOT_CUP).nonlinear().spatial().with_effect("gravity_tilt")
-    runs = [motion for motions in runs_of_kind("Tilt").values() for motion in motions]
+    runs = [prepare(motion) for motions in runs_of_kind("Tilt").values() for motion in motions]
     lines = [
         "| beside `gravity_tilt` and `lever_arm` | σ of the fit to all six | σ foretold |",
         "|---|--:|--:|",
@@ -70,10 +69,10 @@ def main() -> int:
     return 0
 
 
-def fitted(base: Model, runs: Sequence[MeasuredMotion], wanted: Sequence[Wanted]) -> Fit:
+def fitted(base: Model, motions: Sequence[PreparedMotion], wanted: Sequence[Wanted]) -> Fit:
     """The effects fitted one after another, each from all of its starts, the others with it."""
-    motions = [prepare(run) for run in runs]
-    groups = tuple(sorted({run.group for run in runs if run.group is not None}))
+    names = {one.motion.group for one in motions}
+    groups = tuple(sorted(name for name in names if name is not None))
     offsets = [first_offset(motion, base) for motion in motions]
     one = fit(Explanation(base, groups=groups), motions, np.zeros(0), offsets)
     for effect in wanted:
@@ -100,9 +99,9 @@ def tried(one: Fit, motions: Sequence[PreparedMotion], wanted: Wanted) -> list[F
     return [begun(values, choices) for values, choices in starts(wanted.name)]
 
 
-def sigma(one: Fit, run: MeasuredMotion) -> float:
+def sigma(one: Fit, motion: PreparedMotion) -> float:
     """Mean absolute error of a run's highest heights [m], on its own clock and level."""
-    motion, model = prepare(run), one.model_of(run.group)
+    model = one.model_of(motion.motion.group)
     alone = Explanation(model)
     offset = fit(alone, [motion], np.zeros(0), [first_offset(motion, model)]).clock_offsets[0]
     answer = motion.simulate(model)

@@ -71,7 +71,8 @@ _DOUBT = (
 _NO_FADE = 2e-6
 # Rows around a line at rest that belong to it, and in widths of its edge.
 _OWN_ROWS, _OWN_WIDTHS = 2.0, 1.0
-# Standard deviation [m] from which on a surface is not told whose edges contradict each other.
+# Standard deviation from which on a surface is not told whose front line is a mere shade, or whose
+# edges contradict each other [m].
 _UNTOLD = 5e-4
 # The peak is hidden where the fitted surface is so much higher than what is seen [m].
 _HIGHER = 5e-4
@@ -158,7 +159,7 @@ class FreeSurfaceDetector:
             )
         # Behind a clear liquid, too, is seen what is beside it: that tells nothing of its end.
         bodies = self._front.bodies
-        besides = [None if self._is_clear(image, body) else image for body in bodies]
+        besides = [None if self._is_clear(image, unrolled, body) else image for body in bodies]
         seen = (
             (self._front.find(unrolled, body, self._unknown, self._surface, beside), body)
             for body, beside in zip(bodies, besides, strict=True)
@@ -265,9 +266,9 @@ class FreeSurfaceDetector:
             )  # fmt: skip
         return self._measurement(stamp_ns, found)
 
-    def _is_clear(self, image: Image, body: slice) -> bool:
+    def _is_clear(self, image: Image, unrolled: Image, body: slice) -> bool:
         """Whether the liquid looks like what is beside the container."""
-        tone = self._front.tone(self._unrolled(image), body)
+        tone = self._front.tone(unrolled, body)
         return tone is not None and looks_like_surroundings(image, self._grid.pixels[body], tone)
 
     def _know(self, prior: Prior, comparison: SurfaceComparison) -> None:
@@ -369,13 +370,12 @@ class FreeSurfaceDetector:
         flags = found.flags
         if reading.edge_width > self._settings.max_blur:
             flags |= Flag.BLURRED
-        missing = max(fitted.height - seen.height, 0.0)
         # Of a surface that is cut off a bound alone is told.
         if not cut_off:
             contradicted = reading.contradiction > 1.0 and highest.stddev > _UNTOLD
             if contradicted or (found.view.scatters and fitted.stddev > _UNTOLD):
                 flags |= Flag.AMBIGUOUS
-            if missing > _HIGHER:
+            if fitted.height - seen.height > _HIGHER:
                 flags |= Flag.OCCLUDED
         left, right = (reading.at(azimuth) for azimuth in self._tangents)
         return Measurement(

@@ -32,9 +32,9 @@ _BETWEEN = 0.2
 _UNLIKE = 0.3
 # Weight of wrong samples against edges, and a slope that is half an edge.
 _WRONG = 4.0
+_HALF_EDGE = 0.08
 # What speaks against a line that is hidden, by a label or the like, counts by this part beyond.
 _LEAK = 0.3
-_HALF_EDGE = 0.08
 # Distance from which on an edge is another one [rows].
 _BESIDE = 4
 # Weights of two edges, front line and upper edge; a front line alone has weight 1. The upper one

@@ -68,7 +68,7 @@ SLOWEST = 0.85
 """Noise of a sensor whose neighbouring samples correlate by more is what the model lacks: of a
 robot's cup, whose true motion nobody knows, it was taken for noise at 0.88."""
 STRONGEST = 0.97
-"""Largest correlation of neighbours that is a sensor's."""
+"""Largest correlation of neighbours that is looked for."""
 LARGEST_JITTER = 0.03
 """Of stamps [s]."""
 
