@@ -30,6 +30,17 @@ def test_a_dark_table_beside_the_container_is_expected_behind_it():
     assert found[EDGE + 10 :] == pytest.approx(0.1, abs=0.01)
 
 
+def test_what_is_far_behind_goes_straight_on_where_rows_of_the_wall_are_bent():
+    # Seen from above, a height on the front wall is lower in the image in its middle.
+    bent = grid()
+    sag = 20.0 * np.sin(np.pi * np.arange(50) / 49.0)
+    bent[..., 1] += sag
+    found = Backdrop(bent, (WIDE, HIGH)).reduced(room(), TONE)
+    edge = np.argmax(found < 0.5, axis=0)
+    assert np.abs(edge - (EDGE - sag)).max() < 6.0
+    assert edge[0] - edge[25] == pytest.approx(20, abs=1)
+
+
 def test_between_two_sides_it_goes_over_from_one_to_the_other():
     image = room()
     image[:, WIDE // 2 :] = 200

@@ -53,18 +53,34 @@ class Backdrop:
     def __init__(self, pixels: FloatArray, size: tuple[int, int]) -> None:
         """Keep the places that are looked at.
 
+        What is far behind goes on straight across the container, in pixels; a row of the scan
+        lines, which is a height on the front wall, does not.
+
         Args:
             pixels: (J, M, 2) places on the scan lines, from left to right.
             size: width and height of the images.
         """
-        places = np.rint(np.stack(_sides(pixels), axis=1)[:, :, ::_FEW]).astype(np.int64)
-        self._columns, self._rows = places[..., 0], places[..., 1]
+        across = np.mean(pixels[:, -1] - pixels[:, 0], axis=0)
+        width = float(np.hypot(*across))
+        along = across / width
+        down = np.array([-along[1], along[0]])
+        depth, place = pixels @ down, pixels @ along
+        first = int(np.floor(np.min(depth)))
+        levels = np.arange(first, int(np.ceil(np.max(depth))) + 1)
+        ends = [_place_at(levels, depth[:, line], place[:, line]) for line in (0, -1)]
+        out = width * _BESIDE[::_FEW]
+        beside = np.stack((ends[0][:, None] - out, ends[1][:, None] + out), axis=1)
+        places = np.rint(beside[..., None] * along + levels[:, None, None, None] * down)
+        self._columns, self._rows = np.moveaxis(places.astype(np.int64), -1, 0)
         inside = (self._columns >= 0) & (self._columns < size[0])
         inside &= (self._rows >= 0) & (self._rows < size[1])
         self._seen = np.mean(inside, axis=2) >= _LEAST_SEEN
         np.clip(self._columns, 0, size[0] - 1, out=self._columns)
         np.clip(self._rows, 0, size[1] - 1, out=self._rows)
-        self._across = np.linspace(0.0, 1.0, pixels.shape[1], dtype=np.float32)
+        self._level = np.rint(depth).astype(np.int64) - first
+        left, right = (end[self._level] for end in ends)
+        share = (place - left) / np.maximum(right - left, 1.0)
+        self._share = np.clip(share, 0.0, 1.0).astype(np.float32)
 
     def reduced(self, image: Image, tone: Tone) -> Single:
         """(J, M) on the axis from liquid to background: at most 1, and 1 where it is not known."""
@@ -72,9 +88,14 @@ class Backdrop:
         # The middle one of three.
         level = np.sort(seen @ tone.axis, axis=2)[:, :, 1] - tone.axis @ tone.liquid
         level = np.where(self._seen, np.minimum(level, 1.0), 1.0).astype(np.float32)
-        lowest = cv2.erode(level, np.ones((2 * _BENT + 1, 1), np.uint8))
-        left, right = lowest[:, :1], lowest[:, 1:]
-        return np.asarray(left + (right - left) * self._across, dtype=np.float32)
+        left, right = cv2.erode(level, np.ones((2 * _BENT + 1, 1), np.uint8)).T
+        return np.asarray(left[self._level] + (right - left)[self._level] * self._share)
+
+
+def _place_at(levels: NDArray[np.int64], depth: FloatArray, place: FloatArray) -> FloatArray:
+    """Where a line of places is at other depths than its own; beyond its ends, at these."""
+    order = np.argsort(depth)
+    return np.interp(levels, depth[order], place[order])
 
 
 def _sides(pixels: FloatArray) -> tuple[FloatArray, FloatArray]:
