@@ -24,8 +24,15 @@ _RIVAL, _RIVAL_RESIDUAL = 0.93, 1.5
 # What stands between the sides of a container so many times as wide is rather seen through it, or
 # stuck to it, though it scores higher: unless the wide one scores less than this part.
 _WIDER, _ENCLOSING = 1.25, 0.6
-# What shows of the empty glass, or else of the floor, where the container is what it seems.
-_LEAST_GLASS, LEAST_FLOOR = 0.35, 0.5
+LEAST_FLOOR = 0.5
+"""What shows of the floor where it is where it should be."""
+MAX_RESIDUAL = 0.6
+"""Residual up to which a fit is believed without a warning [px]."""
+# What shows of the empty glass where the container is what it seems: where both lines of the level
+# are seen, and where one is.
+_LEAST_GLASS, _GLASS_ALONE = 0.35, 0.5
+# So many things that are off at once are too many, see `_speaks_against`.
+_TOO_MUCH = 3
 
 
 def find_fault(fit: Fit, answer: StillFit, sure: bool) -> str:
@@ -68,6 +75,13 @@ def find_fault(fit: Fit, answer: StillFit, sure: bool) -> str:
             "container, as a label or a reflection; take the picture from elsewhere or before a "
             "plain background, or tell --distance"
         )
+    against = _speaks_against(fit, answer)
+    if not sure and len(against) >= _TOO_MUCH:
+        return (
+            f"what fits best, {1e3 * fit.place.distance:.0f} mm away, fits poorly: "
+            f"{', '.join(against)}; take the picture before a plain background, with less on the "
+            "glass, or tell --distance"
+        )
     worst = max(answer.height_stddev.values())
     if not worst <= _LOST_HEIGHT:
         return (
@@ -81,7 +95,8 @@ def find_fault(fit: Fit, answer: StillFit, sure: bool) -> str:
 def is_corroborated(fit: Fit) -> bool:
     """Whether a curve that the pose does not rest on is where it should be, if it can be seen.
 
-    A wall of no thickness shows no glass.
+    A wall of no thickness shows no glass. Where one line of the level is all that is seen, more of
+    it must show: two sides and a line are soon found in other things.
     """
     if fit.cup.wall_thickness == 0.0:
         return True
@@ -90,7 +105,21 @@ def is_corroborated(fit: Fit) -> bool:
     known = [share for share in glass if np.isfinite(share)]
     if not known and not np.isfinite(floor):
         return True
-    return max(known, default=0.0) >= _LEAST_GLASS or floor >= LEAST_FLOOR
+    both = all(fit.share(curve) >= _LEAST_SHARE for curve in (Curve.FRONT, Curve.REAR))
+    needed = _LEAST_GLASS if both else _GLASS_ALONE
+    return max(known, default=0.0) >= needed or floor >= LEAST_FLOOR
+
+
+def _speaks_against(fit: Fit, answer: StillFit) -> list[str]:
+    """What is off that alone is a matter of a warning, in words."""
+    level = [fit.share(curve) for curve in (Curve.FRONT, Curve.REAR)]
+    reasons = {
+        "the floor is not where it should be": fit.share(Curve.BASE) < LEAST_FLOOR,
+        "a side is hidden in part": any(fit.share(curve) < CLEAR_SHARE for curve in WETTED),
+        "a line of the level is hidden in part": any(share < CLEAR_SHARE for share in level),
+        f"edges lie {answer.residual:.2f} px off": answer.residual > MAX_RESIDUAL,
+    }
+    return [reason for reason, holds in reasons.items() if holds]
 
 
 def check_rival(view: CupView, best: Fit, rival: Fit) -> None:

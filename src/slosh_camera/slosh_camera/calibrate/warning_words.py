@@ -5,12 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from slosh_camera.calibrate.curves import Curve
-from slosh_camera.calibrate.refusals import CLEAR_SHARE, LEAST_FLOOR
+from slosh_camera.calibrate.refusals import CLEAR_SHARE, LEAST_FLOOR, MAX_RESIDUAL
 from slosh_camera.calibrate.still_fit import StillFit
 
-# Residual up to which a fit is believed without a warning [px], and standard error of a height up
-# to which it is [m].
-_MAX_RESIDUAL = 0.6
+# Standard error of a height up to which a fit is believed without a warning [m].
 _MAX_HEIGHT_ERROR = 1e-3
 # Edges that lie farther than this from a pose are worth a word [px].
 _DOUBTFUL_OFFSET = 1.0
@@ -35,9 +33,9 @@ def warnings_of(fit: StillFit) -> list[str]:
             )
         if check is not None and abs(check.offset) > _DOUBTFUL_OFFSET:
             warnings.append(f"the {name} lies {check.offset:+.1f} px from where the pose puts it")
-    if fit.residual > _MAX_RESIDUAL:
+    if fit.residual > MAX_RESIDUAL:
         warnings.append(
-            f"the edges lie {fit.residual:.2f} px from the pose, more than {_MAX_RESIDUAL:g}: "
+            f"the edges lie {fit.residual:.2f} px from the pose, more than {MAX_RESIDUAL:g}: "
             "check the intrinsic parameters and the dimensions; standard errors are as much larger"
         )
     worst = max(fit.height_stddev.values())
