@@ -49,44 +49,12 @@ from tqdm import tqdm
 from slosh_camera.cylinder.detector import FreeSurfaceDetector
 from slosh_camera.detection.drawing import draw_measurement
 from slosh_camera.errors import SloshCameraError
-from slosh_camera.measurement import Measurement
 from slosh_camera.optics.calibration import Calibration
 
 PAGE = ROOT / "docs" / "accuracy.md"
 TOTAL = "**total**"
 # Numbered scenes of even number are for tuning, those of odd number to report.
 HALVES = ("**even**", "**odd**")
-
-
-class CompatibleDetector:
-    """The detector of this checkout, also where it takes grey images only."""
-
-    def __init__(self, calibration: Calibration) -> None:
-        """Make the detector."""
-        self._detector: Any = FreeSurfaceDetector(calibration)
-        self._grey = False
-
-    def learn_still(self, image: Image) -> float:
-        """As the detector's."""
-        return float(self._call(lambda given: self._detector.learn_still(given), image))
-
-    def update(self, stamp_ns: int, image: Image) -> Measurement:
-        """As the detector's."""
-        measured: Measurement = self._call(
-            lambda given: self._detector.update(stamp_ns, given), image
-        )
-        return measured
-
-    def _call(self, function: Any, image: Image) -> Any:
-        if not self._grey:
-            try:
-                return function(image)
-            except SloshCameraError:
-                if image.ndim == 2:
-                    raise
-        result = function(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY) if image.ndim == 3 else image)
-        self._grey = True
-        return result
 
 
 def main() -> int:
@@ -157,7 +125,7 @@ def measured_sequences(
 
 def make_detector(calibration: Calibration) -> Detector:
     """The detector of this checkout."""
-    return CompatibleDetector(calibration)
+    return FreeSurfaceDetector(calibration)
 
 
 def all_figures(

@@ -207,7 +207,7 @@ def follow(picture, guess, reach=10, floor=None, first=None, reversed_weight=0.3
         reach,
         np.full(lines, ROWS - 1.0) if floor is None else floor,
         np.zeros(lines, np.int64) if first is None else first,
-        reversed_weight,
+        np.full(lines, reversed_weight),
     )
 
 

@@ -157,7 +157,10 @@ def test_what_is_cut_off_is_flagged_and_nothing_else(name, still, grey):
     pairs = measured(name, still, grey)
     for pair in pairs:
         assert bool(pair.measured.flags & Flag.SATURATED) == pair.cut
-        assert not pair.measured.flags & ~(Flag.SATURATED | Flag.OCCLUDED)
+        # What is off by more than half a millimetre may say so.
+        known = Flag.SATURATED | Flag.OCCLUDED
+        known |= Flag.AMBIGUOUS if abs(pair.error("msh")) > 0.5 * MM else Flag.NONE
+        assert not pair.measured.flags & ~known
     assert sum(pair.cut for pair in pairs) == (27 if name == "D_rotating" else 0)
     occluded = sum(bool(pair.measured.flags & Flag.OCCLUDED) for pair in pairs if not pair.cut)
     assert occluded <= 1

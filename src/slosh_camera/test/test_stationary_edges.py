@@ -26,8 +26,9 @@ STILL = steps((LABEL, 0.3), (LEVEL, 0.5))
 def followed(picture, stationary, guess):
     ends = np.zeros(LINES, np.int64)
     return follow_edge(
-        picture, stationary, np.full(LINES, float(guess)), 6, np.full(LINES, 78.0), ends, 0.3
-    )
+        picture, stationary, np.full(LINES, float(guess)), 6, np.full(LINES, 78.0), ends,
+        np.full(LINES, 0.3),
+    )  # fmt: skip
 
 
 def test_an_edge_that_stood_there_is_none():

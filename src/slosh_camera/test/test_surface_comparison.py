@@ -28,10 +28,10 @@ class NothingElse:
         return 0.3
 
 
-def surface(x, y, plausible):
+def surface(x, y, plausible, edges=100):
     heights = ZERO.copy()
     heights[1:3] = x, y
-    return Candidate(None, SimpleNamespace(heights=heights), plausible)
+    return Candidate(None, SimpleNamespace(heights=heights, edges=edges), plausible)
 
 
 FRONT, REAR = (0.0, -15.0 * MM), (0.0, 15.0 * MM)
@@ -58,6 +58,15 @@ def test_the_image_before_chooses_between_surfaces_that_agree_nearly_alike():
     agreed = choose([exchanged, true], expects((0.0, 13.0 * MM)))
     assert agreed.candidate is exchanged
     assert not agreed.decided
+
+
+def test_of_fits_to_one_surface_that_agree_alike_the_one_of_more_edges_counts():
+    few, many = surface(*FRONT, 0.502, edges=80), surface(*FRONT, 0.500, edges=120)
+    other = surface(*REAR, 0.501, edges=200)
+    assert choose([few, many, other], None).candidate is many
+    assert choose([few, many, other], expects(FRONT)).candidate is many
+    # One that agrees clearly better counts, however few its edges.
+    assert choose([surface(*FRONT, 0.51, edges=80), many], None).candidate is not many
 
 
 def test_another_surface_that_agrees_hardly_less_is_a_doubt_unless_the_images_before_tell():

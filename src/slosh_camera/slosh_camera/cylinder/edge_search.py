@@ -243,13 +243,12 @@ def _gains(picture, stationary, guess, reach, floor, first, reversed_weight):  #
             if j - 2 < first[i] or j + 1 >= rows or j > floor[i]:
                 continue
             step = _step(picture, stationary, j, i)
-            step = step if step > 0.0 else -reversed_weight * step
-            gain[i, o] = step
+            gain[i, o] = step if step > 0.0 else -reversed_weight[i] * step
     return gain
 
 
 @entry_point(
-    Tuple((int64[::1], float64[::1]))(PICTURE, STEPS, GIVEN_1, int64, GIVEN_1, ROWS, float64)
+    Tuple((int64[::1], float64[::1]))(PICTURE, STEPS, GIVEN_1, int64, GIVEN_1, ROWS, GIVEN_1)
 )
 def follow_edge(picture, stationary, guess, reach, floor, first, reversed_weight):  # type: ignore[no-untyped-def]
     """The most marked edge near a guessed curve, continuous from line to line.
@@ -264,7 +263,7 @@ def follow_edge(picture, stationary, guess, reach, floor, first, reversed_weight
         reach: samples by which the edge may lie off the guess.
         floor: (M,) row below which there is no edge to look for.
         first: (M,) first row inside the image.
-        reversed_weight: weight of edges above which it is less like background than below.
+        reversed_weight: (M,) weight of edges above which it is less like background than below.
 
     Returns:
         row: (M,) first row below the edge; -1 where there is none.

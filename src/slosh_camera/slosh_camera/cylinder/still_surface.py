@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from slosh_camera.cylinder.surface_choice import SurfaceChooser
 from slosh_camera.cylinder.surface_comparison import SurfaceComparison
-from slosh_camera.cylinder.surface_evidence import SurfaceFit, Unrolled, WallPoints
+from slosh_camera.cylinder.surface_evidence import INLIER, SurfaceFit, Unrolled, WallPoints
 from slosh_camera.cylinder.surface_modes import SHAPES
 from slosh_camera.cylinder.surface_prior import Prior
 from slosh_camera.errors import SloshCameraError
@@ -30,6 +30,9 @@ REMEDY = "dye the liquid"
 _RATHER = 0.3
 # Highest first mode that liquid at rest may be measured with [m].
 _LEVEL = 1e-3
+# Part of the lines on which the upper edge must be seen for both lines to tell the tilt, and the
+# standard deviation of that towards the camera where the front line alone is seen [rad].
+_BOTH, _TOWARDS = 0.125, np.radians(0.05)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -41,21 +44,21 @@ class StillSurface:
         points: of the front line.
         fit: the level surface.
         body: rows that show liquid.
+        zero: (SHAPES,) heights of the surface at rest [m]: its level and its tilt.
     """
 
     view: Unrolled
     points: WallPoints
     fit: SurfaceFit
     body: slice
-
-    @property
-    def zero(self) -> FloatArray:
-        """Heights (SHAPES,) of the surface at rest [m]: its level and its tilt."""
-        return np.concatenate((self.fit.heights[:3], np.zeros(SHAPES - 3)))
+    zero: FloatArray
 
 
 def find_still_surface(
-    chooser: SurfaceChooser, seen: Sequence[tuple[Unrolled, WallPoints, slice]], prior: Prior
+    chooser: SurfaceChooser,
+    seen: Sequence[tuple[Unrolled, WallPoints, slice]],
+    prior: Prior,
+    nearest: FloatArray,
 ) -> StillSurface | None:
     """The most plausible level surface.
 
@@ -63,6 +66,7 @@ def find_still_surface(
         chooser: fits it.
         seen: pictures, points of the front line and rows of liquid, the usual ones first.
         prior: of the heights of liquid at rest.
+        nearest: (2,) the place of the wall that is nearest to the camera, from the axis [m].
 
     Returns:
         The surface; None where there is no picture.
@@ -70,13 +74,14 @@ def find_still_surface(
     found: list[tuple[float, StillSurface]] = []
     for view, points, body in seen:
         fit, plausible = chooser.fit_still(view, points, prior)
-        still = StillSurface(view, points, fit, body)
-        tone = chooser.surface_tone(view, still.zero)
+        tone = chooser.surface_tone(view, _at_rest(fit, nearest))
         view = replace(view, surface=tone)
-        if view.scatters:
-            # Fitted anew, for the front line is a mere shade.
-            fit, plausible = chooser.fit_still(view, points, prior)
-        still = StillSurface(view, points, fit, body)
+        if np.isfinite(tone):
+            # Fitted anew: how the surface looks tells which edges end it.
+            again, likely = chooser.fit_still(view, points, prior)
+            if view.scatters or not chooser.is_suspect(again):
+                fit, plausible = again, likely
+        still = StillSurface(view, points, fit, body, _at_rest(fit, nearest))
         found.append((plausible - (_RATHER if found else 0.0), still))
     return max(found, key=lambda entry: entry[0])[1] if found else None
 
@@ -101,3 +106,20 @@ def is_found_again(still: StillSurface, comparison: SurfaceComparison) -> bool:
             f"mm, by an edge that is seen through it; {REMEDY}"
         )
     return not choice.doubtful
+
+
+def _at_rest(fit: SurfaceFit, nearest: FloatArray) -> FloatArray:
+    """Level and tilt (SHAPES,) that a fit to liquid at rest tells [m].
+
+    What bends a front line by some tenths of a millimetre, an uneven wall or what mirrors in the
+    liquid's end, reads as a tilt towards the camera of a millimetre at the rear wall. So where
+    that line is all that is seen, the calibration knows the tilt better.
+    """
+    heights, covariance = fit.heights[:3].copy(), fit.covariance[:3, :3]
+    if np.count_nonzero(fit.upper_weight > INLIER) < _BOTH * fit.upper_weight.size:
+        radius = float(np.hypot(*nearest))
+        towards = np.concatenate(([0.0], nearest / radius))
+        spread = covariance @ towards
+        variance = float(towards @ spread) + (_TOWARDS * radius) ** 2
+        heights -= spread * float(towards @ heights) / variance
+    return np.concatenate((heights, np.zeros(SHAPES - 3)))

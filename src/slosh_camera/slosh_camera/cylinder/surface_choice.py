@@ -3,13 +3,20 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from slosh_camera.cylinder import edge_search, silhouette
 from slosh_camera.cylinder.first_modes import first_mode_candidates
-from slosh_camera.cylinder.surface_evidence import INLIER, SurfaceFit, Unrolled, WallPoints
+from slosh_camera.cylinder.surface_evidence import (
+    INLIER,
+    USUAL_FADE,
+    SurfaceFit,
+    Unrolled,
+    WallPoints,
+)
 from slosh_camera.cylinder.surface_fit import SurfaceFitter
 from slosh_camera.cylinder.surface_modes import SHAPES, wall_shapes
 from slosh_camera.cylinder.surface_prior import HIGHEST, Prior
@@ -38,6 +45,8 @@ _DIFFERENT = 10.0
 _EDGE_ROWS = 2.0
 # Points that far from the level that agrees best are no points of liquid at rest [rows].
 _STILL_ROWS = 12.0
+# Of liquid at rest points stand out that are off by so many times what is usual, and so many rows.
+_STRAY, _ROBUST, _STRAY_ROWS = 4.0, 1.4826, 1.5
 # A surface at rest is suspect that is inclined so far against the calibration [rad], and whose
 # upper edges are off by so many rows.
 _INCLINED, _OFF_ROWS = math.radians(0.8), 0.7
@@ -94,6 +103,7 @@ class SurfaceChooser:
         """
         starts = np.vstack(
             (
+                prior.centre,
                 self._candidates(points.azimuth, points.height, points.bound, prior)[0],
                 self._further_candidates(view, points, prior),
             )
@@ -139,6 +149,7 @@ class SurfaceChooser:
         start = levels[int(np.argmax(likely))]
         near = points.near(self._wall.front_rows(start), _STILL_ROWS)
         both = self._fitter.refined(view, near, start, prior, FINE)
+        both = self._without_strays(view, both, prior)
         if np.isfinite(self.surface_tone(view, both.heights)):
             return both, max(likely)
         return self._fitter.fit_front(both.points, prior, start, FINE), max(likely)
@@ -167,6 +178,23 @@ class SurfaceChooser:
         between = (rows > upper + _EDGE_ROWS) & (rows < front - _EDGE_ROWS) & (upper > 0.0)
         enough = np.count_nonzero(between) > 2 * self._wall.lines
         return float(np.median(view.picture[between])) if enough else float("nan")
+
+    def _without_strays(self, view: Unrolled, fit: SurfaceFit, prior: Prior) -> SurfaceFit:
+        """A fit to a level line without points that stand out of it, as those of a label do."""
+        known = ~np.isnan(fit.front_error) & ~fit.points.bound
+        if not np.any(known):
+            return fit
+        off = np.abs(fit.front_error - np.median(fit.front_error[known]))
+        usual = _ROBUST * float(np.median(off[known]))
+        strays = known & (off > max(_STRAY * usual, _STRAY_ROWS * self._wall.footprint))
+        if not np.any(strays):
+            return fit
+        points = replace(
+            fit.points,
+            place=np.where(strays, np.nan, fit.points.place),
+            height=np.where(strays, np.nan, fit.points.height),
+        )
+        return self._fitter.again(view, replace(fit, points=points), prior, USUAL_FADE)
 
     def _further_candidates(self, view: Unrolled, points: WallPoints, prior: Prior) -> FloatArray:
         """First guesses (N, SHAPES) where the front line alone does not decide.

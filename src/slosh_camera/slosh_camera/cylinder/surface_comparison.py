@@ -28,6 +28,8 @@ _USUAL, _JUMP = 2.0, 4.5
 _CERTAINLY = 0.2
 # Two surfaces are others where their first modes lie so far apart [rows].
 _OTHER = 5.0
+# Fits that agree so nearly as well are of the same surface.
+_ALIKE = 0.005
 # By less than this no surface is preferred to another one for sure.
 _HARDLY = 0.05
 # A front line leaves no choice where its surface agrees with the image at most so much worse than
@@ -88,7 +90,11 @@ class Choice:
 
 
 class SurfaceComparison:
-    """Chooses between the surfaces that an image may show."""
+    """Chooses between the surfaces that an image may show.
+
+    Attributes:
+        prior: of the heights; its centre is the surface at rest.
+    """
 
     def __init__(
         self, chooser: SurfaceChooser, prior: Prior, footprint: float, at_rest: float = -np.inf
@@ -97,20 +103,20 @@ class SurfaceComparison:
 
         Args:
             chooser: makes candidates.
-            prior: of the heights; its centre is the surface at rest.
+            prior: of the heights.
             footprint: of a sample on the wall [m].
             at_rest: how plausible the surface at rest makes the still image; -inf: there is none.
         """
-        self._chooser, self._prior, self._footprint = chooser, prior, footprint
-        self._at_rest = at_rest
+        self._chooser, self.prior = chooser, prior
+        self._footprint, self._at_rest = footprint, at_rest
 
     def sighting(self, seen: tuple[tuple[Unrolled, WallPoints], ...]) -> Sighting:
         """The candidates of an image: one where its front line leaves no choice."""
         for view, points in seen:
-            fit = self._chooser.fit_certain(view, points, self._prior)
+            fit = self._chooser.fit_certain(view, points, self.prior)
             if fit is None:
                 continue
-            if self._chooser.plausible(view, fit, self._prior) >= self._at_rest - _WORSE:
+            if self._chooser.plausible(view, fit, self.prior) >= self._at_rest - _WORSE:
                 return Sighting(seen, (Candidate(view, fit, np.inf),), certain=True)
             return Sighting(seen, (self._sure(view, fit), *self._several(seen)))
         return Sighting(seen, self._several(seen))
@@ -122,7 +128,7 @@ class SurfaceComparison:
             sighting: what the image shows by itself.
             expected: from the images before; None: nothing is known.
         """
-        best = max(sighting.candidates, key=lambda entry: entry.plausible)
+        best = self._fullest(sighting.candidates, [c.plausible for c in sighting.candidates])
         if expected is None:
             others = self._others(sighting.candidates, best)
             next_best = max((sighting.candidates[k].plausible for k in others), default=-np.inf)
@@ -137,13 +143,13 @@ class SurfaceComparison:
 
     def first(self, fit: SurfaceFit) -> FloatArray:
         """A surface's first mode above rest, (2,) [m]."""
-        return (fit.heights - self._prior.centre)[1:3]
+        return (fit.heights - self.prior.centre)[1:3]
 
     def _several(self, seen: tuple[tuple[Unrolled, WallPoints], ...]) -> tuple[Candidate, ...]:
         return tuple(
             Candidate(view, *found)
             for view, points in seen
-            for found in self._chooser.fit_several(view, points, self._prior)
+            for found in self._chooser.fit_several(view, points, self.prior)
         )
 
     def _more(self, sighting: Sighting, expected: Expected) -> tuple[Candidate, ...]:
@@ -152,26 +158,26 @@ class SurfaceComparison:
         if sighting.certain:
             (sure,) = candidates
             candidates = (self._sure(sure.view, sure.fit), *self._several(sighting.seen))
-        start = self._prior.centre.copy()
+        start = self.prior.centre.copy()
         start[1:3] += expected.first
         foretold = (
             Candidate(view, *found)
             for view, points in sighting.seen
-            for found in self._chooser.fit_near(view, points, self._prior, start)
+            for found in self._chooser.fit_near(view, points, self.prior, start)
         )
         return (*candidates, *foretold)
 
     def _sure(self, view: Unrolled, fit: SurfaceFit) -> Candidate:
         """A surface that nearly all of the front line agrees with, to be compared with others."""
-        return Candidate(view, fit, self._chooser.plausible(view, fit, self._prior) + _CERTAINLY)
+        return Candidate(view, fit, self._chooser.plausible(view, fit, self.prior) + _CERTAINLY)
 
     def _compared(self, candidates: tuple[Candidate, ...], expected: Expected) -> Choice:
         """The surface that agrees best with the picture and with what was foretold."""
         agreement = [
             entry.plausible - expected.surprise(self.first(entry.fit)) for entry in candidates
         ]
-        index = int(np.argmax(agreement))
-        chosen = candidates[index]
+        chosen = self._fullest(candidates, agreement)
+        index = candidates.index(chosen)
         others = self._others(candidates, chosen)
         lead = agreement[index] - max((agreement[k] for k in others), default=-np.inf)
         distance = expected.distance(self.first(chosen.fit))
@@ -184,6 +190,17 @@ class SurfaceComparison:
             chosen, by_itself or foretold, decided, distance > _JUMP,
             doubtful=self._is_doubtful(chosen, lead),
         )  # fmt: skip
+
+    def _fullest(self, candidates: tuple[Candidate, ...], agreement: list[float]) -> Candidate:
+        """The candidate that agrees best; of fits to the same surface the one of most edges."""
+        best = candidates[int(np.argmax(agreement))]
+        others = self._others(candidates, best)
+        alike = [
+            entry
+            for k, entry in enumerate(candidates)
+            if k not in others and agreement[k] >= max(agreement) - _ALIKE
+        ]
+        return max(alike, key=lambda entry: entry.fit.edges)
 
     def _is_doubtful(self, chosen: Candidate, lead: float) -> bool:
         """Whether an image does not tell a surface that agrees by a lead better than others."""

@@ -134,3 +134,9 @@ class SurfaceFit:
     upper_weight: FloatArray
     upper_scale: float
     upper_part: FloatArray
+
+    @property
+    def edges(self) -> int:
+        """How many edges agree with the surface."""
+        front = np.count_nonzero(self.front_weight > INLIER)
+        return int(front + np.count_nonzero(self.upper_weight > INLIER))

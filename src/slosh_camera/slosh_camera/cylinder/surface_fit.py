@@ -26,8 +26,6 @@ BoolArray = NDArray[np.bool_]
 # Standard deviation of the upper edge, which depends on the surface between the walls as well, as
 # a part of a row.
 _UPPER_ROWS = 0.75
-# Lines that must reach the image's border for the surface to be cut off.
-_CUT_LINES = 2
 # Front points that far from a surface are looked for again, so near to it [rows].
 _FAR_ROWS = 6.0
 _AGAIN_ROWS = 5
@@ -45,8 +43,9 @@ _LEAST_SLOPE = 0.03
 # Part of the lines on which the surface's end would be told from its front line that must show it
 # for it to be one.
 _LEAST_SEEN = 0.125
-# Weight of upper edges above which it is less like background than below.
-_REVERSED = 0.3
+# Weight of upper edges above which it is less like background than below, where what is behind the
+# container, so many rows above, is lighter than the surface by more than this.
+_REVERSED, _ABOVE, _NO_LIGHTER = 0.3, 3, 0.05
 
 
 class SurfaceFitter:
@@ -113,13 +112,6 @@ class SurfaceFitter:
         return self._solve(
             fit.points, fit.upper_place, fit.heights, about, FINE, view.softness, fade
         )
-
-    def cut_off(self, fit: SurfaceFit) -> bool:
-        """Whether liquid or its surface reaches the image's border, in the image or by the fit."""
-        cut = fit.points.bound & (self._wall.first_row > 0)
-        if np.count_nonzero(cut) >= _CUT_LINES:
-            return True
-        return bool(np.any(self._wall.beyond_border(fit.heights)))
 
     def _corrected(
         self, view: Unrolled, points: WallPoints, expected: FloatArray, upper: FloatArray
@@ -191,7 +183,7 @@ class SurfaceFitter:
         row, slope = edge_search.follow_edge(
             view.picture, view.stationary, np.where(lines, expected, np.nan), _AGAIN_ROWS,
             self._wall.last_row.astype(np.float64),
-            np.fmax(self._wall.first_row, least).astype(np.int64), 1.0,
+            np.fmax(self._wall.first_row, least).astype(np.int64), np.ones(expected.size),
         )  # fmt: skip
         place, width = edge_search.refine_edges(
             view.picture, np.maximum(row, 0), self._wall.first_row, self._wall.last_row
@@ -216,7 +208,13 @@ class SurfaceFitter:
             # The front line is too faint to be taken for the upper edge, however near.
             floor = expected + reach
         row, slope = edge_search.follow_edge(
-            view.picture, view.stationary, guess, reach, floor, self._wall.first_row, _REVERSED
+            view.picture,
+            view.stationary,
+            guess,
+            reach,
+            floor,
+            self._wall.first_row,
+            self._reversed(view, guess),
         )
         place, _ = edge_search.refine_edges(
             view.picture, np.maximum(row, 0), self._wall.first_row, self._wall.last_row
@@ -226,6 +224,15 @@ class SurfaceFitter:
         if np.count_nonzero(found) < _LEAST_SEEN * np.count_nonzero(guess < floor):
             return np.full(found.size, np.nan)
         return np.where(found, place, np.nan)
+
+    def _reversed(self, view: Unrolled, upper: FloatArray) -> FloatArray:
+        """Weights (M,) of upper edges near rows above which it is less like background than below.
+
+        So it is where a dark table is behind the container, and where the surface mirrors a lamp.
+        """
+        above = np.where(upper > _ABOVE, upper - _ABOVE, 0.0).astype(np.int64)
+        behind = view.backdrop[above, np.arange(upper.size)]
+        return np.where(behind < view.surface + _NO_LIGHTER, 1.0, _REVERSED)
 
     def _solve(
         self,

@@ -25,11 +25,14 @@ class Prior:
         centre: (SHAPES,) [m], at rest.
         first: standard deviation of the first mode [m].
         level: of the level [m].
+        higher: part of their usual standard deviation that the higher shapes have; hardly any at
+            rest.
     """
 
     centre: FloatArray
     first: float
     level: float = 3e-4
+    higher: float = 1.0
 
     def about(
         self, heights: FloatArray, radius: float, *, front_alone: bool = False
@@ -47,7 +50,7 @@ class Prior:
         """
         x, y = heights[1:3] - self.centre[1:3]
         size, square = float(np.hypot(x, y)), float(x * x + y * y) / radius
-        tight = 0.3 if front_alone else 1.0
+        tight = self.higher * (0.3 if front_alone else 1.0)
         second = tight * (3e-4 + 0.05 * size)
         mean = tight * (1e-4 + 0.25 * square)
         along, across = tight * (1e-4 + 0.25 * square), tight * (1e-4 + 0.12 * square)

@@ -1,0 +1,66 @@
+"""By how much the front line of liquid at rest is not on its surface, and for how long that holds.
+
+An uneven wall bends a line, and where front and rear line are one edge in the image, what is found
+lies between them. A surface that is fitted to such a front line alone leans towards the camera or
+away from it. The liquid at rest is level, so that its image tells; once the line has risen or
+fallen by some rows, it is seen through another place of the wall, and apart from the other line.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_camera.cylinder.surface_evidence import INLIER, SurfaceFit, WallPoints
+
+FloatArray = NDArray[np.float64]
+
+# Lines over which the errors of single points are averaged, and the rise over which what is off
+# changes [rows].
+_AVERAGED, _HOLDS = 5, 3.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FrontBias:
+    """What the front line reads above the surface at rest.
+
+    Attributes:
+        zero: (SHAPES,) heights of the surface at rest [m].
+        offset: (M,) of the line's points above it [m]; 0 where nothing is known.
+        holds: standard deviation of the rise over which the offset changes [m].
+    """
+
+    zero: FloatArray
+    offset: FloatArray
+    holds: float
+
+    @classmethod
+    def unknown(cls, zero: FloatArray, lines: int) -> Self:
+        """Nothing is known of so many lines."""
+        return cls(zero, np.zeros(lines), 1.0)
+
+    @classmethod
+    def at_rest(cls, fit: SurfaceFit, zero: FloatArray, footprint: float) -> Self:
+        """By a fit to the still image.
+
+        Args:
+            fit: the points that agree with it count.
+            zero: (SHAPES,) heights of the surface at rest [m].
+            footprint: of a row on the wall [m].
+        """
+        points = fit.points
+        known = (fit.front_weight > INLIER) & ~points.bound
+        above = np.where(known, points.height - points.shapes @ zero, 0.0)
+        window = np.ones(_AVERAGED)
+        count = np.convolve(known.astype(np.float64), window, "same")
+        offset = np.convolve(above, window, "same") / np.maximum(count, 1.0)
+        return cls(zero, np.where(known, offset, 0.0), _HOLDS * footprint)
+
+    def removed(self, points: WallPoints) -> WallPoints:
+        """Points (M,) of a front line without what they are off, as far as it still holds."""
+        rise = points.height - points.shapes @ self.zero - self.offset
+        part = np.exp(-0.5 * np.square(rise / self.holds))
+        return replace(points, height=points.height - part * self.offset)

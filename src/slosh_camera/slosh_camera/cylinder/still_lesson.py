@@ -1,0 +1,236 @@
+"""What an image of the liquid at rest teaches about the images to come."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_camera.cylinder.container_edges import ContainerEdges
+from slosh_camera.cylinder.front_bias import FrontBias
+from slosh_camera.cylinder.front_line import FrontLineFinder
+from slosh_camera.cylinder.scan_grid import ScanGrid
+from slosh_camera.cylinder.stationary_edges import no_edges, stationary_edges
+from slosh_camera.cylinder.still_surface import (
+    REMEDY,
+    StillSurface,
+    find_still_surface,
+    is_found_again,
+)
+from slosh_camera.cylinder.surface_choice import SurfaceChooser
+from slosh_camera.cylinder.surface_comparison import SurfaceComparison
+from slosh_camera.cylinder.surface_evidence import INLIER, Unrolled
+from slosh_camera.cylinder.surface_flags import surface_flags
+from slosh_camera.cylinder.surface_modes import SHAPES
+from slosh_camera.cylinder.surface_prior import Prior
+from slosh_camera.cylinder.surroundings import looks_like_surroundings
+from slosh_camera.cylinder.wall_geometry import WallGeometry
+from slosh_camera.errors import SloshCameraError
+from slosh_camera.measurement import Flag
+from slosh_camera.optics.cup import CupView
+
+Image = NDArray[np.uint8]
+FloatArray = NDArray[np.float64]
+Single = NDArray[np.float32]
+
+# Standard deviation of the first mode, as a part of the radius.
+_FIRST = 0.5
+# Of liquid at rest: standard deviations of its tilt against the calibration, which is what poses
+# are off that are fitted to a still image [rad], and of its level [m]; and the part of what the
+# higher shapes usually have that is left of them.
+_TILT, _LEVEL, _NO_WAVE = np.radians(0.25), 5e-3, 0.01
+# The same of a tilt of which nothing is known [rad].
+_LEANING = 0.06
+# How well the picture of a doubted liquid agrees with its surface; of those that agree less most
+# images show nothing, and the others something else.
+_PLAUSIBLE = 0.15
+# Flags of a line of which too little is seen to be a zero.
+_NOT_WHOLE = Flag.NOT_FOUND | Flag.SATURATED
+# Rows around a line at rest that belong to it, and in widths of its edge.
+_OWN_ROWS, _OWN_WIDTHS = 2.0, 1.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StillLesson:
+    """What is known of the images to come.
+
+    Attributes:
+        zero: (SHAPES,) heights of the surface at rest [m].
+        comparison: of the surfaces that an image may show, with that zero.
+        bodies: rows that show liquid, one after the other to be tried.
+        surface: what the free surface looks like, see `Unrolled`; NaN: not known.
+        stationary: edges that are not the liquid's, see `stationary_edges`.
+        bias: what the front line is off.
+        surrounded: whether what is beside the container tells what is behind it.
+        sure: whether it is known which of the edges is the liquid's.
+        turn: of the container's sides against the calibration [rad].
+    """
+
+    zero: FloatArray
+    comparison: SurfaceComparison
+    bodies: tuple[slice, ...]
+    surface: float
+    stationary: Single
+    bias: FrontBias
+    surrounded: bool
+    sure: bool
+    turn: float
+
+
+class StillLearner:
+    """Learns from images of the liquid at rest of one camera."""
+
+    def __init__(
+        self,
+        view: CupView,
+        grid: ScanGrid,
+        wall: WallGeometry,
+        chooser: SurfaceChooser,
+        front: FrontLineFinder,
+        edges: ContainerEdges,
+    ) -> None:
+        """Keep the parts of the detector.
+
+        Args:
+            view: the container before the camera.
+            grid: the scan lines.
+            wall: their tables.
+            chooser: fits surfaces.
+            front: finds the front line.
+            edges: of the container.
+        """
+        self._view, self._grid, self._wall = view, grid, wall
+        self._chooser, self._front, self._edges = chooser, front, edges
+        radius, zero = view.cup.radius, np.zeros(SHAPES)
+        self._moving = Prior(zero, first=_FIRST * radius)
+        self._at_rest = Prior(zero, first=_TILT * radius, level=_LEVEL, higher=_NO_WAVE)
+        azimuth = view.camera_azimuth
+        self._nearest = radius * np.array((np.cos(azimuth), np.sin(azimuth)))
+
+    def nothing(self) -> StillLesson:
+        """What is known without a still image."""
+        zero = np.zeros(SHAPES)
+        return StillLesson(
+            zero=zero,
+            comparison=self._compared(self._moving),
+            bodies=self._front.bodies,
+            surface=float("nan"),
+            stationary=no_edges(self._grid.shape),
+            bias=FrontBias.unknown(zero, self._wall.lines),
+            surrounded=False,
+            sure=True,
+            turn=0.0,
+        )
+
+    def learn(self, image: Image, unrolled: Image) -> StillLesson:
+        """What a still image teaches.
+
+        Args:
+            image: (height, width) or (height, width, 3).
+            unrolled: the same, along the scan lines.
+
+        Raises:
+            SloshCameraError: it shows no liquid at rest, or one that would be measured as
+                something else.
+        """
+        turn = self._edges.turn(image)
+        if self._edges.turned(image, 0.0):
+            raise SloshCameraError(
+                f"still image: the container's sides are turned by {np.degrees(turn):.1f} "
+                "degrees against the calibration, calibrate the camera anew"
+            )
+        clear = [self._is_clear(image, unrolled, body) for body in self._front.bodies]
+        still = self._still_surface(image, unrolled, clear)
+        is_clear = clear[self._front.bodies.index(still.body)]
+        prior = replace(self._moving, centre=still.zero)
+        # In one image all edges stand still: nothing tells those of the background as yet.
+        found_again = is_found_again(still, self._compared_with(still.view, prior))
+        sure = found_again and not (self._leans(still) or is_clear)
+        if not sure:
+            self._check_doubted(still, prior)
+        # Of a doubted liquid it is not known which edge is its own.
+        stationary = self._standing_edges(still) if sure else no_edges(self._grid.shape)
+        view = replace(still.view, stationary=stationary)
+        return StillLesson(
+            zero=still.zero,
+            comparison=self._compared_with(view, prior),
+            bodies=(still.body,),
+            surface=view.surface,
+            stationary=stationary,
+            bias=self._bias(still),
+            surrounded=not is_clear,
+            sure=sure,
+            turn=turn,
+        )
+
+    def _still_surface(self, image: Image, unrolled: Image, clear: list[bool]) -> StillSurface:
+        """The liquid at rest; behind a clear one, too, is seen what is beside it."""
+        nothing, bodies = self.nothing(), self._front.bodies
+        seen = (
+            (
+                self._front.find(
+                    unrolled, body, nothing.stationary, nothing.surface,
+                    None if is_clear else image,
+                ),
+                body,
+            )
+            for body, is_clear in zip(bodies, clear, strict=True)
+        )  # fmt: skip
+        pictures = [(*found, body) for found, body in seen if found is not None]
+        still = find_still_surface(self._chooser, pictures, self._at_rest, self._nearest)
+        if still is None or surface_flags(self._wall, still.view, still.fit) & _NOT_WHOLE:
+            raise SloshCameraError(
+                "still image: shows no whole liquid line, check light, region and calibration"
+            )
+        return still
+
+    def _leans(self, still: StillSurface) -> bool:
+        """Whether its edges would have the liquid lean if nothing told that it does not."""
+        prior = replace(self._at_rest, first=_LEANING * self._view.cup.radius)
+        fit, _ = self._chooser.fit_still(still.view, still.points, prior)
+        return self._chooser.is_suspect(fit)
+
+    def _check_doubted(self, still: StillSurface, prior: Prior) -> None:
+        """Refuse a doubted liquid that is far from the still level, or agrees poorly."""
+        if abs(still.zero[0]) > _LEVEL:
+            raise SloshCameraError(
+                f"still image: its line lies {1e3 * still.zero[0]:+.0f} mm off the calibration's "
+                "level, and may be an edge of what is behind the liquid; check the fill height, "
+                f"or {REMEDY}"
+            )
+        if self._chooser.plausible_heights(still.view, still.zero, prior) < _PLAUSIBLE:
+            raise SloshCameraError(
+                "still image: the liquid does not surely differ from what is behind it, and its "
+                "line is hidden or faint on many of the places that are looked at; take away what "
+                f"is before the line, or {REMEDY}"
+            )
+
+    def _is_clear(self, image: Image, unrolled: Image, body: slice) -> bool:
+        """Whether the liquid looks like what is beside the container."""
+        tone = self._front.tone(unrolled, body)
+        return tone is not None and looks_like_surroundings(image, self._grid.pixels[body], tone)
+
+    def _compared(self, prior: Prior, at_rest: float = -np.inf) -> SurfaceComparison:
+        """A comparison of surfaces; `at_rest`: how plausible rest makes the still image."""
+        return SurfaceComparison(self._chooser, prior, self._wall.footprint, at_rest)
+
+    def _compared_with(self, view: Unrolled, prior: Prior) -> SurfaceComparison:
+        """A comparison that knows how plausible a still image makes the surface at rest."""
+        return self._compared(prior, self._chooser.plausible_heights(view, prior.centre, prior))
+
+    def _bias(self, still: StillSurface) -> FrontBias:
+        """What the front line is off; a mere shade is off as a whole, and counts the less."""
+        if still.view.scatters:
+            return FrontBias.unknown(still.zero, self._wall.lines)
+        return FrontBias.at_rest(still.fit, still.zero, self._wall.footprint)
+
+    def _standing_edges(self, still: StillSurface) -> Single:
+        """Edges of the still image away from the liquid's lines, where those are seen."""
+        fit, view = still.fit, still.view
+        seen = (fit.front_weight > INLIER) & ~fit.points.bound
+        front = np.where(seen, fit.points.place, np.nan)
+        upper = np.where(fit.upper_weight > INLIER, fit.upper_place, np.nan)
+        return stationary_edges(
+            view.picture, np.stack((front, upper)), _OWN_ROWS + _OWN_WIDTHS * view.softness
+        )
