@@ -34,6 +34,7 @@ NOISE, CAMERA_RATE, DWELL = 3e-4, 60.0, 2.0
 READ_AT = 0.95  # of the radius: where the heights of the motions by CFD were read
 DL22_FIT = ("l3-2.5", "e3-2.5", "c3-2.5")
 DL22_HELD_OUT = ("l3-4.5", "e3-4.5", "c3-4.5")
+DECAY = 0.0075  # damping ratio of a free decay in the set-up of the motions by CFD
 CUP = Cylinder(0.05, 0.07)
 ROBOT_CUP = Cylinder(0.049, 0.078)
 USES = {Role.FIT: "fit", Role.HOLDOUT: "held out"}
@@ -87,6 +88,7 @@ def cfd() -> Iterable[tuple[str, str]]:
     for base in (Model(CUP), Model(CUP).spatial().nonlinear()):
         yield f"cfd_e1 {base.name}", described(discover(one, base, other))
         yield f"cfd_l1 {base.name}", described(discover(other, base, one))
+    yield "cfd_decay 3D-NL", described(discover(one, replace(base, damping_ratio=DECAY), other))
     both = discover([*one, *other], base)
     yield "cfd_both 3D-NL", described(both)
     yield "flow", flow_table(base, both.model)

@@ -328,6 +328,19 @@ def test_a_texture_is_no_liquid_at_rest(make_scene, seed):
     assert detector.still_offset == 0.0
 
 
+def test_a_still_image_is_read_the_same_whatever_was_learnt_before(make_scene):
+    bright = make_scene(camera_height=0.12, surface=190)
+    dark = make_scene(camera_height=0.12, surface=60)
+    twice, once = (FreeSurfaceDetector(dark.calibration()) for _ in range(2))
+    twice.learn_still(bright.draw(level=0.5 * MM))
+    for detector in (twice, once):
+        detector.learn_still(dark.draw(level=-0.3 * MM))
+    assert twice.still_offset == once.still_offset
+    for index, azimuth in enumerate((-1.6, 0.4, 1.5)):
+        image = dark.draw(0.015, azimuth)
+        same(twice.measure(index, image), once.measure(index, image))
+
+
 # No memory.
 
 
