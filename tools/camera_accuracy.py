@@ -46,6 +46,7 @@ from camera_sequences import (
 from camera_tables import accuracy_tables, disturbance_table, replace_table, shortfalls
 from tqdm import tqdm
 
+from slosh_camera.calibrate.still import calibrate_by_edges
 from slosh_camera.cylinder.detector import FreeSurfaceDetector
 from slosh_camera.detection.drawing import draw_measurement
 from slosh_camera.errors import SloshCameraError
@@ -76,7 +77,11 @@ def run(arguments: argparse.Namespace) -> int:
         raise SloshCameraError("no sequences: give folders, or set SLOSH_SHARED_DATA")
     sequences = [read_sequence(folder) for folder in folders]
     options = Options(still=not arguments.no_still, grey=arguments.grey)
-    sequences, results, refused = measured_sequences(sequences, options)
+    refused: list[str] = []
+    if arguments.calibrated:
+        sequences, refused = calibrated_sequences(sequences)
+    sequences, results, more = measured_sequences(sequences, options)
+    refused += more
     if arguments.unflagged:
         results = [tuple(one for one in frames if not one.measured.flags) for frames in results]
     rows = all_figures(sequences, results)
@@ -99,6 +104,28 @@ def run(arguments: argparse.Namespace) -> int:
         number, folder = arguments.worst
         write_worst(Path(folder), int(number), sequences, results)
     return 1 if arguments.check and missed else 0
+
+
+def calibrated_sequences(
+    sequences: Sequence[RenderedSequence],
+) -> tuple[list[RenderedSequence], list[str]]:
+    """The sequences with the pose that their still image tells; a line for each without one."""
+    found, refused = [], []
+    for sequence in sequences:
+        exact = sequence.calibration
+        try:
+            if sequence.still is None:
+                raise SloshCameraError("there is no image of the liquid at rest")
+            fit = calibrate_by_edges(
+                read_image(sequence.still), exact.view.camera, exact.view.cup,
+                exact.view.camera_azimuth,
+            )  # fmt: skip
+        except SloshCameraError as error:
+            refused.append(f"not met: {sequence.name}: refused: {error}")
+            continue
+        calibration = Calibration(fit.view, detection=exact.detection)
+        found.append(dataclasses.replace(sequence, calibration=calibration))
+    return found, refused
 
 
 def measured_sequences(
@@ -293,6 +320,9 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--frames", type=Path, metavar="DIR", help="write a CSV per sequence")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures")
     parser.add_argument("--worst", nargs=2, metavar=("N", "DIR"), help="draw the worst frames")
+    parser.add_argument(
+        "--calibrated", action="store_true", help="by the pose that the still image tells"
+    )
     parser.add_argument("--unflagged", action="store_true", help="frames without a flag alone")
     parser.add_argument("--disturb", action="store_true", help="also under disturbances")
     parser.add_argument("--docs", action="store_true", help=f"write the tables into {PAGE.name}")
