@@ -395,6 +395,17 @@ def test_a_refused_sequence_is_told_and_does_not_stop_the_others(
         tool.accuracy.measured_sequences([bad], options)
 
 
+def test_the_pose_may_be_that_which_the_still_image_tells(tool, folder):
+    exact = tool.sequences.read_sequence(TOOLS.parent / "tests" / "scenes" / "nonlinear_dark")
+    empty = tool.sequences.read_sequence(folder)
+    (found,), (refused,) = tool.accuracy.calibrated_sequences([exact, empty])
+    assert found.name == exact.name
+    near, far = found.calibration.view.pose, exact.calibration.view.pose
+    assert near.camera_centre == pytest.approx(far.camera_centre, abs=3.0 * MM)
+    assert not np.array_equal(near.camera_centre, far.camera_centre)
+    assert refused.startswith(f"not met: {empty.name}: refused: still image: ")
+
+
 def test_second_order_parts_sharpen_the_true_line(tool, folder):
     path = folder / "truth.json"
     plain = json.loads(path.read_text())
