@@ -12,12 +12,16 @@ import argparse
 import sys
 from pathlib import Path
 
-import cv2
 import numpy as np
-from camera_sequences import RenderedSequence, read_sequence, sequences_in, shared_sequences
+from camera_sequences import (
+    RenderedSequence,
+    fit_still,
+    read_sequence,
+    sequences_in,
+    shared_sequences,
+)
 from camera_tables import replace_table
 
-from slosh_camera.calibrate.still import calibrate_by_edges
 from slosh_camera.calibrate.still_fit import HEIGHTS
 from slosh_camera.calibrate.warning_words import warnings_of
 from slosh_camera.errors import SloshCameraError
@@ -65,12 +69,7 @@ def main() -> int:
 def row(sequence: RenderedSequence) -> str:
     """One line: errors of heights [mm], of distance [mm] and pitch [deg], residual [px]."""
     truth = sequence.calibration.view
-    image = None if sequence.still is None else cv2.imread(str(sequence.still))
-    if image is None:
-        raise SloshCameraError("there is no image of the liquid at rest")
-    fit = calibrate_by_edges(
-        np.asarray(image, dtype=np.uint8), truth.camera, truth.cup, truth.camera_azimuth
-    )
+    fit = fit_still(sequence)
     cells, ratio = [sequence.name], 0.0
     for wall in Wall:
         error = height_errors(truth, fit.view, wall)

@@ -38,6 +38,7 @@ from camera_sequences import (
     ROOT,
     Image,
     RenderedSequence,
+    fit_still,
     read_image,
     read_sequence,
     sequences_in,
@@ -46,7 +47,6 @@ from camera_sequences import (
 from camera_tables import accuracy_tables, disturbance_table, replace_table, shortfalls
 from tqdm import tqdm
 
-from slosh_camera.calibrate.still import calibrate_by_edges
 from slosh_camera.cylinder.detector import FreeSurfaceDetector
 from slosh_camera.detection.drawing import draw_measurement
 from slosh_camera.errors import SloshCameraError
@@ -112,18 +112,12 @@ def calibrated_sequences(
     """The sequences with the pose that their still image tells; a line for each without one."""
     found, refused = [], []
     for sequence in sequences:
-        exact = sequence.calibration
         try:
-            if sequence.still is None:
-                raise SloshCameraError("there is no image of the liquid at rest")
-            fit = calibrate_by_edges(
-                read_image(sequence.still), exact.view.camera, exact.view.cup,
-                exact.view.camera_azimuth,
-            )  # fmt: skip
+            fit = fit_still(sequence)
         except SloshCameraError as error:
             refused.append(f"not met: {sequence.name}: refused: {error}")
             continue
-        calibration = Calibration(fit.view, detection=exact.detection)
+        calibration = Calibration(fit.view, detection=sequence.calibration.detection)
         found.append(dataclasses.replace(sequence, calibration=calibration))
     return found, refused
 

@@ -18,6 +18,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from slosh_camera.calibrate.still import calibrate_by_edges
+from slosh_camera.calibrate.still_fit import StillFit
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.measurement import PeakSide
 from slosh_camera.optics.calibration import Calibration
@@ -119,6 +121,20 @@ def read_sequence(folder: Path) -> RenderedSequence:
         raise SloshCameraError(f"{path}: {error}") from error
     name = folder.resolve().name
     return RenderedSequence(name, calibration, still if still.is_file() else None, frames)
+
+
+def fit_still(sequence: RenderedSequence) -> StillFit:
+    """What calibration makes of a sequence's image of the liquid at rest.
+
+    Raises:
+        SloshCameraError: there is none, or it does not determine the pose.
+    """
+    if sequence.still is None:
+        raise SloshCameraError("there is no image of the liquid at rest")
+    truth = sequence.calibration.view
+    return calibrate_by_edges(
+        read_image(sequence.still), truth.camera, truth.cup, truth.camera_azimuth
+    )
 
 
 def read_image(path: Path, *, grey: bool = False) -> Image:

@@ -166,17 +166,12 @@ class StillLearner:
 
     def _still_surface(self, image: Image, unrolled: Image, clear: list[bool]) -> StillSurface:
         """The liquid at rest; behind a clear one, too, is seen what is beside it."""
-        nothing, bodies = self.nothing(), self._front.bodies
+        unknown = no_edges(self._grid.shape)
+        besides = [None if is_clear else image for is_clear in clear]
         seen = (
-            (
-                self._front.find(
-                    unrolled, body, nothing.stationary, nothing.surface,
-                    None if is_clear else image,
-                ),
-                body,
-            )
-            for body, is_clear in zip(bodies, clear, strict=True)
-        )  # fmt: skip
+            (self._front.find(unrolled, body, unknown, float("nan"), beside), body)
+            for body, beside in zip(self._front.bodies, besides, strict=True)
+        )
         pictures = [(*found, body) for found, body in seen if found is not None]
         still = find_still_surface(self._chooser, pictures, self._at_rest, self._nearest)
         if still is None or surface_flags(self._wall, still.view, still.fit) & _NOT_WHOLE:

@@ -128,10 +128,11 @@ class SurfaceComparison:
             sighting: what the image shows by itself.
             expected: from the images before; None: nothing is known.
         """
-        best = self._fullest(sighting.candidates, [c.plausible for c in sighting.candidates])
+        plausible = [entry.plausible for entry in sighting.candidates]
+        best = sighting.candidates[self._fullest(sighting.candidates, plausible)]
         if expected is None:
             others = self._others(sighting.candidates, best)
-            next_best = max((sighting.candidates[k].plausible for k in others), default=-np.inf)
+            next_best = max((plausible[k] for k in others), default=-np.inf)
             doubtful = self._is_doubtful(best, best.plausible - next_best)
             return Choice(best, best.plausible >= _BELIEVED, doubtful=doubtful)
         usual = expected.distance(self.first(best.fit)) < _USUAL
@@ -176,8 +177,8 @@ class SurfaceComparison:
         agreement = [
             entry.plausible - expected.surprise(self.first(entry.fit)) for entry in candidates
         ]
-        chosen = self._fullest(candidates, agreement)
-        index = candidates.index(chosen)
+        index = self._fullest(candidates, agreement)
+        chosen = candidates[index]
         others = self._others(candidates, chosen)
         lead = agreement[index] - max((agreement[k] for k in others), default=-np.inf)
         distance = expected.distance(self.first(chosen.fit))
@@ -191,16 +192,13 @@ class SurfaceComparison:
             doubtful=self._is_doubtful(chosen, lead),
         )  # fmt: skip
 
-    def _fullest(self, candidates: tuple[Candidate, ...], agreement: list[float]) -> Candidate:
-        """The candidate that agrees best; of fits to the same surface the one of most edges."""
-        best = candidates[int(np.argmax(agreement))]
-        others = self._others(candidates, best)
-        alike = [
-            entry
-            for k, entry in enumerate(candidates)
-            if k not in others and agreement[k] >= max(agreement) - _ALIKE
-        ]
-        return max(alike, key=lambda entry: entry.fit.edges)
+    def _fullest(self, candidates: tuple[Candidate, ...], agreement: list[float]) -> int:
+        """Which candidate agrees best; of fits to the same surface the one of most edges."""
+        best = int(np.argmax(agreement))
+        others = self._others(candidates, candidates[best])
+        least = agreement[best] - _ALIKE
+        alike = [k for k, one in enumerate(agreement) if k not in others and one >= least]
+        return max(alike, key=lambda k: candidates[k].fit.edges)
 
     def _is_doubtful(self, chosen: Candidate, lead: float) -> bool:
         """Whether an image does not tell a surface that agrees by a lead better than others."""
