@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
-pytestmark = [pytest.mark.long, pytest.mark.timeout(600)]
+pytestmark = pytest.mark.timeout(300)
 # What a browser fetches by itself; a link that is clicked may lead anywhere.
 LOADED = {
     "script": "src", "img": "src", "iframe": "src", "source": "src", "object": "data",
