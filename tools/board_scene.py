@@ -16,12 +16,15 @@ Place = tuple[float, float, float, float, float]
 
 
 class BoardCamera(NamedTuple):
-    """A camera: image size, focal lengths, principal point [px]; lens: k1, k2, p1, p2, k3."""
+    """A camera: image size, focal lengths, principal point [px], and its lens.
+
+    The lens has k1, k2, p1, p2, k3, a rational one k4, k5, k6 too; a fisheye has four numbers.
+    """
 
     size: tuple[int, int]
     focal: tuple[float, float]
     centre: tuple[float, float]
-    lens: tuple[float, float, float, float, float]
+    lens: tuple[float, ...]
 
     @property
     def matrix(self) -> FloatArray:
@@ -66,16 +69,28 @@ def pose(
 def rays_of(pixels: FloatArray, camera: BoardCamera = CAMERA) -> FloatArray:
     """Directions (N, 3) of pixels (N, 2), by a fixed point of the distortion's equations."""
     seen = (pixels - camera.centre) / camera.focal
-    k1, k2, p1, p2, _ = camera.lens
+    if len(camera.lens) == 4:
+        return _fisheye_rays(seen, camera.lens)
+    k1, k2, p1, p2, k3, k4, k5, k6 = (*camera.lens, 0.0, 0.0, 0.0)[:8]
     ideal = seen.copy()
-    for _ in range(20):
+    for _ in range(20 if len(camera.lens) == 5 else 60):
         x, y = ideal.T
         r2 = x * x + y * y
         tangential = np.column_stack(
             (2 * p1 * x * y + p2 * (r2 + 2 * x * x), p1 * (r2 + 2 * y * y) + 2 * p2 * x * y)
         )
-        ideal = (seen - tangential) / (1 + k1 * r2 + k2 * r2 * r2)[:, None]
+        radial = (1 + k1 * r2 + k2 * r2**2 + k3 * r2**3) / (1 + k4 * r2 + k5 * r2**2 + k6 * r2**3)
+        ideal = (seen - tangential) / radial[:, None]
     return np.column_stack((ideal, np.ones(len(ideal))))
+
+
+def _fisheye_rays(seen: FloatArray, lens: tuple[float, ...]) -> FloatArray:
+    goal = np.hypot(*seen.T)
+    angle = goal.copy()
+    for _ in range(60):
+        angle = goal / (1.0 + sum(k * angle ** (2 * n + 2) for n, k in enumerate(lens)))
+    scale = np.where(goal > 0.0, np.tan(angle) / np.maximum(goal, 1e-300), 1.0)
+    return np.column_stack((seen * scale[:, None], np.ones(len(seen))))
 
 
 @cache

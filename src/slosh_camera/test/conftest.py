@@ -82,7 +82,8 @@ class Scene:
     width: int = 640
     height: int = 480
     focal: float = 1000.0
-    distortion: tuple[float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0)
+    distortion: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0)
+    distortion_model: str = "plumb_bob"
     radius: float = 0.05
     fill_height: float = 0.07
     rim_height: float | None = 0.13
@@ -119,6 +120,7 @@ class Scene:
             0.5 * (self.width - 1),
             0.5 * (self.height - 1),
             self.distortion,
+            self.distortion_model,
         )
         cup = Cup(self.radius, self.fill_height, 0.002, self.rim_height, 1.0)
         view = CupView(camera, Pose(*self.extrinsics()), cup)
@@ -133,9 +135,12 @@ class Scene:
                 [0.0, 0.0, 1.0],
             ]
         )
-        pixels, _ = cv2.projectPoints(
-            points, cv2.Rodrigues(rotation)[0], translation, k, np.array(self.distortion)
-        )
+        turn, lens = cv2.Rodrigues(rotation)[0], np.array(self.distortion)
+        if self.distortion_model == "equidistant":
+            points = np.asarray(points, np.float64).reshape(1, -1, 3)
+            pixels, _ = cv2.fisheye.projectPoints(points, turn, translation, k, lens)
+        else:
+            pixels, _ = cv2.projectPoints(points, turn, translation, k, lens)
         return pixels.reshape(-1, 2)
 
     def draw(self, amplitude: float = 0.0, azimuth: float = 0.0, level: float = 0.0) -> np.ndarray:

@@ -76,6 +76,18 @@ SCENES = {
         "aim": 0.04,
         "distortion": (-0.4, 0.1, 0.004, -0.004, 0.0),
     },
+    "rational lens": {
+        "camera_height": 0.05,
+        "aim": 0.04,
+        "distortion": (0.4, -0.6, 0.001, -0.001, 0.05, 0.7, -0.55, 0.02),
+        "distortion_model": "rational_polynomial",
+    },
+    "fisheye lens": {
+        "camera_height": 0.05,
+        "aim": 0.04,
+        "distortion": (0.2, -0.02, 0.01, -0.003),
+        "distortion_model": "equidistant",
+    },
     "slightly from above": {"camera_height": 0.02},
     "light liquid, noise": {"liquid": 200, "surface": 150, "background": 60, "noise": 4.0},
 }

@@ -86,7 +86,7 @@ def test_file_round_trip(tmp_path):
         ("rim_height: 0.12", "rim_height: 0.06", "container.rim_height"),
         ("camera_name: side", "camera_name: 3", "camera_name"),
         ("camera_name", "camera", "camera"),
-        ("plumb_bob", "rational_polynomial", "distortion_model"),
+        ("plumb_bob", "fov", "distortion_model"),
         ("[1000.0, 0", "[0.0, 0", "camera_matrix"),
         ("data: [1000.0,", "data: [.inf,", "camera_matrix.data"),
         ("[-0.1, ", "[", "distortion_coefficients.data"),

@@ -113,10 +113,30 @@ def test_rolled_camera(make_scene, roll_deg):
     assert result.msh == pytest.approx(0.015, abs=0.3 * MM)
 
 
-def test_lens_distortion(make_scene):
-    scene = make_scene(distortion=(-0.3, 0.1, 0.002, -0.001, 0.0), focal=700.0, distance=0.3)
+LENSES = {
+    "plumb_bob": (-0.3, 0.1, 0.002, -0.001, 0.0),
+    "rational_polynomial": (0.4, -0.6, 0.001, -0.001, 0.05, 0.7, -0.55, 0.02),
+    "thin_prism": (-0.3, 0.1, 0.002, -0.001, 0.0, 0.0, 0.0, 0.0, 0.01, -0.02, -0.01, 0.01),
+    "equidistant": (0.05, -0.02, 0.01, -0.003),
+}
+
+
+@pytest.mark.parametrize("model", LENSES)
+def test_lens_distortion(make_scene, model):
+    scene = make_scene(distortion=LENSES[model], distortion_model=model, focal=700.0, distance=0.3)
     result = measure(scene, scene.draw(0.02, -1.6))
     assert result.msh == pytest.approx(0.02, abs=0.3 * MM)
+
+
+def test_a_fisheye_camera_near_the_cup(make_scene):
+    scene = make_scene(
+        distortion=LENSES["equidistant"], distortion_model="equidistant", focal=300.0,
+        distance=0.13, camera_height=0.02, aim=-0.05,
+    )  # fmt: skip
+    result = measure(scene, scene.draw(0.02, -1.6))
+    assert result.msh == pytest.approx(0.02, abs=0.4 * MM)
+    wrong = replace(scene, distortion=(0.0,) * 5, distortion_model="plumb_bob")
+    assert abs(measure(wrong, scene.draw(0.02, -1.6)).msh - 0.02) > 1.0 * MM
 
 
 def test_liquid_lighter_than_its_background(make_scene):

@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 import pytest
 from board_scene import (
+    CAMERA,
     LENS,
     MATRIX,
     POSES,
@@ -14,6 +15,7 @@ from board_scene import (
     chessboard_pictures,
     page_of,
     pose,
+    rays_of,
     render,
 )
 
@@ -69,6 +71,31 @@ def test_a_chessboard_gives_the_camera_within_what_is_claimed(fit):
     truth, _ = cv2.projectPoints(rays, np.zeros(3), np.zeros(3), MATRIX, LENS)
     assert np.abs(truth.reshape(-1, 2) - pixels).max() < 6.0
     assert fit.camera.distortion[0] == pytest.approx(LENS[0], abs=0.05)
+
+
+WIDE = {
+    "rational_polynomial": CAMERA._replace(
+        focal=(450.0, 449.0), lens=(0.35, -0.05, 0.001, -0.0008, 0.0, 0.55, 0.05, 0.0)
+    ),
+    "equidistant": CAMERA._replace(focal=(300.0, 299.0), lens=(-0.02, 0.01, -0.004, 0.001)),
+}
+
+
+@pytest.mark.parametrize("model", WIDE)
+def test_pictures_of_a_wide_lens_give_the_camera(model):
+    truth = WIDE[model]
+    # Nearer, and farther aside: a wide lens shows itself at the edge of the image.
+    poses = [(x, y, 1.8 * right, 1.8 * down, 0.6 * far) for x, y, right, down, far in POSES]
+    pictures = chessboard_pictures(poses=poses, camera=truth)
+    found = solve_intrinsics(find_views(named(pictures), BOARD), model)
+    assert found.camera.distortion_model == model
+    assert found.rms < 0.3
+    assert len(found.views) >= len(POSES) - 1
+    pixels = np.array([[120.0, 100.0], [320.0, 90.0], [520.0, 380.0], [330.0, 236.0]])
+    expected = rays_of(pixels, truth)
+    turned = np.cross(found.camera.rays(pixels), expected)
+    angle = np.linalg.norm(turned, axis=1) / np.sum(expected**2, axis=1)
+    assert np.all(angle < 3.0 / truth.focal[0])  # three pixels
 
 
 def test_too_small_an_error_is_not_claimed_of_pictures_that_tell_little(fit, pictures):

@@ -22,6 +22,7 @@ from slosh_camera.intrinsics.sheet import as_pdf, as_svg, sheet_of
 from slosh_camera.intrinsics.solve import IntrinsicFit, solve_intrinsics
 from slosh_camera.intrinsics.target import CHESSBOARD_FORMAT, Target, parse_target
 from slosh_camera.intrinsics.views import find_views
+from slosh_camera.optics.lens import COEFFICIENTS, PLUMB_BOB
 from slosh_files import check_apart, write_bytes, write_text
 from slosh_files.plain_text import plain_line
 from slosh_report.json_values import plain
@@ -38,6 +39,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument("--square", type=float, metavar="M", help="side of a chessboard's square")
     parser.add_argument("-o", "--output", type=Path, help="ost.yaml to write")
+    parser.add_argument(
+        "--lens", choices=tuple(COEFFICIENTS), default=PLUMB_BOB,
+        help="distortion model to fit; equidistant for a fisheye lens (default plumb_bob)",
+    )  # fmt: skip
     parser.add_argument("--name", default="camera", help="of the camera (default camera)")
     parser.add_argument(
         "--picture", type=Path, metavar="OUT.png", help="all corners with their errors, enlarged"
@@ -100,7 +105,7 @@ def _print_board(path: Path, target: Target) -> None:
 
 
 def _calibrate(arguments: argparse.Namespace, files: Sequence[Path], target: Target) -> None:
-    fit = solve_intrinsics(find_views(_pictures(files), target))
+    fit = solve_intrinsics(find_views(_pictures(files), target), arguments.lens)
     if arguments.picture is not None:
         picture = cv2.imencode(arguments.picture.suffix, draw_reprojection(fit))[1]
         write_bytes(arguments.picture, picture.tobytes())
@@ -121,8 +126,8 @@ def _as_text(fit: IntrinsicFit, output: Path) -> str:
         f"{name:9}{getattr(fit.camera, name):9.2f} +- {error:.2f} px"
         for name, error in fit.stddev.items()
     ]
-    k1, k2, p1, p2, _ = fit.camera.distortion
-    lines.append(f"lens     k1 {k1:+.4f}, k2 {k2:+.4f}, p1 {p1:+.5f}, p2 {p2:+.5f}")
+    lens = ", ".join(f"{value:+.5f}" for value in fit.camera.distortion)
+    lines.append(f"lens     {fit.camera.distortion_model} {lens}")
     count = len(fit.views) + len(fit.left_out)
     lines.append(f"residual {fit.rms:9.2f} px rms, {len(fit.views)} of {count} pictures used")
     lines += [f"left out: {picture.name}: {picture.reason}" for picture in fit.left_out]
@@ -134,6 +139,7 @@ def _as_json(fit: IntrinsicFit, output: Path) -> str:
     facts = {
         "output": str(output),
         **{name: getattr(fit.camera, name) for name in fit.stddev},
+        "distortion_model": fit.camera.distortion_model,
         "distortion": list(fit.camera.distortion),
         "stddev": fit.stddev,
         "rms": fit.rms,

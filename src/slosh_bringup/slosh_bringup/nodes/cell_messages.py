@@ -69,7 +69,7 @@ def camera_info(calibration: Calibration) -> CameraInfo:
     info = CameraInfo(
         width=camera.width,
         height=camera.height,
-        distortion_model="plumb_bob",
+        distortion_model=camera.distortion_model,
         d=[float(value) for value in camera.distortion],
         k=k.ravel(),
         r=np.eye(3).ravel(),

@@ -16,6 +16,7 @@ from slosh_camera.calibrate.pose import place_of
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.optics.camera import PinholeCamera
 from slosh_camera.optics.cup import Cup
+from slosh_camera.optics.lens import EQUIDISTANT
 from slosh_camera.optics.pose import Pose
 
 FloatArray = NDArray[np.float64]
@@ -150,8 +151,9 @@ def find_board(image: Image, camera: PinholeCamera, board: Board) -> BoardFit:
             f"board: {len(points)} corners of it are seen, {_LEAST_CORNERS} are needed; check its "
             "description and the light"
         )
-    matrix, lens = camera.matrix, np.array(camera.distortion)
-    vector, residual = _solved(points, corners, matrix, lens)
+    points, seen, lens = _for_opencv(camera, points, corners)
+    matrix = camera.matrix
+    vector, residual = _solved(points, seen, matrix, lens)
     if not residual <= _MAX_RESIDUAL:
         raise SloshCameraError(
             f"board: its corners lie {residual:.2f} px rms from the best pose, more than "
@@ -166,6 +168,21 @@ def find_board(image: Image, camera: PinholeCamera, board: Board) -> BoardFit:
         corners.reshape(-1, 2),
         residual,
     )
+
+
+def _for_opencv(
+    camera: PinholeCamera, points: FloatArray, corners: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Points, corners and distortion as OpenCV's solvers of a pose take them.
+
+    They know no fisheye lens: its corners are moved to where a pinhole sees them.
+    """
+    if camera.distortion_model != EQUIDISTANT:
+        return points, corners, np.array(camera.distortion)
+    pinhole = camera.without_distortion()
+    straight = pinhole.project(camera.rays(corners.reshape(-1, 2)))
+    known = np.all(np.isfinite(straight), axis=1)
+    return points[known], straight[known].reshape(-1, 1, 2), np.array(pinhole.distortion)
 
 
 def _solved(

@@ -12,6 +12,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from slosh_camera.calibrate.intrinsics import camera_of, lens_block
 from slosh_camera.calibrate.yaml_fields import (
     camera_name,
     check_keys,
@@ -26,7 +27,6 @@ from slosh_camera.calibrate.yaml_fields import (
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.optics.box import Box, BoxView
 from slosh_camera.optics.calibration import AnyCalibration, Calibration, SideCalibration
-from slosh_camera.optics.camera import PLUMB_BOB, PinholeCamera, camera_from_info
 from slosh_camera.optics.container import WALL
 from slosh_camera.optics.cup import Cup, CupView
 from slosh_camera.optics.pose import Pose
@@ -52,6 +52,7 @@ _REQUIRED = (
 # ROS writes the last two; they describe rectification, which is not used here.
 _OPTIONAL = (
     "camera_name",
+    "camera_model",
     "distortion_model",
     "region_of_interest",
     "detection",
@@ -143,8 +144,7 @@ def format_calibration(calibration: AnyCalibration) -> str:
         "image_height": camera.height,
         "camera_name": calibration.camera_name,
         "camera_matrix": {"rows": 3, "cols": 3, "data": camera.matrix.ravel().tolist()},
-        "distortion_model": PLUMB_BOB,
-        "distortion_coefficients": {"rows": 1, "cols": 5, "data": list(camera.distortion)},
+        **lens_block(camera),
         "container": container,
         "pose": {
             "rotation": pose.rotation.ravel().tolist(),
@@ -185,7 +185,7 @@ def _calibration(
 ) -> AnyCalibration:
     _check_calibrated(root, source)
     check_keys(root, _REQUIRED, _OPTIONAL, source, "")
-    camera = _camera(root, source)
+    camera = camera_of(root, source)
     container = _built(source, "container.", lambda: _container(root, source))
     pose = _built(source, "pose.", lambda: _pose(root, source))
     region = _built(source, "", lambda: _region(root, source))
@@ -207,27 +207,6 @@ def _check_calibrated(root: Mapping[str, Any], source: YamlDocument) -> None:
             "calibrate` finds the pose by an image of the liquid at rest, `slosh intrinsics` the "
             "camera's matrix before it"
         )
-
-
-def _camera(root: Mapping[str, Any], source: YamlDocument) -> PinholeCamera:
-    model = root.get("distortion_model", PLUMB_BOB)
-    if model != PLUMB_BOB:
-        raise SloshCameraError(
-            f"{place(source, 'distortion_model')}: {shown(model)} is not supported, "
-            f"use {PLUMB_BOB}"
-        )
-    width = integer(root, "image_width", source, "")
-    height = integer(root, "image_height", source, "")
-    matrix = _matrix(root, "camera_matrix", source)
-    coefficients = _matrix(root, "distortion_coefficients", source)
-    return _built(source, "", lambda: camera_from_info(matrix, coefficients, width, height))
-
-
-def _matrix(root: Mapping[str, Any], key: str, source: YamlDocument) -> list[float]:
-    block = mapping(root[key], source, key)
-    check_keys(block, ("rows", "cols", "data"), (), source, f"{key}.")
-    size = integer(block, "rows", source, f"{key}.") * integer(block, "cols", source, f"{key}.")
-    return numbers(block, "data", size, source, f"{key}.")
 
 
 def _container(root: Mapping[str, Any], source: YamlDocument) -> Cup | Box:

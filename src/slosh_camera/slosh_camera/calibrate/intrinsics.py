@@ -20,7 +20,8 @@ from slosh_camera.calibrate.yaml_fields import (
     read_file,
 )
 from slosh_camera.errors import SloshCameraError
-from slosh_camera.optics.camera import PLUMB_BOB, PinholeCamera, camera_from_info
+from slosh_camera.optics.camera import PinholeCamera, camera_from_info
+from slosh_camera.optics.lens import EQUIDISTANT, PLUMB_BOB, lens_parameters
 from slosh_files.yaml_document import YamlDocument, shown
 
 _NEEDED = ("image_width", "image_height", "camera_matrix", "distortion_coefficients")
@@ -60,7 +61,7 @@ def read_known_camera(path: str | Path) -> KnownCamera:
         if key not in root:
             raise SloshCameraError(f"{place(source, key)}: is missing")
     name = camera_name(source)
-    return KnownCamera(_camera(root, source), name, _container(root, source))
+    return KnownCamera(camera_of(root, source), name, _container(root, source))
 
 
 def camera_of_view(width: int, height: int, field_of_view: float) -> PinholeCamera:
@@ -85,16 +86,58 @@ def camera_of_view(width: int, height: int, field_of_view: float) -> PinholeCame
     return PinholeCamera(width, height, focal, focal, 0.5 * (width - 1), 0.5 * (height - 1))
 
 
-def _camera(root: Mapping[str, Any], source: YamlDocument) -> PinholeCamera:
-    model = root.get("distortion_model", PLUMB_BOB)
+def camera_of(root: Mapping[str, Any], source: YamlDocument) -> PinholeCamera:
+    """The camera of a file with the keys of ROS camera_calibration.
+
+    Args:
+        root: the file's keys.
+        source: the file.
+
+    Returns:
+        The camera.
+
+    Raises:
+        SloshCameraError: a value cannot be used; the message names the file and the key.
+    """
     width = integer(root, "image_width", source, "")
     height = integer(root, "image_height", source, "")
     matrix, lens = (_data(root, key, source) for key in _NEEDED[2:])
     try:
-        return camera_from_info(matrix, lens, width, height, str(model))
+        return camera_from_info(matrix, lens, width, height, _lens_model(root, source, lens))
     except SloshCameraError as error:
-        where = source.where(str(error).partition(":")[0])
-        raise SloshCameraError(f"{where}: {error}") from error
+        raise _placed(source, error) from error
+
+
+def lens_block(camera: PinholeCamera) -> dict[str, Any]:
+    """The keys of a camera's lens in a file."""
+    lens = [float(value) for value in camera.distortion]
+    return {
+        "distortion_model": camera.distortion_model,
+        "distortion_coefficients": {"rows": 1, "cols": len(lens), "data": lens},
+    }
+
+
+def _placed(source: YamlDocument, error: SloshCameraError) -> SloshCameraError:
+    """The error with the file's name and the key's place."""
+    if str(error).startswith(f"{source.source}:"):
+        return error
+    return SloshCameraError(f"{source.where(str(error).partition(':')[0])}: {error}")
+
+
+def _lens_model(root: Mapping[str, Any], source: YamlDocument, lens: list[float]) -> str:
+    """The lens by `distortion_model`, or by `camera_model` of a fisheye calibration."""
+    named = [root[key] for key in ("distortion_model", "camera_model") if root.get(key)]
+    models = {
+        lens_parameters(str(model), lens)[0]
+        for model in named
+        if str(model).lower() not in ("pinhole", "perspective")
+    }
+    if len(models) > 1:
+        raise SloshCameraError(
+            f"{place(source, 'camera_model')}: {shown(root['camera_model'])} contradicts "
+            f"distortion_model {shown(root['distortion_model'])}; a fisheye lens is {EQUIDISTANT}"
+        )
+    return models.pop() if models else PLUMB_BOB
 
 
 def _data(root: Mapping[str, Any], key: str, source: YamlDocument) -> list[float]:
@@ -102,7 +145,12 @@ def _data(root: Mapping[str, Any], key: str, source: YamlDocument) -> list[float
     values = block.get("data")
     if not isinstance(values, list):
         raise SloshCameraError(f"{place(source, f'{key}.data')}: is missing")
-    return numbers(block, "data", len(values), source, f"{key}.")
+    count = len(values)
+    if "rows" in block and "cols" in block:
+        count = integer(block, "rows", source, f"{key}.") * integer(
+            block, "cols", source, f"{key}."
+        )
+    return numbers(block, "data", count, source, f"{key}.")
 
 
 def _container(root: Mapping[str, Any], source: YamlDocument) -> dict[str, float]:

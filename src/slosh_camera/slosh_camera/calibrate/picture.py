@@ -18,6 +18,7 @@ Image = NDArray[np.uint8]
 
 # Blue, green, red.
 _FRONT, _REAR, _SIDE, _BASE = (70, 220, 70), (255, 170, 40), (60, 220, 255), (200, 80, 200)
+_AXES = ((0, 0, 255), (0, 255, 0), (255, 0, 0))  # x, y, z
 _SMALL_WIDTH = 1000
 _SHIFT = 4
 _COUNT = 181
@@ -80,12 +81,11 @@ def _draw(picture: Image, points: FloatArray, zoom: int, colour: tuple[int, int,
 
 
 def _draw_axes(picture: Image, fit: StillFit, board: BoardFit, zoom: int) -> None:
-    camera = fit.view.camera
-    matrix = camera.matrix * np.array([[zoom], [zoom], [1.0]])
-    matrix[:2, 2] += 0.5 * (zoom - 1)
-    lens = np.array(camera.distortion)
-    length = 0.4 * fit.view.cup.radius
-    cv2.drawFrameAxes(picture, matrix, lens, board.vector[:3], board.vector[3:], length, 2)
+    camera, pose = fit.view.camera, board.pose
+    corners = np.vstack((np.zeros(3), 0.4 * fit.view.cup.radius * np.eye(3)))
+    origin, *ends = camera.project(corners @ pose.rotation.T + pose.translation)
+    for end, colour in zip(ends, _AXES, strict=True):
+        _draw(picture, np.array([origin, end]), zoom, colour)
 
 
 def _caption(fit: StillFit) -> str:

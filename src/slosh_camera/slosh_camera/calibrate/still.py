@@ -30,8 +30,10 @@ from slosh_camera.calibrate.still_fit import StillFit, still_fit
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.optics.camera import PinholeCamera
 from slosh_camera.optics.cup import Cup, CupView
+from slosh_camera.optics.lens import EQUIDISTANT
 
 FloatArray = NDArray[np.float64]
+FloatMap = NDArray[np.float32]
 Image = NDArray[np.uint8]
 
 _CANDIDATES, _FINE_FITS = 6, 3
@@ -152,13 +154,23 @@ def check_size(image: Image, camera: PinholeCamera) -> None:
 
 def undistorted(image: Image, camera: PinholeCamera) -> tuple[Image, PinholeCamera]:
     """The image as a camera without distortion would take it, and that camera."""
-    if not any(camera.distortion):
+    if not camera.distorts:
         return image, camera
-    size = (camera.width, camera.height)
-    matrix, lens = camera.matrix, np.array(camera.distortion)
-    maps = cv2.initUndistortRectifyMap(matrix, lens, None, matrix, size, cv2.CV_32FC1)
+    maps = _undistort_maps(camera)
     straight = cv2.remap(image, *maps, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
-    return np.asarray(straight, dtype=np.uint8), replace(camera, distortion=(0.0,) * 5)
+    return np.asarray(straight, dtype=np.uint8), camera.without_distortion()
+
+
+def _undistort_maps(camera: PinholeCamera) -> tuple[FloatMap, FloatMap]:
+    """Where each pixel of the undistorted image lies in the camera's own."""
+    matrix, lens = camera.matrix, np.array(camera.distortion)
+    turn, kind = np.eye(3), cv2.CV_32FC1
+    if camera.distortion_model == EQUIDISTANT:
+        maps = cv2.fisheye.initUndistortRectifyMap(matrix, lens, turn, matrix, camera.size, kind)
+    else:
+        maps = cv2.initUndistortRectifyMap(matrix, lens, None, matrix, camera.size, kind)
+    across, down = (np.asarray(one, dtype=np.float32) for one in maps)
+    return across, down
 
 
 def _candidates(

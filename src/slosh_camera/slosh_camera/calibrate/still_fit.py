@@ -78,7 +78,9 @@ def still_fit(fit: Fit, camera: PinholeCamera, azimuth: float) -> StillFit:
         camera: that took the image, with its distortion.
         azimuth: at which the camera stands about the container's axis [rad].
     """
-    lens = replace(fit.camera, distortion=camera.distortion)
+    lens = replace(
+        fit.camera, distortion=camera.distortion, distortion_model=camera.distortion_model
+    )
     view = view_at(lens, fit.cup, fit.place, azimuth)
     upright = view_at(fit.camera, fit.cup, fit.place)
     checks = tuple(

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from slosh_camera.optics.camera import PLUMB_BOB, PinholeCamera
+from slosh_camera.calibrate.intrinsics import lens_block
+from slosh_camera.optics.camera import PinholeCamera
 from slosh_files.yaml_text import format_yaml
 
 
@@ -16,8 +17,7 @@ def format_camera(camera: PinholeCamera, name: str) -> str:
         "image_height": camera.height,
         "camera_name": name,
         "camera_matrix": {"rows": 3, "cols": 3, "data": camera.matrix.ravel().tolist()},
-        "distortion_model": PLUMB_BOB,
-        "distortion_coefficients": {"rows": 1, "cols": 5, "data": list(camera.distortion)},
+        **lens_block(camera),
         "rectification_matrix": {"rows": 3, "cols": 3, "data": np.eye(3).ravel().tolist()},
         "projection_matrix": {"rows": 3, "cols": 4, "data": projection.ravel().tolist()},
     }

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import cv2
@@ -13,11 +13,28 @@ from numpy.typing import NDArray
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.intrinsics.views import LEAST_VIEWS, LeftOut, View, Views
 from slosh_camera.optics.camera import PinholeCamera, camera_from_info
+from slosh_camera.optics.lens import (
+    COEFFICIENTS,
+    EQUIDISTANT,
+    PLUMB_BOB,
+    RATIONAL_POLYNOMIAL,
+    THIN_PRISM,
+)
 
 FloatArray = NDArray[np.float64]
 
-# A third radial coefficient makes more of noise than of most lenses; ROS leaves it out, too.
-_FLAGS = cv2.CALIB_FIX_K3
+# A third radial coefficient of plumb_bob makes more of noise than of most lenses; ROS leaves it
+# out, too.
+_FLAGS = {
+    PLUMB_BOB: cv2.CALIB_FIX_K3,
+    RATIONAL_POLYNOMIAL: cv2.CALIB_RATIONAL_MODEL,
+    THIN_PRISM: cv2.CALIB_RATIONAL_MODEL | cv2.CALIB_THIN_PRISM_MODEL,
+}
+# OpenCV 5 has one set of flags, OpenCV 4 another one for fisheye lenses.
+_FISHEYE_HOME = cv2.fisheye if hasattr(cv2.fisheye, "CALIB_FIX_SKEW") else cv2
+_FISHEYE_FLAGS = _FISHEYE_HOME.CALIB_RECOMPUTE_EXTRINSIC | _FISHEYE_HOME.CALIB_FIX_SKEW
+# OpenCV's fisheye solver starts anew from scratch and needs no fewer steps than these.
+_FISHEYE_STEPS = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 100, 1e-9)
 _NAMES = ("fx", "fy", "cx", "cy")
 # A view whose corners lie so much farther off than the median view's is blurred or bent [-, px].
 _OUTLIER, _OUTLIER_LEAST = 3.0, 0.5
@@ -64,6 +81,7 @@ class IntrinsicFit:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Solution:
+    model: str
     matrix: FloatArray
     lens: FloatArray
     stddev: FloatArray
@@ -77,9 +95,14 @@ class _Solution:
         """fx, fy, cx, cy [px]."""
         return self.matrix[[0, 1, 0, 1], [0, 1, 2, 2]]
 
+    @property
+    def coefficients(self) -> list[float]:
+        """Of the lens."""
+        return [float(value) for value in self.lens.ravel()[: COEFFICIENTS[self.model]]]
 
-def solve_intrinsics(views: Views) -> IntrinsicFit:
-    """Fit a pinhole camera with plumb-bob distortion (k1, k2, p1, p2).
+
+def solve_intrinsics(views: Views, lens: str = PLUMB_BOB) -> IntrinsicFit:
+    """Fit a camera's matrix and the distortion of its lens.
 
     The standard errors are the larger of two: what the scatter of the corners makes of the fit,
     and how much the fit changes when pictures are left out in turn (jackknife). The latter knows
@@ -87,6 +110,8 @@ def solve_intrinsics(views: Views) -> IntrinsicFit:
 
     Args:
         views: of one camera.
+        lens: model of the distortion, one of slosh_camera.optics.lens.COEFFICIENTS. Of plumb_bob
+            k1, k2, p1 and p2 are fitted.
 
     Returns:
         The camera.
@@ -95,7 +120,7 @@ def solve_intrinsics(views: Views) -> IntrinsicFit:
         SloshCameraError: no camera explains the views, or they leave the focal length open.
     """
     used, left_out = list(views.used), list(views.left_out)
-    found = _solved(used, views.size)
+    found = _solved(used, views.size, lens)
     while True:
         worst = int(np.argmax(found.view_rms))
         limit = max(_OUTLIER * float(np.median(found.view_rms)), _OUTLIER_LEAST)
@@ -103,40 +128,84 @@ def solve_intrinsics(views: Views) -> IntrinsicFit:
             break
         reason = f"its corners lie {found.view_rms[worst]:.2f} px off: blurred, or the board bent"
         left_out.append(LeftOut(used.pop(worst).name, reason))
-        found = _solved(used, views.size)
+        found = _solved(used, views.size, lens)
     stddev = np.maximum(found.stddev, _jackknife(used, views.size, found))
     _check_determined(found, stddev)
-    camera = camera_from_info(
-        found.matrix.ravel().tolist(), found.lens.ravel()[:5].tolist(), *views.size
-    )
+    camera = camera_from_info(found.matrix.ravel().tolist(), found.coefficients, *views.size, lens)
     named = dict(zip(_NAMES, (float(value) for value in stddev), strict=True))
     return IntrinsicFit(camera, named, found.rms, _solved_views(used, found), tuple(left_out))
 
 
 def _solved(
-    used: Sequence[View], size: tuple[int, int], start: _Solution | None = None
+    used: Sequence[View], size: tuple[int, int], model: str, start: _Solution | None = None
+) -> _Solution:
+    solve = _fisheye if model == EQUIDISTANT else _polynomial
+    try:
+        found = solve(used, size, model, start)
+    except cv2.error as error:
+        raise SloshCameraError(
+            "pictures: no camera explains the boards in them; check the board's description and "
+            "the lens, and tilt the board by 20 to 40 deg in different directions"
+        ) from error
+    if not np.all(np.isfinite(found.matrix)) or not np.isfinite(found.rms):
+        raise SloshCameraError("pictures: no camera explains the boards in them")
+    return found
+
+
+def _polynomial(
+    used: Sequence[View], size: tuple[int, int], model: str, start: _Solution | None
 ) -> _Solution:
     points = [view.points.astype(np.float32) for view in used]
     pixels = [view.pixels.astype(np.float32).reshape(-1, 1, 2) for view in used]
     matrix = np.eye(3) if start is None else start.matrix.copy()
-    lens = np.zeros(5) if start is None else start.lens.copy()
-    flags = _FLAGS if start is None else _FLAGS | cv2.CALIB_USE_INTRINSIC_GUESS
-    try:
-        rms, k, d, turns, shifts, stddev, _, view_rms = cv2.calibrateCameraExtended(
-            points, pixels, size, matrix, lens, flags=flags
-        )
-    except cv2.error as error:
-        raise SloshCameraError(
-            "pictures: no camera explains the boards in them; check the board's description, and "
-            "tilt it by 20 to 40 deg in different directions"
-        ) from error
-    numbers = (np.asarray(value, np.float64) for value in (k, d, stddev[:4], view_rms))
-    matrix, lens, errors, each = numbers
-    if not np.all(np.isfinite(matrix)) or not np.isfinite(rms):
-        raise SloshCameraError("pictures: no camera explains the boards in them")
-    return _Solution(
-        matrix, lens, errors.ravel(), float(rms), _vectors(turns), _vectors(shifts), each.ravel()
+    lens = np.zeros(COEFFICIENTS[model]) if start is None else start.lens.copy()
+    flags = _FLAGS[model] if start is None else _FLAGS[model] | cv2.CALIB_USE_INTRINSIC_GUESS
+    rms, k, d, turns, shifts, stddev, _, view_rms = cv2.calibrateCameraExtended(
+        points, pixels, size, matrix, lens, flags=flags
     )
+    matrix, lens, errors, each = (
+        np.asarray(value, np.float64) for value in (k, d, stddev[:4], view_rms)
+    )
+    return _Solution(
+        model, matrix, lens, errors.ravel(), float(rms), _vectors(turns), _vectors(shifts),
+        each.ravel(),
+    )  # fmt: skip
+
+
+def _fisheye(
+    used: Sequence[View], size: tuple[int, int], model: str, start: _Solution | None
+) -> _Solution:
+    """OpenCV's solver for fisheye lenses; it tells no standard errors, the jackknife does."""
+    points = [view.points.reshape(1, -1, 3) for view in used]
+    pixels = [view.pixels.reshape(1, -1, 2) for view in used]
+    matrix = np.eye(3) if start is None else start.matrix.copy()
+    lens = np.zeros((4, 1)) if start is None else start.lens.copy()
+    guess = 0 if start is None else _FISHEYE_HOME.CALIB_USE_INTRINSIC_GUESS
+    rms, k, d, turns, shifts = cv2.fisheye.calibrate(
+        points, pixels, size, matrix, lens, flags=_FISHEYE_FLAGS | guess, criteria=_FISHEYE_STEPS
+    )
+    matrix, lens = np.asarray(k, np.float64), np.asarray(d, np.float64)
+    found = _Solution(
+        model, matrix, lens, np.zeros(4), float(rms), _vectors(turns), _vectors(shifts),
+        np.zeros(len(used)),
+    )  # fmt: skip
+    poses = zip(used, found.turns, found.shifts, strict=True)
+    each = [_rms(view, _projected(found, view, turn, shift)) for view, turn, shift in poses]
+    return replace(found, view_rms=np.array(each))
+
+
+def _projected(found: _Solution, view: View, turn: FloatArray, shift: FloatArray) -> FloatArray:
+    """Where a view's corners should be (N, 2) [px]."""
+    if found.model == EQUIDISTANT:
+        points = view.points.reshape(1, -1, 3)
+        pixels, _ = cv2.fisheye.projectPoints(points, turn, shift, found.matrix, found.lens)
+    else:
+        pixels, _ = cv2.projectPoints(view.points, turn, shift, found.matrix, found.lens)
+    return np.asarray(pixels, np.float64).reshape(-1, 2)
+
+
+def _rms(view: View, projected: FloatArray) -> float:
+    return float(np.sqrt(np.mean(np.sum((projected - view.pixels) ** 2, axis=1))))
 
 
 def _vectors(values: Iterable[Any]) -> list[FloatArray]:
@@ -148,7 +217,9 @@ def _jackknife(used: Sequence[View], size: tuple[int, int], whole: _Solution) ->
     count = min(len(used), _MOST_GROUPS)
     found = np.array(
         [
-            _solved([v for k, v in enumerate(used) if k % count != group], size, whole).numbers
+            _solved(
+                [v for k, v in enumerate(used) if k % count != group], size, whole.model, whole
+            ).numbers
             for group in range(count)
         ]
     )
@@ -175,8 +246,7 @@ def _solved_views(used: Sequence[View], found: _Solution) -> tuple[SolvedView, .
     for view, turn, shift, rms in zip(
         used, found.turns, found.shifts, found.view_rms, strict=True
     ):
-        pixels, _ = cv2.projectPoints(view.points, turn, shift, found.matrix, found.lens)
         rotation = np.asarray(cv2.Rodrigues(turn)[0], np.float64)
-        projected = np.asarray(pixels, np.float64).reshape(-1, 2)
+        projected = _projected(found, view, turn, shift)
         solved.append(SolvedView(view, rotation, projected, float(rms)))
     return tuple(solved)

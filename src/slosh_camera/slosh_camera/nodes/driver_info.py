@@ -4,18 +4,28 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
 from rclpy.node import Node
 from sensor_msgs.msg import CameraInfo
 
-from slosh_camera.optics.camera import PinholeCamera
+from slosh_camera.errors import SloshCameraError
+from slosh_camera.optics.camera import PinholeCamera, camera_from_info
 from slosh_msgs_py import qos, topics
 
 DIFFERENT = 0.02
 """Focal lengths that differ by this share, or middles by this share of the image's size, are of
 another lens, mode or crop: a height would be wrong by as much."""
+_GRID = 5
+"""Places along each side of the image at which two lenses are compared."""
 
 
-def contradiction(camera: PinholeCamera, width: int, height: int, k: Sequence[float]) -> str:
+def contradiction(
+    camera: PinholeCamera,
+    width: int,
+    height: int,
+    k: Sequence[float],
+    lens: tuple[str, Sequence[float]] | None = None,
+) -> str:
     """What a driver says otherwise than the calibration, in one line; empty: nothing.
 
     Args:
@@ -23,6 +33,7 @@ def contradiction(camera: PinholeCamera, width: int, height: int, k: Sequence[fl
         width: of the driver's images [px]; 0: it does not say.
         height: likewise.
         k: its camera matrix, nine numbers row by row [px]; the first is 0: it does not say.
+        lens: its distortion model and coefficients; None: they do not apply to these images.
     """
     told = ""
     if width and height and (width, height) != camera.size:
@@ -38,8 +49,36 @@ def contradiction(camera: PinholeCamera, width: int, height: int, k: Sequence[fl
             if abs(said - known) > DIFFERENT * scale:
                 told = f"{name} = {said:.6g} px, the calibration {known:.6g} px"
                 break
+        if not told and lens is not None:
+            told = _other_lens(camera, width, height, k, lens)
     remedy = "calibrate anew with this camera as it is set, or mend what its driver is told"
     return f"camera_info says {told}: {remedy}" if told else ""
+
+
+def _other_lens(
+    camera: PinholeCamera,
+    width: int,
+    height: int,
+    k: Sequence[float],
+    lens: tuple[str, Sequence[float]],
+) -> str:
+    """How far the driver's lens moves a pixel against the calibration's, where it is far."""
+    model, coefficients = lens
+    try:
+        driver = camera_from_info(k, coefficients, width, height, model)
+    except SloshCameraError:
+        return f"a lens {model!r} with {len(coefficients)} coefficients, which is not known here"
+    across, down = np.meshgrid(
+        np.linspace(0.0, width - 1, _GRID), np.linspace(0, height - 1, _GRID)
+    )
+    pixels = np.column_stack((across.ravel(), down.ravel()))
+    moved = np.linalg.norm(driver.project(camera.rays(pixels)) - pixels, axis=1)
+    if not np.any(moved > 0.5 * DIFFERENT * width):
+        return ""
+    return (
+        f"a lens {driver.distortion_model} that moves pixels by up to {np.nanmax(moved):.0f} px "
+        f"against the calibration's {camera.distortion_model}"
+    )
 
 
 class DriverInfo:
@@ -52,13 +91,18 @@ class DriverInfo:
     def __init__(self, node: Node, camera: PinholeCamera) -> None:
         self.contradiction = ""
         self._camera, self._logger = camera, node.get_logger()
+        # Rectified images have no distortion left, whatever camera_info says of the raw ones.
+        self._raw = "rect" not in node.resolve_topic_name(topics.IMAGE)
         node.create_subscription(CameraInfo, topics.CAMERA_INFO, self._take, qos.NEWEST_IN)
 
     def _take(self, message: CameraInfo) -> None:
         # Of a part of the sensor, or of binned pixels, the numbers are not those of the image.
         whole = message.binning_x <= 1 and message.binning_y <= 1 and not message.roi.width
         k = message.k.tolist()
-        found = contradiction(self._camera, message.width, message.height, k) if whole else ""
+        lens = (message.distortion_model, message.d.tolist()) if self._raw else None
+        found = (
+            contradiction(self._camera, message.width, message.height, k, lens) if whole else ""
+        )
         if found and found != self.contradiction:
             self._logger.warning(found)
         self.contradiction = found

@@ -1,20 +1,24 @@
-"""The pinhole camera with the plumb-bob distortion of OpenCV and ROS."""
+"""The camera: a pinhole and the distortion of its lens, as in OpenCV and ROS."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from slosh_camera.errors import SloshCameraError
+from slosh_camera.optics.lens import (
+    COEFFICIENTS,
+    EQUIDISTANT,
+    PLUMB_BOB,
+    is_unfolded,
+    lens_of,
+    lens_parameters,
+)
 
 FloatArray = NDArray[np.float64]
-
-PLUMB_BOB = "plumb_bob"
-_NEWTON_STEPS = 20
-_TOLERANCE = 1e-10
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +34,8 @@ class PinholeCamera:
         fy: focal length along a column [px].
         cx: column of the principal point [px].
         cy: row of the principal point [px].
-        distortion: plumb-bob coefficients k1, k2, p1, p2, k3.
+        distortion: coefficients of the lens, in the order of the model.
+        distortion_model: one of slosh_camera.optics.lens.COEFFICIENTS.
     """
 
     width: int
@@ -39,7 +44,8 @@ class PinholeCamera:
     fy: float
     cx: float
     cy: float
-    distortion: tuple[float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0)
+    distortion: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0)
+    distortion_model: str = PLUMB_BOB
 
     def __post_init__(self) -> None:
         """Refuse a camera that cannot be."""
@@ -53,10 +59,25 @@ class PinholeCamera:
         for name in ("fx", "fy"):
             if getattr(self, name) <= 0.0:
                 raise SloshCameraError(f"{name}: {getattr(self, name)} px, must be positive")
-        if len(self.distortion) != 5 or not np.all(np.isfinite(self.distortion)):
+        if self.distortion_model not in COEFFICIENTS:
             raise SloshCameraError(
-                f"distortion: {self.distortion}, must be five finite numbers k1, k2, p1, p2, k3"
+                f"distortion_model: {self.distortion_model!r} is none of {', '.join(COEFFICIENTS)}"
             )
+        count = COEFFICIENTS[self.distortion_model]
+        if len(self.distortion) != count or not np.all(np.isfinite(self.distortion)):
+            raise SloshCameraError(
+                f"distortion: {self.distortion}, must be {count} finite numbers"
+            )
+
+    @property
+    def distorts(self) -> bool:
+        """Whether the image is another one than a pinhole's."""
+        return self.distortion_model == EQUIDISTANT or any(self.distortion)
+
+    def without_distortion(self) -> PinholeCamera:
+        """The pinhole of the same matrix."""
+        pinhole = (0.0,) * COEFFICIENTS[PLUMB_BOB]
+        return replace(self, distortion=pinhole, distortion_model=PLUMB_BOB)
 
     @property
     def size(self) -> tuple[int, int]:
@@ -99,9 +120,10 @@ class PinholeCamera:
         array = np.asarray(points, dtype=np.float64).reshape(-1, 3)
         depth = np.where(array[:, 2] > 0.0, array[:, 2], np.nan)
         normalised = array[:, :2] / depth[:, np.newaxis]
-        if any(self.distortion):
-            distorted, jacobian = self._distort(normalised)
-            distorted[~_is_unfolded(jacobian)] = np.nan
+        if self.distorts:
+            lens = lens_of(self.distortion_model, self.distortion)
+            distorted, jacobian = lens.distort(normalised)
+            distorted[~is_unfolded(jacobian)] = np.nan
             normalised = distorted
         return normalised * (self.fx, self.fy) + (self.cx, self.cy)
 
@@ -117,44 +139,10 @@ class PinholeCamera:
         """
         array = np.asarray(pixels, dtype=np.float64).reshape(-1, 2)
         target = (array - (self.cx, self.cy)) / (self.fx, self.fy)
-        normalised = self._undistort(target) if any(self.distortion) else target
+        normalised = target
+        if self.distorts:
+            normalised = lens_of(self.distortion_model, self.distortion).undistort(target)
         return np.column_stack((normalised, np.where(np.isfinite(normalised[:, 0]), 1.0, np.nan)))
-
-    def _distort(self, normalised: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Distorted coordinates (N, 2) and their Jacobian (N, 2, 2)."""
-        k1, k2, p1, p2, k3 = self.distortion
-        x, y = normalised[:, 0], normalised[:, 1]
-        r2 = x * x + y * y
-        radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
-        slope = k1 + r2 * (2.0 * k2 + r2 * 3.0 * k3)
-        distorted = np.column_stack(
-            (
-                x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x),
-                y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y,
-            )
-        )
-        jacobian = np.empty((x.size, 2, 2))
-        jacobian[:, 0, 0] = radial + 2.0 * x * x * slope + 2.0 * p1 * y + 6.0 * p2 * x
-        jacobian[:, 1, 1] = radial + 2.0 * y * y * slope + 6.0 * p1 * y + 2.0 * p2 * x
-        jacobian[:, 0, 1] = 2.0 * x * y * slope + 2.0 * p1 * x + 2.0 * p2 * y
-        jacobian[:, 1, 0] = jacobian[:, 0, 1]
-        return distorted, jacobian
-
-    def _undistort(self, target: FloatArray) -> FloatArray:
-        """Newton's method on the distortion; NaN where it finds no solution."""
-        normalised = target.copy()
-        with np.errstate(all="ignore"):
-            for _ in range(_NEWTON_STEPS):
-                distorted, jacobian = self._distort(normalised)
-                error = distorted - target
-                if np.all(np.abs(error) < _TOLERANCE):
-                    break
-                normalised = normalised - _solve(jacobian, error)
-            distorted, jacobian = self._distort(normalised)
-            solved = np.all(np.abs(distorted - target) < 10.0 * _TOLERANCE, axis=1)
-            solved &= _is_unfolded(jacobian)
-        normalised[~solved] = np.nan
-        return normalised
 
 
 def camera_from_info(
@@ -168,7 +156,7 @@ def camera_from_info(
 
     Args:
         k: camera matrix, nine numbers row by row [px].
-        d: distortion coefficients: none, or four or five of the plumb-bob model.
+        d: distortion coefficients; none: the image is not distorted.
         width: image width [px].
         height: image height [px].
         model: name of the distortion model.
@@ -181,22 +169,15 @@ def camera_from_info(
             the distortion model is not supported.
     """
     matrix = [float(value) for value in k]
-    coefficients = [float(value) for value in d]
     if len(matrix) != 9:
         raise SloshCameraError(f"camera_matrix: {len(matrix)} numbers, needs 9")
     if matrix[0] == 0.0:
         raise SloshCameraError(
             "camera_matrix: K[0] is 0, the camera is not calibrated; `slosh intrinsics` does it"
         )
-    if coefficients and model != PLUMB_BOB:
-        raise SloshCameraError(f"distortion_model: {model!r} is not supported, use {PLUMB_BOB}")
-    if len(coefficients) not in (0, 4, 5):
-        raise SloshCameraError(
-            f"distortion_coefficients: {len(coefficients)} numbers, {PLUMB_BOB} has 0, 4 or 5"
-        )
+    distortion_model, distortion = lens_parameters(model, d)
     if matrix[1] or matrix[3] or matrix[6] or matrix[7] or matrix[8] != 1.0:
         raise SloshCameraError("camera_matrix: must be [fx 0 cx; 0 fy cy; 0 0 1]")
-    k1, k2, p1, p2, k3 = coefficients + [0.0] * (5 - len(coefficients))
     return PinholeCamera(
         width=width,
         height=height,
@@ -204,28 +185,6 @@ def camera_from_info(
         fy=matrix[4],
         cx=matrix[2],
         cy=matrix[5],
-        distortion=(k1, k2, p1, p2, k3),
-    )
-
-
-def _determinant(jacobian: FloatArray) -> FloatArray:
-    determinant: FloatArray = (
-        jacobian[:, 0, 0] * jacobian[:, 1, 1] - jacobian[:, 0, 1] * jacobian[:, 1, 0]
-    )
-    return determinant
-
-
-def _is_unfolded(jacobian: FloatArray) -> NDArray[np.bool_]:
-    """Where the distortion keeps the order of points: both eigenvalues are positive."""
-    trace = jacobian[:, 0, 0] + jacobian[:, 1, 1]
-    return np.asarray((_determinant(jacobian) > 0.0) & (trace > 0.0))
-
-
-def _solve(jacobian: FloatArray, error: FloatArray) -> FloatArray:
-    determinant = _determinant(jacobian)
-    return np.column_stack(
-        (
-            (jacobian[:, 1, 1] * error[:, 0] - jacobian[:, 0, 1] * error[:, 1]) / determinant,
-            (jacobian[:, 0, 0] * error[:, 1] - jacobian[:, 1, 0] * error[:, 0]) / determinant,
-        )
+        distortion=distortion,
+        distortion_model=distortion_model,
     )
