@@ -160,6 +160,71 @@ def test_a_video_and_what_is_left_of_one_that_was_cut(capsys, tmp_path, images):
     assert "announces 9 images" in capsys.readouterr().err
 
 
+def test_a_slow_motion_video_has_the_rate_that_is_given(tmp_path, images):
+    video = write_video(tmp_path / "slow.avi", images, rate=30.0)
+    code, table = detect(tmp_path, video, "--rate", 240)
+    assert code == 0
+    assert table["t"] == pytest.approx(np.arange(9) / 240, abs=1e-6)
+
+
+def write_topics(folder, topics):
+    """A bag of images at 20 Hz: topic -> (encoding, bytes of a pixel, stamped, images)."""
+    make = STORE.typestore.types
+    for name in ("std_msgs/msg/Header", "sensor_msgs/msg/Image"):
+        STORE.hash(name)
+    with BagWriter(folder) as bag:
+        for topic, (encoding, size, stamped, images) in topics.items():
+            bag.add_topic(topic, "sensor_msgs/msg/Image")
+            for number, image in enumerate(images):
+                at = 100 * 10**9 + number * 50_000_000
+                sec, nanosec = divmod(at if stamped else 0, 10**9)
+                stamp = make["builtin_interfaces/msg/Time"](sec=sec, nanosec=nanosec)
+                height, width = image.shape[:2]
+                message = make["sensor_msgs/msg/Image"](
+                    header=make["std_msgs/msg/Header"](stamp=stamp, frame_id="camera"),
+                    height=height, width=width, encoding=encoding, is_bigendian=0,
+                    step=size * width, data=np.frombuffer(image.tobytes(), np.uint8),
+                )  # fmt: skip
+                data = bytes(STORE.typestore.serialize_cdr(message, "sensor_msgs/msg/Image"))
+                bag.write(topic, data, at)
+    return folder
+
+
+def test_images_without_a_stamp_have_the_recorders_time(capsys, tmp_path, images):
+    bag = write_topics(tmp_path / "bag", {"/camera/image_raw": ("bgr8", 3, False, images)})
+    code, table = detect(tmp_path, bag)
+    assert code == 0
+    assert table["t"] == pytest.approx(np.arange(9) / 20)
+    assert "9 images have the stamp 0" in capsys.readouterr().err
+
+
+def test_of_depth_and_colour_the_colours_are_measured(capsys, tmp_path, images):
+    depth = [np.full(image.shape[:2], 900, "<u2") for image in images]
+    topics = {
+        "/camera/depth/image_raw": ("16UC1", 2, True, depth),
+        "/camera/zcolor/image_raw": ("bgr8", 3, True, images),
+    }
+    bag = write_topics(tmp_path / "bag", topics)
+    code, table = detect(tmp_path, bag)
+    assert code == 0
+    assert table["msh"] == pytest.approx(HEIGHTS, abs=1e-3)
+    assert "left out: /camera/depth/image_raw (--topic chooses)" in capsys.readouterr().err
+    code, table = detect(tmp_path, bag, "--topic", "/camera/depth/image_raw")
+    assert code == 1
+    assert np.isnan(table["msh"]).all()
+    capsys.readouterr()
+    line = refused(capsys, tmp_path, bag, "--topic", "/camera/image")
+    assert "there are /camera/depth/image_raw, /camera/zcolor/image_raw" in line
+
+
+def test_12_bits_in_mono16_are_measured(tmp_path, images):
+    grey = [cv2.cvtColor(image, cv2.COLOR_BGR2GRAY).astype("<u2") << 4 for image in images]
+    bag = write_topics(tmp_path / "bag", {"/camera/image_raw": ("mono16", 2, True, grey)})
+    code, table = detect(tmp_path, bag)
+    assert code == 0
+    assert table["msh"] == pytest.approx(HEIGHTS, abs=1e-3)
+
+
 def write_bag(folder, images):
     """Images at 20 Hz, the fourth with a step that does not match; and another, shorter topic."""
     types = {

@@ -23,7 +23,7 @@ STORED = {
     "rgb8": (COLOUR, COLOUR[..., ::-1]),
     "bgra8": (np.dstack([COLOUR, GRAY]), COLOUR),
     "rgba8": (np.dstack([COLOUR, GRAY]), COLOUR[..., ::-1]),
-    "mono16": (WIDE, GRAY),
+    "8UC4": (np.dstack([COLOUR, GRAY]), COLOUR),
 }
 
 
@@ -46,15 +46,80 @@ def test_pixels_are_seen_where_the_message_has_them(encoding, padding):
 def test_the_upper_byte_counts_whatever_the_byte_order():
     data = np.ascontiguousarray(WIDE[..., ::-1]).tobytes()
     np.testing.assert_array_equal(to_image("mono16", 12, 20, 40, data, big_endian=True), GRAY)
+    np.testing.assert_array_equal(to_image("mono16", 12, 20, 40, WIDE.tobytes()), GRAY)
+
+
+@pytest.mark.parametrize("bits", [8, 10, 12, 14, 16])
+@pytest.mark.parametrize("encoding", ["mono16", "16UC1", "bgr16", "16UC3", "rgb16"])
+def test_of_16_bits_those_count_that_the_camera_fills(encoding, bits):
+    wanted = GRAY if encoding in ("mono16", "16UC1") else COLOUR
+    stored = wanted.astype("<u2") << (bits - 8)
+    if encoding == "rgb16":
+        stored = stored[..., ::-1]
+    stored = np.ascontiguousarray(stored)
+    image = to_image(encoding, 12, 20, stored.nbytes // 12, stored.tobytes())
+    np.testing.assert_array_equal(image, wanted)
+
+
+def test_a_png_file_of_12_bits_is_no_dark_image():
+    data = cv2.imencode(".png", GRAY.astype(np.uint16) << 4)[1].tobytes()
+    np.testing.assert_array_equal(decode_compressed("png", data), GRAY)
+
+
+YUV_COLOUR = np.array([30, 90, 200])  # blue, green, red
+YUV = {
+    # One brightness for each pixel, the colour differences where the encoding has them.
+    "yuv422": "uyvy", "uyvy": "uyvy", "yuv422_yuy2": "yuyv", "yuyv": "yuyv",
+    "nv12": "uv", "nv21": "vu",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("padding", [0, 6])
+@pytest.mark.parametrize("encoding", YUV)
+def test_brightness_and_colour_differences_become_colours(encoding, padding):
+    blue, green, red = YUV_COLOUR / 255.0
+    # ITU-R BT.601, limited range.
+    brightness = 16.0 + 65.481 * red + 128.553 * green + 24.966 * blue
+    parts = {
+        "y": round(brightness),
+        "u": round(128.0 - 37.797 * red - 74.203 * green + 112.0 * blue),
+        "v": round(128.0 + 112.0 * red - 93.786 * green - 18.214 * blue),
+    }
+    order = YUV[encoding]
+    if encoding.startswith("nv"):
+        rows = [[parts["y"]] * 20] * 12 + [[parts[name] for name in order] * 10] * 6
+    else:
+        rows = [[parts[name] for name in order] * 10] * 12
+    stored = np.pad(np.array(rows, np.uint8), ((0, 0), (0, padding)))
+    image = to_image(encoding, 12, 20, stored.shape[1], stored.tobytes())
+    assert image.shape == (12, 20, 3)
+    assert np.abs(image.astype(int) - YUV_COLOUR).max() <= 2
+
+
+def test_distances_are_no_picture():
+    with pytest.raises(SloshCameraError, match="holds distances"):
+        to_image("32FC1", 12, 20, 80, bytes(960))
+    with pytest.raises(SloshCameraError, match="holds distances"):
+        decode_compressed("16UC1; compressedDepth png", b"0" * 40)
+
+
+@pytest.mark.parametrize("named", ["image/jpeg", "", "bgr8", "rgb8; jpeg compressed bgr8"])
+def test_the_data_say_what_they_are(named):
+    data = cv2.imencode(".jpg", SMOOTH)[1].tobytes()
+    assert decode_compressed(named, data).shape == SMOOTH.shape
 
 
 @pytest.mark.parametrize("pattern", ["rggb", "bggr", "gbrg", "grbg"])
-def test_a_bayer_pattern_becomes_colour(pattern):
+@pytest.mark.parametrize("bits", [8, 16])
+def test_a_bayer_pattern_becomes_colour(pattern, bits):
     colour = {"r": 200, "g": 120, "b": 40}
     cell = np.array([[colour[pattern[0]], colour[pattern[1]]],
                      [colour[pattern[2]], colour[pattern[3]]]], np.uint8)  # fmt: skip
     padded = np.pad(np.tile(cell, (6, 10)), ((0, 0), (0, 3)))
-    image = to_image(f"bayer_{pattern}8", 12, 20, 23, padded.tobytes())
+    if bits == 16:
+        padded = padded.astype("<u2") << 4  # a camera of 12 bits
+    stored = padded.tobytes()
+    image = to_image(f"bayer_{pattern}{bits}", 12, 20, len(stored) // 12, stored)
     assert image.shape == (12, 20, 3)
     assert np.all(image[2:-2, 2:-2] == [40, 120, 200])
 
@@ -77,7 +142,10 @@ def test_a_grey_image_becomes_one_of_three_equal_colours():
 @pytest.mark.parametrize(
     ("arguments", "word"),
     [
-        (("yuv422", 12, 20, 20, GRAY.tobytes()), "yuv422"),
+        (("yuv422", 12, 20, 20, GRAY.tobytes()), "step"),
+        (("yuv422", 12, 19, 40, bytes(480)), "even"),
+        (("nv12", 12, 20, 20, GRAY.tobytes()), "18 rows"),
+        (("yuv420_planar", 12, 20, 20, GRAY.tobytes()), "not supported"),
         (("", 12, 20, 20, GRAY.tobytes()), "encoding"),
         (("mono8", 0, 0, 0, b""), "empty"),
         (("mono8", 12, 0, 0, b""), "empty"),

@@ -54,21 +54,26 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help=f"a sheet of the N most doubtful ones (default {WORST_LENGTH}), the worst first",
     )  # fmt: skip
     parser.add_argument(
-        "--rate", type=float, default=FOLDER_RATE, metavar="HZ",
-        help=f"images per second where they are files (default {FOLDER_RATE:g})",
+        "--rate", type=float, metavar="HZ",
+        help="images per second of files or a video "
+        f"(default {FOLDER_RATE:g}; of a video as it says)",
     )  # fmt: skip
+    parser.add_argument(
+        "--topic", metavar="TOPIC", help="topic of a bag whose images are measured"
+    )
     parser.add_argument("--jobs", type=int, metavar="N", help="processes (default: all cores)")
     parser.add_argument("--json", action="store_true", help="print the summary as JSON")
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Measures every image; prints how many could be measured."""
-    if not (math.isfinite(arguments.rate) and 0.0 < arguments.rate <= 1e6):
-        raise SloshBringupError(f"--rate {arguments.rate:g}: must be positive, at most 1e6 Hz")
+    rate = arguments.rate
+    if rate is not None and not (math.isfinite(rate) and 0.0 < rate <= 1e6):
+        raise SloshBringupError(f"--rate {rate:g}: must be positive, at most 1e6 Hz")
     calibration = read_any_calibration(arguments.camera)
     detection = Detection(calibration, arguments.still)
     with quiet_decoders(), ExitStack() as unfinished:
-        source = open_source(arguments.source, arguments.rate)
+        source = open_source(arguments.source, rate, arguments.topic)
         _check_outputs(arguments, [*source.files, calibration.still_image])
         sinks = _sinks(arguments, calibration, source)
         for sink in sinks:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import glob
+import math
 from collections.abc import Collection, Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -51,26 +52,29 @@ class FrameSource:
     warnings: list[str] = field(default_factory=list)
 
 
-def open_source(sources: Sequence[str], rate: float = FOLDER_RATE) -> FrameSource:
+def open_source(
+    sources: Sequence[str], rate: float | None = None, topic: str | None = None
+) -> FrameSource:
     """The images of a source.
 
     Args:
         sources: one folder, video, bag, image or pattern such as 'run/img_*.png', or several
             images.
-        rate: images per second where they are files [Hz].
+        rate: images per second of files and videos [Hz]; None: as a video says, or FOLDER_RATE.
+        topic: of a bag, whose images are taken; None: the first that holds pictures.
 
     Raises:
         SloshBringupError: there is nothing there that holds images.
         SloshBagError: a damaged bag, or one without images.
     """
     if len(sources) > 1:
-        return _file_source(f"{sources[0]} …", _existing(sources), rate)
+        return _file_source(f"{sources[0]} …", _existing(sources), rate or FOLDER_RATE)
     (name,) = sources
     path = Path(name)
     if not path.exists():
-        return _file_source(name, _matching(name), rate)
+        return _file_source(name, _matching(name), rate or FOLDER_RATE)
     if path.suffix == ".mcap" or (path.is_dir() and any(path.glob("*.mcap"))):
-        return _bag_source(path)
+        return _bag_source(path, topic)
     if path.is_dir():
         files = images_in(path)
         if not files:
@@ -78,10 +82,10 @@ def open_source(sources: Sequence[str], rate: float = FOLDER_RATE) -> FrameSourc
                 f"{path}: no images ({', '.join(IMAGE_ENDINGS)}) in this folder"
             )
         series, note = longest_series(files)
-        return _file_source(name, series, rate, files, note)
+        return _file_source(name, series, rate or FOLDER_RATE, files, note)
     if path.suffix.lower() in IMAGE_ENDINGS:
-        return _file_source(name, [path], rate)
-    return _video_source(path)
+        return _file_source(name, [path], rate or FOLDER_RATE)
+    return _video_source(path, rate)
 
 
 def frames_at(path: Path, stamps: Collection[int]) -> dict[int, SourceFrame]:
@@ -150,7 +154,7 @@ def _file_source(
     return FrameSource(name, frames, len(files), rate, present or files, note)
 
 
-def _video_source(path: Path) -> FrameSource:
+def _video_source(path: Path, asked: float | None) -> FrameSource:
     if not path.stat().st_size:
         raise SloshBringupError(f"{path}: empty file")
     capture = cv2.VideoCapture(str(path))
@@ -164,15 +168,24 @@ def _video_source(path: Path) -> FrameSource:
     if told:
         raise SloshBringupError(f"{path}: {told}")
     announced = max(round(capture.get(cv2.CAP_PROP_FRAME_COUNT)), 0)
-    rate = capture.get(cv2.CAP_PROP_FPS)
+    rate = asked or capture.get(cv2.CAP_PROP_FPS)
     rate = rate if 0.0 < rate < 1e5 else FOLDER_RATE
     source = FrameSource(str(path), iter(()), announced or None, rate, [path])
-    source.frames = _captured(capture, source)
+    source.frames = _captured(capture, source, timed=asked is None)
     return source
 
 
-def _captured(capture: cv2.VideoCapture, source: FrameSource) -> Iterator[SourceFrame]:
-    """The images of a video; of a cut one the last is left out, it may be half an image."""
+def _captured(
+    capture: cv2.VideoCapture, source: FrameSource, *, timed: bool
+) -> Iterator[SourceFrame]:
+    """The images of a video; of a cut one the last is left out, it may be half an image.
+
+    Args:
+        capture: the video.
+        source: where problems are noted.
+        timed: whether the file's own stamps count; a slow-motion video plays slower than it was
+            taken.
+    """
     waiting: SourceFrame | None = None
     period = SECOND / (source.rate or FOLDER_RATE)
     stamp, index = -period, 0
@@ -183,7 +196,7 @@ def _captured(capture: cv2.VideoCapture, source: FrameSource) -> Iterator[Source
         if waiting is not None:
             yield waiting
         # The stamp is that of the image just read; some files have none.
-        told = capture.get(cv2.CAP_PROP_POS_MSEC) * 1e6
+        told = capture.get(cv2.CAP_PROP_POS_MSEC) * 1e6 if timed else -math.inf
         stamp = told if told > stamp else stamp + period
         waiting = SourceFrame(round(stamp), f"frame {index}", np.asarray(image, np.uint8))
         index += 1
@@ -197,16 +210,22 @@ def _captured(capture: cv2.VideoCapture, source: FrameSource) -> Iterator[Source
         yield waiting
 
 
-def _bag_source(path: Path) -> FrameSource:
+def _bag_source(path: Path, topic: str | None) -> FrameSource:
     reader = BagReader(path)
-    chosen, others, total = _image_topic(path, reader)
-    note = f"measuring topic {chosen}; left out: {', '.join(others)}" if others else ""
+    chosen, others, total = _image_topic(path, reader, topic)
+    note = (
+        f"measuring topic {chosen}; left out: {', '.join(others)} (--topic chooses)"
+        if others
+        else ""
+    )
     source = FrameSource(str(path), iter(()), total, files=files_of(path), note=note)
     source.frames = _recorded(reader, chosen, source)
     return source
 
 
-def _image_topic(path: Path, reader: BagReader) -> tuple[str, list[str], int | None]:
+def _image_topic(
+    path: Path, reader: BagReader, asked: str | None = None
+) -> tuple[str, list[str], int | None]:
     """The topic whose images count, the others, and how many it has."""
     topics = {
         topic: info for topic, info in reader.topics().items()
@@ -215,19 +234,36 @@ def _image_topic(path: Path, reader: BagReader) -> tuple[str, list[str], int | N
     if not topics:
         reason = f" ({reader.warnings[0]})" if reader.warnings else ""
         raise SloshBagError(f"{path}: holds no images{reason}")
-    # Nothing was lost in raw images.
-    chosen, *others = sorted(topics, key=lambda topic: topics[topic].message_type != RAW)
+    if asked is not None and asked not in topics:
+        raise SloshBringupError(
+            f"--topic {asked}: {path} has no images on it; there are {', '.join(topics)}"
+        )
+
+    def rank(topic: str) -> tuple[bool, bool, bool]:
+        # Distances are no picture; nothing was lost in raw images.
+        return topic != asked, "depth" in topic.lower(), topics[topic].message_type != RAW
+
+    chosen, *others = sorted(topics, key=rank)
     return chosen, others, topics[chosen].count
 
 
 def _recorded(reader: BagReader, topic: str, source: FrameSource) -> Iterator[SourceFrame]:
     """The images of a topic; damage behind the first ones ends them with a warning."""
-    records = reader.messages([topic])
+    records, unstamped = reader.messages([topic]), 0
     try:
         first = next(records, None)
         for record in chain([] if first is None else [first], _until_damage(records, source)):
-            yield _message_frame(reader, record)
+            frame = _message_frame(reader, record)
+            if not frame.stamp_ns:
+                unstamped += 1
+                frame = replace(frame, stamp_ns=record.log_ns, name=f"{record.log_ns} ns")
+            yield frame
     finally:
+        if unstamped:
+            source.warnings.append(
+                f"{source.name}: {unstamped} images have the stamp 0: they count as taken when "
+                "they were recorded, so late by the camera's delay; set the driver's stamps"
+            )
         source.warnings.extend(dict.fromkeys(reader.warnings))
 
 

@@ -1,8 +1,8 @@
 """Images as messages and files carry them, as arrays of 8-bit grey levels or colours.
 
 An image is (height, width) grey or (height, width, 3) blue, green, red. Where the pixels of a
-message are stored that way, or with other gaps or another order between them, the array is a
-read-only view of the message's own memory: nothing is copied.
+message are stored that way with 8 bits, or with other gaps or another order between them, the
+array is a read-only view of the message's own memory: nothing is copied.
 """
 
 from __future__ import annotations
@@ -12,9 +12,10 @@ from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from slosh_camera.errors import SloshCameraError
-from slosh_camera.images.colour import GrayImage, Image
+from slosh_camera.images.colour import Image
 from slosh_camera.images.image_size import JPEG, PNG, check_size
 from slosh_camera.images.jpeg_file import jpeg_damage
 from slosh_camera.images.png_file import png_damage
@@ -35,19 +36,33 @@ _LAYOUTS = {
     "8UC3": _Layout(3, slice(0, 3)),
     "rgb8": _Layout(3, slice(None, None, -1)),
     "bgra8": _Layout(4, slice(0, 3)),
+    "8UC4": _Layout(4, slice(0, 3)),
     "rgba8": _Layout(4, slice(2, None, -1)),
-    "mono16": _Layout(2, 1),
 }
+# Of 16 bits; the name without them tells the order of the colours.
+_DEEP = {"mono16": "mono8", "16UC1": "mono8", "bgr16": "bgr8", "16UC3": "bgr8", "rgb16": "rgb8"}
 # ROS names the pattern by its first two rows, OpenCV by what begins at the second row and column.
 _BAYER = {
-    "bayer_rggb8": cv2.COLOR_BayerBG2BGR,
-    "bayer_bggr8": cv2.COLOR_BayerRG2BGR,
-    "bayer_gbrg8": cv2.COLOR_BayerGR2BGR,
-    "bayer_grbg8": cv2.COLOR_BayerGB2BGR,
+    "bayer_rggb": cv2.COLOR_BayerBG2BGR,
+    "bayer_bggr": cv2.COLOR_BayerRG2BGR,
+    "bayer_gbrg": cv2.COLOR_BayerGR2BGR,
+    "bayer_grbg": cv2.COLOR_BayerGB2BGR,
 }
+_BAYER_NAMES = tuple(f"{pattern}{bits}" for bits in (8, 16) for pattern in _BAYER)
+# Two bytes a pixel: brightness and, by turns, one of two colour differences.
+_YUV_PACKED = {
+    "yuv422": cv2.COLOR_YUV2BGR_UYVY,
+    "uyvy": cv2.COLOR_YUV2BGR_UYVY,
+    "yuv422_yuy2": cv2.COLOR_YUV2BGR_YUY2,
+    "yuyv": cv2.COLOR_YUV2BGR_YUY2,
+}
+# A plane of brightness, and one of half its height with both colour differences.
+_YUV_PLANES = {"nv12": cv2.COLOR_YUV2BGR_NV12, "nv21": cv2.COLOR_YUV2BGR_NV21}
 # OpenCV gives black for less than a pixel with all its neighbours.
 _LEAST_BAYER = 3
-ENCODINGS = (*_LAYOUTS, *_BAYER)
+_DEPTHS = (8, 10, 12, 14, 16)
+"""Bits of a camera's converter."""
+ENCODINGS = (*_LAYOUTS, *_DEEP, *_BAYER_NAMES, *_YUV_PACKED, *_YUV_PLANES)
 """Encodings of sensor_msgs/Image that can be read."""
 _COMPRESSED = ("jpeg", "jpg", "png")
 
@@ -57,67 +72,114 @@ def to_image(
 ) -> Image:
     """Image from the fields of a sensor_msgs/Image.
 
+    Of 16 bits those 8 count that the camera's converter fills: cameras with 10, 12 or 14 bits
+    leave the upper ones empty, and no field of the message says so. The converter is the smallest
+    one that holds the image's largest value.
+
     Args:
         encoding: one of ENCODINGS.
         height: number of rows.
         width: number of columns.
         step: length of a row [bytes], padding included.
         data: the rows, any buffer of bytes.
-        big_endian: byte order of mono16, of which the upper byte is taken.
+        big_endian: byte order of 16-bit encodings.
 
     Returns:
-        (height, width) for mono and (height, width, 3) for colour encodings: a read-only view of
-        `data`, with strides as the encoding needs them. Only Bayer patterns are converted.
+        (height, width) for mono and (height, width, 3) for colour encodings. Of 8-bit mono and
+        colour a read-only view of `data`, with strides as the encoding needs them.
 
     Raises:
         SloshCameraError: another encoding, an empty image, or sizes that do not fit together.
     """
-    layout = _GRAY if encoding in _BAYER else _LAYOUTS.get(encoding)
-    if layout is None:
-        known = ", ".join(ENCODINGS)
-        raise SloshCameraError(f"image: encoding {encoding!r} is not supported, use {known}")
+    if encoding not in ENCODINGS:
+        raise SloshCameraError(_not_supported(encoding))
     if height < 1 or width < 1:
         raise SloshCameraError(f"image: is empty, {width} x {height} pixels")
-    if step < width * layout.pixel_bytes:
+    if encoding in _LAYOUTS:
+        layout = _LAYOUTS[encoding]
+        pixels = _rows(encoding, height, width, step, data, layout.pixel_bytes)[..., layout.places]
+        pixels.setflags(write=False)
+        return pixels
+    if encoding in _YUV_PACKED:
+        pairs = _rows(encoding, height, width, step, data, 2)
+        return _converted(pairs, _YUV_PACKED[encoding], encoding, width % 2)
+    if encoding in _YUV_PLANES:
+        rows = _rows(encoding, height + height // 2, width, step, data, 1)
+        return _converted(rows[..., 0], _YUV_PLANES[encoding], encoding, (width | height) % 2)
+    if encoding in _DEEP:
+        layout = _LAYOUTS[_DEEP[encoding]]
+        stored = _rows(encoding, height, width, step, data, 2 * layout.pixel_bytes)
+        return to_8_bits(_words(stored, big_endian))[..., layout.places]
+    return _without_pattern(encoding, height, width, step, data, big_endian)
+
+
+def _not_supported(encoding: str) -> str:
+    if encoding.startswith("32FC"):
+        return f"image: encoding {encoding!r} holds distances, not a picture: choose another topic"
+    return f"image: encoding {encoding!r} is not supported, use {', '.join(ENCODINGS)}"
+
+
+def _rows(encoding: str, rows: int, width: int, step: int, data: Any, pixel_bytes: int) -> Image:
+    """The message's bytes as (rows, width, pixel_bytes), without the padding."""
+    if step < width * pixel_bytes:
         raise SloshCameraError(
             f"image: step {step} is shorter than a row of {width} pixels in {encoding}"
         )
     array = _bytes(data)
-    if array.size != height * step:
+    if array.size != rows * step:
         raise SloshCameraError(
-            f"image: {array.size} bytes do not match {height} rows of step {step}"
+            f"image: {array.size} bytes do not match {rows} rows of step {step}"
         )
-    places = 0 if encoding == "mono16" and big_endian else layout.places
-    pixels = np.ndarray(
-        (height, width, layout.pixel_bytes), np.uint8, array, strides=(step, layout.pixel_bytes, 1)
-    )[..., places]
-    if encoding in _BAYER:
-        return _without_pattern(pixels, encoding)
-    pixels.setflags(write=False)
-    return pixels
+    return np.ndarray((rows, width, pixel_bytes), np.uint8, array, strides=(step, pixel_bytes, 1))
+
+
+def _words(stored: Image, big_endian: bool) -> NDArray[np.uint16]:
+    """Pairs of bytes (rows, width, 2 K) as numbers (rows, width, K)."""
+    return np.ascontiguousarray(stored).view(">u2" if big_endian else "<u2").astype(np.uint16)
+
+
+def to_8_bits(pixels: NDArray[np.uint16]) -> Image:
+    """The upper 8 of the bits that the camera's converter fills; see `to_image`."""
+    needed = int(pixels.max(initial=0)).bit_length()
+    bits = next(depth for depth in _DEPTHS if depth >= needed)
+    return np.asarray(pixels >> (bits - 8), dtype=np.uint8)
+
+
+def _converted(pixels: Image, code: int, encoding: str, odd: int) -> Image:
+    if odd:
+        raise SloshCameraError(f"image: {encoding} needs an even number of pixels in each row")
+    return np.asarray(cv2.cvtColor(np.ascontiguousarray(pixels), code), dtype=np.uint8)
 
 
 def decode_compressed(image_format: str, data: Any) -> Image:
     """Image from the fields of a sensor_msgs/CompressedImage.
 
     Args:
-        image_format: format as image_transport writes it, such as "jpeg" or
-            "bgr8; jpeg compressed bgr8".
+        image_format: format as a driver writes it, such as "jpeg", "image/jpeg" or
+            "bgr8; jpeg compressed bgr8"; what counts is the data.
         data: the file's bytes, any buffer.
 
     Returns:
-        (height, width) of a grey file, (height, width, 3) of one in colour; of 16 bits the upper
-        8, transparency is left out.
+        (height, width) of a grey file, (height, width, 3) of one in colour; of 16 bits those 8
+        that count in `to_image`, transparency is left out.
 
     Raises:
         SloshCameraError: neither JPEG nor PNG, no data, data that are cut or damaged, or that
             claim too many pixels.
     """
-    words = image_format.lower().replace(";", " ").split()
-    if not any(word in _COMPRESSED for word in words):
-        raise SloshCameraError(f"image: format {image_format!r} is not supported, use jpeg or png")
     array = _bytes(data)
-    if array.size and not array[:4].tobytes().startswith((JPEG, PNG)):
+    # The data say what they are: drivers write image/jpeg, an encoding's name or nothing at all.
+    if not array[:4].tobytes().startswith((JPEG, PNG)) and array.size:
+        words = image_format.lower().replace(";", " ").replace("/", " ").split()
+        if "compresseddepth" in words:
+            raise SloshCameraError(
+                f"image: format {image_format!r} holds distances, not a picture: choose another "
+                "topic"
+            )
+        if image_format and not any(word in _COMPRESSED for word in words):
+            raise SloshCameraError(
+                f"image: format {image_format!r} is not supported, use jpeg or png"
+            )
         raise SloshCameraError(f"image: {array.size} bytes are not a complete JPEG or PNG file")
     return _decode(array, image_format)
 
@@ -138,11 +200,17 @@ def read_image(path: str | Path) -> Image:
         raise SloshCameraError(f"{path}: {error}") from None
 
 
-def _without_pattern(pixels: GrayImage, encoding: str) -> Image:
-    height, width = pixels.shape
+def _without_pattern(
+    encoding: str, height: int, width: int, step: int, data: Any, big_endian: bool
+) -> Image:
     if min(height, width) < _LEAST_BAYER:
         raise SloshCameraError(f"image: {width} x {height} pixels are too few for {encoding}")
-    return np.asarray(cv2.cvtColor(pixels, _BAYER[encoding]), dtype=np.uint8)
+    if encoding.endswith("16"):
+        pixels = to_8_bits(_words(_rows(encoding, height, width, step, data, 2), big_endian))
+    else:
+        pixels = _rows(encoding, height, width, step, data, 1)
+    code = _BAYER[encoding.removesuffix("16").removesuffix("8")]
+    return np.asarray(cv2.cvtColor(pixels[..., 0], code), dtype=np.uint8)
 
 
 def _decode(array: Image, kind: str) -> Image:
@@ -156,11 +224,15 @@ def _decode(array: Image, kind: str) -> Image:
         )
     try:
         # Grey stays grey, colour stays colour, both of 8 bits, turned as the file says.
-        image = cv2.imdecode(array, cv2.IMREAD_ANYCOLOR)
+        image = cv2.imdecode(array, cv2.IMREAD_ANYCOLOR | cv2.IMREAD_ANYDEPTH)
     except cv2.error:
         image = None
     if image is None:
         raise SloshCameraError(f"image: {array.size} bytes could not be decoded as {kind}")
+    if image.dtype == np.uint16:
+        return to_8_bits(np.asarray(image, np.uint16))
+    if image.dtype != np.uint8:
+        raise SloshCameraError(f"image: pixels of type {image.dtype}; save it with 8 or 16 bits")
     return np.asarray(image, dtype=np.uint8)
 
 
