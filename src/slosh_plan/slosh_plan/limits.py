@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
+from typing import Self
 
+from slosh_model.model import Model
 from slosh_plan.errors import SloshPlanError
 
-HIGHEST = 10.0
+HIGHEST = 1.0
 """A greater limit [m] is a unit mistaken for another."""
 
 
@@ -18,6 +20,7 @@ class HeightLimits:
     Attributes:
         height: of the maximum over the wall, at any time [m]; infinite: none.
         residual: of the same after the motion's end [m]; infinite: none.
+        at_rim: whether the limit of the height is the container's rim.
 
     Raises:
         SloshPlanError: a limit that is not positive, or higher than HIGHEST.
@@ -25,14 +28,28 @@ class HeightLimits:
 
     height: float = math.inf
     residual: float = math.inf
+    at_rim: bool = field(default=False, kw_only=True)
 
     def __post_init__(self) -> None:
         for name in ("height", "residual"):
             value = getattr(self, name)
             if not (0.0 < value <= HIGHEST or value == math.inf):
+                meant = f"; did you mean {value:g} mm, {1e-3 * value:g}?" if value > 0.0 else ""
                 raise SloshPlanError(
-                    f"{name} limit = {value!r} m must lie above 0 and up to {HIGHEST:g} m"
+                    f"{name} limit = {value!r} m must lie above 0 and up to {HIGHEST:g} m{meant}"
                 )
+
+    def under_rim(self, model: Model) -> Self:
+        """The same, with the container's rim as the limit of the height where it is lower."""
+        freeboard = model.container.freeboard
+        if freeboard is None or freeboard >= self.height:
+            return self
+        return replace(self, height=freeboard, at_rim=True)
+
+    @property
+    def height_name(self) -> str:
+        """What limits the height, in words."""
+        return "rim" if self.at_rim else "limit"
 
     @property
     def given(self) -> bool:

@@ -109,7 +109,7 @@ class Prediction:
         lower, upper: interval of the NL model's peak [m]: the peak itself where nothing is known
             of the model's error.
         residual_upper: upper end of the residual's interval [m].
-        limits: what was asked to be kept.
+        limits: what is to be kept: as asked for, and the container's rim where it is lower.
         flags: where the motion leaves what the models were validated for.
     """
 
@@ -163,7 +163,7 @@ def predict(
     Args:
         model: the model; its L and its NL twin answer.
         trajectories: candidates.
-        limits: what is to be kept; None: nothing.
+        limits: what is to be kept beside the container's rim; None: nothing.
         state: the liquid when each motion begins; None: at rest.
         horizon: how long the container is watched at rest after each motion [s]; None: three
             periods of the first mode.
@@ -177,7 +177,8 @@ def predict(
             an impossible horizon.
     """
     given = [trajectories] if isinstance(trajectories, Trajectory) else list(trajectories)
-    limits, error = limits or HeightLimits(), error or ModelError()
+    limits = (limits or HeightLimits()).under_rim(model)
+    error = error or ModelError()
     horizon = checked_horizon(model, horizon)
     check_start(model, state, limits)
     inputs = [one.inputs(horizon) for one in given]

@@ -94,7 +94,7 @@ def safe_scales(
     Args:
         model: the model.
         trajectory: the motion.
-        limits: at least one of them.
+        limits: at least one of them; the container's rim is one, too.
         state: the liquid when the motion begins; None: at rest.
         horizon: how long the container is watched at rest after it [s]; None: three periods.
         margin: kept from the limits [m]; where it leaves nothing of one, no scale is safe.
@@ -103,6 +103,7 @@ def safe_scales(
     Raises:
         SloshPlanError: no limit, or one exceeded before the motion begins.
     """
+    limits = limits.under_rim(model)
     if not limits.given:
         raise SloshPlanError("no limit given: every time scale would be safe")
     check_start(model, state, limits)

@@ -121,7 +121,7 @@ def safe_stop(
     Args:
         model: the model; its NL twin decides.
         velocity: (3,) of the container's origin now, world's axes [m/s].
-        limits: to keep; that of the residual after the stop.
+        limits: to keep, beside the container's rim; that of the residual after the stop.
         acceleration: (3,) of the same now [m/s²].
         state: the liquid now; None: at rest.
 
@@ -130,6 +130,7 @@ def safe_stop(
         SloshPlanError: no movement, values that are not finite, an acceleration or a height that
             exceeds its limit already, the state of another model.
     """
+    limits = limits.under_rim(model)
     moving = _checked(velocity, acceleration, limits)
     check_start(model, state, HeightLimits(limits.height, limits.residual))
     nonlinear, modal = model.nonlinear(), None if state is None else state.nonlinear

@@ -168,6 +168,8 @@ def facts(answer: Plan) -> dict[str, object]:
         "duration": found.motion.duration,
         "method": answer.method,
         "reason": answer.reason or None,
+        "height_limit": answer.limits.height,
+        "limited_by": answer.limits.height_name,
         "peak": found.peak,
         "residual": found.residual,
         "acceleration": found.acceleration,
@@ -199,7 +201,9 @@ def summary(answer: Plan, output: Path) -> str:
         f"{duration:.3f} s, optimal time law ({other}, scaled)"
         if answer.method == "optimal"
         else f"{other}, scaled: {answer.reason}",
-        f"height {1e3 * found.peak:.2f} of {1e3 * limits.height:g} mm, after the end "
+        f"height {1e3 * found.peak:.2f} of {1e3 * limits.height:g} mm"
+        + (" (the rim)" if limits.at_rim else "")
+        + ", after the end "
         f"{1e3 * found.residual:.2f} of {1e3 * limits.residual:g} mm, margin "
         + (f"{1e3 * answer.margin:g} mm" if answer.margin else "none"),
         interval(answer),

@@ -44,7 +44,9 @@ above the still level during the motion, and after its end. With the model's err
 --epsilon, or the covariance in model.yaml) the peak has an interval, whose upper end counts.
 safe from: multiple of the duration from which on every slower run keeps the limits.
 
-exit code: 0, 1 where a limit is exceeded, 2 for wrong input"""
+The rim, where model.yaml gives rim_height, is a limit of the height, too: the lower one holds.
+
+exit code: 0, 1 where a limit or the rim is exceeded, 2 for wrong input"""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -93,12 +95,15 @@ def run(arguments: argparse.Namespace) -> int:
     motions = read_motions(arguments)
     found = predict(model, motions, limits=limits, horizon=arguments.horizon, error=error)
     scales: list[SafeScales | None] = [None] * len(motions)
-    if limits.given:
+    # Of a motion that stays below the rim nobody asked how fast it may be.
+    wanted = [limits.given or not one.kept for one in found]
+    if any(wanted):
         with share_bar("time scales") as progress:
             for place, (motion, one) in enumerate(zip(motions, found, strict=True)):
-                scales[place] = safe_scales(
-                    model, motion, limits, horizon=arguments.horizon, margin=one.margin
-                )
+                if wanted[place]:
+                    scales[place] = safe_scales(
+                        model, motion, limits, horizon=arguments.horizon, margin=one.margin
+                    )
                 progress(motion.name, (place + 1) / len(motions))
     if arguments.output is not None:
         write_table(arguments.output, found, scales)
@@ -164,12 +169,12 @@ def _interval(one: Prediction) -> str:
 
 def _remarks(one: Prediction, scale: SafeScales | None) -> Iterator[str]:
     if one.excess > 0.0:
-        yield f"{1e3 * one.excess:.1f} mm above the limit"
+        yield f"{1e3 * one.excess:.1f} mm above the {one.limits.height_name}"
     if one.residual_excess > 0.0:
         yield f"{1e3 * one.residual_excess:.1f} mm above the residual limit"
     if scale is not None and scale.islands:
         yield "also safe: " + ", ".join(f"{low:.3f} … {high:.3f}" for low, high in scale.islands)
-    if one.limits.given and (scale is None or math.isnan(scale.safe_from)):
+    if scale is not None and math.isnan(scale.safe_from):
         yield "no safe time scale"
     names = [flag.name.lower().replace("_", " ") for flag in type(one.flags) if flag in one.flags
              and flag.name]  # fmt: skip
@@ -195,6 +200,8 @@ def _facts(
             "residual_nonlinear": nonlinear.residual,
             "settling_time": nonlinear.settling_time,
             "excess": one.excess,
+            "height_limit": one.limits.height,
+            "limited_by": one.limits.height_name,
             "residual_excess": one.residual_excess,
             "kept": one.kept,
             "flags": int(one.flags),

@@ -48,7 +48,7 @@ class Plan:
 
     Attributes:
         found: the motion and what it reaches, by simulation at 1 kHz.
-        limits: as asked for.
+        limits: as asked for, and the container's rim where it is lower.
         margin: by which the heights were to stay below [m].
         error: of the model, for which more was kept: the upper ends of the heights' intervals keep
             the limits; None: none was asked for.
@@ -90,7 +90,7 @@ def plan(
         model: the model; the search knows its first mode, the check all of it. Where the
             container may tilt, `gravity_tilt` is added if it is missing.
         path: the path.
-        limits: to keep.
+        limits: to keep; the container's rim is a limit of the height, too.
         attitude: (4,) quaternion x, y, z, w that the container keeps: upright; None: not turned.
         margin: by which the heights stay below their limits [m].
         error: the model's measured error; with it the upper ends of the heights' intervals, as
@@ -105,6 +105,7 @@ def plan(
         SloshPlanError: a container that is not upright, or a margin that leaves nothing.
     """
     watch = watch or Watch()
+    limits = limits.under_rim(model)
     kept = limits.lowered(margin)
     nominal = _nominal(kept, error)
     yaw = upright_yaw(attitude)
