@@ -17,7 +17,6 @@ from rcl_interfaces.msg import (
     ParameterDescriptor,
     SetParametersResult,
 )
-from rclpy.exceptions import InvalidParameterValueException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
@@ -87,9 +86,11 @@ class ParameterSpec:
     def wrong_type(self, given: Parameter) -> str:
         """Which type is needed in place of that of a value, in one line."""
         wanted, found = (
-            type_.name.lower().replace("_", " ")
-            for type_ in (_TYPES[type(self.default)], given.type_)
+            kind.name.lower().replace("_", " ")
+            for kind in (_TYPES[type(self.default)], given.type_)
         )
+        if given.type_ == Parameter.Type.NOT_SET:
+            return f"{self.name} has no value: type {wanted} is needed"
         value = list(given.value) if isinstance(given.value, array) else given.value
         return f"{self.name} = {value!r}: type {wanted} is needed, not {found}"
 
@@ -99,11 +100,12 @@ class ParameterSpec:
             return f"{self.name} = {value!r} must be one of {', '.join(self.choices)}"
         if self.length is not None and len(value) != self.length:
             return f"{self.name} = {list(value)!r} must have {self.length} numbers"
-        numbers = value if isinstance(self.default, list) else [value]
+        numbers = list(value) if isinstance(self.default, list) else [value]
         if self.bounds and not all(
             self.bounds[0] <= number <= self.bounds[1] for number in numbers
         ):
-            return f"{self.name} = {value!r} must lie in [{self.bounds[0]:g}, {self.bounds[1]:g}]"
+            shown = numbers if isinstance(self.default, list) else value
+            return f"{self.name} = {shown!r} must lie in [{self.bounds[0]:g}, {self.bounds[1]:g}]"
         return None
 
 
@@ -182,19 +184,9 @@ def _declare_one(node: Node, spec: ParameterSpec) -> Any:
         converted = spec.converted(given[spec.name])
         if converted is None:
             raise SloshMessageError(f"parameter {spec.wrong_type(given[spec.name])}")
+        reason = spec.refusal(converted.value)
+        if reason:
+            raise SloshMessageError(f"parameter {reason}")
         given[spec.name] = converted
-    try:
-        value = node.declare_parameter(spec.name, spec.default, spec.descriptor()).value
-    except InvalidParameterValueException as error:
-        low, high = spec.bounds or (float("-inf"), float("inf"))
-        raise SloshMessageError(
-            f"parameter {spec.name} must lie in [{low:g}, {high:g}] ({_one_line(error)})"
-        ) from None
-    reason = spec.refusal(value)
-    if reason:
-        raise SloshMessageError(f"parameter {reason}")
+    value = node.declare_parameter(spec.name, spec.default, spec.descriptor()).value
     return list(value) if isinstance(spec.default, list) else value
-
-
-def _one_line(error: Exception) -> str:
-    return " ".join(str(error).split())
