@@ -14,6 +14,8 @@ from pathlib import Path
 import pytest
 import yaml
 
+from slosh_bringup.processes import NODES
+
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = sorted(path.parent for path in ROOT.glob("src/*/package.xml"))
 PYTHON = [package for package in PACKAGES if (package / "setup.py").exists()]
@@ -141,31 +143,20 @@ def test_what_rosdep_lacks_is_required_of_a_robot():
     assert {PIP[name] for name in used} | UNSEEN == named
 
 
-def test_the_launch_file_starts_programs_that_exist():
-    text = (ROOT / "src/slosh_bringup/launch/cell.launch.py").read_text()
-    ast.parse(text)
-    started = re.findall(r'node\(\s*"(slosh_\w+)",\s*"(\w+)"', text)
-    assert len(started) == 8
-    for package, program in started:
-        assert program in scripts(ROOT / "src" / package)
+def test_every_node_is_a_program_of_its_package():
+    """The launch file and `ros2 run` start it by its name."""
+    for node, module in NODES.items():
+        assert scripts(ROOT / "src" / module.partition(".")[0])[node] == module
 
 
 def test_the_parameter_file_states_the_defaults():
     """So a file that sets two parameters changes two, and no other comes to lie elsewhere."""
     text = (ROOT / "src/slosh_bringup/config/cell.yaml").read_text()
-    from slosh_bringup.processes import NODES
-
     for node, content in yaml.safe_load(text)["/**"].items():
         specs = importlib.import_module(NODES[node]).PARAMETERS
         defaults = {spec.name: spec.default for spec in specs}
         stated = content["ros__parameters"]
         assert stated == {name: defaults[name] for name in stated}
-
-
-def test_the_launch_file_checks_the_parameter_file():
-    text = (ROOT / "src/slosh_bringup/launch/cell.launch.py").read_text()
-    assert "check_parameter_file(Path(parameters), namespace)" in text
-    assert text.index("OpaqueFunction(function=check)") < text.index('node("slosh_bag"')
 
 
 def locked(name):
