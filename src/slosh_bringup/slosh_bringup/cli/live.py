@@ -56,7 +56,7 @@ class LiveScreen:
     def show(self, elapsed: float, text: str, status: str = "") -> None:
         """Shows how long it has taken [s] and what is going on, in place of what was shown."""
         self._elapsed = elapsed
-        shown = text or (status if can_draw(sys.stderr) else "")
+        shown = (can_draw(sys.stderr) and status) or text
         self._try(lambda: self._progress(elapsed, shown))
 
     def stopped(self) -> None:
