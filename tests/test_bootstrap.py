@@ -60,7 +60,11 @@ def test_what_was_on_path_before_stays_out_but_for_this_checkouts_own(place):
 
 def test_the_environments_file_is_read_by_a_shell(place, monkeypatch):
     packages = f"{place}/ros2_ws/build/one:{place}/ros2_ws/build/two"
-    sourced = {"PATH": f"{place}/.venv/bin:/usr/bin:/bin", "PYTHONPATH": packages}
+    sourced = {
+        "PATH": f"{place}/.venv/bin:/usr/bin:/bin",
+        "PYTHONPATH": packages,
+        "AMENT_PREFIX_PATH": f"{place}/ros2_ws/install",
+    }
     monkeypatch.setattr(bootstrap, "sourced", lambda script, environment: sourced)
     monkeypatch.setenv("PATH", "/usr/bin:/bin")
     bootstrap.write_environment({})
@@ -74,7 +78,8 @@ def test_the_environments_file_is_read_by_a_shell(place, monkeypatch):
 
 
 def test_the_slosh_command_finds_its_checkout(place, monkeypatch):
-    monkeypatch.setattr(bootstrap, "sourced", lambda script, environment: {"PYTHONPATH": "/x"})
+    sourced = {"PYTHONPATH": "/x", "AMENT_PREFIX_PATH": f"{place}/ros2_ws/install"}
+    monkeypatch.setattr(bootstrap, "sourced", lambda script, environment: sourced)
     bootstrap.write_environment({})
     (place / "tools").mkdir()
     (place / "tools/run").write_text('#!/bin/sh\nprintf "%s\\n" "$@"\n')
@@ -83,6 +88,12 @@ def test_the_slosh_command_finds_its_checkout(place, monkeypatch):
     done = subprocess.run([command, "a b"], capture_output=True, text=True, check=True)
     target = f"{place}/ros2_ws/install/bin/slosh"
     assert done.stdout.splitlines() == ["python", "-S", target, "a b"]
+
+
+def test_a_workspace_that_cannot_be_sourced_is_told(place, monkeypatch):
+    monkeypatch.setattr(bootstrap, "sourced", lambda *_: {"AMENT_PREFIX_PATH": f"{place}/.venv"})
+    with pytest.raises(bootstrap.BootstrapError, match="does not add the workspace"):
+        bootstrap.write_environment({})
 
 
 def test_cmake_files_get_the_paths_of_this_environment(place, monkeypatch):
@@ -94,7 +105,7 @@ def test_cmake_files_get_the_paths_of_this_environment(place, monkeypatch):
     )
     numpy = f"{place}/.venv/lib/python3.11/site-packages/numpy/_core/include"
     found = subprocess.CompletedProcess([], 0, f"/usr/include/python3.11\n{numpy}\n")
-    monkeypatch.setattr(bootstrap.subprocess, "run", lambda *_, **__: found)
+    monkeypatch.setattr("bootstrap.subprocess.run", lambda *_, **__: found)
     bootstrap.mend_wheels()
     assert cmake.read_text() == f'set(x "/usr/include/python3.11;{numpy}")\n'
 

@@ -264,6 +264,10 @@ def build_messages_elsewhere(environment: dict[str, str]) -> None:
         flags = ["-DCMAKE_BUILD_TYPE=Release", "-DBUILD_TESTING=OFF", "-Wno-dev"]
         colcon(["--base-paths", "src", "--merge-install", "--cmake-args", *flags], place, plain)
         shutil.copytree(place / "install", WORKSPACE / "install", symlinks=True)
+        for script in (WORKSPACE / "install").rglob("*.sh"):
+            text = script.read_text("utf-8")
+            moved = text.replace(str(place / "install"), str(WORKSPACE / "install"))
+            script.write_text(moved, "utf-8")
 
 
 def colcon(arguments: list[str], folder: Path, environment: dict[str, str]) -> None:
@@ -355,7 +359,12 @@ def sourced(script: Path, environment: dict[str, str]) -> dict[str, str]:
 
 def write_environment(environment: dict[str, str]) -> None:
     """Writes the variables of the built workspace, and the `slosh` command that uses them."""
-    result = sourced(WORKSPACE / "install" / "setup.bash", environment)
+    script = WORKSPACE / "install" / "setup.bash"
+    # colcon's script does not quote its Python; a link in the environment leads to the base.
+    python = os.path.realpath(VENV / "bin/python")
+    result = sourced(script, {**environment, "COLCON_PYTHON_EXECUTABLE": python})
+    if str(script.parent) not in result["AMENT_PREFIX_PATH"].split(":"):
+        raise BootstrapError(f"{script} does not add the workspace; source it to see why")
     added = {
         name: new_entries(result.get(name, ""), os.environ.get(name, "")) for name in VARIABLES
     }
