@@ -326,7 +326,18 @@ def test_a_port_that_is_taken_is_told_in_a_line(domain, tmp_path):
         with live_process("watch", "--port", port, output=tmp_path / "words") as running:
             assert running.end() == 2
     (line,) = running.said.strip().splitlines()
-    assert f"port {port}: Address already in use; --port takes another" in line
+    assert f"port {port}: Address already in use; choose another port" in line
+
+
+def test_a_run_whose_page_has_no_port_does_not_begin(domain, tmp_path):
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = str(taken.getsockname()[1])
+        words = ("demo", "-o", str(tmp_path / "out"), "--watch", port)
+        with live_process(*words, output=tmp_path / "words") as running:
+            assert running.end() == 2
+    (line,) = running.said.strip().splitlines()
+    assert line.endswith(f"port {port}: Address already in use; choose another port")
+    assert not (tmp_path / "out").exists()
 
 
 class TestRecording:

@@ -13,6 +13,9 @@ from pathlib import Path
 
 import pytest
 import yaml
+from ament_index_python.packages import get_package_prefix
+
+from slosh_bringup.processes import NODES
 
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = sorted(path.parent for path in ROOT.glob("src/*/package.xml"))
@@ -25,20 +28,22 @@ ORDER = (
 )  # fmt: skip
 """A package imports those before it alone."""
 ROSDEP = {
-    "cv2": "python3-opencv", "jinja2": "python3-jinja2", "markupsafe": "python3-jinja2",
-    "matplotlib": "python3-matplotlib", "numpy": "python3-numpy", "scipy": "python3-scipy",
-    "tqdm": "python3-tqdm", "yaml": "python3-yaml", "launch": "ros2launch",
-    "launch_ros": "ros2launch",
+    "cv2": "python3-opencv", "jinja2": "python3-jinja2", "llvmlite": "python3-numba",
+    "markupsafe": "python3-jinja2", "matplotlib": "python3-matplotlib", "numba": "python3-numba",
+    "numpy": "python3-numpy", "rosbags": "python3-rosbags-pip", "scipy": "python3-scipy",
+    "tqdm": "python3-tqdm", "uvicorn": "python3-uvicorn", "websockets": "python3-websockets",
+    "yaml": "python3-yaml", "launch": "ros2launch", "launch_ros": "ros2launch",
 }  # fmt: skip
 """Import name to rosdep key; what belongs to ROS has its own name as key."""
+WITHOUT_KEY = {"dask", "distributed", "lz4", "mcap", "starlette", "zstandard"}
+"""Imports for which rosdep has no key: setup.py and requirements/robot.in name them."""
 PIP = {
-    "dask": "distributed", "distributed": "distributed", "llvmlite": "numba", "lz4": "mcap",
-    "mcap": "mcap", "numba": "numba", "rosbags": "rosbags", "starlette": "starlette",
-    "uvicorn": "uvicorn", "zstandard": "mcap",
+    "cv2": "opencv-python-headless", "dask": "distributed", "llvmlite": "numba",
+    "markupsafe": "jinja2", "yaml": "PyYAML",
 }  # fmt: skip
-"""Import name to the requirement that brings it where rosdep does not."""
-UNSEEN = {"websockets"}
-"""What one of them imports, and calls optional."""
+"""Import name to requirement, where it has another."""
+UNSEEN = {"slosh_bringup": {"websockets"}}
+"""What one of the imported packages imports, and calls optional."""
 OPTIONAL = {"casadi", "pandas"}
 """Imported where it is used, and told of where it is missing."""
 MESSAGE_TYPE = re.compile(r"(\w+)/(?:msg|srv)/\w+")
@@ -71,7 +76,7 @@ def imported(package):
         elif isinstance(node, ast.Constant) and isinstance(node.value, str):
             named = MESSAGE_TYPE.fullmatch(node.value)
             names |= {named[1]} if named else set()
-    return names - sys.stdlib_module_names - {package.name}
+    return names - sys.stdlib_module_names - {package.name} | UNSEEN.get(package.name, set())
 
 
 def test_all_eleven_packages_are_there():
@@ -109,10 +114,7 @@ def test_ament_finds_the_package_and_its_programs(package):
 @pytest.mark.parametrize("package", PYTHON, ids=lambda path: path.name)
 def test_every_module_and_every_template_is_installed(package, monkeypatch):
     """A linked workspace has them anyway; a robot's has what setup.py says."""
-    said = {}
-    monkeypatch.setattr("setuptools.setup", said.update)
-    monkeypatch.chdir(package)
-    runpy.run_path("setup.py")
+    said = setup_keywords(package, monkeypatch)
     root = package / package.name
     folders = {path.parent for path in root.rglob("*.py")}
     names = {".".join(folder.relative_to(package).parts) for folder in folders}
@@ -127,45 +129,78 @@ def test_every_module_and_every_template_is_installed(package, monkeypatch):
     assert installed == data - set(root.rglob("*.py"))
 
 
+def setup_keywords(package, monkeypatch):
+    """What a package's setup.py says."""
+    said = {}
+    monkeypatch.setattr("setuptools.setup", said.update)
+    monkeypatch.chdir(package)
+    runpy.run_path("setup.py")
+    return said
+
+
 @pytest.mark.parametrize("package", PYTHON, ids=lambda path: path.name)
 def test_what_is_imported_is_declared_and_nothing_else(package):
     declared = {element.text for element in manifest(package).iter("exec_depend")}
-    needed = {ROSDEP.get(name, name) for name in imported(package) - set(PIP) - OPTIONAL}
+    needed = {ROSDEP.get(name, name) for name in imported(package) - WITHOUT_KEY - OPTIONAL}
     assert (needed - declared, declared - needed) == (set(), set())
 
 
-def test_what_rosdep_lacks_is_required_of_a_robot():
+def bare(requirements):
+    """Names without versions."""
+    return {re.split("[<>=]", line)[0] for line in requirements}
+
+
+@pytest.mark.parametrize("package", PYTHON, ids=lambda path: path.name)
+def test_what_is_imported_is_required_by_setup(package, monkeypatch):
+    """ROS itself comes from its own packages."""
+    said = setup_keywords(package, monkeypatch)
+    extras = said.get("extras_require", {}).values()
+    required = bare(said["install_requires"]).union(*map(bare, extras))
+    ours = WITHOUT_KEY | OPTIONAL | {n for n, key in ROSDEP.items() if key.startswith("python3-")}
+    assert {PIP.get(name, name) for name in imported(package) & ours} <= required
+
+
+def test_what_rosdep_has_no_key_for_or_only_too_old_is_required_of_a_robot():
     wanted = (ROOT / "requirements" / "robot.in").read_text().splitlines()
-    named = {re.split("[<>=]", line)[0] for line in wanted if not line.startswith("#")}
-    used = set().union(*map(imported, PYTHON)) & set(PIP)
-    assert {PIP[name] for name in used} | UNSEEN == named
+    named = bare(line for line in wanted if not line.startswith("#"))
+    used = set().union(*map(imported, PYTHON))
+    assert {PIP.get(name, name) for name in used & WITHOUT_KEY} <= named
+    assert named <= {PIP.get(name, name) for name in used}
 
 
-def test_the_launch_file_starts_programs_that_exist():
-    text = (ROOT / "src/slosh_bringup/launch/cell.launch.py").read_text()
-    ast.parse(text)
-    started = re.findall(r'node\(\s*"(slosh_\w+)",\s*"(\w+)"', text)
-    assert len(started) == 8
-    for package, program in started:
-        assert program in scripts(ROOT / "src" / package)
+def test_no_example_is_built_with_the_workspace():
+    """`colcon build` in a workspace looks into every folder of this checkout."""
+    for file in ROOT.glob("[!.]*/**/CMakeLists.txt"):
+        if not {"src", "build", "install"} & set(file.relative_to(ROOT).parts):
+            parents = [folder for folder in file.parents if folder.is_relative_to(ROOT)]
+            assert any((folder / "COLCON_IGNORE").exists() for folder in parents), file
+
+
+@pytest.mark.parametrize("package", PYTHON, ids=lambda path: path.name)
+def test_programs_take_python_from_path(package):
+    """colcon may be another Python's: the system's, where an environment is active."""
+    assert (
+        "[build_scripts]\nexecutable=/usr/bin/env python3" in (package / "setup.cfg").read_text()
+    )
+    for name in scripts(package):
+        program = Path(get_package_prefix(package.name)) / "lib" / package.name / name
+        assert program.read_text().startswith("#!/usr/bin/env python3\n")
+
+
+def test_every_node_is_a_program_of_its_package():
+    """The launch file and `ros2 run` start it by its name."""
+    for node, module in NODES.items():
+        assert scripts(ROOT / "src" / module.partition(".")[0])[node] == module
 
 
 def test_the_parameter_file_states_the_defaults():
     """So a file that sets two parameters changes two, and no other comes to lie elsewhere."""
     text = (ROOT / "src/slosh_bringup/config/cell.yaml").read_text()
-    from slosh_bringup.processes import NODES
-
     for node, content in yaml.safe_load(text)["/**"].items():
         specs = importlib.import_module(NODES[node]).PARAMETERS
         defaults = {spec.name: spec.default for spec in specs}
         stated = content["ros__parameters"]
         assert stated == {name: defaults[name] for name in stated}
-
-
-def test_the_launch_file_checks_the_parameter_file():
-    text = (ROOT / "src/slosh_bringup/launch/cell.launch.py").read_text()
-    assert "check_parameter_file(Path(parameters), namespace)" in text
-    assert text.index("OpaqueFunction(function=check)") < text.index('node("slosh_bag"')
 
 
 def locked(name):

@@ -13,17 +13,20 @@ SLOSH_NUMPY (a NumPy version in place of the pinned one).
 from __future__ import annotations
 
 import hashlib
+import json
 import os
 import re
 import shlex
 import shutil
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
+from typing import NamedTuple
 
 ROOT = Path(__file__).resolve().parent.parent
 VENV = ROOT / os.environ.get("SLOSH_VENV", ".venv")
@@ -31,6 +34,12 @@ WORKSPACE = ROOT / "ros2_ws"
 REQUIREMENTS = ROOT / "requirements"
 ROS = Path("/opt/ros/jazzy")
 SUPPORTED = ((3, 11), (3, 12))
+NOT_IN_PATHS = ':;"$`\\\n'
+"""A colon ends a path in PATH, a semicolon in CMake; the others mean something to a shell."""
+PLAIN = re.compile(r"[\w./+@-]+", re.ASCII)
+"""Paths that the CMake files of ROS 2 take as they are."""
+MESSAGES = "slosh_msgs"
+COLCON = "import sys; from colcon_core.command import main; sys.exit(main())"
 # What a command in the environment sees; everything else is inherited.
 VARIABLES = ("PATH", "PYTHONPATH", "LD_LIBRARY_PATH", "AMENT_PREFIX_PATH", "CMAKE_PREFIX_PATH")
 
@@ -43,6 +52,7 @@ def main() -> int:
     """Brings the environment up to date; returns the exit code."""
     try:
         python = find_python()
+        check_place()
         check_tools()
         once("environment", VENV, environment_inputs(python), lambda: install_environment(python))
         # Neither needs the other, and each leaves cores idle for a while.
@@ -66,22 +76,50 @@ def find_python() -> Path:
         candidates = ["python3.12", "python3.11", "python3", sys.executable]
     for candidate in candidates:
         path = shutil.which(candidate)
-        if path and interpreter_version(path) in SUPPORTED:
-            return Path(path)
+        found = base_interpreter(path) if path else None
+        if found and found.version in SUPPORTED:
+            return found.path
     raise BootstrapError(
         f"Python 3.11 or 3.12 is needed, tried {', '.join(candidates)}; "
         "install one (apt install python3 python3-venv) or name it in SLOSH_PYTHON"
     )
 
 
-def interpreter_version(python: str) -> tuple[int, int] | None:
-    """(major, minor) of an interpreter that can make environments, None where it cannot run."""
-    probe = "import sys, venv, ensurepip; print(*sys.version_info[:2])"
+class Interpreter(NamedTuple):
+    """An interpreter outside of any environment, and its (major, minor)."""
+
+    path: Path
+    version: tuple[int, int]
+
+
+def base_interpreter(python: str) -> Interpreter | None:
+    """The interpreter behind one that may be an environment's, this checkout's own, say.
+
+    Whether that environment is on PATH makes no difference then.
+
+    Returns:
+        None where it cannot run or cannot make environments.
+    """
+    probe = (
+        "import json, os, sys, venv, ensurepip\n"
+        "base = getattr(sys, '_base_executable', '') or sys.executable\n"
+        "print(json.dumps([os.path.realpath(base), *sys.version_info[:2]]))"
+    )
     done = subprocess.run([python, "-c", probe], capture_output=True, text=True, check=False)
     if done.returncode != 0:
         return None
-    major, minor = done.stdout.split()
-    return int(major), int(minor)
+    path, major, minor = json.loads(done.stdout)
+    return Interpreter(Path(path), (major, minor))
+
+
+def check_place() -> None:
+    """Raises BootstrapError where the folder's name cannot stand in PATH or in a script."""
+    odd = sorted(set(f"{ROOT}{VENV}") & set(NOT_IN_PATHS))
+    if odd:
+        raise BootstrapError(
+            f"{str(ROOT)!r}: a path with {' '.join(map(repr, odd))} cannot be set up; "
+            "move the checkout to another folder"
+        )
 
 
 def check_tools() -> None:
@@ -159,12 +197,13 @@ def mend_wheels() -> None:
     done = subprocess.run(
         [str(VENV / "bin/python"), "-c", query], capture_output=True, text=True, check=True
     )
-    python_include, numpy_include = done.stdout.split()
+    python_include, numpy_include = done.stdout.splitlines()
     python_path = re.compile(r"/opt/python/cp3\d+-cp3\d+/include/python3\.\d+")
     numpy_path = re.compile(r"[^;\"\s]*/site-packages/numpy/_?core/include")
     for cmake in (VENV / "share").rglob("*.cmake"):
         text = cmake.read_text(errors="surrogateescape")
-        mended = numpy_path.sub(numpy_include, python_path.sub(python_include, text))
+        mended = python_path.sub(lambda _: python_include, text)
+        mended = numpy_path.sub(lambda _: numpy_include, mended)
         if mended != text:
             cmake.write_text(mended, errors="surrogateescape")
     for suffix in ("sh", "bash", "zsh"):
@@ -199,11 +238,51 @@ def build_workspace() -> None:
     for folder in ("build", "install", "log"):
         shutil.rmtree(WORKSPACE / folder, ignore_errors=True)
     environment = base_environment()
+    skipped = []
+    if not PLAIN.fullmatch(f"{ROOT}{VENV}"):
+        build_messages_elsewhere(environment)
+        skipped = ["--packages-skip", MESSAGES]
+    colcon(["--base-paths", "src", *skipped], WORKSPACE, environment)
+    to_bytecode((WORKSPACE / "install").glob("lib/python3*"))
+    write_environment(environment)
+
+
+def build_messages_elsewhere(environment: dict[str, str]) -> None:
+    """Builds the messages in a folder with a plain name, and copies them into the workspace.
+
+    The CMake files of ROS 2 do not quote all paths. A link leads to the environment.
+    """
+    with tempfile.TemporaryDirectory(prefix="slosh_") as name:
+        place = Path(name)
+        shutil.copytree(ROOT / "src" / MESSAGES, place / "src" / MESSAGES)
+        (place / "venv").symlink_to(VENV)
+        plain = {
+            name: value.replace(str(VENV), str(place / "venv"))
+            for name, value in environment.items()
+            if name != "COLCON_DEFAULTS_FILE"
+        }
+        flags = ["-DCMAKE_BUILD_TYPE=Release", "-DBUILD_TESTING=OFF", "-Wno-dev"]
+        colcon(["--base-paths", "src", "--merge-install", "--cmake-args", *flags], place, plain)
+        shutil.copytree(place / "install", WORKSPACE / "install", symlinks=True)
+        for script in (WORKSPACE / "install").rglob("*.sh"):
+            text = script.read_text("utf-8")
+            moved = text.replace(str(place / "install"), str(WORKSPACE / "install"))
+            script.write_text(moved, "utf-8")
+
+
+def colcon(arguments: list[str], folder: Path, environment: dict[str, str]) -> None:
+    """Runs `colcon build`.
+
+    Raises:
+        BootstrapError: it failed; the text has the first error and names the log.
+    """
     log = VENV / "colcon.log"
+    # Not its own script: the first line of a script holds no blank.
+    command = [str(VENV / "bin/python"), "-c", COLCON, "build", *arguments]
     with log.open("w") as output:
         done = subprocess.run(
-            ["colcon", "build", "--base-paths", str(WORKSPACE / "src")],
-            cwd=WORKSPACE,
+            command,
+            cwd=folder,
             env=environment,
             stdout=output,
             stderr=subprocess.STDOUT,
@@ -211,8 +290,6 @@ def build_workspace() -> None:
         )
     if done.returncode != 0:
         raise BootstrapError(f"colcon build failed, see {log}: {first_error(log.read_text())}")
-    to_bytecode((WORKSPACE / "install").glob("lib/python3*"))
-    write_environment(environment)
 
 
 def compiled_inputs() -> list[bytes]:
@@ -282,19 +359,24 @@ def sourced(script: Path, environment: dict[str, str]) -> dict[str, str]:
 
 def write_environment(environment: dict[str, str]) -> None:
     """Writes the variables of the built workspace, and the `slosh` command that uses them."""
-    result = sourced(WORKSPACE / "install" / "setup.bash", environment)
+    script = WORKSPACE / "install" / "setup.bash"
+    # colcon's script does not quote its Python; a link in the environment leads to the base.
+    python = os.path.realpath(VENV / "bin/python")
+    result = sourced(script, {**environment, "COLCON_PYTHON_EXECUTABLE": python})
+    if str(script.parent) not in result["AMENT_PREFIX_PATH"].split(":"):
+        raise BootstrapError(f"{script} does not add the workspace; source it to see why")
     added = {
         name: new_entries(result.get(name, ""), os.environ.get(name, "")) for name in VARIABLES
     }
     lines = [
-        f'export {name}="{entries}${{{name}:+:${name}}}"'
+        f'export {name}={shlex.quote(entries)}"${{{name}:+:${name}}}"'
         for name, entries in added.items()
         if entries
     ]
-    (VENV / "environment.sh").write_text("\n".join(lines) + "\n")
+    (VENV / "environment.sh").write_text("\n".join(lines) + "\n", encoding="utf-8")
     # So that the environment's own interpreter, a notebook's too, finds the packages by itself.
     paths = added["PYTHONPATH"].split(":")
-    (site_packages() / "slosh_workspace.pth").write_text("\n".join(paths) + "\n")
+    (site_packages() / "slosh_workspace.pth").write_text("\n".join(paths) + "\n", "utf-8")
     command = VENV / "bin" / "slosh"
     target = WORKSPACE / "install" / "bin" / "slosh"
     # -S: the script loads `site` itself, when Ctrl-C no longer ends in a traceback.
@@ -311,8 +393,12 @@ def site_packages() -> Path:
 
 
 def new_entries(after: str, before: str) -> str:
-    """The entries of a path variable that were not there before, in order."""
-    known = set(before.split(":"))
+    """The entries of a path variable that were not there before, in order.
+
+    Those of this checkout are new, whether they were there or not: they may be gone next time.
+    """
+    own = tuple(f"{folder}/" for folder in (VENV, WORKSPACE))
+    known = {entry for entry in before.split(":") if not f"{entry}/".startswith(own)}
     return ":".join(
         dict.fromkeys(entry for entry in after.split(":") if entry and entry not in known)
     )

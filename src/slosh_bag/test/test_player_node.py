@@ -340,7 +340,7 @@ def test_an_interrupt_ends_it_cleanly(graph, prefix, tmp_path):
     ("more", "said"),
     [
         (["-p", "topics:=/nothing"], "nothing to play"),
-        (["-p", "rate:=5000.0"], "parameter rate must lie in"),
+        (["-p", "rate:=5000.0"], "parameter rate = 5000.0 must lie in"),
     ],
 )
 def test_a_wrong_request_is_one_line(tmp_path, more, said):

@@ -267,7 +267,7 @@ def test_a_bag_is_split_as_the_parameters_say(graph):
 
 
 def test_a_split_that_is_none_is_refused(graph):
-    with pytest.raises(SloshMessageError, match=r"max_bag_size must lie in \[0, "):
+    with pytest.raises(SloshMessageError, match=r"max_bag_size = -1 must lie in \[0, "):
         graph.record(max_bag_size=-1)
 
 

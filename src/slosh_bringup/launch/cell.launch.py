@@ -3,98 +3,79 @@
 ros2 launch slosh_bringup cell.launch.py
 ros2 launch slosh_bringup cell.launch.py simulate:=true
 ros2 launch slosh_bringup cell.launch.py model:=/path/model.yaml calibration:=/path/camera.yaml
+ros2 launch slosh_bringup cell.launch.py model:=/path/model.yaml camera:=false input:=imu
+
+A node that ends is started again, after a longer pause each time. One that refuses its parameters
+or files ends the launch.
 """
 
-from pathlib import Path
+from __future__ import annotations
 
-from launch import LaunchContext, LaunchDescription, Substitution
-from launch.actions import DeclareLaunchArgument, OpaqueFunction
-from launch.conditions import IfCondition
-from launch.substitutions import LaunchConfiguration, PathJoinSubstitution, PythonExpression
+import time
+from datetime import datetime
+
+from launch import LaunchContext, LaunchDescription, LaunchDescriptionEntity
+from launch.actions import DeclareLaunchArgument, LogInfo, OpaqueFunction, TimerAction
+from launch.events.process import ProcessExited
+from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
-from launch_ros.substitutions import FindPackageShare
+from launch_ros.parameter_descriptions import ParameterValue
 
-from slosh_bringup.parameter_file import check_parameter_file
+from slosh_bringup.launched_cell import (
+    ARGUMENTS,
+    LaunchedCell,
+    package_of,
+    time_to_stop,
+    typed_parameters,
+)
+from slosh_bringup.processes import NodeProcess
 
 
-def check(context: LaunchContext) -> None:
-    """Refuses a parameter file with names that no node has: ROS would say nothing of them."""
-    parameters, namespace = (
-        LaunchConfiguration(name).perform(context) for name in ("parameters", "namespace")
+def start(context: LaunchContext) -> list[LaunchDescriptionEntity]:
+    """The nodes, by the arguments; what is wrong with those ends the launch in one line."""
+    given = {one.name: LaunchConfiguration(one.name).perform(context) for one in ARGUMENTS}
+    told: list[str] = []
+    cell = LaunchedCell(given, datetime.now(), told.append)
+    return [
+        *(LogInfo(msg=line) for line in told),
+        *(node(cell, process) for process in cell.processes),
+    ]
+
+
+def node(cell: LaunchedCell, process: NodeProcess) -> Node:
+    """A node that is started again when it ends."""
+
+    def ended(event: ProcessExited, context: LaunchContext) -> list[LaunchDescriptionEntity]:
+        if context.is_shutdown:
+            return []
+        restart = cell.ended(process.name, event.returncode, time.monotonic())
+        if restart is None:
+            return [LogInfo(msg=f"the cell goes on without node {process.name}")]
+        again = TimerAction(period=restart.delay, actions=[node(cell, restart.process)])
+        return [LogInfo(msg=restart.text), again]
+
+    # launch would read a file that is called 2026 as a number.
+    own = {
+        name: ParameterValue(value, value_type=str) if isinstance(value, str) else value
+        for name, value in typed_parameters(process).items()
+    }
+    return Node(
+        package=package_of(process),
+        executable=process.name,
+        name=process.name,
+        namespace=cell.namespace,
+        parameters=[*map(str, process.parameter_files), own],
+        remappings=list(process.remappings.items()),
+        output="screen",
+        on_exit=ended,
+        sigterm_timeout=str(time_to_stop(process)),
     )
-    check_parameter_file(Path(parameters), namespace)
 
 
 def generate_launch_description() -> LaunchDescription:
-    """Declares the arguments and the nodes."""
-    config = PathJoinSubstitution([FindPackageShare("slosh_bringup"), "config"])
+    """Declares the arguments, and starts the nodes."""
     arguments = [
-        DeclareLaunchArgument(name, default_value=default, description=description)
-        for name, default, description in (
-            ("namespace", "/slosh", "namespace of all nodes and topics"),
-            (
-                "parameters",
-                [config, "/cell.yaml"],
-                "ROS parameter file: what differs from the defaults",
-            ),
-            ("model", [config, "/model.yaml"], "model of the container and its liquid"),
-            ("calibration", [config, "/camera.yaml"], "calibration of the camera"),
-            ("output", "bag", "folder of the recorded bag"),
-            ("record", "true", "record all topics of the cell"),
-            ("predict", "false", "answer what planned motions will do: the service predict"),
-            ("watch", "false", "serve the operator's page to this machine, on port 8765"),
-            ("plan", "false", "plan motions: the service plan, the action plan_motion"),
-            ("simulate", "false", "play a motion instead of listening to a robot"),
-            ("motion", "c3", "motion of the simulated cell"),
-        )
+        DeclareLaunchArgument(one.name, default_value=one.default, description=one.description)
+        for one in ARGUMENTS
     ]
-    parameters = LaunchConfiguration("parameters")
-    simulate = IfCondition(LaunchConfiguration("simulate"))
-    record = IfCondition(LaunchConfiguration("record"))
-    predict = IfCondition(LaunchConfiguration("predict"))
-    watch = IfCondition(LaunchConfiguration("watch"))
-    plan = IfCondition(LaunchConfiguration("plan"))
-
-    # The motion begins when those that are started are ready.
-    is_recorded = ["'", LaunchConfiguration("record"), "'.lower() in ('true', '1')"]
-    others = "estimator,camera,monitor"
-    wait_for = PythonExpression([f"'recorder,{others}' if ", *is_recorded, f" else '{others}'"])
-    readers = PythonExpression(["2 if ", *is_recorded, " else 1"])
-
-    def node(
-        package: str, name: str, condition: IfCondition | None = None, **own: Substitution
-    ) -> Node:
-        return Node(
-            package=package,
-            executable=name,
-            name=name,
-            namespace=LaunchConfiguration("namespace"),
-            parameters=[parameters, own],
-            condition=condition,
-            output="screen",
-        )
-
-    model = LaunchConfiguration("model")
-    calibration = LaunchConfiguration("calibration")
-    return LaunchDescription(
-        [
-            *arguments,
-            OpaqueFunction(function=check),
-            node("slosh_bag", "recorder", record, output=LaunchConfiguration("output")),
-            node("slosh_camera", "camera", calibration=calibration),
-            node("slosh_estimator", "estimator", model=model),
-            node("slosh_estimator", "monitor"),
-            node("slosh_estimator", "predictor", predict, model=model),
-            node("slosh_bringup", "watch", watch),
-            node("slosh_estimator", "planner", plan, model=model),
-            node(
-                "slosh_bringup",
-                "cell",
-                simulate,
-                motion=LaunchConfiguration("motion"),
-                calibration=calibration,
-                wait_for=wait_for,
-                readers=readers,
-            ),
-        ]
-    )
+    return LaunchDescription([*arguments, OpaqueFunction(function=start)])

@@ -61,7 +61,7 @@ def load_everything(tell: Callable[[Progress], None] | None = None) -> str:
 
 
 def compile_missing() -> None:
-    """Compiles what the cache lacks, package by package, on all processors.
+    """Compiles what the cache lacks, package by package, on all processors; says so in a line.
 
     The functions of a package share what they call: one process compiles that once.
 
@@ -70,6 +70,8 @@ def compile_missing() -> None:
     """
     import_all()
     missing = [one.name.partition(".")[0] for one in entry_points() if not one.cached]
+    if missing:
+        print(f"compiling {len(missing)} functions, once on this machine", flush=True)
     workers = min(len(set(missing)), len(os.sched_getaffinity(0)))
     if workers < 2:
         return
@@ -91,12 +93,14 @@ def _compile(package: str) -> None:
 
 
 def _tell(step: Progress) -> None:
-    if step.name and not step.cached:
-        print(f"compiling {step.name}", flush=True)
+    """Shows on a terminal, in one line, what is compiled."""
+    if sys.stdout.isatty():
+        shown = f"compiling {step.name}" if step.name and not step.cached else ""
+        print(f"\r\033[K{shown}", end="", flush=True)
 
 
 def main() -> int:
-    """Compiles what is missing, a line for each function; returns the exit code."""
+    """Compiles what is missing; returns the exit code."""
     try:
         compile_missing()
         print(f"compiled code: {load_everything(_tell)}")

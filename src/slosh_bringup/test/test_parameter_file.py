@@ -57,9 +57,14 @@ def test_a_file_sets_what_it_names_and_leaves_the_rest(write, namespace, text):
     assert values["timeout"] == 0.3
 
 
-def test_a_number_of_another_type_is_refused_and_not_the_default(write):
-    setup = read_setup(write("/**/monitor: {ros__parameters: {measured_limit: 1}}"))
-    with pytest.raises(ValueError, match=r"measured_limit: a double is needed; write 1\.0 for 1"):
+def test_a_whole_number_is_taken_for_a_float(write):
+    setup = read_setup(write("/**/monitor: {ros__parameters: {measured_limit: 1, hold: 2}}"))
+    assert (started(setup)["measured_limit"], started(setup)["hold"]) == (1.0, 2.0)
+
+
+def test_a_value_of_another_type_is_refused_and_not_the_default(write):
+    setup = read_setup(write("/**/monitor: {ros__parameters: {measured_limit: '1'}}"))
+    with pytest.raises(ValueError, match=r"measured_limit = '1': type double is needed"):
         started(setup)
 
 

@@ -6,8 +6,8 @@ import pytest
 
 from slosh_bringup.watch.access import Access, new_access
 
-HERE = Access("127.0.0.1", 8765)
-OUTSIDE = Access("0.0.0.0", 8765, "secret")
+HERE = Access("127.0.0.1", 7567)
+OUTSIDE = Access("0.0.0.0", 7567, "secret")
 
 
 def refusal(access, host, query="", data=True, **headers):
@@ -16,7 +16,7 @@ def refusal(access, host, query="", data=True, **headers):
 
 
 @pytest.mark.parametrize(
-    "host", ["127.0.0.1:8765", "localhost:8765", "[::1]:8765", "LOCALHOST:8765"]
+    "host", ["127.0.0.1:7567", "localhost:7567", "[::1]:7567", "LOCALHOST:7567"]
 )
 def test_this_machine_gets_it(host):
     assert refusal(HERE, host) == ""
@@ -26,8 +26,8 @@ def test_this_machine_gets_it(host):
 @pytest.mark.parametrize(
     "host",
     [
-        "evil.example:8765",
-        "127.0.0.1.evil.example:8765",
+        "evil.example:7567",
+        "127.0.0.1.evil.example:7567",
         "127.0.0.1",
         "127.0.0.1:80",
         "",
@@ -41,30 +41,30 @@ def test_a_name_that_was_made_to_point_here_gets_nothing(host):
 
 @pytest.mark.parametrize(
     "origin",
-    ["http://evil.example", "null", "http://localhost:9000", "https://localhost:8765", ""],
+    ["http://evil.example", "null", "http://localhost:9000", "https://localhost:7567", ""],
 )
 def test_a_page_of_another_origin_gets_nothing(origin):
-    assert "origins" in refusal(HERE, "localhost:8765", origin=origin)
+    assert "origins" in refusal(HERE, "localhost:7567", origin=origin)
 
 
 def test_an_image_tag_of_another_site_gets_nothing():
-    assert "sites" in refusal(HERE, "localhost:8765", sec_fetch_site="cross-site")
-    assert refusal(HERE, "localhost:8765", sec_fetch_site="same-origin") == ""
+    assert "sites" in refusal(HERE, "localhost:7567", sec_fetch_site="cross-site")
+    assert refusal(HERE, "localhost:7567", sec_fetch_site="same-origin") == ""
 
 
 def test_elsewhere_the_token_is_needed_but_for_the_pages_own_files():
-    assert "token" in refusal(OUTSIDE, "192.0.2.7:8765")
-    assert "token" in refusal(OUTSIDE, "192.0.2.7:8765", "token=secre")
-    assert "token" in refusal(OUTSIDE, "192.0.2.7:8765", "token=ßß")
-    assert refusal(OUTSIDE, "192.0.2.7:8765", "token=secret") == ""
-    assert refusal(OUTSIDE, "192.0.2.7:8765", data=False) == ""
-    assert "not called" in refusal(OUTSIDE, "rebound.example:8765", "token=secret")
-    assert refusal(OUTSIDE, f"{socket.gethostname()}:8765", "token=secret") == ""
+    assert "token" in refusal(OUTSIDE, "192.0.2.7:7567")
+    assert "token" in refusal(OUTSIDE, "192.0.2.7:7567", "token=secre")
+    assert "token" in refusal(OUTSIDE, "192.0.2.7:7567", "token=ßß")
+    assert refusal(OUTSIDE, "192.0.2.7:7567", "token=secret") == ""
+    assert refusal(OUTSIDE, "192.0.2.7:7567", data=False) == ""
+    assert "not called" in refusal(OUTSIDE, "rebound.example:7567", "token=secret")
+    assert refusal(OUTSIDE, f"{socket.gethostname()}:7567", "token=secret") == ""
 
 
 def test_the_page_listens_to_this_machine_without_and_to_others_with_a_token():
-    assert new_access("127.0.0.1", 8765).url == "http://127.0.0.1:8765/"
-    one, other = new_access("0.0.0.0", 8765), new_access("0.0.0.0", 8765)
+    assert new_access("127.0.0.1", 7567).url == "http://127.0.0.1:7567/"
+    one, other = new_access("0.0.0.0", 7567), new_access("0.0.0.0", 7567)
     assert len(one.token) >= 16
     assert one.token != other.token
-    assert one.url.endswith(f":8765/?token={one.token}")
+    assert one.url.endswith(f":7567/?token={one.token}")

@@ -68,6 +68,24 @@ def test_defaults_and_overrides(make_node):
     assert values == {"size": 1.5, "count": 3, "kind": "b", "place": [0.0, 0.0], "fixed": 1.0}
 
 
+def test_integers_are_taken_for_floats(make_node):
+    """As YAML and `ros2 param set` write whole numbers."""
+    node = make_node(size=1, place=[0, 1])
+    values = declare(node, SPECS)
+    assert (values["size"], values["place"]) == (1.0, [0.0, 1.0])
+    assert [type(value) for value in (values["size"], *values["place"])] == [float] * 3
+    changes = []
+    node.add_post_set_parameters_callback(changes.extend)
+    results = node.set_parameters([Parameter("size", value=2), Parameter("place", value=[1, -1])])
+    assert all(result.successful for result in results)
+    assert [change.type_ for change in changes] == [
+        Parameter.Type.DOUBLE,
+        Parameter.Type.DOUBLE_ARRAY,
+    ]
+    assert node.get_parameter("size").value == 2.0
+    assert list(node.get_parameter("place").value) == [1.0, -1.0]
+
+
 def test_a_parameter_that_nobody_has_is_named(make_node, capfd):
     declare(make_node(size=1.5, sise=1.0, use_sim_time=False), SPECS)
     said = capfd.readouterr().err
@@ -78,10 +96,19 @@ def test_a_parameter_that_nobody_has_is_named(make_node, capfd):
 @pytest.mark.parametrize(
     ("override", "match"),
     [
-        ({"size": 5.0}, r"size must lie in \[0, 2\]"),
-        ({"size": 1}, "size: a double is needed; write 1.0 for 1"),
-        ({"size": "big"}, "size: a double is needed"),
-        ({"count": 9}, r"count must lie in \[1, 5\]"),
+        ({"size": 5.0}, r"size = 5.0 must lie in \[0, 2\]"),
+        ({"size": 5}, r"size = 5.0 must lie in \[0, 2\]"),
+        ({"size": "big"}, "size = 'big': type double is needed, not string"),
+        ({"size": True}, "size = True: type double is needed, not bool"),
+        ({"size": [1]}, r"size = \[1\]: type double is needed, not integer array"),
+        ({"count": 3.0}, "count = 3.0: type integer is needed, not double"),
+        ({"kind": 1}, "kind = 1: type string is needed, not integer"),
+        ({"size": None}, "size has no value: type double is needed"),
+        ({"place": 1}, "place = 1: type double array is needed, not integer"),
+        ({"place": ["0", "1"]}, "place = .*: type double array is needed, not string array"),
+        ({"place": [0, 5]}, r"place = .* must lie in \[-1, 1\]"),
+        ({"place": [0]}, "place = .* must have 2 numbers"),
+        ({"count": 9}, r"count = 9 must lie in \[1, 5\]"),
         ({"kind": "c"}, "kind = 'c' must be one of a, b"),
         ({"place": [0.0]}, "place = .* must have 2 numbers"),
         ({"place": [0.0, 5.0]}, r"place = .* must lie in \[-1, 1\]"),
@@ -135,6 +162,10 @@ def test_a_bad_later_value_is_refused_and_the_old_one_stays(make_node):
     assert "one of a, b" in attempt("kind", "z").reason
     assert attempt("size", 0.5).reason == "no"
     assert not attempt("size", 7.0).successful
+    assert "size" in attempt("size", 7).reason
+    assert attempt("size", "7").reason == "size = '7': type double is needed, not string"
+    assert attempt("count", 2.5).reason == "count = 2.5: type integer is needed, not double"
+    assert not node.set_parameters_atomically([Parameter("size", value=False)]).successful
     assert not attempt("fixed", 2.0).successful
     assert node.get_parameter("size").value == 1.0
     assert node.get_parameter("kind").value == "b"

@@ -20,17 +20,17 @@ from slosh_bringup.live.run import BAG, LiveRun, check_files, run_nodes
 from slosh_bringup.live.run_folder import new_run
 from slosh_bringup.live.run_result import print_replay, table
 from slosh_bringup.stop_request import StopRequest
+from slosh_bringup.watch import HOST, PORT
 from slosh_files.plain_text import plain_line
 
 _STDERR = 2
-WATCH_PORT = 8765
 
 
 def add_watch(parser: argparse.ArgumentParser) -> None:
     """Declares the option of who wants to look on."""
     parser.add_argument(
-        "--watch", nargs="?", type=_port, const=WATCH_PORT, metavar="PORT",
-        help=f"serve the operator's page to this machine on a port ({WATCH_PORT})",
+        "--watch", nargs="?", type=_port, const=PORT, metavar="PORT",
+        help=f"serve the operator's page to this machine on a port ({PORT})",
     )  # fmt: skip
 
 
@@ -56,7 +56,7 @@ class LiveScreen:
     def show(self, elapsed: float, text: str, status: str = "") -> None:
         """Shows how long it has taken [s] and what is going on, in place of what was shown."""
         self._elapsed = elapsed
-        shown = text or (status if can_draw(sys.stderr) else "")
+        shown = (can_draw(sys.stderr) and status) or text
         self._try(lambda: self._progress(elapsed, shown))
 
     def stopped(self) -> None:
@@ -93,6 +93,7 @@ def run_live(
         exit code: 0; 1 where nothing was compared or a node ended; 2 where one refused its input.
     """
     check_files(run.setup)
+    _check_port(run.watch)
     folder = new_run(run.folder, datetime.now(), lambda line: _say(run, line))
     run = replace(run, folder=folder)
     _say(run, f"this run is in {folder}")
@@ -113,6 +114,14 @@ def run_live(
     for line in (result.nothing,) if result.reasons else result.warnings:
         _say(run, line)
     return outcome.exit_code or int(bool(result.reasons))
+
+
+def _check_port(port: int | None) -> None:
+    """Raises SloshBringupError where the page's port is taken, before any process starts."""
+    if port is not None:
+        from slosh_bringup.watch.server import listen
+
+        listen(HOST, port).close()
 
 
 def _leave(run: LiveRun) -> NoReturn:

@@ -10,9 +10,8 @@ from pathlib import Path
 
 from slosh_bringup.live.cell_setup import NAMESPACE
 from slosh_bringup.processes import NodeProcess, node_environment
+from slosh_bringup.watch import HOST, PORT
 from slosh_files.plain_text import plain_line
-
-PORT, HOST = 8765, "127.0.0.1"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

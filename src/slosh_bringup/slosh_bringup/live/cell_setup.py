@@ -94,13 +94,13 @@ def read_setup(path: Path) -> CellSetup:
                 f"{source.where(key)}: unknown key {shown(key)} (known: {', '.join(known)})"
             )
     default = default_setup()
-    namespace = _namespace(source, document.get("namespace", NAMESPACE))
+    namespace = read_namespace(source, document.get("namespace", NAMESPACE))
     return CellSetup(
         model=_file(source, "model"),
         calibration=_file(source, "calibration"),
         parameters=_file(source, "parameters", default.parameters),
         namespace=namespace,
-        remap=_remap(source, namespace, document.get("remap") or {}),
+        remap=read_remap(source, namespace, document.get("remap") or {}),
     )
 
 
@@ -118,14 +118,24 @@ def _file(source: YamlDocument, key: str, default: Path | None = None) -> Path:
     return path.resolve()
 
 
-def _namespace(source: YamlDocument, value: Any) -> str:
+def read_namespace(source: YamlDocument, value: Any) -> str:
+    """The namespace of a cell.
+
+    Raises:
+        SloshBringupError: it is none; one line with its place.
+    """
     if not isinstance(value, str) or not value.startswith("/"):
         place = source.where("namespace")
         raise SloshBringupError(f"{place}: namespace = {shown(value)} must start with a slash")
     return value
 
 
-def _remap(source: YamlDocument, namespace: str, value: Any) -> dict[str, str]:
+def read_remap(source: YamlDocument, namespace: str, value: Any) -> dict[str, str]:
+    """The robot's topics by the topics of a cell.
+
+    Raises:
+        SloshBringupError: it is no mapping, or no node has such a topic; one line with its place.
+    """
     if not isinstance(value, dict) or not all(
         isinstance(word, str) for pair in value.items() for word in pair
     ):

@@ -24,6 +24,7 @@ from slosh_bringup.processes import (
     node_environment,
 )
 from slosh_bringup.stop_request import StopRequest
+from slosh_bringup.watch import HOST
 from slosh_camera.calibrate.camera_file import read_any_calibration
 from slosh_model.model_file import read_model
 from slosh_msgs_py import topics
@@ -103,10 +104,10 @@ def run_nodes(run: LiveRun, screen: Screen, stop: StopRequest) -> Outcome:
     processes = run.setup.processes(run.folder / BAG)
     ready = f"ready: recording to {run.folder / BAG}"
     if run.watch is not None:
-        given = {"host": "127.0.0.1", "port": str(run.watch)}
+        given = {"host": HOST, "port": str(run.watch)}
         setup = run.setup
         processes.append(NodeProcess("watch", [setup.parameters], given, setup.remap))
-        ready += f", the page of it on http://127.0.0.1:{run.watch}/"
+        ready += f", the page of it on http://{HOST}:{run.watch}/"
     if run.simulated is not None:
         processes.append(run.simulated)
         ready += ", the motion begins"

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 
 from slosh_bringup.cell_watch import SILENT
 from slosh_bringup.live.other_cells import OtherCells
 from slosh_bringup.processes import LAST, NodeEnd, NodeGroup, NodeProcess
+from slosh_bringup.restarts import EXIT_WRONG_INPUT, restarted
 from slosh_msgs_py.node.dead_ports import DeadPorts
 
 ATTEMPTS, WITHIN = 5, 60.0
@@ -20,7 +20,6 @@ HANGS = 30.0
 It was stopped, it hangs, or nobody hears it since a neighbour was killed. A busy machine takes a
 third of that to start one.
 """
-EXIT_WRONG_INPUT = 2
 
 
 class Supervision:
@@ -74,7 +73,7 @@ class Supervision:
         if recent > ATTEMPTS:
             self._say(f"{end.text}; for the {recent}th time: the cell goes on without it")
             return None
-        process = self._again(self._processes[end.name])
+        process = restarted(self._processes[end.name], len(self._ends[end.name]))
         self._group.start(process)
         self._started[process.name] = now
         self._others.started(process.name, now)
@@ -102,16 +101,6 @@ class Supervision:
                 # It counts from here, however long the end takes.
                 self._started[name] = now
                 self._say(f"node {name} runs and has said nothing for {mute:.0f} s: it is killed")
-
-    def _again(self, process: NodeProcess) -> NodeProcess:
-        """How a node is started that has missed something of the motion."""
-        own = dict(process.parameters)
-        if process.name == "estimator":
-            own["starts_at_rest"] = "false"
-        if process.name == LAST:
-            # What has been recorded stays as it is.
-            own["output"] += f"_{len(self._ends[LAST]) + 1}"
-        return replace(process, parameters=own)
 
     def _say(self, line: str) -> None:
         self.problems.append(line)

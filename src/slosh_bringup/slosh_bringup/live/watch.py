@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -22,7 +22,8 @@ class Screen(Protocol):
     def show(self, elapsed: float, text: str, status: str = "") -> None:
         """Is shown how long it has taken [s] and what is going on, ten times a second.
 
-        A status is what holds at this moment: nothing for a log, which keeps what it is told.
+        A status is what holds at this moment, in place of the text: nothing for a log, which
+        keeps what it is told.
         """
 
     def tell(self, line: str) -> None:
@@ -59,7 +60,7 @@ class LiveWatch:
     @property
     def waits_for(self) -> str:
         """Who is waited for, and why."""
-        return f"waiting for {sentence(self._wait.missing()) or 'what the nodes work with'}"
+        return self._waiting(self._wait.missing())
 
     @property
     def given_up(self) -> str:
@@ -108,7 +109,9 @@ class LiveWatch:
         """Looks at the clock; several times a second."""
         now = time.monotonic()
         if self._health is None:
-            self._screen.show(0.0, self.waits_for)
+            missing = self._wait.missing()
+            states = {node: why.partition(":")[0] for node, why in missing.items()}
+            self._screen.show(0.0, self._waiting(states), self._waiting(missing))
             return
         self._tell(self._health.look(now))
         self._screen.show(now - self._began, "", self._status.line(now))
@@ -120,10 +123,13 @@ class LiveWatch:
     def _tell_readiness(self, report: NodeReport) -> None:
         """Tells who takes long, and when it does no more."""
         state = report.facts.get(STATE, READY)
-        text = report.sentence if state == COMPILING else ""
+        text = "compiling, once on this machine" if state == COMPILING else ""
         before, self._told[report.node] = self._told.get(report.node, ""), text
         if text != before:
             self._tell([f"{report.node}: {text or 'ready'}"])
+
+    def _waiting(self, missing: Mapping[str, str]) -> str:
+        return f"waiting for {sentence(missing) or 'what the nodes work with'}"
 
     def _begin(self) -> None:
         """Tells what is in force once all are ready."""

@@ -25,7 +25,7 @@ from sensor_msgs.msg import CompressedImage, Image
 from slosh_bag.errors import SloshBagError
 from slosh_bag.recording.settings import node_start
 from slosh_bringup.cell_watch import reports
-from slosh_bringup.watch import hearing
+from slosh_bringup.watch import HOST, PORT, hearing
 from slosh_bringup.watch.access import new_access
 from slosh_bringup.watch.hub import Hub
 from slosh_bringup.watch.picture import Camera, is_small_jpeg
@@ -47,8 +47,8 @@ PICTURE_EVERY = 3
 BATCH = 2000
 """Most messages of a topic that are taken at once."""
 PARAMETERS = (
-    ParameterSpec("host", "127.0.0.1", "address on which the page is served; 0.0.0.0: on all"),
-    ParameterSpec("port", 8765, "its port; 0: any that is free", (0, 65535)),
+    ParameterSpec("host", HOST, "address on which the page is served; 0.0.0.0: on all"),
+    ParameterSpec("port", PORT, "its port; 0: any that is free", (0, 65535)),
 )
 
 

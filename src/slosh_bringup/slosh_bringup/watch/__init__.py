@@ -9,3 +9,7 @@ server      the page over HTTP and one WebSocket → hub, access
 recording   a bag as the same frames → state, hearing, picture
 page/       what the browser gets; nothing comes from elsewhere
 """
+
+HOST = "127.0.0.1"
+PORT = 7567
+"""Where the page is served unless told. Port 8765 is foxglove_bridge's."""

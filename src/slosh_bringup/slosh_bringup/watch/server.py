@@ -229,5 +229,5 @@ def listen(host: str, port: int) -> socket.socket:
         # Its own text repeats the address.
         reason = os.strerror(error.errno) if isinstance(error, OSError) and error.errno else error
         raise SloshBringupError(
-            f"the page cannot be served on {host}, port {port}: {reason}; --port takes another"
+            f"the page cannot be served on {host}, port {port}: {reason}; choose another port"
         ) from None

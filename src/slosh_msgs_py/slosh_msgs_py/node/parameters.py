@@ -1,10 +1,12 @@
 """Parameters: one declaration gives type, default, bounds and description.
 
-A value that does not fit is refused with the reason, at start-up and later.
+A value that does not fit is refused with the reason, at start-up and later. An integer is accepted
+where a float is needed, and a list of integers where a list of floats is.
 """
 
 from __future__ import annotations
 
+from array import array
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -15,7 +17,6 @@ from rcl_interfaces.msg import (
     ParameterDescriptor,
     SetParametersResult,
 )
-from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
@@ -28,6 +29,11 @@ _TYPES = {
     str: Parameter.Type.STRING,
     list: Parameter.Type.DOUBLE_ARRAY,
 }
+_INTEGERS = {
+    Parameter.Type.DOUBLE: Parameter.Type.INTEGER,
+    Parameter.Type.DOUBLE_ARRAY: Parameter.Type.INTEGER_ARRAY,
+}
+"""The type that is accepted in place of another, and converted."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,17 +72,40 @@ class ParameterSpec:
             descriptor.integer_range = [IntegerRange(from_value=first, to_value=last)]
         return descriptor
 
+    def converted(self, given: Parameter) -> Parameter | None:
+        """The parameter with floats for integers where floats are needed; None: a wrong type."""
+        wanted = _TYPES[type(self.default)]
+        if given.type_ == wanted:
+            return given
+        if given.type_ != _INTEGERS.get(wanted):
+            return None
+        if isinstance(self.default, list):
+            return Parameter(self.name, wanted, [float(number) for number in given.value])
+        return Parameter(self.name, wanted, float(given.value))
+
+    def wrong_type(self, given: Parameter) -> str:
+        """Which type is needed in place of that of a value, in one line."""
+        wanted, found = (
+            kind.name.lower().replace("_", " ")
+            for kind in (_TYPES[type(self.default)], given.type_)
+        )
+        if given.type_ == Parameter.Type.NOT_SET:
+            return f"{self.name} has no value: type {wanted} is needed"
+        value = list(given.value) if isinstance(given.value, array) else given.value
+        return f"{self.name} = {value!r}: type {wanted} is needed, not {found}"
+
     def refusal(self, value: Any) -> str | None:
         """Why a value of the right type does not fit; None: it fits."""
         if self.choices and value not in self.choices:
             return f"{self.name} = {value!r} must be one of {', '.join(self.choices)}"
         if self.length is not None and len(value) != self.length:
             return f"{self.name} = {list(value)!r} must have {self.length} numbers"
-        numbers = value if isinstance(self.default, list) else [value]
+        numbers = list(value) if isinstance(self.default, list) else [value]
         if self.bounds and not all(
             self.bounds[0] <= number <= self.bounds[1] for number in numbers
         ):
-            return f"{self.name} = {value!r} must lie in [{self.bounds[0]:g}, {self.bounds[1]:g}]"
+            shown = numbers if isinstance(self.default, list) else value
+            return f"{self.name} = {shown!r} must lie in [{self.bounds[0]:g}, {self.bounds[1]:g}]"
         return None
 
 
@@ -102,8 +131,24 @@ def declare(
     values = {spec.name: _declare_one(node, spec) for spec in specs}
     _name_unknown(node)
     by_name = {spec.name: spec for spec in specs}
+    wrong: list[str] = []
+
+    def convert(changes: list[Parameter]) -> list[Parameter]:
+        """Remembers values of a wrong type for `check`: rclpy's own refusal names no parameter."""
+        wrong.clear()
+        fitting = []
+        for change in changes:
+            spec = by_name.get(change.name)
+            converted = change if spec is None else spec.converted(change)
+            if spec is not None and converted is None:
+                wrong.append(spec.wrong_type(change))
+                converted = node.get_parameter(spec.name)
+            fitting.append(converted)
+        return fitting
 
     def check(changes: list[Parameter]) -> SetParametersResult:
+        if wrong:
+            return SetParametersResult(successful=False, reason=wrong[0])
         known = [change for change in changes if change.name in by_name]
         for change in known:
             reason = by_name[change.name].refusal(change.value)
@@ -112,8 +157,15 @@ def declare(
         reason = on_change({c.name: c.value for c in known}) if on_change and known else None
         return SetParametersResult(successful=reason is None, reason=reason or "")
 
+    node.add_pre_set_parameters_callback(convert)
     node.add_on_set_parameters_callback(check)
     return values
+
+
+def _given(node: Node) -> dict[str, Parameter]:
+    """What the start of the node sets; rclpy has no other way to ask."""
+    given: dict[str, Parameter] = getattr(node, "_parameter_overrides", {})
+    return given
 
 
 def _name_unknown(node: Node) -> None:
@@ -121,32 +173,20 @@ def _name_unknown(node: Node) -> None:
 
     It is no error: a file for several nodes may set, for all of them, what only one has.
     """
-    # rclpy has no other way to ask.
-    given = getattr(node, "_parameter_overrides", {})
-    for name in given:
+    for name in _given(node):
         if not node.has_parameter(name) and not name.startswith("qos_overrides."):
             node.get_logger().warning(f"parameter {name} is unknown to this node: it does nothing")
 
 
 def _declare_one(node: Node, spec: ParameterSpec) -> Any:
-    try:
-        value = node.declare_parameter(spec.name, spec.default, spec.descriptor()).value
-    except InvalidParameterTypeException as error:
-        wanted = _TYPES[type(spec.default)].name.lower()
-        hint = "; write 1.0 for 1" if wanted.startswith("double") else ""
-        raise SloshMessageError(
-            f"parameter {spec.name}: a {wanted} is needed{hint} ({_one_line(error)})"
-        ) from None
-    except InvalidParameterValueException as error:
-        low, high = spec.bounds or (float("-inf"), float("inf"))
-        raise SloshMessageError(
-            f"parameter {spec.name} must lie in [{low:g}, {high:g}] ({_one_line(error)})"
-        ) from None
-    reason = spec.refusal(value)
-    if reason:
-        raise SloshMessageError(f"parameter {reason}")
+    given = _given(node)
+    if spec.name in given:
+        converted = spec.converted(given[spec.name])
+        if converted is None:
+            raise SloshMessageError(f"parameter {spec.wrong_type(given[spec.name])}")
+        reason = spec.refusal(converted.value)
+        if reason:
+            raise SloshMessageError(f"parameter {reason}")
+        given[spec.name] = converted
+    value = node.declare_parameter(spec.name, spec.default, spec.descriptor()).value
     return list(value) if isinstance(spec.default, list) else value
-
-
-def _one_line(error: Exception) -> str:
-    return " ".join(str(error).split())

@@ -1,0 +1,263 @@
+"""What `cell.launch.py` starts, from its arguments as text, and what it does when a node ends.
+
+Nothing here knows `launch`, so that the command line tools of ROS are not needed to test it.
+"""
+
+from __future__ import annotations
+
+import importlib
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from datetime import datetime
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from slosh_bringup.cell.motion_source import TABLE_ENDINGS
+from slosh_bringup.errors import SloshBringupError
+from slosh_bringup.live.cell_setup import (
+    NAMESPACE,
+    NODES_OF_A_CELL,
+    CellSetup,
+    default_setup,
+    read_namespace,
+    read_remap,
+)
+from slosh_bringup.live.run import BAG
+from slosh_bringup.live.run_folder import new_run
+from slosh_bringup.parameter_file import check_parameter_file
+from slosh_bringup.processes import LAST, NODES, STOP_TIMEOUT, NodeProcess
+from slosh_bringup.restarts import EXIT_WRONG_INPUT, pause, restarted
+from slosh_bringup.watch import PORT
+from slosh_camera.calibrate.camera_file import read_any_calibration
+from slosh_files.errors import SloshFileError
+from slosh_files.yaml_document import parse_yaml
+from slosh_model.model_file import read_model
+
+SETTLED = 60.0
+"""An end that lies longer back than this is not counted any more [s]."""
+WITHOUT = ("watch",)
+"""Nodes without which the cell goes on where they refuse their parameters."""
+
+
+class Argument(NamedTuple):
+    """A launch argument: name, default, one line."""
+
+    name: str
+    default: str
+    description: str
+
+
+ARGUMENTS = (
+    Argument("namespace", NAMESPACE, "namespace of all nodes and topics"),
+    Argument("parameters", "", "ROS parameter file; empty: config/cell.yaml of this package"),
+    Argument("model", "", "model file of container and liquid; empty: the simulated cell's"),
+    Argument("calibration", "", "calibration of the camera; empty: the simulated camera's"),
+    Argument("input", "", "input of the estimator: accel, imu or pose; empty: parameter file"),
+    Argument("remap", "{}", "robot's topics by topic, as YAML: '{imu: /arm/imu}'"),
+    Argument("camera", "true", "measure with a camera; false: estimate only"),
+    Argument("record", "true", "record to OUTPUT/DATE-TIME/bag"),
+    Argument("output", "out/cell", "folder of the recordings, with the link `latest`"),
+    Argument("predict", "false", "predict planned motions: the service predict"),
+    Argument("urdf", "", "robot description, for predictions of joint motions"),
+    Argument("tool_frame", "", "link of the robot that carries the container"),
+    Argument("plan", "false", "plan motions: the service plan, the action plan_motion"),
+    Argument("watch", "false", f"serve the operator's page to this machine, on port {PORT}"),
+    Argument("simulate", "false", "play a motion instead of listening to a robot"),
+    Argument("motion", "c3", "motion of the simulated cell: a name or a motion table"),
+)
+
+
+class Restart(NamedTuple):
+    """A node that is started again: how, after which time [s], and a line that says so."""
+
+    process: NodeProcess
+    delay: float
+    text: str
+
+
+class LaunchedCell:
+    """The nodes of a launch.
+
+    Args:
+        given: the arguments by name, as text; those that are not given have their defaults.
+        now: local time of the start; the folder of the recording is named after it.
+        tell: gets a line of what is worth knowing.
+
+    Attributes:
+        namespace: of all nodes.
+        processes: the nodes, in the order of their start.
+
+    Raises:
+        ValueError: of ours: an argument or a file that does not fit; one line.
+        OSError: the folder of the recording cannot be made.
+    """
+
+    def __init__(
+        self, given: Mapping[str, str], now: datetime, tell: Callable[[str], object]
+    ) -> None:
+        self._given = {one.name: given.get(one.name) or one.default for one in ARGUMENTS}
+        self._ends: dict[str, list[float]] = {}
+        wanted = {"camera": self._flag("camera"), LAST: self._flag("record")}
+        self._absent = [name for name, there in wanted.items() if not there]
+        setup = self._setup()
+        self.namespace = setup.namespace
+        processes = [*self._own(setup, Path(BAG)), *self._services(setup)]
+        if self._flag("simulate"):
+            processes.append(self._simulated(setup))
+        for process in processes:
+            typed_parameters(process)
+        if LAST not in self._absent:
+            folder = new_run(Path(self._given["output"]).absolute(), now, tell)
+            tell(f"this run is in {folder}")
+            processes = [_recording_to(process, folder / BAG) for process in processes]
+        self.processes: Sequence[NodeProcess] = processes
+        self._first = {process.name: process for process in processes}
+
+    def ended(self, name: str, code: int, now: float) -> Restart | None:
+        """What to do about a node that has ended while the launch goes on.
+
+        Args:
+            name: of the node.
+            code: its exit code; negative: the signal that ended it.
+            now: steady time [s].
+
+        Returns:
+            how it is started again; None: the launch goes on without it.
+
+        Raises:
+            SloshBringupError: the launch has to end; one line that says why.
+        """
+        if name == "cell":
+            if code != 0:
+                raise SloshBringupError(
+                    f"node cell ended with exit code {code}: nothing is played"
+                )
+            return None
+        if code == EXIT_WRONG_INPUT and name in WITHOUT:
+            return None
+        if code == EXIT_WRONG_INPUT:
+            raise SloshBringupError(
+                f"node {name} refuses its parameters or files (exit code {code}); its last line "
+                "above says which. All nodes are stopped"
+            )
+        ends = self._ends.setdefault(name, [])
+        ends.append(now)
+        delay = pause(sum(now - at < SETTLED for at in ends))
+        process = restarted(self._first[name], len(ends))
+        where = f", recording to {process.parameters['output']}" if name == LAST else ""
+        text = f"node {name} ended with exit code {code}; it is started again in {delay:g} s"
+        return Restart(process, delay, text + where)
+
+    def _flag(self, name: str) -> bool:
+        text = self._given[name].lower()
+        if text not in ("true", "1", "false", "0"):
+            raise SloshBringupError(f"{name}:={self._given[name]}: true or false is needed")
+        return text in ("true", "1")
+
+    def _setup(self) -> CellSetup:
+        """The cell of the arguments; its files can be read."""
+        default, given = default_setup(), self._given
+        # As a cell file, so that both take the same and refuse the same.
+        text = f"namespace: {json.dumps(given['namespace'])}\nremap:\n  {given['remap']}\n"
+        try:
+            source = parse_yaml(text, "launch arguments")
+        except SloshFileError as error:
+            raise SloshBringupError(f"remap:={given['remap']}: {error}") from None
+        namespace = read_namespace(source, source.value["namespace"])
+        setup = CellSetup(
+            model=Path(given["model"] or default.model).absolute(),
+            calibration=Path(given["calibration"] or default.calibration).absolute(),
+            parameters=Path(given["parameters"] or default.parameters).absolute(),
+            namespace=namespace,
+            remap=read_remap(source, namespace, source.value["remap"]),
+        )
+        read_model(setup.model)
+        if "camera" not in self._absent:
+            read_any_calibration(setup.calibration)
+        check_parameter_file(setup.parameters, namespace)
+        return setup
+
+    def _own(self, setup: CellSetup, bag: Path) -> list[NodeProcess]:
+        """Recorder, estimator, camera and monitor, without what is not wanted."""
+        more: dict[str, dict[str, str]] = {}
+        if self._given["input"]:
+            more["estimator"] = {"input": self._given["input"]}
+        if "camera" in self._absent:
+            more["monitor"] = {"camera": "false"}
+        return [
+            _with(process, more.get(process.name, {}))
+            for process in setup.processes(bag)
+            if process.name not in self._absent
+        ]
+
+    def _services(self, setup: CellSetup) -> list[NodeProcess]:
+        """What answers and shows, as far as it is wanted."""
+        model = {"model": str(setup.model)}
+        robot = {name: self._given[name] for name in ("urdf", "tool_frame") if self._given[name]}
+        if len(robot) == 1 or (robot and not self._flag("predict")):
+            raise SloshBringupError("urdf:=, tool_frame:= and predict:=true belong together")
+        if robot:
+            robot["urdf"] = str(Path(robot["urdf"]).absolute())
+        own = {"predict": ("predictor", model | robot), "watch": ("watch", {})}
+        own["plan"] = ("planner", model)
+        return [
+            NodeProcess(name, [setup.parameters], parameters, setup.remap)
+            for argument, (name, parameters) in own.items()
+            if self._flag(argument)
+        ]
+
+    def _simulated(self, setup: CellSetup) -> NodeProcess:
+        """The simulated cell: its motion begins when those that are started are ready."""
+        motion = self._given["motion"]
+        if motion.endswith(TABLE_ENDINGS):
+            motion = str(Path(motion).absolute())
+        return NodeProcess(
+            "cell",
+            [setup.parameters],
+            {
+                "motion": motion,
+                "calibration": str(setup.calibration),
+                "wait_for": ",".join(n for n in NODES_OF_A_CELL if n not in self._absent),
+                "readers": str(2 - len(self._absent)),
+            },
+            setup.remap,
+        )
+
+
+def package_of(process: NodeProcess) -> str:
+    """The package that installs a node's program, which has the node's name."""
+    return NODES[process.name].partition(".")[0]
+
+
+def time_to_stop(process: NodeProcess) -> float:
+    """How long a node may take to end before it is told more firmly [s]."""
+    return STOP_TIMEOUT if process.name == LAST else 5.0
+
+
+def typed_parameters(process: NodeProcess) -> dict[str, Any]:
+    """A node's own parameters, with the types that it declares.
+
+    Raises:
+        SloshBringupError: a value is refused; one line.
+    """
+    specs = {spec.name: spec for spec in importlib.import_module(NODES[process.name]).PARAMETERS}
+    values: dict[str, Any] = {}
+    for name, text in process.parameters.items():
+        spec = specs.get(name)
+        if text in ("true", "false"):
+            values[name] = text == "true"
+        else:
+            values[name] = text if spec is None else type(spec.default)(text)
+        reason = spec.refusal(values[name]) if spec else None
+        if reason:
+            raise SloshBringupError(f"{process.name}: {reason}")
+    return values
+
+
+def _with(process: NodeProcess, more: Mapping[str, str]) -> NodeProcess:
+    return replace(process, parameters={**process.parameters, **more})
+
+
+def _recording_to(process: NodeProcess, bag: Path) -> NodeProcess:
+    return _with(process, {"output": str(bag)}) if process.name == LAST else process

@@ -1,0 +1,125 @@
+"""`make setup`: which Python it takes, and paths with blanks, umlauts and quotes."""
+
+import os
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import bootstrap
+import pytest
+
+FOLDER = "Käse it's mine"
+
+
+@pytest.fixture
+def place(tmp_path, monkeypatch):
+    """A checkout in a folder with an odd name, without anything in it."""
+    root = tmp_path / FOLDER
+    monkeypatch.setattr(bootstrap, "ROOT", root)
+    monkeypatch.setattr(bootstrap, "VENV", root / ".venv")
+    monkeypatch.setattr(bootstrap, "WORKSPACE", root / "ros2_ws")
+    (root / ".venv/bin").mkdir(parents=True)
+    (root / ".venv/lib/python3.11/site-packages").mkdir(parents=True)
+    (root / "ros2_ws/install").mkdir(parents=True)
+    return root
+
+
+def make_venv(folder):
+    subprocess.run([sys.executable, "-m", "venv", "--without-pip", str(folder)], check=True)
+    return folder / "bin"
+
+
+def test_an_environment_on_path_makes_no_difference(tmp_path, monkeypatch):
+    """Its own `.venv/bin` least of all: setup would clear it each time."""
+    monkeypatch.delenv("SLOSH_PYTHON", raising=False)
+    python = bootstrap.base_interpreter(sys.executable)
+    # What runs the tests is an environment itself.
+    base = Path(python.path)
+    monkeypatch.setenv("PATH", str(base.parent), prepend=os.pathsep)
+    without = bootstrap.find_python()
+    monkeypatch.setenv("PATH", str(make_venv(tmp_path / FOLDER)), prepend=os.pathsep)
+    assert bootstrap.find_python() == without
+    assert not str(without).startswith(str(tmp_path))
+    assert bootstrap.environment_inputs(without)[0].startswith(str(without).encode())
+
+
+def test_the_base_of_an_environment_is_found(tmp_path):
+    inside = make_venv(tmp_path / FOLDER) / "python"
+    assert bootstrap.base_interpreter(str(inside)) == bootstrap.base_interpreter(sys.executable)
+    assert bootstrap.base_interpreter("false") is None
+
+
+def test_what_was_on_path_before_stays_out_but_for_this_checkouts_own(place):
+    own = f"{place}/.venv/bin"
+    after = f"{place}/ros2_ws/install/bin:{own}:/usr/bin"
+    new = f"{place}/ros2_ws/install/bin:{own}"
+    assert bootstrap.new_entries(after, "/usr/bin") == new
+    assert bootstrap.new_entries(after, f"{own}:/usr/bin") == new
+
+
+def test_the_environments_file_is_read_by_a_shell(place, monkeypatch):
+    packages = f"{place}/ros2_ws/build/one:{place}/ros2_ws/build/two"
+    sourced = {
+        "PATH": f"{place}/.venv/bin:/usr/bin:/bin",
+        "PYTHONPATH": packages,
+        "AMENT_PREFIX_PATH": f"{place}/ros2_ws/install",
+    }
+    monkeypatch.setattr(bootstrap, "sourced", lambda script, environment: sourced)
+    monkeypatch.setenv("PATH", "/usr/bin:/bin")
+    bootstrap.write_environment({})
+    script = (
+        f'. {shlex.quote(f"{place}/.venv/environment.sh")}; printf "%s\\n" "$PATH" "$PYTHONPATH"'
+    )
+    done = subprocess.run(["sh", "-c", script], env={"PATH": "/usr/bin"}, capture_output=True)
+    assert done.stdout.decode().splitlines() == [f"{place}/.venv/bin:/usr/bin", packages]
+    (pth,) = place.rglob("slosh_workspace.pth")
+    assert pth.read_text("utf-8").splitlines() == packages.split(":")
+
+
+def test_the_slosh_command_finds_its_checkout(place, monkeypatch):
+    sourced = {"PYTHONPATH": "/x", "AMENT_PREFIX_PATH": f"{place}/ros2_ws/install"}
+    monkeypatch.setattr(bootstrap, "sourced", lambda script, environment: sourced)
+    bootstrap.write_environment({})
+    (place / "tools").mkdir()
+    (place / "tools/run").write_text('#!/bin/sh\nprintf "%s\\n" "$@"\n')
+    (place / "tools/run").chmod(0o755)
+    command = place / ".venv/bin/slosh"
+    done = subprocess.run([command, "a b"], capture_output=True, text=True, check=True)
+    target = f"{place}/ros2_ws/install/bin/slosh"
+    assert done.stdout.splitlines() == ["python", "-S", target, "a b"]
+
+
+def test_a_workspace_that_cannot_be_sourced_is_told(place, monkeypatch):
+    monkeypatch.setattr(bootstrap, "sourced", lambda *_: {"AMENT_PREFIX_PATH": f"{place}/.venv"})
+    with pytest.raises(bootstrap.BootstrapError, match="does not add the workspace"):
+        bootstrap.write_environment({})
+
+
+def test_cmake_files_get_the_paths_of_this_environment(place, monkeypatch):
+    cmake = place / ".venv/share/one.cmake"
+    cmake.parent.mkdir()
+    cmake.write_text(
+        'set(x "/opt/python/cp311-cp311/include/python3.11;'
+        '/tmp/build/lib/site-packages/numpy/core/include")\n'
+    )
+    numpy = f"{place}/.venv/lib/python3.11/site-packages/numpy/_core/include"
+    found = subprocess.CompletedProcess([], 0, f"/usr/include/python3.11\n{numpy}\n")
+    monkeypatch.setattr("bootstrap.subprocess.run", lambda *_, **__: found)
+    bootstrap.mend_wheels()
+    assert cmake.read_text() == f'set(x "/usr/include/python3.11;{numpy}")\n'
+
+
+@pytest.mark.parametrize("sign", list(':;"$`'))
+def test_a_path_that_no_shell_takes_is_refused_in_a_line(place, monkeypatch, sign):
+    monkeypatch.setattr(bootstrap, "ROOT", place / f"a{sign}b")
+    with pytest.raises(bootstrap.BootstrapError, match="cannot be set up; move") as refused:
+        bootstrap.check_place()
+    assert repr(sign) in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+def test_a_path_with_a_blank_an_umlaut_and_a_quote_is_taken(place):
+    bootstrap.check_place()
+    assert not bootstrap.PLAIN.fullmatch(str(place))
+    assert bootstrap.PLAIN.fullmatch("/home/me/slosh-1.0/.venv")
