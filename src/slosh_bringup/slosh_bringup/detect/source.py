@@ -215,8 +215,14 @@ def _image_topic(path: Path, reader: BagReader) -> tuple[str, list[str], int | N
     if not topics:
         reason = f" ({reader.warnings[0]})" if reader.warnings else ""
         raise SloshBagError(f"{path}: holds no images{reason}")
-    # Nothing was lost in raw images.
-    chosen, *others = sorted(topics, key=lambda topic: topics[topic].message_type != RAW)
+    most = max(info.count or 0 for info in topics.values())
+
+    def rank(topic: str) -> tuple[bool, bool]:
+        # Nothing was lost in raw images; a recorder leaves them when compressed ones come.
+        info = topics[topic]
+        return (info.count or most) < 0.5 * most, info.message_type != RAW
+
+    chosen, *others = sorted(topics, key=rank)
     return chosen, others, topics[chosen].count
 
 
