@@ -5,6 +5,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -24,7 +25,7 @@ from slosh_bag.mcap_files.bag_types import BagTypes
 from slosh_bag.mcap_files.chunks import Chunk, MessageBlock
 from slosh_bag.mcap_files.found import Found
 from slosh_bag.mcap_files.mcap_index import Index, Window, indexed_chunks, read_index
-from slosh_bag.mcap_files.mcap_merge import Span, in_log_order
+from slosh_bag.mcap_files.mcap_merge import Span, gathered, in_log_order
 from slosh_bag.mcap_files.mcap_summary import Summary, read_summary
 from slosh_bag.mcap_files.mcap_walk import McapWalk, is_in_order
 from slosh_files.nanoseconds import SECOND
@@ -110,6 +111,7 @@ class BagReader:
         self._warn(odd)
         self._types = BagTypes()
         self.column_reader = ColumnReader(self._types.typestore)
+        self._in_order: dict[Path, bool] = {}
 
     @property
     def typestore(self) -> Typestore:
@@ -178,7 +180,9 @@ class BagReader:
     def blocks(self, topics: Collection[str] | None = None) -> Iterator[MessageBlock]:
         """The messages, chunk by chunk in the order of the files, within a chunk topic by topic.
 
-        Much faster than `messages`. In memory is one chunk at a time.
+        Much faster than `messages`. In memory is one chunk at a time. A file whose chunks overlap
+        in time or follow each other in another order is read in the order of the log times, in
+        parts that take the place of chunks.
 
         Args:
             topics: only these; None: all.
@@ -205,7 +209,7 @@ class BagReader:
             SloshBagError: as `messages`.
         """
         for file in self.files:
-            index = read_index(file)
+            index = read_index(file) if self._is_in_order(file) else None
             if index is None:
                 yield from self._blocks_of(file, topics)
             else:
@@ -229,10 +233,20 @@ class BagReader:
 
     def _blocks_of(self, file: Path, topics: Collection[str] | None) -> Iterator[MessageBlock]:
         walk = McapWalk(file)
-        for chunk in walk.chunks():
-            self._learn(chunk)
-            yield from _blocks(walk.found, chunk, topics)
+        if self._is_in_order(file):
+            for chunk in walk.chunks():
+                self._learn(chunk)
+                yield from _blocks(walk.found, chunk, topics)
+        else:
+            merged = self._merged_rows(walk, topics)
+            while part := list(islice(merged, _BATCH)):
+                yield from _blocks(walk.found, gathered(part), topics)
         self._warn(walk.warnings)
+
+    def _is_in_order(self, file: Path) -> bool:
+        if file not in self._in_order:
+            self._in_order[file] = is_in_order(file)
+        return self._in_order[file]
 
     def messages(self, topics: Collection[str] | None = None) -> Iterator[BagMessage]:
         """The messages, file by file, in the order of their log times within each.
@@ -248,7 +262,7 @@ class BagReader:
         newest = 0
         for file in self.files:
             walk = McapWalk(file)
-            if is_in_order(file):
+            if self._is_in_order(file):
                 for chunk in walk.chunks():
                     self._learn(chunk)
                     yield from _messages(walk.found, chunk, topics)
@@ -293,22 +307,30 @@ class BagReader:
         return walk.found
 
     def _merged(self, walk: McapWalk, topics: Collection[str] | None) -> Iterator[BagMessage]:
-        """The messages of a file whose chunks overlap in time; reads it twice."""
+        """The messages of a file that is not in the order of the log times."""
+        names: dict[int, tuple[str, str]] = {}
+        for chunk, row in self._merged_rows(walk, topics):
+            names = names or _names(walk.found, topics)
+            topic, kind = names[int(chunk.channel[row])]
+            start = int(chunk.start[row])
+            data = chunk.raw[start : start + int(chunk.length[row])]
+            yield BagMessage(topic, kind, int(chunk.log_ns[row]), int(chunk.publish_ns[row]), data)
+
+    def _merged_rows(
+        self, walk: McapWalk, topics: Collection[str] | None
+    ) -> Iterator[tuple[Chunk, int]]:
+        """Chunks and rows in the order of the log times; reads the file twice."""
         spans = []
         for chunk in walk.chunks():
             self._learn(chunk)
             if len(chunk):
                 spans.append(Span(int(chunk.log_ns[0]), chunk.position, chunk.stored))
-        names = _names(walk.found, topics)
+        names = list(_names(walk.found, topics))
 
         def select(chunk: Chunk) -> Chunk:
-            return chunk.take(np.isin(chunk.channel, list(names)))
+            return chunk.take(np.isin(chunk.channel, names))
 
-        for chunk, row in in_log_order(walk.path, spans, select):
-            topic, kind = names[int(chunk.channel[row])]
-            start = int(chunk.start[row])
-            data = chunk.raw[start : start + int(chunk.length[row])]
-            yield BagMessage(topic, kind, int(chunk.log_ns[row]), int(chunk.publish_ns[row]), data)
+        yield from in_log_order(walk.path, spans, select)
 
     def _told(self, summary: Summary) -> Found:
         """What a summary that tells its topics says of its file."""

@@ -9,11 +9,12 @@ in the queue; when there is room again they go into a new file.
 from __future__ import annotations
 
 import contextlib
+import json
 import shutil
 import threading
 import time
-from collections import deque
-from collections.abc import Callable
+from collections import Counter, deque
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -42,9 +43,13 @@ RESERVED = 256 * 2**10
 """Space that is kept for the ends of the files and what they note, in a file of this name [bytes].
 It is given up when the recording ends."""
 LOST = "messages_lost"
-"""A fact of a bag: messages that the recorder got and could not keep."""
+"""A fact of a bag: messages that were sent and are not in it, so far as the recorder knows."""
+LOST_BY_TOPIC = "messages_lost_by_topic"
+"""The same by topic, as JSON; without a topic where it is not known."""
 SEVERAL = "several_publishers"
 """A fact of a bag: topics of one node on which several spoke, with commas."""
+PUBLISHERS = "publishers_of_shared_topics"
+"""Nodes that spoke on these topics, one for each publisher, as JSON by topic."""
 RATE_PERIOD = 30  # samples, one a second
 
 
@@ -73,8 +78,9 @@ class RecorderStatus:
         written: messages by topic.
         size: bytes of these messages.
         refused: why a topic cannot be recorded, by topic; the others go on.
-        lost: messages that found the queue full, were there when the recording ended and could
+        unkept: messages that found the queue full, were there when the recording ended and could
             not be written, or were in a file that somebody has deleted.
+        missed: messages that were sent and did not reach the recorder.
         waiting: messages in the queue.
         highest: most messages that the queue has held.
         age: since when the oldest message waits that a killed process would lose [s].
@@ -83,7 +89,7 @@ class RecorderStatus:
         failure: why nothing is written now, or an empty text.
         since: for how long that has been so [s].
         interruptions: how often that was so before.
-        lost_meanwhile: messages among `lost` that came while nothing could be written.
+        lost_meanwhile: messages among `unkept` that came while nothing could be written.
     """
 
     path: Path
@@ -91,7 +97,7 @@ class RecorderStatus:
     written: dict[str, int]
     size: int
     refused: dict[str, str]
-    lost: int
+    unkept: int
     waiting: int
     highest: int
     age: float
@@ -101,6 +107,12 @@ class RecorderStatus:
     since: float
     interruptions: int
     lost_meanwhile: int
+    missed: int = 0
+
+    @property
+    def lost(self) -> int:
+        """All messages that were sent and will not be in the bag."""
+        return self.unkept + self.missed
 
     @property
     def time_left(self) -> float:
@@ -141,7 +153,9 @@ class Recorder:
         self._queue: deque[_Message | _Topic] = deque()
         self._open: list[_Message] = []  # given to the writer, not in a file yet
         self._refused: dict[str, str] = {}
-        self._lost = self._lost_meanwhile = self._highest = self._size = 0
+        self._unkept: Counter[str] = Counter()
+        self._missed: Mapping[str, int] = {}
+        self._lost_meanwhile = self._highest = self._size = 0
         # Each counted by one thread alone: the difference needs no lock.
         self._bytes_in = self._bytes_out = 0
         self._notes: dict[str, str] = {}
@@ -179,7 +193,7 @@ class Recorder:
         """
         waiting = self._bytes_in - self._bytes_out + len(data)
         if waiting > QUEUE_BYTES or len(self._queue) >= QUEUE_LENGTH:
-            self._lost += 1
+            self._unkept[topic] += 1
             self._lost_meanwhile += bool(self._failure)
             return
         self._bytes_in += len(data)
@@ -192,6 +206,10 @@ class Recorder:
         """Notes a fact of the bag, in the place of one of that name."""
         self._notes[name] = value
 
+    def miss(self, counts: Mapping[str, int]) -> None:
+        """Takes how many messages were sent and did not get here so far, by topic."""
+        self._missed = dict(counts)
+
     def status(self) -> RecorderStatus:
         """How the recording goes."""
         now = self._clock()
@@ -203,7 +221,7 @@ class Recorder:
             written=self._writer.counts,
             size=self._size,
             refused=self._refused.copy(),
-            lost=self._lost,
+            unkept=sum(self._unkept.copy().values()),
             waiting=len(self._queue),
             highest=self._highest,
             age=max(now - self._oldest(now), 0.0),
@@ -213,6 +231,7 @@ class Recorder:
             since=now - self._failed_at if self._failure else 0.0,
             interruptions=self._interruptions,
             lost_meanwhile=self._lost_meanwhile,
+            missed=sum(self._missed.values()),
         )
 
     def close(self) -> None:
@@ -266,7 +285,7 @@ class Recorder:
             self._fail(error, [item])
             return
         except Exception as error:  # a thread that ended here would say nothing to anyone
-            self._lost += 1
+            self._unkept[item.topic] += 1
             self._fail(error, [])
             return
         self._size += len(item.data)
@@ -345,12 +364,14 @@ class Recorder:
         self._open = []
 
     def _count_missed(self) -> None:
-        missed = sum(isinstance(item, _Message) for item in self._queue)
+        left = Counter(item.topic for item in self._queue if isinstance(item, _Message))
         self._queue.clear()
-        self._lost += missed
-        self._lost_meanwhile += missed
-        if self._lost:
-            self._writer.note(LOST, str(self._lost))
+        self._unkept.update(left)
+        self._lost_meanwhile += sum(left.values())
+        lost = self._unkept + Counter(self._missed)
+        if lost:
+            self._writer.note(LOST, str(sum(lost.values())))
+            self._writer.note(LOST_BY_TOPIC, json.dumps(dict(sorted(lost.items()))))
         for name, value in self._notes.items():
             self._writer.note(name, value)
 
@@ -359,7 +380,7 @@ class Recorder:
         gone = self._writer.forget_deleted()
         if not gone:
             return
-        self._lost += gone
+        self._unkept[""] += gone
         self._lost_meanwhile += gone
         self._open = []
         self._take_reserve()

@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from slosh_bag.replay.input_matching import PATIENCE_NS, InputMatcher
+from slosh_bag.replay.known_state import KnownState
 
 MS = 1_000_000
 FAR = 10**6
@@ -171,3 +172,13 @@ def test_estimates_without_inputs_are_forgotten_but_not_a_restart_among_them(cut
     found = live.decide(stamps, final=True)
     assert found.used.all()
     assert found.restarts == [0]
+
+
+def test_mixed_estimates_of_two_nodes_restart_at_an_input_that_is_there():
+    """Their stamps go back: the one before a restart may lie behind all inputs."""
+    matcher = InputMatcher()
+    matcher.add_recorded(np.array([5, 100, 15]), np.array([1, 2, 1]))
+    decision = matcher.decide(np.array([5, 10, 15, 20]), final=True)
+    assert decision.reached == 4
+    assert all(place < decision.reached for place in decision.restarts)
+    KnownState(None).follow(np.array([5, 10, 15, 20]), decision)

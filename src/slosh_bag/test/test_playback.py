@@ -22,6 +22,7 @@ from slosh_bag.playing.play_plan import (
 from slosh_bag.playing.playback import Playback, PlaybackSettings
 from slosh_bag.reader import BagMessage
 from slosh_files.nanoseconds import SECOND
+from slosh_msgs_py import topics
 
 MS = 1_000_000
 BEGIN = 1_700_000_000 * SECOND
@@ -277,6 +278,21 @@ def test_inputs_and_names_do_not_depend_on_the_namespace(bag):
     assert renamed("/tf_static", "test") == "/tf_static"
     names = {entry.name for entry in make_plan(PlayRequest(bag, namespace="test")).topics.values()}
     assert names == {topic.replace("/slosh", "/test") for topic in TYPES} - {"/clock"}
+
+
+def test_all_topics_of_a_cell_move_into_a_namespace_and_no_others(tmp_path):
+    """A recorded plan must not reach the live predictor."""
+    foreign = {"/plc/settings": "std_msgs/msg/String", "/robot/plan": "std_msgs/msg/String"}
+    own = {f"/slosh/{row.name}": row.type for row in topics.TOPICS if not row.is_absolute}
+    with BagWriter(tmp_path / "bag") as writer:
+        for number, (topic, kind) in enumerate({**own, **foreign}.items()):
+            writer.add_topic(topic, kind)
+            writer.write(topic, b"x" * 100, BEGIN + number * MS)
+    plan = make_plan(PlayRequest(tmp_path / "bag", namespace="/replayed"))
+    names = {topic: entry.name for topic, entry in plan.topics.items()}
+    assert names == {topic: topic for topic in foreign} | {
+        topic: topic.replace("/slosh/", "/replayed/") for topic in own
+    }
 
 
 @pytest.mark.parametrize(

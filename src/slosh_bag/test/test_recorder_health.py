@@ -4,13 +4,14 @@ from pathlib import Path
 
 import pytest
 
-from slosh_bag.nodes.recorder_health import findings
+from slosh_bag.nodes.recorder_health import Traffic, findings, left_out_text
+from slosh_bag.recorded_topics import Choice
 from slosh_bag.recorder import RecorderStatus
 from slosh_msgs_py.node.diagnostics import ERROR, OK, STALE, WARN
 
 FINE = {
     "path": Path("/data/run/run_1.mcap"), "files": 2, "written": {"/a": 10, "/b": 5},
-    "size": 1000, "refused": {}, "lost": 0, "waiting": 0, "highest": 3, "age": 0.1,
+    "size": 1000, "refused": {}, "unkept": 0, "waiting": 0, "highest": 3, "age": 0.1,
     "free": 10**11, "rate": 1e6, "failure": "", "since": 0.0, "interruptions": 0,
     "lost_meanwhile": 0,
 }  # fmt: skip
@@ -38,7 +39,7 @@ def test_all_is_well():
 def test_a_full_disk_is_an_error_with_path_space_and_remedy():
     level, sentence = said(
         failure="/data/run/run_1.mcap: No space left on device", since=12.4, free=3_000_000,
-        waiting=400, lost=7, lost_meanwhile=7,
+        waiting=400, unkept=7, lost_meanwhile=7,
     )  # fmt: skip
     assert level == ERROR
     for part in (
@@ -49,14 +50,14 @@ def test_a_full_disk_is_an_error_with_path_space_and_remedy():
 
 
 def test_what_was_lost_on_a_full_disk_is_told_afterwards():
-    level, sentence = said(interruptions=1, lost=7, lost_meanwhile=7)
+    level, sentence = said(interruptions=1, unkept=7, lost_meanwhile=7)
     assert level == WARN
     assert "goes on in run_1.mcap" in sentence
     assert "7 messages were lost" in sentence
 
 
 def test_a_disk_that_is_too_slow_is_an_error():
-    assert said(lost=9, lost_meanwhile=7) == (
+    assert said(unkept=9, lost_meanwhile=7) == (
         ERROR,
         "2 messages lost: the disk is too slow",
     )
@@ -82,7 +83,7 @@ def test_a_disk_that_will_soon_be_full_is_warned_of(free, rate, level):
 def test_everything_is_said_the_worst_first():
     level, sentence = said(
         {"/accel": 12.3, "/image": 3.0}, 4, {"/odd": "odd_msgs is not installed here"},
-        lost=1,
+        unkept=1,
     )  # fmt: skip
     assert level == ERROR
     assert sentence == (
@@ -91,3 +92,22 @@ def test_everything_is_said_the_worst_first():
         "4 messages lost on the way, before they got here; "
         "1 topics are not recorded, such as /odd: odd_msgs is not installed here"
     )
+
+
+def test_the_rate_of_each_topic_is_told_the_largest_first():
+    traffic = Traffic()
+    assert traffic.text(["/a"], 10.0) == "/a 0.0"
+    for _ in range(200):
+        traffic.add("/b", 1000)
+    traffic.add("/a", 500)
+    assert traffic.text(["/a", "/b", "/c"], 12.0) == "/b 100.0, /a 0.2, /c 0.0"
+    assert traffic.text(["/b"], 13.0) == "/b 0.0"
+
+
+def test_what_is_left_out_is_told_with_the_reason():
+    choice = Choice({}, {"/cell/raw": "excluded"}, tuple(f"/plc/{n}" for n in range(12)))
+    assert left_out_text(choice) == (
+        "/cell/raw: excluded; 12 not of this cell, which the parameter topics can add: "
+        "/plc/0, /plc/1, /plc/2, /plc/3, /plc/4, /plc/5, /plc/6, /plc/7, /plc/8, /plc/9, ..."
+    )
+    assert left_out_text(Choice()) == ""

@@ -11,6 +11,7 @@ def lost(numbers: list[int | None], publishers: int = 1) -> int:
     gaps = SequenceGaps()
     for number in numbers:
         gaps.take(number, publishers)
+    gaps.settle(new_publishers=False)
     return gaps.lost
 
 
@@ -32,6 +33,20 @@ def test_who_speaks_in_turns() -> None:
     for number in (502, 4, 503, 5):
         gaps.take(number, 2)
     assert gaps.turns == 4
+
+
+def test_a_new_publisher_is_not_taken_for_a_gap() -> None:
+    """Its first numbers come before it is known to be there."""
+    gaps = SequenceGaps()
+    for number in (8, 9, 40, 41):
+        gaps.take(number)
+    gaps.settle(new_publishers=True)
+    assert gaps.lost == 0
+    for number in (42, 45):
+        gaps.take(number)
+    assert gaps.lost == 0
+    gaps.settle(new_publishers=False)
+    assert gaps.lost == 2
 
 
 def test_a_middleware_that_does_not_count_loses_nothing() -> None:

@@ -492,3 +492,18 @@ def test_a_source_is_read_as_it_is_needed(folder):
     assert source.total == 9
     (folder / "frame_8.png").unlink()
     assert next(source.frames).name == "frame_0.png"
+
+
+@pytest.mark.parametrize(("raw", "chosen"), [(10, "/cam"), (3, "/cam/compressed")])
+def test_of_two_topics_of_images_the_raw_one_is_measured_where_it_is_whole(tmp_path, raw, chosen):
+    """A recorder leaves raw images when compressed ones come."""
+    with BagWriter(tmp_path / "bag") as writer:
+        writer.add_topic("/cam", "sensor_msgs/msg/Image")
+        writer.add_topic("/cam/compressed", "sensor_msgs/msg/CompressedImage")
+        for number in range(10):
+            writer.write("/cam/compressed", b"x", number)
+            if number < raw:
+                writer.write("/cam", b"x", number)
+    source = open_source([str(tmp_path / "bag")])
+    assert source.note.startswith(f"measuring topic {chosen}; left out: /cam")
+    assert source.total == max(raw, 10 if "compressed" in chosen else 0)

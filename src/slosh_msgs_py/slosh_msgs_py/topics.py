@@ -1,8 +1,14 @@
-"""Topic and service names, relative to the cell's namespace."""
+"""The topics, services and actions of a cell: one table, from which all other lists are derived.
+
+Names are relative to the cell's namespace; a name with a slash in front belongs to the whole
+graph. A new topic is one row of TOPICS, and a constant where code names it.
+"""
 
 from __future__ import annotations
 
-from typing import Final
+import re
+from enum import Enum
+from typing import Final, NamedTuple
 
 NAMESPACE: Final = "/slosh"
 """The default namespace of a cell."""
@@ -26,7 +32,17 @@ PLANNED_TRAJECTORY: Final = "planned_trajectory"
 """What the robot is about to do, by whoever planned it."""
 PREDICTION: Final = "prediction"
 PREDICTION_OUTCOME: Final = "prediction_outcome"
+TRUTH: Final = "cell/truth"
+"""Exact heights, by the simulated cell alone."""
+SUMMARY: Final = "cell/summary"
+"""What the simulated cell has published, by topic, as JSON; latched."""
+WALL_HEIGHTS: Final = "wall_heights"
+"""In bags that are made of motion tables."""
 DIAGNOSTICS: Final = "/diagnostics"
+CLOCK: Final = "/clock"
+TF: Final = "/tf"
+TF_STATIC: Final = "/tf_static"
+ROBOT_DESCRIPTION: Final = "/robot_description"
 
 PREDICT: Final = "predict"
 PLAN: Final = "plan"
@@ -34,8 +50,159 @@ PLAN_MOTION: Final = "plan_motion"
 """The action: what `plan` does, with feedback and an end at any time."""
 LOAD_MODEL: Final = "load_model"
 RESET: Final = "reset"
+MONITOR_RESET: Final = f"monitor/{RESET}"
 
-TRUTH: Final = "cell/truth"
-"""Exact heights, by the simulated cell alone."""
-SUMMARY: Final = "cell/summary"
-"""What the simulated cell has published, by topic, as JSON; latched."""
+
+class Role(Enum):
+    """Who publishes a topic, and why."""
+
+    INPUT = "the robot, its planner or its camera: what the cell's nodes read"
+    ANSWER = "the cell's nodes: what they compute"
+    SETTING = "the cell's nodes: what they work with"
+    SIMULATION = "the simulated cell, beside the inputs"
+    TABLE = "nobody: in bags that are made of motion tables"
+    SHARED = "the whole graph"
+
+
+class Publishers(Enum):
+    """How many nodes of one cell may publish a topic at the same time."""
+
+    ONE = 1
+    MANY = 2
+
+
+class Topic(NamedTuple):
+    """A topic.
+
+    Attributes:
+        name: relative to the cell's namespace, or absolute.
+        type: of its messages.
+        role: who publishes it.
+        publishers: how many may do so at the same time.
+        remappable: whether `remap` of a cell file may give it another name.
+        latched: whether late subscribers receive earlier messages (transient local).
+        recorded: whether the recorder records it by default.
+        page: whether the operator's page reads it.
+    """
+
+    name: str
+    type: str
+    role: Role
+    publishers: Publishers = Publishers.ONE
+    remappable: bool = False
+    latched: bool = False
+    recorded: bool = True
+    page: bool = False
+
+    @property
+    def is_absolute(self) -> bool:
+        """Whether it belongs to the whole graph, not to a cell."""
+        return self.name.startswith("/")
+
+
+class Service(NamedTuple):
+    """A service or an action.
+
+    Attributes:
+        name: relative to the cell's namespace.
+        type: its type.
+        remappable: whether `remap` of a cell file may give it another name.
+    """
+
+    name: str
+    type: str
+    remappable: bool = False
+
+
+_INPUT, _ANSWER, _SHARED = Role.INPUT, Role.ANSWER, Role.SHARED
+_MANY = Publishers.MANY
+
+TOPICS: tuple[Topic, ...] = (
+    Topic(ACCEL, "geometry_msgs/msg/AccelStamped", _INPUT, remappable=True),
+    Topic(IMU, "sensor_msgs/msg/Imu", _INPUT, remappable=True),
+    Topic(POSE, "geometry_msgs/msg/PoseStamped", _INPUT, remappable=True),
+    Topic(IMAGE, "sensor_msgs/msg/Image", _INPUT, remappable=True),
+    Topic(IMAGE_COMPRESSED, "sensor_msgs/msg/CompressedImage", _INPUT, remappable=True),
+    Topic(CAMERA_INFO, "sensor_msgs/msg/CameraInfo", _INPUT, remappable=True),
+    Topic(PLANNED_TRAJECTORY, "trajectory_msgs/msg/MultiDOFJointTrajectory", _INPUT, _MANY),
+    Topic(FREE_SURFACE, "slosh_msgs/msg/FreeSurface", _ANSWER, remappable=True, page=True),
+    Topic(ESTIMATE, "slosh_msgs/msg/SloshEstimate", _ANSWER, remappable=True, page=True),
+    Topic(EXPECTED_READING, "slosh_msgs/msg/ExpectedReading", _ANSWER, remappable=True),
+    Topic(ESTIMATOR_STATE, "slosh_msgs/msg/EstimatorState", _ANSWER),
+    Topic(COMPARISON, "slosh_msgs/msg/SloshComparison", _ANSWER, remappable=True, page=True),
+    Topic(
+        LIMIT_EVENT, "slosh_msgs/msg/LimitEvent", _ANSWER,
+        remappable=True, latched=True, page=True,
+    ),
+    Topic(PREDICTION, "slosh_msgs/msg/MotionPrediction", _ANSWER, remappable=True, latched=True),
+    Topic(
+        PREDICTION_OUTCOME, "slosh_msgs/msg/PredictionOutcome", _ANSWER,
+        remappable=True, latched=True,
+    ),
+    Topic(
+        SETTINGS, "slosh_msgs/msg/NodeSettings", Role.SETTING, _MANY, latched=True, page=True
+    ),
+    Topic(TRUTH, "slosh_msgs/msg/FreeSurface", Role.SIMULATION),
+    Topic(SUMMARY, "std_msgs/msg/String", Role.SIMULATION, latched=True),
+    Topic(WALL_HEIGHTS, "sensor_msgs/msg/PointCloud2", Role.TABLE, recorded=False),
+    Topic(
+        DIAGNOSTICS, "diagnostic_msgs/msg/DiagnosticArray", _SHARED, _MANY,
+        remappable=True, page=True,
+    ),
+    Topic(CLOCK, "rosgraph_msgs/msg/Clock", _SHARED),
+    Topic(TF, "tf2_msgs/msg/TFMessage", _SHARED, _MANY),
+    Topic(TF_STATIC, "tf2_msgs/msg/TFMessage", _SHARED, _MANY, latched=True),
+    Topic(ROBOT_DESCRIPTION, "std_msgs/msg/String", _SHARED, latched=True),
+)  # fmt: skip
+SERVICES: tuple[Service, ...] = (
+    Service(LOAD_MODEL, "slosh_msgs/srv/LoadModel", remappable=True),
+    Service(RESET, "std_srvs/srv/Trigger", remappable=True),
+    Service(MONITOR_RESET, "std_srvs/srv/Trigger", remappable=True),
+    Service(PREDICT, "slosh_msgs/srv/PredictSlosh"),
+    Service(PLAN, "slosh_msgs/srv/PlanMotion"),
+)
+ACTIONS: tuple[Service, ...] = (Service(PLAN_MOTION, "slosh_msgs/action/PlanMotion"),)
+
+
+class CellName(NamedTuple):
+    """A topic's full name as that of a cell's own topic.
+
+    Attributes:
+        namespace: of the cell; empty: the root.
+        name: in the cell.
+        topic: its row; None: another topic in a folder of the cell, such as a point cloud of its
+            camera.
+    """
+
+    namespace: str
+    name: str
+    topic: Topic | None
+
+    @property
+    def is_input(self) -> bool:
+        """Whether the robot, its planner or its camera publishes it."""
+        if self.topic is not None:
+            return self.topic.role is Role.INPUT
+        folder = self.name.partition("/")[0]
+        return any(row.role is Role.INPUT and row.name.startswith(f"{folder}/") for row in TOPICS)
+
+
+def cell_name(topic: str, message_type: str = "") -> CellName | None:
+    """A full name as that of a cell's own topic, in whatever namespace.
+
+    Args:
+        topic: the full name.
+        message_type: of the topic; empty: not known. A topic of another type than that of its row
+            is none of the cell's own.
+
+    Returns:
+        None: it is no topic of a cell.
+    """
+    rows = {row.name: row for row in TOPICS if not row.is_absolute}
+    found = re.fullmatch(f"(.*?)/({'|'.join(map(re.escape, rows))})", topic)
+    if found is not None:
+        row = rows[found[2]]
+        return CellName(found[1], found[2], row) if message_type in ("", row.type) else None
+    folders = sorted({name.partition("/")[0] for name in rows if "/" in name})
+    found = re.fullmatch(f"(.*?)/((?:{'|'.join(map(re.escape, folders))})/.+)", topic)
+    return CellName(found[1], found[2], None) if found is not None else None

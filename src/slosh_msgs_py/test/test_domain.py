@@ -7,7 +7,12 @@ import rclpy
 
 from slosh_msgs_py.errors import SloshMessageError
 from slosh_msgs_py.node import domain
-from slosh_msgs_py.node.domain import DOMAINS, own_domain, spoken_domains
+from slosh_msgs_py.node.domain import (
+    DOMAINS,
+    claimed_namespace,
+    own_domain,
+    spoken_domains,
+)
 
 HOLDER = """
 import time
@@ -62,3 +67,14 @@ def test_where_somebody_speaks_already_is_left_to_them(monkeypatch):
 
 def test_where_the_kernel_tells_nothing_nothing_is_known(tmp_path):
     assert spoken_domains(tmp_path / "none") == set()
+
+
+def test_a_cells_name_is_claimed_by_one_run_of_a_domain():
+    long = "/cell" * 60
+    with claimed_namespace(7, long) as first:
+        assert first
+        for domain_id, namespace, free in ((7, long, False), (8, long, True), (7, "/a", True)):
+            with claimed_namespace(domain_id, namespace) as own:
+                assert own is free
+    with claimed_namespace(7, long) as again:
+        assert again

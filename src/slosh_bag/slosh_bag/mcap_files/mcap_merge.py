@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import heapq
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
+
+import numpy as np
 
 from slosh_bag.errors import SloshBagError
 from slosh_bag.mcap_files.chunks import (
@@ -75,6 +77,29 @@ def in_log_order(
                 heapq.heappush(heap, (int(chunk.log_ns[row + 1]), position, row + 1, chunk))
             else:
                 open_bytes -= len(chunk.raw)
+
+
+def gathered(rows: Sequence[tuple[Chunk, int]]) -> Chunk:
+    """Messages of several chunks as one chunk, in the order given.
+
+    Args:
+        rows: chunks, and the index of a message in each; at least one.
+    """
+    data = [
+        chunk.raw[int(chunk.start[row]) : int(chunk.start[row]) + int(chunk.length[row])]
+        for chunk, row in rows
+    ]
+    length = np.array([len(one) for one in data], dtype=np.int64)
+    columns = (
+        np.array([getattr(chunk, name)[row] for chunk, row in rows], dtype=np.int64)
+        for name in ("channel", "log_ns", "publish_ns")
+    )
+    channel, log_ns, publish_ns = columns
+    first = rows[0][0]
+    return Chunk(
+        first.position, 0, b"".join(data), channel, log_ns, publish_ns,
+        np.cumsum(length) - length, length, (), (), checked=first.checked,
+    )  # fmt: skip
 
 
 def _again(path: Path, span: Span, content: bytes) -> Chunk:

@@ -39,7 +39,7 @@ PARAMETERS = (
     ParameterSpec("loop", False, "begin anew at the end, until it is stopped"),
     ParameterSpec("topics", ".*", "regular expression of the topics to play"),
     ParameterSpec("exclude", "", "regular expression of those to leave out; empty: none"),
-    ParameterSpec("inputs", False, "only what the robot and its camera publish"),
+    ParameterSpec("inputs", False, "only what the robot, its planner and its camera publish"),
     ParameterSpec(
         "clock", 0.0,
         "/clock messages per second; 0: one for all messages of a millisecond, 100 in pauses",

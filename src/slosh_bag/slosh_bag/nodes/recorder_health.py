@@ -2,13 +2,58 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 
+from slosh_bag.recorded_topics import Choice
 from slosh_bag.recorder import RecorderStatus
 from slosh_msgs_py.node.diagnostics import ERROR, OK, STALE, WARN, Health
 
 SOON_FULL = 600.0
 """How long before the disk is full the recorder warns [s]."""
+MOST_NAMED = 10
+"""Topics nobody asked for that are named."""
+
+
+class Traffic:
+    """Bytes that came of each topic."""
+
+    def __init__(self) -> None:
+        self._bytes: dict[str, int] = {}
+        self._since: float | None = None
+
+    def add(self, topic: str, size: int) -> None:
+        """Takes a message of so many bytes."""
+        self._bytes[topic] = self._bytes.get(topic, 0) + size
+
+    def text(self, topics: Iterable[str], now: float) -> str:
+        """Each topic's rate since the last call [kB/s], the largest first; begins anew.
+
+        Args:
+            topics: all that are recorded.
+            now: steady time [s].
+        """
+        before, self._since = self._since, now
+        elapsed = now - before if before is not None else 0.0
+        came, self._bytes = self._bytes, {}
+        rates = {
+            topic: 1e-3 * came.get(topic, 0) / elapsed if elapsed > 0.0 else 0.0
+            for topic in topics
+        }
+        ordered = sorted(rates.items(), key=lambda item: (-item[1], item[0]))
+        return ", ".join(f"{topic} {rate:.1f}" for topic, rate in ordered)
+
+
+def left_out_text(choice: Choice) -> str:
+    """Which topics are not recorded, and why."""
+    parts = [f"{topic}: {reason}" for topic, reason in choice.left_out.items()]
+    if choice.others:
+        names = ", ".join(choice.others[:MOST_NAMED])
+        more = ", ..." if len(choice.others) > MOST_NAMED else ""
+        parts.append(
+            f"{len(choice.others)} not of this cell, which the parameter topics can add: "
+            f"{names}{more}"
+        )
+    return "; ".join(parts)
 
 
 def findings(
@@ -62,7 +107,7 @@ def _errors(status: RecorderStatus) -> list[str]:
             f"{1e-6 * status.free:.0f} MB free: make room, and it goes on by itself; "
             f"{status.waiting} messages wait, {status.lost_meanwhile} are lost"
         )
-    slow = status.lost - status.lost_meanwhile
+    slow = status.unkept - status.lost_meanwhile
     if slow:
         found.append(f"{slow} messages lost: the disk is too slow")
     return found

@@ -1,10 +1,11 @@
-"""The recorder node: every topic of the cell into a bag, bytes untouched."""
+"""The recorder node: the topics of the cell into a bag, bytes untouched."""
 
 from __future__ import annotations
 
-import re
+import json
 import sys
 import time
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -14,10 +15,11 @@ from rclpy.serialization import deserialize_message
 from rclpy.subscription import Subscription
 
 from slosh_bag.bag_writer import Split
-from slosh_bag.errors import SloshBagError
-from slosh_bag.nodes.recorder_health import findings
+from slosh_bag.nodes.recorder_health import Traffic, findings, left_out_text
 from slosh_bag.nodes.topic_input import Received, TopicInput, noted
-from slosh_bag.recorder import SEVERAL, Recorder
+from slosh_bag.nodes.used_topics import used_topics
+from slosh_bag.recorded_topics import Choice, TopicChoice
+from slosh_bag.recorder import PUBLISHERS, SEVERAL, Recorder, RecorderStatus
 from slosh_bag.recording.log_times import LogTimes
 from slosh_files.nanoseconds import SECOND
 from slosh_msgs.msg import NodeSettings
@@ -27,6 +29,7 @@ from slosh_msgs_py.node.diagnostics import DiagnosticsReporter, Health
 from slosh_msgs_py.node.guarded import GuardedNode
 from slosh_msgs_py.node.parameters import ParameterSpec, declare
 from slosh_msgs_py.node.readiness import RECORDED
+from slosh_msgs_py.node.rivals import UNKNOWN
 from slosh_msgs_py.node.run import run_node
 
 DISCOVERY_PERIOD = 0.2
@@ -34,13 +37,21 @@ TAKE_PERIOD = 0.05
 _SETTLED = 2_000_000  # ns; a message received this long ago can be taken by now
 PARAMETERS = (
     ParameterSpec("output", "bag", "folder of the bag; it must be new or empty"),
-    ParameterSpec("topics", ".*", "regular expression of the topics to record"),
+    ParameterSpec(
+        "topics",
+        "",
+        "regular expression of topics to record beside the cell's own; '.*': all there are",
+    ),
     ParameterSpec(
         "exclude",
-        # Compressed images hold what the raw ones do, in a tenth of the space. Names with /_ are
-        # hidden by convention: the inner topics of actions, of no use in a bag.
-        "^/(rosout|parameter_events)$|/image_raw$|/_",
-        "regular expression of those to leave out",
+        # Names with /_ are hidden by convention: the inner topics of actions, of no use in a bag.
+        "^/(rosout|parameter_events)$|/_",
+        "regular expression of topics to leave out",
+    ),
+    ParameterSpec(
+        "raw_images",
+        False,
+        "record raw images also where compressed ones are recorded",
     ),
     ParameterSpec(
         "max_bag_size",
@@ -65,11 +76,18 @@ class RecorderNode(GuardedNode):
         self._inputs: dict[str, TopicInput] = {}
         super().__init__("recorder")
         values = declare(self, PARAMETERS)
-        self._include = _pattern("topics", values["topics"])
-        self._exclude = _pattern("exclude", values["exclude"])
+        self._choice = TopicChoice(
+            self.get_namespace(),
+            values["topics"],
+            values["exclude"],
+            raw_images=values["raw_images"],
+        )
+        self._chosen = Choice()
         self._unknown: dict[str, str] = {}
         self._other_types: dict[str, str] = {}
-        self._shared: set[str] = set()
+        self._shared: dict[str, list[str]] = {}
+        self._missed: Counter[str] = Counter()  # of inputs that are no longer recorded
+        self._traffic = Traffic()
         self._told: set[str] = set()
         self._held: list[Received] = []
         self._times = LogTimes(time.time_ns(), time.monotonic_ns())
@@ -95,13 +113,15 @@ class RecorderNode(GuardedNode):
     def close(self) -> None:
         """Finishes the bag."""
         self._take(final=True)
+        for entry in self._inputs.values():
+            entry.settle()
+        self._core.miss(self._lost_on_the_way())
         self._core.close()
         status = self._core.status()
         total = sum(status.written.values())
         self.get_logger().info(f"{total} messages in {status.path.parent}, {status.lost} lost")
         if status.lost:
-            why = status.failure or "the disk was too slow, or the bag was deleted"
-            self.failure = f"{status.lost} messages are lost, which the bag notes: {why}"
+            self.failure = f"{status.lost} messages are lost, which the bag notes: {_why(status)}"
 
     def _discover(self) -> None:
         now = time.monotonic()
@@ -112,17 +132,27 @@ class RecorderNode(GuardedNode):
                 self.get_logger().warning(f"{entry.topic}: {change}")
             elif change:
                 self.get_logger().info(f"{entry.topic}: {change}")
-        self._other_types = {}
-        for topic, types in self.get_topic_names_and_types():
-            if topic in self._inputs and len(types) > 1:
-                own = self._inputs[topic].type_name
-                self._other_types[topic] = next(kind for kind in types if kind != own)
-            known = topic in self._inputs or topic in self._unknown
-            if self._wants(topic) and not known and self.count_publishers(topic):
-                self._add(topic, types[0], now)
+        graph = dict(self.get_topic_names_and_types())
+        self._other_types = {
+            topic: next(kind for kind in graph[topic] if kind != entry.type_name)
+            for topic, entry in self._inputs.items()
+            if len(graph.get(topic, ())) > 1
+        }
+        kinds = {topic: types[0] for topic, types in graph.items()}
+        chosen = self._choice.choose(kinds, used_topics(self), self.count_publishers, now)
+        for topic in self._inputs.keys() & chosen.left_out.keys():
+            self._remove(topic, chosen.left_out[topic])
+        for topic, kind in chosen.recorded.items():
+            if topic not in self._inputs and topic not in self._unknown:
+                self._add(topic, kind, now)
+        self._chosen = chosen
 
-    def _wants(self, topic: str) -> bool:
-        return bool(self._include.search(topic)) and not self._exclude.search(topic)
+    def _remove(self, topic: str, reason: str) -> None:
+        entry = self._inputs.pop(topic)
+        entry.settle()
+        self._missed[topic] += entry.lost
+        self.destroy_subscription(entry.subscription)
+        self.get_logger().info(f"{topic} is not recorded any more: {reason}")
 
     def _add(self, topic: str, type_name: str, now: float) -> None:
         try:
@@ -134,10 +164,12 @@ class RecorderNode(GuardedNode):
         entry = TopicInput(self, topic, type_name, message_type, now)
         self._core.add_topic(topic, type_name, noted(entry.profile))
         self._inputs[topic] = entry
+        self.get_logger().info(f"{topic} is recorded: {type_name}")
 
     def _hold(self, received: Received) -> None:
         arrived_ns = self._times.of(received.arrived_ns)
         self._held.append(received._replace(arrived_ns=arrived_ns))
+        self._traffic.add(received.topic, len(received.data))
 
     def _take(self, final: bool = False) -> None:
         """Hands over what has come, in the order in which it came on all topics together."""
@@ -167,14 +199,17 @@ class RecorderNode(GuardedNode):
         """Tells at once whose settings have come: a run does not begin before."""
         before = len(self._told)
         for received in taken:
-            if self._inputs[received.topic].message_type is NodeSettings:
+            entry = self._inputs.get(received.topic)
+            if entry is not None and entry.message_type is NodeSettings:
                 self._told.add(deserialize_message(received.data, NodeSettings).node)
         if len(self._told) > before:
             self._report.report()
 
     def _health(self) -> Health:
+        missed = self._lost_on_the_way()
+        self._core.miss(missed)
         status = self._core.status()
-        total, lost = sum(status.written.values()), self._lost_on_the_way()
+        total, lost = sum(status.written.values()), sum(missed.values())
         silent = total == self._reported
         newly_lost = lost - self._reported_lost
         self._reported, self._reported_lost = total, lost
@@ -184,16 +219,23 @@ class RecorderNode(GuardedNode):
 
     def _look_for_shared(self) -> list[str]:
         """Topics of one node on which several have just spoken; the bag notes all of them."""
-        shared = [entry.topic for entry in self._inputs.values() if entry.is_shared()]
-        self._shared.update(shared)
+        shared = [
+            topic
+            for topic, entry in self._inputs.items()
+            if entry.is_mixed() and self._choice.has_one_publisher(topic, entry.type_name)
+        ]
+        for topic in shared:
+            nodes = self._inputs[topic].publisher_nodes()
+            self._shared[topic] = max(nodes, self._shared.get(topic, []), key=_how_telling)
         if shared:
             self._core.note(SEVERAL, ",".join(sorted(self._shared)))
+            self._core.note(PUBLISHERS, json.dumps(self._shared, sort_keys=True))
         return shared
 
     def _facts(self) -> dict[str, Any]:
         status = self._core.status()
         recorded = {}
-        if self._wants(self.resolve_topic_name(topics.SETTINGS)):
+        if self._choice.wants(self.resolve_topic_name(topics.SETTINGS)):
             recorded = {RECORDED: ", ".join(sorted(self._told))}
         return recorded | {
             "file": status.path,
@@ -203,13 +245,15 @@ class RecorderNode(GuardedNode):
             "bytes": status.size,
             "lost": status.lost,
             "lost while nothing could be written": status.lost_meanwhile,
-            "lost on the way": self._lost_on_the_way(),
+            "lost on the way": status.missed,
             "queue": status.waiting,
             "queue maximum": status.highest,
             "oldest unwritten message [s]": f"{status.age:.2f}",
             "free space [MB]": round(1e-6 * status.free),
             "written [MB/s]": f"{1e-6 * status.rate:.2f}",
             "topics without a publisher": ", ".join(self._absent()),
+            "recorded [kB/s]": self._traffic.text(self._inputs, time.monotonic()),
+            "left out": left_out_text(self._chosen),
         }
 
     def _absent(self) -> dict[str, float]:
@@ -221,17 +265,26 @@ class RecorderNode(GuardedNode):
             if entry.silent_since is not None
         }
 
-    def _lost_on_the_way(self) -> int:
-        return sum(entry.lost for entry in self._inputs.values())
+    def _lost_on_the_way(self) -> Counter[str]:
+        """Messages that were sent and did not get here, by topic."""
+        return self._missed + Counter({topic: entry.lost for topic, entry in self._inputs.items()})
 
 
-def _pattern(name: str, text: str) -> re.Pattern[str]:
-    try:
-        return re.compile(text)
-    except re.error as error:
-        raise SloshBagError(
-            f"parameter {name} = {text!r}: no regular expression: {error}"
-        ) from None
+def _how_telling(nodes: list[str]) -> tuple[int, int]:
+    """The more publishers are known the better, and the more of them by name."""
+    return len(nodes), -sum(node.startswith(UNKNOWN) for node in nodes)
+
+
+def _why(status: RecorderStatus) -> str:
+    reasons = []
+    if status.missed:
+        reasons.append(
+            f"{status.missed} did not reach the recorder: it was stopped, or the machine is too "
+            "busy"
+        )
+    if status.unkept:
+        reasons.append(status.failure or "the disk was too slow, or the bag was deleted")
+    return "; ".join(reasons)
 
 
 def main() -> int:

@@ -16,13 +16,14 @@ class SequenceGaps:
     """Follows the numbers of a topic's messages.
 
     Attributes:
-        lost: numbers that were left out.
+        lost: numbers that were left out, so far as `settle` has confirmed them.
         turns: how often a publisher went on after another one had spoken. Where one took the
             place of another there is none; where two speak, there are many.
     """
 
     def __init__(self) -> None:
         self.lost = self.turns = 0
+        self._unconfirmed = 0
         self._newest: int | None = None
         self._last: list[int] = []  # of each publisher
 
@@ -47,5 +48,18 @@ class SequenceGaps:
             last.append(number)
             del last[: max(len(last) - max(publishers, 1), 0)]
             return
-        self.lost += number - before - 1
+        self._unconfirmed += number - before - 1
         last[last.index(before)] = number
+
+    def settle(self, *, new_publishers: bool) -> None:
+        """Confirms what was counted since the last call, or drops it.
+
+        Args:
+            new_publishers: whether publishers have come that were never there before. Numbers of
+                theirs may have been taken for gaps of another.
+        """
+        if new_publishers:
+            self._last.clear()
+        else:
+            self.lost += self._unconfirmed
+        self._unconfirmed = 0

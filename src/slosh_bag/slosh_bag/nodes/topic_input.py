@@ -16,14 +16,10 @@ from rclpy.subscription import Subscription
 
 from slosh_bag.bag_writer import Qos
 from slosh_bag.nodes.sequence_gaps import SequenceGaps
+from slosh_msgs_py.node.rivals import node_of
 
 # Several seconds at 1 kHz: a stalled process must not lose messages before it sees them.
 DEPTH = 5000
-OF_ONE = frozenset(
-    f"slosh_msgs/msg/{name}"
-    for name in ("ExpectedReading", "FreeSurface", "SloshComparison", "SloshEstimate")
-)
-"""Types of topics on which one node of a cell speaks alone."""
 
 
 class Received(NamedTuple):
@@ -73,6 +69,7 @@ class TopicInput:
         self._node = node
         self.message_type = message_type
         self._known: frozenset[bytes] = frozenset()
+        self._ever: set[bytes] = set()  # of all publishers so far
         publishers = self._publishers()
         self.profile = matching([publisher.profile for publisher in publishers])
         self.subscription = self._subscribe()
@@ -83,10 +80,19 @@ class TopicInput:
         """Messages that were sent and did not arrive."""
         return self._gaps.lost
 
-    def is_shared(self) -> bool:
-        """Whether several publishers have spoken since the last call on a topic of one alone."""
+    def settle(self) -> None:
+        """Counts what is known to be lost, although nobody looks at the publishers any more."""
+        self._gaps.settle(new_publishers=False)
+
+    def is_mixed(self) -> bool:
+        """Whether several publishers have spoken in turns since the last call."""
         turns, self._turns = self._gaps.turns - self._turns, self._gaps.turns
-        return turns > 1 and self.type_name in OF_ONE
+        return turns > 1
+
+    def publisher_nodes(self) -> list[str]:
+        """Full names of the nodes that publish the topic, one for each publisher."""
+        infos = self._node.get_publishers_info_by_topic(self.topic)
+        return sorted(node_of(info) for info in infos)
 
     def watch(self, now: float) -> str:
         """Looks at the topic's publishers; subscribes anew where they offer other things.
@@ -98,6 +104,9 @@ class TopicInput:
             what has changed, or an empty text.
         """
         publishers = self._publishers()
+        identities = frozenset(publisher.identity for publisher in publishers)
+        self._gaps.settle(new_publishers=not identities <= self._ever)
+        self._ever |= identities
         if not publishers:
             if self.silent_since is None:
                 self.silent_since = now
@@ -105,7 +114,7 @@ class TopicInput:
             return ""
         back, self.silent_since = self.silent_since is not None, None
         wish = wanted(self.profile, publishers, self._known)
-        self._known = frozenset(publisher.identity for publisher in publishers)
+        self._known = identities
         if wish is not None:
             self._node.destroy_subscription(self.subscription)
             self.profile = wish

@@ -18,7 +18,7 @@ from slosh_bag.playing.playback import Playback, PlaybackSettings, Step
 from slosh_bag.reader import BagReader
 from slosh_msgs_py import topics as names
 
-CLOCK, ENCODING = "/clock", "cdr"
+CLOCK, ENCODING = names.CLOCK, "cdr"
 # Publishers' history depths: DDS does not tell a recorder what they were.
 STREAM_DEPTH, LATCHED_DEPTH = 1000, 100
 LARGE_DEPTHS = {
@@ -26,17 +26,7 @@ LARGE_DEPTHS = {
     "sensor_msgs/msg/PointCloud2": 30,
     "sensor_msgs/msg/CompressedImage": 100,
 }
-INPUTS = (names.ACCEL, names.IMU, names.POSE)
-_ANSWERS = (
-    names.FREE_SURFACE,
-    names.ESTIMATE,
-    names.EXPECTED_READING,
-    names.COMPARISON,
-    names.LIMIT_EVENT,
-)
-_CELL_NAMES = "|".join((*INPUTS, *_ANSWERS, "settings", "camera/.+", "cell/.+"))
 _NAME = re.compile("(/[A-Za-z_][A-Za-z0-9_]*)+")
-_CELL_TOPIC = re.compile(f"^(?P<namespace>.*?)/(?P<name>{_CELL_NAMES})$")
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +38,7 @@ class PlayRequest:
         settings: rate, part and clock.
         topics: regular expression of the topics to play.
         exclude: regular expression of those to leave out; empty: none.
-        inputs: only what the robot and its camera publish, not what is computed from it.
+        inputs: only what the robot, its planner and its camera publish, not what follows from it.
         namespace: where the cell's own topics go; empty: where they were.
     """
 
@@ -112,7 +102,7 @@ def make_plan(request: PlayRequest) -> PlayPlan:
     played = {
         topic: PlayedTopic(
             contents.topics[topic].message_type,
-            renamed(topic, request.namespace),
+            renamed(topic, request.namespace, contents.topics[topic].message_type),
             offered_qos(contents.topics[topic]),
         )
         for topic in chosen
@@ -144,7 +134,7 @@ def _choose(request: PlayRequest, contents: BagContents) -> list[str]:
         if topic != CLOCK
         and include.search(topic)
         and not (exclude and exclude.search(topic))
-        and (not request.inputs or is_input(topic))
+        and (not request.inputs or is_input(topic, contents.topics[topic].message_type))
     ]
     if not chosen:
         raise SloshBagError(
@@ -161,19 +151,18 @@ def _pattern(name: str, text: str) -> re.Pattern[str]:
         raise SloshBagError(f"{name} = {text!r}: no regular expression: {error}") from None
 
 
-def is_input(topic: str) -> bool:
-    """Whether a robot or its camera publishes the topic, in whatever namespace."""
-    found = _CELL_TOPIC.match(topic)
-    name = found["name"] if found else ""
-    return name in INPUTS or name.startswith("camera/")
+def is_input(topic: str, message_type: str = "") -> bool:
+    """Whether a robot, its planner or its camera publishes the topic, in whatever namespace."""
+    found = names.cell_name(topic, message_type)
+    return found is not None and found.is_input
 
 
-def renamed(topic: str, namespace: str) -> str:
+def renamed(topic: str, namespace: str, message_type: str = "") -> str:
     """The topic's name in another namespace; what is not the cell's own stays where it is."""
-    found = _CELL_TOPIC.match(topic)
-    if not (namespace and found):
+    found = names.cell_name(topic, message_type)
+    if not namespace or found is None:
         return topic
-    return f"/{namespace.strip('/')}/{found['name']}".replace("//", "/")
+    return f"/{namespace.strip('/')}/{found.name}".replace("//", "/")
 
 
 def offered_qos(topic: BagTopic) -> Qos:

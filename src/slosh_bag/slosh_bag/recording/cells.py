@@ -6,10 +6,12 @@ from collections.abc import Mapping
 
 from slosh_bag.reader import TopicInfo
 from slosh_bag.recording import settings
+from slosh_msgs_py import topics
 
-SURFACE = "slosh_msgs/msg/FreeSurface"
-ESTIMATE = "slosh_msgs/msg/SloshEstimate"
-COMPARISON = "slosh_msgs/msg/SloshComparison"
+_TYPES = {row.name: row.type for row in topics.TOPICS}
+SURFACE = _TYPES[topics.FREE_SURFACE]
+ESTIMATE = _TYPES[topics.ESTIMATE]
+COMPARISON = _TYPES[topics.COMPARISON]
 _OWN = {settings.TOPIC: settings.MESSAGE_TYPE, "estimate": ESTIMATE, "comparison": COMPARISON}
 """Topics of an estimator or a monitor: where there is one, there is a cell."""
 
@@ -18,12 +20,12 @@ class CellTopics:
     """Finds the topics of one cell by their last names, in its namespace or outside all cells.
 
     Args:
-        topics: of the bag; those without messages do not count.
+        recorded: topics of the bag; those without messages do not count.
         cell: the namespace; None: the first in which a cell was recorded.
     """
 
-    def __init__(self, topics: Mapping[str, TopicInfo], cell: str | None = None) -> None:
-        self._topics = {name: info.message_type for name, info in topics.items() if info.count}
+    def __init__(self, recorded: Mapping[str, TopicInfo], cell: str | None = None) -> None:
+        self._topics = {name: info.message_type for name, info in recorded.items() if info.count}
         own = {
             _namespace(topic)
             for topic, kind in self._topics.items()

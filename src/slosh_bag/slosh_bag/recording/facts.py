@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import json
+from collections import Counter
 from collections.abc import Mapping
-from typing import Final
+from typing import Any, Final
 
-from slosh_bag.recorder import SEVERAL
+from slosh_bag.recorder import LOST, LOST_BY_TOPIC, PUBLISHERS, SEVERAL
 from slosh_model.containers import Cylinder
 
 CLOCKS: Final = "clocks"
@@ -23,15 +25,53 @@ def clocks_unrelated(facts: Mapping[str, str]) -> bool:
     return facts.get(CLOCKS) == UNRELATED
 
 
+def lost_messages(facts: Mapping[str, str]) -> dict[str, int]:
+    """Messages that were sent and are not in a bag, by topic, so far as its recorder knew.
+
+    Those of which the topic is not known stand under an empty name.
+    """
+    counts = _json_object(facts.get(LOST_BY_TOPIC, ""))
+    if counts and all(isinstance(count, int) for count in counts.values()):
+        return counts
+    total = facts.get(LOST, "0")
+    return {"": int(total)} if total.isdecimal() and int(total) else {}
+
+
+def mixed_topics(facts: Mapping[str, str]) -> frozenset[str]:
+    """Topics of one node on which several publishers spoke."""
+    return frozenset(filter(None, facts.get(SEVERAL, "").split(",")))
+
+
 def shared_topics_line(facts: Mapping[str, str]) -> str:
     """What several publishers on topics of one node mean for a bag; empty: there were none."""
-    topics = facts.get(SEVERAL, "").replace(",", ", ")
+    topics = facts.get(SEVERAL, "")
     if not topics:
         return ""
+    nodes = _json_object(facts.get(PUBLISHERS, ""))
+    named = ", ".join(_with_nodes(topic, nodes.get(topic)) for topic in topics.split(","))
     return (
-        f"several publishers spoke on {topics}, as where two cells share a namespace: "
-        "what was recorded is a mixture, and its estimates do not replay"
+        f"several publishers were mixed on {named}, as where two cells share a namespace: only "
+        "estimates are told apart, by their counters, and the first estimator is replayed; stop "
+        "one of them, or give it another namespace or ROS_DOMAIN_ID"
     )
+
+
+def _with_nodes(topic: str, nodes: Any) -> str:
+    """A topic with the nodes that published it, where they are known."""
+    if not isinstance(nodes, list) or not nodes:
+        return topic
+    counts = Counter(str(node) for node in nodes)
+    named = (f"{count} x {node}" if count > 1 else node for node, count in counts.items())
+    return f"{topic} (of {', '.join(named)})"
+
+
+def _json_object(text: str) -> dict[str, Any]:
+    """A JSON object; an empty one where the text is none."""
+    try:
+        document = json.loads(text)
+    except ValueError:
+        return {}
+    return document if isinstance(document, dict) else {}
 
 
 def noted_container(facts: Mapping[str, str]) -> Cylinder | None:

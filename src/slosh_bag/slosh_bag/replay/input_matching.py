@@ -11,6 +11,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from slosh_files.nanoseconds import SECOND
+
 Integers = NDArray[np.int64]
 
 PATIENCE_NS = 10_000_000_000
@@ -42,12 +44,17 @@ class InputMatcher:
     Inputs before the first estimate are those of an estimator that was not there yet; inputs
     behind the last one count as used, as nothing speaks against them.
 
+    Args:
+        mixed: inputs come from several publishers, so that their stamps may go back by up to a
+            second, and only those with an estimate were used.
+
     Attributes:
         used_before: inputs that the estimator had used before the recording began.
         unclear: inputs of which the counter tells only that some were used; they are all taken.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, *, mixed: bool = False) -> None:
+        self._mixed = mixed
         self.used_before = self.unclear = 0
         self._stamps = np.empty(0, dtype=np.int64)
         self._used = np.empty(0, dtype=np.int64)
@@ -74,10 +81,11 @@ class InputMatcher:
         known = np.append(self._stamps, np.iinfo(np.int64).max)
         used = known[index] == chosen
         counts = np.where(used, np.append(self._used, 0)[index], 0)
-        used |= self._unrecorded(index, ~used, final)
+        if not self._mixed:
+            used |= self._unrecorded(index, ~used, final)
         restarts = self._starts(chosen, used)
         if count:
-            self.forget(int(chosen.max()))
+            self.forget(int(chosen.max()) - SECOND * self._mixed)
             self._anew = False
         return Decision(count, used, restarts, counts)
 
@@ -139,6 +147,8 @@ class InputMatcher:
             unheard = int(self._used[place]) - 1
             before = self._stamps[place - 1] if place else -(2**62)
             start = max(int(np.searchsorted(stamps, before, side="right")), end - unheard)
+            # Later where estimates of several nodes are mixed, whose stamps go back.
+            start = min(start, end)
             used[start:end] = True
             if self._heard:
                 restarts.append(start)

@@ -17,12 +17,13 @@ from slosh_bag.errors import SloshBagError
 from slosh_bag.interchange.bag_table import TableSettings, read_bag_table
 from slosh_bag.mcap_files.chunks import MessageBlock
 from slosh_bag.reader import BagReader
-from slosh_bag.recorder import LOST
 from slosh_bag.recording import inputs, settings
 from slosh_bag.recording.facts import (
     TABLE_COLUMNS,
     TABLE_ORIGIN,
     clocks_unrelated,
+    lost_messages,
+    mixed_topics,
     noted_container,
     shared_topics_line,
 )
@@ -37,6 +38,7 @@ from slosh_bag.replay.input_matching import InputMatcher
 from slosh_bag.replay.known_state import KnownState
 from slosh_bag.replay.model_set import ModelSet
 from slosh_bag.replay.monitor_feed import MonitorFeed
+from slosh_bag.replay.one_estimator import OneEstimator
 from slosh_bag.replay.replay_table import replay_table
 from slosh_bag.replay.result import ReplayResult
 from slosh_bag.replay.series import Series
@@ -79,6 +81,7 @@ def replay_bag(
     path = Path(path)
     reader = BagReader(path)
     sources = find_sources(path, reader, given.kind if given else None, cell)
+    sources = _unmixed(sources)
     sources = sources._replace(starts=_heard_starts(reader, sources))
     started = settings.first(sources.starts, "estimator")
     recorded = settings.model_of(started) if started else None
@@ -87,7 +90,10 @@ def replay_bag(
     watched = monitor or _monitor_settings(sources)
     if _is_turning_table(sources, used):
         return _replay_table_bag(path, reader, sources, used, watched, outputs)
-    matcher = InputMatcher() if sources.estimate and sources.kind != "pose" else None
+    mixed = mixed_topics(sources.facts)
+    matcher = None
+    if sources.estimate and sources.kind != "pose":
+        matcher = InputMatcher(mixed={sources.input, sources.estimate} <= mixed)
     input_reader = InputReader(sources.kind, how, chosen=matcher is not None)
     if clocks_unrelated(sources.facts):
         batches = chain.from_iterable(feed(reader, sources))
@@ -111,9 +117,10 @@ def replay_bag(
             outputs=outputs or Outputs(),
         )
         stream = ReplayStream(str(path), components)
+        estimator = OneEstimator() if sources.estimate in mixed else None
         for chunk in feed(reader, sources, modes=len(used.mode_constants())):
             for batch in chunk:
-                _hand_over(batch, sources, stream)
+                _hand_over(batch, sources, stream, estimator)
             stream.advance()
         stream.advance(final=True)
         origin = _origin(started, recorded, used)
@@ -121,6 +128,16 @@ def replay_bag(
     unfelt = [f"{path}: {line}" for line in [attitude_warning(used, sources.kind)] if line]
     warnings = (*_warnings(path, reader, sources), *unfelt, *result.warnings)
     return replace(result, warnings=warnings)
+
+
+def _unmixed(sources: Sources) -> Sources:
+    """The sources without recorded answers of several nodes that nothing tells apart."""
+    mixed = mixed_topics(sources.facts)
+    if sources.estimate in mixed:
+        return sources._replace(state=None, comparison=None)
+    if mixed & {sources.comparison, sources.surface}:
+        return sources._replace(comparison=None)
+    return sources
 
 
 def _heard_starts(reader: BagReader, sources: Sources) -> tuple[NodeStart, ...]:
@@ -160,9 +177,9 @@ def _replay_table_bag(
 
 def _warnings(path: Path, reader: BagReader, sources: Sources) -> list[str]:
     found = list(reader.warnings)
-    lost = sources.facts.get(LOST)
+    lost = sum(lost_messages(sources.facts).values())
     if lost:
-        found.append(f"{path}: the recorder lost {lost} messages: what follows is without them")
+        found.append(f"{path}: {lost} messages were lost while recording; the bag lacks them")
     shared = shared_topics_line(sources.facts)
     if shared:
         found.append(f"{path}: {shared}")
@@ -260,11 +277,17 @@ def whole_run(
     return WholeRun(models.names, heights, np.concatenate(felt), chosen(found, order))
 
 
-def _hand_over(batch: TopicBatch, sources: Sources, stream: ReplayStream) -> None:
+def _hand_over(
+    batch: TopicBatch, sources: Sources, stream: ReplayStream, estimator: OneEstimator | None
+) -> None:
     if batch.topic == sources.input:
         stream.add_input(batch.columns, batch.log_ns)
     elif batch.topic == sources.estimate:
-        stream.add_recorded(batch.columns)
+        columns = batch.columns
+        if estimator is not None:
+            own = estimator.mask(stamps_of(columns), columns["samples_used"].astype(np.int64))
+            columns = {name: column[own] for name, column in columns.items()}
+        stream.add_recorded(columns)
     elif batch.topic == sources.comparison:
         stream.add_comparisons(batch.columns)
     elif batch.topic == sources.state:

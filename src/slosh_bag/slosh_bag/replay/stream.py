@@ -42,6 +42,8 @@ Columns = Mapping[str, NDArray[Any]]
 BEHIND_NS = 2_000_000_000
 """How long a measurement may come after its stamp and still take its place in the order. An input
 that has been silent for so long, by the recorder's clock, holds nothing up."""
+SET_BACKS = 3
+"""Stamps that go back more often than this are no clock that is set back."""
 KEPT_NS = 200_000_000
 """Estimates that are kept before the oldest that was released, to interpolate between."""
 AHEAD_NS = 10_000_000_000
@@ -117,6 +119,7 @@ class ReplayStream:
         self._components = components
         self._changes = list(components.changes)
         self._inputs: list[tuple[Integers, Columns]] = []
+        self._set_backs = 0  # of the inputs' stamps
         self._measured: list[Measurements] = []
         self._heights: ModelHeights | None = None
         self._released = -(2**62)
@@ -139,6 +142,8 @@ class ReplayStream:
 
     def _take_in(self, stamps: Integers, columns: Columns, log_ns: int) -> None:
         if len(stamps):
+            before = self._inputs[-1][0][-1:] if self._inputs else stamps[:0]
+            self._set_backs += int((np.diff(stamps, prepend=before) < 0).sum())
             self._inputs.append((stamps, columns))
             self._note("input", stamps, log_ns)
 
@@ -316,6 +321,13 @@ class ReplayStream:
         old = self._heights
         whole = new if old is None else joined([old, new])
         late = np.flatnonzero(np.diff(whole.stamps) <= 0)
+        if len(late) and self._set_backs > SET_BACKS:
+            raise SloshBagError(
+                f"{self._name}: the stamps of the input go back {self._set_backs} times, first at "
+                f"{whole.stamps[late[0]] * 1e-9:.3f} s, as where messages of several publishers "
+                "are mixed on one topic; the recording does not tell them apart: record one "
+                "publisher at a time"
+            )
         if len(late):
             raise SloshBagError(
                 f"{self._name}: the stamps of the input go back at "

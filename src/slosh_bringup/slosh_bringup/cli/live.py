@@ -90,7 +90,8 @@ def run_live(
         as_json: print the figures as JSON.
 
     Returns:
-        exit code: 0; 1 where nothing was compared or a node ended; 2 where one refused its input.
+        exit code: 0; 1 where nothing was compared, messages are lost, two cells were mixed, or a
+            node ended; 2 where a node refused its input.
     """
     check_files(run.setup)
     _check_port(run.watch)
@@ -113,7 +114,7 @@ def run_live(
     print_json(result, folder) if as_json else print_result(result, folder)
     for line in (result.nothing,) if result.reasons else result.warnings:
         _say(run, line)
-    return outcome.exit_code or int(bool(result.reasons))
+    return outcome.exit_code or int(bool(result.reasons or result.failures))
 
 
 def _check_port(port: int | None) -> None:

@@ -29,7 +29,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--exclude", default="", metavar="REGEX", help="all but these")
     parser.add_argument(
         "--inputs", action="store_true",
-        help="only what the robot and its camera publish: accel, imu, pose, camera/...",
+        help="only what the robot, its planner and its camera publish: accel, imu, pose, "
+        "camera/..., planned_trajectory",
     )  # fmt: skip
     parser.add_argument(
         "--clock", type=float, default=0.0, metavar="HZ",

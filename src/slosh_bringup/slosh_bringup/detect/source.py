@@ -238,10 +238,14 @@ def _image_topic(
         raise SloshBringupError(
             f"--topic {asked}: {path} has no images on it; there are {', '.join(topics)}"
         )
+    most = max(info.count or 0 for info in topics.values())
 
-    def rank(topic: str) -> tuple[bool, bool, bool]:
-        # Distances are no picture; nothing was lost in raw images.
-        return topic != asked, "depth" in topic.lower(), topics[topic].message_type != RAW
+    def rank(topic: str) -> tuple[bool, bool, bool, bool]:
+        # Distances are no picture. Nothing was lost in raw images, but a recorder leaves them
+        # when compressed ones come.
+        info = topics[topic]
+        few = (info.count or most) < 0.5 * most
+        return topic != asked, "depth" in topic.lower(), few, info.message_type != RAW
 
     chosen, *others = sorted(topics, key=rank)
     return chosen, others, topics[chosen].count

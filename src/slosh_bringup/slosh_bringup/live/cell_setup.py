@@ -13,25 +13,12 @@ from slosh_files.errors import SloshFileError
 from slosh_files.yaml_document import YamlDocument, read_yaml, shown
 from slosh_msgs_py import topics
 
-NAMESPACE = "/slosh"
+NAMESPACE = topics.NAMESPACE
 NODES_OF_A_CELL = ("recorder", "estimator", "camera", "monitor")
 """In the order of their start: what the recorder records must not have begun."""
 REMAPPABLE = (
-    topics.ACCEL,
-    topics.IMU,
-    topics.POSE,
-    topics.IMAGE,
-    topics.IMAGE_COMPRESSED,
-    topics.CAMERA_INFO,
-    topics.FREE_SURFACE,
-    topics.ESTIMATE,
-    topics.EXPECTED_READING,
-    topics.COMPARISON,
-    topics.LIMIT_EVENT,
-    topics.DIAGNOSTICS,
-    topics.LOAD_MODEL,
-    topics.RESET,
-    f"monitor/{topics.RESET}",
+    *(topic.name for topic in topics.TOPICS if topic.remappable),
+    *(one.name for one in (*topics.SERVICES, *topics.ACTIONS) if one.remappable),
 )
 """Topics and services of the nodes, by the names that `remap` knows."""
 

@@ -49,6 +49,7 @@ class LiveResult:
         reasons: why nothing was compared, one line each; empty: something was.
         warnings: what went wrong beside that, one line each.
         in_force: limits, topics, model and calibration, as text by what it is about.
+        failures: those of the warnings for which a run has failed although it was compared.
     """
 
     figures: RunResult | None = None
@@ -56,6 +57,7 @@ class LiveResult:
     reasons: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
     in_force: Mapping[str, str] = field(default_factory=dict)
+    failures: tuple[str, ...] = ()
 
     @property
     def nothing(self) -> str:
@@ -133,11 +135,12 @@ def _evaluated(
         result = LiveResult(reasons=(*problems, *unread))
         return result, _recorded_report(title, None, result)
     figures = evaluate(data)
-    problems = tuple(filter(None, (*problems, slowness(data))))
+    failures = tuple(filter(None, (figures.lost_line, data.mixed)))
+    problems = tuple(filter(None, (*problems, slowness(data), *failures)))
     reasons: tuple[str, ...] = ()
     if not figures.compared:
         reasons = (*problems, *shortfall(data, starts)) if began else problems
-    result = LiveResult(figures, None, reasons, problems, in_force(starts))
+    result = LiveResult(figures, None, reasons, problems, in_force(starts), failures)
     try:
         replayed = replay_bag(bag)
     except SloshBagError as error:
@@ -156,7 +159,8 @@ def _replayed_report(
         figures = (latency_figure(result.figures),)
         around = replace(around, key_figures=figures)
     report = make_report(bag, replayed, around)
-    warnings = (*result.warnings, *report.warnings)
+    told = tuple(result.failures)
+    warnings = (*result.warnings, *(line for line in report.warnings if not line.endswith(told)))
     return replace(report, warnings=warnings, status=_status(result, report.status))
 
 
@@ -180,7 +184,9 @@ def _recorded_report(title: str, data: RunData | None, result: LiveResult) -> Ru
 
 
 def _status(result: LiveResult, otherwise: Status) -> Status:
-    return Status(Verdict.FAILED, (result.nothing,)) if result.reasons else otherwise
+    if result.reasons:
+        return Status(Verdict.FAILED, (result.nothing,))
+    return Status(Verdict.FAILED, result.failures) if result.failures else otherwise
 
 
 def _facts(result: LiveResult) -> tuple[Fact, ...]:
@@ -190,5 +196,5 @@ def _facts(result: LiveResult) -> tuple[Fact, ...]:
     facts += [Fact(label, text) for label, text in result.in_force.items()]
     if result.figures is not None:
         lost = str(sum(result.figures.lost.values()))
-        facts.append(Fact("messages lost on the way to the bag", lost))
+        facts.append(Fact("messages lost", lost))
     return tuple(facts)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Sequence
-from contextlib import ExitStack, nullcontext
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -28,7 +28,7 @@ from slosh_bringup.watch import HOST
 from slosh_camera.calibrate.camera_file import read_any_calibration
 from slosh_model.model_file import read_model
 from slosh_msgs_py import topics
-from slosh_msgs_py.node.domain import own_domain
+from slosh_msgs_py.node.domain import claimed_namespace, own_domain
 from slosh_msgs_py.node.shared_memory import remove_leftovers
 
 POLL = 0.1
@@ -99,8 +99,6 @@ def run_nodes(run: LiveRun, screen: Screen, stop: StopRequest) -> Outcome:
     # With ROS, which a wrong option need not wait for.
     from slosh_bringup.nodes.cell_listener import CellListener
 
-    # A demonstration keeps to itself; a cell talks to the robot on the user's domain.
-    claim = own_domain() if run.simulated else nullcontext()
     processes = run.setup.processes(run.folder / BAG)
     ready = f"ready: recording to {run.folder / BAG}"
     if run.watch is not None:
@@ -116,7 +114,8 @@ def run_nodes(run: LiveRun, screen: Screen, stop: StopRequest) -> Outcome:
     namespace, remap = run.setup.namespace, run.setup.remap
     diagnostics = remap.get(topics.DIAGNOSTICS, topics.DIAGNOSTICS)
     with ExitStack() as stack:
-        environment = node_environment(stack.enter_context(claim))
+        environment = node_environment()
+        environment.update(_domain(run, stack, watch.tell))
         # The listener below speaks as the nodes do.
         os.environ.update(environment)
         group = stack.enter_context(NodeGroup(namespace, run.folder / LOGS, environment))
@@ -145,6 +144,33 @@ def run_nodes(run: LiveRun, screen: Screen, stop: StopRequest) -> Outcome:
         if group.stop().get(LAST) == 1:
             problems.append(last_line(run.folder / LOGS / f"{LAST}.log"))
         return _outcome(stop, watch, None if stop.reason else end, problems)
+
+
+def _domain(run: LiveRun, stack: ExitStack, tell: Callable[[str], None]) -> dict[str, str]:
+    """The nodes' DDS domain: the user's, or one of its own for a demonstration.
+
+    A demonstration keeps to itself: it takes the user's domain only where one is set and no other
+    run on this machine has the same namespace in it. A cell talks to the robot on the user's.
+
+    Args:
+        run: that begins.
+        stack: holds the claims until the run ends.
+        tell: prints a line.
+    """
+    given = os.environ.get("ROS_DOMAIN_ID", "")
+    is_set = given.isdecimal()
+    if is_set or run.simulated is None:
+        claim = claimed_namespace(int(given) if is_set else 0, run.setup.namespace)
+        is_own = stack.enter_context(claim)
+        if is_own or run.simulated is None:
+            return {}
+    domain = str(stack.enter_context(own_domain()))
+    if is_set:
+        tell(
+            f"another run uses {run.setup.namespace} in ROS_DOMAIN_ID {given}: this demonstration "
+            f"runs in ROS_DOMAIN_ID {domain}"
+        )
+    return {"ROS_DOMAIN_ID": domain}
 
 
 def _tell_of_another(running: Sequence[str], namespace: str, watch: LiveWatch) -> None:

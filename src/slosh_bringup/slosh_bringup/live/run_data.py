@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_bag.reader import BagReader, TopicInfo, stamp_ns
-from slosh_bag.recorder import LOST
-from slosh_bag.recording.facts import shared_topics_line
+from slosh_bag.recording.facts import lost_messages, shared_topics_line
 
 Array = NDArray[np.float64]
 HEIGHTS = (
@@ -57,7 +56,9 @@ class RunData:
         diagnostics: the last report of each node: key -> value.
         models: names of the L and the NL model.
         warnings: about the bag itself.
-        recorder_lost: messages that the recorder got and could not keep.
+        noted_lost: messages that were sent and are not in the bag, by topic, as the recorder
+            noted; without a topic where it is not known.
+        mixed: what the recorder noted of several publishers on topics of one; empty: nothing.
     """
 
     bag: Path
@@ -71,7 +72,8 @@ class RunData:
     diagnostics: Mapping[str, Mapping[str, str]]
     models: tuple[str, str]
     warnings: tuple[str, ...]
-    recorder_lost: int = 0
+    noted_lost: Mapping[str, int] = field(default_factory=dict)
+    mixed: str = ""
 
     @property
     def seconds(self) -> Array:
@@ -83,17 +85,17 @@ class RunData:
         return self.columns[f"{side}_flags"].astype(np.int64)
 
     def lost(self) -> dict[str, int]:
-        """Messages that were published and are not in the bag, by recorded topic."""
-        return {
-            topic: count - (self.topics[topic].count or 0)
-            for topic, count in self.published.items()
-            if topic in self.topics
-        }
+        """Messages that were published and are not in the bag, by topic.
 
-    def all_lost(self) -> dict[str, int]:
-        """The same, and what the recorder says itself that it could not keep."""
-        noted = {"recorder": self.recorder_lost} if self.recorder_lost else {}
-        return {**self.lost(), **noted}
+        The one count that is told everywhere: what the recorder noted and, where the simulated
+        cell tells what it published, no less than what the bag lacks of that.
+        """
+        lost = {topic or "recorder": count for topic, count in self.noted_lost.items()}
+        for topic, count in self.published.items():
+            if topic in self.topics:
+                lacking = count - (self.topics[topic].count or 0)
+                lost[topic] = max(lacking, lost.get(topic, 0))
+        return lost
 
     def truth_at_images(self) -> Array:
         """(N,) exact height at the compared images [m]; NaN without a truth."""
@@ -123,7 +125,6 @@ def read_run(bag: Path) -> RunData:
     """
     reader = BagReader(bag)
     topics, facts = reader.topics(), reader.metadata()
-    shared = shared_topics_line(facts)
     gathered = _Gathered()
     takers = {topic: taker for topic in topics if (taker := _taker(topic)) is not None}
     seen_estimate = False
@@ -145,8 +146,9 @@ def read_run(bag: Path) -> RunData:
         published=gathered.published,
         diagnostics=gathered.diagnostics,
         models=gathered.models,
-        warnings=(*reader.warnings, *filter(None, [shared])),
-        recorder_lost=int(facts.get(LOST, 0)),
+        warnings=tuple(reader.warnings),
+        mixed=shared_topics_line(facts),
+        noted_lost=lost_messages(facts),
     )
 
 

@@ -45,7 +45,7 @@ class RunResult:
     Attributes:
         agreements: models against camera and, in the simulated cell, all against the truth.
         latency: median and maximum by node [s].
-        lost: messages by topic that were published but not recorded.
+        lost: messages by topic that were published but not recorded; see `RunData.lost`.
         dropped: samples that nodes dropped, by node and reason.
         events: number of excesses of limits.
     """
@@ -55,6 +55,12 @@ class RunResult:
     lost: Mapping[str, int]
     dropped: Mapping[str, int]
     events: int
+
+    @property
+    def lost_line(self) -> str:
+        """The lost messages in one line; empty: none is lost."""
+        total = sum(self.lost.values())
+        return f"{total} messages are lost: the bag lacks them{_which(self.lost)}" if total else ""
 
     @property
     def compared(self) -> int:
@@ -96,7 +102,7 @@ def evaluate(data: RunData) -> RunResult:
             for node, facts in data.diagnostics.items()
             if (latency := _latency(facts)) is not None
         },
-        lost=data.all_lost(),
+        lost=data.lost(),
         dropped=_dropped(data),
         events=len({event.id for event in data.events}),
     )
@@ -170,8 +176,6 @@ def _dropped(data: RunData) -> dict[str, int]:
         for key, value in facts.items():
             if key.startswith("dropped: "):
                 dropped[f"{short} {key.removeprefix('dropped: ')}"] = int(value)
-        if short == "recorder":
-            dropped["recorder queue full"] = int(facts.get("lost", "0"))
     missing = _images_without_measurement(data)
     if missing is not None:
         dropped["camera images"] = missing

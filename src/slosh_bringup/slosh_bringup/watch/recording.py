@@ -9,8 +9,8 @@ from typing import Any
 
 from slosh_bag.errors import SloshBagError
 from slosh_bag.reader import BagMessage, BagReader
-from slosh_bag.recording.cells import COMPARISON, ESTIMATE, SURFACE, CellTopics
-from slosh_bag.recording.settings import MESSAGE_TYPE, TOPIC, node_start
+from slosh_bag.recording.cells import CellTopics
+from slosh_bag.recording.settings import TOPIC, node_start
 from slosh_bringup.cell_watch import reports
 from slosh_bringup.detect.source import frames_at
 from slosh_bringup.errors import SloshBringupError
@@ -19,14 +19,16 @@ from slosh_bringup.watch.picture import Camera
 from slosh_bringup.watch.state import PERIOD, WatchState
 from slosh_camera.errors import SloshCameraError
 from slosh_files.nanoseconds import SECOND
+from slosh_msgs_py import topics
 
-HEIGHTS = {"comparison": COMPARISON, "free_surface": SURFACE, "estimate": ESTIMATE}
-"""Topics without one of which nothing of a cell is in a bag, and their types."""
-BESIDE = {
-    TOPIC: MESSAGE_TYPE,
-    "limit_event": "slosh_msgs/msg/LimitEvent",
-    "diagnostics": "diagnostic_msgs/msg/DiagnosticArray",
+_PAGE = {row.name.lstrip("/"): row for row in topics.TOPICS if row.page}
+HEIGHTS = {
+    name: row.type
+    for name, row in _PAGE.items()
+    if row.role is topics.Role.ANSWER and not row.latched
 }
+"""Topics without one of which nothing of a cell is in a bag, and their types."""
+BESIDE = {name: row.type for name, row in _PAGE.items() if name not in HEIGHTS}
 MOST = 36_000
 """Frames that are kept: an hour."""
 STEP = round(PERIOD * SECOND)

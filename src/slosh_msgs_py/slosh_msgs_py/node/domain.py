@@ -7,6 +7,7 @@ in the kernel: two processes cannot hold it, and it is free when its holder has 
 from __future__ import annotations
 
 import errno
+import hashlib
 import os
 import socket
 from collections.abc import Iterator
@@ -43,6 +44,23 @@ def own_domain() -> Iterator[int]:
         f"no DDS domain from {DOMAINS[0]} to {DOMAINS[-1]} is free here: end a run, "
         "or share one's domain by ROS_DOMAIN_ID"
     )
+
+
+@contextmanager
+def claimed_namespace(domain: int, namespace: str) -> Iterator[bool]:
+    """Claims the name of a cell for as long as the context lasts.
+
+    Args:
+        domain: DDS domain.
+        namespace: of the cell.
+
+    Yields:
+        whether it is this process's own: no other run of this machine has claimed it.
+    """
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as claim:
+        # An address has 107 bytes: of a long namespace the digest.
+        name = hashlib.sha256(namespace.encode()).hexdigest()[:16]
+        yield _bound(claim, f"\0slosh_cell_{domain}_{name}")
 
 
 def _bound(claim: socket.socket, address: str) -> bool:

@@ -17,6 +17,8 @@ PARTICIPANT = 12
 """So many bytes at the beginning of an endpoint's identity are its process's."""
 NAMELESS = "_NODE_NAME_UNKNOWN_"
 """The name of a node that is known by its publishers and subscriptions alone."""
+UNKNOWN = "unknown node"
+"""How such a node is called in texts."""
 
 
 def node_of(info: TopicEndpointInfo) -> str:
@@ -26,7 +28,7 @@ def node_of(info: TopicEndpointInfo) -> str:
     is a node of its own, and two of them are two.
     """
     if info.node_name == NAMELESS:
-        return f"unknown node {bytes(info.endpoint_gid[:PARTICIPANT]).hex()}"
+        return f"{UNKNOWN} {bytes(info.endpoint_gid[:PARTICIPANT]).hex()}"
     return f"{info.node_namespace.rstrip('/')}/{info.node_name}"
 
 

@@ -1,0 +1,90 @@
+"""The estimates of one estimator among those of several that are mixed on a topic.
+
+Each estimate carries the number of inputs that its estimator has used so far, which grows by one
+from one estimate to the next. That and the stamps tell the estimators apart; a publisher's
+identity is in no recording.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Integers = NDArray[np.int64]
+
+
+LONGEST = 500_000_000
+"""Estimates that follow each other are not further apart [ns]."""
+MOST = 8
+"""So many others are followed."""
+TOLERANCE = 0.5
+"""By so much the time of a gap may differ from that of the inputs in it, relative."""
+
+
+class _Estimator(NamedTuple):
+    """One of them.
+
+    Attributes:
+        used: inputs that it had used at its newest estimate.
+        stamp_ns: of that [ns].
+        period_ns: between two inputs [ns]; 0: not known yet.
+    """
+
+    used: int
+    stamp_ns: int
+    period_ns: int = 0
+
+    def misfit(self, used: int, stamp_ns: int) -> float | None:
+        """How badly an estimate continues this one's [ns]; None: it cannot."""
+        steps, elapsed = used - self.used, stamp_ns - self.stamp_ns
+        if steps < 1 or elapsed <= 0:
+            return None
+        if steps == 1:
+            known = self.period_ns > 0
+            return abs(elapsed - self.period_ns) * known if elapsed < LONGEST else None
+        misfit = abs(elapsed - steps * self.period_ns)
+        return misfit if misfit < TOLERANCE * steps * self.period_ns else None
+
+    def after(self, used: int, stamp_ns: int) -> _Estimator:
+        """The same behind its next estimate."""
+        steps = used - self.used
+        return _Estimator(used, stamp_ns, (stamp_ns - self.stamp_ns) // steps)
+
+
+class OneEstimator:
+    """Follows the estimator whose estimate came first; its later starts are not followed."""
+
+    def __init__(self) -> None:
+        self._known: list[_Estimator] = []
+
+    def mask(self, stamps: Integers, used: Integers) -> NDArray[np.bool_]:
+        """Which of the next estimates are those of the first estimator.
+
+        Args:
+            stamps: (N,) of estimates [ns], in the order of the recording.
+            used: (N,) their `samples_used`.
+
+        Returns:
+            (N,).
+        """
+        pairs = zip(used.tolist(), stamps.tolist(), strict=True)
+        own = [self._take(one, stamp_ns) == 0 for one, stamp_ns in pairs]
+        return np.array(own, dtype=np.bool_)
+
+    def _take(self, used: int, stamp_ns: int) -> int:
+        """The number of the estimator that an estimate continues best, or that begins with it."""
+        fits = {
+            number: misfit
+            for number, one in enumerate(self._known)
+            if (misfit := one.misfit(used, stamp_ns)) is not None
+        }
+        if not fits:
+            self._known.append(_Estimator(used, stamp_ns))
+            del self._known[1:-MOST]  # the first one stays
+            return min(len(self._known) - 1, MOST)
+        # Of two that fit alike it is the turn of the one that has been silent for longer.
+        best = min(fits, key=lambda number: (fits[number], self._known[number].stamp_ns))
+        self._known[best] = self._known[best].after(used, stamp_ns)
+        return best

@@ -1,0 +1,22 @@
+"""Two demonstrations at once in one shell, which has set a DDS domain: they do not meet."""
+
+from slosh_bag.replay import replay_bag
+from slosh_bringup.live.run_data import read_run
+from tests.live_processes import live_process
+
+MOVED = "another run uses /slosh in ROS_DOMAIN_ID"
+
+
+def test_each_has_a_domain_of_its_own(tmp_path):
+    words = "demo", "--motion", "l", "-o"
+    with (
+        live_process(*words, str(tmp_path / "a"), output=tmp_path / "words_a") as one,
+        live_process(*words, str(tmp_path / "b"), output=tmp_path / "words_b") as other,
+    ):
+        codes = [run.end() for run in (one, other)]
+    assert sum(MOVED in run.said for run in (one, other)) == 1
+    for name, run, code in zip("ab", (one, other), codes, strict=True):
+        data = read_run(tmp_path / name / "latest" / "bag")
+        assert not data.mixed
+        assert code == int(bool(sum(data.lost().values()))), run.said
+        assert replay_bag(data.bag).verification.exact
