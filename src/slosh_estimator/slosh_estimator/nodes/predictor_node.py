@@ -21,6 +21,7 @@ from slosh_model.model_text import format_model
 from slosh_msgs.srv import PredictSlosh
 from slosh_msgs_py import topics
 from slosh_msgs_py.node.diagnostics import OK, Health
+from slosh_msgs_py.node.memory import give_back_memory
 from slosh_msgs_py.node.parameters import ParameterSpec, declare
 from slosh_msgs_py.node.prepared import PreparedNode
 from slosh_msgs_py.node.readiness import READY, Progress
@@ -30,6 +31,10 @@ from slosh_plan import HeightLimits, predict, safe_scales
 from slosh_plan.scaling import COUNT
 
 PACKAGE = Path(__file__).parents[1]
+MOST_SAMPLES = 10_000_000
+"""Of all time scales of a request: about a second, in which nothing else is answered."""
+LARGE = 10_000
+"""Points of a request whose memory is given back to the system after it."""
 PARAMETERS = (
     ParameterSpec("model", "", "model file of the container and its liquid (model.yaml)"),
     ParameterSpec("scales", COUNT, "time scales that a request looks at", (10, 10_000)),
@@ -82,6 +87,8 @@ class PredictorNode(PreparedNode):
             self, self._model, self._limits(), self._estimate, self._values["container_frame"]
         )
         self.create_service(PredictSlosh, topics.PREDICT, self._on_predict)
+        self._was_large = False
+        self.create_timer(1.0, self._give_back)
 
     def _limits(self) -> HeightLimits:
         return HeightLimits(*(self._values[name] or math.inf for name in LIMITS))
@@ -95,6 +102,8 @@ class PredictorNode(PreparedNode):
         self, request: PredictSlosh.Request, response: PredictSlosh.Response
     ) -> PredictSlosh.Response:
         self._report.counts["request"] += 1
+        points = (request.time, request.trajectory.points, request.joint_trajectory.points)
+        self._was_large |= max(map(len, points)) > LARGE
         predict_messages.fill_unknown(response)
         try:
             response.message = self._answer(request, response)
@@ -122,10 +131,16 @@ class PredictorNode(PreparedNode):
         if limits.given and not request.no_time_scales:
             scales = safe_scales(
                 model, motion, limits, state=state, horizon=horizon, margin=prediction.margin,
-                count=self._values["scales"],
+                count=self._values["scales"], most=MOST_SAMPLES,
             )  # fmt: skip
             predict_messages.fill_scales(response, scales)
         return "the limits are kept" if prediction.kept else "a limit is exceeded"
+
+    def _give_back(self) -> None:
+        """Gives what a large request has taken back to the system, once it is answered."""
+        if self._was_large:
+            self._was_large = False
+            give_back_memory()
 
     def _model_of(self, path: str) -> Model:
         if not path:
