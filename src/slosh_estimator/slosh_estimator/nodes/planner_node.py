@@ -152,6 +152,7 @@ class PlannerNode(PreparedNode):
         limits, waypoints = plan_messages.limits_of(request), plan_messages.waypoints_of(request)
         if request.from_estimate:
             check_state(model, limits, self._estimate.state())
+        watch.enter("path")
         answer = plan(
             model, path_through(waypoints.position, watch.stopped), limits, attitude=waypoints.attitude,
             margin=given(request.margin, 0.0),
