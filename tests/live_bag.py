@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Callable, Collection, Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -73,6 +73,8 @@ class LiveBag:
         idle: indices of inputs before which an estimator process begins and ends; the next one,
             which takes that input first, does not take the liquid for still.
         loads: model texts by the index of the first input that they apply to.
+        changes: changed input parameters by the index of the first input that they apply to.
+        gaps: in the inputs of the last estimator process that was written.
         camera_gap: from and to which moment there are no images [s].
         height: measured height over what the model expects the camera to read.
         attitude: quaternion by the index of the pose.
@@ -93,6 +95,8 @@ class LiveBag:
         self.restarts: Collection[int] = ()
         self.idle: Collection[int] = ()
         self.loads: dict[int, str] = {}
+        self.changes: dict[int, dict[str, float]] = {}
+        self.gaps = 0
         self.camera_gap = (0.0, 0.0)
         self.height = 1.0
         self.attitude: Callable[[int], Quaternion] = lambda index: (0.0, 0.0, 0.0, 1.0)
@@ -146,10 +150,19 @@ class LiveBag:
                 estimator.load_model(parse_model(self.loads[index]))
                 files = {"model": format_model(estimator.model)}
                 self._settings("estimator", int(stamps[index - 1]), files, stamp - 1)
+            if index in self.changes:
+                own = {"max_jump": GateSettings().max_jump, **self.changes[index]}
+                source.gate.change(GateSettings(**own))
+                files = {"model": format_model(estimator.model)}
+                changed = list(self.changes[index])
+                self._settings(
+                    "estimator", source.gate.last_ns, files, stamp - 1, changed, **own
+                )  # fmt: skip
             sample = self._input(source, index, stamp, a, positions[index])
             if sample is None:
                 continue
             estimate = estimator.update(sample)
+            self.gaps = source.gate.gaps
             if self.states and index % STATE_EVERY == 0 and index not in self.unrecorded:
                 self._state(estimator, source, stamp)
             if index not in self.unrecorded:
@@ -182,7 +195,9 @@ class LiveBag:
 
     def _start(self, model, stamp: int, log_ns: int, *, at_rest: bool = True):
         files = {"model": format_model(model)}
-        self._settings("estimator", stamp, files, log_ns, starts_at_rest=at_rest)
+        # A node whose parameters can change sets jumps aside, too.
+        own = {"max_jump": GateSettings().max_jump} if self.changes else {}
+        self._settings("estimator", stamp, files, log_ns, starts_at_rest=at_rest, **own)
         source = {
             "accel": lambda: AccelInput(GateSettings(), ("world", "container")),
             "imu": lambda: ImuInput(GateSettings(), SensorTransform()),
@@ -192,14 +207,21 @@ class LiveBag:
         return estimator, source[self.kind]()
 
     def _settings(
-        self, node: str, stamp: int, files: dict[str, str], log_ns: int, **own: object
+        self,
+        node: str,
+        stamp: int,
+        files: dict[str, str],
+        log_ns: int,
+        changed: Sequence[str] = (),
+        **own: object,
     ) -> None:
         parameters = {**PARAMETERS[node], **own}
         if node == "estimator":
             parameters["input"] = self.kind
         names = (self.kind, "free_surface", "estimate")
         full = {name: f"{self.namespace}/{name}" for name in names}
-        document = yaml.safe_dump({"parameters": parameters, "topics": full, "files": files})
+        told = {"parameters": parameters, "topics": full, "files": files}
+        document = yaml.safe_dump({**told, "changed": list(changed)} if changed else told)
         self._put(
             "settings", stamp, log_ns, node=node, code="0123", document=document,
             arithmetic=arithmetic_fingerprint(),

@@ -157,3 +157,30 @@ def test_two_replays_write_the_same_files(live, tmp_path):
 def test_a_file_is_as_good_as_its_folder(live, tmp_path):
     (file,) = live.write(tmp_path / "bag").glob("*.mcap")
     assert replay_bag(file).verification.exact
+
+
+@pytest.mark.parametrize("kind", ["accel", "imu", "pose"])
+@pytest.mark.parametrize("jump", [{}, {1500: {"max_jump": 0.05}, 1600: {"max_jump": 20.0}}])
+def test_parameters_that_change_apply_from_the_same_input_on(kind, jump, tmp_path):
+    """A gap of 60 ms is one by the first value, and none by the second one."""
+    live = LiveBag(kind)
+    live.unused = live.unheard = (*range(800, 830), *range(1300, 1330))
+    live.changes = {1200: {"max_gap": 0.1}, **jump}
+    result, found = verified(live.write(tmp_path / "bag"))
+    assert found.exact, found.lines()
+    assert result.counters["gaps"] == live.gaps
+    if not jump:
+        assert live.gaps == 1
+    live.changes = {}
+    live.write(tmp_path / "unchanged")
+    assert live.gaps == 2
+
+
+def test_settings_that_change_with_a_new_process_are_its_own(live, tmp_path):
+    """The parameters that changed are forgotten by a process that is started anew."""
+    live.changes = {700: {"max_gap": 0.1}, 1290: {"max_gap": 0.2}}
+    live.restarts = (1000,)
+    live.unused = live.unheard = (*range(800, 830), *range(1100, 1130), *range(1300, 1330))
+    result, found = verified(live.write(tmp_path / "bag"))
+    assert found.exact, found.lines()
+    assert result.counters["gaps"] == 1  # at 1100

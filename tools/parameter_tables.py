@@ -42,6 +42,8 @@ def line(spec: ParameterSpec) -> str:
         meaning += f"; one of {', '.join(spec.choices)}"
     if spec.bounds:
         meaning += f"; {spec.bounds[0]:g} … {spec.bounds[1]:g}"
+    if not spec.read_only:
+        meaning += "; dynamic"
     return f"| `{spec.name}` | `{escaped(repr(spec.default))}` | {escaped(meaning)} |"
 
 

@@ -1,7 +1,7 @@
 """Planned motions as CSV: motion tables, tables of poses, tables of joints.
 
 Columns: `t` [s] with `ax,ay,az` [m/s²] or `x,y,z` [m] of the container's origin in the world's
-axes, or both; optional `qx,qy,qz,qw` (attitude, world ← container) and, with accelerations,
+axes, or both, which must agree; optional `qx,qy,qz,qw` (attitude, world ← container) and, with accelerations,
 `wx,wy,wz` (container's frame, rad/s). Accelerations are taken where there are any.
 """
 
@@ -23,6 +23,7 @@ from slosh_bag.motion_table import (
     read_columns,
 )
 from slosh_plan import Trajectory
+from slosh_plan.consistency import check_consistent
 from slosh_plan.joints import Arm
 
 Array = NDArray[np.float64]
@@ -40,7 +41,8 @@ def read_trajectory(path: Path) -> Trajectory:
 
     Raises:
         SloshBagError: no such table.
-        SloshPlanError: no such motion; one line with the file, the row and what is wrong.
+        SloshPlanError: no such motion, or positions and accelerations that contradict each
+            other; one line with the file, the row and what is wrong.
     """
     names, data = read_columns(path, _check_columns)
 
@@ -52,7 +54,9 @@ def read_trajectory(path: Path) -> Trajectory:
     t, acceleration, position = data[:, names.index("t")], group(ACCELERATION), group(POSITION)
     if acceleration is not None:
         rate = group(ANGULAR_VELOCITY)
-        return Trajectory(t, acceleration, group(ATTITUDE), rate, position, str(path))
+        found = Trajectory(t, acceleration, group(ATTITUDE), rate, position, str(path))
+        check_consistent(str(path), found.t, found.position, accelerations=found.acceleration)
+        return found
     assert position is not None
     return Trajectory.from_poses(t, position, group(ATTITUDE), str(path))
 

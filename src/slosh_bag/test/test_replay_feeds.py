@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -10,6 +12,7 @@ from slosh_bag.recording.heights import Measurements
 from slosh_bag.replay.columns import chosen
 from slosh_bag.replay.monitor_feed import CHECK_NS, Heights, MonitorFeed
 from slosh_estimator.comparison import EstimatePoint, MeasuredPoint
+from slosh_estimator.limits import Hysteresis
 from slosh_estimator.monitor import Monitor
 from slosh_estimator.monitor_settings import MonitorSettings
 from slosh_estimator.validity import EstimateFlag
@@ -137,3 +140,42 @@ def test_a_silence_of_an_hour_costs_nothing():
     feed.monitor.check = lambda now: calls.append(now) or check(now)
     feed.add(later, chosen(measured, slice(0)))
     assert 0 < len(calls) < 30
+
+
+@settings(max_examples=60, deadline=None, derandomize=True)
+@given(st.integers(0, 10**6), st.lists(st.integers(0, 2000), max_size=3))
+def test_changed_limits_give_the_same_events_as_live(seed, moments):
+    """Live, images come 40 ms late, and the node takes a change between two messages."""
+    estimates, measured = run(seed)
+    random = np.random.default_rng(seed)
+    patient = replace(LIMITS, timeout=1e6)  # who is silent at which moment differs live
+    wanted = [
+        replace(
+            patient,
+            measured_limit=random.uniform(0.003, 0.015),
+            estimated_limit=random.uniform(0.003, 0.015),
+            disagreement_limit=random.uniform(0.001, 0.005),
+            hysteresis=Hysteresis(random.uniform(0.5, 1.0), int(random.integers(200)) * MS),
+        )
+        for _ in moments
+    ]
+    messages = [(row[0], 1, EstimatePoint(*row)) for row in rows_of(estimates[:4])]
+    messages += [
+        (stamp + 40 * MS, 2, MeasuredPoint(stamp, height, stddev, flags))
+        for stamp, height, flags, stddev, _ in rows_of(measured)
+    ]
+    changes = [(START + at * MS, 0, one) for at, one in zip(sorted(moments), wanted, strict=True)]
+    live, published = Monitor(patient), []
+    for arrival, kind, news in sorted([*changes, *messages], key=lambda entry: entry[:2]):
+        if kind == 0:
+            published.append((live.change_settings(news), news))
+        else:
+            (live.add_estimate if kind == 1 else live.add_measurement)(news, arrival)
+    replayed = MonitorFeed(patient, published)
+    replayed.add(estimates, measured)
+    assert told(replayed.take_events()) == told(live.take_events())
+
+
+def told(events):
+    """What events tell, but for the numbers of the excesses, which count all sources."""
+    return sorted((e.source, e.stamp_ns, e.kind, e.limit, e.peak, e.description) for e in events)

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from slosh_bag.reader import BagReader
-from slosh_bag.recording.settings import NodeStart
+from slosh_bag.recording.settings import NodeStart, after, last_of_each
 from slosh_bag.recording.sources import recorded_starts
 from slosh_camera.calibrate.camera_file import parse_any_calibration
 from slosh_camera.optics.calibration import Calibration
@@ -31,7 +31,7 @@ def last_starts(bag: Path) -> dict[str, NodeStart]:
     Raises:
         SloshBagError: the bag or what a node says in it cannot be read.
     """
-    return {start.node: start for start in recorded_starts(BagReader(bag))}
+    return last_of_each(recorded_starts(BagReader(bag)))
 
 
 def in_force(starts: Starts) -> dict[str, str]:
@@ -46,6 +46,29 @@ def in_force(starts: Starts) -> dict[str, str]:
         with contextlib.suppress(KeyError, TypeError, ValueError):
             rows[label] = text_of(starts[node])
     return {label: text for label, text in rows.items() if text}
+
+
+def parameter_changes(bag: Path, zero_ns: int) -> tuple[str, ...]:
+    """The parameters that changed while a recorded node went on, one line each.
+
+    Args:
+        bag: the recording.
+        zero_ns: the stamp from which times are told [ns].
+
+    Raises:
+        SloshBagError: the bag or what a node says in it cannot be read.
+    """
+    lines: list[str] = []
+    known: dict[str, NodeStart] = {}
+    for start in recorded_starts(BagReader(bag)):
+        before = known.get(start.node)
+        for name in start.changed if before is not None else ():
+            old, new = before.parameters.get(name), start.parameters.get(name)
+            since = (start.stamp_ns - zero_ns) * 1e-9
+            when = f"after {since:.3f} s" if start.stamp_ns else "before the first input"
+            lines.append(f"{start.node}: {name} changed from {old} to {new} {when}")
+        known[start.node] = after(before, start)
+    return tuple(lines)
 
 
 def in_force_lines(starts: Starts) -> list[str]:

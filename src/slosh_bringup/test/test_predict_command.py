@@ -127,3 +127,23 @@ def test_a_robot_needs_its_tool_frame(capsys, tmp_path):
     motion = line(tmp_path / "a.csv")
     assert main(["predict", MODEL, motion, "--urdf", "robot.urdf"]) == 2
     assert capsys.readouterr().err.strip().endswith("--urdf and --tool-frame belong together")
+
+
+def test_a_table_whose_accelerations_contradict_its_positions_is_refused(capsys, tmp_path):
+    t = np.linspace(0.0, 1.0, 501)
+    position, _, acceleration = quintic(t)
+    still = np.zeros((len(t), 2))
+    table = tmp_path / "both.csv"
+    head = "t,x,y,z,ax,ay,az"
+
+    def write(factor):
+        rows = np.column_stack([t, 0.4 * position, still, factor * 0.4 * acceleration, still])
+        np.savetxt(table, rows, "%.12g", ",", header=head, comments="")
+
+    write(1.0)
+    assert answers(capsys, str(table))[0] == 0
+    for factor in (0.0, 100.0):
+        write(factor)
+        assert main(["predict", MODEL, str(table)]) == 2
+        said = capsys.readouterr().err
+        assert f"{table}: positions and accelerations contradict each other" in said

@@ -94,10 +94,14 @@ class MotionWatch:
     def __init__(self, limit: float = NAN) -> None:
         self.finished = self.disagreeing = 0
         self.last: MotionAgreement | None = None
-        self._least = SHARE_OF_LIMIT * limit if math.isfinite(limit) else 0.0
+        self.watch(limit)
         self._moving = MotionFinder()
         self._pairs: deque[_Pair] = deque()
         self._news: list[MotionAgreement] = []
+
+    def watch(self, limit: float) -> None:
+        """Judges the next motions by another limit of the disagreement [m]."""
+        self._least = SHARE_OF_LIMIT * limit if math.isfinite(limit) else 0.0
 
     def reset(self) -> None:
         """Starts anew, without a motion."""

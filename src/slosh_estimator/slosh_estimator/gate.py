@@ -101,9 +101,7 @@ class SampleGate:
         self.counts: dict[Verdict, int] = dict.fromkeys(Verdict, 0)
         # Kept beside the counts: they are read for each message.
         self.used = self.dropped = 0
-        self._max_gap_ns = round(settings.max_gap * 1e9)
-        self._max_age_ns = round(settings.max_age * 1e9)
-        self._max_jump = settings.max_jump
+        self.change(settings)
         self._agreeing = 1 if settings.chosen else _AGREEING
         self._restart_after = settings.restart_after
         self._last_ns: int | None = None
@@ -114,6 +112,12 @@ class SampleGate:
         self._last: Vector = (0.0, 0.0, 0.0)
         self._aside: Vector = (0.0, 0.0, 0.0)
         self._aside_count = 0
+
+    def change(self, settings: GateSettings) -> None:
+        """Judges the next samples by other values of max_gap, max_age and max_jump."""
+        self._max_gap_ns = round(settings.max_gap * 1e9)
+        self._max_age_ns = round(settings.max_age * 1e9)
+        self._max_jump = settings.max_jump
 
     @property
     def gaps(self) -> int:
@@ -143,6 +147,11 @@ class SampleGate:
         else:
             self.dropped += 1
         return verdict
+
+    @property
+    def last_ns(self) -> int:
+        """Stamp of the last sample that was used [ns]; 0: none was."""
+        return self._last_ns or 0
 
     @property
     def last(self) -> Vector:

@@ -82,7 +82,7 @@ class LimitTracker:
 
     def __init__(self, source: Source, limit: float, hysteresis: Hysteresis) -> None:
         self.source = source
-        self.limit = limit if math.isfinite(limit) else math.inf
+        self.limit = _watched(limit)
         self.active = False
         self.identifier = 0
         self._hysteresis = hysteresis
@@ -106,6 +106,25 @@ class LimitTracker:
         if stamp_ns - self._below_since_ns < self._hysteresis.hold_ns:
             return None
         return self.close(self._below_since_ns, "back below the limit")
+
+    def change(self, stamp_ns: int, limit: float, hysteresis: Hysteresis) -> Event | None:
+        """Judges the next values by another limit; an excess of the old limit ends.
+
+        Args:
+            stamp_ns: the last moment that was judged by the old limit [ns].
+            limit, hysteresis: as above.
+
+        Returns:
+            the end of the excess; None: there was none, or the limit is the same.
+        """
+        limit, self._hysteresis = _watched(limit), hysteresis
+        if limit == self.limit:
+            return None
+        event = self.close(
+            max(stamp_ns, self._peak_ns), f"judged by a new limit of {1e3 * limit:.1f} mm"
+        )
+        self.limit = limit
+        return event
 
     @property
     def release_level(self) -> float:
@@ -138,3 +157,8 @@ class LimitTracker:
             stamp_ns, self.identifier, kind, self.source, self.limit, self._peak, self._peak_ns,
             stamp_ns - self._start_ns, text,
         )  # fmt: skip
+
+
+def _watched(limit: float) -> float:
+    """The limit, infinite where nothing is watched [m]."""
+    return limit if math.isfinite(limit) else math.inf

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 from slosh_estimator.agreement import MotionWatch
 from slosh_estimator.comparison import Comparison, Condition, EstimatePoint, MeasuredPoint
-from slosh_estimator.limits import Event, LimitTracker, Source
+from slosh_estimator.limits import Event, Hysteresis, LimitTracker, Source
 from slosh_estimator.monitor_settings import MonitorSettings
 from slosh_estimator.sample import SECONDS
 from slosh_estimator.sight import SATURATED, UNUSABLE, Sight, clocks_apart, obstacle
@@ -22,6 +22,7 @@ from slosh_report.metrics import RunningAccuracy
 NAN = float("nan")
 MAXIMUM_WAITING = 1000
 """Measurements that wait for an estimate; the oldest goes when there are more."""
+_NEVER = 2**63
 PATIENCE_NS = 100_000_000
 """So long a measurement waits for an estimator that is silent: at its start, and after a pause,
 the first image may be here before the first estimate [ns]."""
@@ -63,11 +64,33 @@ class Monitor:
         self._sight = Sight(settings.timeout)
         self._met = False  # a measurement was compared since the last look at the clock
         self.obstruction = ""
-        limits = (settings.measured_limit, settings.estimated_limit, settings.disagreement_limit)
         self._trackers = {
             source: LimitTracker(source, limit, settings.hysteresis)
-            for source, limit in zip(Source, limits, strict=True)
+            for source, limit in settings.limits.items()
         }
+        self._changes: dict[Source, deque[_Change]] = {source: deque() for source in Source}
+
+    def change_settings(self, settings: MonitorSettings, stamp_ns: int | None = None) -> int:
+        """Watches other limits from a moment of the data on.
+
+        Values up to that moment are judged by the old limits, later ones by the new limits,
+        whenever they arrive. The other settings apply at once.
+
+        Args:
+            settings: the new ones.
+            stamp_ns: the last moment of the old limits [ns]; None: the newest of what has come.
+
+        Returns:
+            the last moment of the old limits [ns]; 0: nothing has come yet.
+        """
+        if stamp_ns is None:
+            stamp_ns = self._newest_stamp()
+        self.settings = settings
+        self._sight.timeout = settings.timeout
+        self.motions.watch(settings.disagreement_limit)
+        for source, limit in settings.limits.items():
+            self._changes[source].append(_Change(stamp_ns, limit, settings.hysteresis))
+        return stamp_ns
 
     def reset_accuracy(self) -> None:
         """Starts σ and ε, and the count of motions, anew."""
@@ -200,7 +223,8 @@ class Monitor:
     def _is_quiet(self, points: Sequence[EstimatePoint], first: int) -> bool:
         """True where the estimates from the first on complete no comparison and cause no event."""
         tracker = self._trackers[Source.ESTIMATED]
-        if self._waiting or tracker.active or not self._estimates:
+        changes = self._changes[Source.ESTIMATED]
+        if self._waiting or tracker.active or changes or not self._estimates:
             return False
         follow = points[first].stamp_ns > self._estimates[-1].stamp_ns
         return follow and all(point.nonlinear <= tracker.limit for point in points[first:])
@@ -211,7 +235,24 @@ class Monitor:
         while self._estimates[0].stamp_ns < oldest:
             self._estimates.popleft()
 
+    def _newest_stamp(self) -> int:
+        """The newest stamp of both sides; a measurement of another clock does not count [ns]."""
+        measured = self._measured_stamp
+        if not self._estimates:
+            return measured
+        estimated = self._estimates[-1].stamp_ns
+        return estimated if clocks_apart(measured, estimated) else max(measured, estimated)
+
+    def _change_limit(self, source: Source, stamp_ns: int) -> None:
+        """Takes over the limits that hold at this moment."""
+        changes = self._changes[source]
+        while changes and changes[0].stamp_ns < stamp_ns:
+            event = self._trackers[source].change(*changes.popleft())
+            if event is not None:
+                self._events.append(event)
+
     def _track(self, source: Source, stamp_ns: int, value: float) -> None:
+        self._change_limit(source, stamp_ns)
         tracker = self._trackers[source]
         if not tracker.active and value > tracker.limit:
             self._excesses += 1
@@ -227,6 +268,7 @@ class Monitor:
 
     def _bounded(self, point: MeasuredPoint) -> float:
         """The height for the limit; NaN where a lower bound cannot tell that an excess ends."""
+        self._change_limit(Source.MEASURED, point.stamp_ns)
         low = point.msh <= self._trackers[Source.MEASURED].release_level
         return NAN if point.flags & SATURATED and low else point.msh
 
@@ -237,6 +279,7 @@ class Monitor:
         self.motions.forget()
         for source in Source:
             self._close(source, stamp_ns, "time was set back")
+            self._change_limit(source, _NEVER)
 
     def _ready(self, now_ns: int) -> Iterator[Comparison]:
         """Comparisons of the waiting measurements that the estimates have reached."""
@@ -333,6 +376,14 @@ class Monitor:
         difference = measured.msh - nonlinear
         gap = max(difference, 0.0) if measured.flags & SATURATED else abs(difference)
         self._track(Source.DISAGREEMENT, measured.stamp_ns, gap)
+
+
+class _Change(NamedTuple):
+    """A limit and its hysteresis that hold for later moments than this one [ns]."""
+
+    stamp_ns: int
+    limit: float
+    hysteresis: Hysteresis
 
 
 class _Waiting(NamedTuple):

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from slosh_estimator.errors import SloshEstimatorError
-from slosh_estimator.limits import Hysteresis
+from slosh_estimator.limits import Hysteresis, Source
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,6 +53,15 @@ class MonitorSettings:
             parameters["timeout"],
             parameters["buffer"],
         )
+
+    @property
+    def limits(self) -> dict[Source, float]:
+        """The limit of each quantity that is watched [m]."""
+        return {
+            Source.MEASURED: self.measured_limit,
+            Source.ESTIMATED: self.estimated_limit,
+            Source.DISAGREEMENT: self.disagreement_limit,
+        }
 
     def __post_init__(self) -> None:
         for name in ("timeout", "buffer", "max_gap", "warn_share"):

@@ -112,11 +112,11 @@ class Sight:
     """Remembers when something was compared last.
 
     Args:
-        timeout: after so long without it the monitor is blind [s].
+        timeout: after so long without it the monitor is blind [s]; it may be changed.
     """
 
     def __init__(self, timeout: float) -> None:
-        self._timeout = timeout
+        self.timeout = timeout
         self._since_ns: int | None = None
         self._reason = ""
 
@@ -131,6 +131,6 @@ class Sight:
         if self._since_ns is None:
             self._since_ns = now_ns
         seconds = (now_ns - self._since_ns) * SECONDS
-        if seconds <= self._timeout:
+        if seconds <= self.timeout:
             return ""
         return f"nothing compared for {seconds:.1f} s: {self._reason or 'nothing to compare'}"

@@ -410,3 +410,64 @@ def test_what_is_known_of_its_inputs_blinds_it() -> None:
     monitor.obstruction = "2 publishers on /slosh/free_surface"
     assert monitor.condition(11_000 * MS) is Condition.BLIND
     assert monitor.blindness(11_000 * MS) == monitor.obstruction
+
+
+def test_a_changed_limit_holds_for_data_after_the_newest_estimate_whenever_they_arrive() -> None:
+    monitor = Monitor(MonitorSettings(measured_limit=0.02))
+    estimate(monitor, 100, 0.0)
+    assert monitor.change_settings(MonitorSettings(measured_limit=0.01)) == 100 * MS
+    measure(monitor, 90, 0.015)
+    measure(monitor, 100, 0.015)
+    assert events(monitor) == []
+    measure(monitor, 110, 0.015)
+    (event,) = monitor.take_events()
+    assert (event.kind, event.stamp_ns, event.limit) == (Kind.START, 110 * MS, 0.01)
+
+
+def test_an_excess_whose_limit_changes_ends_with_the_old_limit_and_begins_with_the_new_one() -> None:
+    monitor = Monitor(MonitorSettings(estimated_limit=0.01))
+    estimate(monitor, 100, 0.011)
+    estimate(monitor, 200, 0.018)
+    monitor.change_settings(MonitorSettings(estimated_limit=0.015))
+    estimate(monitor, 210, 0.016)
+    start, end, again = monitor.take_events()
+    assert (start.kind, start.id, start.limit) == (Kind.START, 1, 0.01)
+    assert (end.kind, end.id, end.limit, end.stamp_ns) == (Kind.END, 1, 0.01, 200 * MS)
+    assert (end.peak, end.duration_ns) == (0.018, 100 * MS)
+    assert "judged by a new limit of 15.0 mm after 0.10 s" in end.description
+    assert (again.kind, again.id, again.limit, again.stamp_ns) == (
+        Kind.START, 2, 0.015, 210 * MS,
+    )  # fmt: skip
+    monitor.change_settings(MonitorSettings(estimated_limit=0.03))
+    estimate(monitor, 220, 0.016)
+    assert events(monitor) == [(Source.ESTIMATED, Kind.END, 2)]
+    assert monitor.condition(220 * MS) is not Condition.ERROR
+
+
+def test_an_excess_goes_on_where_only_its_hysteresis_changes() -> None:
+    monitor = Monitor(MonitorSettings(estimated_limit=0.01, hysteresis=Hysteresis(0.9, 0)))
+    estimate(monitor, 100, 0.011)
+    monitor.change_settings(
+        MonitorSettings(estimated_limit=0.01, hysteresis=Hysteresis(0.5, 0)), 150 * MS
+    )
+    estimate(monitor, 200, 0.006)
+    assert events(monitor) == [(Source.ESTIMATED, Kind.START, 1)]
+    estimate(monitor, 210, 0.004)
+    assert events(monitor) == [(Source.ESTIMATED, Kind.END, 1)]
+
+
+def test_a_changed_limit_holds_when_time_is_set_back() -> None:
+    monitor = Monitor(MonitorSettings(estimated_limit=0.02))
+    estimate(monitor, 100_000, 0.0)
+    monitor.change_settings(MonitorSettings(estimated_limit=0.01))
+    estimate(monitor, 100, 0.015)
+    assert events(monitor) == [(Source.ESTIMATED, Kind.START, 1)]
+
+
+def test_timeout_and_warn_share_change_at_once() -> None:
+    monitor = Monitor(MonitorSettings(measured_limit=0.02, timeout=0.1))
+    estimate(monitor, 100, 0.0)
+    measure(monitor, 100, 0.012)
+    assert monitor.condition(250 * MS) is Condition.STALE
+    monitor.change_settings(MonitorSettings(measured_limit=0.02, timeout=0.3, warn_share=0.5))
+    assert monitor.condition(250 * MS) is Condition.WARN

@@ -186,7 +186,8 @@ def test_an_action_tells_how_far_it_is_and_gives_the_motion(cell: Cell) -> None:
     done = cell.got(goal.get_result_async())
     assert done.status == GoalStatus.STATUS_SUCCEEDED, done.result.message
     check_motion(done.result.plan, LOOP)
-    assert heard[0].phase == "known laws"
+    assert heard[0].phase == "path"
+    assert "known laws" in {told.phase for told in heard}
     assert math.isnan(heard[0].duration)
     assert heard[-1].phase.startswith("search")
     assert done.result.plan.duration <= heard[-1].duration

@@ -158,6 +158,38 @@ def test_a_planners_trajectory_is_taken(cell: Cell, poses: bool) -> None:
     assert answer.peak_nonlinear == pytest.approx(cell.ask().peak_nonlinear, rel=1e-3)
 
 
+@pytest.mark.parametrize("factor", [0.0, 100.0])
+def test_poses_that_move_with_accelerations_of_another_motion_are_refused(
+    cell: Cell, factor: float
+) -> None:
+    made = PredictSlosh.Request()
+    made.trajectory.points = points(poses=True)
+    for point, other in zip(made.trajectory.points, points(poses=False), strict=True):
+        point.accelerations = other.accelerations
+        point.velocities = [Twist()]
+    both = cell.ask(time=[], trajectory=made.trajectory)
+    assert both.success, both.message
+    assert both.peak_nonlinear == pytest.approx(cell.ask().peak_nonlinear, rel=1e-3)
+    for point in made.trajectory.points:
+        point.accelerations[0].linear.x *= factor
+    answer = cell.ask(time=[], trajectory=made.trajectory)
+    assert not answer.success
+    assert math.isnan(answer.peak_nonlinear)
+    assert "positions and accelerations contradict each other" in answer.message
+
+
+def test_a_request_for_too_many_samples_is_refused_with_the_remedy(cell: Cell) -> None:
+    t = np.linspace(0.0, 600.0, 60_001)
+    fields: dict[str, Any] = {"time": t.tolist(), "acceleration_x": np.sin(t).tolist()}
+    fields |= {f"acceleration_{axis}": [0.0] * len(t) for axis in "yz"}
+    answer = cell.ask(**fields, limit=0.01)
+    assert not answer.success
+    assert "above the bound of 10 million: leave the time scales out" in answer.message
+    answer = cell.ask(**fields, limit=0.01, no_time_scales=True)
+    assert answer.success, answer.message
+    assert answer.peak_nonlinear > 0.0
+
+
 @pytest.mark.parametrize(
     ("fields", "match"),
     [

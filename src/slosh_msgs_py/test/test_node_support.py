@@ -1,5 +1,6 @@
 """What nodes share: parameters, diagnostics, the process's life."""
 
+import math
 import os
 import re
 import signal
@@ -12,6 +13,7 @@ import pytest
 import rclpy
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
+from rcl_interfaces.msg import SetParametersResult
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_msgs.msg import Header
@@ -153,7 +155,13 @@ def test_a_callback_that_fails_loses_its_message_and_nothing_else(make_node, cap
 
 def test_a_bad_later_value_is_refused_and_the_old_one_stays(make_node):
     node = make_node()
-    declare(node, SPECS, on_change=lambda new: "no" if new.get("size") == 0.5 else None)
+    applied = []
+
+    def check(values):
+        if values["size"] == 0.5:
+            raise SloshMessageError("no")
+
+    given = declare(node, SPECS, check, applied.append)
 
     def attempt(name, value):
         return node.set_parameters([Parameter(name, value=value)])[0]
@@ -166,9 +174,65 @@ def test_a_bad_later_value_is_refused_and_the_old_one_stays(make_node):
     assert attempt("size", "7").reason == "size = '7': type double is needed, not string"
     assert attempt("count", 2.5).reason == "count = 2.5: type integer is needed, not double"
     assert not node.set_parameters_atomically([Parameter("size", value=False)]).successful
-    assert not attempt("fixed", 2.0).successful
+    assert attempt("fixed", 2.0).reason == (
+        "fixed is read at the start only: restart the node with -p fixed:=VALUE"
+    )
     assert node.get_parameter("size").value == 1.0
     assert node.get_parameter("kind").value == "b"
+    assert applied == [("kind",)]
+    assert given["kind"] == "b"
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, -1.0, 2.1, "1.0", [1.0], None])
+def test_a_value_out_of_range_is_refused_later(make_node, value):
+    node = make_node()
+    applied = []
+    given = declare(node, SPECS, apply=applied.append)
+    (result,) = node.set_parameters([Parameter("size", value=value)])
+    assert not result.successful
+    assert result.reason
+    assert (given["size"], node.get_parameter("size").value, applied) == (1.0, 1.0, [])
+
+
+@pytest.mark.parametrize("value", [[math.nan, 0.0], [0.0, 2.0], [0.0]])
+def test_a_list_out_of_range_is_refused_later(make_node, value):
+    node = make_node()
+    declare(node, SPECS)
+    assert "place" in node.set_parameters([Parameter("place", value=value)])[0].reason
+    assert list(node.get_parameter("place").value) == [0.0, 0.0]
+
+
+def test_several_values_change_together_or_not_at_all(make_node):
+    node = make_node()
+    applied = []
+
+    def check(values):
+        if values["size"] > values["count"]:
+            raise SloshMessageError("size must not be above count")
+
+    given = declare(node, SPECS, check, applied.append)
+
+    def attempt(**values):
+        changes = [Parameter(name, value=value) for name, value in values.items()]
+        return node.set_parameters_atomically(changes)
+
+    assert attempt(size=1.5, count=1).reason == "size must not be above count"
+    assert "fixed is read at the start only" in attempt(size=1.5, fixed=2.0).reason
+    assert (given["size"], given["count"], applied) == (1.0, 3, [])
+    assert attempt(size=2.0, count=2, place=[0.0, 0.0]).successful
+    assert (given["size"], given["count"]) == (2.0, 2)
+    assert applied == [("size", "count")], "the place is what it was"
+
+
+def test_what_another_callback_refuses_is_not_applied(make_node):
+    node = make_node()
+    applied = []
+    declare(node, SPECS, apply=applied.append)
+    node.add_on_set_parameters_callback(
+        lambda _: SetParametersResult(successful=False, reason="not now")
+    )
+    assert node.set_parameters([Parameter("size", value=0.5)])[0].reason == "not now"
+    assert applied == []
 
 
 def test_every_parameter_is_described(make_node):

@@ -27,7 +27,7 @@ from slosh_plan.limits import HeightLimits
 from slosh_plan.prediction import check_start, checked_horizon
 from slosh_plan.resampling import Averaged
 from slosh_plan.start import LiquidState
-from slosh_plan.trajectory import LONGEST, Trajectory
+from slosh_plan.trajectory import LONGEST, PEAK_SPACING, Trajectory
 from slosh_plan.validity import greatest
 
 Array = NDArray[np.float64]
@@ -41,6 +41,8 @@ ROUNDS, PARTS = 2, 16
 """An edge's bracket is divided so often, into so many parts."""
 SCAN_STEP = 0.005
 """Sampling, and integration, of the scan [s]; what comes near a limit is simulated in full."""
+BATCH = 1_000_000
+"""So many samples are simulated at a time: 65 MB, with attitudes 250 MB."""
 DOUBT = 0.02
 """How near, as a share of the limit, and of the residual's, of the peak."""
 
@@ -88,6 +90,7 @@ def safe_scales(
     horizon: float | None = None,
     margin: float = 0.0,
     count: int = COUNT,
+    most: float = math.inf,
 ) -> SafeScales:
     """Finds the time scales at which a motion keeps the limits, by the NL model.
 
@@ -99,9 +102,10 @@ def safe_scales(
         horizon: how long the container is watched at rest after it [s]; None: three periods.
         margin: kept from the limits [m]; where it leaves nothing of one, no scale is safe.
         count: scales that are looked at, at geometric distances.
+        most: samples that may be simulated, of all scales together.
 
     Raises:
-        SloshPlanError: no limit, or one exceeded before the motion begins.
+        SloshPlanError: no limit, or one exceeded before the motion begins; more samples than that.
     """
     limits = limits.under_rim(model)
     if not limits.given:
@@ -116,7 +120,8 @@ def safe_scales(
     fastest = _fastest(nonlinear, trajectory)
     ceiling = max(min(SLOWEST, LONGEST / trajectory.duration), 1.01 * fastest)
     slowest = min(max(1.05 * bound, 1.01 * fastest), ceiling) if bound else ceiling
-    scan = _Scan(nonlinear, trajectory, kept, state.nonlinear if state else None, horizon)
+    modal = state.nonlinear if state else None
+    scan = _Scan(nonlinear, trajectory, kept, modal, horizon, _Budget(most))
     scales = np.geomspace(fastest, slowest, max(count, 2))
     safe = scan.looked_at(scales)
     intervals = _refined(scan.exact, scales, safe)
@@ -131,6 +136,24 @@ def safe_scales(
     )
 
 
+@dataclass(slots=True, eq=False)
+class _Budget:
+    """How many samples may be simulated, and how many were."""
+
+    most: float
+    used: int = 0
+
+    def take(self, samples: Array) -> None:
+        """Raises SloshPlanError where these do not fit in any more."""
+        self.used += int(samples.sum())
+        if self.used > self.most:
+            raise SloshPlanError(
+                f"the time scales of the motion need {1e-6 * self.used:.3g} million samples or "
+                f"more, above the bound of {1e-6 * self.most:.3g} million: leave the time scales "
+                "out, shorten the motion or look at fewer scales"
+            )
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class _Scan:
     """What is looked at, and how."""
@@ -140,6 +163,7 @@ class _Scan:
     limits: HeightLimits
     modal: Array | None
     horizon: float
+    budget: _Budget
 
     def looked_at(self, scales: Array) -> Bools:
         """Whether each is safe: coarsely, and in full where that leaves a doubt."""
@@ -152,20 +176,46 @@ class _Scan:
 
     def exact(self, scales: Array) -> Bools:
         """Whether each is safe, every sample simulated."""
-        motions = [self.trajectory.scaled(float(scale)) for scale in scales]
-        inputs = [one.inputs(self.horizon) for one in motions]
-        ends = [float(one.t[-1]) for one in motions]
-        found = all_extremes(self.model, inputs, ends, self.modal)
+        found: list[Extremes] = []
+        for batch in self._batches(scales, PEAK_SPACING, len(self.trajectory.t)):
+            motions = [self.trajectory.scaled(float(scale)) for scale in batch]
+            inputs = [one.inputs(self.horizon) for one in motions]
+            ends = [float(one.t[-1]) for one in motions]
+            found += all_extremes(self.model, inputs, ends, self.modal)
         return np.array([self._keeps(one) for one in found])
 
     def _coarse(self, scales: Array) -> list[Extremes]:
         averaged = Averaged(self.trajectory)
-        inputs, ends = [], []
-        for scale in scales:
-            motion = averaged.scaled(float(scale), SCAN_STEP)
-            inputs.append(motion.inputs(self.horizon, SCAN_STEP))
-            ends.append(float(motion.t[-1]))
-        return all_extremes(self.model, inputs, ends, self.modal, max_step=2.0 * SCAN_STEP)
+        # Of a container that turns all samples are taken.
+        fewest = len(self.trajectory.t) if self.trajectory.turns else 0
+        found: list[Extremes] = []
+        for batch in self._batches(scales, SCAN_STEP, fewest):
+            inputs, ends = [], []
+            for scale in batch:
+                motion = averaged.scaled(float(scale), SCAN_STEP)
+                inputs.append(motion.inputs(self.horizon, SCAN_STEP))
+                ends.append(float(motion.t[-1]))
+            found += all_extremes(
+                self.model, inputs, ends, self.modal, max_step=2.0 * SCAN_STEP
+            )
+        return found
+
+    def _batches(self, scales: Array, spacing: float, fewest: int) -> list[Array]:
+        """The scales in parts of BATCH samples.
+
+        Args:
+            scales: the scales.
+            spacing: of the samples [s].
+            fewest: samples of a motion that is run as fast as one likes.
+
+        Raises:
+            SloshPlanError: these would be more samples than may be simulated.
+        """
+        moving = np.maximum(self.trajectory.duration * scales / spacing, fewest)
+        samples = moving + self.horizon / spacing
+        self.budget.take(samples)
+        parts = np.cumsum(samples) // BATCH
+        return np.split(scales, np.flatnonzero(np.diff(parts)) + 1)
 
     def _keeps(self, one: Extremes) -> bool:
         return one.peak <= self.limits.height and one.residual <= self.limits.residual

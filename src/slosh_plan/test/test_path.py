@@ -3,6 +3,7 @@ import pytest
 
 from slosh_plan.errors import SloshPlanError
 from slosh_plan.planning.path import MOST_POINTS, path_through
+from slosh_plan.planning.progress import StoppedError
 
 
 def circle(count, turns=1.0):
@@ -77,3 +78,11 @@ def test_repeated_points_and_a_closed_path():
 def test_what_is_no_path(points, text):
     with pytest.raises(SloshPlanError, match=text):
         path_through(points)
+
+
+def test_a_path_with_too_many_corners_is_refused_and_one_is_stopped():
+    zigzag = np.array([[0.01 * k, 0.05 * (k % 2), 0.0] for k in range(100)])
+    with pytest.raises(SloshPlanError, match="at 98 waypoints, where the container stops"):
+        path_through(zigzag)
+    with pytest.raises(StoppedError, match="take fewer waypoints"):
+        path_through(zigzag[:20], stopped=lambda: True)

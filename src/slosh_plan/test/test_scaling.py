@@ -5,7 +5,16 @@ import math
 import numpy as np
 import pytest
 
-from slosh_plan import HeightLimits, LiquidState, SloshPlanError, predict, safe_scales
+from slosh_model import Cylinder, Model
+from slosh_plan import (
+    HeightLimits,
+    LiquidState,
+    SloshPlanError,
+    Trajectory,
+    predict,
+    safe_scales,
+    scaling,
+)
 
 
 def safe_at(model, motion, limits, scales):
@@ -75,3 +84,29 @@ def test_what_is_no_limit_is_refused(cup, line):
 def test_few_poses_far_apart_are_no_gap_when_slow(cup, line):
     motion = line(1.0, rate=20.0)
     assert safe_scales(cup, motion, HeightLimits(0.01)).safe_from > 1.0
+
+
+MODEL = Model(Cylinder(0.05, 0.07)).spatial()
+
+
+def test_the_samples_of_all_scales_are_bounded():
+    t = np.linspace(0.0, 2.0, 201)
+    acceleration = np.zeros((len(t), 3))
+    acceleration[:, 0] = np.sin(np.pi * t)
+    motion, limits = Trajectory(t, acceleration), HeightLimits(0.01)
+    free = safe_scales(MODEL, motion, limits, count=100)
+    assert safe_scales(MODEL, motion, limits, count=100, most=10**6).intervals == free.intervals
+    with pytest.raises(SloshPlanError, match="above the bound of 0.01 million: leave the time"):
+        safe_scales(MODEL, motion, limits, count=100, most=10**4)
+
+
+@pytest.mark.parametrize("turns", [False, True])
+def test_parts_of_the_scales_give_the_same_answer(monkeypatch, turns):
+    t = np.linspace(0.0, 2.0, 201)
+    acceleration = np.zeros((len(t), 3))
+    acceleration[:, 0] = 2.0 * np.sin(np.pi * t)
+    attitude = np.tile([0.0, 0.0, 0.0, 1.0], (len(t), 1)) if turns else None
+    motion, limits = Trajectory(t, acceleration, attitude), HeightLimits(0.01, 0.002)
+    whole = safe_scales(MODEL, motion, limits, count=50)
+    monkeypatch.setattr(scaling, "BATCH", 3000)
+    assert safe_scales(MODEL, motion, limits, count=50) == whole

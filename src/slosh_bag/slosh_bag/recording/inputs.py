@@ -73,9 +73,13 @@ class InputReader:
     def __init__(self, kind: str, settings: InputSettings, *, chosen: bool = False) -> None:
         self.kind = kind
         self.max_gap_ns = round(settings.gate.max_gap * 1e9)
-        self._settings = settings._replace(gate=replace(settings.gate, chosen=chosen))
+        self._chosen = chosen
+        self._settings = settings._replace(gate=self._gate(settings))
         self._adapter = self._settings.reader(self.kind)
         self._used_before = self._dropped_before = self._gaps_before = 0
+
+    def _gate(self, settings: InputSettings) -> GateSettings:
+        return replace(settings.gate, chosen=self._chosen)
 
     @property
     def counters(self) -> dict[str, int]:
@@ -87,8 +91,19 @@ class InputReader:
             "gaps": self._gaps_before + gate.gaps,
         }
 
-    def restart(self) -> None:
-        """Starts anew, as a restarted node does."""
+    def change(self, settings: InputSettings) -> None:
+        """Judges the next messages by other limits, as a node whose parameters changed does."""
+        self._settings = self._settings._replace(gate=self._gate(settings))
+        self._adapter.gate.change(self._settings.gate)
+
+    def restart(self, settings: InputSettings | None = None) -> None:
+        """Starts anew, as a restarted node does.
+
+        Args:
+            settings: of the new node; None: as before.
+        """
+        if settings is not None:
+            self._settings = settings._replace(gate=self._gate(settings))
         counters = self.counters
         self._used_before = counters["samples_used"]
         self._dropped_before = counters["samples_dropped"]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any, NamedTuple, TypeVar
 
@@ -23,7 +23,7 @@ T = TypeVar("T")
 
 
 class NodeStart(NamedTuple):
-    """A node started, or started anew from rest or with other settings; see NodeSettings.msg.
+    """A node started, started anew, or changed parameters while it goes on; see NodeSettings.msg.
 
     Attributes:
         node: its name.
@@ -34,6 +34,7 @@ class NodeStart(NamedTuple):
         files: texts of its files by parameter.
         topics: full names of those that it reads and publishes, by their names in this product;
             none in recordings of old.
+        changed: names of the parameters that changed while the node goes on; none: it started.
     """
 
     node: str
@@ -44,6 +45,12 @@ class NodeStart(NamedTuple):
     parameters: Mapping[str, Any]
     files: Mapping[str, str]
     topics: Mapping[str, str] = MappingProxyType({})
+    changed: tuple[str, ...] = ()
+
+    @property
+    def is_process(self) -> bool:
+        """Whether the node's process was new."""
+        return not self.stamp_ns and not self.changed
 
 
 def read_starts(reader: BagReader, topic: str) -> list[NodeStart]:
@@ -83,7 +90,7 @@ def heard(
         node: which.
         published_ns: (N,) when its messages were recorded, rising [ns].
     """
-    own = [start.log_ns for start in starts if start.node == node and not start.stamp_ns]
+    own = [start.log_ns for start in starts if start.node == node and start.is_process]
     counts = np.diff(np.searchsorted(published_ns, own))
     idle = [(own[k], own[k + 1]) for k in np.flatnonzero(counts == 0).tolist()]
     return tuple(
@@ -93,9 +100,50 @@ def heard(
     )
 
 
-def latest(starts: list[NodeStart], node: str) -> NodeStart | None:
-    """A node's last start; None: the recording does not tell."""
-    return next((start for start in reversed(starts) if start.node == node), None)
+def latest(starts: Sequence[NodeStart], node: str) -> NodeStart | None:
+    """What a node last worked with; None: the recording does not tell."""
+    return last_of_each(starts).get(node)
+
+
+def last_of_each(starts: Iterable[NodeStart]) -> dict[str, NodeStart]:
+    """What each node last worked with, by its name."""
+    found: dict[str, NodeStart] = {}
+    for start in starts:
+        found[start.node] = after(found.get(start.node), start)
+    return found
+
+
+def after(known: NodeStart | None, news: NodeStart) -> NodeStart:
+    """What a node works with after its news: a change of parameters is no other start."""
+    if known is None or not news.changed:
+        return news
+    return known._replace(parameters=news.parameters)
+
+
+def limits_over_time(
+    starts: Sequence[NodeStart], node: str, meaning: Callable[[Mapping[str, Any]], T]
+) -> tuple[T, list[tuple[int, T]]] | None:
+    """What a node's parameters mean at its last start, and after each later change.
+
+    Args:
+        starts: in the order of the recording.
+        node: which.
+        meaning: that the node itself gives them.
+
+    Returns:
+        what holds at first; what holds for data with stamps after each of these [ns]. None: the
+        recording does not tell.
+
+    Raises:
+        SloshBagError: a parameter is missing or cannot be.
+    """
+    own = [start for start in starts if start.node == node]
+    if not own:
+        return None
+    begin = max((k for k, start in enumerate(own) if not start.changed), default=0)
+    first_of_all, *later = own[begin:]
+    changes = [(start.stamp_ns, settings_of(start, meaning)) for start in later]
+    return settings_of(first_of_all, meaning), changes
 
 
 def settings_of(start: NodeStart, meaning: Callable[[Mapping[str, Any]], T]) -> T:
@@ -180,6 +228,7 @@ def node_start(message: Any, log_ns: int, source: str) -> NodeStart:
         document = parse_yaml(message.document, source).value
         parameters, files = dict(document["parameters"]), dict(document["files"])
         topics = dict(document.get("topics", {}))
+        changed = tuple(map(str, document.get("changed", ())))
     except (YamlError, AttributeError, KeyError, TypeError, ValueError):
         raise SloshBagError(
             f"{source} of node {message.node!r}: its document is not "
@@ -187,5 +236,5 @@ def node_start(message: Any, log_ns: int, source: str) -> NodeStart:
         ) from None
     return NodeStart(
         message.node, stamp.sec * SECOND + stamp.nanosec, log_ns, message.code,
-        message.arithmetic, parameters, files, topics,
+        message.arithmetic, parameters, files, topics, changed,
     )  # fmt: skip

@@ -79,7 +79,8 @@ def conclude(
         verification=None if components.verifier is None else components.verifier.result(*origin),
         comparisons=None if components.comparisons is None else components.comparisons.result(),
         model=components.models.model,
-        limits=components.monitor.monitor.settings,
+        limits=components.monitor.settings,
+        limit_changes=components.monitor.changes,
         warnings=tuple(f"{name}: {line}" for line in (astray, judged.warning) if line),
     )
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from bisect import bisect_left
+from collections import deque
+from collections.abc import Sequence
 from itertools import repeat
 from typing import NamedTuple
 
@@ -22,6 +24,7 @@ Integers = NDArray[np.int64]
 CHECK_NS = 100_000_000
 """How often the monitor looks whether a side has fallen silent, as the node does."""
 LONG_SILENCE_NS = 100 * CHECK_NS
+_NEVER = 2**63 - 1
 
 
 class Heights(NamedTuple):
@@ -51,13 +54,20 @@ class MonitorFeed:
 
     Args:
         settings: what the monitor watches.
+        changes: what it watches for data with stamps after these [ns], in order.
     """
 
-    def __init__(self, settings: MonitorSettings) -> None:
+    def __init__(
+        self, settings: MonitorSettings, changes: Sequence[tuple[int, MonitorSettings]] = ()
+    ) -> None:
+        self.settings = settings
+        self.changes = tuple(changes)
         self.monitor = Monitor(settings)
+        self._due = deque(changes)
         self._next_check = self._newest = self._loud = -(2**62)
-        share, limit = settings.hysteresis.release, settings.estimated_limit
-        self._loud_level = share * limit if np.isfinite(limit) else np.inf
+        every = [settings, *(later for _, later in changes)]
+        self._loud_level = min(_release_level(one) for one in every)
+        self._hold_ns = max(one.hysteresis.hold_ns for one in every)
 
     def add(self, estimates: Heights, measured: Measurements) -> list[Comparison]:
         """Takes what comes next on both sides; an estimate comes before an image of its moment.
@@ -107,7 +117,7 @@ class MonitorFeed:
             # After a silence the clock may be looked at in another rhythm; with a delay images
             # need other estimates than those around them, perhaps earlier than these.
             return np.ones(len(stamps), dtype=bool)
-        near = stamps - last_loud <= self.monitor.settings.hysteresis.hold_ns + CHECK_NS
+        near = stamps - last_loud <= self._hold_ns + CHECK_NS
         ticks = np.arange(self._next_check, stamps[-1] + 1, CHECK_NS)
         behind = np.concatenate(
             (np.searchsorted(stamps, images, side="right"), np.searchsorted(stamps, ticks))
@@ -123,13 +133,14 @@ class MonitorFeed:
         at = 0
         while at < len(points):
             found += self._check_until(points[at].stamp_ns)
-            end = bisect_left(points, self._next_check, at, key=lambda point: point.stamp_ns)
+            until = min(self._next_check, self._due[0][0] + 1 if self._due else _NEVER)
+            end = bisect_left(points, until, at, key=lambda point: point.stamp_ns)
             found += self.monitor.add_estimates(points[at:end])
             at = end
         return found
 
     def _check_until(self, stamp_ns: int) -> list[Comparison]:
-        """Looks at the clock at every tick up to a moment."""
+        """Looks at the clock at every tick up to a moment; takes over what holds at it."""
         if stamp_ns - self._next_check > LONG_SILENCE_NS:
             # Both sides were silent; after the first tick the others would say nothing new.
             self._next_check = stamp_ns
@@ -137,7 +148,16 @@ class MonitorFeed:
         while self._next_check <= stamp_ns:
             found += self.monitor.check(self._next_check)
             self._next_check += CHECK_NS
+        while self._due and self._due[0][0] < stamp_ns:
+            last_ns, settings = self._due.popleft()
+            self.monitor.change_settings(settings, last_ns)
         return found
+
+
+def _release_level(settings: MonitorSettings) -> float:
+    """Estimates up to this height neither begin nor hold an excess [m]."""
+    limit = settings.estimated_limit
+    return settings.hysteresis.release * limit if np.isfinite(limit) else np.inf
 
 
 def _points(estimates: Heights) -> list[EstimatePoint]:

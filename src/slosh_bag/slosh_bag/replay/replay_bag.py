@@ -87,7 +87,7 @@ def replay_bag(
     recorded = settings.model_of(started) if started else None
     used = model or recorded or _noted_model(path, sources.facts)
     how = given or inputs.recorded_inputs(sources.starts, sources.facts)
-    watched = monitor or _monitor_settings(sources)
+    watched, limit_changes = (monitor, []) if monitor else _monitor_settings(sources)
     if _is_turning_table(sources, used):
         return _replay_table_bag(path, reader, sources, used, watched, outputs)
     mixed = mixed_topics(sources.facts)
@@ -107,13 +107,14 @@ def replay_bag(
         components = Components(
             ModelSet(used, at_rest=settings.starts_at_rest(started)),
             input_reader,
-            MonitorFeed(watched),
+            MonitorFeed(watched, limit_changes),
             series,
             verifier=verifier,
             comparisons=Verifier(sources.comparison) if sources.comparison else None,
             matcher=matcher,
             known=KnownState(verifier) if sources.state else None,
             changes=_changes(sources, used, follow=model is None),
+            follows_input=given is None,
             outputs=outputs or Outputs(),
         )
         stream = ReplayStream(str(path), components)
@@ -323,11 +324,12 @@ def _origin(started: NodeStart | None, recorded: Model | None, used: Model) -> O
     return Origin(tuple(causes), otherwise)
 
 
-def _monitor_settings(sources: Sources) -> MonitorSettings:
-    started = settings.latest(list(sources.starts), "monitor")
-    if started is None:
-        return MonitorSettings()
-    return settings.settings_of(started, MonitorSettings.from_parameters)
+def _monitor_settings(
+    sources: Sources,
+) -> tuple[MonitorSettings, list[tuple[int, MonitorSettings]]]:
+    """What the recorded monitor watched at first, and after the stamps of its changes [ns]."""
+    meaning = MonitorSettings.from_parameters
+    return settings.limits_over_time(sources.starts, "monitor", meaning) or (MonitorSettings(), [])
 
 
 def _noted_model(path: Path, facts: Mapping[str, str]) -> Model:

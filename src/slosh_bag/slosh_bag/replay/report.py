@@ -75,7 +75,7 @@ def replay_report(result: ReplayResult, around: Surroundings | None = None) -> R
     start = report_start(result)
     t = np.asarray((result.stamps[shown] - start) * 1e-9, dtype=np.float64)
     spans = event_spans(result.events, start)
-    limit = result.limits.measured_limit if result.limits else NAN
+    limit = _lasting_limit(result)
     return RunReport(
         title=around.title or result.name,
         subtitle=around.subtitle or f"replay, driven by {result.source}",
@@ -106,6 +106,14 @@ def replay_report(result: ReplayResult, around: Surroundings | None = None) -> R
         ),
         saturated=(result.flags[shown] & SATURATED) != 0 if len(result.flags) else None,
     )
+
+
+def _lasting_limit(result: ReplayResult) -> float:
+    """The limit of the measured height throughout the run [m]; NaN: none, or it changed."""
+    watched = [result.limits] if result.limits else []
+    watched += [settings for _, settings in result.limit_changes]
+    limits = {settings.measured_limit for settings in watched}
+    return limits.pop() if len(limits) == 1 else NAN
 
 
 def _meanings(model: Model) -> dict[str, str]:

@@ -103,7 +103,8 @@ class ReplayResult:
         verification, comparisons: recorded estimates and comparisons against replayed ones; None:
             none were recorded.
         model: that was replayed with.
-        limits: that the monitor watched.
+        limits: that the monitor watched at first.
+        limit_changes: that it watched for data with stamps after these [ns].
         warnings: one line each.
     """
 
@@ -124,6 +125,7 @@ class ReplayResult:
     comparisons: Verification | None = None
     model: Model | None = None
     limits: MonitorSettings | None = None
+    limit_changes: tuple[tuple[int, MonitorSettings], ...] = ()
     warnings: tuple[str, ...] = ()
 
     @property

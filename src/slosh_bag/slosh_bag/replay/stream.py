@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from slosh_bag.errors import SloshBagError
 from slosh_bag.recording.heights import Measurements
 from slosh_bag.recording.inputs import InputReader, stamps_of
-from slosh_bag.recording.settings import NodeStart, model_of, starts_at_rest
+from slosh_bag.recording.settings import NodeStart, model_of, settings_of, starts_at_rest
 from slosh_bag.recording.states import RecordedState
 from slosh_bag.replay.at_images import ModelHeights, at_images
 from slosh_bag.replay.columns import chosen, joined
@@ -30,6 +30,7 @@ from slosh_bag.replay.verification import Verifier, comparison_columns, estimate
 from slosh_bag.strays import StrayFilter
 from slosh_estimator.comparison import Comparison
 from slosh_estimator.errors import SloshEstimatorError
+from slosh_estimator.inputs import InputSettings
 from slosh_estimator.limits import Event
 from slosh_estimator.validity import EstimateFlag
 from slosh_files.nanoseconds import SECOND
@@ -80,7 +81,9 @@ class Components(NamedTuple):
         verifier, comparisons: of recorded estimates and comparisons; None: there are none.
         matcher: decides which inputs the live estimator used; None: all.
         known: follows where the liquid's state is known; None: no state is recorded.
-        changes: starts of the estimator after its first, where the model follows the recording.
+        changes: starts of the estimator after its first, and changes of its parameters, where
+            the model follows the recording.
+        follows_input: whether they also say how the input is read.
         outputs: receives all results.
     """
 
@@ -93,6 +96,7 @@ class Components(NamedTuple):
     matcher: InputMatcher | None = None
     known: KnownState | None = None
     changes: tuple[NodeStart, ...] = ()
+    follows_input: bool = True
     outputs: Outputs = Outputs()
 
 
@@ -108,15 +112,17 @@ class ReplayStream:
     """
 
     def __init__(self, name: str, components: Components) -> None:
+        self._components = components
         self.motions = MotionFinder()
         self.events: list[Event] = []
         self.images = self.unused = 0
         self.untaken = ""
         self._stray_images = 0
-        self._filter = StrayFilter(components.reader.max_gap_ns)
+        later = [self._input_settings(c) for c in components.changes if c.changed]
+        gaps = [round(one.gate.max_gap * 1e9) for one in later if one is not None]
+        self._filter = StrayFilter(max([components.reader.max_gap_ns, *gaps]))
         self._measured_until = -(2**62)
         self._name = name
-        self._components = components
         self._changes = list(components.changes)
         self._inputs: list[tuple[Integers, Columns]] = []
         self._set_backs = 0  # of the inputs' stamps
@@ -240,8 +246,7 @@ class ReplayStream:
         self.unused += count - int(np.count_nonzero(used))
         # What belongs to the inputs before an index comes first.
         actions = self._known_again(stamps, decision)
-        actions += [(index, self._restart) for index in decision.restarts]
-        actions += self._due(stamps[:count])
+        actions += self._due(stamps[:count], decision.restarts)
         start = 0
         for index, act in sorted(actions, key=lambda action: action[0]):
             self._take(stamps, columns, used, start, index)
@@ -253,18 +258,32 @@ class ReplayStream:
         if count == len(stamps):
             self._inputs = []
 
-    def _due(self, stamps: Integers) -> list[tuple[int, Callable[[], None]]]:
-        """Model changes that fall among the inputs with these stamps."""
+    def _due(
+        self, stamps: Integers, restarts: Sequence[int]
+    ) -> list[tuple[int, Callable[[], None]]]:
+        """New processes, models and parameters that fall among the inputs with these stamps.
+
+        Args:
+            stamps: (N,) [ns].
+            restarts: indices of inputs with which a new process began.
+        """
         actions: list[tuple[int, Callable[[], None]]] = []
-        while self._changes and self._changes[0].stamp_ns:
-            later = np.flatnonzero(stamps > self._changes[0].stamp_ns)
-            if not len(later):
-                break
-            change = self._changes.pop(0)
-            actions.append(
-                (int(later[0]), lambda change=change: self._load(change))  # type: ignore[misc]
-            )
-        return actions
+        waiting, begin = list(restarts), 0
+        while self._changes:
+            change = self._changes[0]
+            if change.is_process:
+                if not waiting:
+                    break
+                begin = waiting.pop(0)
+                actions.append((begin, partial(self._restart, change)))
+            else:
+                later = np.flatnonzero(stamps[begin:] > change.stamp_ns)
+                if not len(later):
+                    break
+                act = self._change if change.changed else self._load
+                actions.append((begin + int(later[0]), partial(act, change)))
+            self._changes.pop(0)
+        return actions + [(index, self._restart) for index in waiting]
 
     def _known_again(
         self, stamps: Integers, decision: Decision
@@ -290,15 +309,25 @@ class ReplayStream:
         self._components.models.load_model(model_of(change))
         self._components.outputs.begin(self._components.models.own_names)
 
-    def _restart(self) -> None:
-        """The node's process was a new one from here on."""
-        self._components.reader.restart()
-        at_rest = True
-        if self._changes and not self._changes[0].stamp_ns:
-            change = self._changes.pop(0)
-            at_rest = starts_at_rest(change)
-            self._load(change)
-        self._components.models.restart(at_rest=at_rest)
+    def _change(self, change: NodeStart) -> None:
+        settings = self._input_settings(change)
+        if settings is not None:
+            self._components.reader.change(settings)
+
+    def _input_settings(self, start: NodeStart) -> InputSettings | None:
+        """How the node reads its input from then on; None: the replay does not follow it."""
+        if not self._components.follows_input or "input" not in start.parameters:
+            return None
+        return settings_of(start, InputSettings.from_parameters)
+
+    def _restart(self, start: NodeStart | None = None) -> None:
+        """The node's process was a new one from here on; None: what it tells is not known."""
+        if start is None:
+            self._components.reader.restart()
+        else:
+            self._components.reader.restart(self._input_settings(start))
+            self._load(start)
+        self._components.models.restart(at_rest=starts_at_rest(start))
 
     def _take(
         self, stamps: Integers, columns: Columns, used: NDArray[np.bool_], start: int, end: int

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Protocol
 
-from slosh_bag.recording.settings import NodeStart
+from slosh_bag.recording.settings import NodeStart, after
 from slosh_bringup.cell_watch import CellWatch, NodeReport
 from slosh_bringup.in_force import in_force_lines, settings_document
 from slosh_bringup.live.status import CellStatus
@@ -81,7 +81,10 @@ class LiveWatch:
         """Takes what a node works with, at its start or later; strangers are not heard."""
         if start.node not in self._nodes:
             return
-        self._starts[start.node] = start
+        self._starts[start.node] = after(self._starts.get(start.node), start)
+        if start.changed and self._health is not None:
+            values = ", ".join(f"{name} {start.parameters[name]}" for name in start.changed)
+            self._tell([f"{start.node}: changed to {values}"])
         self._status.take_parameters(start.node, start.parameters)
         try:
             write_text(self._file, settings_document(self._starts))

@@ -13,7 +13,7 @@ from slosh_bag.replay import ReplayResult
 from slosh_bag.replay.checking import Checked
 from slosh_bag.replay.report import Surroundings, replay_report, report_start
 from slosh_bringup.errors import SloshBringupError
-from slosh_bringup.in_force import described, in_force, last_starts
+from slosh_bringup.in_force import described, in_force, last_starts, parameter_changes
 from slosh_bringup.replay.frames import bag_pictures, bag_topics
 from slosh_files import write_text
 from slosh_report.run_report import Fact, RunReport, render_report, report_document
@@ -68,6 +68,7 @@ def make_report(bag: Path, result: ReplayResult, around: Surroundings) -> RunRep
     planned = [
         Fact(f"planned motion {motion.id}", motion.sentence) for motion in predicted_motions(bag)
     ]
-    around = replace(around, facts=(*around.facts, *planned))
+    notes = parameter_changes(bag, report_start(result))
+    around = replace(around, facts=(*around.facts, *planned), notes=(*around.notes, *notes))
     pictures, topics = bag_pictures(bag, result), bag_topics(bag, result.seconds)
     return replay_report(result, replace(around, frames=pictures, topics=topics))

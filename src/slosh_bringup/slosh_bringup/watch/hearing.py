@@ -67,7 +67,7 @@ def hear_event(state: WatchState, message: Any) -> None:
 
 def hear_start(state: WatchState, camera: Camera, start: NodeStart) -> None:
     """Gives what a node works with: the monitor's limits, the camera's calibration."""
-    state.take_parameters(start.node, start.parameters)
+    state.take_parameters(start.node, start.parameters, goes_on=bool(start.changed))
     if start.node == "camera":
         folder = Path(str(start.parameters.get("calibration", ""))).parent
         camera.take_calibration(start.files.get("calibration", ""), folder)

@@ -130,11 +130,20 @@ class WatchState:
         else:
             self._open.pop(event.source, None)
 
-    def take_parameters(self, node: str, parameters: Mapping[str, Any]) -> None:
-        """Takes what a node works with: the monitor's limits; at its start none is exceeded."""
+    def take_parameters(
+        self, node: str, parameters: Mapping[str, Any], *, goes_on: bool = False
+    ) -> None:
+        """Takes what a node works with: the monitor's limits; at its start none is exceeded.
+
+        Args:
+            node: its name.
+            parameters: by name.
+            goes_on: whether they changed while the node goes on.
+        """
         if node != "monitor":
             return
-        self._open.clear()
+        if not goes_on:
+            self._open.clear()
         for name, key in LIMITS.items():
             value = parameters.get(key)
             if isinstance(value, int | float) and math.isfinite(value):

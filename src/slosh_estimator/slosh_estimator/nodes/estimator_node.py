@@ -37,7 +37,7 @@ from slosh_msgs_py import qos, topics
 from slosh_msgs_py.node.diagnostics import ERROR, OK, STALE, WARN, Health
 from slosh_msgs_py.node.parameters import ParameterSpec, declare
 from slosh_msgs_py.node.prepared import PreparedNode
-from slosh_msgs_py.node.readiness import Progress
+from slosh_msgs_py.node.readiness import READY, Progress
 from slosh_msgs_py.node.rivals import Rivals
 from slosh_msgs_py.node.run import run_node
 from slosh_msgs_py.node.settings import SettingsPublisher
@@ -47,19 +47,20 @@ PACKAGE = Path(__file__).parents[1]
 LATENCY_EVERY = 10
 """Messages per measured latency: enough for percentiles, and nothing to be felt."""
 _GATE = GateSettings()
+_dynamic = partial(ParameterSpec, read_only=False)
 PARAMETERS = (
     ParameterSpec("model", "", "model file of the container and its liquid (model.yaml)"),
     ParameterSpec("input", "accel", "what drives the models", choices=tuple(MESSAGE_TYPES)),
     ParameterSpec("world_frame", "world", "frame of accelerations along the world's axes"),
     ParameterSpec("container_frame", "container", "the container's frame, on all output"),
-    ParameterSpec(
+    _dynamic(
         "max_gap", _GATE.max_gap, "longest gap in the input integrated across [s]", (1e-3, 1.0)
     ),
-    ParameterSpec(
+    _dynamic(
         "max_age", _GATE.max_age,
         "how far a sample's stamp may lie before or after its arrival [s]", (1e-3, 3600.0),
     ),
-    ParameterSpec(
+    _dynamic(
         "max_jump", _GATE.max_jump,
         "largest change of an axis' acceleration between two samples [m/s^2]", (0.1, 1e4),
     ),
@@ -79,6 +80,7 @@ PARAMETERS = (
         "pose_window", POSE_WINDOW, "samples of the differentiating window, odd", (5, 201)
     ),
 )  # fmt: skip
+DYNAMIC = tuple(spec.name for spec in PARAMETERS if not spec.read_only)
 
 
 class EstimatorNode(PreparedNode):
@@ -90,7 +92,9 @@ class EstimatorNode(PreparedNode):
 
     def __init__(self, *, later: bool = False) -> None:
         super().__init__("estimator")
-        self._values = values = declare(self, PARAMETERS)
+        self._values = values = declare(
+            self, PARAMETERS, InputSettings.from_parameters, self._on_change
+        )
         # Asked for each message: the clock's own property takes a lock each time.
         self._ros_time_is_active = self.get_clock().handle.get_ros_time_override_is_enabled
         self._model = read_model(values["model"])
@@ -99,7 +103,6 @@ class EstimatorNode(PreparedNode):
         self._message.header.frame_id = values["container_frame"]
         self._reading.header.frame_id = values["container_frame"]
         self._kind = values["input"]
-        self._last_stamp = 0
         names = (values["input"], topics.ESTIMATE)
         self._settings = SettingsPublisher(
             self, sources_digest(PACKAGE), arithmetic_fingerprint(), values, names
@@ -123,8 +126,8 @@ class EstimatorNode(PreparedNode):
     def begin(self) -> None:
         """Listens from now on."""
         self._set_names()
-        self._announce_start()
         self._input = self._subscribe()
+        self._announce_start()
         self.create_service(LoadModel, topics.LOAD_MODEL, self._on_load_model)
         self.create_service(Trigger, topics.RESET, self._on_reset)
 
@@ -169,7 +172,6 @@ class EstimatorNode(PreparedNode):
         if sample is None:
             return
         estimate = self._estimator.update(sample)
-        self._last_stamp = sample.stamp_ns
         self._states.look(input_ns, self._estimator, self._input)
         flags = estimate.flags | self._contested
         self._flags |= flags
@@ -211,7 +213,14 @@ class EstimatorNode(PreparedNode):
     def _announce_start(self) -> None:
         """Tells what the models work with from the next sample on, starting from rest."""
         files = {"model": format_model(self._estimator.model)}
-        self._settings.publish(files, self._last_stamp)
+        self._settings.publish(files, self._input.gate.last_ns)
+
+    def _on_change(self, changed: tuple[str, ...]) -> None:
+        """Judges the inputs by other limits from the next one on."""
+        if self.readiness.state == READY:
+            gate = self._input.gate
+            gate.change(InputSettings.from_parameters(self._values).gate)
+            self._settings.publish_change(changed, gate.last_ns)
 
     def _set_names(self) -> None:
         linear, nonlinear = self._estimator.names
@@ -241,6 +250,7 @@ class EstimatorNode(PreparedNode):
         gate = self._input.gate
         dropped = {f"dropped: {verdict.value}": gate.counts[verdict] for verdict in DROPPED}
         return {
+            **{name: self._values[name] for name in DYNAMIC},
             **dropped,
             "gaps": gate.gaps,
             "divergences": self._estimator.divergences,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -30,28 +31,28 @@ from slosh_msgs_py.stamps import to_nanoseconds
 PACKAGE = Path(__file__).parents[1]
 CHECK_PERIOD = 0.1
 _DEFAULT = MonitorSettings()
+_dynamic = partial(ParameterSpec, read_only=False)
 PARAMETERS = (
-    ParameterSpec("measured_limit", 0.02, "limit of the measured height [m]", (0.0, 10.0)),
-    ParameterSpec("estimated_limit", 0.02, "limit of the NL model's height [m]", (0.0, 10.0)),
-    ParameterSpec("disagreement_limit", 0.01, "limit of |measured - NL| [m]", (0.0, 10.0)),
-    ParameterSpec(
+    _dynamic("measured_limit", 0.02, "limit of the measured height [m]", (0.0, 10.0)),
+    _dynamic("estimated_limit", 0.02, "limit of the NL model's height [m]", (0.0, 10.0)),
+    _dynamic("disagreement_limit", 0.01, "limit of |measured - NL| [m]", (0.0, 10.0)),
+    _dynamic(
         "warn_share", _DEFAULT.warn_share, "share of a limit from which the state is WARN",
         (0.01, 1.0),
     ),
-    ParameterSpec(
+    _dynamic(
         "release", _DEFAULT.hysteresis.release, "share of a limit below which an excess ends",
         (0.01, 1.0),
     ),
-    ParameterSpec(
+    _dynamic(
         "hold", _DEFAULT.hysteresis.hold_ns / 1e9,
         "how long the value stays there before it ends [s]", (0.0, 60.0),
     ),
-    ParameterSpec(
-        "timeout", _DEFAULT.timeout, "a side silent for longer is stale [s]", (0.05, 0.4)
-    ),
+    _dynamic("timeout", _DEFAULT.timeout, "a side silent for longer is stale [s]", (0.05, 0.4)),
     ParameterSpec("buffer", _DEFAULT.buffer, "how far back estimates are kept [s]", (0.1, 60.0)),
     ParameterSpec("container_frame", "container", "the container's frame, on all output"),
 )  # fmt: skip
+DYNAMIC = tuple(spec.name for spec in PARAMETERS if not spec.read_only)
 
 
 class MonitorNode(GuardedNode):
@@ -59,13 +60,15 @@ class MonitorNode(GuardedNode):
 
     def __init__(self) -> None:
         super().__init__("monitor")
-        given = declare(self, PARAMETERS)
+        self._given = given = declare(
+            self, PARAMETERS, MonitorSettings.from_parameters, self._on_change
+        )
         self._frame = given["container_frame"]
         names = (topics.ESTIMATE, topics.FREE_SURFACE, topics.COMPARISON, topics.LIMIT_EVENT)
-        settings = SettingsPublisher(
+        self._settings = SettingsPublisher(
             self, sources_digest(PACKAGE), arithmetic_fingerprint(), given, names
         )
-        settings.publish({})
+        self._settings.publish({})
         self._core = Monitor(MonitorSettings.from_parameters(given))
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._comparisons = self.create_publisher(
@@ -86,6 +89,10 @@ class MonitorNode(GuardedNode):
         self._measured = 0
         self._report = DiagnosticsReporter(self, self._health, self._facts)
         self.create_timer(CHECK_PERIOD, self._on_check, clock=self._steady)
+
+    def _on_change(self, changed: tuple[str, ...]) -> None:
+        stamp_ns = self._core.change_settings(MonitorSettings.from_parameters(self._given))
+        self._settings.publish_change(changed, stamp_ns)
 
     def _on_estimate(self, message: SloshEstimate) -> None:
         self._report.counts["estimate"] += 1
@@ -160,6 +167,7 @@ class MonitorNode(GuardedNode):
     def _facts(self) -> dict[str, Any]:
         core = self._core
         return {
+            **{name: self._given[name] for name in DYNAMIC},
             "sigma L [mm]": f"{1e3 * core.linear.sigma:.2f}",
             "sigma NL [mm]": f"{1e3 * core.nonlinear.sigma:.2f}",
             "epsilon L [%]": f"{1e2 * core.linear.epsilon:.1f}",

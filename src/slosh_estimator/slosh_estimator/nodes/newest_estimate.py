@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from rclpy.callback_groups import CallbackGroup
 from rclpy.node import Node
 
 from slosh_estimator.errors import SloshEstimatorError
@@ -22,21 +21,12 @@ UNKNOWN = EstimateFlag.SETTLING | EstimateFlag.AFTER_GAP | EstimateFlag.DIVERGED
 """Flags of an estimate whose state is not that of the liquid."""
 
 
-class _Unheard(CallbackGroup):
-    """Nothing of it is ever executed: a thousand messages a second wake nobody."""
-
-    def can_execute(self, _entity: Any) -> bool:
-        return False
-
-    def beginning_execution(self, _entity: Any) -> bool:
-        return False
-
-    def ending_execution(self, _entity: Any) -> None:
-        pass
-
-
 class NewestEstimate:
     """Lets the middleware keep the newest estimate, and takes it when it is wanted.
+
+    A thousand messages a second must not wake the process. So the subscription is one of a hidden
+    node that no executor has. A callback group that never executes is not enough: the events
+    executor does not ask callback groups, and takes every message away.
 
     Args:
         node: the node.
@@ -44,9 +34,15 @@ class NewestEstimate:
 
     def __init__(self, node: Node) -> None:
         self._node = node
-        self._subscription = node.create_subscription(
-            SloshEstimate, topics.ESTIMATE, lambda _: None, qos.NEWEST_IN,
-            callback_group=_Unheard(),
+        # The name on the command line would be this node's name, too.
+        self._reader = Node(
+            f"_{node.get_name()}_newest_estimate", namespace=node.get_namespace(),
+            context=node.context, use_global_arguments=False, enable_rosout=False,
+            start_parameter_services=False,
+        )  # fmt: skip
+        self._subscription = self._reader.create_subscription(
+            SloshEstimate, node.resolve_topic_name(topics.ESTIMATE), lambda _: None,
+            qos.NEWEST_IN,
         )  # fmt: skip
         self._last: SloshEstimate | None = None
 

@@ -36,13 +36,15 @@ class PlannedMotions:
         frame: of the container.
 
     Attributes:
+        limits: that the next motions are to keep.
         count: trajectories so far.
     """
 
     def __init__(
         self, node: Node, model: Model, limits: HeightLimits, estimate: NewestEstimate, frame: str
     ) -> None:
-        self._node, self._model, self._limits, self._frame = node, model, limits, frame
+        self._node, self._model, self._frame = node, model, frame
+        self.limits = limits
         self._estimate = estimate
         self.count = 0
         self._last: values.MotionPrediction | None = None
@@ -105,7 +107,7 @@ class PlannedMotions:
                 f"{NAME}: by its stamp it has ended {-delay - motion.duration:.1f} s ago"
             )
         found = look_ahead(
-            self._model, motion, delay, limits=self._limits, state=state,
+            self._model, motion, delay, limits=self.limits, state=state,
             error=error_of(self._record),
         )  # fmt: skip
         if delay < 0.0:

@@ -152,8 +152,9 @@ class PlannerNode(PreparedNode):
         limits, waypoints = plan_messages.limits_of(request), plan_messages.waypoints_of(request)
         if request.from_estimate:
             check_state(model, limits, self._estimate.state())
+        watch.enter("path")
         answer = plan(
-            model, path_through(waypoints.position), limits, attitude=waypoints.attitude,
+            model, path_through(waypoints.position, watch.stopped), limits, attitude=waypoints.attitude,
             margin=given(request.margin, 0.0),
             time_limit=min(given(request.time_limit, self._values["time_limit"]), longest),
             watch=watch,

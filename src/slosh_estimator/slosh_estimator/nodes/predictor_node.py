@@ -21,29 +21,35 @@ from slosh_model.model_text import format_model
 from slosh_msgs.srv import PredictSlosh
 from slosh_msgs_py import topics
 from slosh_msgs_py.node.diagnostics import OK, Health
+from slosh_msgs_py.node.memory import give_back_memory
 from slosh_msgs_py.node.parameters import ParameterSpec, declare
 from slosh_msgs_py.node.prepared import PreparedNode
-from slosh_msgs_py.node.readiness import Progress
+from slosh_msgs_py.node.readiness import READY, Progress
 from slosh_msgs_py.node.run import run_node
 from slosh_msgs_py.node.settings import SettingsPublisher
 from slosh_plan import HeightLimits, predict, safe_scales
 from slosh_plan.scaling import COUNT
 
 PACKAGE = Path(__file__).parents[1]
+MOST_SAMPLES = 10_000_000
+"""Of all time scales of a request: about a second, in which nothing else is answered."""
+LARGE = 10_000
+"""Points of a request whose memory is given back to the system after it."""
 PARAMETERS = (
     ParameterSpec("model", "", "model file of the container and its liquid (model.yaml)"),
     ParameterSpec("scales", COUNT, "time scales that a request looks at", (10, 10_000)),
     ParameterSpec(
-        "limit", 0.02, "limit of the height on planned motions [m]; 0: none", (0.0, 10.0)
+        "limit", 0.02, "limit of the height on planned motions [m]; 0: none", (0.0, 10.0),
+        read_only=False,
     ),
     ParameterSpec(
-        "residual_limit", 0.0, "limit of the height after their end [m]; 0: none", (0.0, 10.0)
+        "residual_limit", 0.0, "limit of the height after their end [m]; 0: none", (0.0, 10.0),
+        read_only=False,
     ),
     ParameterSpec("urdf", "", "robot's description, for motions of its joints; empty: none"),
     ParameterSpec("tool_frame", "", "link of the robot that is the container"),
     ParameterSpec("container_frame", "container", "the container's frame, on all output"),
-)
-
+)  # fmt: skip
 LIMITS = ("limit", "residual_limit")
 
 
@@ -56,7 +62,7 @@ class PredictorNode(PreparedNode):
 
     def __init__(self, *, later: bool = False) -> None:
         super().__init__("predictor")
-        self._values = values = declare(self, PARAMETERS)
+        self._values = values = declare(self, PARAMETERS, apply=self._on_change)
         self._model = read_model(values["model"])
         urdf = values["urdf"]
         self._arm = read_arm(urdf, values["tool_frame"]) if urdf else None
@@ -77,16 +83,27 @@ class PredictorNode(PreparedNode):
         """Answers from now on."""
         self._settings.publish({"model": format_model(self._model)})
         self._estimate = NewestEstimate(self)
-        limits = HeightLimits(*(self._values[name] or math.inf for name in LIMITS))
         self._planned = PlannedMotions(
-            self, self._model, limits, self._estimate, self._values["container_frame"]
+            self, self._model, self._limits(), self._estimate, self._values["container_frame"]
         )
         self.create_service(PredictSlosh, topics.PREDICT, self._on_predict)
+        self._was_large = False
+        self.create_timer(1.0, self._give_back)
+
+    def _limits(self) -> HeightLimits:
+        return HeightLimits(*(self._values[name] or math.inf for name in LIMITS))
+
+    def _on_change(self, changed: tuple[str, ...]) -> None:
+        if self.readiness.state == READY:
+            self._planned.limits = self._limits()
+            self._settings.publish_change(changed, int(self.get_clock().now().nanoseconds))
 
     def _on_predict(
         self, request: PredictSlosh.Request, response: PredictSlosh.Response
     ) -> PredictSlosh.Response:
         self._report.counts["request"] += 1
+        points = (request.time, request.trajectory.points, request.joint_trajectory.points)
+        self._was_large |= max(map(len, points)) > LARGE
         predict_messages.fill_unknown(response)
         try:
             response.message = self._answer(request, response)
@@ -114,10 +131,16 @@ class PredictorNode(PreparedNode):
         if limits.given and not request.no_time_scales:
             scales = safe_scales(
                 model, motion, limits, state=state, horizon=horizon, margin=prediction.margin,
-                count=self._values["scales"],
+                count=self._values["scales"], most=MOST_SAMPLES,
             )  # fmt: skip
             predict_messages.fill_scales(response, scales)
         return "the limits are kept" if prediction.kept else "a limit is exceeded"
+
+    def _give_back(self) -> None:
+        """Gives what a large request has taken back to the system, once it is answered."""
+        if self._was_large:
+            self._was_large = False
+            give_back_memory()
 
     def _model_of(self, path: str) -> Model:
         if not path:
@@ -130,7 +153,11 @@ class PredictorNode(PreparedNode):
         )  # fmt: skip
 
     def _facts(self) -> dict[str, Any]:
-        return {"refused requests": self._refused, "planned motions": self._planned.count}
+        return {
+            **{name: self._values[name] for name in LIMITS},
+            "refused requests": self._refused,
+            "planned motions": self._planned.count,
+        }
 
 
 def main() -> int:

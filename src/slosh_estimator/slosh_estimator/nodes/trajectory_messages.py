@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from slosh_estimator.errors import SloshEstimatorError
 from slosh_plan import Trajectory
+from slosh_plan.consistency import check_consistent
 from slosh_plan.joints import Arm
 from slosh_plan.trajectory import MOST_POINTS
 
@@ -19,20 +20,31 @@ def trajectory_of_points(points: Any, name: str) -> Trajectory:
     """The motion of a trajectory's points: by accelerations where all have one, else by poses.
 
     Raises:
-        SloshEstimatorError, SloshPlanError: it cannot be one.
+        SloshEstimatorError, SloshPlanError: it cannot be one, or its fields contradict each other.
     """
     t = times_of(points)
     placed = all(point.transforms for point in points)
     attitude = attitude_of(points) if placed else None
-    if all(point.accelerations for point in points):
-        linear = [point.accelerations[0].linear for point in points]
-        acceleration = np.array([(a.x, a.y, a.z) for a in linear])
-        return Trajectory(t, acceleration, attitude, name=name)
-    if not placed:
+    position = positions_of(points) if placed else None
+    acceleration = _linear_of(points, "accelerations")
+    if acceleration is not None:
+        found = Trajectory(t, acceleration, attitude, position=position, name=name)
+    elif position is not None:
+        found = Trajectory.from_poses(t, position, attitude, name)
+    else:
         raise SloshEstimatorError(
             "the trajectory's points need a transform each, or an acceleration each"
         )
-    return Trajectory.from_poses(t, positions_of(points), attitude, name)
+    check_consistent(name, t, position, _linear_of(points, "velocities"), acceleration)
+    return found
+
+
+def _linear_of(points: Any, field: str) -> Array | None:
+    """(N, 3) linear part of each point's velocity or acceleration; None: not all have one."""
+    if not all(getattr(point, field) for point in points):
+        return None
+    linear = [getattr(point, field)[0].linear for point in points]
+    return np.array([(one.x, one.y, one.z) for one in linear])
 
 
 def trajectory_of_joints(message: Any, arm: Arm, name: str) -> Trajectory:

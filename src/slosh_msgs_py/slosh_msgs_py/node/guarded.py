@@ -13,7 +13,9 @@ from collections import Counter
 from collections.abc import Callable
 from typing import Any
 
+from rcl_interfaces.msg import SetParametersResult
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
 
 from slosh_msgs_py.node.mismatches import Mismatches
@@ -133,6 +135,26 @@ class GuardedNode(Node):
                 return response
 
         return super().create_service(srv_type, srv_name, guarded, *arguments, **options)
+
+    def set_parameters(self, parameter_list: list[Parameter]) -> list[SetParametersResult]:
+        """As Node's, with a remedy in the refusal of what is read at the start only."""
+        return [self.set_parameters_atomically([parameter]) for parameter in parameter_list]
+
+    def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
+        """As Node's, with a remedy in the refusal of what is read at the start only."""
+        fixed = [
+            parameter.name
+            for parameter in parameter_list
+            if self.has_parameter(parameter.name)
+            and self.describe_parameter(parameter.name).read_only
+        ]
+        if fixed:
+            name = fixed[0]
+            return SetParametersResult(
+                successful=False,
+                reason=f"{name} is read at the start only: restart the node with -p {name}:=VALUE",
+            )
+        return super().set_parameters_atomically(parameter_list)
 
     def _guarded(self, callback: Callback, where: str) -> Callback:
         @functools.wraps(callback)

@@ -7,7 +7,7 @@ where a float is needed, and a list of integers where a list of floats is.
 from __future__ import annotations
 
 from array import array
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -46,7 +46,7 @@ class ParameterSpec:
         description: one line with the unit.
         bounds: least and greatest value of a number.
         choices: allowed texts; empty: any.
-        read_only: only settable at start-up.
+        read_only: read at the start only; False: it can be changed while the node runs.
         length: length of a list.
     """
 
@@ -112,18 +112,23 @@ class ParameterSpec:
 def declare(
     node: Node,
     specs: Sequence[ParameterSpec],
-    on_change: Callable[[dict[str, Any]], str | None] | None = None,
+    check: Callable[[Mapping[str, Any]], object] | None = None,
+    apply: Callable[[tuple[str, ...]], object] | None = None,
 ) -> dict[str, Any]:
     """Declares the parameters of a node.
+
+    A later change is checked first, and refused as a whole with the reason. It is applied after
+    the node has accepted it.
 
     Args:
         node: the node.
         specs: its parameters.
-        on_change: receives changed values of parameters that are not read-only; returns why it
-            refuses them, or None.
+        check: receives all values as they would be after a change; raises a ValueError of ours
+            where they do not fit together. It must change nothing.
+        apply: receives the names of the parameters whose values have changed.
 
     Returns:
-        the values by name.
+        the values by name; the node's changes are made in it.
 
     Raises:
         SloshMessageError: a start-up value is refused; the text says which and why.
@@ -134,7 +139,7 @@ def declare(
     wrong: list[str] = []
 
     def convert(changes: list[Parameter]) -> list[Parameter]:
-        """Remembers values of a wrong type for `check`: rclpy's own refusal names no parameter."""
+        """Remembers values of a wrong type for `judge`: rclpy's own refusal names no parameter."""
         wrong.clear()
         fitting = []
         for change in changes:
@@ -146,19 +151,31 @@ def declare(
             fitting.append(converted)
         return fitting
 
-    def check(changes: list[Parameter]) -> SetParametersResult:
-        if wrong:
-            return SetParametersResult(successful=False, reason=wrong[0])
-        known = [change for change in changes if change.name in by_name]
-        for change in known:
-            reason = by_name[change.name].refusal(change.value)
-            if reason:
-                return SetParametersResult(successful=False, reason=reason)
-        reason = on_change({c.name: c.value for c in known}) if on_change and known else None
-        return SetParametersResult(successful=reason is None, reason=reason or "")
+    def known(changes: list[Parameter]) -> dict[str, Any]:
+        return {c.name: _plain(c.value) for c in changes if c.name in by_name}
+
+    def judge(changes: list[Parameter]) -> SetParametersResult:
+        new = known(changes)
+        reasons = [*wrong, *(by_name[name].refusal(value) for name, value in new.items())]
+        reason = next(filter(None, reasons), "")
+        if new and check is not None and not reason:
+            try:
+                check({**values, **new})
+            except ValueError as error:
+                if not type(error).__module__.startswith("slosh_"):
+                    raise
+                reason = str(error)
+        return SetParametersResult(successful=not reason, reason=reason)
+
+    def take(changes: list[Parameter]) -> None:
+        changed = {name: v for name, v in known(changes).items() if v != values[name]}
+        values.update(changed)
+        if changed and apply is not None:
+            apply(tuple(changed))
 
     node.add_pre_set_parameters_callback(convert)
-    node.add_on_set_parameters_callback(check)
+    node.add_on_set_parameters_callback(judge)
+    node.add_post_set_parameters_callback(take)
     return values
 
 
@@ -188,5 +205,9 @@ def _declare_one(node: Node, spec: ParameterSpec) -> Any:
         if reason:
             raise SloshMessageError(f"parameter {reason}")
         given[spec.name] = converted
-    value = node.declare_parameter(spec.name, spec.default, spec.descriptor()).value
-    return list(value) if isinstance(spec.default, list) else value
+    return _plain(node.declare_parameter(spec.name, spec.default, spec.descriptor()).value)
+
+
+def _plain(value: Any) -> Any:
+    """A value of a parameter as Python has it: rclpy gives an array for a list."""
+    return value if isinstance(value, bool | int | float | str) else list(value)

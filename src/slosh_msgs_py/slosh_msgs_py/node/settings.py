@@ -20,7 +20,7 @@ class SettingsPublisher:
         node: the node.
         code: digest of its package's sources.
         arithmetic: how this machine rounds.
-        parameters: values by name, as `declare` gives them.
+        parameters: values by name, as `declare` gives them; later changes are read from them.
         names: topics that the node reads and publishes, as its code has them.
     """
 
@@ -34,7 +34,8 @@ class SettingsPublisher:
     ) -> None:
         self._name = node.get_name()
         self._code, self._arithmetic = code, arithmetic
-        self._parameters = dict(parameters)
+        self._parameters = parameters
+        self._files: Mapping[str, str] | None = None
         self._topics = {name: node.resolve_topic_name(name) for name in names}
         self._publisher = node.create_publisher(NodeSettings, topics.SETTINGS, qos.EVENT)
 
@@ -45,13 +46,31 @@ class SettingsPublisher:
             files: text of each file that the node has read, by the parameter that names it.
             stamp_ns: the last input that was used before [ns]; 0: none.
         """
+        self._files = dict(files)
+        self._send(stamp_ns)
+
+    def publish_change(self, changed: Sequence[str], stamp_ns: int) -> None:
+        """Announces that parameters have changed while the node goes on.
+
+        Before the node's start was announced nothing is published: the start tells the values.
+
+        Args:
+            changed: names of the parameters.
+            stamp_ns: the last input to which the old values applied [ns]; 0: there was none.
+        """
+        if self._files is not None:
+            self._send(stamp_ns, tuple(changed))
+
+    def _send(self, stamp_ns: int, changed: Sequence[str] = ()) -> None:
         message = NodeSettings()
         message.header.stamp = to_time(stamp_ns)
         message.node, message.code, message.arithmetic = self._name, self._code, self._arithmetic
         document = {
-            "parameters": self._parameters,
+            "parameters": dict(self._parameters),
             "topics": self._topics,
-            "files": dict(files),
+            "files": self._files,
         }
+        if changed:
+            document["changed"] = list(changed)
         message.document = format_yaml(document, sort_keys=True, allow_unicode=True)
         self._publisher.publish(message)

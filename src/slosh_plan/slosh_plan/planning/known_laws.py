@@ -189,6 +189,8 @@ def fastest(
         for duration, glance in zip(some, check.glance(coarse), strict=True):
             if not glance.keeps(limits, NEARLY):
                 continue
+            if stopped():
+                return None
             (found,) = check([make(duration, STEP)])
             if found.keeps(limits):
                 return found

@@ -10,6 +10,7 @@ no curve through the corner is smooth, and one beside it would leave the waypoin
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -20,6 +21,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import BSpline, make_interp_spline
 
 from slosh_plan.errors import SloshPlanError
+from slosh_plan.planning.progress import StoppedError, never
 
 Array = NDArray[np.float64]
 
@@ -29,6 +31,8 @@ KEPT = 5e-5
 SAME = 2e-5
 """Points closer than that are one [m]."""
 CORNER = math.radians(60.0)
+MOST_CORNERS = 40
+"""Each is a stop, and a leg of its own to be planned: a search of so many begins in a second."""
 REVERSAL = math.radians(179.0)
 """A turn by more than this leads back along the same tangent."""
 DEGREE = 5
@@ -80,15 +84,17 @@ class Path:
         return sum(leg.length for leg in self.legs)
 
 
-def path_through(points: Array) -> Path:
+def path_through(points: Array, stopped: Callable[[], bool] = never) -> Path:
     """The path through waypoints.
 
     Args:
         points: (N, 3) positions [m].
+        stopped: whether somebody wants to end it.
 
     Raises:
-        SloshPlanError: fewer than two different points, too many, one that is not finite, or
-            points that no smooth curve follows.
+        SloshPlanError: fewer than two different points, too many, one that is not finite, too
+            many corners, or points that no smooth curve follows.
+        StoppedError: it was stopped before its end.
     """
     points = np.asarray(points, dtype=np.float64)
     if points.ndim != 2 or points.shape[1] != 3:
@@ -105,10 +111,18 @@ def path_through(points: Array) -> Path:
     if len(distinct) < 2:
         raise SloshPlanError(f"the path has no length: its {len(points)} waypoints are one place")
     corners, reversals = _corners(distinct)
+    if len(corners) > MOST_CORNERS:
+        raise SloshPlanError(
+            f"the path turns by more than {math.degrees(CORNER):.0f}° at {len(corners)} "
+            f"waypoints, where the container stops; at most {MOST_CORNERS} are planned: smooth "
+            "the waypoints, or take fewer"
+        )
     bounds = [0, *corners, len(distinct) - 1]
     parts = [distinct[a : b + 1] for a, b in pairwise(bounds)]
     tangents = _tangents(parts, reversals)
-    legs = tuple(_leg(part, *ends) for part, ends in zip(parts, tangents, strict=True))
+    legs = tuple(
+        _leg(part, *ends, stopped) for part, ends in zip(parts, tangents, strict=True)
+    )
     departure = max(_departure(leg, part) for leg, part in zip(legs, parts, strict=True))
     path = Path(legs, reversals, departure)
     if path.length < _SHORTEST:
@@ -156,8 +170,14 @@ def _tangents(parts: list[Array], reversals: tuple[bool, ...]) -> list[Ends]:
     return list(zip(first, last, strict=True))
 
 
-def _leg(points: Array, first: Array | None, last: Array | None) -> Leg:
+def _leg(
+    points: Array, first: Array | None, last: Array | None, stopped: Callable[[], bool]
+) -> Leg:
     """A spline by its own length through a part's points."""
+    if stopped():
+        raise StoppedError(
+            "stopped before the path through the waypoints was found: take fewer waypoints"
+        )
     chords = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
     rough = _thinned(chords, points, first, last)
     # Once more, by the length of the curve itself.

@@ -79,6 +79,8 @@ class OptimalSearch:
     def run(self) -> tuple[Checked, str]:
         """The best motion, and why it is the scaled one where it is."""
         best, last = _Found(self.scaled.found), "the search found nothing faster"
+        if self._over():
+            return self.scaled.found, self._why_over()
         for problem, guess in self._starts():
             found = self._tightened(problem, guess, best)
             if found.motion is not None:

@@ -1,0 +1,252 @@
+"""Parameters that change while a cell works, and a state that is asked for: real processes."""
+
+from __future__ import annotations
+
+import math
+import time
+
+import pytest
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import AccelStamped
+from rcl_interfaces.msg import Parameter as ParameterMessage
+from rcl_interfaces.srv import GetParameters, SetParameters, SetParametersAtomically
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from slosh_bag.replay import replay_bag
+from slosh_bringup.live.report import make_live_report
+from slosh_bringup.processes import NodeGroup, NodeProcess, config_folder, node_environment
+from slosh_estimator.limits import Source
+from slosh_msgs.msg import FreeSurface, LimitEvent, SloshEstimate
+from slosh_msgs.srv import PredictSlosh
+from slosh_msgs_py import qos, topics
+from slosh_msgs_py.node.run import make_executor
+from slosh_msgs_py.stamps import to_nanoseconds
+
+RATE = 200
+IMAGE_EVERY = 4
+READERS = {
+    topics.ACCEL: {"estimator", "recorder"},
+    topics.ESTIMATE: {"monitor", "predictor", "recorder", "robot"},
+    topics.FREE_SURFACE: {"monitor", "recorder"},
+    topics.LIMIT_EVENT: {"recorder", "robot"},
+}
+
+
+class Cell:
+    """Node processes, and a robot with a camera that reads what the estimator says.
+
+    Attributes:
+        group: of the processes.
+        estimates, events: that came so far.
+    """
+
+    def __init__(self, group: NodeGroup, nodes: tuple[NodeProcess, ...]) -> None:
+        self.group = group
+        for process in nodes:
+            group.start(process)
+        self.node = Node("robot", namespace="/slosh")
+        self.executor = make_executor()
+        self.executor.add_node(self.node)
+        self.estimates: list[SloshEstimate] = []
+        self.events: list[LimitEvent] = []
+        self._sent = 0
+        self._accel = self.node.create_publisher(AccelStamped, topics.ACCEL, qos.STREAM_OUT)
+        self._surface = self.node.create_publisher(
+            FreeSurface, topics.FREE_SURFACE, qos.STREAM_OUT
+        )
+        self.node.create_subscription(
+            SloshEstimate, topics.ESTIMATE, self._on_estimate, qos.STREAM_IN
+        )
+        self.node.create_subscription(
+            LimitEvent, topics.LIMIT_EVENT, self.events.append, qos.EVENT
+        )
+        # What comes before the recorder listens would lack in the bag.
+        self.until(lambda: all(self._is_read(topic, nodes) for topic in READERS))
+        self.node.create_timer(1.0 / RATE, self._move)
+        self.until(lambda: len(self.estimates) > 20)
+
+    def _is_read(self, topic: str, nodes: tuple[NodeProcess, ...]) -> bool:
+        # By their number: the middleware may know a reader long before its node's name.
+        readers = READERS[topic] & {"robot", *(process.name for process in nodes)}
+        return self.node.count_subscribers(topic) >= len(readers)
+
+    def _move(self) -> None:
+        message = AccelStamped()
+        message.header.stamp = self.node.get_clock().now().to_msg()
+        message.header.frame_id = "world"
+        message.accel.linear.x = 2.5 * math.sin(15.0 * self._sent / RATE)
+        self._sent += 1
+        self._accel.publish(message)
+
+    def _on_estimate(self, estimate: SloshEstimate) -> None:
+        self.estimates.append(estimate)
+        if len(self.estimates) % IMAGE_EVERY == 0:
+            surface = FreeSurface(msh=estimate.nonlinear.msh + 0.001, azimuth=0.0)
+            surface.header = estimate.header
+            self._surface.publish(surface)
+
+    def until(self, condition) -> None:
+        deadline = time.monotonic() + 60.0
+        while not condition():
+            assert time.monotonic() < deadline, "what was awaited did not come"
+            self.executor.spin_once(timeout_sec=0.05)
+
+    def go_on(self, count: int = 100) -> None:
+        """Waits for so many more estimates."""
+        wanted = len(self.estimates) + count
+        self.until(lambda: len(self.estimates) >= wanted)
+
+    def call(self, kind, name: str, request):
+        client = self.node.create_client(kind, name)
+        self.until(client.service_is_ready)
+        future = client.call_async(request)
+        self.until(future.done)
+        self.node.destroy_client(client)
+        return future.result()
+
+    def change(self, node: str, **values):
+        """Sets parameters together; the result."""
+        request = SetParametersAtomically.Request(parameters=messages(values))
+        name = f"{node}/set_parameters_atomically"
+        return self.call(SetParametersAtomically, name, request).result
+
+
+def messages(values) -> list[ParameterMessage]:
+    return [Parameter(name, value=value).to_parameter_msg() for name, value in values.items()]
+
+
+@pytest.fixture
+def start(tmp_path, domain):
+    model = {"model": str(config_folder() / "truth.yaml")}
+    groups = []
+
+    def begin(**nodes) -> Cell:
+        rclpy.init(domain_id=domain)
+        groups.append(NodeGroup("/slosh", tmp_path / "logs", node_environment(domain)).__enter__())
+        processes = tuple(
+            NodeProcess(name, parameters={**(model if "model" in given else {}), **{
+                key: value for key, value in given.items() if key != "model"
+            }})
+            for name, given in nodes.items()
+        )  # fmt: skip
+        return Cell(groups[-1], processes)
+
+    yield begin
+    for group in groups:
+        group.__exit__(None, None, None)
+    rclpy.try_shutdown()
+
+
+@pytest.mark.parametrize("executor", ["events", "single"])
+def test_each_prediction_starts_from_the_newest_estimate(start, monkeypatch, executor):
+    monkeypatch.setenv("SLOSH_EXECUTOR", executor)
+    cell = start(estimator={"model": ""}, predictor={"model": ""})
+    request = PredictSlosh.Request(from_estimate=True, no_time_scales=True)
+    request.time, request.limit = [0.0, 0.1, 0.2], math.nan
+    request.acceleration_x = request.acceleration_y = request.acceleration_z = [0.0] * 3
+    cell.call(PredictSlosh, topics.PREDICT, request)
+    answers = []
+    for _ in range(20):
+        cell.go_on(10)
+        answers.append(cell.call(PredictSlosh, topics.PREDICT, request))
+    assert [answer.message for answer in answers if not answer.success] == []
+    assert len({answer.peak_nonlinear for answer in answers}) == 20
+
+
+@pytest.fixture
+def recorded(start, tmp_path):
+    """A cell whose limits and input limits change; its process names, and where its bag is."""
+    bag = tmp_path / "bag"
+    limits = {"measured_limit": "1.0", "estimated_limit": "1.0", "disagreement_limit": "1.0"}
+    cell = start(
+        recorder={"output": str(bag)},
+        monitor=limits,
+        estimator={"model": ""},
+    )
+    cell.go_on()
+    assert cell.change("estimator", max_jump=0.1, max_gap=0.2).successful
+    cell.until(lambda: cell.estimates[-1].samples_dropped > 20)
+    assert cell.change("estimator", max_jump=20.0).successful
+    cell.go_on(150)
+    highest = max(estimate.nonlinear.msh for estimate in cell.estimates[-150:])
+    assert cell.change("monitor", measured_limit=highest, estimated_limit=0.5 * highest).successful
+    cell.until(lambda: len(cell.events) > 3)
+    assert cell.change("monitor", estimated_limit=0.4 * highest, release=0.5, hold=0.02).successful
+    cell.go_on(150)
+    assert cell.change("monitor", estimated_limit=1.0, measured_limit=1.0).successful
+    cell.go_on(50)
+    cell.group.stop()
+    return cell, bag
+
+
+def told(events) -> list[tuple]:
+    return sorted((e.source, e.stamp_ns, e.kind, e.limit, e.peak, e.description) for e in events)
+
+
+def test_a_recording_with_changes_replays_bit_for_bit(recorded):
+    cell, bag = recorded
+    result = replay_bag(bag)
+    assert result.verification.exact, result.verification.lines()
+    assert result.comparisons.exact, result.comparisons.lines()
+    assert result.limits.estimated_limit == 1.0
+    assert len(result.limit_changes) == 3
+    live = [
+        (e.source, to_nanoseconds(e.header.stamp), e.kind, e.limit, e.peak, e.description)
+        for e in cell.events
+    ]
+    assert told(result.events) == sorted(live)
+    assert {limit for source, _, _, limit, *_ in live if source == Source.ESTIMATED} == {
+        settings.estimated_limit for _, settings in result.limit_changes[:2]
+    }
+    assert any("judged by a new limit" in words for *_, words in live)
+
+
+def test_the_report_tells_which_parameters_changed_when(recorded):
+    _, bag = recorded
+    page = make_live_report(bag, "changed").page
+    assert "estimator: max_jump changed from 20.0 to 0.1 after" in page
+    assert "monitor: hold changed from 0.1 to 0.02 after" in page
+
+
+def test_what_cannot_be_is_refused_with_the_reason_and_changes_nothing(start):
+    cell = start(estimator={"model": ""}, monitor={}, predictor={"model": ""})
+    for node, values, reason in (
+        ("monitor", {"measured_limit": math.nan}, "measured_limit"),
+        ("monitor", {"measured_limit": -0.001}, "out of range"),
+        ("monitor", {"estimated_limit": math.inf}, "out of range"),
+        ("monitor", {"warn_share": 0.5, "hold": -1.0}, "hold"),
+        ("monitor", {"warn_share": "high"}, "Wrong parameter type"),
+        ("monitor", {"warn_share": 0.5, "buffer": 1.0}, "buffer is read at the start only"),
+        ("estimator", {"max_gap": 0.0}, "max_gap"),
+        ("estimator", {"max_jump": 5.0, "input": "imu"}, "input is read at the start only"),
+        ("predictor", {"limit": 11.0}, "limit"),
+        ("predictor", {"scales": 20}, "scales is read at the start only: restart the node with"),
+    ):
+        result = cell.change(node, **values)
+        assert not result.successful, values
+        assert reason in result.reason, (values, result.reason)
+    asked = GetParameters.Request(names=["warn_share", "measured_limit", "hold"])
+    found = cell.call(GetParameters, "monitor/get_parameters", asked).values
+    assert [value.double_value for value in found] == [0.8, 0.02, 0.1]
+    one_by_one = SetParameters.Request(parameters=messages({"hold": 0.2, "buffer": 1.0}))
+    results = cell.call(SetParameters, "monitor/set_parameters", one_by_one).results
+    assert [result.successful for result in results] == [True, False]
+    assert cell.change("predictor", limit=0.001).successful
+    facts: dict[str, str] = {}
+
+    def hear(message: DiagnosticArray) -> None:
+        facts.update({
+            f"{status.name}/{pair.key}": pair.value
+            for status in message.status
+            for pair in status.values
+        })  # fmt: skip
+
+    cell.node.create_subscription(DiagnosticArray, topics.DIAGNOSTICS, hear, qos.DIAGNOSTICS)
+    cell.until(lambda: ("hold", "0.2") in told_by("monitor", facts))
+    cell.until(lambda: ("limit", "0.001") in told_by("predictor", facts))
+
+
+def told_by(node: str, facts: dict[str, str]) -> set[tuple[str, str]]:
+    return {(key.rpartition("/")[2], value) for key, value in facts.items() if node in key}
