@@ -152,7 +152,7 @@ def test_simulate_says_whether_the_motion_stays_within_bounds(capsys, motion, tm
     [
         ({"factor": 1000.0}, r"up to \d+ m/s²: are they in mm/s²\?"),
         ({"az": 9.81}, r"az is 9\.81 m/s² .* gravity is included"),
-        ({"stretch": 1000.0}, r"rows are 2 s apart, the liquid's period is 0\.33 s"),
+        ({"stretch": 100.0}, r"rows are 0\.2 s apart, the liquid's period is 0\.33 s"),
     ],
 )
 def test_simulate_doubts_units_that_look_wrong(capsys, motion, tmp_path, change, match):
