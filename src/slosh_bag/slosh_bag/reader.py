@@ -17,6 +17,7 @@ from rosbags.typesys.store import Typestore
 from zstandard import ZstdError
 
 from slosh_bag.columns.cdr_columns import ColumnReader
+from slosh_bag.columns.cdr_values import decode_values, has_wide_text
 from slosh_bag.errors import SloshBagError
 from slosh_bag.mcap_files.bag_facts import read_facts
 from slosh_bag.mcap_files.bag_folder import bag_files, folder_facts, ordered_files
@@ -269,6 +270,8 @@ class BagReader:
         """
         store = self.typestore_of(message.message_type)
         try:
+            if has_wide_text(store, message.message_type):
+                return decode_values(store, message.message_type, message.data)
             return store.deserialize_cdr(message.data, message.message_type)
         except (*DAMAGE, AssertionError) as error:
             raise SloshBagError(
