@@ -164,7 +164,7 @@ def parsed(text: str, like):
         return {"true": True, "false": False}[text]
     if isinstance(like, list):
         return json.loads(text)
-    if isinstance(like, str) and like.startswith(("=", "+", "-", "@", "\t", "\r")):
+    if isinstance(like, str) and like.lstrip("\t\r\n").startswith(("=", "+", "-", "@")):
         text = text.removeprefix("'")  # see test_no_text_is_a_formula
     return type(like)(text)
 

@@ -24,7 +24,7 @@ LONGEST_BYTES: Final = 1024
 ROW_GROUP_BYTES: Final = 8 << 20
 """Of messages, in a row group of a Parquet file."""
 PARQUET_HINT: Final = "Parquet files need pyarrow: pip install pyarrow; or export to .csv"
-_FORMULA: Final = ("=", "+", "-", "@", "\t", "\r")
+_FORMULA: Final = ("=", "+", "-", "@")
 _JSON: Final = json.JSONEncoder(ensure_ascii=False)
 _ARROW: Final = {
     "bool": "bool_", "string": "string", "wstring": "string", "byte": "uint8", "char": "uint8", "octet": "uint8",
@@ -155,12 +155,13 @@ class CsvSink:
 
 def _is_formula(text: str) -> bool:
     """Whether a spreadsheet may run a cell: =HYPERLINK(…), +cmd|…, -2+3, @SUM(…); no number."""
-    if not text.startswith(_FORMULA):
+    inner = text.lstrip("\t\r\n")  # which spreadsheets may strip
+    if not inner.startswith(_FORMULA):
         return False
     try:
         float(text)
     except ValueError:
-        return len(text) > 1
+        return len(inner) > 1
     return False
 
 
