@@ -58,7 +58,7 @@ def foreign_kind(path: Path) -> tuple[str, str] | None:
     if head and not head.strip(b"\0"):
         return "a file of zeros", "its copy was cut off; copy it anew"
     if head and _is_text(head):
-        return "a text file", "choose the bag, a .mcap file or its folder"
+        return "a text file", "choose the bag itself"
     return None
 
 

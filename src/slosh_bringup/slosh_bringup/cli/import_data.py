@@ -18,6 +18,10 @@ from slosh_files import check_free
 from slosh_files.plain_text import plain_line
 
 
+EXIT_LOST = 1
+"""Messages that a bag counts did not come."""
+
+
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declares the kinds of data and the options of each."""
     kinds = parser.add_subparsers(dest="kind", metavar="KIND", required=True)
@@ -81,13 +85,15 @@ def import_rosbags(arguments: argparse.Namespace) -> int:
     """`slosh import rosbag`."""
     rename = renamed(arguments.rename)
     sources = [bag for path in arguments.sources for bag in find_rosbags(path)]
+    code = 0
     for source, bag in bag_folders(sources, arguments.output).items():
         with Progress(source.name, None, Unit("messages")) as progress:
             told = import_rosbag(source, bag, arguments.topics, rename, progress.of)
-        for note in told.notes:
+        for note in (*told.notes, *told.lost):
             print(plain_line(f"slosh import: {source}: {note}"), file=sys.stderr)
         print(summary(told))
-    return 0
+        code = EXIT_LOST if told.lost else code
+    return code
 
 
 def summary(told: RosbagImport) -> str:
