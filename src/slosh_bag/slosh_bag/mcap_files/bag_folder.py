@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from slosh_bag.errors import SloshBagError
-from slosh_bag.mcap_files.file_kind import IMPORT_HINT, check_no_other
+from slosh_bag.mcap_files.file_kind import IMPORT_HINT, check_no_other, foreign_kind
 from slosh_bag.mcap_files.mcap_summary import MAGIC
 from slosh_files.yaml_document import read_yaml
 
@@ -47,6 +47,17 @@ def bag_files(path: Path) -> list[Path]:
     return ordered_files(path)[0]
 
 
+def import_hint(path: Path) -> str:
+    """What to do with a file or a folder of a foreign bag, for the end of a line; else empty."""
+    if path.is_dir():
+        foreign = any(path.glob("*.db3*")) or any(path.glob("*.bag"))
+        kind = "a bag of ROS 1 or of rosbag2's SQLite storage" if foreign else ""
+    else:
+        found = foreign_kind(path)
+        kind = found[0] if found and found[1] == IMPORT_HINT else ""
+    return f": it is {kind}; slosh import rosbag {path} -o DIR makes one of it" if kind else ""
+
+
 def files_of(path: Path) -> list[Path]:
     """All files of a bag, whether it can be read or not; of one MCAP file this."""
     if not path.is_dir():
@@ -73,9 +84,7 @@ def ordered_files(path: Path, *, damaged: bool = False) -> tuple[list[Path], lis
     if path.is_dir():
         files = sorted(path.glob("*.mcap"), key=_natural)
         if not files:
-            foreign = any(path.glob("*.db3*")) or any(path.glob("*.bag"))
-            hint = f"; {IMPORT_HINT}" if foreign else ""
-            raise SloshBagError(f"{path}: no .mcap file in this folder{hint}")
+            raise SloshBagError(f"{path}: no .mcap file in this folder{import_hint(path)}")
         files = _as_noted(path, files, warnings)
     elif path.is_file():
         files = [path]

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from slosh_bag.interchange.bag_table import TableSettings, read_bag_table
+from slosh_bag.mcap_files.bag_folder import import_hint
 from slosh_bag.motion_table import is_motion_table
 from slosh_bag.recording.facts import TABLE_COLUMNS, clocks_unrelated
 from slosh_bag.text_table.options import FOUND_OUT, TableOptions
@@ -114,7 +115,9 @@ def _sources(path: Path) -> list[Path]:
     tables = [entry for entry in path.iterdir() if entry.is_file() and is_motion_table(entry)]
     bags = [entry for entry in path.iterdir() if entry.is_dir() and any(entry.glob("*.mcap"))]
     if not tables and not bags:
-        raise SloshDiscoveryError(f"{path}: holds no motion tables (.csv, .csv.gz) and no bags")
+        raise SloshDiscoveryError(
+            f"{path}: holds no motion tables (.csv, .csv.gz) and no bags{import_hint(path)}"
+        )
     return sorted([*tables, *bags])
 
 
