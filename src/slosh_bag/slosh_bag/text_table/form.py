@@ -17,7 +17,8 @@ from slosh_bag.text_table.units import is_unit
 COMMENTS: Final = ("#", "%", "//")
 UNKNOWN: Final = frozenset({"", "nan", "na", "n/a", "#n/a", "#na", "null", "none", "<na>", "-nan"})
 """What spreadsheets and programs write where there is no value; compared in lower case."""
-_SAMPLE = 32  # rows that tell what stands between columns
+_SAMPLE = 48  # rows that tell what stands between columns
+_BEFORE = 40  # lines that a logger writes before the heading, at most
 _EXCEL = re.compile(r"sep=(.)\s*", re.IGNORECASE)
 _NUMBER = re.compile(r"[+-]?(\d+[.,]?\d*|[.,]\d+)([eE][+-]?\d+)?|[+-]?inf|\d+(,\d{3})+(\.\d*)?")
 _DATE = re.compile(r"\d{4}-\d\d-\d\d[ T]\d\d:\d\d.*")
@@ -33,6 +34,7 @@ class Rows:
         heading: names as they stand there.
         unit_row: units below them; empty: there are none.
         separator: between columns; ' ': any white space.
+        before: lines before the heading that are no comments, and are passed over.
         line: number of the line that was read last.
         dotted: whether a point stood in a row.
     """
@@ -43,6 +45,7 @@ class Rows:
     separator: str
     first: list[tuple[int, str]] = field(default_factory=list)
     rest: Iterator[tuple[int, str]] = iter(())
+    before: int = 0
     line: int = 0
     dotted: bool = False
 
@@ -106,7 +109,10 @@ def read_form(path: Path, text: Iterable[str], options: TableOptions) -> Rows:
         raise SloshBagError(f"{path}: is empty; a table starts with the names of its columns")
     kept = _rows_alone(numbered)
     sample = [first, *islice(kept, _SAMPLE)]
-    separator = options.separator or excel or _separator([line for _, line in sample])
+    separator, before = options.separator or excel, 0
+    if separator is None:
+        separator, before = _separator([line for _, line in sample])
+        sample = sample[before:]
     heading, rows = _heading(path, sample, said, separator, options)
     unit_row: list[str] = []
     if rows:
@@ -114,7 +120,7 @@ def read_form(path: Path, text: Iterable[str], options: TableOptions) -> Rows:
         if _is_unit_row(below):
             unit_row, rows = below, rows[1:]
     heading = _named_rows(heading, [_one(line, separator) for _, line in rows[:_SAMPLE]])
-    return Rows(path, heading, unit_row, separator, rows, kept)
+    return Rows(path, heading, unit_row, separator, rows, kept, before)
 
 
 def name_of(separator: str) -> str:
@@ -149,16 +155,17 @@ def _heading(
 ) -> tuple[list[str], list[tuple[int, str]]]:
     """Names and the rows below them; the heading may be a comment, as NumPy writes it."""
     first = _one(sample[0][1], separator)
-    if not all(_is_value(cell) for cell in first):
-        if separator == " ":
-            first = _words(sample[0][1])
-        return [name.strip() for name in first], sample[1:]
     width = len(first)
     for _, comment in reversed(said):
         plain = comment.lstrip("#%/").strip()
         for names in (_one(plain, separator), _words(plain), _one(plain, ",")):
-            if len(names) == width and not all(_is_value(name) for name in names):
+            named = len(names) == width > 1 and not any(_is_value(name) for name in names)
+            if named and any(_NUMBER.fullmatch(cell.strip()) for cell in first):
                 return [name.strip() for name in names], sample
+    if not all(_is_value(cell) for cell in first):
+        if separator == " ":
+            first = _words(sample[0][1])
+        return [name.strip() for name in first], sample[1:]
     if options.columns and all(given.isdecimal() for given in options.columns.values()):
         return [str(number) for number in range(1, width + 1)], sample
     if not any(cell.strip() for cell in first):
@@ -174,20 +181,32 @@ def _words(line: str) -> list[str]:
     return _WORD.findall(line.replace('"', ""))
 
 
-def _separator(sample: Sequence[str]) -> str:
-    """What stands between the columns: what makes rows of numbers as long as the heading."""
-    for separator in ("\t", ";", "|", ",", " "):
-        heading = _one(sample[0], separator)
-        if separator == " ":
-            heading = _words(sample[0])
-        rows = [_one(line, separator) for line in sample[1:]]
-        width = len(_without_end(heading))
-        if width > 1 and all(_fits(row, width) for row in rows):
-            return separator
+def _separator(sample: Sequence[str]) -> tuple[str, int]:
+    """What stands between the columns, and how many lines come before the heading.
+
+    It makes rows of numbers as long as the heading; loggers write some lines about themselves
+    before that.
+    """
+    for before in range(min(len(sample) - 1, _BEFORE) + 1):
+        found = _parts(sample[before:])
+        if found and not (before and all(map(_is_value, _one(sample[before], found)))):
+            return found, before
     most = max(("\t", ";", "|", ","), key=lambda one: sample[0].count(one))
     if sample[0].count(most) == 0 and len(sample[0].split()) > 1:
-        return " "
-    return most if sample[0].count(most) else ","
+        return " ", 0
+    return (most if sample[0].count(most) else ","), 0
+
+
+def _parts(sample: Sequence[str]) -> str:
+    """What makes all rows as long as the first; empty: nothing does, or there is one row."""
+    for separator in ("\t", ";", "|", ",", " "):
+        heading = _words(sample[0]) if separator == " " else _one(sample[0], separator)
+        width = len(_without_end(heading))
+        if sample[1:] and width > 1 and all(
+            _fits(_one(line, separator), width) for line in sample[1:]
+        ):
+            return separator
+    return ""
 
 
 def _fits(row: Sequence[str], width: int) -> bool:

@@ -17,7 +17,7 @@ INDEXES: Final = ("", "unnamed: 0", "index", "idx", "row", "no", "nr", "#")
 """Names of a column that only counts the rows, as pandas and R write."""
 _TIMES = (
     "t", "time", "timestamp", "timestamps", "stamp", "zeit", "zeitstempel", "datetime", "elapsed",
-    "elapsedtime", "relativetime", "reltime", "seconds", "sec", "headerstamp", "timefromstart",
+    "elapsedtime", "relativetime", "reltime", "seconds", "sec", "headerstamp", "timefromstart", "epoch", "unixtime",
 )  # fmt: skip
 _GROUPS: Final[Sequence[tuple[str, str, tuple[str, ...], Mapping[str, float]]]] = (
     ("a{}", "xyz", (
@@ -138,6 +138,8 @@ def _column(
 ) -> Column:
     plain = given.strip().strip("\"'").strip()
     name, unit = (plain, "") if plain in _KINDS or _is_height(plain) else _parted(plain, free)
+    if wanted and not unit and (match := _BRACKETED.fullmatch(plain)):
+        unit = match["unit"] if units.is_unit(match["unit"]) else ""
     unit = unit or below.strip()
     name = wanted or name
     kind = _KINDS.get(name)

@@ -141,9 +141,12 @@ def read_table(
 
 
 def _separated(form: Rows, options: TableOptions) -> str:
-    if form.separator in (",", options.separator):
-        return ""
-    return f"{name_of(form.separator)} between the columns"
+    notes = []
+    if form.before:
+        notes.append(f"the heading is behind {form.before} other lines")
+    if form.separator not in (",", options.separator):
+        notes.append(f"{name_of(form.separator)} between the columns")
+    return "; ".join(notes)
 
 
 def _scaled(
@@ -312,6 +315,7 @@ class _Numbers:
             return "nan"
         if place == self._time and self.clock.unit:
             return self._checked_date(place, cell)
+        cell = cell.replace("\u2212", "-")  # the minus sign of word processors
         if "," in cell and self._decimal != ".":
             whole, _, part = cell.partition(",")
             grouped = "," in part or "." in cell
