@@ -136,6 +136,7 @@ class BagWriter:
         name: str,
         message_type: str,
         qos: Qos | None = None,
+        *,
         encoding: str = SERIALIZATION,
         metadata: Mapping[str, str] | None = None,
     ) -> None:

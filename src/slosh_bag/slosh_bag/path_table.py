@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from slosh_bag.errors import SloshBagError
 from slosh_bag.motion_table import (
     ATTITUDE,
-    MOTION,
     CHOOSE,
+    MOTION,
     POSITION,
 )
 from slosh_bag.text_table.options import FOUND_OUT, TableOptions
@@ -95,7 +95,8 @@ def _attitude(table: TextTable) -> Array | None:
     bad = np.flatnonzero(np.abs(lengths - 1.0) > 0.01)
     if len(bad):
         raise SloshBagError(
-            f"{table.path}: line {table.lines[bad[0]]}: the quaternion's length is {lengths[bad[0]]:.3g}, not 1"
+            f"{table.path}: line {table.lines[bad[0]]}: the quaternion's length is "
+            f"{lengths[bad[0]]:.3g}, not 1"
         )
     quaternions = quaternions / lengths[:, None]
     cosines = np.clip(np.abs(quaternions @ quaternions[0]), 0.0, 1.0)

@@ -178,9 +178,7 @@ class _Copy:
     writer: BagWriter = field(init=False)
 
     def __post_init__(self) -> None:
-        self.writer = BagWriter(
-            self.folder, self.definitions, self.facts, profile=self.profile
-        )
+        self.writer = BagWriter(self.folder, self.definitions, self.facts, profile=self.profile)
 
     def add(self, file: Path, progress: Progress) -> None:
         """Copies what is whole in a file."""
@@ -212,7 +210,9 @@ class _Copy:
             self.definitions.note_hash(kind, channel)
             qos = NotedQos(noted=channel.metadata.get("offered_qos_profiles", ""))
             metadata = dict(channel.metadata)
-            self.writer.add_topic(topic, kind, qos, channel.message_encoding, metadata)
+            self.writer.add_topic(
+                topic, kind, qos, encoding=channel.message_encoding, metadata=metadata
+            )
         except SloshBagError as error:
             self.notes.append(f"{file}: {topic} left out: {error}")
             return None

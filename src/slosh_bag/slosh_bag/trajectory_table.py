@@ -58,9 +58,7 @@ def read_trajectory(path: Path, options: TableOptions = FOUND_OUT) -> Trajectory
     return Trajectory.from_poses(t, position, attitude, str(path))
 
 
-def read_joint_trajectory(
-    path: Path, arm: Arm, options: TableOptions = FOUND_OUT
-) -> Trajectory:
+def read_joint_trajectory(path: Path, arm: Arm, options: TableOptions = FOUND_OUT) -> Trajectory:
     """Reads a motion of a robot's joints: `t` [s], and a column of each joint [rad or m].
 
     Args:

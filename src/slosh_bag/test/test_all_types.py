@@ -37,13 +37,15 @@ EXTREMES: dict[str, tuple[Any, Any, Any, Any]] = {
     "uint64": (2**64 - 1, 0, 2**63, 1),
     "float32": (0.5, -1.25, 3.0e38, 0.0),
     "float64": (0.1, -1e-300, 1e300, 0.0),
-    "string": ("Größe 夜", "", "a,b\n\"c\"", "x"),
-    "wstring": ("Größe 𝄞 夜", "", "a,b\n\"c\"", "x"),
+    "string": ("Größe 夜", "", 'a,b\n"c"', "x"),
+    "wstring": ("Größe 𝄞 夜", "", 'a,b\n"c"', "x"),
 }
-DEFINITION = "\n".join(
-    f"{kind} a_{kind}\n{kind}[3] fixed_{kind}\n{kind}[<=4] bounded_{kind}\n{kind}[] any_{kind}"
-    for kind in EXTREMES
-) + """
+DEFINITION = (
+    "\n".join(
+        f"{kind} a_{kind}\n{kind}[3] fixed_{kind}\n{kind}[<=4] bounded_{kind}\n{kind}[] any_{kind}"
+        for kind in EXTREMES
+    )
+    + """
 string<=10 limited_string
 wstring<=10 limited_wstring
 string<=10[<=3] limited_strings
@@ -55,6 +57,7 @@ float64[70] long_fixed
 byte[70] long_bytes
 int8[70] long_int8
 """
+)
 INNER_DEFINITION = "int8 small\nstring name\nbyte[3] raw\nwstring wide\n"
 SCHEMA = f"{DEFINITION}{'=' * 80}\nMSG: all_types_msgs/Inner\n{INNER_DEFINITION}"
 

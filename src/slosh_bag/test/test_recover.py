@@ -231,7 +231,7 @@ def test_another_kind_of_file_is_named_and_what_to_do(tmp_path, name):
     with pytest.raises(SloshBagError, match=f"a.mcap: .*{match}"):
         recover_bag(path, tmp_path / "new")
     assert not (tmp_path / "new").exists()
-    with pytest.raises(SloshBagError, match="it is|empty"):
+    with pytest.raises(SloshBagError, match=r"it is|empty"):
         BagReader(path)
 
 

@@ -405,5 +405,5 @@ def test_a_damaged_file_gives_a_bag_or_one_line(tmp_path_factory, share, flip, c
 def test_the_reader_says_what_to_do_with_a_foreign_bag(ros1: Path, tmp_path: Path):
     folder = write_ros2(tmp_path / "rosbag2")
     for path in (ros1, folder, *folder.glob("*.db3")):
-        with pytest.raises(SloshBagError, match="slosh import rosbag .*makes one of it"):
+        with pytest.raises(SloshBagError, match=r"slosh import rosbag .*makes one of it"):
             BagReader(path)

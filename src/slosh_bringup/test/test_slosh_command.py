@@ -206,9 +206,7 @@ def test_a_time_in_microseconds_is_refused_at_once_and_read_when_named(capsys, m
     line = fails_with(capsys, "simulate", MODEL, str(table), "-o", "/dev/null")
     assert re.search(r"us\.csv: column 't': rows are 2000 apart.*probably us \(500 Hz\)", line)
     assert "--time-unit us" in line
-    line = fails_with(
-        capsys, "simulate", MODEL, str(table), "-o", "/dev/null", "--time-unit", "s"
-    )
+    line = fails_with(capsys, "simulate", MODEL, str(table), "-o", "/dev/null", "--time-unit", "s")
     assert "more than 86400 s" in line
     code, facts, _ = simulated(capsys, table, "--time-unit", "us")
     assert code == 0

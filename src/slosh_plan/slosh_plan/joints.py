@@ -120,9 +120,11 @@ class Arm:
         """(N, J) the same positions, angles that wrap joined."""
         joined = position.copy()
         for place, name in enumerate(joints):
-            joint = self._model.joints[self._model.getJointId(name)] if (
-                self._model.existJointName(name)
-            ) else None
+            joint = (
+                self._model.joints[self._model.getJointId(name)]
+                if self._model.existJointName(name)
+                else None
+            )
             if joint is None or joint.shortname().startswith("JointModelP"):
                 continue  # a sliding joint has no angle
             jump = np.pi if joint.nq == 2 else JUMP

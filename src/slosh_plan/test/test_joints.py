@@ -64,9 +64,7 @@ def test_angles_that_wrap_are_joined(arm, given):
     wrapped = (turned + np.pi) % (2.0 * np.pi) - np.pi
     assert arm.wrapping(NAMES, turned) == []
     assert arm.wrapping(NAMES, wrapped) == list(NAMES)
-    one, two = (
-        arm.motion(T, NAMES, angles, *states[1:]) for angles in (turned, wrapped)
-    )
+    one, two = (arm.motion(T, NAMES, angles, *states[1:]) for angles in (turned, wrapped))
     np.testing.assert_allclose(two.position, one.position, atol=1e-9)
     np.testing.assert_allclose(two.acceleration, one.acceleration, atol=1e-6)
 

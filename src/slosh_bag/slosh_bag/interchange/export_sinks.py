@@ -27,7 +27,8 @@ PARQUET_HINT: Final = "Parquet files need pyarrow: pip install pyarrow; or expor
 _FORMULA: Final = ("=", "+", "-", "@")
 _JSON: Final = json.JSONEncoder(ensure_ascii=False)
 _ARROW: Final = {
-    "bool": "bool_", "string": "string", "wstring": "string", "byte": "uint8", "char": "uint8", "octet": "uint8",
+    "bool": "bool_", "string": "string", "wstring": "string", "byte": "uint8", "char": "uint8",
+    "octet": "uint8",
     **{name: name for name in (
         "int8", "int16", "int32", "int64", "uint8", "uint16", "uint32", "uint64", "float32",
         "float64",

@@ -6,7 +6,7 @@ import csv
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
-from itertools import chain, islice
+from itertools import chain, islice, pairwise
 from pathlib import Path
 from typing import Final
 
@@ -44,7 +44,7 @@ class Rows:
     unit_row: list[str]
     separator: str
     first: list[tuple[int, str]] = field(default_factory=list)
-    rest: Iterator[tuple[int, str]] = iter(())
+    rest: Iterable[tuple[int, str]] = ()
     before: int = 0
     line: int = 0
     dotted: bool = False
@@ -63,7 +63,8 @@ class Rows:
                 yield cells
 
     def _lines(self) -> Iterator[str]:
-        for self.line, text in chain(self.first, self.rest):
+        for number, text in chain(self.first, self.rest):
+            self.line = number
             if not self.dotted and "." in text:
                 self.dotted = True
             yield text
@@ -202,8 +203,10 @@ def _parts(sample: Sequence[str]) -> str:
     for separator in ("\t", ";", "|", ",", " "):
         heading = _words(sample[0]) if separator == " " else _one(sample[0], separator)
         width = len(_without_end(heading))
-        if sample[1:] and width > 1 and all(
-            _fits(_one(line, separator), width) for line in sample[1:]
+        if (
+            sample[1:]
+            and width > 1
+            and all(_fits(_one(line, separator), width) for line in sample[1:])
         ):
             return separator
     return ""
@@ -235,14 +238,17 @@ def _named_rows(heading: list[str], rows: Sequence[Sequence[str]]) -> list[str]:
 
 
 def _counts(values: Sequence[int]) -> bool:
-    return all(b - a == 1 for a, b in zip(values, values[1:], strict=False))
+    return all(b - a == 1 for a, b in pairwise(values))
 
 
 def _is_unit_row(cells: Sequence[str]) -> bool:
     given = [cell for cell in cells if cell.strip()]
     numbers = any(_NUMBER.fullmatch(cell.strip()) for cell in given)
-    return bool(given) and not numbers and all(is_unit(cell) for cell in given) and any(
-        cell.strip().lower() not in UNKNOWN for cell in given
+    return (
+        bool(given)
+        and not numbers
+        and all(is_unit(cell) for cell in given)
+        and any(cell.strip().lower() not in UNKNOWN for cell in given)
     )
 
 

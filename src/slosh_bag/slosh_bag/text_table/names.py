@@ -17,7 +17,8 @@ INDEXES: Final = ("", "unnamed: 0", "index", "idx", "row", "no", "nr", "#")
 """Names of a column that only counts the rows, as pandas and R write."""
 _TIMES = (
     "t", "time", "timestamp", "timestamps", "stamp", "zeit", "zeitstempel", "datetime", "elapsed",
-    "elapsedtime", "relativetime", "reltime", "seconds", "sec", "headerstamp", "timefromstart", "epoch", "unixtime",
+    "elapsedtime", "relativetime", "reltime", "seconds", "sec", "headerstamp", "timefromstart",
+    "epoch", "unixtime",
 )  # fmt: skip
 _GROUPS: Final[Sequence[tuple[str, str, tuple[str, ...], Mapping[str, float]]]] = (
     ("a{}", "xyz", (

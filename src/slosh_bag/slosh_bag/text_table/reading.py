@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
+import re
 from array import array
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -25,7 +26,8 @@ from slosh_bag.text_table.time_unit import EPOCH_FROM, assumed_unit, check_step
 from slosh_bag.text_table.units import TIME as TIME_UNITS
 
 Array = NDArray[np.float64]
-_GROUPED: Final = "0123456789"
+_THOUSANDS: Final = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")
+"""A number whose comma may be decimal, or part thousands."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -291,7 +293,9 @@ class _Numbers:
                 values.extend(self._row(self._cleaned(picked)))
             self.lines.append(form.line)
             if len(values) > most:
-                raise SloshBagError(f"{form.path}: has more than {most} cells; cut it into several")
+                raise SloshBagError(
+                    f"{form.path}: has more than {most} cells; cut it into several"
+                )
         if not values:
             raise SloshBagError(f"{form.path}: holds a heading and no rows")
 
@@ -318,11 +322,9 @@ class _Numbers:
         cell = cell.replace("\u2212", "-")  # the minus sign of word processors
         if "," in cell and self._decimal != ".":
             whole, _, part = cell.partition(",")
-            grouped = "," in part or "." in cell
-            if not grouped:
+            if "," not in part and "." not in cell:
                 self._commas = True
-                digits = whole.lstrip("+-")
-                if len(part) == 3 and part.isdecimal() and 1 <= len(digits) <= 3 and digits[0] in "123456789":  # noqa: E501
+                if _THOUSANDS.fullmatch(cell):
                     self._grouped = self._grouped or cell
                 else:
                     self._surely = True
@@ -341,7 +343,7 @@ class _Numbers:
         except ValueError:
             pass
         hint = ""
-        if any(mark in cell for mark in ",'") and any(letter in _GROUPED for letter in cell):
+        if any(mark in cell for mark in ",'") and any(map(str.isdecimal, cell)):
             hint = "; thousands separators cannot be read, save it without"
         elif not cell:
             hint = "; fill the cell, or delete the row"

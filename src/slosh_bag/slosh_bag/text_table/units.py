@@ -54,6 +54,4 @@ def unit_of(text: str) -> str:
 def is_unit(text: str) -> bool:
     """Whether a text is a unit of any kind."""
     found = unit_of(text)
-    return any(
-        found in kind for kind in (TIME, ACCELERATION, LENGTH, TURNING, ANGLE, NUMBER)
-    )
+    return any(found in kind for kind in (TIME, ACCELERATION, LENGTH, TURNING, ANGLE, NUMBER))

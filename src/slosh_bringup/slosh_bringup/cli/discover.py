@@ -101,7 +101,8 @@ def make_request(arguments: argparse.Namespace) -> Request:
             raise SloshBringupError(f"--{name} {value}: must be at least 1")
     return Request(
         tuple(arguments.data), arguments.output, arguments.model, tuple(arguments.holdout),
-        arguments.from_bag, arguments.motions, groups_of(arguments.group), table_options(arguments),
+        arguments.from_bag, arguments.motions, groups_of(arguments.group),
+        table_options(arguments),
     )  # fmt: skip
 
 

@@ -17,7 +17,6 @@ from slosh_bringup.errors import SloshBringupError
 from slosh_files import check_free
 from slosh_files.plain_text import plain_line
 
-
 EXIT_LOST = 1
 """Messages that a bag counts did not come."""
 

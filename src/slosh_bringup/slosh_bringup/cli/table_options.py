@@ -52,6 +52,4 @@ def table_options(
     def note(line: str) -> None:
         print(plain_line(f"slosh {arguments.command}: note: {line}"), file=sys.stderr)
 
-    return TableOptions(
-        columns, arguments.time_unit, arguments.decimal, separator, tell or note
-    )
+    return TableOptions(columns, arguments.time_unit, arguments.decimal, separator, tell or note)

@@ -73,7 +73,9 @@ def read_motions(
     Raises:
         SloshBagError, SloshDiscoveryError: one line that says what is wrong and where.
     """
-    return [motion for item in _sources(Path(path)) for motion, _ in _read(item, model, tell, tables)]
+    return [
+        motion for item in _sources(Path(path)) for motion, _ in _read(item, model, tell, tables)
+    ]
 
 
 def motions_of_day(
