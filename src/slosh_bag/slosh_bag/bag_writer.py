@@ -38,6 +38,8 @@ NEVER = Split()
 class _Topic:
     message_type: str
     qos: Qos
+    encoding: str
+    metadata: Mapping[str, str]
     channel: int = 0  # in the present file
 
 
@@ -53,6 +55,7 @@ class BagWriter:
         custom: facts about the whole bag, kept in metadata.yaml and in each MCAP file.
         split: when the next file begins.
         level: level of zstd.
+        profile: of the files, as their header tells it.
 
     Raises:
         SloshBagError: the folder holds files, or cannot be made.
@@ -65,8 +68,10 @@ class BagWriter:
         custom: Mapping[str, str] | None = None,
         split: Split = NEVER,
         level: int = SMALL,
+        profile: str = PROFILE,
     ) -> None:
         self.folder = folder
+        self._profile = profile
         self._definitions = definitions or Definitions()
         self._custom = dict(custom or {})
         self._split = split
@@ -126,8 +131,23 @@ class BagWriter:
         """Bytes in all files."""
         return sum(file.size for file in self._ended) + (self._file.size if self._file else 0)
 
-    def add_topic(self, name: str, message_type: str, qos: Qos | None = None) -> None:
+    def add_topic(
+        self,
+        name: str,
+        message_type: str,
+        qos: Qos | None = None,
+        *,
+        encoding: str = SERIALIZATION,
+        metadata: Mapping[str, str] | None = None,
+    ) -> None:
         """Announces a topic before its first message.
+
+        Args:
+            name: of the topic.
+            message_type: e.g. 'slosh_msgs/msg/FreeSurface'; empty: its messages have none.
+            qos: what its publishers offer.
+            encoding: of its messages.
+            metadata: what else its channels carry.
 
         Raises:
             SloshBagError: the type has no definition here, or the topic another type.
@@ -137,8 +157,9 @@ class BagWriter:
             if known.message_type != message_type:
                 raise SloshBagError(f"{name}: is {known.message_type}, not {message_type}")
             return
-        self._definitions.text(message_type)  # refused before anything is noted
-        topic = self._topics[name] = _Topic(message_type, qos or Qos())
+        self._definitions.schema(message_type)  # refused before anything is noted
+        topic = _Topic(message_type, qos or Qos(), encoding, dict(metadata or {}))
+        self._topics[name] = topic
         self._counts[name] = 0
         if self._file is not None:
             self._register(self._file, name, topic)
@@ -241,7 +262,7 @@ class BagWriter:
         with contextlib.suppress(OSError):
             self._finish_all()
         name = f"{self.folder.resolve().name}_{len(self._ended)}.mcap"
-        file = McapFile(self.folder / name, PROFILE, self._level)
+        file = McapFile(self.folder / name, self._profile, self._level)
         self._schemas.clear()
         for topic, entry in self._topics.items():
             self._register(file, topic, entry)
@@ -288,12 +309,14 @@ class BagWriter:
         """Each file describes all topics: it can be read without the others."""
         kind = topic.message_type
         if kind not in self._schemas:
-            self._schemas[kind] = file.add_schema(kind, self._definitions.text(kind))
+            schema = self._definitions.schema(kind)
+            self._schemas[kind] = file.add_schema(kind, schema[1], schema[0]) if schema else 0
         metadata = {
+            **topic.metadata,
             "offered_qos_profiles": topic.qos.text(),
             "topic_type_hash": self._definitions.hash(kind),
         }
-        topic.channel = file.add_channel(name, self._schemas[kind], metadata)
+        topic.channel = file.add_channel(name, self._schemas[kind], metadata, topic.encoding)
 
     def _save(self) -> None:
         topics = [
@@ -303,6 +326,7 @@ class BagWriter:
                 self._definitions.hash(topic.message_type),
                 topic.qos,
                 self._counts[name],
+                topic.encoding,
             )
             for name, topic in self._topics.items()
         ]

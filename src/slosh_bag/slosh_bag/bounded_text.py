@@ -6,6 +6,7 @@ text. So text is counted as it is unpacked, before anything is made of it.
 
 from __future__ import annotations
 
+import codecs
 import gzip
 import io
 import zlib
@@ -23,12 +24,17 @@ MOST_CELLS = 15_000_000
 LONGEST_LINE = 100_000
 """At most [bytes]; a row of 400 columns has less than 10,000."""
 _SLICE = 1 << 16
+_PRINTED = bytes({*range(32, 127), *b"\t\r\n\f", *"²³°µ·äöüÄÖÜßéèà×".encode("cp1252")})
+_SEPARATORS = (b",", b";", b"\t", b"|")
 _ADVICE = "is it a table? If so, cut it into several"
 
 
 @contextmanager
 def bounded_text(path: Path, what: str) -> Iterator[TextIO]:
     """A text file, one whose name ends in .gz unpacked; line ends stay as they are.
+
+    It is UTF-8, UTF-16 as Excel's "Unicode text", or the Windows code page of western Europe, in
+    which spreadsheets write '²', '°' and 'µ'.
 
     Args:
         path: the file.
@@ -46,13 +52,30 @@ def bounded_text(path: Path, what: str) -> Iterator[TextIO]:
                     pass
         with _unpacked(path) as raw:
             buffered = io.BufferedReader(_Counted(path, raw), _SLICE)
-            yield io.TextIOWrapper(buffered, encoding="utf-8-sig", newline="")
+            encoding = _encoding(buffered.peek(_SLICE)[:_SLICE])
+            yield io.TextIOWrapper(buffered, encoding=encoding, newline="")
     except (EOFError, zlib.error, gzip.BadGzipFile):
         raise SloshBagError(f"{path}: the gzip file is cut off or damaged; copy it anew") from None
     except OSError as error:
         raise SloshBagError(f"{path}: cannot be read: {error.strerror}") from None
     except UnicodeDecodeError:
         raise SloshBagError(f"{path}: is no text; {what}") from None
+
+
+def _encoding(head: bytes) -> str:
+    """The encoding of a text that begins so."""
+    if head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return "utf-16"
+    for encoding, zeros in (("utf-16-le", head[1::2]), ("utf-16-be", head[::2])):
+        # Without a mark: every second byte of western text is 0.
+        if len(zeros) > 4 and zeros.count(0) > 0.9 * len(zeros):
+            return encoding
+    try:
+        codecs.getincrementaldecoder("utf-8")().decode(head)
+    except UnicodeDecodeError:
+        text = not head.translate(None, _PRINTED) and head.isascii() is False
+        return "cp1252" if text else "utf-8"
+    return "utf-8-sig"
 
 
 def _unpacked(path: Path) -> BinaryIO:
@@ -85,7 +108,7 @@ class _Counted(io.RawIOBase):
     def _count(self, part: bytes) -> None:
         ends = part.count(b"\n") + part.count(b"\r")
         self._size += len(part)
-        self._cells += ends + part.count(b",") + part.count(b";")
+        self._cells += ends + sum(map(part.count, _SEPARATORS))
         lines = part.replace(b"\r", b"\n").split(b"\n") if ends else [part]
         longest = max(self._line + len(lines[0]), *map(len, lines[1:]), 0)
         self._line = len(lines[-1]) if ends else longest

@@ -29,10 +29,25 @@ class Definitions:
         self._require(message_type)
         return str(self.typestore.generate_msgdef(message_type, ros_version=2)[0])
 
+    def schema(self, message_type: str) -> tuple[str, bytes] | None:
+        """Encoding and content of the type's schema; None: its messages have none.
+
+        Raises:
+            SloshBagError: as `text`.
+        """
+        return "ros2msg", self.text(message_type).encode()
+
     def hash(self, message_type: str) -> str:
-        """The type's RIHS01 hash."""
+        """The type's RIHS01 hash; empty where it cannot be made, as of a type with wide strings.
+
+        Raises:
+            SloshBagError: as `text`.
+        """
         self._require(message_type)
-        return str(self.typestore.hash_rihs01(message_type))
+        try:
+            return str(self.typestore.hash_rihs01(message_type))
+        except KeyError:
+            return ""
 
     def _require(self, message_type: str) -> None:
         """Reads the type and those in it, and no other file: one that is broken harms no one."""
@@ -41,6 +56,8 @@ class Definitions:
             name = wanted.pop()
             if name not in self.typestore.fielddefs and name not in found:
                 found.update(_read(name))
+                if name not in found:  # such as 'std_msgs/Header', ROS 1's form of the name
+                    raise SloshBagError(f"{name!r} is no name of a ROS 2 type")
                 wanted += [part for part, _ in parts_of(found[name][1])]
         if found:
             self.typestore.register(found)

@@ -6,6 +6,7 @@ have a million million fields. Both are told before anything is made of them.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from typing import Any
 
@@ -23,6 +24,7 @@ MOST_VALUES = 100_000
 DEEPEST = 50
 """Levels of messages in messages, at most."""
 ENCODINGS = ("ros2msg", "ros2idl")
+_WIDE = re.compile(r"^(\s*wstring)<=\d+", re.MULTILINE)
 _IDL_SEPARATOR = "=" * 80 + "\n"
 
 Types = dict[str, Any]
@@ -45,7 +47,7 @@ def read_types(encoding: str, text: str, message_type: str) -> Types:
     lines = sum(not line.lstrip().startswith(("#", "//")) for line in text.split("\n") if line)
     if max(lines, text.count(";") if encoding == "ros2idl" else 0) > MOST_DECLARED:
         raise SloshBagError(f"it declares more than {MOST_DECLARED} fields")
-    types = get_types_from_msg(text, message_type) if encoding == "ros2msg" else _idl(text)
+    types = _msg(text, message_type) if encoding == "ros2msg" else _idl(text)
     _Measure(types).check(message_type)
     return types
 
@@ -58,6 +60,24 @@ def parts_of(fields: list[tuple[str, Any]]) -> Iterator[tuple[str, int]]:
             kind, detail = detail[0]
         if kind == Nodetype.NAME:
             yield detail, count
+
+
+def _msg(text: str, message_type: str) -> Types:
+    """The types of a .msg file; rosbags takes a wide string for a message of that name."""
+    found: Types = get_types_from_msg(_WIDE.sub(r"\1", text), message_type)
+    return {
+        name: (constants, [(field, _with_wide(what)) for field, what in fields])
+        for name, (constants, fields) in found.items()
+    }
+
+
+def _with_wide(description: Any) -> Any:
+    kind, detail = description
+    if kind in (Nodetype.ARRAY, Nodetype.SEQUENCE):
+        return kind, (_with_wide(detail[0]), detail[1])
+    if kind == Nodetype.NAME and detail.endswith("/msg/wstring"):
+        return Nodetype.BASE, ("wstring", 0)
+    return description
 
 
 def _idl(text: str) -> Types:

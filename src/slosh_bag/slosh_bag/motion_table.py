@@ -6,15 +6,15 @@ Columns: `t,ax,ay,az` [s, m/s²: container's origin, world frame, gravity exclud
 `eta_000` … `eta_359` (height on the wall by azimuth in degrees from the
 container's +x, m) and `profile_X` (height of the surface seen from the side at X metres along the
 container's x axis, as in `profile_-0.0295`, m). A height that was not measured is `nan` or an
-empty cell. `.csv.gz` is compressed.
+empty cell. `.csv.gz` is compressed. Tables of other programs, with other names, units and marks
+between columns, are read by `text_table`, which tells what it assumed.
 """
 
 from __future__ import annotations
 
 import csv
 import math
-from array import array
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -22,8 +22,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from slosh_bag.bounded_text import bounded_text
 from slosh_bag.errors import SloshBagError
+from slosh_bag.text_table.options import FOUND_OUT, TableOptions
+from slosh_bag.text_table.reading import TextTable, read_table
 from slosh_files import new_text
 from slosh_model import for_notebooks
 from slosh_model.simulate import Inputs
@@ -42,6 +43,7 @@ ANGULAR_VELOCITY = ("wx", "wy", "wz")
 MSH = "msh"
 ETA = "eta_"
 PROFILE = "profile_"
+CHOOSE = "columns of other names: --columns t=…,ax=… (others are not read then)"
 _BATCH = 10_000  # rows that are turned into text at a time
 
 
@@ -112,42 +114,22 @@ class MotionTable:
         return for_notebooks.table(self.t, dict(zip(names[1:], data.T[1:], strict=True)))
 
 
-def read_motion_table(path: str | Path) -> MotionTable:
+def read_motion_table(path: str | Path, options: TableOptions = FOUND_OUT) -> MotionTable:
     """Reads a motion table.
 
     Args:
-        path: a `.csv` or `.csv.gz` file.
+        path: a text file; one whose name ends in .gz is unpacked.
+        options: what the user says of it, where it differs from what is written here.
 
     Raises:
         SloshBagError: the file is missing, empty or cut off, a column is missing, unknown or
             twice, a value is no number, an input is not finite, time does not increase; one line
             that names the file, the line and the column.
     """
-    path = Path(path)
-    names, data = read_columns(path, _check_columns)
-    check_finite(path, names, data)
-    check_time(path, data[:, names.index("t")])
-    return _table(names, data)
-
-
-def read_columns(path: Path, check: Callable[[Path, list[str]], None]) -> tuple[list[str], Array]:
-    """Names and numbers (N, K) of a table.
-
-    Args:
-        path: a `.csv` or `.csv.gz` file.
-        check: raises where the names of its columns are not as they should be.
-
-    Raises:
-        SloshBagError: the file is missing, empty or cut off, or a value is no number.
-    """
-    with bounded_text(path, "a motion table is CSV") as text:
-        rows = csv.reader(text)
-        try:
-            names = [name.strip() for name in _heading(path, rows)]
-            check(path, names)
-            return names, _numbers(path, names, rows)
-        except csv.Error as error:
-            raise SloshBagError(f"{path}: line {rows.line_num}: is no CSV: {error}") from None
+    table = read_table(Path(path), _check_columns, options, may_be_blank=_is_height)
+    table.check_finite(_is_height)
+    table.check_time()
+    return _table(table)
 
 
 def write_motion_table(path: str | Path, table: MotionTable) -> None:
@@ -208,14 +190,6 @@ def _place(name: str) -> float:
     return float(name.removeprefix(PROFILE))
 
 
-def _heading(path: Path, rows: Iterator[list[str]]) -> list[str]:
-    heading = next(rows, [])
-    blank = not any(cell.strip() for cell in heading)
-    if blank and not any(cell.strip() for row in rows for cell in row):
-        raise SloshBagError(f"{path}: is empty; a table starts with the names of its columns")
-    return heading
-
-
 def _check_columns(path: Path, names: list[str]) -> None:
     known = {*MOTION, *POSITION, *ATTITUDE, *ANGULAR_VELOCITY, MSH}
     for name in names:
@@ -226,83 +200,32 @@ def _check_columns(path: Path, names: list[str]) -> None:
                 f"{path}: line 1: column {name!r} is unknown; known are {', '.join(MOTION)}, "
                 f"{', '.join(POSITION)}, "
                 f"{', '.join(ATTITUDE)}, {', '.join(ANGULAR_VELOCITY)}, {MSH}, eta_000 … eta_359, "
-                f"{PROFILE}X"
+                f"{PROFILE}X; {CHOOSE}"
             )
     for group in (MOTION, POSITION, ATTITUDE, ANGULAR_VELOCITY):
         missing = [name for name in group if name not in names]
         if missing and (group is MOTION or len(missing) < len(group)):
             raise SloshBagError(
                 f"{path}: line 1: column {missing[0]!r} is missing; "
-                f"{', '.join(group)} belong together"
+                f"{', '.join(group)} belong together; {CHOOSE}"
             )
 
 
-def _numbers(path: Path, names: list[str], rows: Iterator[list[str]]) -> Array:
-    values = array("d")
-    for line, row in enumerate(rows, start=2):
-        if len(row) != len(names):
-            raise SloshBagError(
-                f"{path}: line {line}: has {len(row)} columns, the heading has {len(names)}"
-            )
-        values.extend([_number(path, line, *cell) for cell in zip(names, row, strict=True)])
-    if not values:
-        raise SloshBagError(f"{path}: holds a heading and no rows")
-    return np.frombuffer(values, np.float64).reshape(-1, len(names))
-
-
-def _number(path: Path, line: int, name: str, text: str) -> float:
-    if _is_height(name) and not text.strip():
-        return math.nan  # how spreadsheets and pandas write what was not measured
-    try:
-        return float(text)
-    except ValueError:
-        raise SloshBagError(
-            f"{path}: line {line}: column {name!r}: {text!r} is no number"
-        ) from None
-
-
-def check_finite(path: Path, names: list[str], data: Array) -> None:
-    """Raises SloshBagError where an input is not finite, or a height infinite."""
-    for column, name in enumerate(names):
-        heights = _is_height(name)
-        bad = np.isinf(data[:, column]) if heights else ~np.isfinite(data[:, column])
-        if bad.any():
-            row = int(np.argmax(bad))
-            raise SloshBagError(
-                f"{path}: line {row + 2}: column {name!r}: {data[row, column]} is not allowed; "
-                f"{'heights may be NaN, not infinite' if heights else 'inputs must be finite'}"
-            )
-
-
-def check_time(path: Path, t: Array) -> None:
-    """Raises SloshBagError where time does not increase."""
-    late = np.flatnonzero(np.diff(t) <= 0.0)
-    if len(late):
-        row = int(late[0]) + 1
-        raise SloshBagError(
-            f"{path}: line {row + 2}: column 't': {t[row]:.9g} s does not come after "
-            f"{t[row - 1]:.9g} s; time must increase"
-        )
-
-
-def _table(names: list[str], data: Array) -> MotionTable:
-    def group(columns: tuple[str, ...]) -> Array | None:
-        if columns[0] not in names:
-            return None
-        return np.ascontiguousarray(data[:, [names.index(name) for name in columns]])
-
-    etas = tuple(sorted(name for name in names if _is_eta(name)))
-    places = tuple(sorted((name for name in names if _is_profile(name)), key=_place))
+def _table(table: TextTable) -> MotionTable:
+    etas = tuple(sorted(name for name in table.names if _is_eta(name)))
+    places = tuple(sorted((name for name in table.names if _is_profile(name)), key=_place))
+    acceleration = table.group(MOTION[1:])
+    assert acceleration is not None  # the names were checked
     return MotionTable(
-        t=data[:, names.index("t")].copy(),
-        acceleration=np.ascontiguousarray(data[:, [names.index(name) for name in MOTION[1:]]]),
-        attitude=group(ATTITUDE),
-        angular_velocity=group(ANGULAR_VELOCITY),
-        msh=data[:, names.index(MSH)].copy() if MSH in names else None,
+        t=table.column("t").copy(),
+        acceleration=acceleration,
+        attitude=table.group(ATTITUDE),
+        angular_velocity=table.group(ANGULAR_VELOCITY),
+        msh=table.column(MSH).copy() if MSH in table.names else None,
         eta_azimuth=eta_azimuths(etas) if etas else None,
-        eta=group(etas) if etas else None,
+        eta=table.group(etas) if etas else None,
         profile_x=np.array([_place(name) for name in places]) if places else None,
-        profile=group(places) if places else None,
+        profile=table.group(places) if places else None,
     )
 
 

@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 from slosh_bag.errors import SloshBagError
 from slosh_bag.motion_table import (
     ATTITUDE,
+    CHOOSE,
     MOTION,
     POSITION,
-    check_finite,
-    check_time,
-    read_columns,
 )
+from slosh_bag.text_table.options import FOUND_OUT, TableOptions
+from slosh_bag.text_table.reading import TextTable, read_table
 from slosh_files import new_text
 from slosh_plan.planning.checked import attitudes
 from slosh_plan.planning.path import MOST_POINTS
@@ -29,27 +29,28 @@ PLACES = ("t", *POSITION)
 ACCELERATION = MOTION[1:]
 
 
-def read_path_table(path: Path) -> Waypoints:
+def read_path_table(path: Path, options: TableOptions = FOUND_OUT) -> Waypoints:
     """Reads a path table; columns of accelerations, as in a plan, are passed over.
 
     Args:
-        path: a `.csv` or `.csv.gz` file.
+        path: a text file; one whose name ends in .gz is unpacked.
+        options: what the user says of it.
 
     Raises:
         SloshBagError: one line that names the file, the line and the column: no such columns, no
             number, times that do not increase, fewer than two rows or too many, an
             attitude that changes.
     """
-    names, data = read_columns(path, _check_names)
-    if len(data) < 2:
-        raise SloshBagError(f"{path}: holds {len(data)} rows: a path needs at least 2")
-    if len(data) > MOST_POINTS:
+    table = read_table(path, _check_names, options, sampled=False, relative=True)
+    if len(table.data) < 2:
+        raise SloshBagError(f"{path}: holds {len(table.data)} rows: a path needs at least 2")
+    if len(table.data) > MOST_POINTS:
         raise SloshBagError(f"{path}: holds more than {MOST_POINTS} rows; take fewer")
-    check_finite(path, names, data)
-    t = data[:, names.index("t")]
-    check_time(path, t)
-    position = data[:, [names.index(name) for name in POSITION]]
-    return Waypoints(t, position, _attitude(path, names, data))
+    table.check_finite()
+    table.check_time()
+    position = table.group(POSITION)
+    assert position is not None  # the names were checked
+    return Waypoints(table.column("t"), position, _attitude(table))
 
 
 def write_plan_table(path: Path, motion: Motion, attitude: Array | None) -> None:
@@ -74,7 +75,7 @@ def write_plan_table(path: Path, motion: Motion, attitude: Array | None) -> None
 
 
 def _check_names(path: Path, names: list[str]) -> None:
-    may_have = f"a path has {', '.join(PLACES)} and may have {', '.join(ATTITUDE)}"
+    may_have = f"a path has {', '.join(PLACES)} and may have {', '.join(ATTITUDE)}; {CHOOSE}"
     for name in names:
         if name not in (*PLACES, *ATTITUDE, *ACCELERATION) or names.count(name) > 1:
             raise SloshBagError(
@@ -86,22 +87,23 @@ def _check_names(path: Path, names: list[str]) -> None:
             raise SloshBagError(f"{path}: line 1: column {name!r} is missing: {may_have}")
 
 
-def _attitude(path: Path, names: list[str], data: Array) -> Array | None:
-    if ATTITUDE[0] not in names:
+def _attitude(table: TextTable) -> Array | None:
+    quaternions = table.group(ATTITUDE)
+    if quaternions is None:
         return None
-    quaternions = data[:, [names.index(name) for name in ATTITUDE]]
     lengths = np.linalg.norm(quaternions, axis=1)
     bad = np.flatnonzero(np.abs(lengths - 1.0) > 0.01)
     if len(bad):
         raise SloshBagError(
-            f"{path}: line {bad[0] + 2}: the quaternion's length is {lengths[bad[0]]:.3g}, not 1"
+            f"{table.path}: line {table.lines[bad[0]]}: the quaternion's length is "
+            f"{lengths[bad[0]]:.3g}, not 1"
         )
     quaternions = quaternions / lengths[:, None]
     cosines = np.clip(np.abs(quaternions @ quaternions[0]), 0.0, 1.0)
     changed = np.flatnonzero(2.0 * np.arccos(cosines) > TURNED)
     if len(changed):
         raise SloshBagError(
-            f"{path}: line {changed[0] + 2}: the attitude changes along the path: "
+            f"{table.path}: line {table.lines[changed[0]]}: the attitude changes along the path: "
             "planned are paths of a container that keeps it"
         )
     first: Array = quaternions[0]

@@ -18,9 +18,10 @@ from rosbags.typesys.store import Typestore
 from zstandard import ZstdError
 
 from slosh_bag.columns.cdr_columns import ColumnReader
+from slosh_bag.columns.cdr_values import decode_values, has_wide_text
 from slosh_bag.errors import SloshBagError
 from slosh_bag.mcap_files.bag_facts import read_facts
-from slosh_bag.mcap_files.bag_folder import bag_files, folder_facts, ordered_files
+from slosh_bag.mcap_files.bag_folder import bag_files, bag_folder, folder_facts, ordered_files
 from slosh_bag.mcap_files.bag_types import BagTypes
 from slosh_bag.mcap_files.chunks import Chunk, MessageBlock
 from slosh_bag.mcap_files.found import Found
@@ -94,7 +95,7 @@ class BagReader:
         path: folder or file.
 
     Attributes:
-        path: as given.
+        path: as given, or the only bag in that folder.
         files: its MCAP files, in the order in which they were written.
         warnings: one line each.
         column_reader: reads blocks by the bag's own definitions.
@@ -105,9 +106,9 @@ class BagReader:
 
     def __init__(self, path: str | Path) -> None:
         path = Path(path)
-        self.path = path
         self.warnings: list[str] = []
         self.files, odd = ordered_files(path)
+        self.path = bag_folder(path)
         self._warn(odd)
         self._types = BagTypes()
         self.column_reader = ColumnReader(self._types.typestore)
@@ -283,6 +284,8 @@ class BagReader:
         """
         store = self.typestore_of(message.message_type)
         try:
+            if has_wide_text(store, message.message_type):
+                return decode_values(store, message.message_type, message.data)
             return store.deserialize_cdr(message.data, message.message_type)
         except (*DAMAGE, AssertionError) as error:
             raise SloshBagError(

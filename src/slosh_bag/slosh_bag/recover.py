@@ -8,17 +8,19 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from mcap.records import Channel, Schema
+from mcap.records import Channel, Header, Schema
+from mcap.stream_reader import StreamReader
 
-from slosh_bag.bag_writer import BagWriter
+from slosh_bag.bag_writer import PROFILE, BagWriter
 from slosh_bag.definitions import Definitions
 from slosh_bag.errors import SloshBagError
 from slosh_bag.mcap_files.bag_facts import NAME as FACTS
-from slosh_bag.mcap_files.bag_folder import folder_facts, ordered_files
+from slosh_bag.mcap_files.bag_folder import bag_folder, folder_facts, ordered_files
 from slosh_bag.mcap_files.bag_metadata import Qos
 from slosh_bag.mcap_files.bag_types import BagTypes
 from slosh_bag.mcap_files.checksum import CHECKSUM, checksum_of
 from slosh_bag.mcap_files.chunks import Chunk
+from slosh_bag.mcap_files.file_kind import check_no_other
 from slosh_bag.mcap_files.mcap_walk import McapWalk
 from slosh_bag.reader import DAMAGE
 from slosh_files import check_outside, new_folder
@@ -79,19 +81,16 @@ class NotedDefinitions(Definitions):
         """Notes the hash that a channel of a type carries."""
         self._hashes.setdefault(message_type, channel.metadata.get("topic_type_hash", ""))
 
-    def text(self, message_type: str) -> str:
-        """The definition in the bag.
+    def schema(self, message_type: str) -> tuple[str, bytes] | None:
+        """The definition in the bag, whatever its language.
 
         Raises:
-            SloshBagError: it is not a ROS 2 definition.
+            SloshBagError: it has none, or several that differ.
         """
+        if not message_type:
+            return None
         schema = self.types.schema(message_type)
-        if schema.encoding != "ros2msg":
-            raise SloshBagError(f"{message_type} is defined in {schema.encoding!r}, not 'ros2msg'")
-        try:
-            return str(schema.data, "utf-8")
-        except UnicodeDecodeError:
-            raise SloshBagError(f"the definition of {message_type} is no text") from None
+        return schema.encoding, schema.data
 
     def hash(self, message_type: str) -> str:
         """The hash in the bag; where it has none, the one of its definition."""
@@ -120,9 +119,14 @@ def recover_bag(path: Path, folder: Path, progress: Progress = lambda size: None
         OSError: the new bag cannot be written.
     """
     files, notes = ordered_files(path, damaged=True)
+    path = bag_folder(path)
+    if len(files) == 1:
+        check_no_other(files[0])
+        if not files[0].stat().st_size:
+            raise SloshBagError(f"{files[0]}: the file is empty; copy it anew")
     check_outside(folder, [path])
     with new_folder(folder) as room:
-        copy = _Copy(room, _facts(path, files, notes), notes)
+        copy = _Copy(room, _facts(path, files, notes), notes, _profile(files[0]))
         with copy.writer as writer:
             for file in files:
                 copy.add(file, progress)
@@ -151,6 +155,17 @@ def _facts(path: Path, files: list[Path], notes: list[str]) -> dict[str, str]:
     return facts
 
 
+def _profile(file: Path) -> str:
+    """The profile in a file's header; where it cannot be read, that of ROS 2."""
+    try:
+        with file.open("rb") as stream:
+            reader = StreamReader(stream, skip_magic=False, emit_chunks=True)
+            first = next(iter(reader.records))
+            return first.profile if isinstance(first, Header) else PROFILE
+    except (*DAMAGE, StopIteration):
+        return PROFILE
+
+
 @dataclass(slots=True)
 class _Copy:
     """The new bag, and what it has not got."""
@@ -158,11 +173,12 @@ class _Copy:
     folder: Path
     facts: dict[str, str]
     notes: list[str]
+    profile: str
     definitions: NotedDefinitions = field(default_factory=NotedDefinitions)
     writer: BagWriter = field(init=False)
 
     def __post_init__(self) -> None:
-        self.writer = BagWriter(self.folder, self.definitions, self.facts)
+        self.writer = BagWriter(self.folder, self.definitions, self.facts, profile=self.profile)
 
     def add(self, file: Path, progress: Progress) -> None:
         """Copies what is whole in a file."""
@@ -191,11 +207,12 @@ class _Copy:
         schema: Schema | None = walk.found.schemas.get(channel.schema_id)
         kind = schema.name if schema else ""
         try:
-            if channel.message_encoding != "cdr":
-                raise SloshBagError(f"messages in {channel.message_encoding!r}, not 'cdr'")
             self.definitions.note_hash(kind, channel)
             qos = NotedQos(noted=channel.metadata.get("offered_qos_profiles", ""))
-            self.writer.add_topic(topic, kind, qos)
+            metadata = dict(channel.metadata)
+            self.writer.add_topic(
+                topic, kind, qos, encoding=channel.message_encoding, metadata=metadata
+            )
         except SloshBagError as error:
             self.notes.append(f"{file}: {topic} left out: {error}")
             return None

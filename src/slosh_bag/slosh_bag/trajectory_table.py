@@ -16,12 +16,14 @@ from slosh_bag.errors import SloshBagError
 from slosh_bag.motion_table import (
     ANGULAR_VELOCITY,
     ATTITUDE,
+    CHOOSE,
     ETA,
     MOTION,
     MSH,
     PROFILE,
-    read_columns,
 )
+from slosh_bag.text_table.options import FOUND_OUT, TableOptions
+from slosh_bag.text_table.reading import read_table
 from slosh_plan import Trajectory
 from slosh_plan.consistency import check_consistent
 from slosh_plan.joints import Arm
@@ -31,51 +33,58 @@ Array = NDArray[np.float64]
 ACCELERATION = MOTION[1:]
 POSITION = ("x", "y", "z")
 _GROUPS = (ACCELERATION, POSITION, ATTITUDE, ANGULAR_VELOCITY)
+READ = frozenset({"t"}.union(*_GROUPS))
 
 
-def read_trajectory(path: Path) -> Trajectory:
+def read_trajectory(path: Path, options: TableOptions = FOUND_OUT) -> Trajectory:
     """Reads a planned motion, named as the file; measured columns of a motion table are left out.
 
     Args:
-        path: a `.csv` or `.csv.gz` file.
+        path: a text file; one whose name ends in .gz is unpacked.
+        options: what the user says of it.
 
     Raises:
         SloshBagError: no such table.
         SloshPlanError: no such motion, or positions and accelerations that contradict each
             other; one line with the file, the row and what is wrong.
     """
-    names, data = read_columns(path, _check_columns)
-
-    def group(columns: tuple[str, ...]) -> Array | None:
-        if columns[0] not in names:
-            return None
-        return np.asarray(data[:, [names.index(name) for name in columns]])
-
-    t, acceleration, position = data[:, names.index("t")], group(ACCELERATION), group(POSITION)
+    table = read_table(
+        path, _check_columns, options, may_be_blank=lambda name: name not in READ, relative=True
+    )
+    t, acceleration, position = table.column("t"), table.group(ACCELERATION), table.group(POSITION)
+    attitude = table.group(ATTITUDE)
     if acceleration is not None:
-        rate = group(ANGULAR_VELOCITY)
-        found = Trajectory(t, acceleration, group(ATTITUDE), rate, position, str(path))
+        rate = table.group(ANGULAR_VELOCITY)
+        found = Trajectory(t, acceleration, attitude, rate, position, str(path))
         check_consistent(str(path), found.t, found.position, accelerations=found.acceleration)
         return found
     assert position is not None
-    return Trajectory.from_poses(t, position, group(ATTITUDE), str(path))
+    return Trajectory.from_poses(t, position, attitude, str(path))
 
 
-def read_joint_trajectory(path: Path, arm: Arm) -> Trajectory:
+def read_joint_trajectory(path: Path, arm: Arm, options: TableOptions = FOUND_OUT) -> Trajectory:
     """Reads a motion of a robot's joints: `t` [s], and a column of each joint [rad or m].
 
     Args:
-        path: a `.csv` or `.csv.gz` file.
+        path: a text file; one whose name ends in .gz is unpacked.
         arm: the robot.
+        options: what the user says of it; is told of joints whose angle wraps at ±π.
 
     Raises:
         SloshBagError: no such table.
         SloshPlanError: no such motion.
     """
-    names, data = read_columns(path, _check_joints)
-    columns = [place for place, name in enumerate(names) if name != "t"]
-    joints = [names[place] for place in columns]
-    return arm.motion(data[:, names.index("t")], joints, data[:, columns], name=str(path))
+    table = read_table(path, _check_joints, options, free=True, relative=True)
+    joints = [name for name in table.names if name != "t"]
+    position = table.group(joints)
+    assert position is not None  # the names were checked
+    wrapped = arm.wrapping(joints, position)
+    if wrapped:
+        options.tell(
+            f"{path}: {', '.join(wrapped)} jumps by about 2π between two rows: taken as an angle "
+            "that wraps, and joined"
+        )
+    return arm.motion(table.column("t"), joints, position, name=str(path))
 
 
 def _check_joints(path: Path, names: list[str]) -> None:
@@ -91,10 +100,12 @@ def _check_columns(path: Path, names: list[str]) -> None:
         if name not in known and not name.startswith((ETA, PROFILE)):
             raise SloshBagError(
                 f"{path}: line 1: column {name!r} is unknown; known are t, "
-                f"{', '.join(','.join(group) for group in _GROUPS)}"
+                f"{', '.join(','.join(group) for group in _GROUPS)}; {CHOOSE}"
             )
     if "t" not in names or not {"ax", "x"} & set(names):
-        raise SloshBagError(f"{path}: line 1: a planned motion needs t, and ax,ay,az or x,y,z")
+        raise SloshBagError(
+            f"{path}: line 1: a planned motion needs t, and ax,ay,az or x,y,z; {CHOOSE}"
+        )
     for group in _GROUPS:
         missing = [name for name in group if name not in names]
         if missing and len(missing) < len(group):

@@ -164,6 +164,8 @@ def parsed(text: str, like):
         return {"true": True, "false": False}[text]
     if isinstance(like, list):
         return json.loads(text)
+    if isinstance(like, str) and like.lstrip("\t\r\n").startswith(("=", "+", "-", "@")):
+        text = text.removeprefix("'")  # see test_no_text_is_a_formula
     return type(like)(text)
 
 
@@ -277,6 +279,30 @@ def test_no_text_breaks_a_row(tmp_path: Path, text: str):
     exported(write(tmp_path / "bag", words, kind="std_msgs/msg/String"), tmp_path / "a.csv")
     with (tmp_path / "a.csv").open(newline="", encoding="utf-8") as file:
         assert [row["data"] for row in csv.DictReader(file)] == ["before", text, "after"]
+
+
+@pytest.mark.parametrize(
+    ("text", "cell"),
+    [
+        ('=HYPERLINK("http://x")', '\'=HYPERLINK("http://x")'),
+        ("+cmd|' /C calc'!A0", "'+cmd|' /C calc'!A0"),
+        ("-2+3", "'-2+3"),
+        ("@SUM(1)", "'@SUM(1)"),
+        ("\t=1", "'\t=1"),
+        ("-2.5e3", "-2.5e3"),
+        ("+7", "+7"),
+        ("-", "-"),
+        ("a=1", "a=1"),
+    ],
+)
+def test_no_text_is_a_formula(tmp_path: Path, text: str, cell: str):
+    bag = write(tmp_path / "bag", [TYPES["std_msgs/msg/String"](text)], kind="std_msgs/msg/String")
+    paths = [tmp_path / "a.csv", tmp_path / "a.parquet"]
+    told = [export_topics(bag, export_targets(bag.path, bag, [], path)).notes for path in paths]
+    with paths[0].open(newline="", encoding="utf-8") as file:
+        assert [row["data"] for row in csv.DictReader(file)] == [cell]
+    assert pq.read_table(paths[1])["data"].to_pylist() == [text]
+    assert [any("formula" in note for note in notes) for notes in told] == [cell != text, False]
 
 
 @pytest.fixture

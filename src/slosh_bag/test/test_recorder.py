@@ -298,7 +298,7 @@ def test_splits_are_those_that_were_asked_for(tmp_path):
 
 def test_a_failed_write_leaves_the_file_as_it_was(tmp_path):
     file = McapFile(tmp_path / "a.mcap", "ros2")
-    channel = file.add_channel("/h", file.add_schema(HEADER, "uint8 x"), {})
+    channel = file.add_channel("/h", file.add_schema(HEADER, b"uint8 x"), {})
     for number in range(10):
         file.add(channel, number, number, number, noise(number))
     file.flush()

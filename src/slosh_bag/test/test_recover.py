@@ -163,10 +163,9 @@ def test_definitions_hashes_and_qos_are_those_of_the_file(tmp_path):
         writer.finish()
     path.write_bytes(path.read_bytes()[:-40])
     recovery = recover_bag(path, tmp_path / "new")
-    assert recovery.counts == {"/t": 1, "/bare": 1}
-    assert any("/json left out: messages in 'json', not 'cdr'" in note for note in recovery.notes)
+    assert recovery.counts == {"/t": 1, "/bare": 1, "/json": 1}
     reader = BagReader(tmp_path / "new")
-    assert [reader.decode(message).old for message in reader.messages()] == [42, 42]
+    assert [reader.decode(message).old for message in reader.messages(["/t", "/bare"])] == [42, 42]
     with (tmp_path / "new" / "new_0.mcap").open("rb") as stream:
         summary = make_reader(stream).get_summary()
     channels = {channel.topic: channel for channel in summary.channels.values()}
@@ -203,11 +202,83 @@ def test_messages_in_no_chunk_are_recovered_up_to_the_damage_and_after_it(tmp_pa
 def test_what_is_no_bag_gives_one_line_and_no_folder(tmp_path):
     text = tmp_path / "a.mcap"
     text.write_text("hello " * 100)
-    with pytest.raises(SloshBagError, match="no message in it can be read"):
+    with pytest.raises(SloshBagError, match="not an MCAP file: it is a text file"):
         recover_bag(text, tmp_path / "new")
     assert not (tmp_path / "new").exists()
     with pytest.raises(SloshBagError, match="no such file"):
         recover_bag(tmp_path / "nothing", tmp_path / "new")
+
+
+KINDS = {
+    "lfs": (b"version https://git-lfs.github.com/spec/v1\noid sha256:0\n", "git lfs pull"),
+    "page": (b"\n<!DOCTYPE html>\n<html>", "a web page; .* sign in"),
+    "gzip": (b"\x1f\x8b\x08\0" + bytes(range(90)), "a gzip file; unpack it first"),
+    "zip": (b"PK\x03\x04\x14\0", "a zip file; unpack it first"),
+    "sqlite": (b"SQLite format 3\0" + bytes(50), "an SQLite file.*slosh import rosbag"),
+    "ros1": (b"#ROSBAG V2.0\n\x45\0\0\0", "a ROS 1 bag; slosh import rosbag"),
+    "tar": (b"a" * 257 + b"ustar\0", "a tar file; unpack it first"),
+    "zeros": (bytes(5000), "a file of zeros; its copy was cut off"),
+    "nothing": (b"", "the file is empty"),
+    "json": (b'{"a": 1}', "a text file"),
+}
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_another_kind_of_file_is_named_and_what_to_do(tmp_path, name):
+    content, match = KINDS[name]
+    path = tmp_path / "a.mcap"
+    path.write_bytes(content)
+    with pytest.raises(SloshBagError, match=f"a.mcap: .*{match}"):
+        recover_bag(path, tmp_path / "new")
+    assert not (tmp_path / "new").exists()
+    with pytest.raises(SloshBagError, match=r"it is|empty"):
+        BagReader(path)
+
+
+def test_messages_of_every_encoding_and_schema_are_recovered(tmp_path):
+    path, found = tmp_path / "mixed.mcap", []
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start("lab")
+        for topic, encoding, schema in (
+            ("/json", "json", ("Pose", "jsonschema", b"{}")),
+            ("/proto", "protobuf", ("lab.Pose", "protobuf", b"\xff\0binary")),
+            ("/ros1", "ros1", ("std_msgs/String", "ros1msg", b"string data\n")),
+            ("/cbor", "cbor", None),
+        ):
+            number = writer.register_schema(*schema) if schema else 0
+            channel = writer.register_channel(topic, encoding, number, {"md5sum": topic})
+            for k in range(20):
+                writer.add_message(channel, k + 1, f"{topic} {k}".encode(), k + 1)
+            found.append((topic, encoding, schema))
+        writer.finish()
+    path.write_bytes(path.read_bytes()[:-50])
+    assert recover_bag(path, tmp_path / "new").counts == dict.fromkeys(
+        ("/json", "/proto", "/ros1", "/cbor"), 20
+    )
+    with (tmp_path / "new" / "new_0.mcap").open("rb") as stream:
+        reader = make_reader(stream)
+        assert reader.get_header().profile == "lab"
+        rows = list(reader.iter_messages(log_time_order=False))
+    for topic, encoding, schema in found:
+        mine = [row for row in rows if row[1].topic == topic]
+        assert [row[2].data for row in mine] == [f"{topic} {k}".encode() for k in range(20)]
+        assert mine[0][1].message_encoding == encoding
+        assert mine[0][1].metadata["md5sum"] == topic
+        kept = mine[0][0]
+        assert (kept and (kept.name, kept.encoding, kept.data)) == schema
+
+
+def test_the_only_bag_in_a_folder_is_meant(bag, tmp_path):
+    (tmp_path / "all").mkdir()
+    inner = bag.rename(tmp_path / "all" / "bag")
+    reader = BagReader(tmp_path / "all")
+    assert len(list(reader.messages())) == 50
+    assert any("the bag bag in it is read" in line for line in reader.warnings)
+    assert recover_bag(tmp_path / "all", tmp_path / "new").counts == {"/header": 50}
+    recover_bag(inner, tmp_path / "all" / "other")
+    with pytest.raises(SloshBagError, match="holds 2 bags; name one of them: bag, other"):
+        BagReader(tmp_path / "all")
 
 
 def test_an_existing_folder_is_not_touched(bag, tmp_path):

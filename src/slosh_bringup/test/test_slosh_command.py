@@ -152,7 +152,7 @@ def test_simulate_says_whether_the_motion_stays_within_bounds(capsys, motion, tm
     [
         ({"factor": 1000.0}, r"up to \d+ m/s²: are they in mm/s²\?"),
         ({"az": 9.81}, r"az is 9\.81 m/s² .* gravity is included"),
-        ({"stretch": 1000.0}, r"rows are 2 s apart, the liquid's period is 0\.33 s"),
+        ({"stretch": 100.0}, r"rows are 0\.2 s apart, the liquid's period is 0\.33 s"),
     ],
 )
 def test_simulate_doubts_units_that_look_wrong(capsys, motion, tmp_path, change, match):
@@ -164,6 +164,62 @@ def test_simulate_doubts_units_that_look_wrong(capsys, motion, tmp_path, change,
     assert doubt in line
     assert "other.csv" in line
     assert simulated(capsys, motion)[1]["warnings"] == []
+
+
+@pytest.mark.parametrize("command", ["simulate", "predict"])
+def test_a_gap_in_the_motion_is_named_with_time_and_length(capsys, motion, tmp_path, command):
+    """One rule: longer than ten samples and than an eighth of the liquid's period, 0.33 s."""
+    rows = np.loadtxt(motion, delimiter=",", skiprows=1)
+    for lost, is_gap in ((0.03, False), (0.06, True), (0.5, True)):
+        kept = rows[(rows[:, 0] <= 0.6) | (rows[:, 0] >= 0.6 + lost)]
+        table = tmp_path / "gap.csv"
+        np.savetxt(table, kept, "%.9g", ",", header="t,ax,ay,az", comments="")
+        output = ["-o", str(tmp_path / "out.csv")]
+        code = main([command, MODEL, str(table), *output])
+        said = capsys.readouterr().err
+        assert (code != 0) is is_gap
+        assert bool(re.search(rf"gap\.csv: a gap.*{lost:g} s .*0\.6", said)) is is_gap
+
+
+def test_a_table_of_another_dialect_gives_the_same_answer(capsys, motion, tmp_path):
+    """Semicolons, decimal commas, milliseconds, g: read, and told in one line."""
+    rows = np.loadtxt(motion, delimiter=",", skiprows=1)
+    lines = ["Zeit [ms];acc_x [g];acc_y [g];acc_z [g]"]
+    for t, *acceleration in rows.tolist():
+        cells = [f"{1e3 * t:.6f}", *(f"{a / 9.80665:.12g}" for a in acceleration)]
+        lines.append(";".join(cells).replace(".", ","))
+    table = tmp_path / "excel.csv"
+    table.write_text("\r\n".join(lines), encoding="utf-8-sig")
+    code, facts, said = simulated(capsys, table)
+    assert code == 0
+    assert facts["peak"] == pytest.approx(simulated(capsys, motion)[1]["peak"], rel=1e-6)
+    (line,) = said.splitlines()
+    assert "note: " in line
+    assert "decimal commas" in line
+    assert "t from 'Zeit [ms]' in ms" in line
+    assert "acc_x [g]" in line
+
+
+def test_a_time_in_microseconds_is_refused_at_once_and_read_when_named(capsys, motion, tmp_path):
+    """It was simulated for minutes: rows are 2,000 s apart, were they seconds."""
+    table = scaled(motion, tmp_path / "us.csv", stretch=1e6)
+    line = fails_with(capsys, "simulate", MODEL, str(table), "-o", "/dev/null")
+    assert re.search(r"us\.csv: column 't': rows are 2000 apart.*probably us \(500 Hz\)", line)
+    assert "--time-unit us" in line
+    line = fails_with(capsys, "simulate", MODEL, str(table), "-o", "/dev/null", "--time-unit", "s")
+    assert "more than 86400 s" in line
+    code, facts, _ = simulated(capsys, table, "--time-unit", "us")
+    assert code == 0
+    assert facts["peak"] == pytest.approx(simulated(capsys, motion)[1]["peak"], rel=1e-6)
+
+
+@pytest.mark.parametrize("given", ["ax", "ax=", "=acc", "t=a,t=b"])
+def test_columns_that_are_no_pairs_are_named(capsys, motion, given):
+    line = fails_with(
+        capsys, "simulate", MODEL, str(motion), "-o", "/dev/null", "--columns", given
+    )
+    assert "--columns" in line
+    assert "NAME=COLUMN" in line
 
 
 def test_simulate_refuses_what_no_container_undergoes(capsys, motion, tmp_path):

@@ -16,6 +16,7 @@ from slosh_bag.motion_table import MotionTable, is_motion_table, write_motion_ta
 from slosh_bag.reader import BagReader
 from slosh_bag.recording import settings
 from slosh_bag.recording.sources import recorded_starts
+from slosh_bag.text_table.options import FOUND_OUT, TableOptions
 from slosh_discovery.discover.finding import Finding, SeparatingMotion
 from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_discovery.discover_data import read_motions
@@ -58,6 +59,7 @@ class Request:
             come first.
         most: at most so many motions of `data`, the first ones; None: all.
         groups: patterns by the name of the group whose motions they match; empty: no groups.
+        tables: how motion tables are to be read.
     """
 
     data: tuple[Path, ...]
@@ -67,6 +69,7 @@ class Request:
     from_bag: bool = False
     most: int | None = None
     groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    tables: TableOptions = FOUND_OUT
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -105,7 +108,9 @@ def prepare(request: Request, tell: Tell) -> Prepared:
         tell(line)
 
     fit, holdout = (
-        read_all(paths, base, note, from_bag=from_bag, groups=request.groups)
+        read_all(
+            paths, base, note, from_bag=from_bag, groups=request.groups, tables=request.tables
+        )
         for paths, from_bag in ((request.data, request.from_bag), (request.holdout, False))
     )
     if request.most is not None and len(fit) > request.most:
@@ -303,6 +308,7 @@ def read_all(
     *,
     from_bag: bool,
     groups: Mapping[str, tuple[str, ...]] | None = None,
+    tables: TableOptions = FOUND_OUT,
 ) -> Motions:
     """The motions of several files; from bags first those in which the estimate was off most.
 
@@ -313,9 +319,9 @@ def read_all(
         return tuple(
             grouped(motion, path, groups or {})
             for path in paths
-            for motion in read_motions(path, base, tell)
+            for motion in read_motions(path, base, tell, tables)
         )
-    found = [(entry, path) for path in paths for entry in day_motions(path, base, tell)]
+    found = [(entry, path) for path in paths for entry in day_motions(path, base, tell, tables)]
     found.sort(key=lambda pair: -np.nan_to_num(pair[0].disagreement, nan=-1.0))
     return tuple(grouped(entry.motion, path, groups or {}) for entry, path in found)
 

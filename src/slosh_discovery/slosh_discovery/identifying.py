@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from slosh_bag.motion_table import MotionTable, write_motion_table
+from slosh_bag.text_table.options import FOUND_OUT, TableOptions
 from slosh_discovery.discovering import (
     Motions,
     check_apart,
@@ -55,6 +56,7 @@ class Request:
         ratio: b, share of a cycle in which the container moves.
         tolerance: greatest ε̄ of a surface that is taken for a line [m].
         beside: folders of earlier identifications that are shown with it.
+        tables: how motion tables are to be read.
     """
 
     data: tuple[Path, ...]
@@ -66,6 +68,7 @@ class Request:
     ratio: float = 0.4
     tolerance: float = 0.0005
     beside: tuple[Path, ...] = ()
+    tables: TableOptions = FOUND_OUT
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -104,8 +107,8 @@ def prepare(request: Request, tell: Tell) -> Prepared:
         notes.append(line)
         tell(line)
 
-    fit = read_all(request.data, base, note, from_bag=False)
-    holdout = read_all(request.holdout, base, note, from_bag=False)
+    fit = read_all(request.data, base, note, from_bag=False, tables=request.tables)
+    holdout = read_all(request.holdout, base, note, from_bag=False, tables=request.tables)
     check_apart(fit, holdout)
     beside = tuple(read_beside(path) for path in request.beside)
     return Prepared(base, *unique_names(fit, holdout), beside, tuple(notes))

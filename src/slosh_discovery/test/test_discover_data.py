@@ -166,7 +166,7 @@ class TestWrongInput:
             ("a.csv", b"", "is empty"),
             ("a.csv", b"t,ax,ay,az\n0,1,2,3\n", "no measured heights"),
             ("a.csv", b"t,ax,ay,az,msh\n0,0,0,0,0\n1,0,0,0,0\n", "fewer than 20"),
-            ("a.csv", b"t,ax,ay,az,msh\n0,0,0,0,0\n9999,0,0,0,0\n", "3600 s"),
+            ("a.csv", b"t,ax,ay,az,msh\n0,0,0,0,0\n9999,0,0,0,0\n", "--time-unit us"),
             ("a.csv", b"t,ax,ay,az,qx,qy,qz,qw,msh\n0,0,0,0,0,0,0,0,0\n", "quaternion"),
             ("a.csv", b"t,ax,ay,az,msh\n0,0,0,0,high\n", "'high' is no number"),
             # Without the time in it: the test's name holds the bytes, and all workers need one.

@@ -359,6 +359,20 @@ def test_speeds_are_told_from_the_motion(speed, law):
     assert operating_speed(drive(speed, law), 0.4) == pytest.approx(speed, rel=5e-3)
 
 
+def test_a_stroke_and_its_long_decay_have_no_operating_speed():
+    """A tap of 0.155 s, and the liquid watched for 6 s: no machine of 155 1/min."""
+    one = drive(155, "quintic")
+    step = float(one.t[1] - one.t[0])
+    t = np.arange(0.0, 6.0, step)
+    for starts, speed in (((0.0,), math.nan), ((0.0, 60 / 155, 120 / 155), 155.0)):
+        acceleration = np.zeros((len(t), 3))
+        for start in starts:
+            rows = round(start / step) + np.arange(len(one.t))
+            acceleration[rows] += one.acceleration
+        found = operating_speed(Inputs(t, acceleration), 0.4)
+        assert found == pytest.approx(speed, rel=2e-2, nan_ok=True)
+
+
 def test_a_robots_path_has_no_operating_speed():
     t = np.arange(0.0, 4.0, 2e-3)
     window = np.sin(np.pi * t / 4.0) ** 2

@@ -22,6 +22,8 @@ HOW_TO_GET = (
 )
 MOST = 1e4
 """Of a joint's position, velocity or acceleration: more is no number of a machine."""
+JUMP = 1.5 * np.pi
+"""No joint with stops turns so far from one point to the next [rad]: its angle wraps."""
 
 
 def available() -> bool:
@@ -95,10 +97,40 @@ class Arm:
             )
             if values is not None
         ]  # fmt: skip
+        columns[0] = self._joined(joints, columns[0])
         moments = dense(np.asarray(t, dtype=np.float64), PEAK_SPACING)
         curve = _spline(np.asarray(t, dtype=np.float64), columns, name)
         states = [np.asarray(curve(moments, order)) for order in range(3)]
         return self._moved(moments, joints, states, name)
+
+    def wrapping(self, joints: Sequence[str], position: Array) -> list[str]:
+        """Joints whose angle wraps at ±π: it jumps by about 2π between two points.
+
+        A joint without stops turns by less than half a turn from point to point; the angle of
+        one with stops may be reported in -π … π, too.
+
+        Args:
+            joints: (J,) names of the columns; those that the robot does not have never wrap.
+            position: (N, J) [rad or m].
+        """
+        joined = self._joined(joints, position)
+        return [name for k, name in enumerate(joints) if (joined[:, k] != position[:, k]).any()]
+
+    def _joined(self, joints: Sequence[str], position: Array) -> Array:
+        """(N, J) the same positions, angles that wrap joined."""
+        joined = position.copy()
+        for place, name in enumerate(joints):
+            joint = (
+                self._model.joints[self._model.getJointId(name)]
+                if self._model.existJointName(name)
+                else None
+            )
+            if joint is None or joint.shortname().startswith("JointModelP"):
+                continue  # a sliding joint has no angle
+            jump = np.pi if joint.nq == 2 else JUMP
+            if (np.abs(np.diff(position[:, place])) > jump).any():
+                joined[:, place] = np.unwrap(position[:, place], discont=jump)
+        return joined
 
     def _check_joints(self, joints: Sequence[str], name: str) -> None:
         model = self._model

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_model.errors import SloshModelError
+from slosh_model.gaps import gap_text
 from slosh_model.model import Model
 from slosh_model.parameters import parameter_value, with_parameters
 from slosh_plan.errors import SloshPlanError
@@ -174,13 +175,14 @@ def predict(
 
     Raises:
         SloshPlanError: the limit is exceeded when the motion begins, the state of another model,
-            an impossible horizon.
+            an impossible horizon, a gap in a motion.
     """
     given = [trajectories] if isinstance(trajectories, Trajectory) else list(trajectories)
     limits = (limits or HeightLimits()).under_rim(model)
     error = error or ModelError()
     horizon = checked_horizon(model, horizon)
     check_start(model, state, limits)
+    check_gaps(model, given)
     inputs = [one.inputs(horizon) for one in given]
     ends = [float(one.t[-1]) for one in given]
     linear_modal, modal = (state.linear, state.nonlinear) if state else (None, None)
@@ -206,6 +208,17 @@ def predict(
         flags = motion_flags(model, one, high.peak)
         found.append(_prediction(one, answers, np.sqrt(variances), limits, error, flags))
     return found
+
+
+def check_gaps(model: Model, trajectories: Sequence[Trajectory]) -> None:
+    """Refuses motions with gaps, across which a line is no motion.
+
+    Raises:
+        SloshPlanError: the line names the motion, and the longest gap's time and length.
+    """
+    for one in trajectories:
+        if text := gap_text(one.t, model):
+            raise SloshPlanError(f"{one.name}: {text}")
 
 
 def checked_horizon(model: Model, horizon: float | None) -> float:

@@ -56,6 +56,26 @@ T = np.linspace(0.0, 2.0, 201)
 
 
 @needs_pinocchio
+@pytest.mark.parametrize("given", [1, 2])
+def test_angles_that_wrap_are_joined(arm, given):
+    """A joint without stops, and one with stops whose driver reports -π … π all the same."""
+    states = swing(T)[:given]
+    turned = states[0] + np.array([2.4, 4.0])
+    wrapped = (turned + np.pi) % (2.0 * np.pi) - np.pi
+    assert arm.wrapping(NAMES, turned) == []
+    assert arm.wrapping(NAMES, wrapped) == list(NAMES)
+    one, two = (arm.motion(T, NAMES, angles, *states[1:]) for angles in (turned, wrapped))
+    np.testing.assert_allclose(two.position, one.position, atol=1e-9)
+    np.testing.assert_allclose(two.acceleration, one.acceleration, atol=1e-6)
+
+
+@needs_pinocchio
+def test_a_sliding_joint_may_move_far(arm):
+    there = np.column_stack([np.zeros(3), [0.0, 5.0, 5.0]])
+    assert arm.wrapping(("elbow", "switch"), there) == []
+
+
+@needs_pinocchio
 @pytest.mark.parametrize("given", [1, 2, 3])
 def test_the_cup_moves_as_derived_by_hand(arm, given):
     motion = arm.motion(T, NAMES, *swing(T)[:given])

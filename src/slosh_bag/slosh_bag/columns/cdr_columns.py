@@ -10,7 +10,7 @@ from numba.types import Tuple, boolean, int64, uint8
 from numpy.typing import NDArray
 from rosbags.typesys.store import Typestore
 
-from slosh_bag.columns.cdr_layout import Layout, kind_of, layout_of
+from slosh_bag.columns.cdr_layout import TEXTS, WIDE, Layout, kind_of, layout_of, wide_text
 from slosh_bag.errors import SloshBagError
 from slosh_bag.mcap_files.chunks import Bytes, Integers, MessageBlock
 from slosh_model.compilation import entry_point, given
@@ -120,7 +120,7 @@ class ColumnReader:
         parts = [(group.rows, group.columns[name]) for group in groups if name in group.columns]
         if not parts:
             kind = self._kind(block, name)
-            dtype = np.dtype(object if kind == "string" else _native(kind))
+            dtype = np.dtype(object if kind in TEXTS else _native(kind))
             parts = [(np.empty(0, np.int64), np.empty(0, dtype))]
         wide = max((part.shape[1] for _, part in parts if part.ndim > 1), default=0)
         shape = (len(block), wide) if wide else (len(block),)
@@ -178,7 +178,7 @@ def write_messages(layout: Layout, template: bytes, values: Mapping[str, Any]) -
     for name, column in values.items():
         found = layout.find(name)
         leaf = layout.leaves[found[0]] if found else None
-        if found is None or leaf is None or leaf.kind == "string":
+        if found is None or leaf is None or leaf.kind in TEXTS:
             raise SloshBagError(f"{layout.message_type} has no number {name!r} here")
         target = record[found[0]]
         target = target if found[1] is None else target[:, found[1]]
@@ -206,7 +206,7 @@ def _fitting(column: NDArray[Any], target: NDArray[Any], kind: str, name: str) -
 
 
 def _native(kind: str) -> str:
-    return {"bool": "bool", "byte": "int8", "char": "uint8"}.get(kind, kind)
+    return {"bool": "bool", "byte": "uint8", "char": "uint8"}.get(kind, kind)
 
 
 def _read(layout: Layout, packed: Bytes, names: Collection[str] | None) -> Columns:
@@ -219,8 +219,11 @@ def _read(layout: Layout, packed: Bytes, names: Collection[str] | None) -> Colum
         leaf, stored = layout.leaves[place[0]], record[place[0]]
         if place[1] is not None:
             stored = stored[:, place[1]]
-        if leaf.kind == "string":
-            found[name] = _strings(stored, f"{layout.message_type}: {name}")
+        if leaf.kind in TEXTS:
+            wide = "<" if packed[0, 1] else ">"
+            found[name] = _strings(
+                stored, f"{layout.message_type}: {name}", wide if leaf.kind == WIDE else ""
+            )
         elif leaf.kind == "bool":
             found[name] = stored != 0
         else:
@@ -228,15 +231,15 @@ def _read(layout: Layout, packed: Bytes, names: Collection[str] | None) -> Colum
     return found
 
 
-def _strings(stored: NDArray[Any], name: str) -> NDArray[Any]:
-    """Decodes strings; mostly they are all the same."""
+def _strings(stored: NDArray[Any], name: str, wide: str) -> NDArray[Any]:
+    """Decodes strings, wide ones of a byte order; mostly they are all the same."""
     size, raw = stored.dtype.itemsize, stored.tobytes()
     parts = [raw[:size]]
     if raw != parts[0] * len(stored):
         parts = [raw[at : at + size] for at in range(0, len(raw), size)]
     texts = np.empty(len(stored), object)
     try:
-        texts[:] = [part.decode() for part in parts]
+        texts[:] = [wide_text(part, wide) if wide else part.decode() for part in parts]
     except UnicodeDecodeError:
         raise SloshBagError(f"{name} is no UTF-8 text") from None
     return texts

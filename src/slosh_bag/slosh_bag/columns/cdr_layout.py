@@ -24,8 +24,11 @@ HEADER = 4
 EXPANDED = 1024
 """Arrays up to this length are listed element by element."""
 _PADDING = 3
-_ORDERS = {b"\x00\x01": "<", b"\x00\x00": ">"}
-_KINDS = {"bool": "u1", "byte": "i1", "char": "u1", "float32": "f4", "float64": "f8"} | {
+ORDERS = {b"\x00\x01": "<", b"\x00\x00": ">"}
+WIDE = "wstring"
+"""Kind of a text that is stored as UTF-16 units of four bytes each, without an end."""
+TEXTS = frozenset({"string", WIDE})
+KINDS = {"bool": "u1", "byte": "u1", "char": "u1", "float32": "f4", "float64": "f8"} | {
     f"{sign}int{8 * size}": f"{kind}{size}"
     for sign, kind in (("", "i"), ("u", "u"))
     for size in (1, 2, 4, 8)
@@ -40,7 +43,7 @@ class Leaf:
 
     Attributes:
         offset: of its first byte in the message [bytes].
-        kind: of ROS, e.g. 'float64'; 'string'.
+        kind: of ROS, e.g. 'float64'; 'string', 'wstring'.
         dtype: of one value as it is stored; of a string, its bytes without the final zero.
         count: values of an array or sequence; None: a single value.
     """
@@ -123,7 +126,7 @@ def layout_of(typestore: Typestore, message_type: str, data: bytes) -> Layout:
     Raises:
         SloshBagError: they are not those of such a message.
     """
-    order = _ORDERS.get(data[:2]) if len(data) >= HEADER else None
+    order = ORDERS.get(data[:2]) if len(data) >= HEADER else None
     if order is None:
         raise SloshBagError(f"no {message_type}: not plain CDR")
     walk = _Walk(typestore, data, order)
@@ -172,15 +175,15 @@ class _Walk:
             self.elements(inner, count, name)
 
     def base(self, kind: str, name: str) -> None:
-        if kind == "string":
-            self.string(name)
+        if kind in TEXTS:
+            self.string(name, wide=kind == WIDE)
         else:
             self.leaves[name] = self.numbers(kind, 1, None)
 
     def elements(self, inner: Any, count: int, name: str) -> None:
         if count > len(self.data):
             raise SloshBagError(f"{name} cannot have {count} elements")
-        if inner[0] == Nodetype.BASE and inner[1][0] != "string":
+        if inner[0] == Nodetype.BASE and inner[1][0] not in TEXTS:
             if count:
                 self.leaves[name] = self.numbers(inner[1][0], count, count)
             return
@@ -188,9 +191,9 @@ class _Walk:
             self.value(inner, f"{name}[{index}]")
 
     def numbers(self, kind: str, number: int, count: int | None) -> Leaf:
-        if kind not in _KINDS:
+        if kind not in KINDS:
             raise SloshBagError(f"values of type {kind} cannot be read")
-        dtype = np.dtype(self.order + _KINDS[kind])
+        dtype = np.dtype(self.order + KINDS[kind])
         self.align(dtype.itemsize)
         leaf = Leaf(self.at, kind, dtype, count)
         self.at += number * dtype.itemsize
@@ -198,8 +201,15 @@ class _Walk:
             raise IndexError
         return leaf
 
-    def string(self, name: str) -> None:
+    def string(self, name: str, *, wide: bool) -> None:
         length = self.word()
+        if wide:
+            end = self.at + 4 * length
+            if end > len(self.data):
+                raise SloshBagError(f"{name} is no string")
+            self.leaves[name] = Leaf(self.at, WIDE, np.dtype(f"V{4 * length}"))
+            self.at = end
+            return
         end = self.at + length
         if not length or end > len(self.data) or self.data[end - 1]:
             raise SloshBagError(f"{name} is no string")
@@ -216,6 +226,17 @@ class _Walk:
 
     def align(self, size: int) -> None:
         self.at += (HEADER - self.at) % size
+
+
+def wide_text(raw: bytes, order: str) -> str:
+    """A wide string's text; half a surrogate pair stays as it is.
+
+    Args:
+        raw: its units, four bytes each.
+        order: of their bytes, '<' or '>'.
+    """
+    units = np.frombuffer(raw, f"{order}u4").astype("<u2")
+    return units.tobytes().decode("utf-16-le", "surrogatepass")
 
 
 def kind_of(typestore: Typestore, message_type: str, name: str) -> str:
@@ -247,6 +268,6 @@ def kind_of(typestore: Typestore, message_type: str, name: str) -> str:
             raise SloshBagError(f"{message_type} has no field {name!r}: {match[1]} is one value")
         whole = many and not match[2]
         description = description[1][0] if many else description
-    if description[0] != Nodetype.BASE or (whole and description[1][0] == "string"):
+    if description[0] != Nodetype.BASE or (whole and description[1][0] in TEXTS):
         raise SloshBagError(f"{message_type}: {name!r} is no column; name what is in it")
     return str(description[1][0])

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from operator import attrgetter
 from typing import Any, Final, Literal, NamedTuple
 
+import numpy as np
 from rosbags.interfaces import Nodetype
 from rosbags.typesys.base import normalize_fieldname
 from rosbags.typesys.store import Typestore
@@ -20,6 +21,7 @@ from rosbags.typesys.store import Typestore
 STAMP: Final = ("header.stamp.sec", "header.stamp.nanosec")
 LONGEST_SPREAD: Final = 64
 """Longest array whose elements get columns of their own."""
+TEXTS: Final = frozenset({"string", "wstring"})
 BYTES: Final = frozenset({"uint8", "byte", "char", "octet"})
 Shape = Literal["value", "spread", "list"]
 
@@ -64,7 +66,7 @@ class Leaf:
     @property
     def is_flat(self) -> bool:
         """Whether it holds numbers, or one text: no lists of texts or of messages."""
-        return self.node.base not in ("", "string") or self.shape == "value"
+        return self.node.base not in {"", *TEXTS} or self.shape == "value"
 
     @property
     def is_bytes(self) -> bool:
@@ -91,7 +93,7 @@ def _array_leaf(types: Typestore, name: str, attribute: str, description: Any) -
     kind, (element, length) = description
     node = _node(types, element)
     short = kind == Nodetype.ARRAY and length <= LONGEST_SPREAD
-    if short and node.base not in ("", "string"):
+    if short and node.base not in {"", *TEXTS}:
         return Leaf(name, attribute, node, "spread", length)
     return Leaf(name, attribute, node, "list")
 
@@ -121,11 +123,19 @@ def plain(node: Node, value: Any) -> Any:
             for name, inner, several in node.fields
             for content in (getattr(value, normalize_fieldname(name)),)
         }
-    return value.item() if hasattr(value, "item") else value
+    found = value.item() if hasattr(value, "item") else value
+    return found & 0xFF if node.base == "byte" else found  # rosbags gives it a sign
+
+
+def unsigned(node: Node, values: Any) -> Any:
+    """Values of a byte as ROS 2 has them, 0 … 255: rosbags gives them a sign."""
+    if node.base != "byte":
+        return values
+    return np.asarray(values).astype(np.uint8)  # -1 becomes 255
 
 
 def plain_list(node: Node, values: Any) -> list[Any]:
     """The elements of a decoded list as Python's own."""
     if hasattr(values, "tolist"):
-        return list(values.tolist())
+        return list(unsigned(node, values).tolist())
     return [plain(node, value) for value in values]

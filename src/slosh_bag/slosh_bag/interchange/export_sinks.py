@@ -15,7 +15,7 @@ from typing import Any, Final, Protocol
 import numpy as np
 
 from slosh_bag.errors import SloshBagError
-from slosh_bag.interchange.export_fields import Leaf, Node, plain_list
+from slosh_bag.interchange.export_fields import TEXTS, Leaf, Node, plain_list, unsigned
 from slosh_bag.interchange.export_rows import Times, Values
 from slosh_files import NewFile
 
@@ -24,9 +24,11 @@ LONGEST_BYTES: Final = 1024
 ROW_GROUP_BYTES: Final = 8 << 20
 """Of messages, in a row group of a Parquet file."""
 PARQUET_HINT: Final = "Parquet files need pyarrow: pip install pyarrow; or export to .csv"
+_FORMULA: Final = ("=", "+", "-", "@")
 _JSON: Final = json.JSONEncoder(ensure_ascii=False)
 _ARROW: Final = {
-    "bool": "bool_", "string": "string", "byte": "uint8", "char": "uint8", "octet": "uint8",
+    "bool": "bool_", "string": "string", "wstring": "string", "byte": "uint8", "char": "uint8",
+    "octet": "uint8",
     **{name: name for name in (
         "int8", "int16", "int32", "int64", "uint8", "uint16", "uint32", "uint64", "float32",
         "float64",
@@ -61,6 +63,8 @@ class Sink(Protocol):
 class CsvSink:
     """A CSV file: numbers to the last bit, lists as JSON in a cell.
 
+    A text that a spreadsheet would take for a formula has an apostrophe before it.
+
     Args:
         path: `.csv` or `.csv.gz`.
         times: names of the columns of whole nanoseconds.
@@ -72,6 +76,7 @@ class CsvSink:
         self._file = NewFile(path)
         self._fields = fields
         self._too_long: dict[str, int] = {}
+        self._marked: dict[str, int] = {}
         self._open = ExitStack()
         binary: Any = self._open.enter_context(self._file.open())
         if path.suffix == ".gz":
@@ -92,7 +97,7 @@ class CsvSink:
         returns = any(
             "\r" in value
             for leaf, column in zip(self._fields, values, strict=True)
-            if leaf.node.base == "string" and leaf.shape == "value"
+            if leaf.node.base in TEXTS and leaf.shape == "value"
             for value in column
         )
         # The csv module writes floats by repr, to the last bit, and NaN as nan.
@@ -106,6 +111,11 @@ class CsvSink:
             self.notes.append(
                 f"{self._file.path}: {count} cells of {name} are empty: more than "
                 f"{LONGEST_BYTES} bytes; Parquet files hold them"
+            )
+        for name, count in self._marked.items():
+            self.notes.append(
+                f"{self._file.path}: {count} texts of {name} begin like a formula and have a ' "
+                "before them; Parquet files hold them as they are"
             )
 
     def keep(self) -> None:
@@ -123,9 +133,19 @@ class CsvSink:
         if leaf.shape == "list":
             return [[self._list_cell(leaf, value) for value in values]]
         columns = [plain_list(leaf.node, column) for column in _columns(leaf, values)]
+        if leaf.node.base in TEXTS:
+            return [self._texts(leaf, column) for column in columns]
         if leaf.node.base == "bool":
             return [["true" if value else "false" for value in column] for column in columns]
         return list(columns)
+
+    def _texts(self, leaf: Leaf, column: Sequence[str]) -> Sequence[str]:
+        """Texts without those that a spreadsheet would run: messages come from whoever sends."""
+        marked = [f"'{text}" if _is_formula(text) else text for text in column]
+        count = sum(map(str.__ne__, marked, column))
+        if count:
+            self._marked[leaf.name] = self._marked.get(leaf.name, 0) + count
+        return marked
 
     def _list_cell(self, leaf: Leaf, value: Any) -> str:
         if leaf.is_bytes and len(value) > LONGEST_BYTES:
@@ -134,11 +154,23 @@ class CsvSink:
         return _JSON.encode(plain_list(leaf.node, value))
 
 
+def _is_formula(text: str) -> bool:
+    """Whether a spreadsheet may run a cell: =HYPERLINK(…), +cmd|…, -2+3, @SUM(…); no number."""
+    inner = text.lstrip("\t\r\n")  # which spreadsheets may strip
+    if not inner.startswith(_FORMULA):
+        return False
+    try:
+        float(text)
+    except ValueError:
+        return len(inner) > 1
+    return False
+
+
 def _columns(leaf: Leaf, values: Any) -> list[Any]:
     """A leaf's values by column: one, or one for each element of an array."""
     if leaf.shape != "spread":
-        return [values]
-    return list(np.ascontiguousarray(np.asarray(values).T))
+        return [unsigned(leaf.node, values)]
+    return list(np.ascontiguousarray(unsigned(leaf.node, np.asarray(values)).T))
 
 
 class ParquetSink:

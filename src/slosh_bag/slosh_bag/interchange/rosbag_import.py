@@ -18,7 +18,7 @@ from rosbags.interfaces import Connection, ConnectionExtRosbag1, QosDurability, 
 from slosh_bag.bag_writer import BagWriter, Qos
 from slosh_bag.definitions import Definitions
 from slosh_bag.errors import SloshBagError
-from slosh_bag.interchange.foreign_readers import ROS1_SUFFIX, foreign_reader, told_by
+from slosh_bag.interchange.foreign_readers import ROS1_SUFFIX, foreign_reader, not_read, told_by
 from slosh_bag.interchange.rosbag_types import Convert, message_converter
 from slosh_bag.interchange.topic_choice import find_topic
 from slosh_files import check_outside, new_folder
@@ -34,11 +34,13 @@ class RosbagImport(NamedTuple):
         bag: the new bag's folder.
         counts: messages by topic, under its new name.
         notes: what was left out or changed, one line each.
+        lost: messages that the bag counts and that did not come, one line each.
     """
 
     bag: Path
     counts: dict[str, int]
     notes: tuple[str, ...]
+    lost: tuple[str, ...] = ()
 
 
 class _Route(NamedTuple):
@@ -59,15 +61,22 @@ def find_rosbags(path: Path) -> list[Path]:
     if not path.exists():
         raise SloshBagError(f"{path}: no such file or folder")
     if path.is_dir():
-        if (path / "metadata.yaml").exists():
-            return [path]
-        files = sorted(file for suffix in SUFFIXES for file in path.glob(f"*{suffix}"))
-        if not files:
+        found = _bags_in(path)
+        if not found:  # the folder of a download, or what `slosh import` made
+            inner = sorted(entry for entry in path.iterdir() if entry.is_dir())
+            found = [bag for entry in inner for bag in _bags_in(entry)]
+        if not found:
             raise SloshBagError(f"{path}: holds no metadata.yaml, .bag, .db3 or .mcap")
-        return files
+        return found
     if path.suffix not in SUFFIXES:
         raise SloshBagError(f"{path}: is none of {', '.join(SUFFIXES)}; unpack it first")
     return [path]
+
+
+def _bags_in(folder: Path) -> list[Path]:
+    if (folder / "metadata.yaml").exists():
+        return [folder]
+    return sorted(file for suffix in SUFFIXES for file in folder.glob(f"*{suffix}"))
 
 
 def import_rosbag(
@@ -105,14 +114,22 @@ def import_rosbag(
         with new_folder(bag) as room, BagWriter(room, definitions, facts) as writer:
             for route in routes.values():
                 writer.add_topic(route.topic, route.message_type, route.qos)
-            failures = _copy(source, reader, routes, writer, progress)
+            failures, lost = _copy(source, reader, routes, writer, progress)
             counts = dict(writer.counts)
             if not sum(counts.values()):
                 raise SloshBagError(
-                    "; ".join([f"{source}: holds no message that can be converted", *failures])
+                    "; ".join(
+                        [f"{source}: holds no message that can be converted", *failures, *lost]
+                    )
                 )
             warnings = told_by(reader)
-    return RosbagImport(bag, counts, (*notes, *failures, *warnings))
+            beside = not_read(reader)
+            if beside:
+                lost.append(
+                    f"not read, since metadata.yaml does not name them: {', '.join(beside)}; "
+                    "import these files by themselves"
+                )
+    return RosbagImport(bag, counts, (*notes, *failures, *warnings), tuple(lost))
 
 
 def _copy(
@@ -121,11 +138,12 @@ def _copy(
     routes: dict[int, _Route],
     writer: BagWriter,
     progress: Callable[[int, int], object],
-) -> list[str]:
-    """Writes all messages; returns what was left out."""
+) -> tuple[list[str], list[str]]:
+    """Writes all messages; returns what was left out, and where fewer came than the bag counts."""
     wanted = [connection for connection in reader.connections if connection.id in routes]
     total = sum(connection.msgcount for connection in wanted)
     failed: Counter[str] = Counter()
+    taken: Counter[int] = Counter()
     messages = _guarded(source, reader.messages(connections=wanted))
     for done, (connection, stamp_ns, data) in enumerate(messages, start=1):
         route = routes[connection.id]
@@ -135,8 +153,14 @@ def _copy(
             failed[route.topic] += 1
         else:
             writer.write(route.topic, converted, stamp_ns)
+            taken[connection.id] += 1
         progress(done, total)
-    return [f"{topic}: {count} damaged messages left out" for topic, count in failed.items()]
+    lost = [
+        f"{each.topic}: {taken[each.id]} of {each.msgcount} messages imported"
+        for each in wanted
+        if taken[each.id] < each.msgcount
+    ]
+    return [f"{topic}: {count} damaged messages left out" for topic, count in failed.items()], lost
 
 
 @contextmanager
@@ -215,6 +239,7 @@ def _routes(
         topic = names[connection.topic]
         ros1 = isinstance(connection.ext, ConnectionExtRosbag1)
         try:
+            _check_encoding(connection)
             kind, convert, changes = message_converter(connection, definitions, ros1=ros1)
             if types.setdefault(topic, kind) != kind:
                 raise SloshBagError(f"{kind}: the topic has been {types[topic]} before")
@@ -225,6 +250,15 @@ def _routes(
             notes[f"{connection.topic}: {changes}"] = None
         routes[connection.id] = _Route(topic, kind, convert, _qos(connection))
     return routes, list(notes)
+
+
+def _check_encoding(connection: Connection) -> None:
+    """Refuses messages that are neither ROS 1's nor CDR."""
+    encoding = getattr(connection.ext, "serialization_format", "cdr")
+    if encoding not in ("cdr", ""):
+        raise SloshBagError(
+            f"messages in {encoding!r}: only those of ROS 1 and ROS 2 (CDR) can be converted"
+        )
 
 
 def _qos(connection: Connection) -> Qos:

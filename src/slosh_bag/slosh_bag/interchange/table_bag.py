@@ -30,6 +30,7 @@ from slosh_bag.errors import SloshBagError
 from slosh_bag.motion_table import MotionTable, column_names, read_motion_table
 from slosh_bag.recording.facts import TABLE_COLUMNS, TABLE_ORIGIN
 from slosh_bag.recording.motion import NOT_REPORTED
+from slosh_bag.text_table.options import FOUND_OUT, TableOptions
 from slosh_estimator.inputs import ACCEL, IMU, MESSAGE_TYPES
 from slosh_files import new_folder
 from slosh_files.nanoseconds import SECOND
@@ -68,7 +69,10 @@ Progress = Callable[[int, int], object]
 
 
 def import_table(
-    path: Path, bag: Path, progress: Progress = lambda done, total: None
+    path: Path,
+    bag: Path,
+    progress: Progress = lambda done, total: None,
+    options: TableOptions = FOUND_OUT,
 ) -> TableImport:
     """Turns a motion table into a bag.
 
@@ -76,13 +80,14 @@ def import_table(
         path: the `.csv` or `.csv.gz` file.
         bag: the bag's folder; it must be new or empty.
         progress: is told the number of rows so far and in all.
+        options: what the user says of the table.
 
     Raises:
         SloshBagError: the table is broken, or does not fit into messages.
         SloshFileError: the bag's folder holds something.
         OSError: the bag cannot be written.
     """
-    return write_table_bag(path, read_motion_table(path), bag, progress=progress)
+    return write_table_bag(path, read_motion_table(path, options), bag, progress=progress)
 
 
 def write_table_bag(

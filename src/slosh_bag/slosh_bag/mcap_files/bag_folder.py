@@ -7,16 +7,32 @@ from pathlib import Path
 from typing import Any
 
 from slosh_bag.errors import SloshBagError
+from slosh_bag.mcap_files.file_kind import IMPORT_HINT, check_no_other, foreign_kind
 from slosh_bag.mcap_files.mcap_summary import MAGIC
 from slosh_files.yaml_document import read_yaml
 
 METADATA = "metadata.yaml"
-FOREIGN = (b"#ROSBAG", b"SQLite f")
-"""How ROS 1 bags and rosbag2's SQLite files begin."""
-IMPORT_HINT = "slosh import rosbag makes one of it"
 _UNREADABLE = (ValueError, TypeError, AttributeError, LookupError)
 LONGEST_METADATA = 20_000_000
 """Characters; a bag of very many files notes each of them."""
+
+
+def bag_folder(path: Path) -> Path:
+    """Where a bag is: at the path, or in the only folder of it that holds one.
+
+    `slosh import -o DIR` makes such a folder, and so does an archive that was unpacked.
+
+    Raises:
+        SloshBagError: several folders of it hold a bag.
+    """
+    if not path.is_dir() or any(path.glob("*.mcap")):
+        return path
+    inner = {entry.resolve(): entry for entry in sorted(path.iterdir())
+             if entry.is_dir() and any(entry.glob("*.mcap"))}  # fmt: skip
+    if len(inner) > 1:
+        names = ", ".join(entry.name for entry in inner.values())
+        raise SloshBagError(f"{path}: holds {len(inner)} bags; name one of them: {names:.300}")
+    return next(iter(inner.values()), path)
 
 
 def bag_files(path: Path) -> list[Path]:
@@ -31,9 +47,23 @@ def bag_files(path: Path) -> list[Path]:
     return ordered_files(path)[0]
 
 
+def import_hint(path: Path) -> str:
+    """What to do with a file or a folder of a foreign bag, for the end of a line; else empty."""
+    if path.is_dir():
+        foreign = any(path.glob("*.db3*")) or any(path.glob("*.bag"))
+        kind = "a bag of ROS 1 or of rosbag2's SQLite storage" if foreign else ""
+    else:
+        found = foreign_kind(path)
+        kind = found[0] if found and found[1] == IMPORT_HINT else ""
+    return f": it is {kind}; slosh import rosbag {path} -o DIR makes one of it" if kind else ""
+
+
 def files_of(path: Path) -> list[Path]:
     """All files of a bag, whether it can be read or not; of one MCAP file this."""
-    return [*path.glob("*.mcap"), path / METADATA] if path.is_dir() else [path]
+    if not path.is_dir():
+        return [path]
+    folder = bag_folder(path)
+    return [*folder.glob("*.mcap"), folder / METADATA]
 
 
 def ordered_files(path: Path, *, damaged: bool = False) -> tuple[list[Path], list[str]]:
@@ -47,12 +77,14 @@ def ordered_files(path: Path, *, damaged: bool = False) -> tuple[list[Path], lis
         SloshBagError: as `bag_files`.
     """
     warnings: list[str] = []
+    folder = bag_folder(path)
+    if folder != path:
+        warnings.append(f"{path}: the bag {folder.name} in it is read")
+        path = folder
     if path.is_dir():
         files = sorted(path.glob("*.mcap"), key=_natural)
         if not files:
-            foreign = any(path.glob("*.db3*")) or any(path.glob("*.bag"))
-            hint = f"; {IMPORT_HINT}" if foreign else ""
-            raise SloshBagError(f"{path}: no .mcap file in this folder{hint}")
+            raise SloshBagError(f"{path}: no .mcap file in this folder{import_hint(path)}")
         files = _as_noted(path, files, warnings)
     elif path.is_file():
         files = [path]
@@ -67,8 +99,8 @@ def _check_starts(files: list[Path]) -> None:
     starts = [_start(file) for file in files]
     for file, start in zip(files, starts, strict=True):
         if not MAGIC.startswith(start):
-            hint = f"; {IMPORT_HINT}" if start.startswith(FOREIGN) else ""
-            raise SloshBagError(f"{file}: not an MCAP file{hint}")
+            check_no_other(file)
+            raise SloshBagError(f"{file}: not an MCAP file")
     if all(len(start) < len(MAGIC) for start in starts):
         what = "empty file" if not starts[0] else f"cut off after {len(starts[0])} bytes"
         raise SloshBagError(f"{files[0]}: {what}")

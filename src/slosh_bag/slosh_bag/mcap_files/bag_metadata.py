@@ -63,6 +63,7 @@ class TopicFacts:
         type_hash: RIHS01 hash of the type.
         qos: what its publishers offered.
         count: its messages.
+        encoding: of its messages.
     """
 
     name: str
@@ -70,6 +71,7 @@ class TopicFacts:
     type_hash: str
     qos: Qos
     count: int
+    encoding: str = SERIALIZATION
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,7 +126,7 @@ def _information(
                 "topic_metadata": {
                     "name": topic.name,
                     "type": topic.message_type,
-                    "serialization_format": SERIALIZATION,
+                    "serialization_format": topic.encoding,
                     "offered_qos_profiles": topic.qos.documents(),
                     "type_description_hash": topic.type_hash,
                 },

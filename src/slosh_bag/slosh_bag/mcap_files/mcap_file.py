@@ -122,21 +122,21 @@ class McapFile:
         """First and last log time of the messages in the file [ns]; zeros without any."""
         return (0, 0) if self._start_ns is None else (self._start_ns, self._end_ns)
 
-    def add_schema(self, name: str, text: str) -> int:
+    def add_schema(self, name: str, data: bytes, encoding: str = "ros2msg") -> int:
         """Adds a message type; returns its number."""
-        schema = Schema(
-            id=len(self._schemas) + 1, name=name, encoding="ros2msg", data=text.encode()
-        )
+        schema = Schema(id=len(self._schemas) + 1, name=name, encoding=encoding, data=data)
         self._schemas.append(schema)
         self._chunk.append(_record(schema))
         return len(self._schemas)
 
-    def add_channel(self, topic: str, schema: int, metadata: dict[str, str]) -> int:
-        """Adds a topic of CDR messages; returns its number."""
+    def add_channel(
+        self, topic: str, schema: int, metadata: dict[str, str], encoding: str = SERIALIZATION
+    ) -> int:
+        """Adds a topic, whose messages have no type where the schema is 0; returns its number."""
         channel = Channel(
             id=len(self._channels) + 1,
             topic=topic,
-            message_encoding=SERIALIZATION,
+            message_encoding=encoding,
             schema_id=schema,
             metadata=metadata,
         )

@@ -10,6 +10,8 @@ import scipy
 from numpy.typing import NDArray
 
 from slosh_bag.motion_table import MotionTable, read_motion_table
+from slosh_bag.text_table.options import TableOptions, Tell, warn
+from slosh_bag.text_table.time_unit import check_span
 from slosh_bringup.cell.motions import Motion, make_motion
 from slosh_bringup.errors import SloshBringupError
 from slosh_model.interpolation import columns_at
@@ -21,19 +23,22 @@ REPEATS = (1, 10_000)
 """How often a motion may be played in succession."""
 
 
-def load_motion(name: str, rate: float = 1000.0) -> Motion:
+def load_motion(name: str, rate: float = 1000.0, tell: Tell = warn) -> Motion:
     """A motion.
 
     Args:
         name: one of `motions.MOTIONS`, or the path of a motion table.
         rate: samples per second.
+        tell: is told what was assumed of a table.
 
     Raises:
         SloshBringupError: unknown name, wrong rate, or a table that is no motion.
         SloshBagError: a table that cannot be read.
     """
     if name.endswith(TABLE_ENDINGS):
-        return motion_from_table(Path(name).name, read_motion_table(Path(name)), rate)
+        table = read_motion_table(Path(name), TableOptions(tell=tell))
+        check_span(Path(name), table.t)
+        return motion_from_table(Path(name).name, table, rate)
     return make_motion(name, rate)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from pathlib import Path
 
 from slosh_bringup.cell.motion_source import REPEATS, TABLE_ENDINGS, load_motion
@@ -13,6 +14,7 @@ from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.live.cell_setup import NODES_OF_A_CELL, default_setup
 from slosh_bringup.live.run import LiveRun
 from slosh_bringup.processes import NodeProcess, config_folder
+from slosh_files.plain_text import plain_line
 
 STARTING = 3.0  # s; from ready nodes to the motion and behind its end, for the progress bar
 
@@ -32,6 +34,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_watch(parser)
 
 
+def tell(line: str) -> None:
+    """Says what was assumed of a motion table."""
+    print(plain_line(f"slosh demo: note: {line}"), file=sys.stderr)
+
+
 def run(arguments: argparse.Namespace) -> int:
     """Runs the demonstration; prints the figures and where the results are."""
     if not REPEATS[0] <= arguments.repeat <= REPEATS[1]:
@@ -39,7 +46,7 @@ def run(arguments: argparse.Namespace) -> int:
             f"--repeat {arguments.repeat}: must be from {REPEATS[0]} to {REPEATS[1]}"
         )
     name = arguments.motion
-    motion = load_motion(name, 100.0)
+    motion = load_motion(name, 100.0, tell)
     # The node has a working folder of its own.
     played = str(Path(name).resolve()) if name.endswith(TABLE_ENDINGS) else name
     setup = default_setup()

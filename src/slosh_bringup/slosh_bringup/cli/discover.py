@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from slosh_bringup.cli.progress import share_bar
+from slosh_bringup.cli.table_options import add_table_options, table_options
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.replay.frames import pictures_at
 from slosh_discovery.discover import discover
@@ -61,6 +62,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "report.html, separating motions",
     )  # fmt: skip
     parser.add_argument("--json", action="store_true", help="print discovery.json, not the text")
+    add_table_options(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -100,6 +102,7 @@ def make_request(arguments: argparse.Namespace) -> Request:
     return Request(
         tuple(arguments.data), arguments.output, arguments.model, tuple(arguments.holdout),
         arguments.from_bag, arguments.motions, groups_of(arguments.group),
+        table_options(arguments),
     )  # fmt: skip
 
 

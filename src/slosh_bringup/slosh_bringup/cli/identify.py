@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 from slosh_bringup.cli.progress import share_bar
+from slosh_bringup.cli.table_options import add_table_options, table_options
 from slosh_bringup.errors import SloshBringupError
 from slosh_discovery.discovering import check_paths
 from slosh_discovery.identification_report import identification_text
@@ -64,6 +65,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--json", action="store_true", help="print identification.json, not the text"
     )
+    add_table_options(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -111,6 +113,7 @@ def make_request(arguments: argparse.Namespace) -> Request:
         ratio=arguments.ratio,
         tolerance=arguments.tolerance,
         beside=tuple(arguments.beside),
+        tables=table_options(arguments),
     )
 
 

@@ -12,9 +12,13 @@ from slosh_bag.interchange.antisloshing import find_runs, import_antisloshing
 from slosh_bag.interchange.rosbag_import import RosbagImport, find_rosbags, import_rosbag
 from slosh_bag.interchange.table_bag import import_table
 from slosh_bringup.cli.progress import Progress, Unit
+from slosh_bringup.cli.table_options import add_table_options, table_options
 from slosh_bringup.errors import SloshBringupError
 from slosh_files import check_free
 from slosh_files.plain_text import plain_line
+
+EXIT_LOST = 1
+"""Messages that a bag counts did not come."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -27,6 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
     table = kinds.add_parser("table", help="motion tables, .csv or .csv.gz")
     table.add_argument("sources", type=Path, nargs="+", metavar="FILE", help="motion table")
+    add_table_options(table)
     table.set_defaults(read=import_tables)
 
     rosbag = kinds.add_parser("rosbag", help="ROS 1 bags, rosbag2's SQLite and MCAP files")
@@ -66,9 +71,10 @@ def import_runs(arguments: argparse.Namespace) -> int:
 
 def import_tables(arguments: argparse.Namespace) -> int:
     """`slosh import table`."""
+    options = table_options(arguments)
     for source, bag in bag_folders(arguments.sources, arguments.output).items():
         with Progress(source.name, None, Unit("rows")) as progress:
-            told = import_table(source, bag, progress.of)
+            told = import_table(source, bag, progress.of, options)
         rounded = f", {told.rounded} times rounded to whole nanoseconds" if told.rounded else ""
         print(plain_line(f"{told.bag}: {told.rows} rows{rounded}"))
     return 0
@@ -78,13 +84,15 @@ def import_rosbags(arguments: argparse.Namespace) -> int:
     """`slosh import rosbag`."""
     rename = renamed(arguments.rename)
     sources = [bag for path in arguments.sources for bag in find_rosbags(path)]
+    code = 0
     for source, bag in bag_folders(sources, arguments.output).items():
         with Progress(source.name, None, Unit("messages")) as progress:
             told = import_rosbag(source, bag, arguments.topics, rename, progress.of)
-        for note in told.notes:
+        for note in (*told.notes, *told.lost):
             print(plain_line(f"slosh import: {source}: {note}"), file=sys.stderr)
         print(summary(told))
-    return 0
+        code = EXIT_LOST if told.lost else code
+    return code
 
 
 def summary(told: RosbagImport) -> str:

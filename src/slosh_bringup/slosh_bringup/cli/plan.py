@@ -10,6 +10,7 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from slosh_bag.path_table import read_path_table, write_plan_table
+from slosh_bringup.cli.table_options import add_table_options, table_options
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.model_error import read_model_error
 from slosh_files import check_apart, check_free, new_folder, write_text
@@ -93,6 +94,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="new or empty; gets report.html, the plan as a picture, and plan.json",
     )  # fmt: skip
     parser.add_argument("--json", action="store_true", help="print the summary as JSON")
+    add_table_options(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -104,7 +106,7 @@ def run(arguments: argparse.Namespace) -> int:
         check_free(arguments.report)
     limits = plan_limits(arguments)
     model = read_model(arguments.model)
-    waypoints = read_path_table(arguments.path)
+    waypoints = read_path_table(arguments.path, table_options(arguments))
     try:
         answer = plan(
             model, path_through(waypoints.position), limits, attitude=waypoints.attitude,

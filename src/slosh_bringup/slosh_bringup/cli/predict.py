@@ -12,6 +12,7 @@ from typing import Any
 
 from slosh_bag.trajectory_table import read_joint_trajectory, read_trajectory
 from slosh_bringup.cli.progress import share_bar
+from slosh_bringup.cli.table_options import add_table_options, table_options
 from slosh_bringup.errors import SloshBringupError
 from slosh_estimator.robot_file import read_arm
 from slosh_files import check_apart, new_text
@@ -81,6 +82,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("-o", "--output", type=Path, metavar="TABLE.csv", help="table of answers")
     parser.add_argument("--json", action="store_true", help="print the answers as JSON")
+    add_table_options(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -116,10 +118,11 @@ def read_motions(arguments: argparse.Namespace) -> list[Trajectory]:
     """The motions in the files: of the container, or with --urdf of a robot's joints."""
     if (arguments.urdf is None) != (arguments.tool_frame is None):
         raise SloshBringupError("--urdf and --tool-frame belong together")
+    options = table_options(arguments)
     if arguments.urdf is None:
-        return [read_trajectory(path) for path in arguments.trajectories]
+        return [read_trajectory(path, options) for path in arguments.trajectories]
     arm = read_arm(arguments.urdf, arguments.tool_frame)
-    return [read_joint_trajectory(path, arm) for path in arguments.trajectories]
+    return [read_joint_trajectory(path, arm, options) for path in arguments.trajectories]
 
 
 def write_table(

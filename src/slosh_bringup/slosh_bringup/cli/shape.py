@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from slosh_bag.path_table import write_plan_table
 from slosh_bag.trajectory_table import read_trajectory
+from slosh_bringup.cli.table_options import add_table_options, table_options
 from slosh_bringup.errors import SloshBringupError
 from slosh_files import check_apart
 from slosh_files.plain_text import plain_line
@@ -60,6 +61,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("-o", "--output", type=Path, required=True, help="motion table (.csv)")
     parser.add_argument("--json", action="store_true", help="print the summary as JSON")
+    add_table_options(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -70,7 +72,7 @@ def run(arguments: argparse.Namespace) -> int:
         raise SloshBringupError("--per-axis: the polynomial is a law along the path")
     check_apart([arguments.output], [arguments.model, arguments.motion])
     model = read_model(arguments.model)
-    trajectory = read_trajectory(arguments.motion)
+    trajectory = read_trajectory(arguments.motion, table_options(arguments))
     attitude = kept_attitude(trajectory)
     course = course_of(trajectory)
     before = course.motion()

@@ -8,12 +8,15 @@ import sys
 from pathlib import Path
 
 from slosh_bag.motion_table import read_motion_table
+from slosh_bag.text_table.time_unit import check_span
+from slosh_bringup.cli.table_options import add_table_options, table_options
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.simulate.answer import Answer, make_answer
 from slosh_bringup.simulate.doubts import check_possible, doubts
 from slosh_bringup.simulate.table import STANDARD_OUTPUT, output_path, write_response
 from slosh_files import check_apart
 from slosh_files.plain_text import plain_line
+from slosh_model.gaps import gap_text
 from slosh_model.measure import predicted_heights
 from slosh_model.model_file import read_model
 from slosh_model.simulate import simulate
@@ -34,7 +37,8 @@ their sizes, the height of its corner.
 The answer says whether the motion stays within what the model was validated for, and below the
 limit (--limit) and the rim (where model.yaml tells rim_height).
 
-exit code: 0, 1 where the limit or the rim is exceeded or units look wrong, 2 for wrong input"""
+exit code: 0, 1 where the limit or the rim is exceeded, units look wrong or samples are missing, 2
+for wrong input"""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -52,6 +56,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--plot", type=Path, metavar="OUT.png", help="picture (.png, .svg)")
     parser.add_argument("--json", action="store_true", help="print the answer as JSON")
+    add_table_options(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -64,14 +69,15 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.limit is not None:
         HeightLimits(arguments.limit)  # refuses what is no height
     model = read_model(arguments.model)
-    motion = read_motion_table(arguments.motion)
+    motion = read_motion_table(arguments.motion, table_options(arguments))
+    check_span(arguments.motion, motion.t)
     check_possible(arguments.motion, motion)
     inputs = motion.inputs()
     response, _ = simulate(model, inputs)
     msh = predicted_heights(model, inputs, inputs.t)[:, 0]
-    answer = make_answer(
-        model, inputs, (msh, response.msh), arguments.limit, doubts(model, motion)
-    )
+    gaps = gap_text(motion.t, model)
+    found = (*doubts(model, motion), *([gaps] if gaps else []))
+    answer = make_answer(model, inputs, (msh, response.msh), arguments.limit, found)
     write_response(output, response, msh)
     if plot is not None:
         from slosh_bringup.simulate.chart import write_chart  # with matplotlib, slow to load

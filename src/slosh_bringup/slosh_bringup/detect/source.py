@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 
 from slosh_bag.errors import SloshBagError
-from slosh_bag.mcap_files.bag_folder import files_of
+from slosh_bag.mcap_files.bag_folder import bag_folder, files_of, import_hint
 from slosh_bag.reader import BagMessage, BagReader, messages_of, stamp_ns
 from slosh_bringup.detect.frame import CompressedMessage, NoImage, RawMessage, SourceFrame
 from slosh_bringup.detect.series import IMAGE_ENDINGS, images_in, longest_series, natural_order
@@ -77,14 +77,18 @@ def open_source(
         return _bag_source(path, topic)
     if path.is_dir():
         files = images_in(path)
+        if not files and any(bag_folder(path).glob("*.mcap")):
+            return _bag_source(path, topic)
         if not files:
             raise SloshBringupError(
-                f"{path}: no images ({', '.join(IMAGE_ENDINGS)}) in this folder"
+                f"{path}: no images ({', '.join(IMAGE_ENDINGS)}) in this folder{import_hint(path)}"
             )
         series, note = longest_series(files)
         return _file_source(name, series, rate or FOLDER_RATE, files, note)
     if path.suffix.lower() in IMAGE_ENDINGS:
         return _file_source(name, [path], rate or FOLDER_RATE)
+    if hint := import_hint(path):
+        raise SloshBringupError(f"{path}: no video{hint}")
     return _video_source(path, rate)
 
 

@@ -78,7 +78,9 @@ class CellNode(PreparedNode):
         config = config_folder()
         calibration = read_calibration(given["calibration"] or config / "camera.yaml")
         self._model = read_model(given["model"] or config / "truth.yaml")
-        self._motion = load_motion(given["motion"], given["rate"]).repeated(given["repeat"])
+        self._motion = load_motion(
+            given["motion"], given["rate"], self.get_logger().info
+        ).repeated(given["repeat"])
         self._readings = read_sensors(self._motion, given["acceleration_noise"], given["seed"])
         look = Appearance(noise=given["image_noise"], seed=given["seed"])
         self._renderer = CupRenderer(calibration.view, look)

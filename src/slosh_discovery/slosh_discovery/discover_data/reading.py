@@ -9,8 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from slosh_bag.interchange.bag_table import TableSettings, read_bag_table
+from slosh_bag.mcap_files.bag_folder import import_hint
 from slosh_bag.motion_table import is_motion_table
 from slosh_bag.recording.facts import TABLE_COLUMNS, clocks_unrelated
+from slosh_bag.text_table.options import FOUND_OUT, TableOptions
 from slosh_discovery.discover.motion import MINIMUM_SAMPLES, MeasuredMotion
 from slosh_discovery.discover_data.heights import without_spikes
 from slosh_discovery.discover_data.recording import (
@@ -49,7 +51,10 @@ def _quietly(line: str) -> None:
 
 
 def read_motions(
-    path: str | Path, model: Model | None = None, tell: Callable[[str], object] = _quietly
+    path: str | Path,
+    model: Model | None = None,
+    tell: Callable[[str], object] = _quietly,
+    tables: TableOptions = FOUND_OUT,
 ) -> list[MeasuredMotion]:
     """The measured motions of a file or a folder.
 
@@ -59,6 +64,7 @@ def read_motions(
         model: by whose container heights are laid over the motion where their clocks are
             unrelated, and profiles become heights; None: what the bag says of its container.
         tell: is told what is left out or assumed, one line each.
+        tables: how motion tables are to be read.
 
     Returns:
         at least one motion: a table's own; of a bag each motion that begins with the liquid at
@@ -67,7 +73,9 @@ def read_motions(
     Raises:
         SloshBagError, SloshDiscoveryError: one line that says what is wrong and where.
     """
-    return [motion for item in _sources(Path(path)) for motion, _ in _read(item, model, tell)]
+    return [
+        motion for item in _sources(Path(path)) for motion, _ in _read(item, model, tell, tables)
+    ]
 
 
 def motions_of_day(
@@ -81,13 +89,18 @@ def motions_of_day(
 
 
 def day_motions(
-    path: Path, model: Model | None = None, tell: Callable[[str], object] = _quietly
+    path: Path,
+    model: Model | None = None,
+    tell: Callable[[str], object] = _quietly,
+    tables: TableOptions = FOUND_OUT,
 ) -> list[DayMotion]:
     """The same with how far the estimate was off.
 
     Motions of which no comparison was recorded come last, in the order of the recording.
     """
-    found = [DayMotion(*pair) for item in _sources(path) for pair in _read(item, model, tell)]
+    found = [
+        DayMotion(*pair) for item in _sources(path) for pair in _read(item, model, tell, tables)
+    ]
     return sorted(found, key=lambda entry: -np.nan_to_num(entry.disagreement, nan=-1.0))
 
 
@@ -104,14 +117,18 @@ def _sources(path: Path) -> list[Path]:
     tables = [entry for entry in path.iterdir() if entry.is_file() and is_motion_table(entry)]
     bags = [entry for entry in path.iterdir() if entry.is_dir() and any(entry.glob("*.mcap"))]
     if not tables and not bags:
-        raise SloshDiscoveryError(f"{path}: holds no motion tables (.csv, .csv.gz) and no bags")
+        raise SloshDiscoveryError(
+            f"{path}: holds no motion tables (.csv, .csv.gz) and no bags{import_hint(path)}"
+        )
     return sorted([*tables, *bags])
 
 
-def _read(path: Path, model: Model | None, tell: Tell) -> Iterator[tuple[MeasuredMotion, float]]:
+def _read(
+    path: Path, model: Model | None, tell: Tell, tables: TableOptions
+) -> Iterator[tuple[MeasuredMotion, float]]:
     """The motions of a table or a bag, with the recorded disagreement [m]."""
     if is_motion_table(path):
-        yield table_motion(path, tell, model), float("nan")
+        yield table_motion(path, tell, model, replace(tables, tell=tell)), float("nan")
         return
     name = path.name.removesuffix(".mcap")
     reader, sources = sources_of(path)

@@ -9,10 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_bag.motion_table import SUFFIXES, MotionTable, read_motion_table
+from slosh_bag.text_table.options import FOUND_OUT, TableOptions
+from slosh_bag.text_table.time_unit import check_span
 from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_discovery.discover_data.heights import without_spikes
 from slosh_discovery.errors import SloshDiscoveryError
 from slosh_model.errors import SloshModelError
+from slosh_model.gaps import gap_text
 from slosh_model.model import Model
 from slosh_report.surface_metrics import line_slopes
 
@@ -20,7 +23,10 @@ Array = NDArray[np.float64]
 
 
 def table_motion(
-    path: Path, tell: Callable[[str], object], model: Model | None = None
+    path: Path,
+    tell: Callable[[str], object],
+    model: Model | None = None,
+    options: TableOptions = FOUND_OUT,
 ) -> MeasuredMotion:
     """A table's motion.
 
@@ -28,6 +34,7 @@ def table_motion(
         path: `.csv` or `.csv.gz`.
         model: whose container a profile was seen in; None: unknown.
         tell: is told what is left out, one line each.
+        options: what the user says of the table.
 
     Raises:
         SloshBagError: the table cannot be read.
@@ -36,7 +43,7 @@ def table_motion(
     name = path.name
     for suffix in reversed(SUFFIXES):
         name = name.removesuffix(suffix)
-    return motion_of_table(path, name, read_motion_table(path), tell, model)
+    return motion_of_table(path, name, read_motion_table(path, options), tell, model)
 
 
 def motion_of_table(
@@ -60,8 +67,13 @@ def motion_of_table(
         model: whose container a profile was seen in; None: unknown.
 
     Raises:
+        SloshBagError: it is too long to be simulated.
         SloshDiscoveryError: no measured heights, too few of them, or inputs that cannot be.
     """
+    check_span(path, table.t)
+    gaps = gap_text(table.t, model) if model is not None else ""
+    if gaps:
+        tell(f"{path}: {gaps}")
     sampled, walls = _sampled(table.msh), _sampled(table.eta)
     if table.msh is None and table.eta is None and table.profile is None:
         raise SloshDiscoveryError(

@@ -38,6 +38,11 @@ CLEAR = 4.0
 """A container moves where its acceleration exceeds so many standard deviations of its noise."""
 REPEATED = 0.1
 """Accelerations that differ by less than this share are repetitions of one motion."""
+CYCLES, CYCLE_SHARE = 2.0, 0.2
+"""A record of one stroke is no longer than so many cycles; a stroke comes a cycle after the one
+before, within this share of it."""
+DWELL_SHARE = 0.5
+"""A record of a cycle shows at least this share of its dwell."""
 PAUSE, PAUSE_SAMPLES = 0.02, 5
 """A dwell is longer than this share of the motion, and than so many samples."""
 
@@ -121,6 +126,9 @@ def make_trials(
 def operating_speed(inputs: Inputs, ratio: float) -> float:
     """The speed n of a rise and dwell [1/min], by how long the container moves; NaN: it is none.
 
+    A stroke is a machine's where its record ends with the cycle, or the next stroke follows then.
+    One after which the liquid is watched for long is a motion of its own, such as a free decay.
+
     Of several cycles the first rise counts. The samples leave its length open by two of their
     intervals: where a whole number lies within, it is that, as machines are set by whole numbers.
     """
@@ -128,12 +136,28 @@ def operating_speed(inputs: Inputs, ratio: float) -> float:
     if moving is None or not _is_stroke(inputs, *moving):
         return float("nan")
     start, end = rise_span(inputs)
+    if not _is_cyclic(inputs, start, end, (end - start) / ratio):
+        return float("nan")
     slowest = 60.0 * ratio / (end - start)
     fastest = 60.0 * ratio / float(inputs.t[moving[1]] - inputs.t[moving[0]])
     whole = round(0.5 * (slowest + fastest))
     if slowest - ALIKE <= whole <= fastest + ALIKE:
         return float(whole)
     return float(f"{0.5 * (slowest + fastest):.{SPEED_DIGITS}g}")
+
+
+def _is_cyclic(inputs: Inputs, start: float, end: float, cycle: float) -> bool:
+    """Whether a dwell follows the first rise [s], and then the record's end or another rise."""
+    if inputs.t[-1] - end < DWELL_SHARE * (start + cycle - end):
+        return False
+    if inputs.t[-1] - start <= CYCLES * cycle:
+        return True
+    later = inputs.t >= start + (1.0 - CYCLE_SHARE) * cycle
+    following = Inputs(inputs.t[later], inputs.acceleration[later])
+    rows = _rise_rows(following)
+    return rows is not None and bool(
+        abs(following.t[rows[0]] - start - cycle) <= CYCLE_SHARE * cycle
+    )
 
 
 def rise_span(inputs: Inputs) -> tuple[float, float]:

@@ -1,0 +1,328 @@
+"""Files and folders of foreign bags: MCAP, rosbag2's SQLite, rosbag2's folders."""
+
+from __future__ import annotations
+
+import shutil
+import sqlite3
+from collections import Counter
+from collections.abc import Collection, Iterator
+from contextlib import ExitStack, closing
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import zstandard
+from mcap.records import Channel, Schema
+from rosbags.interfaces import (
+    Connection,
+    ConnectionExtRosbag1,
+    ConnectionExtRosbag2,
+    MessageDefinition,
+    MessageDefinitionFormat,
+    Qos,
+)
+from rosbags.rosbag2.errors import ReaderError
+from rosbags.rosbag2.metadata import ReaderMetadata, parse_qos
+from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
+
+from slosh_bag.errors import SloshBagError
+from slosh_bag.mcap_files.bag_folder import LONGEST_METADATA, METADATA
+from slosh_bag.mcap_files.mcap_summary import read_summary
+from slosh_bag.reader import BagReader
+from slosh_bag.unpacking import UnpackingError, unpack
+from slosh_files.errors import TextFileError, YamlError
+from slosh_files.yaml_document import read_yaml
+
+_NO_SCHEMA = "__schemaless__"  # rosbags' name of a type that the file does not tell
+ROS1 = "ros1"
+"""Encoding of ROS 1's messages in an MCAP file, as `mcap convert` writes them."""
+_LOGS = ("-wal", "-journal")
+_FORMATS = {
+    "ros1msg": MessageDefinitionFormat.MSG,
+    "ros2msg": MessageDefinitionFormat.MSG,
+    "ros2idl": MessageDefinitionFormat.IDL,
+    "omgidl": MessageDefinitionFormat.IDL,
+}
+
+
+class McapStorage:
+    """Of an MCAP file, as rosbags' own reader is to be used.
+
+    Attributes:
+        connections: its topics.
+        metadata: facts about the file; rosbags finds none here, either.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.connections: list[Connection] = []
+        self.metadata = ReaderMetadata(0, 2**63 - 1, 0, 0, None, None, None, None)
+        self._reader: BagReader
+
+    def open(self) -> None:
+        """Reads the topics; to its end where the file's end does not tell them.
+
+        Raises:
+            SloshBagError: the file is damaged, or would take too much memory.
+        """
+        self._reader = BagReader(self.path)
+        found = self._reader.survey(self.path)
+        with self.path.open("rb") as stream:
+            if read_summary(stream, self.path.stat().st_size) is None:
+                raise SloshBagError("is cut off; `slosh recover` makes a whole bag of the rest")
+        for number, channel in found.channels.items():
+            schema = found.schemas.get(channel.schema_id)
+            self.connections.append(self._connection(channel, schema, found.counts.get(number, 0)))
+
+    @property
+    def warnings(self) -> list[str]:
+        """What a reader of the messages should know."""
+        return self._reader.warnings
+
+    def close(self) -> None:
+        """Forgets the topics."""
+        self.connections.clear()
+
+    def messages(
+        self,
+        connections: Collection[Connection],
+        start: int | None = None,
+        stop: int | None = None,
+    ) -> Iterator[tuple[Connection, int, bytes]]:
+        """The messages of some topics in the order of their log times [ns]."""
+        by_name = {(each.topic, each.msgtype): each for each in connections}
+        for message in self._reader.messages({each.topic for each in connections}):
+            kind = _ros2_name(message.message_type) or _NO_SCHEMA
+            connection = by_name.get((message.topic, kind))
+            if connection is not None:
+                yield connection, message.log_ns, message.data
+
+    def _connection(self, channel: Channel, schema: Schema | None, count: int) -> Connection:
+        plain = MessageDefinition(MessageDefinitionFormat.NONE, "")
+        form = _FORMATS.get(schema.encoding) if schema else None
+        ext: Any = ConnectionExtRosbag2(
+            channel.message_encoding, _qos(channel.metadata.get("offered_qos_profiles", ""))
+        )
+        if channel.message_encoding == ROS1:
+            ext = ConnectionExtRosbag1(channel.metadata.get("callerid"), _latched(channel))
+        return Connection(
+            channel.id,
+            channel.topic,
+            _ros2_name(schema.name) if schema else _NO_SCHEMA,
+            MessageDefinition(form, schema.data.decode()) if schema and form else plain,
+            "",
+            count,
+            ext,
+            self,
+        )
+
+
+class FolderStorage:
+    """Of a rosbag2 folder, by its metadata.yaml; as rosbags' own reader is to be used.
+
+    Files, topics and messages count as they are: what metadata.yaml says of the storage, and of
+    what publishers offered, decides nothing but that.
+
+    Attributes:
+        connections: its topics.
+        metadata: facts about the bag.
+        warnings: what is odd, one line each.
+        beside: files of messages that metadata.yaml does not name.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.connections: list[Connection] = []
+        self.metadata = ReaderMetadata(0, 2**63 - 1, 0, 0, None, None, None, None)
+        self.storages: list[Any] = []
+        self.warnings: list[str] = []
+        self.beside: list[str] = []
+        self._packed = False
+        self._stack = ExitStack()
+
+    def open(self) -> None:
+        """Opens the files of the folder.
+
+        Raises:
+            SloshBagError: metadata.yaml tells no files, or one is missing.
+        """
+        noted = bag_information(self.path)
+        try:
+            names = [Path(str(name)).name for name in noted["relative_file_paths"]]
+            topics = list(noted.get("topics_with_message_count") or [])
+            mode = str(noted.get("compression_mode") or "").lower()
+            custom = noted.get("custom_data") or None
+        except (LookupError, TypeError, AttributeError) as error:
+            raise SloshBagError(
+                f"metadata.yaml is none of rosbag2: {error!r} is missing"
+            ) from None
+        missing = [name for name in names if not (self.path / name).exists()]
+        if missing:
+            raise SloshBagError(f"files are missing that metadata.yaml names: {missing}")
+        self.beside = sorted(
+            file.name for suffix in (".mcap", ".db3", ".db3.zstd", ".mcap.zstd")
+            for file in self.path.glob(f"*{suffix}") if file.name not in names
+        )  # fmt: skip
+        self._packed = mode == "message"
+        for file in self._files(names, unpack_files=mode == "file"):
+            storage = _by_suffix(file)
+            storage.open()
+            self._stack.callback(storage.close)
+            self.storages.append(storage)
+        self.metadata = self.metadata._replace(custom=custom)
+        self.connections = list(self._topics(topics))
+
+    def close(self) -> None:
+        """Closes the files."""
+        self.connections.clear()
+        self._stack.close()
+
+    def messages(
+        self,
+        connections: Collection[Connection],
+        start: int | None = None,
+        stop: int | None = None,
+    ) -> Iterator[tuple[Connection, int, bytes]]:
+        """The messages of some topics, file by file."""
+        wanted = {(each.topic, each.msgtype): each for each in connections}
+        for storage in self.storages:
+            mine = [each for each in storage.connections if (each.topic, each.msgtype) in wanted]
+            if not mine:
+                continue
+            for connection, stamp_ns, data in storage.messages(mine, start, stop):
+                known = wanted[connection.topic, connection.msgtype]
+                yield known, stamp_ns, _message(data) if self._packed else data
+
+    def _files(self, names: list[str], *, unpack_files: bool) -> Iterator[Path]:
+        if not unpack_files:
+            yield from (self.path / name for name in names)
+            return
+        room = Path(self._stack.enter_context(TemporaryDirectory()))
+        for name in names:
+            target = room / Path(name).stem
+            with (self.path / name).open("rb") as packed, target.open("wb") as raw:
+                zstandard.ZstdDecompressor().copy_stream(packed, raw)
+            yield target
+
+    def _topics(self, noted: list[Any]) -> Iterator[Connection]:
+        """The topics that the files hold, with the counts and the QoS of metadata.yaml."""
+        counts: dict[tuple[str, str], int] = {}
+        profiles: dict[tuple[str, str], list[Qos]] = {}
+        for entry in noted:
+            try:
+                topic = entry["topic_metadata"]
+                key = str(topic["name"]), str(topic["type"])
+                counts[key] = counts.get(key, 0) + int(entry["message_count"])
+                profiles[key] = _qos(topic.get("offered_qos_profiles"))
+            except (LookupError, TypeError, ValueError, AttributeError):
+                self.warnings.append("metadata.yaml: a topic in it cannot be read")
+        found: dict[tuple[str, str], Connection] = {}
+        held: Counter[tuple[str, str]] = Counter()
+        for storage in self.storages:
+            for each in storage.connections:
+                key = each.topic, each.msgtype
+                held[key] += each.msgcount
+                before = found.get(key)
+                if before is None or not before.msgdef.data:
+                    found[key] = each
+        for number, (key, each) in enumerate(found.items(), start=1):
+            ext = each.ext
+            if isinstance(ext, ConnectionExtRosbag2) and profiles.get(key):
+                ext = ext._replace(offered_qos_profiles=profiles[key])
+            count = max(counts.get(key, 0), held[key])
+            yield each._replace(id=number, msgcount=count, ext=ext, owner=self)
+        for key, count in counts.items():
+            if count and key not in found:
+                self.warnings.append(
+                    f"{key[0]}: metadata.yaml counts {count} messages, none is there"
+                )
+
+
+class SqliteStorage(Sqlite3Reader):
+    """Of an SQLite file, with what SQLite's log beside it holds.
+
+    The recorder that was killed leaves messages in a file `…-wal` that are not in the `.db3` yet.
+
+    Attributes:
+        warnings: what a reader should know.
+    """
+
+    path: Path
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path)
+        self.warnings: list[str] = []
+        self._room: TemporaryDirectory[str] | None = None
+
+    def open(self) -> None:
+        """Opens the file, or a copy of it with its log."""
+        logs = [Path(f"{self.path}{end}") for end in _LOGS]
+        logs = [log for log in logs if log.is_file() and log.stat().st_size]
+        if logs:
+            self._room = TemporaryDirectory()
+            copy = Path(self._room.name) / self.path.name
+            for file in (self.path, *logs):
+                shutil.copyfile(file, copy.with_name(file.name))
+            with closing(sqlite3.connect(copy)) as base:  # takes the log in
+                base.execute("PRAGMA journal_mode=DELETE").fetchall()
+            self.warnings.append(f"what {', '.join(log.name for log in logs)} holds is taken in")
+            self.path = copy
+        super().open()
+
+    def close(self) -> None:
+        """Closes the file and removes the copy."""
+        super().close()
+        if self._room is not None:
+            self._room.cleanup()
+
+
+def _by_suffix(path: Path) -> Any:
+    """The reader of a file: what metadata.yaml says may be empty, as `ros2 bag reindex` leaves it.
+
+    Raises:
+        SloshBagError: its name tells no kind.
+    """
+    if path.suffix not in (".mcap", ".db3"):
+        raise SloshBagError(f"{path.name} is neither .mcap nor .db3")
+    return McapStorage(path) if path.suffix == ".mcap" else SqliteStorage(path)
+
+
+def bag_information(folder: Path) -> Any:
+    """What metadata.yaml holds.
+
+    Raises:
+        SloshBagError: it cannot be read.
+    """
+    try:
+        document = read_yaml(folder / METADATA, LONGEST_METADATA).value
+        return document["rosbag2_bagfile_information"]
+    except (TextFileError, YamlError) as error:
+        reason = str(error).removeprefix(f"{folder}/")
+        raise SloshBagError(f"Could not load YAML: {reason}") from None
+    except (LookupError, TypeError):
+        raise SloshBagError("metadata.yaml is none of rosbag2") from None
+
+
+def _qos(noted: Any) -> list[Qos]:
+    """Profiles, as far as they can be read: none decides whether messages are read."""
+    try:
+        return list(parse_qos(noted or []))
+    except (ReaderError, LookupError, TypeError, ValueError, AttributeError):
+        return []
+
+
+def _ros2_name(message_type: str) -> str:
+    """A type's name as ROS 2 has it: ROS 1's 'std_msgs/Header' is 'std_msgs/msg/Header'."""
+    package, slash, name = message_type.partition("/")
+    return f"{package}/msg/{name}" if slash and "/" not in name else message_type
+
+
+def _latched(channel: Channel) -> int:
+    return int(channel.metadata.get("latching", "") in ("1", "true"))
+
+
+def _message(stored: bytes) -> bytes:
+    try:
+        return unpack("zstd", stored)
+    except UnpackingError as error:
+        raise SloshBagError(f"a message {error}") from None

@@ -1,0 +1,1 @@
+"""Tables of numbers as people have them: one reader for all commands."""

@@ -1,0 +1,55 @@
+"""Options of every command that reads a table: how it is written, where it does not say so."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable
+
+from slosh_bag.text_table.options import SEPARATORS, TableOptions
+from slosh_bag.text_table.units import TIME
+from slosh_bringup.errors import SloshBringupError
+from slosh_files.plain_text import plain_line
+
+
+def add_table_options(parser: argparse.ArgumentParser) -> None:
+    """Declares --columns, --time-unit, --decimal and --separator."""
+    group = parser.add_argument_group("reading of tables (found out where not given)")
+    group.add_argument(
+        "--columns", action="append", default=[], metavar="NAME=COLUMN,…",
+        help="columns by the table's names or numbers, e.g. t=Time,ax=acc_x; others are not read",
+    )  # fmt: skip
+    group.add_argument("--time-unit", choices=list(TIME), help="of the time column")
+    group.add_argument("--decimal", choices=[".", ","], help="decimal point or comma")
+    group.add_argument(
+        "--separator", choices=[",", ";", "|", "tab", "space"], help="between columns"
+    )
+
+
+def table_options(
+    arguments: argparse.Namespace, tell: Callable[[str], object] | None = None
+) -> TableOptions:
+    """What the options say.
+
+    Args:
+        arguments: the parsed command line.
+        tell: is told what was assumed; None: it is printed on the standard error.
+
+    Raises:
+        SloshBringupError: --columns is no NAME=COLUMN.
+        SloshBagError: options that exclude each other.
+    """
+    columns: dict[str, str] = {}
+    for pair in ",".join(arguments.columns).split(",") if arguments.columns else []:
+        name, equals, given = (part.strip() for part in pair.partition("="))
+        if not (name and equals and given) or name in columns:
+            raise SloshBringupError(
+                f"--columns {pair}: must be NAME=COLUMN, such as t=Time,ax=acc_x; each NAME once"
+            )
+        columns[name] = given
+    separator = None if arguments.separator is None else SEPARATORS[arguments.separator]
+
+    def note(line: str) -> None:
+        print(plain_line(f"slosh {arguments.command}: note: {line}"), file=sys.stderr)
+
+    return TableOptions(columns, arguments.time_unit, arguments.decimal, separator, tell or note)
