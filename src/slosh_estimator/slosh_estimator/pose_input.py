@@ -66,7 +66,8 @@ class PoseInput:
         if not 0.0 <= window < math.inf:
             raise SloshEstimatorError(f"window = {window!r} s must be 0.0 or a length of time")
         self.gate = SampleGate(settings)
-        self.sampling = Sampling("poses", self._gain, "use the input accel or imu")
+        remedy = "set pose_window to 0.0" if window else "use the input accel or imu"
+        self.sampling = Sampling("poses", self._gain, remedy)
         self.jumps = 0
         self._count, self._seconds = count, 0.0 if count else float(window)
         self._poses = _Poses()

@@ -9,6 +9,7 @@ CARRIED is estimated too low, or too high.
 from __future__ import annotations
 
 import math
+from bisect import bisect_left
 from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
@@ -201,7 +202,7 @@ class Sampling:
 
     def _judge(self) -> None:
         if not self._muted:
-            self.slow = bool(self.interval_ns) and any(True for _ in self._lost(self.seconds))
+            self.slow = bool(self.interval_ns) and not self._carries(1.0 / self.seconds)
 
     def _lost(self, interval: float) -> Iterator[tuple[int, float, float]]:
         """Number, frequency and gain of the modes that are not carried at an interval [s]."""
@@ -212,11 +213,13 @@ class Sampling:
 
     def _sufficient_rate(self) -> int | None:
         """The lowest round rate that carries all modes [Hz]; None: no rate does."""
-        first = math.ceil(1.0 / self.seconds / _STEP) * _STEP
-        for rate in range(first, _FASTEST + 1, _STEP):
-            if not any(True for _ in self._lost(1.0 / rate)):
-                return rate
-        return None
+        rates = range(math.ceil(1.0 / self.seconds / _STEP) * _STEP, _FASTEST + 1, _STEP)
+        # What a rate carries, a higher one carries too.
+        found = bisect_left(rates, True, key=self._carries)
+        return rates[found] if found < len(rates) else None
+
+    def _carries(self, rate: float) -> bool:
+        return not any(True for _ in self._lost(1.0 / rate))
 
 
 def gap_sentence(gate: SampleGate, used: int, restarts: int) -> str:

@@ -17,7 +17,7 @@ from slosh_estimator.gate import GateSettings
 from slosh_estimator.imu_input import ImuInput
 from slosh_estimator.inputs import InputSettings
 from slosh_estimator.sample import Samples
-from slosh_estimator.sampling import Modes, modes_of
+from slosh_estimator.sampling import Modes, gap_sentence, modes_of
 from slosh_files.nanoseconds import SECOND
 
 _FIELDS = {
@@ -82,6 +82,7 @@ class InputReader:
         self._settings = settings._replace(gate=replace(settings.gate, chosen=chosen))
         self._adapter = self._settings.reader(self.kind)
         self._used_before = self._dropped_before = self._gaps_before = 0
+        self._slow = ""
 
     @property
     def counters(self) -> dict[str, int]:
@@ -106,9 +107,14 @@ class InputReader:
         self._settings = self._settings._replace(modes=modes)
         self._adapter.sampling.carry(modes)
 
-    def rate_warning(self) -> str:
-        """Which mode the input does not carry, and what helps; empty: all are."""
-        return self._adapter.sampling.sentence()
+    def warnings(self) -> list[str]:
+        """What the input's rate costs, and what helps; one line each."""
+        counts, gate = self.counters, self._adapter.gate
+        return [
+            line
+            for line in (gap_sentence(gate, counts["samples_used"], counts["gaps"]), self._slow)
+            if line
+        ]
 
     def take_up(self, stamp_ns: int, memory: Sequence[float]) -> None:
         """Goes on behind the message that the live node used last, with what it remembered.
@@ -131,7 +137,9 @@ class InputReader:
         adapter = self._adapter
         values = np.column_stack([columns[name][rows] for name in _FIELDS[self.kind]])
         if isinstance(adapter, AccelInput):
-            return adapter.update_many(stamps[rows], columns[_FRAME][rows], values)
+            samples = adapter.update_many(stamps[rows], columns[_FRAME][rows], values)
+            self._slow = adapter.sampling.sentence() or self._slow
+            return samples
         found = []
         for stamp, row in zip(stamps[rows].tolist(), values.tolist(), strict=True):
             if isinstance(adapter, ImuInput):
@@ -140,6 +148,7 @@ class InputReader:
                     found.append(sample)
             else:
                 found += adapter.update(stamp, tuple(row[:3]), tuple(row[3:]))
+        self._slow = adapter.sampling.sentence() or self._slow
         return Samples.of(found)
 
 
