@@ -1,8 +1,8 @@
 """Random motions with exact positions and accelerations, and the heights that belong to them.
 
 A motion is a handful of moves with piecewise constant jerk, as robots make them, or a shuttle near
-the liquid's natural frequency. What an input makes of it is compared with the models under the true
-acceleration, at 2 kHz.
+the liquid's natural frequency. What an input makes of it is compared with the models under the
+true acceleration, at 2 kHz.
 """
 
 from __future__ import annotations
@@ -142,6 +142,7 @@ class Poses(NamedTuple):
         quantum: of the positions [m].
         jitter: half width of the time by which poses are taken early or late, and say so [s].
         lost: share of the poses that are lost.
+        stamped: half width of the time by which stamps alone are early or late [s].
         seed: of the jitter.
     """
 
@@ -149,6 +150,7 @@ class Poses(NamedTuple):
     quantum: float = 0.0
     jitter: float = 0.0
     lost: float = 0.0
+    stamped: float = 0.0
     seed: int = 0
 
     def of(self, move: Move) -> tuple[list[int], list[tuple[float, float, float]]]:
@@ -161,6 +163,9 @@ class Poses(NamedTuple):
         places = move.at(stamps * 1e-9)[0]
         if self.quantum:
             places = np.round(places / self.quantum) * self.quantum
+        if self.stamped:
+            early = random.uniform(-1.0, 1.0, len(stamps)) * self.stamped
+            stamps = np.sort(stamps + np.rint(early * 1e9).astype(np.int64))
         return stamps.tolist(), [tuple(place) for place in places.tolist()]
 
 

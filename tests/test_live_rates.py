@@ -161,8 +161,8 @@ def test_a_slow_input_is_named_with_a_remedy(tmp_path: Path, domain: int) -> Non
         said = listener.health[1]
     assert listener.estimates[-1].flags == EstimateFlag.INPUT_TOO_SLOW
     assert said == (
-        "accelerations come at 25 Hz: 0.94 of mode 1 (3.4 Hz) passes, and the estimate is too low; "
-        "publish at 40 Hz or more, or use a faster sensor"
+        "accelerations come at 25 Hz: 0.94 of mode 1 (3.4 Hz) passes, and the estimate is too "
+        "low; publish at 40 Hz or more, or use a faster sensor"
     )
 
 

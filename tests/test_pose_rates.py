@@ -32,7 +32,7 @@ MM = 1e-3
 SEEDS = range(700, 706)
 
 
-@functools.lru_cache(maxsize=None)
+@functools.cache
 def known(kind: str, seed: int) -> tuple[Move, Heights]:
     move = {"moves": moves, "shuttle": shuttle}[kind](seed)
     return move, truth(move)
@@ -40,7 +40,7 @@ def known(kind: str, seed: int) -> tuple[Move, Heights]:
 
 def errors(found: Heights, true: Heights) -> tuple[float, float]:
     """Relative errors of the peak and of the residual; of a small one against the peak."""
-    floor = 0.3 * true.peak
+    floor = 0.4 * true.peak
     return found.peak / true.peak - 1.0, (found.residual - true.residual) / max(
         true.residual, floor
     )
@@ -72,6 +72,16 @@ def test_lost_poses_and_much_jitter_do_little(seed: int) -> None:
     move, true = known("moves", seed)
     found = by_poses(move, Poses(125, 0.1 * MM, 4e-3, lost=0.1, seed=seed))
     assert max(map(abs, errors(found, true))) < 0.04
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("rate", [60, 125])
+def test_stamps_of_arrival_do_little_where_poses_are_even(rate: int, seed: int) -> None:
+    """At 0.7 m/s a stamp that is 1 ms late moves a pose by 0.7 mm."""
+    move, true = known("moves", seed)
+    peak, residual = errors(by_poses(move, Poses(rate, 0.1 * MM, stamped=1e-3, seed=seed)), true)
+    assert abs(peak) < 0.03
+    assert abs(residual) < 0.06
 
 
 def test_a_window_that_is_too_long_is_told() -> None:
@@ -120,7 +130,9 @@ def test_a_rate_that_changes_leaves_no_hole() -> None:
     assert [sample.restarted for sample in found].count(True) == 1
 
 
-@pytest.mark.parametrize("poses", [Poses(30, jitter=2e-3), Poses(125, 1e-4, 4e-3, 0.1)])
+@pytest.mark.parametrize(
+    "poses", [Poses(30, jitter=2e-3), Poses(125, 1e-4, 4e-3, 0.1), Poses(60, stamped=1e-3)]
+)
 def test_a_reader_goes_on_from_the_memory_of_another(poses: Poses) -> None:
     move = moves(3)
     stamps, places = poses.of(move)

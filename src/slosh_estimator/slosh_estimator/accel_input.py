@@ -83,10 +83,10 @@ class AccelInput:
         before = self.gate.last_ns
         used, restarted = self.gate.judge_many(stamps, accelerations)
         stamps, restarted = stamps[used], restarted[used]
-        slow = self.sampling.take_many(np.diff(stamps, prepend=stamps[:1] if before is None else np.int64(before)), restarted)
-        return Samples(
-            stamps, accelerations[used], np.zeros(len(stamps)), restarted, slow=slow
+        slow = self.sampling.take_many(
+            np.diff(stamps, prepend=stamps[:1] if before is None else np.int64(before)), restarted
         )
+        return Samples(stamps, accelerations[used], np.zeros(len(stamps)), restarted, slow=slow)
 
     def warning(self) -> str | None:
         """What the user should mend, by what has come since the last call; None: nothing."""

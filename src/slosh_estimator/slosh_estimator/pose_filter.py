@@ -1,9 +1,9 @@
 """The filter that differentiates poses twice: polynomials fitted to a sliding window.
 
-At each pose the polynomial of degree 5 that fits the poses around it best is found (least squares;
-Savitzky and Golay's filter, for samples at any spacing), of degree 4 where there are only 5 or 6 of
-them. Its second derivative is the acceleration; where poses come slowly it is read off between the
-poses, too, so that the straight lines between accelerations lose nothing.
+At each pose a polynomial of degree 5 is fitted to the poses around it (least squares; Savitzky and
+Golay's filter, for samples at any spacing), of degree 4 where there are only 5 or 6 of them. Its
+second derivative is the acceleration; where poses come slowly it is read off between the poses,
+too, so that the straight lines between accelerations lose nothing.
 
 The window is a time. For a wave of frequency ω a window that reaches to H on both sides has a gain
 of 0.995 at ωH = 1.43, whatever the rate: the window is as long as that allows at the highest
@@ -20,7 +20,7 @@ import numpy as np
 from numba.types import UniTuple, float64, int64
 
 from slosh_estimator.sampling import Modes, interpolation_gain
-from slosh_model.compilation import GIVEN_1, GIVEN_2, compiled, entry_point
+from slosh_model.compilation import CHANGED_1, GIVEN_1, GIVEN_2, compiled, entry_point
 from slosh_model.normal_equations import factorize, substitute
 
 REACH = 1.43
@@ -138,7 +138,45 @@ def _change(row: Any, x: float) -> float:
 
 
 @compiled
-def _slope(row: Any, x: float) -> float:
+def _even(tau: Any, interval: float, out: Any) -> None:
+    """The moments of a clock that ticks evenly and fits times best, in steps of about an interval.
+
+    They count from the one that belongs to the centre; the last place receives that one's own.
+    """
+    count = len(tau)
+    tick = 0.0
+    steps, times, squares, products = 0.0, 0.0, 0.0, 0.0
+    for i in range(count):
+        if i > 0:
+            tick += max(math.floor((tau[i] - tau[i - 1]) / interval + 0.5), 1.0)
+        out[i] = tick
+        steps += tick
+        times += tau[i]
+        squares += tick * tick
+        products += tick * tau[i]
+    slope = (products - steps * times / count) / (squares - steps * steps / count)
+    middle = out[np.argmin(np.abs(tau))]
+    for i in range(count):
+        out[i] = slope * (out[i] - middle)
+    out[count] = times / count + slope * (middle - steps / count)
+
+
+@compiled
+def _misfit(tau: Any, positions: Any, terms: int) -> float:
+    """Sum of the squares by which polynomials miss positions [m²]."""
+    scale = _reach(tau)
+    rows = _fit(tau, scale, positions, terms)
+    centre = positions[np.argmin(np.abs(tau))]
+    total = 0.0
+    for i in range(len(tau)):
+        for axis in range(3):
+            value = rows[axis, 0] + _change(rows[axis], tau[i] / scale)
+            total += (positions[i, axis] - centre[axis] - value) ** 2
+    return total
+
+
+@compiled
+def _slope(row: Any, x: float) -> Any:
     """A polynomial's first derivative at x."""
     total = 0.0
     for k in range(len(row) - 1, 1, -1):
@@ -147,7 +185,7 @@ def _slope(row: Any, x: float) -> float:
 
 
 @compiled
-def _half_curvature(row: Any, x: float) -> float:
+def _half_curvature(row: Any, x: float) -> Any:
     """Half of a polynomial's second derivative at x."""
     if x == 0.0:
         return row[2]
@@ -178,6 +216,30 @@ def second_derivative(tau: Any, positions: Any, terms: int, offset: float) -> An
         _half_curvature(rows[1], x) * factor,
         _half_curvature(rows[2], x) * factor,
     )
+
+
+@entry_point(UniTuple(float64, 3)(CHANGED_1, GIVEN_2, GIVEN_1, int64, float64))
+def even_times(ticks: Any, positions: Any, tau: Any, first: int, interval: float) -> Any:
+    """The ticks of an even clock that fits stamps best, and whether poses lie on them.
+
+    Args:
+        ticks: (N,) receives when a window's poses were taken, from the centre's tick [s].
+        positions: (N, 3) of the window's poses [m].
+        tau: (M,) time from the centre, at which it is 0, of the window's and of earlier poses [s].
+        first: place of the window's first one in tau.
+        interval: between the poses [s].
+
+    Returns:
+        the mean squares by which cubics miss the positions at their stamps, and at the ticks [m²],
+        and the centre's stamp from its tick [s].
+    """
+    found = np.empty(len(tau) + 1)
+    _even(tau, interval, found)
+    count = len(ticks)
+    ticks[:] = found[first : first + count]
+    stamped = _misfit(tau[first : first + count], positions, CUBIC)
+    freedom = 3.0 * (count - CUBIC)
+    return stamped / freedom, _misfit(ticks, positions, CUBIC) / freedom, -found[len(tau)]
 
 
 @compiled
@@ -267,4 +329,3 @@ def turning(tau: Any, attitudes: Any, terms: int, offset: float) -> Any:
     vx, vy, vz = _off_frame(px, py, pz, vx, vy, vz)
     x, y, z, w = _turned((x, y, z, w), px, py, pz)
     return x, y, z, w, ux, uy, uz, vx, vy, vz
-

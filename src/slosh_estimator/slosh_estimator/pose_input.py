@@ -13,6 +13,7 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.gate import GateSettings, SampleGate, Verdict, fault_of
@@ -20,6 +21,7 @@ from slosh_estimator.pose_filter import (
     CUBIC,
     FEWEST,
     PoseFilter,
+    even_times,
     second_derivative,
     terms_of,
     turning,
@@ -29,6 +31,8 @@ from slosh_estimator.sample import SECONDS, Sample
 from slosh_estimator.sampling import MEMORY, Modes, Sampling
 from slosh_estimator.state import remembered
 
+Array = NDArray[np.float64]
+
 MINIMUM_WINDOW = 2 * FEWEST + 1
 MAXIMUM_SPEED = 20.0
 """A faster change between two poses is a jump of the tracker, not a motion [m/s]."""
@@ -36,6 +40,10 @@ FARTHEST = 1e4
 """No container is farther from the origin of its cell [m]."""
 LENGTHS = (1e-3, 1e3)
 """Lengths that a quaternion may have."""
+CLOCK = 32
+"""So many poses before the centre, or those of the window, tell the even clock."""
+KEPT = 0.99
+"""What is kept at each pose of how well stamps and even clock have fitted."""
 _NUMBERS = 7
 """Of a pose: position and quaternion."""
 
@@ -76,7 +84,9 @@ class PoseInput:
         self._filter = PoseFilter.of((), self._seconds)
         self._modes: Modes = ()
         self._interval_ns = self._reach_ns = self._wait_ns = 0
+        self._misfit = 0.0, 0.0
         self._second_derivative, self._turning = second_derivative.load(), turning.load()
+        self._even_times = even_times.load()
 
     def update(
         self,
@@ -131,7 +141,7 @@ class PoseInput:
         rows = self._poses.rows(first)
         if self._count:
             return rows
-        return [float(self._at), *self.sampling.memory, *rows]
+        return [float(self._at), *self._misfit, *self.sampling.memory, *rows]
 
     def take_up(self, stamp_ns: int, memory: Sequence[float]) -> None:
         """Goes on behind the message that another reader used last, with its memory.
@@ -143,12 +153,12 @@ class PoseInput:
             self._poses.fill(stamp_ns, remembered(memory, (_NUMBERS + 1) * self._count))
             self._at = self._count // 2 + 1
         else:
-            begin = 1 + MEMORY
+            begin = 3 + MEMORY
             rows = len(memory) - begin
             if rows < (_NUMBERS + 1) * MINIMUM_WINDOW or rows % (_NUMBERS + 1):
                 raise SloshEstimatorError(f"an input's memory of {len(memory)} numbers: no poses'")
-            self._at = round(memory[0])
-            self.sampling.take_up(memory[1:begin])
+            self._at, self._misfit = round(memory[0]), (memory[1], memory[2])
+            self.sampling.take_up(memory[3:begin])
             self._poses.fill(stamp_ns, memory[begin:])
         self._restarted = False
         self.gate.go_on(stamp_ns, None)
@@ -187,15 +197,13 @@ class PoseInput:
             first = int(np.searchsorted(stamps, centre - self._reach_ns))
             first = max(min(first, self._at - FEWEST), 0)
             if not self._restarted:
-                dropped = self._poses.forget(first)
+                dropped = self._poses.forget(min(first, self._at - CLOCK))
                 if dropped:
                     self._at -= dropped
                     continue
             if int(stamps[-1]) - centre < self._wait_ns:
                 return None
-            if self._restarted and (
-                self._at < FEWEST or centre - int(stamps[0]) < self._wait_ns
-            ):
+            if self._restarted and (self._at < FEWEST or centre - int(stamps[0]) < self._wait_ns):
                 self._at += 1
                 continue
             end = int(np.searchsorted(stamps, centre + self._reach_ns, side="right"))
@@ -218,24 +226,53 @@ class PoseInput:
         """Those of the time that is nearest to the centre."""
         stamps, values = self._poses.stamps, self._poses.values
         centre_ns = int(stamps[self._at])
-        tau = (stamps[first:end] - centre_ns) * SECONDS
+        tau = np.asarray((stamps[first:end] - centre_ns) * SECONDS, dtype=np.float64)
         positions = np.ascontiguousarray(values[first:end, :3])
         attitudes = np.ascontiguousarray(values[first:end, 3:])
-        terms = CUBIC if self._count else terms_of(len(tau))
+        terms, shift = CUBIC, 0.0
+        if not self._count:
+            terms = terms_of(len(tau))
+            tau, shift = self._put_in_time(first, end, tau, positions)
         found = []
         for offset_ns in (0,) if self._count else self._offsets():
-            offset = offset_ns * SECONDS
+            offset = shift + offset_ns * SECONDS
             ax, ay, az = self._second_derivative(tau, positions, terms, offset)
             pose = self._turning(tau, attitudes, terms, offset)
-            attitude = pose[:4] if offset_ns else values[self._at, 3:].tolist()
+            attitude = pose[:4] if offset else values[self._at, 3:].tolist()
             restarted, self._restarted = self._restarted, False
-            found.append(
-                Sample(
-                    centre_ns + offset_ns, ax, ay, az, yaw_of_quaternion(*attitude), restarted,
-                    pose, slow=self.sampling.slow,
-                )  # fmt: skip
-            )
+            yaw = yaw_of_quaternion(*attitude)
+            slow, stamp_ns = self.sampling.slow, centre_ns + offset_ns
+            found.append(Sample(stamp_ns, ax, ay, az, yaw, restarted, pose, slow=slow))
         return found
+
+    def _put_in_time(
+        self, first: int, end: int, tau: Array, positions: Array
+    ) -> tuple[Array, float]:
+        """When a window's poses were taken, (N,) from the centre [s].
+
+        A controller or a camera measures evenly, and its messages are often stamped when they
+        arrive: then the motion is smoother at the ticks of an even clock. Others measure unevenly
+        and stamp rightly: then it is smoother at the stamps. The better of both counts more.
+
+        Args:
+            first, end: the window.
+            tau: (N,) their stamps, from the centre's [s].
+            positions: (N, 3) [m].
+
+        Returns:
+            and the centre's stamp from there [s].
+        """
+        stamps, ticks = self._poses.stamps, np.empty(len(tau))
+        known = (stamps[:end] - stamps[self._at]) * SECONDS
+        found = self._even_times(ticks, positions, known, first, self.sampling.seconds)
+        stamped, even = (
+            KEPT * old + new for old, new in zip(self._misfit, found[:2], strict=True)
+        )
+        self._misfit = stamped, even
+        if not stamped > 0.0:
+            return tau, 0.0
+        share = 1.0 / (1.0 + (even / stamped) * (even / stamped))
+        return tau + share * (ticks - tau), share * found[2]
 
     def _offsets(self) -> list[int]:
         """Where samples lie about the centre [ns]: up to the middles between it and the next."""

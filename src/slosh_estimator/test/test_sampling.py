@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
@@ -116,7 +117,7 @@ def test_many_at_once_and_one_by_one_are_judged_alike(
     bounds = [0, *np.cumsum(parts).tolist(), len(given_ms)]
     found = [
         many.take_many(intervals[a:b], restarted[a:b])
-        for a, b in zip(bounds[:-1], bounds[1:], strict=True)
+        for a, b in itertools.pairwise(bounds)
         if a < b
     ]
     if bounds[-2] <= len(given_ms):
@@ -157,7 +158,10 @@ def test_a_recording_of_old_is_not_judged() -> None:
 
 
 def test_memories_of_old_are_taken_up_and_those_of_other_inputs_are_not() -> None:
-    accel, imu = AccelInput(GateSettings(), ("world",)), ImuInput(GateSettings(), SensorTransform())
+    accel, imu = (
+        AccelInput(GateSettings(), ("world",)),
+        ImuInput(GateSettings(), SensorTransform()),
+    )
     accel.take_up(0, [1.0, 2.0, 3.0])
     imu.take_up(0, [0.0] * 9)
     assert len(accel.memory) == 3 + MEMORY

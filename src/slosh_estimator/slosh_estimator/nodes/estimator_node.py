@@ -35,7 +35,7 @@ from slosh_model.model_text import format_model
 from slosh_msgs.msg import ExpectedReading, SloshEstimate
 from slosh_msgs.srv import LoadModel
 from slosh_msgs_py import qos, topics
-from slosh_msgs_py.node.diagnostics import ERROR, OK, STALE, WARN, Health
+from slosh_msgs_py.node.diagnostics import ERROR, OK, WARN, Health
 from slosh_msgs_py.node.parameters import ParameterSpec, declare
 from slosh_msgs_py.node.prepared import PreparedNode
 from slosh_msgs_py.node.readiness import Progress
