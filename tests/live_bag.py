@@ -10,11 +10,10 @@ import yaml
 
 from slosh_bag.bag_writer import BagWriter
 from slosh_bag.definitions import Definitions
-from slosh_estimator.accel_input import AccelInput
 from slosh_estimator.estimator import Estimator
 from slosh_estimator.gate import GateSettings
-from slosh_estimator.imu_input import ImuInput, SensorTransform
-from slosh_estimator.pose_input import PoseInput
+from slosh_estimator.inputs import InputSettings
+from slosh_estimator.sampling import modes_of
 from slosh_model.arithmetic import arithmetic_fingerprint
 from slosh_model.constants import GRAVITY
 from slosh_model.model_text import format_model, parse_model
@@ -31,7 +30,7 @@ PARAMETERS = {
     "estimator": {
         "input": "accel", "world_frame": "world", "container_frame": "container",
         "max_gap": 0.05, "max_age": 0.5, "sensor_rotation": [0.0, 0.0, 0.0],
-        "sensor_to_origin": [0.0, 0.0, 0.0], "pose_window": 21,
+        "sensor_to_origin": [0.0, 0.0, 0.0],
     },
     "monitor": {
         "measured_limit": 0.006, "estimated_limit": 0.02, "disagreement_limit": 0.01,
@@ -79,6 +78,8 @@ class LiveBag:
         height: measured height over what the model expects the camera to read.
         attitude: quaternion by the index of the pose.
         kind: what drives the estimator: 'accel', 'imu' or 'pose'.
+        pose_window: of the estimator; the default is that of recordings of old.
+        every: one in so many inputs is there, of 500 a second.
         image_flags: of every measurement.
         image_ahead: by how much the camera's clock is ahead [ns].
         image_lag, estimate_lag: from an index to the time until the recorder hears of it [ns].
@@ -102,6 +103,8 @@ class LiveBag:
         self.attitude: Callable[[int], Quaternion] = lambda index: (0.0, 0.0, 0.0, 1.0)
         self.model = MODEL
         self.kind = kind
+        self.pose_window: float = 21
+        self.every = 1
         self.image_flags = self.image_ahead = 0
         self.image_lag: Callable[[int], int] = lambda index: 20 * MS
         self.estimate_lag: Callable[[int], int] = lambda index: 0
@@ -138,9 +141,8 @@ class LiveBag:
         steps = np.diff(stamps, prepend=stamps[0])[:, None] * 1e-9
         positions = np.cumsum(np.cumsum(accelerations * steps, axis=0) * steps, axis=0).tolist()
         estimator, source = self._start(self.model, 0, int(stamps[0]) - MS)
-        for index, (stamp, a) in enumerate(
-            zip(stamps.tolist(), accelerations.tolist(), strict=True)
-        ):
+        for index in range(0, len(stamps), self.every):
+            stamp, a = int(stamps[index]), accelerations[index].tolist()
             if index in self.idle:
                 self._start(estimator.model, 0, stamp - MS)
                 estimator, source = self._start(estimator.model, 0, stamp - 1, at_rest=False)
@@ -148,25 +150,29 @@ class LiveBag:
                 estimator, source = self._start(estimator.model, 0, stamp - 1)
             if index in self.loads:
                 estimator.load_model(parse_model(self.loads[index]))
+                source.sampling.carry(modes_of(estimator.model))
                 files = {"model": format_model(estimator.model)}
-                self._settings("estimator", int(stamps[index - 1]), files, stamp - 1)
+                self._settings("estimator", int(stamps[index - self.every]), files, stamp - 1)
             if index in self.changes:
                 own = {"max_jump": GateSettings().max_jump, **self.changes[index]}
                 source.gate.change(GateSettings(**own))
                 files = {"model": format_model(estimator.model)}
                 changed = list(self.changes[index])
                 self._settings(
-                    "estimator", source.gate.last_ns, files, stamp - 1, changed, **own
+                    "estimator", source.gate.last_ns or 0, files, stamp - 1, changed, **own
                 )  # fmt: skip
-            sample = self._input(source, index, stamp, a, positions[index])
-            if sample is None:
+            samples = self._input(source, index, stamp, a, positions[index])
+            if not samples:
                 continue
-            estimate = estimator.update(sample)
+            sample, recorded = samples[-1], index not in self.unrecorded
+            for sample in samples:
+                estimate = estimator.update(sample)
+                if self.states and index % STATE_EVERY == 0 and recorded and sample is samples[-1]:
+                    self._state(estimator, source, stamp)
+                if recorded:
+                    lag = self.estimate_lag(index)
+                    self._estimate(estimator, estimate, source.gate, stamp + lag)
             self.gaps = source.gate.gaps
-            if self.states and index % STATE_EVERY == 0 and index not in self.unrecorded:
-                self._state(estimator, source, stamp)
-            if index not in self.unrecorded:
-                self._estimate(estimator, estimate, source.gate, stamp + self.estimate_lag(index))
             second = (stamp - START) * 1e-9
             if index % 8 == 0 and not self.camera_gap[0] <= second < self.camera_gap[1]:
                 height = self.height * estimate.nonlinear.reading
@@ -177,7 +183,7 @@ class LiveBag:
                 )  # fmt: skip
 
     def _input(self, source, index: int, stamp: int, a: list[float], position: list[float]):
-        """Records an input; returns the sample that the estimator makes of it, if it gets it."""
+        """Records an input; returns the samples that the estimator makes of it, if it gets it."""
         x, y, z = a
         heard = index not in self.unheard
         if self.kind == "accel":
@@ -191,20 +197,20 @@ class LiveBag:
             fields = {"pose": self._pose(*given)}
         if heard:
             self._put(self.kind, stamp, **fields)
-        return None if index in self.unused else source.update(stamp, *given)
+        found = None if index in self.unused else source.update(stamp, *given)
+        return found if isinstance(found, list) else [found] * (found is not None)
 
     def _start(self, model, stamp: int, log_ns: int, *, at_rest: bool = True):
         files = {"model": format_model(model)}
         # A node whose parameters can change sets jumps aside, too.
-        own = {"max_jump": GateSettings().max_jump} if self.changes else {}
-        self._settings("estimator", stamp, files, log_ns, starts_at_rest=at_rest, **own)
-        source = {
-            "accel": lambda: AccelInput(GateSettings(), ("world", "container")),
-            "imu": lambda: ImuInput(GateSettings(), SensorTransform()),
-            "pose": lambda: PoseInput(GateSettings(), 21),
-        }
-        estimator = Estimator(model, at_rest=at_rest)
-        return estimator, source[self.kind]()
+        own = {"starts_at_rest": at_rest, "pose_window": self.pose_window}
+        if self.changes:
+            own["max_jump"] = GateSettings().max_jump
+        self._settings("estimator", stamp, files, log_ns, **own)
+        source = InputSettings(
+            self.kind, GateSettings(), pose_window=self.pose_window, modes=modes_of(model)
+        ).reader(self.kind)
+        return Estimator(model, at_rest=at_rest), source
 
     def _settings(
         self,

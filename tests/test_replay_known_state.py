@@ -40,6 +40,28 @@ def test_from_the_first_state_on_every_bit_is_the_same(kind, start, tmp_path):
     assert f"{1126 - start} not checked: before the first known state" in found.lines()[1]
 
 
+@pytest.mark.parametrize("every", [1, 5, 25])
+def test_poses_with_a_chosen_window_go_on_with_the_same_bits(every, tmp_path):
+    """At 500, 100 and 20 Hz; the last are answered with several estimates each."""
+    live = begun_late("pose", 1000)
+    live.pose_window, live.every = 0.0, every
+    live.attitude = lambda index: (0.0, 0.0, math.sin(1e-3 * index), math.cos(1e-3 * index))
+    found = replay_bag(live.write(tmp_path / "bag")).verification
+    assert found.exact, found.lines()
+    assert sum(found.unchecked.values()) < found.recorded
+
+
+@pytest.mark.parametrize("kind", ["accel", "imu"])
+def test_the_rate_of_an_input_that_is_too_slow_is_part_of_the_state(kind, tmp_path):
+    """Recorded flags hold INPUT_TOO_SLOW; 25 Hz carry 0.95 of the first mode."""
+    live = begun_late(kind, 1010)
+    live.pose_window, live.every = 0.0, 20
+    result = replay_bag(live.write(tmp_path / "bag"))
+    found = result.verification
+    assert found.exact, found.lines()
+    assert any("come at 25 Hz" in line for line in result.warnings)
+
+
 @pytest.mark.parametrize("model", [TANK, REMEMBERING], ids=["tank", "remembering"])
 def test_the_state_is_all_that_the_answers_depend_on(model, tmp_path):
     live = begun_late("imu")

@@ -85,6 +85,18 @@ def test_another_model_in_the_run_is_loaded_at_its_moment(live, tmp_path):
     assert result.model == parse_model(SHALLOW)
 
 
+@pytest.mark.parametrize("every", [1, 4, 17])
+def test_poses_over_a_chosen_window_give_their_estimates_again(every, tmp_path):
+    """The window follows the model in use, here a slower one from the middle on."""
+    live = LiveBag("pose")
+    live.pose_window, live.every = 0.0, every
+    live.loads = {75 * 17 - 75 * 17 % every: SHALLOW}
+    result, found = verified(live.write(tmp_path / "bag"))
+    assert found.exact, found.lines()
+    assert found.recorded > 2300 / every
+    assert result.model == parse_model(SHALLOW)
+
+
 def test_one_bit_of_one_parameter_is_seen_and_named(live, tmp_path):
     alpha = math.nextafter(0.58, 1.0)
     _, found = verified(

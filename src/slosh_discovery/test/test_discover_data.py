@@ -411,8 +411,8 @@ class TestBags:
         inputs = motion.inputs
         assert inputs.attitude is not None
         assert inputs.angular_velocity is not None
-        # A window's first sample is that of its middle; times count from there.
-        at = np.rint((inputs.t + 10 * 0.004) / 0.004).astype(int)
+        # The first sample is that of the middle of the first window, 11 poses to each side.
+        at = np.rint((inputs.t + 11 * 0.004) / 0.004).astype(int)
         np.testing.assert_allclose(inputs.attitude, turn[at], atol=1e-9)
         pitch = angles[at, 1]
         expected = np.column_stack(

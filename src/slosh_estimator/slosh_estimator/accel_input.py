@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from slosh_estimator.gate import GateSettings, SampleGate, Verdict
 from slosh_estimator.sample import Sample, Samples
+from slosh_estimator.sampling import MEMORY, Sampling
 from slosh_estimator.state import remembered
 
 Array = NDArray[np.float64]
@@ -27,6 +28,7 @@ class AccelInput:
 
     def __init__(self, settings: GateSettings, frames: tuple[str, ...]) -> None:
         self.gate = SampleGate(settings)
+        self.sampling = Sampling("accelerations")
         self.strange_frame = ""
         self._frames = frames
         self._told = 0
@@ -41,15 +43,17 @@ class AccelInput:
             return None
         verdict = self.gate.judge(stamp_ns, (ax, ay, az), now_ns)
         if verdict is Verdict.USE:
-            return Sample(stamp_ns, ax, ay, az)
+            self.sampling.take(self.gate.interval_ns, restarted=False)
+            return Sample(stamp_ns, ax, ay, az, slow=self.sampling.slow)
         if verdict is Verdict.RESTART:
-            return Sample(stamp_ns, ax, ay, az, 0.0, True)
+            self.sampling.take(self.gate.interval_ns, restarted=True)
+            return Sample(stamp_ns, ax, ay, az, 0.0, True, slow=self.sampling.slow)
         return None
 
     @property
     def memory(self) -> list[float]:
         """What the next samples depend on, beside the last one's stamp."""
-        return list(self.gate.last)
+        return [*self.gate.last, *self.sampling.memory]
 
     def take_up(self, stamp_ns: int, memory: Sequence[float]) -> None:
         """Goes on behind the message that another reader used last, with its memory.
@@ -57,8 +61,9 @@ class AccelInput:
         Raises:
             SloshEstimatorError: the memory is of another kind of input.
         """
-        ax, ay, az = remembered(memory, 3)
+        ax, ay, az, *rate = remembered(memory, 3, MEMORY)
         self.gate.go_on(stamp_ns, (ax, ay, az))
+        self.sampling.take_up(rate)
 
     def update_many(
         self, stamps: NDArray[np.int64], frames: NDArray[np.object_], accelerations: Array
@@ -75,10 +80,13 @@ class AccelInput:
             self.gate.refuse(Verdict.WRONG_FRAME)
             self.strange_frame = frame
         stamps, accelerations = stamps[known], np.ascontiguousarray(accelerations[known])
+        before = self.gate.last_ns
         used, restarted = self.gate.judge_many(stamps, accelerations)
-        return Samples(
-            stamps[used], accelerations[used], np.zeros(np.count_nonzero(used)), restarted[used]
+        stamps, restarted = stamps[used], restarted[used]
+        slow = self.sampling.take_many(
+            np.diff(stamps, prepend=stamps[:1] if before is None else np.int64(before)), restarted
         )
+        return Samples(stamps, accelerations[used], np.zeros(len(stamps)), restarted, slow=slow)
 
     def warning(self) -> str | None:
         """What the user should mend, by what has come since the last call; None: nothing."""

@@ -48,6 +48,7 @@ _SETTLING = int(EstimateFlag.SETTLING)
 _AFTER_GAP = int(EstimateFlag.AFTER_GAP)
 _DIVERGED = int(EstimateFlag.DIVERGED)
 _DOUBTFUL = int(EstimateFlag.INPUT_DOUBTFUL)
+_TOO_SLOW = int(EstimateFlag.INPUT_TOO_SLOW)
 _LONG_AGO = -(2**62)
 _UPRIGHT = np.empty((0, POSE_COUNT))
 
@@ -317,6 +318,8 @@ class Estimator:
         batch.flags[done][samples.stamps[done] < self._settled_ns] |= _SETTLING
         if samples.doubtful is not None:
             batch.flags[done][samples.doubtful[done]] |= _DOUBTFUL
+        if samples.slow is not None:
+            batch.flags[done][samples.slow[done]] |= _TOO_SLOW
         at = start + count
         self._last = samples.one(min(at, end - 1))
         if at < end:  # a model left the physical range with this sample
@@ -355,6 +358,8 @@ class Estimator:
         flags = int(self._row.item(FLAGS))
         if sample.stamp_ns < self._settled_ns:
             flags |= _SETTLING
+        if sample.slow:
+            flags |= _TOO_SLOW
         return flags | _DOUBTFUL if sample.doubtful else flags
 
     def _restart(self, stamp_ns: int) -> None:

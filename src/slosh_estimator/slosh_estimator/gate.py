@@ -95,12 +95,15 @@ class SampleGate:
     Attributes:
         counts: samples by what became of them.
         used, dropped: samples that were used, and that were not.
+        interval_ns: time between the last two that were used [ns]; 0: there is none.
+        gap_ns: the last time without a sample that was longer than max_gap [ns]; 0: none.
     """
 
     def __init__(self, settings: GateSettings) -> None:
         self.counts: dict[Verdict, int] = dict.fromkeys(Verdict, 0)
         # Kept beside the counts: they are read for each message.
         self.used = self.dropped = 0
+        self.interval_ns = self.gap_ns = 0
         self.change(settings)
         self._agreeing = 1 if settings.chosen else _AGREEING
         self._restart_after = settings.restart_after
@@ -118,6 +121,11 @@ class SampleGate:
         self._max_gap_ns = round(settings.max_gap * 1e9)
         self._max_age_ns = round(settings.max_age * 1e9)
         self._max_jump = settings.max_jump
+
+    @property
+    def max_gap_ns(self) -> int:
+        """Longest time between two samples that is integrated across [ns]."""
+        return self._max_gap_ns
 
     @property
     def gaps(self) -> int:
@@ -143,15 +151,17 @@ class SampleGate:
         self.counts[verdict] += 1
         if verdict is Verdict.USE or verdict is Verdict.RESTART:
             self.used += 1
+            last = self._last_ns
+            self.interval_ns = 0 if last is None else max(stamp_ns - last, 0)
             self.go_on(stamp_ns, acceleration)
         else:
             self.dropped += 1
         return verdict
 
     @property
-    def last_ns(self) -> int:
-        """Stamp of the last sample that was used [ns]; 0: none was."""
-        return self._last_ns or 0
+    def last_ns(self) -> int | None:
+        """Stamp of the last sample that was used [ns]; None: none was."""
+        return self._last_ns
 
     @property
     def last(self) -> Vector:
@@ -229,6 +239,9 @@ class SampleGate:
     def _after_gap(self, stamp_ns: int) -> Verdict:
         """What comes after a gap is set aside until the next one goes on from there."""
         apart, self._apart_ns = self._apart_ns, stamp_ns
+        before = apart if apart is not None else self._last_ns
+        if before is not None and stamp_ns - before > self._max_gap_ns:
+            self.gap_ns = stamp_ns - before
         follows = apart is not None and stamp_ns > apart
         return Verdict.RESTART if follows or not self._confirms else Verdict.APART
 

@@ -21,6 +21,7 @@ from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.gate import GateSettings, SampleGate, Verdict, fault_of
 from slosh_estimator.rotation import Vector, cross, matrix_from_rpy, rotate
 from slosh_estimator.sample import SECONDS, Sample
+from slosh_estimator.sampling import MEMORY, Sampling
 from slosh_estimator.state import remembered
 from slosh_model.constants import GRAVITY
 
@@ -60,6 +61,7 @@ class ImuInput:
 
     def __init__(self, settings: GateSettings, transform: SensorTransform) -> None:
         self.gate = SampleGate(settings)
+        self.sampling = Sampling("IMU samples")
         self._matrix = matrix_from_rpy(transform.roll, transform.pitch, transform.yaw)
         self._to_origin = transform.to_origin
         self._stamp_ns = 0
@@ -85,6 +87,7 @@ class ImuInput:
         if verdict not in (Verdict.USE, Verdict.RESTART):
             return None
         restarted = verdict is Verdict.RESTART
+        self.sampling.take(self.gate.interval_ns, restarted=restarted)
         self._rate_missing = rate is None
         omega = rotate(self._matrix, rate) if rate is not None else (0.0, 0.0, 0.0)
         dt = 0.0 if restarted else (stamp_ns - self._stamp_ns) * SECONDS
@@ -102,13 +105,15 @@ class ImuInput:
         return Sample(
             stamp_ns, c * fx - s * fy, s * fx + c * fy, fz - GRAVITY, self._yaw, restarted,
             (0.0, 0.0, math.sin(half), math.cos(half), *omega, *change), self._doubtful,
+            self.sampling.slow,
         )  # fmt: skip
 
     @property
     def memory(self) -> list[float]:
         """What the next samples depend on, beside the last one's stamp."""
         mean = math.nan if self._mean_force is None else self._mean_force
-        return [*self.gate.last, *self._slow_rate, self._last_yaw_rate, self._yaw, mean]
+        own = [*self.gate.last, *self._slow_rate, self._last_yaw_rate, self._yaw, mean]
+        return [*own, *self.sampling.memory]
 
     def take_up(self, stamp_ns: int, memory: Sequence[float]) -> None:
         """Goes on behind the message that another reader used last, with its memory.
@@ -116,11 +121,12 @@ class ImuInput:
         Raises:
             SloshEstimatorError: the memory is of another kind of input.
         """
-        fx, fy, fz, sx, sy, sz, rate, yaw, mean = remembered(memory, 9)
+        fx, fy, fz, sx, sy, sz, rate, yaw, mean, *sampling = remembered(memory, 9, MEMORY)
         self.gate.go_on(stamp_ns, (fx, fy, fz))
         self._stamp_ns, self._slow_rate = stamp_ns, (sx, sy, sz)
         self._last_yaw_rate, self._yaw = rate, yaw
         self._mean_force = None if math.isnan(mean) else mean
+        self.sampling.take_up(sampling)
 
     def warning(self) -> str | None:
         """What the user should mend; None: nothing."""

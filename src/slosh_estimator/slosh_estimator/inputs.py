@@ -10,6 +10,7 @@ from slosh_estimator.accel_input import AccelInput
 from slosh_estimator.gate import GateSettings
 from slosh_estimator.imu_input import ImuInput, SensorTransform
 from slosh_estimator.pose_input import PoseInput
+from slosh_estimator.sampling import Modes
 
 ACCEL, IMU, POSE = "accel", "imu", "pose"
 MESSAGE_TYPES: Mapping[str, str] = {
@@ -18,7 +19,8 @@ MESSAGE_TYPES: Mapping[str, str] = {
     POSE: "geometry_msgs/msg/PoseStamped",
 }
 """Kinds of input and the type of their messages; the first that is there is taken."""
-POSE_WINDOW = 21
+POSE_WINDOW = 0.0
+"""A window that is chosen."""
 
 AnyInput = AccelInput | ImuInput | PoseInput
 
@@ -30,16 +32,19 @@ class InputSettings(NamedTuple):
         kind: one of MESSAGE_TYPES; None: the first of them that is there.
         gate: limits of the gate.
         transform: container ← IMU.
-        pose_window: samples of the differentiating window.
+        pose_window: length of the differentiating window [s]; 0.0: chosen. A whole number counts
+            poses, as nodes of old recorded it; they did not judge the rate of an input either.
         frames: frames of accelerations that are taken: along the world's axes, along the
             container's.
+        modes: of the model, which the input must carry; none: not known.
     """
 
     kind: str | None = None
     gate: GateSettings = GateSettings(confirms=False)
     transform: SensorTransform = SensorTransform()
-    pose_window: int = POSE_WINDOW
+    pose_window: float = POSE_WINDOW
     frames: tuple[str, str] = ("world", "container")
+    modes: Modes = ()
 
     @classmethod
     def from_parameters(cls, parameters: Mapping[str, Any]) -> InputSettings:
@@ -70,6 +75,13 @@ class InputSettings(NamedTuple):
 
     def reader(self, kind: str) -> AnyInput:
         """What turns messages of a kind into samples."""
+        found = self._reader(kind)
+        if isinstance(self.pose_window, int):
+            found.sampling.mute()
+        found.sampling.carry(self.modes)
+        return found
+
+    def _reader(self, kind: str) -> AnyInput:
         if kind == ACCEL:
             return AccelInput(self.gate, self.frames)
         if kind == IMU:

@@ -17,6 +17,7 @@ from slosh_estimator.limits import Event, Hysteresis, LimitTracker, Source
 from slosh_estimator.monitor_settings import MonitorSettings
 from slosh_estimator.sample import SECONDS
 from slosh_estimator.sight import SATURATED, UNUSABLE, Sight, clocks_apart, obstacle
+from slosh_estimator.validity import EstimateFlag
 from slosh_report.metrics import RunningAccuracy
 
 NAN = float("nan")
@@ -26,6 +27,7 @@ _NEVER = 2**63
 PATIENCE_NS = 100_000_000
 """So long a measurement waits for an estimator that is silent: at its start, and after a pause,
 the first image may be here before the first estimate [ns]."""
+_TOO_SLOW = int(EstimateFlag.INPUT_TOO_SLOW)
 
 
 class Monitor:
@@ -209,7 +211,12 @@ class Monitor:
             self._last_measured > share * self._trackers[Source.MEASURED].limit
             or self._last_estimate_msh > share * self._trackers[Source.ESTIMATED].limit
         )
-        return Condition.WARN if near else Condition.OK
+        return Condition.WARN if near or self.too_slow else Condition.OK
+
+    @property
+    def too_slow(self) -> bool:
+        """Whether the estimator's input does not carry a sloshing mode."""
+        return bool(self._estimates) and self._estimates[-1].flags & _TOO_SLOW != 0
 
     def _stale(self, at_ns: int | None, now_ns: int) -> bool:
         since = at_ns if at_ns is not None else self._started_at

@@ -1,46 +1,51 @@
 """Poses of the container (geometry_msgs/PoseStamped), differentiated twice.
 
-The second derivative is that of the parabola that fits the positions of a sliding window best
-(least squares; Savitzky and Golay's filter, for samples at any spacing). A cubic term is fitted
-along: it changes nothing where the stamps are symmetric about the window's centre, and keeps the
-answer that of the centre where they are not. The sample carries the centre's stamp: the estimate
-comes half a window late, but with no phase error.
+`slosh_estimator.pose_filter` says how. A sample carries the stamp to which it applies, the centre
+of the window: the estimate comes half a window late, but with no phase error.
 
-Angular velocity and acceleration are found in the same way from the rotations φ that lead from the
-centre's attitude to those of the window, in the container's axes: at φ = 0 they are φ̇ and φ̈.
+Angular velocity and acceleration are found in the same way from the rotations that lead from the
+centre's attitude to those of the window.
 """
 
 from __future__ import annotations
 
 import math
-from collections import deque
 from collections.abc import Sequence
-from typing import Any, NamedTuple
 
 import numpy as np
-from numba.types import UniTuple, float64
+from numpy.typing import NDArray
 
 from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.gate import GateSettings, SampleGate, Verdict, fault_of
+from slosh_estimator.pose_filter import (
+    CUBIC,
+    FEWEST,
+    PoseFilter,
+    even_times,
+    second_derivative,
+    terms_of,
+    turning,
+)
 from slosh_estimator.rotation import Vector, yaw_of_quaternion
 from slosh_estimator.sample import SECONDS, Sample
+from slosh_estimator.sampling import MEMORY, Modes, Sampling
 from slosh_estimator.state import remembered
-from slosh_model.compilation import GIVEN_1, GIVEN_2, compiled, entry_point
-from slosh_model.normal_equations import factorize, substitute
 
-MINIMUM_WINDOW = 5
+Array = NDArray[np.float64]
+
+MINIMUM_WINDOW = 2 * FEWEST + 1
 MAXIMUM_SPEED = 20.0
 """A faster change between two poses is a jump of the tracker, not a motion [m/s]."""
 FARTHEST = 1e4
 """No container is farther from the origin of its cell [m]."""
 LENGTHS = (1e-3, 1e3)
 """Lengths that a quaternion may have."""
-
-
-class _Pose(NamedTuple):
-    stamp_ns: int
-    position: Vector
-    attitude: tuple[float, float, float, float]
+CLOCK = 32
+"""So many poses before the centre, or those of the window, tell the even clock."""
+KEPT = 0.99
+"""What is kept at each pose of how well stamps and even clock have fitted."""
+_NUMBERS = 7
+"""Of a pose: position and quaternion."""
 
 
 class PoseInput:
@@ -48,26 +53,40 @@ class PoseInput:
 
     Args:
         settings: limits of the gate.
-        window: samples of the sliding window, odd.
+        window: length of the window [s]; 0.0: the longest that carries the modes. A whole number
+            counts poses, odd, to which cubics are fitted, as old recordings have it.
+
+    Attributes:
+        gate: judges the poses.
+        sampling: knows their rate, and is told the modes that they must carry.
+        jumps: of the tracker, so far.
 
     Raises:
-        SloshEstimatorError: the window is even or too short.
+        SloshEstimatorError: the window is negative; a count is even or too small.
     """
 
-    def __init__(self, settings: GateSettings, window: int = 21) -> None:
-        if window < MINIMUM_WINDOW or window % 2 == 0:
+    def __init__(self, settings: GateSettings, window: float = 0.0) -> None:
+        count = window if isinstance(window, int) else 0
+        if isinstance(window, int) and (window < MINIMUM_WINDOW or window % 2 == 0):
             raise SloshEstimatorError(
                 f"window = {window!r} must be odd and at least {MINIMUM_WINDOW}"
             )
+        if not 0.0 <= window < math.inf:
+            raise SloshEstimatorError(f"window = {window!r} s must be 0.0 or a length of time")
         self.gate = SampleGate(settings)
+        remedy = "set pose_window to 0.0" if window else "use the input accel or imu"
+        self.sampling = Sampling("poses", self._gain, remedy)
         self.jumps = 0
-        self._window: deque[_Pose] = deque(maxlen=window)
-        self._tau = np.zeros(window)
-        self._positions = np.zeros((window, 3))
-        self._attitudes = np.zeros((window, 4))
-        self._attitudes[:, 3] = 1.0
+        self._count, self._seconds = count, 0.0 if count else float(window)
+        self._poses = _Poses()
+        self._at = count // 2  # the next centre
         self._restarted = True
+        self._filter = PoseFilter.of((), self._seconds)
+        self._modes: Modes = ()
+        self._interval_ns = self._reach_ns = self._wait_ns = 0
+        self._misfit = 0.0, 0.0
         self._second_derivative, self._turning = second_derivative.load(), turning.load()
+        self._even_times = even_times.load()
 
     def update(
         self,
@@ -75,8 +94,10 @@ class PoseInput:
         position: tuple[float, float, float],
         quaternion: tuple[float, float, float, float],
         now_ns: int | None = None,
-    ) -> Sample | None:
-        """The sample at the window's centre, or None while the window fills.
+    ) -> list[Sample]:
+        """The samples that a pose makes known, in order: those about half a window before it.
+
+        None while the window fills; mostly one; several where poses come slowly.
 
         Args:
             stamp_ns: the moment [ns].
@@ -87,32 +108,40 @@ class PoseInput:
         fault = fault_of(position, FARTHEST) or _fault_of_attitude(quaternion)
         verdict = self.gate.judge(stamp_ns, None, now_ns, fault)
         if verdict not in (Verdict.USE, Verdict.RESTART):
-            return None
+            return []
         jumped = verdict is Verdict.USE and self._jumped(stamp_ns, position)
         self.jumps += jumped
         if verdict is Verdict.RESTART or jumped:
-            self._window.clear()
+            self._poses.clear()
+            self._at = self._count // 2
             self._restarted = True
-        self._window.append(_Pose(stamp_ns, position, quaternion))
-        if len(self._window) < (self._window.maxlen or 0):
-            return None
-        centre = self._window[len(self._window) // 2]
-        self._fill(centre.stamp_ns)
-        ax, ay, az = self._second_derivative(self._tau, self._positions)
-        pose = self._turning(self._tau, self._attitudes)
-        yaw = yaw_of_quaternion(*centre.attitude)
-        restarted, self._restarted = self._restarted, False
-        return Sample(centre.stamp_ns, ax, ay, az, yaw, restarted, pose)
+        self.sampling.take(self.gate.interval_ns, restarted=verdict is Verdict.RESTART)
+        self._poses.append(stamp_ns, (*position, *quaternion))
+        found: list[Sample] = []
+        while True:
+            window = self._fixed_window() if self._count else self._window()
+            if window is None:
+                break
+            found += self._samples(*window)
+            self._at += 1
+        return found
+
+    @property
+    def delay(self) -> float:
+        """By how much the estimates come late [s]: half of the window; 0: not known yet."""
+        if self._count:
+            return (self._count // 2) * self.sampling.seconds
+        interval = self.sampling.seconds
+        return self._filter.side(interval) * interval if interval else 0.0
 
     @property
     def memory(self) -> list[float]:
         """What the next samples depend on, beside the last one's stamp: the window's poses."""
-        newest = self._window[-1].stamp_ns if self._window else 0
-        return [
-            number
-            for pose in self._window
-            for number in (pose.stamp_ns - newest, *pose.position, *pose.attitude)
-        ]
+        first = max(self._at - 1 - self._count // 2, 0) if self._count else 0
+        rows = self._poses.rows(first)
+        if self._count:
+            return rows
+        return [float(self._at), *self._misfit, *self.sampling.memory, *rows]
 
     def take_up(self, stamp_ns: int, memory: Sequence[float]) -> None:
         """Goes on behind the message that another reader used last, with its memory.
@@ -120,10 +149,17 @@ class PoseInput:
         Raises:
             SloshEstimatorError: the memory is of another kind of input or another window.
         """
-        rows = np.reshape(remembered(memory, 8 * (self._window.maxlen or 0)), (-1, 8)).tolist()
-        self._window.clear()
-        for back, px, py, pz, qx, qy, qz, qw in rows:
-            self._window.append(_Pose(stamp_ns + round(back), (px, py, pz), (qx, qy, qz, qw)))
+        if self._count:
+            self._poses.fill(stamp_ns, remembered(memory, (_NUMBERS + 1) * self._count))
+            self._at = self._count // 2 + 1
+        else:
+            begin = 3 + MEMORY
+            rows = len(memory) - begin
+            if rows < (_NUMBERS + 1) * MINIMUM_WINDOW or rows % (_NUMBERS + 1):
+                raise SloshEstimatorError(f"an input's memory of {len(memory)} numbers: no poses'")
+            self._at, self._misfit = round(memory[0]), (memory[1], memory[2])
+            self.sampling.take_up(memory[3:begin])
+            self._poses.fill(stamp_ns, memory[begin:])
         self._restarted = False
         self.gate.go_on(stamp_ns, None)
 
@@ -134,19 +170,185 @@ class PoseInput:
         return None
 
     def _jumped(self, stamp_ns: int, position: tuple[float, float, float]) -> bool:
-        if not self._window:
+        if not len(self._poses):
             return False
-        last = self._window[-1]
-        seconds = (stamp_ns - last.stamp_ns) * SECONDS
-        return math.dist(position, last.position) > MAXIMUM_SPEED * seconds
+        seconds = (stamp_ns - self._poses.newest_ns) * SECONDS
+        return math.dist(position, self._poses.newest_position) > MAXIMUM_SPEED * seconds
 
-    def _fill(self, centre_ns: int) -> None:
-        """The window as arrays."""
-        tau, positions, attitudes = self._tau, self._positions, self._attitudes
-        for row, pose in enumerate(self._window):
-            tau[row] = (pose.stamp_ns - centre_ns) * SECONDS
-            positions[row] = pose.position
-            attitudes[row] = pose.attitude
+    def _gain(self, frequency: float, interval: float) -> float:
+        return PoseFilter.of(self.sampling.modes, self._seconds).gain(frequency, interval)
+
+    def _fixed_window(self) -> tuple[int, int] | None:
+        """The first and behind the last pose about the next centre; None: not yet complete."""
+        side = self._count // 2
+        # One more than the window stays, for the memory.
+        self._at -= self._poses.forget(self._at - 1 - side)
+        window = self._at - side, self._at + side + 1
+        return window if window[1] <= len(self._poses) else None
+
+    def _window(self) -> tuple[int, int] | None:
+        """The first and behind the last pose about the next centre; None: not yet complete."""
+        self._choose()
+        if not self._reach_ns:
+            return None
+        stamps = self._poses.stamps
+        while self._at + FEWEST < len(stamps):
+            centre = int(stamps[self._at])
+            first = int(np.searchsorted(stamps, centre - self._reach_ns))
+            first = max(min(first, self._at - FEWEST), 0)
+            if not self._restarted:
+                dropped = self._poses.forget(min(first, self._at - CLOCK))
+                if dropped:
+                    self._at -= dropped
+                    continue
+            if int(stamps[-1]) - centre < self._wait_ns:
+                return None
+            if self._restarted and (self._at < FEWEST or centre - int(stamps[0]) < self._wait_ns):
+                self._at += 1
+                continue
+            end = int(np.searchsorted(stamps, centre + self._reach_ns, side="right"))
+            return first, max(end, self._at + FEWEST + 1)
+        return None
+
+    def _choose(self) -> None:
+        """The window for the rate and the modes of now."""
+        sampling = self.sampling
+        if sampling.interval_ns == self._interval_ns and sampling.modes is self._modes:
+            return
+        self._interval_ns, self._modes = sampling.interval_ns, sampling.modes
+        self._filter = PoseFilter.of(self._modes, self._seconds)
+        side = self._filter.side(sampling.seconds) if self._interval_ns else 0
+        # A pose at the edge of the window is in it in spite of jitter.
+        self._reach_ns = (2 * side + 1) * self._interval_ns // 2
+        self._wait_ns = (2 * side - 1) * self._interval_ns // 2
+
+    def _samples(self, first: int, end: int) -> list[Sample]:
+        """Those of the time that is nearest to the centre."""
+        stamps, values = self._poses.stamps, self._poses.values
+        centre_ns = int(stamps[self._at])
+        tau = np.asarray((stamps[first:end] - centre_ns) * SECONDS, dtype=np.float64)
+        positions = np.ascontiguousarray(values[first:end, :3])
+        attitudes = np.ascontiguousarray(values[first:end, 3:])
+        terms, shift = CUBIC, 0.0
+        if not self._count:
+            terms = terms_of(len(tau))
+            tau, shift = self._put_in_time(first, end, tau, positions)
+        found = []
+        for offset_ns in (0,) if self._count else self._offsets():
+            offset = shift + offset_ns * SECONDS
+            ax, ay, az = self._second_derivative(tau, positions, terms, offset)
+            pose = self._turning(tau, attitudes, terms, offset)
+            attitude = pose[:4] if offset else values[self._at, 3:].tolist()
+            restarted, self._restarted = self._restarted, False
+            yaw = yaw_of_quaternion(*attitude)
+            slow, stamp_ns = self.sampling.slow, centre_ns + offset_ns
+            found.append(Sample(stamp_ns, ax, ay, az, yaw, restarted, pose, slow=slow))
+        return found
+
+    def _put_in_time(
+        self, first: int, end: int, tau: Array, positions: Array
+    ) -> tuple[Array, float]:
+        """When a window's poses were taken, (N,) from the centre [s].
+
+        A controller or a camera measures evenly, and its messages are often stamped when they
+        arrive: then the motion is smoother at the ticks of an even clock. Others measure unevenly
+        and stamp rightly: then it is smoother at the stamps. The better of both counts more.
+
+        Args:
+            first, end: the window.
+            tau: (N,) their stamps, from the centre's [s].
+            positions: (N, 3) [m].
+
+        Returns:
+            and the centre's stamp from there [s].
+        """
+        stamps, ticks = self._poses.stamps, np.empty(len(tau))
+        known = (stamps[:end] - stamps[self._at]) * SECONDS
+        found = self._even_times(ticks, positions, known, first, self.sampling.seconds)
+        stamped, even = (
+            KEPT * old + new for old, new in zip(self._misfit, found[:2], strict=True)
+        )
+        self._misfit = stamped, even
+        if not stamped > 0.0:
+            return tau, 0.0
+        share = 1.0 / (1.0 + (even / stamped) * (even / stamped))
+        return tau + share * (ticks - tau), share * found[2]
+
+    def _offsets(self) -> list[int]:
+        """Where samples lie about the centre [ns]: up to the middles between it and the next."""
+        before, centre, after = self._poses.stamps[self._at - 1 : self._at + 2].tolist()
+        parts = self._filter.parts(0.5 * (after - before) * SECONDS)
+        side = parts // 2
+        return [
+            (centre - before) * k // parts if k < 0 else (after - centre) * k // parts
+            for k in range(-side, side + 1)
+        ]
+
+
+class _Poses:
+    """The poses of a window, as columns.
+
+    Attributes:
+        stamps: (N,) [ns].
+        values: (N, 7) position [m] and quaternion x, y, z, w.
+    """
+
+    def __init__(self) -> None:
+        self._all_stamps = np.zeros(64, dtype=np.int64)
+        self._all_values = np.zeros((64, _NUMBERS))
+        self.clear()
+
+    def __len__(self) -> int:
+        return self._size
+
+    @property
+    def newest_ns(self) -> int:
+        """Stamp of the newest one [ns]."""
+        return int(self._all_stamps[self._size - 1])
+
+    @property
+    def newest_position(self) -> Vector:
+        """Position of the newest one [m]."""
+        x, y, z = self._all_values[self._size - 1, :3].tolist()
+        return x, y, z
+
+    def clear(self) -> None:
+        """Forgets all."""
+        self._resize(0)
+
+    def append(self, stamp_ns: int, values: tuple[float, ...]) -> None:
+        """Takes one more."""
+        if self._size == len(self._all_stamps):
+            self._all_stamps = np.concatenate([self._all_stamps, self._all_stamps])
+            self._all_values = np.concatenate([self._all_values, self._all_values])
+        self._all_stamps[self._size], self._all_values[self._size] = stamp_ns, values
+        self._resize(self._size + 1)
+
+    def forget(self, count: int) -> int:
+        """Drops the oldest ones; returns how many."""
+        if count <= 0:
+            return 0
+        rest = self._size - count
+        self._all_stamps[:rest] = self._all_stamps[count : self._size]
+        self._all_values[:rest] = self._all_values[count : self._size]
+        self._resize(rest)
+        return count
+
+    def rows(self, first: int) -> list[float]:
+        """From one on: stamp before the newest one's [ns], position, quaternion; in a row."""
+        back = (self.stamps[first:] - self.stamps[-1:]).astype(np.float64)
+        table: list[float] = np.column_stack([back, self.values[first:]]).ravel().tolist()
+        return table
+
+    def fill(self, newest_ns: int, rows: Sequence[float]) -> None:
+        """Takes what `rows` of others gave, with the stamp of their newest one [ns]."""
+        self.clear()
+        for back, *values in np.reshape(rows, (-1, _NUMBERS + 1)).tolist():
+            self.append(newest_ns + round(back), tuple(values))
+
+    def _resize(self, size: int) -> None:
+        self._size = size
+        self.stamps, self.values = self._all_stamps[:size], self._all_values[:size]
 
 
 def _fault_of_attitude(quaternion: tuple[float, float, float, float]) -> Verdict | None:
@@ -154,89 +356,3 @@ def _fault_of_attitude(quaternion: tuple[float, float, float, float]) -> Verdict
     if LENGTHS[0] <= length <= LENGTHS[1]:
         return None
     return Verdict.IMPOSSIBLE if math.isfinite(length) else Verdict.NOT_FINITE
-
-
-@compiled
-def _cubic(tau: Any, scale: float, values: Any) -> Any:
-    """Coefficients (3, 4) of the least-squares cubics in tau/scale, about the centre's value."""
-    centre = values[len(tau) // 2]
-    normal = np.zeros((4, 4))
-    right = np.zeros((3, 4))
-    powers = np.ones(4)
-    for i in range(len(tau)):
-        for p in range(1, 4):
-            powers[p] = powers[p - 1] * tau[i] / scale
-        for p in range(4):
-            for q in range(4):
-                normal[p, q] += powers[p] * powers[q]
-            for axis in range(3):
-                right[axis, p] += powers[p] * (values[i, axis] - centre[axis])
-    factorize(normal, 4)
-    for axis in range(3):
-        substitute(normal, 4, right[axis])
-    return right
-
-
-@compiled
-def _reach(tau: Any) -> float:
-    """The longest time from the centre [s]; it keeps the normal equations well conditioned."""
-    reach = 0.0
-    for one in tau:
-        reach = max(reach, abs(one))
-    return reach
-
-
-@entry_point(UniTuple(float64, 3)(GIVEN_1, GIVEN_2))
-def second_derivative(tau: Any, positions: Any) -> Any:
-    """Second derivative at tau = 0 of the least-squares cubic.
-
-    Args:
-        tau: (N,) time from the centre [s].
-        positions: (N, 3) [m].
-
-    Returns:
-        its three components [m/s²].
-    """
-    scale = _reach(tau)
-    solution = _cubic(tau, scale, positions)
-    factor = 2.0 / (scale * scale)
-    return solution[0, 2] * factor, solution[1, 2] * factor, solution[2, 2] * factor
-
-
-@entry_point(UniTuple(float64, 10)(GIVEN_1, GIVEN_2))
-def turning(tau: Any, attitudes: Any) -> Any:
-    """How a container stands and turns at tau = 0; see `slosh_estimator.sample.Pose`.
-
-    Args:
-        tau: (N,) time from the centre [s].
-        attitudes: (N, 4) quaternions x, y, z, w, world ← container, of any length but zero.
-
-    Returns:
-        the centre's attitude, of length 1, angular velocity [rad/s] and acceleration [rad/s²].
-    """
-    centre = attitudes[len(tau) // 2]
-    x, y, z, w = centre
-    length = math.sqrt(x * x + y * y + z * z + w * w)
-    x, y, z, w = x / length, y / length, z / length, w / length
-    rotations = np.empty((len(tau), 3))
-    for i in range(len(tau)):
-        bx, by, bz, bw = attitudes[i]
-        # The centre's conjugate times the other.
-        rx, ry, rz = (
-            w * bx - x * bw - y * bz + z * by,
-            w * by - y * bw - z * bx + x * bz,
-            w * bz - z * bw - x * by + y * bx,
-        )
-        rw = w * bw + x * bx + y * by + z * bz
-        if rw < 0.0:
-            rx, ry, rz, rw = -rx, -ry, -rz, -rw
-        size = math.sqrt(rx * rx + ry * ry + rz * rz)
-        factor = 2.0 * math.atan2(size, rw) / size if size > 0.0 else 0.0
-        rotations[i, 0], rotations[i, 1], rotations[i, 2] = factor * rx, factor * ry, factor * rz
-    scale = _reach(tau)
-    solution = _cubic(tau, scale, rotations)
-    second = 2.0 / (scale * scale)
-    return (
-        x, y, z, w, solution[0, 1] / scale, solution[1, 1] / scale, solution[2, 1] / scale,
-        solution[0, 2] * second, solution[1, 2] * second, solution[2, 2] * second,
-    )  # fmt: skip

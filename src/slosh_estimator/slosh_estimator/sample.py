@@ -31,6 +31,7 @@ class Sample(NamedTuple):
             acceleration holds gravity's share along a tilted floor already, the attitude is that
             of the yaw alone.
         doubtful: whether what is measured cannot be what it is said to be.
+        slow: whether the input comes too slowly to carry the sloshing modes.
     """
 
     stamp_ns: int
@@ -41,6 +42,7 @@ class Sample(NamedTuple):
     restarted: bool = False
     pose: Pose | None = None
     doubtful: bool = False
+    slow: bool = False
 
 
 class Samples(NamedTuple):
@@ -52,7 +54,7 @@ class Samples(NamedTuple):
         yaws: (N,) [rad].
         restarted: (N,) whether nothing links a sample to those before.
         poses: (N, POSE_COUNT) as in Sample; None: upright throughout.
-        doubtful: (N,) as in Sample; None: none of them.
+        doubtful, slow: (N,) as in Sample; None: none of them.
     """
 
     stamps: NDArray[np.int64]
@@ -61,6 +63,7 @@ class Samples(NamedTuple):
     restarted: NDArray[np.bool_]
     poses: NDArray[np.float64] | None = None
     doubtful: NDArray[np.bool_] | None = None
+    slow: NDArray[np.bool_] | None = None
 
     @classmethod
     def of(cls, samples: Sequence[Sample]) -> Samples:
@@ -73,6 +76,7 @@ class Samples(NamedTuple):
             np.array([sample.restarted for sample in samples], dtype=bool),
             _poses(samples),
             np.array([sample.doubtful for sample in samples], dtype=bool),
+            np.array([sample.slow for sample in samples], dtype=bool),
         )
 
     def one(self, index: int) -> Sample:
@@ -83,6 +87,7 @@ class Samples(NamedTuple):
             bool(self.restarted[index]),
             None if self.poses is None else tuple(self.poses[index].tolist()),
             self.doubtful is not None and bool(self.doubtful[index]),
+            self.slow is not None and bool(self.slow[index]),
         )  # fmt: skip
 
 

@@ -14,14 +14,21 @@ from slosh_estimator.sample import Sample
 Array = NDArray[np.float64]
 
 
-def remembered(memory: Sequence[float], count: int) -> Sequence[float]:
+def remembered(memory: Sequence[float], count: int, rate: int = 0) -> Sequence[float]:
     """What a reader of the input is given to remember.
+
+    Args:
+        memory: all of it.
+        count: numbers of the reader's own.
+        rate: numbers about the input's rate that follow them, but in recordings of old.
 
     Raises:
         SloshEstimatorError: it does not consist of so many numbers.
     """
-    if len(memory) != count:
-        raise SloshEstimatorError(f"an input's memory of {len(memory)} numbers, not {count}")
+    if len(memory) not in (count, count + rate):
+        raise SloshEstimatorError(
+            f"an input's memory of {len(memory)} numbers, not {count + rate}"
+        )
     return memory
 
 

@@ -22,6 +22,7 @@ class EstimateFlag(IntFlag):
     DIVERGED = 64
     INPUT_DOUBTFUL = 128
     INPUT_CONTESTED = 256
+    INPUT_TOO_SLOW = 512
 
 
 def validity_limits(model: Model) -> dict[str, float]:

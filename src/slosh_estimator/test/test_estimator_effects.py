@@ -203,13 +203,13 @@ def by_pose(shift: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> list[Sample]
     adapter, t = PoseInput(GateSettings(), 9), times(-0.1, SECONDS + 0.1)
     turned = attitude(t)
     places, quaternions = position(t) + turned.apply(shift), turned.as_quat()
-    found = [
-        adapter.update(stamp + 10**10, tuple(place), tuple(-2.0 * quaternion))
+    return [
+        sample
         for stamp, place, quaternion in zip(
             stamps_of(t), places.tolist(), quaternions, strict=True
         )
+        for sample in adapter.update(stamp + 10**10, tuple(place), tuple(-2.0 * quaternion))
     ]
-    return [sample for sample in found if sample is not None]
 
 
 def by_imu(transform: SensorTransform | None = None) -> list[Sample]:

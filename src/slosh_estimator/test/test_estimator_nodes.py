@@ -174,7 +174,9 @@ def test_the_state_is_published_four_times_a_second_by_the_stamps(
     assert states[-1].sample_stamp == stamps[-1]
     assert states[-1].first_stamp == begin
     assert list(states[-1].sample) == [2.0, 0.0, 0.0, 0.0]
-    assert list(states[-1].input) == [2.0, 0.0, 0.0]
+    rate = [10.0 * MS, 0.0, *[10.0 * MS] * 14]  # of 50 intervals 4 and 32 have told it
+    assert list(states[-1].input[:19]) == [2.0, 0.0, 0.0, *rate]
+    assert all(math.isnan(number) for number in states[-1].input[19:])
     place = estimates[-1].nonlinear.modal_position[0]
     assert place in states[-1].nonlinear
     assert place != 0.0
@@ -196,7 +198,7 @@ def test_imu_and_its_transform(start: Callable[..., Cell]) -> None:
 
 
 def test_poses(start: Callable[..., Cell]) -> None:
-    cell = start(input="pose", pose_window="5")
+    cell = start(input="pose", pose_window="0.04")
     cell.add(EstimatorNode())
     estimates = cell.collect(SloshEstimate, topics.ESTIMATE)
     publisher = cell.publisher(PoseStamped, topics.POSE)
@@ -468,7 +470,7 @@ effects:
 def test_a_found_model_is_loaded_and_acts_on_the_liquid_and_on_the_comparison(
     start: Callable[..., Cell],
 ) -> None:
-    cell = start(input="pose", pose_window="5")
+    cell = start(input="pose", pose_window="0.04")
     cell.add(EstimatorNode())
     cell.add(MonitorNode())
     estimates = cell.collect(SloshEstimate, topics.ESTIMATE)

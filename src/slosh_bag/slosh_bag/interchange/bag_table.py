@@ -8,7 +8,7 @@ height stays at its own moment. Where the stamps coincide nothing is interpolate
 |---|---|---|---|
 | accel | as published | the imu's orientation | the imu's angular velocity |
 | imu | Rz(ψ) f - g ẑ, with gravity's share along a tilted floor | the yaw ψ alone | the imu's |
-| pose | second derivative of the position | the pose's orientation | - |
+| pose | second derivative of the position | the pose's orientation | from the orientations |
 
 For accel the imu counts only where it is in the container's frame, beside an accel in the
 world's, and has a sample at every stamp of accel: as in the bag of a table.

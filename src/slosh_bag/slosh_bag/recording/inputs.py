@@ -11,12 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_bag.recording.facts import TABLE_COLUMNS
-from slosh_bag.recording.settings import NodeStart, first, settings_of
+from slosh_bag.recording.settings import NodeStart, first, model_of, settings_of
 from slosh_estimator.accel_input import AccelInput
 from slosh_estimator.gate import GateSettings
 from slosh_estimator.imu_input import ImuInput
 from slosh_estimator.inputs import InputSettings
 from slosh_estimator.sample import Samples
+from slosh_estimator.sampling import Modes, gap_sentence, modes_of
 from slosh_files.nanoseconds import SECOND
 
 _FIELDS = {
@@ -48,9 +49,14 @@ def recorded_inputs(starts: Sequence[NodeStart], facts: Mapping[str, str]) -> In
     """
     started = first(starts, "estimator")
     if started is not None:
-        return settings_of(started, InputSettings.from_parameters)
+        settings = settings_of(started, InputSettings.from_parameters)
+        return settings._replace(modes=_modes(started))
     unbounded = GateSettings(max_jump=math.inf, confirms=False)
     return InputSettings(gate=unbounded) if TABLE_COLUMNS in facts else InputSettings()
+
+
+def _modes(start: NodeStart) -> Modes:
+    return modes_of(model_of(start)) if "model" in start.files else ()
 
 
 def fields(kind: str) -> tuple[str, ...]:
@@ -77,6 +83,7 @@ class InputReader:
         self._settings = settings._replace(gate=self._gate(settings))
         self._adapter = self._settings.reader(self.kind)
         self._used_before = self._dropped_before = self._gaps_before = 0
+        self._slow = ""
 
     def _gate(self, settings: InputSettings) -> GateSettings:
         return replace(settings.gate, chosen=self._chosen)
@@ -110,6 +117,20 @@ class InputReader:
         self._gaps_before = counters["gaps"]
         self._adapter = self._settings.reader(self.kind)
 
+    def carry(self, modes: Modes) -> None:
+        """Is told the modes of the model from the next sample on."""
+        self._settings = self._settings._replace(modes=modes)
+        self._adapter.sampling.carry(modes)
+
+    def warnings(self) -> list[str]:
+        """What the input's rate costs, and what helps; one line each."""
+        counts, gate = self.counters, self._adapter.gate
+        return [
+            line
+            for line in (gap_sentence(gate, counts["samples_used"], counts["gaps"]), self._slow)
+            if line
+        ]
+
     def take_up(self, stamp_ns: int, memory: Sequence[float]) -> None:
         """Goes on behind the message that the live node used last, with what it remembered.
 
@@ -131,15 +152,18 @@ class InputReader:
         adapter = self._adapter
         values = np.column_stack([columns[name][rows] for name in _FIELDS[self.kind]])
         if isinstance(adapter, AccelInput):
-            return adapter.update_many(stamps[rows], columns[_FRAME][rows], values)
+            samples = adapter.update_many(stamps[rows], columns[_FRAME][rows], values)
+            self._slow = adapter.sampling.sentence() or self._slow
+            return samples
         found = []
         for stamp, row in zip(stamps[rows].tolist(), values.tolist(), strict=True):
             if isinstance(adapter, ImuInput):
                 sample = adapter.update(stamp, *_imu(row))
+                if sample is not None:
+                    found.append(sample)
             else:
-                sample = adapter.update(stamp, tuple(row[:3]), tuple(row[3:]))
-            if sample is not None:
-                found.append(sample)
+                found += adapter.update(stamp, tuple(row[:3]), tuple(row[3:]))
+        self._slow = adapter.sampling.sentence() or self._slow
         return Samples.of(found)
 
 

@@ -27,7 +27,6 @@ NOT_REPORTED: Final = -1.0
 """First entry of a covariance of what an Imu message does not tell."""
 ORIENTATION: Final = tuple(f"orientation.{axis}" for axis in "xyzw")
 TURNING: Final = tuple(f"angular_velocity.{axis}" for axis in "xyz")
-_POSE_TURN = tuple(f"pose.orientation.{axis}" for axis in "xyzw")
 _ORIENTATION_KNOWN, _TURNING_KNOWN = (
     f"{name}_covariance[0]" for name in ("orientation", "angular_velocity")
 )
@@ -84,11 +83,9 @@ class MotionCollector:
         if self._kind == "accel":
             self.in_world &= bool((columns[FRAME] == self._settings.frames[0]).all())
             return
-        self._stamps.append(stamps)
         if self._kind == "imu":
+            self._stamps.append(stamps)
             self._turns.append(_reported(columns, TURNING, _TURNING_KNOWN))
-        else:
-            self._turns.append(_stacked(columns, _POSE_TURN))
 
     def motion(self, path: Path, topic: str) -> Motion:
         """All that came.
@@ -109,10 +106,12 @@ class MotionCollector:
         motion = Motion(stamps, np.concatenate([part.accelerations for part in self._samples]))
         if self._kind == "accel":
             return motion
-        # A sample may come later than its message: a pose's is that of a window's centre.
+        if self._kind == "pose":
+            poses = np.concatenate([p.poses for p in self._samples if p.poses is not None])
+            return replace(motion, attitude=poses[:, :4], angular_velocity=poses[:, 4:7])
         turns = at_stamps(stamps, np.concatenate(self._stamps), np.concatenate(self._turns))
-        if turns is None or self._kind == "pose":
-            return replace(motion, attitude=turns)
+        if turns is None:
+            return motion
         return replace(motion, attitude=self._yawed(), angular_velocity=self._in_container(turns))
 
     def notes(self) -> list[str]:

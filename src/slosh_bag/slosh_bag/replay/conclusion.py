@@ -81,7 +81,11 @@ def conclude(
         model=components.models.model,
         limits=components.monitor.settings,
         limit_changes=components.monitor.changes,
-        warnings=tuple(f"{name}: {line}" for line in (astray, judged.warning) if line),
+        warnings=tuple(
+            f"{name}: {line}"
+            for line in (astray, judged.warning, *components.reader.warnings())
+            if line
+        ),
     )
 
 

@@ -47,6 +47,7 @@ from slosh_bag.replay.unrelated import WholeRun, judge_unrelated
 from slosh_bag.replay.verification import COMPARED, Verifier, estimate_fields
 from slosh_estimator.inputs import InputSettings
 from slosh_estimator.monitor_settings import MonitorSettings
+from slosh_estimator.sampling import modes_of
 from slosh_estimator.validity import attitude_warning
 from slosh_model.arithmetic import arithmetic_fingerprint
 from slosh_model.compile_cache import sources_digest
@@ -100,7 +101,8 @@ def replay_bag(
         whole = whole_run(path, batches, sources, input_reader, used)
         result = judge_unrelated(path.name, sources.input, whole, watched)
         counters = {**input_reader.counters, **result.counters}
-        warnings = (*_warnings(path, reader, sources), *result.warnings)
+        rate = [f"{path}: {line}" for line in input_reader.warnings()]
+        warnings = (*_warnings(path, reader, sources), *rate, *result.warnings)
         return replace(result, counters=counters, warnings=warnings, model=used)
     verifier = Verifier(sources.estimate) if sources.estimate else None
     with Series(4) as series:
@@ -255,6 +257,7 @@ def whole_run(
         SloshBagError: no usable input or no measurement.
     """
     models = ModelSet(model)
+    reader.carry(modes_of(model))
     answers, felt, measured = [], [], []
     for batch in batches:
         if batch.topic == sources.input:

@@ -32,6 +32,7 @@ from slosh_estimator.comparison import Comparison
 from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.inputs import InputSettings
 from slosh_estimator.limits import Event
+from slosh_estimator.sampling import modes_of
 from slosh_estimator.validity import EstimateFlag
 from slosh_files.nanoseconds import SECOND
 from slosh_report.motion_spans import BIN_NS, MotionFinder
@@ -129,6 +130,7 @@ class ReplayStream:
         self._measured: list[Measurements] = []
         self._heights: ModelHeights | None = None
         self._released = -(2**62)
+        components.reader.carry(modes_of(components.models.model))
         self._newest = {"input": _Newest(), "measurement": _Newest()}
         components.outputs.begin(components.models.own_names)
 
@@ -306,7 +308,9 @@ class ReplayStream:
             self.untaken = str(error)
 
     def _load(self, change: NodeStart) -> None:
-        self._components.models.load_model(model_of(change))
+        model = model_of(change)
+        self._components.models.load_model(model)
+        self._components.reader.carry(modes_of(model))
         self._components.outputs.begin(self._components.models.own_names)
 
     def _change(self, change: NodeStart) -> None:

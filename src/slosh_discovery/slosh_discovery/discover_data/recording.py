@@ -15,7 +15,7 @@ nothing: the live estimator sees the same.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -28,7 +28,7 @@ from slosh_bag.recording.heights import HeightCollector, Measurements
 from slosh_bag.recording.inputs import STAMP, recorded_inputs, stamps_of
 from slosh_bag.recording.motion import AttitudeCollector, Motion, MotionCollector
 from slosh_bag.recording.sources import Sources, find_sources
-from slosh_discovery.discover_data.attitudes import PoseAttitudes, angular_velocity
+from slosh_discovery.discover_data.attitudes import PoseAttitudes
 from slosh_estimator.inputs import IMU, MESSAGE_TYPES, POSE, InputSettings
 from slosh_files.nanoseconds import SECOND
 
@@ -119,7 +119,6 @@ class _Container:
 
     def __init__(self, sources: Sources, how: InputSettings) -> None:
         self._kind, self._topic = sources.kind, sources.input
-        self._span = max(1, how.pose_window // 4)
         self._moved = MotionCollector(sources.kind, how)
         self._imu, self._poses = AttitudeCollector(how.frames[1]), PoseAttitudes(how.frames[0])
 
@@ -145,9 +144,6 @@ class _Container:
             SloshBagError: nothing usable, or stamps that go back.
         """
         motion = self._moved.motion(path, self._topic)
-        if self._kind == "pose" and motion.attitude is not None:
-            turning = angular_velocity(motion.stamps, motion.attitude, self._span)
-            return replace(motion, angular_velocity=turning)
         if self._kind != "accel" or not self._moved.in_world:
             return motion
         with_imu = self._imu.added_to(motion)

@@ -19,12 +19,13 @@ from slosh_estimator.gate import DROPPED, GateSettings
 from slosh_estimator.imu_input import ImuInput
 from slosh_estimator.inputs import MESSAGE_TYPES, POSE_WINDOW, AnyInput, InputSettings
 from slosh_estimator.nodes.estimator_messages import fill, fill_reading, imu_sample
-from slosh_estimator.nodes.input_health import InputHealth
+from slosh_estimator.nodes.input_health import InputHealth, rate_facts
 from slosh_estimator.nodes.requested_model import requested_model
 from slosh_estimator.nodes.state_publisher import StatePublisher
 from slosh_estimator.pose_input import PoseInput
 from slosh_estimator.readings import has_readings
 from slosh_estimator.sample import Sample
+from slosh_estimator.sampling import modes_of
 from slosh_estimator.validity import EstimateFlag, attitude_warning
 from slosh_model.arithmetic import arithmetic_fingerprint
 from slosh_model.compilation import load_telling
@@ -34,7 +35,7 @@ from slosh_model.model_text import format_model
 from slosh_msgs.msg import ExpectedReading, SloshEstimate
 from slosh_msgs.srv import LoadModel
 from slosh_msgs_py import qos, topics
-from slosh_msgs_py.node.diagnostics import ERROR, OK, STALE, WARN, Health
+from slosh_msgs_py.node.diagnostics import ERROR, OK, WARN, Health
 from slosh_msgs_py.node.parameters import ParameterSpec, declare
 from slosh_msgs_py.node.prepared import PreparedNode
 from slosh_msgs_py.node.readiness import READY, Progress
@@ -77,7 +78,9 @@ PARAMETERS = (
         (-5.0, 5.0), length=3,
     ),
     ParameterSpec(
-        "pose_window", POSE_WINDOW, "samples of the differentiating window, odd", (5, 201)
+        "pose_window", POSE_WINDOW,
+        "length of the window in which poses are differentiated; estimates come half of it late; "
+        "0.0: the longest that carries the model's modes [s]", (0.0, 2.0),
     ),
 )  # fmt: skip
 DYNAMIC = tuple(spec.name for spec in PARAMETERS if not spec.read_only)
@@ -127,6 +130,7 @@ class EstimatorNode(PreparedNode):
         """Listens from now on."""
         self._set_names()
         self._input = self._subscribe()
+        self._input.sampling.carry(modes_of(self._estimator.model))
         self._announce_start()
         self.create_service(LoadModel, topics.LOAD_MODEL, self._on_load_model)
         self.create_service(Trigger, topics.RESET, self._on_reset)
@@ -158,8 +162,8 @@ class EstimatorNode(PreparedNode):
     def _on_pose(self, source: PoseInput, message: PoseStamped) -> None:
         p, q = message.pose.position, message.pose.orientation
         stamp = to_nanoseconds(message.header.stamp)
-        sample = source.update(stamp, (p.x, p.y, p.z), (q.x, q.y, q.z, q.w), self._now())
-        self._answer(stamp, sample)
+        place, attitude = (p.x, p.y, p.z), (q.x, q.y, q.z, q.w)
+        self._answer(stamp, *source.update(stamp, place, attitude, self._now()))
 
     def _now(self) -> int:
         # The system clock read directly costs a tenth of a Time object.
@@ -167,12 +171,16 @@ class EstimatorNode(PreparedNode):
             return int(self.get_clock().now().nanoseconds)
         return time.time_ns()
 
-    def _answer(self, input_ns: int, sample: Sample | None) -> None:
+    def _answer(self, input_ns: int, *samples: Sample | None) -> None:
         self._report.counts["input"] += 1
-        if sample is None:
-            return
+        for sample in samples:
+            if sample is not None:
+                self._estimate(input_ns, sample, last=sample is samples[-1])
+
+    def _estimate(self, input_ns: int, sample: Sample, *, last: bool) -> None:
         estimate = self._estimator.update(sample)
-        self._states.look(input_ns, self._estimator, self._input)
+        if last:  # what the reader remembers is behind all samples of the message
+            self._states.look(input_ns, self._estimator, self._input)
         flags = estimate.flags | self._contested
         self._flags |= flags
         gate = self._input.gate
@@ -198,6 +206,7 @@ class EstimatorNode(PreparedNode):
             response.success, response.message = False, str(error)
         else:
             self._set_names()
+            self._input.sampling.carry(modes_of(self._estimator.model))
             remark = f"; {self._unfelt}" if self._unfelt else ""
             response.success = True
             response.message = f"loaded; the models start from rest{remark}"
@@ -213,14 +222,14 @@ class EstimatorNode(PreparedNode):
     def _announce_start(self) -> None:
         """Tells what the models work with from the next sample on, starting from rest."""
         files = {"model": format_model(self._estimator.model)}
-        self._settings.publish(files, self._input.gate.last_ns)
+        self._settings.publish(files, self._input.gate.last_ns or 0)
 
     def _on_change(self, changed: tuple[str, ...]) -> None:
         """Judges the inputs by other limits from the next one on."""
         if self.readiness.state == READY:
             gate = self._input.gate
             gate.change(InputSettings.from_parameters(self._values).gate)
-            self._settings.publish_change(changed, gate.last_ns)
+            self._settings.publish_change(changed, gate.last_ns or 0)
 
     def _set_names(self) -> None:
         linear, nonlinear = self._estimator.names
@@ -235,10 +244,11 @@ class EstimatorNode(PreparedNode):
         warning = rivals or self._input.warning()
         if warning:
             return ERROR, warning
-        if fault is not None and fault[0] == STALE:
+        if fault is not None and fault[0] != WARN:
             return fault
-        if self._unfelt:
-            return WARN, self._unfelt
+        unfelt = self._unfelt or self._input.sampling.sentence()
+        if unfelt:
+            return WARN, unfelt
         if fault is not None:
             return fault
         flags, self._flags = self._flags, 0
@@ -255,6 +265,7 @@ class EstimatorNode(PreparedNode):
             "gaps": gate.gaps,
             "divergences": self._estimator.divergences,
             **self._input_health.facts(gate),
+            **rate_facts(self._input),
         }
 
 

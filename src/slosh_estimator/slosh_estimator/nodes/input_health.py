@@ -5,7 +5,10 @@ from __future__ import annotations
 from rclpy.node import Node
 
 from slosh_estimator.gate import DROPPED, SampleGate, Verdict
-from slosh_msgs_py.node.diagnostics import STALE, WARN, Health
+from slosh_estimator.inputs import AnyInput
+from slosh_estimator.pose_input import PoseInput
+from slosh_estimator.sampling import gap_sentence
+from slosh_msgs_py.node.diagnostics import ERROR, STALE, WARN, Health
 from slosh_msgs_py.node.silence import SilentTopic
 
 _HINTS = {
@@ -27,6 +30,7 @@ class InputHealth:
         self._topic = SilentTopic(node, topic, type_name)
         self._used = 0
         self._dropped = dict.fromkeys(DROPPED, 0)
+        self._restarts = 0
 
     def facts(self, gate: SampleGate) -> dict[str, str]:
         """What others may hear, and this node does not."""
@@ -39,11 +43,16 @@ class InputHealth:
             gate: that judges the input.
         """
         used, self._used = gate.used - self._used, gate.used
+        restarts = gate.counts[Verdict.RESTART] - self._restarts
+        self._restarts += restarts
         counts = {verdict: gate.counts[verdict] for verdict in DROPPED}
         dropped = {verdict: counts[verdict] - self._dropped[verdict] for verdict in DROPPED}
         self._dropped, total = counts, sum(dropped.values())
         if used:
             self._topic.heard()
+            apart = gap_sentence(gate, used, restarts)
+            if apart:
+                return ERROR, apart
             if not total:
                 return None
             return WARN, f"{total} input samples dropped since the last report, see below"
@@ -57,3 +66,16 @@ class InputHealth:
             f"no usable input for {self._topic.seconds:.0f} s: of {total} messages on "
             f"{self._topic.full_name} {dropped[worst]} are {worst.value}{_HINTS.get(worst, '')}"
         )
+
+
+def rate_facts(source: AnyInput) -> dict[str, str]:
+    """The input's rate, what of each mode it carries, and by how much it delays the estimates."""
+    sampling = source.sampling
+    if not sampling.interval_ns:
+        return {}
+    found = {"input rate [Hz]": f"{1.0 / sampling.seconds:.4g}"}
+    for number, gain in sampling.gains().items():
+        found[f"gain at mode {number}"] = f"{gain:.3f}"
+    if isinstance(source, PoseInput):
+        found["delay by the pose window [ms]"] = f"{1e3 * source.delay:.0f}"
+    return found

@@ -8,6 +8,7 @@ from rclpy.node import Node
 
 from slosh_estimator.comparison import Condition
 from slosh_estimator.monitor import Monitor
+from slosh_estimator.sampling import TOO_SLOW
 from slosh_msgs_py import topics
 from slosh_msgs_py.node.diagnostics import ERROR, OK, STALE, WARN, Health
 from slosh_msgs_py.node.rivals import Rivals
@@ -75,6 +76,8 @@ class MonitorHealth:
 
     def _state(self, now_ns: int, mismatch: Health | None) -> Health:
         condition = self._core.condition(now_ns)
+        if condition is Condition.WARN and self._core.too_slow:
+            return WARN, f"WARN: {TOO_SLOW}; the estimator's diagnostics say what helps"
         if condition is not Condition.OK:
             return (ERROR if condition is Condition.ERROR else WARN), condition.name
         last = self._core.motions.last

@@ -8,6 +8,7 @@ import numpy as np
 from rclpy.node import Node
 
 from slosh_estimator.errors import SloshEstimatorError
+from slosh_estimator.sampling import TOO_SLOW
 from slosh_estimator.validity import EstimateFlag
 from slosh_files.nanoseconds import SECOND
 from slosh_msgs.msg import ModelEstimate, SloshEstimate
@@ -75,6 +76,8 @@ class NewestEstimate:
                 f"the estimate's flags {int(flags):#x} say that the liquid's state is unknown; "
                 "wait until it has settled"
             )
+        if message.flags & EstimateFlag.INPUT_TOO_SLOW:
+            raise SloshEstimatorError(f"{TOO_SLOW}, and so is the liquid's state")
         return LiquidState(_modal(message.linear), _modal(message.nonlinear))
 
 

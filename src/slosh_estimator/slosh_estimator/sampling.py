@@ -1,0 +1,249 @@
+"""How often an input comes, and how much of the sloshing modes it carries at that rate.
+
+Between two samples the models take the acceleration as a straight line. Of a wave of frequency ω,
+sampled every T, this leaves sinc²(ωT/2): at 30 Hz 0.96 of a first mode of 3.4 Hz. What an input
+does before, such as to differentiate poses, has a gain of its own. A mode whose gain is out of
+CARRIED is estimated too low, or too high.
+"""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_left
+from collections.abc import Callable, Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_estimator.gate import SampleGate
+from slosh_estimator.sample import SECONDS
+from slosh_model.containers import X_AXIS, Y_AXIS
+from slosh_model.model import Model
+
+Integers = NDArray[np.int64]
+Modes = tuple[tuple[int, float], ...]
+"""Modes as number and natural frequency [rad/s], rising by number."""
+Gain = Callable[[float, float], float]
+"""Of a wave of a frequency [rad/s] at an interval between samples [s]."""
+
+CARRIED = (0.97, 1.03)
+"""Gains between which an input carries a mode."""
+TOO_SLOW = "the estimator's input is too slow for a sloshing mode: its heights are wrong"
+BLOCK = 32
+"""So many intervals tell the rate anew."""
+MEMORY = BLOCK + 2
+"""Numbers of a memory: the interval, whether a gap was last, and an unfinished block."""
+FIRST = 4
+"""So many tell it for the first time."""
+_RESTARTS = 4
+"""At least so many restarts, and one in so many samples, are no single gaps."""
+_CHANGE = 33
+"""A rate that differs by less than one part in so many is the same."""
+_FASTEST, _STEP = 1000, 5
+"""Rates that are proposed reach up to the first, in steps of the second [Hz]."""
+
+
+def modes_of(model: Model) -> Modes:
+    """The modes of a model that its input must carry, along both axes."""
+    found = {
+        (mode.number, mode.along(axis).natural_frequency)
+        for mode in model.mode_constants()
+        for axis in (X_AXIS, Y_AXIS)
+    }
+    return tuple(sorted(found))
+
+
+def interpolation_gain(frequency: float, interval: float) -> float:
+    """What a straight line between samples leaves of a wave.
+
+    Args:
+        frequency: of the wave [rad/s].
+        interval: between the samples [s].
+    """
+    x = 0.5 * frequency * interval
+    return (math.sin(x) / x) ** 2 if x > 0.0 else 1.0
+
+
+class Sampling:
+    """Measures the rate of an input, and judges whether it carries the modes.
+
+    The interval is the median by time: half of the time lies in intervals that are no longer. So
+    jitter, single lost samples and messages that come in bursts do not move it much. All numbers
+    are whole: live and in a replay the same samples bear the flag.
+
+    Args:
+        noun: what comes, in the plural.
+        gain: of the input.
+        remedy: what helps beside a higher rate.
+
+    Attributes:
+        interval_ns: between two samples [ns]; 0: not known yet.
+        slow: whether a mode is not carried.
+        modes: that are to be carried.
+    """
+
+    def __init__(
+        self, noun: str, gain: Gain = interpolation_gain, remedy: str = "use a faster sensor"
+    ) -> None:
+        self.interval_ns = 0
+        self.slow = False
+        self.modes: Modes = ()
+        self._noun, self._gain, self._remedy = noun, gain, remedy
+        self._block: list[int] = []
+        self._gapped = self._muted = False
+
+    def mute(self) -> None:
+        """Judges nothing, as before there was a judgement: for recordings of old."""
+        self._muted = True
+
+    def carry(self, modes: Modes) -> None:
+        """Is told the modes of the model in use."""
+        self.modes = modes
+        self._judge()
+
+    def take(self, interval_ns: int, *, restarted: bool) -> None:
+        """Takes the time between two samples that are used.
+
+        Args:
+            interval_ns: the time [ns]; 0: there is none.
+            restarted: whether it was too long to link them. A single gap says nothing of the rate,
+                one gap after the other does.
+        """
+        counted = interval_ns > 0 and (self._gapped or not restarted)
+        self._gapped = restarted
+        if not counted:
+            return
+        block = self._block
+        block.append(interval_ns)
+        if len(block) < self._wanted:
+            return
+        self._settle(int(_typical(np.array([block]))[0]))
+        block.clear()
+
+    def take_many(self, intervals: Integers, restarted: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """`take` for samples that follow each other.
+
+        Args:
+            intervals: (N,) from the sample before to each [ns]; not positive: there is none.
+            restarted: (N,) whether it was too long to link them.
+
+        Returns:
+            (N,) whether a mode is not carried, at each sample.
+        """
+        slow = np.empty(len(intervals), dtype=bool)
+        gapped = np.concatenate(([self._gapped], restarted))
+        self._gapped = bool(gapped[-1])
+        counted = (intervals > 0) & (gapped[:-1] | ~restarted)
+        places = np.flatnonzero(counted)
+        start = done = 0
+        # The first blocks may be short; then whole ones follow.
+        while done + self._wanted - len(self._block) <= len(places):
+            head = self._block
+            missing = self._wanted - len(head)
+            whole = 1 if head or not self.interval_ns else (len(places) - done) // BLOCK
+            end = done + missing + (whole - 1) * BLOCK
+            rows = np.concatenate([np.array(head, np.int64), intervals[places[done:end]]])
+            for k, found in enumerate(_typical(rows.reshape(whole, -1)).tolist()):
+                last = int(places[done + missing + k * BLOCK - 1])
+                slow[start:last] = self.slow
+                self._settle(found)
+                start = last
+            self._block, done = [], end
+        self._block += intervals[places[done:]].tolist()
+        slow[start:] = self.slow
+        return slow
+
+    @property
+    def memory(self) -> list[float]:
+        """What the next judgements depend on."""
+        unused = [math.nan] * (BLOCK - len(self._block))
+        return [float(self.interval_ns), float(self._gapped), *map(float, self._block), *unused]
+
+    def take_up(self, memory: Sequence[float]) -> None:
+        """Goes on with the memory of another; an empty one, of old, knows nothing."""
+        self.interval_ns = round(memory[0]) if memory else 0
+        self._gapped = bool(memory) and memory[1] != 0.0
+        self._block = [round(interval) for interval in memory[2:] if interval > 0.0]
+        self._judge()
+
+    @property
+    def seconds(self) -> float:
+        """The interval [s]; 0: not known yet."""
+        return self.interval_ns * SECONDS
+
+    def gains(self) -> dict[int, float]:
+        """The gain at each mode by its number, the least of both axes; empty: not known yet."""
+        found: dict[int, float] = {}
+        for number, frequency in self.modes if self.interval_ns else ():
+            found[number] = min(found.get(number, math.inf), self._gain(frequency, self.seconds))
+        return found
+
+    def sentence(self) -> str:
+        """Which mode is not carried and what helps; empty: all are."""
+        if not self.slow:
+            return ""
+        number, frequency, gain = next(self._lost(self.seconds))
+        rate = self._sufficient_rate()
+        publish = f"publish at {rate:d} Hz or more, or " if rate else ""
+        return (
+            f"{self._noun} come at {1.0 / self.seconds:.3g} Hz: {gain:.2f} of mode {number} "
+            f"({frequency / math.tau:.1f} Hz) passes, and the estimate is too "
+            f"{'low' if gain < 1.0 else 'high'}; {publish}{self._remedy}"
+        )
+
+    @property
+    def _wanted(self) -> int:
+        return BLOCK if self.interval_ns else FIRST
+
+    def _settle(self, found: int) -> None:
+        if _CHANGE * abs(found - self.interval_ns) > self.interval_ns:
+            self.interval_ns = found
+            self._judge()
+
+    def _judge(self) -> None:
+        if not self._muted:
+            self.slow = bool(self.interval_ns) and not self._carries(1.0 / self.seconds)
+
+    def _lost(self, interval: float) -> Iterator[tuple[int, float, float]]:
+        """Number, frequency and gain of the modes that are not carried at an interval [s]."""
+        for number, frequency in self.modes:
+            gain = self._gain(frequency, interval)
+            if not CARRIED[0] <= gain <= CARRIED[1]:
+                yield number, frequency, gain
+
+    def _sufficient_rate(self) -> int | None:
+        """The lowest round rate that carries all modes [Hz]; None: no rate does."""
+        rates = range(math.ceil(1.0 / self.seconds / _STEP) * _STEP, _FASTEST + 1, _STEP)
+        # What a rate carries, a higher one carries too.
+        found = bisect_left(rates, True, key=self._carries)
+        return rates[found] if found < len(rates) else None
+
+    def _carries(self, rate: float) -> bool:
+        return not any(True for _ in self._lost(1.0 / rate))
+
+
+def gap_sentence(gate: SampleGate, used: int, restarts: int) -> str:
+    """That samples come too rarely to be linked with each other; empty: they do not.
+
+    Args:
+        gate: that judged them.
+        used: how many of them were used.
+        restarts: how many of these came after a gap.
+    """
+    if restarts < _RESTARTS or _RESTARTS * restarts < used:
+        return ""
+    apart, limit = gate.gap_ns * SECONDS, gate.max_gap_ns * SECONDS
+    return (
+        f"samples come every {1e3 * apart:.0f} ms, and max_gap is {1e3 * limit:.0f} ms: each "
+        f"starts anew, as after a gap, and nothing is estimated; set max_gap to {2.0 * apart:.2g} s, or "
+        f"publish at {math.ceil(1.5 / limit)} Hz or more"
+    )
+
+
+def _typical(intervals: Integers) -> Integers:
+    """The medians by time (M,) of blocks of intervals (M, N)."""
+    rising = np.sort(intervals, axis=1)
+    elapsed = np.cumsum(rising, axis=1)
+    middle = np.argmax(2 * elapsed >= elapsed[:, -1:], axis=1)
+    found: Integers = np.take_along_axis(rising, middle[:, np.newaxis], axis=1)[:, 0]
+    return found

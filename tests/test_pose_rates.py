@@ -1,0 +1,147 @@
+"""Poses at the rates of robots give the heights that the true acceleration gives, or say so."""
+
+from __future__ import annotations
+
+import functools
+
+import numpy as np
+import pytest
+
+from slosh_estimator.estimator import Estimator
+from slosh_estimator.gate import GateSettings
+from slosh_estimator.inputs import InputSettings
+from slosh_estimator.sample import Samples
+from slosh_estimator.sampling import modes_of
+from slosh_estimator.validity import EstimateFlag
+from tests.random_moves import (
+    LEVEL,
+    MODEL,
+    Heights,
+    Move,
+    Poses,
+    accelerations,
+    by_poses,
+    heights,
+    moves,
+    pose_reader,
+    shuttle,
+    truth,
+)
+
+MM = 1e-3
+SEEDS = range(700, 706)
+
+
+@functools.cache
+def known(kind: str, seed: int) -> tuple[Move, Heights]:
+    move = {"moves": moves, "shuttle": shuttle}[kind](seed)
+    return move, truth(move)
+
+
+def errors(found: Heights, true: Heights) -> tuple[float, float]:
+    """Relative errors of the peak and of the residual; of a small one against the peak."""
+    floor = 0.4 * true.peak
+    return found.peak / true.peak - 1.0, (found.residual - true.residual) / max(
+        true.residual, floor
+    )
+
+
+@pytest.mark.parametrize("kind", ["moves", "shuttle"])
+@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("rate", [125, 250, 1000])
+def test_poses_of_a_robot_give_the_true_heights(kind: str, seed: int, rate: int) -> None:
+    """0.1 mm and 1 ms; with 21 poses the shuttles at 125 Hz were 20 % low, without a flag."""
+    move, true = known(kind, seed)
+    found = by_poses(move, Poses(rate, 0.1 * MM, min(1e-3, 0.4 / rate), seed=seed))
+    assert max(map(abs, errors(found, true))) < 0.04
+    assert not found.flags & EstimateFlag.INPUT_TOO_SLOW
+
+
+@pytest.mark.parametrize("kind", ["moves", "shuttle"])
+@pytest.mark.parametrize("seed", SEEDS)
+def test_slow_poses_give_the_true_heights(kind: str, seed: int) -> None:
+    """9 poses in a period; with 21 poses of the window 96 % of a shuttle were lost."""
+    move, true = known(kind, seed)
+    found = by_poses(move, Poses(30, 0.02 * MM, 1e-3, seed=seed))
+    assert max(map(abs, errors(found, true))) < 0.04
+    assert not found.flags & EstimateFlag.INPUT_TOO_SLOW
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_lost_poses_and_much_jitter_do_little(seed: int) -> None:
+    move, true = known("moves", seed)
+    found = by_poses(move, Poses(125, 0.1 * MM, 4e-3, lost=0.1, seed=seed))
+    assert max(map(abs, errors(found, true))) < 0.04
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("rate", [60, 125])
+def test_stamps_of_arrival_do_little_where_poses_are_even(rate: int, seed: int) -> None:
+    """At 0.7 m/s a stamp that is 1 ms late moves a pose by 0.7 mm."""
+    move, true = known("moves", seed)
+    peak, residual = errors(by_poses(move, Poses(rate, 0.1 * MM, stamped=1e-3, seed=seed)), true)
+    assert abs(peak) < 0.03
+    assert abs(residual) < 0.06
+
+
+def test_a_window_that_is_too_long_is_told() -> None:
+    move, true = known("shuttle", 700)
+    found = by_poses(move, Poses(125), window=0.4)
+    assert found.peak < 0.9 * true.peak
+    assert found.flags & EstimateFlag.INPUT_TOO_SLOW
+    reader = pose_reader(0.4)
+    for stamp, place in zip(*Poses(125).of(move), strict=True):
+        reader.update(stamp, place, LEVEL)
+    assert reader.sampling.sentence().startswith("poses come at 125 Hz: 0.")
+    assert "of mode 1 (3.4 Hz) passes, and the estimate is too low" in reader.sampling.sentence()
+
+
+@pytest.mark.parametrize(("rate", "slow"), [(18, True), (30, True), (50, False), (100, False)])
+def test_slow_accelerations_are_told(rate: int, slow: bool) -> None:
+    """At 30 Hz the straight lines between samples lose 4 % of the first mode, at 18 Hz 11 %."""
+    move, true = known("shuttle", 700)
+    stamps, _ = Poses(rate).of(move)
+    gate = GateSettings(max_gap=0.2)
+    reader = InputSettings("accel", gate, modes=modes_of(MODEL)).reader("accel")
+    t = accelerations(1e-9 * np.array(stamps), move)
+    flagged = []
+    for stamp, (ax, ay, az) in zip(stamps, t.accelerations.tolist(), strict=True):
+        sample = reader.update(stamp, "world", ax, ay, az)
+        flagged.append(sample.slow)
+    assert flagged[-1] is slow
+    found = heights(Estimator(MODEL).update_many(t), move)
+    assert (abs(errors(found, true)[0]) > 0.035) is slow
+
+
+def test_a_rate_that_changes_leaves_no_hole() -> None:
+    """From 125 Hz to 40 and back: the window follows, and each pose is a centre once."""
+    reader, stamps, stamp = pose_reader(), [], 0
+    for rate, count in ((125, 200), (40, 120), (500, 600)):
+        for _ in range(count):
+            stamp += round(1e9 / rate)
+            stamps.append(stamp)
+    found = [s for t in stamps for s in reader.update(t, (0.0, 0.0, 0.0), LEVEL)]
+    times = [sample.stamp_ns for sample in found]
+    assert times == sorted(set(times))
+    centres = set(times) & set(stamps)
+    inside = [t for t in stamps if times[0] <= t <= times[-1]]
+    assert centres == set(inside)
+    assert stamps[-1] - times[-1] < 0.08e9  # half a window
+    assert [sample.restarted for sample in found].count(True) == 1
+
+
+@pytest.mark.parametrize(
+    "poses", [Poses(30, jitter=2e-3), Poses(125, 1e-4, 4e-3, 0.1), Poses(60, stamped=1e-3)]
+)
+def test_a_reader_goes_on_from_the_memory_of_another(poses: Poses) -> None:
+    move = moves(3)
+    stamps, places = poses.of(move)
+    one, samples, cut = pose_reader(), [], 101
+    for stamp, place in zip(stamps[:cut], places[:cut], strict=True):
+        one.update(stamp, place, LEVEL)
+    other = pose_reader()
+    other.take_up(stamps[cut - 1], one.memory)
+    for stamp, place in zip(stamps[cut:], places[cut:], strict=True):
+        samples.append((one.update(stamp, place, LEVEL), other.update(stamp, place, LEVEL)))
+    assert all(live == replayed for live, replayed in samples)
+    assert Samples.of([s for found, _ in samples for s in found]).stamps.size > len(stamps) - cut
