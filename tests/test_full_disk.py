@@ -139,7 +139,7 @@ def test_the_node_lives_on_and_says_so_in_the_diagnostics(node, domain, tmp_path
     executor.add_node(node)
     bag = tmp_path / "bag"
     command = [sys.executable, "-m", "slosh_bag.nodes.recorder_node", "--ros-args"]
-    parameters = ["-p", f"output:={bag}", "-p", "topics:=^/full/"]
+    parameters = ["-p", f"output:={bag}", "-p", "topics:=^/full/", "-p", "exclude:=^/diagnostics"]
     recorder = subprocess.Popen([*command, *parameters], env=node_environment(domain))
 
     def spin():

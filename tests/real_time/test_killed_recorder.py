@@ -68,7 +68,7 @@ def numbers(bag):
     """The numbers of the recorded messages by topic, and the reader's warnings."""
     reader = BagReader(bag)
     found = {"accel": [], "image": []}
-    for message in reader.messages():
+    for message in reader.messages([f"{NAMESPACE}/{name}" for name in found]):
         name = message.topic.rsplit("/", 1)[-1]
         found[name].append(struct.unpack_from("<i", message.data, 4)[0])
         if name == "image":

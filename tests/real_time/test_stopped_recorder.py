@@ -21,7 +21,7 @@ INPUT = "/slosh/accel"
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
     folder = tmp_path_factory.mktemp("stopped")
-    words = "demo", "--motion", "l", "--repeat", "3", "-o", str(folder / "out")
+    words = "demo", "--motion", "l", "--repeat", "4", "-o", str(folder / "out")
     with live_process(*words, output=folder / "words") as demo:
         demo.wait_until_ready()
         demo.wait_for_recording(folder / "out" / "latest" / "bag")
