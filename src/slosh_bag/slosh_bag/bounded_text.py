@@ -24,7 +24,10 @@ MOST_CELLS = 15_000_000
 LONGEST_LINE = 100_000
 """At most [bytes]; a row of 400 columns has less than 10,000."""
 _SLICE = 1 << 16
-_PRINTED = bytes({*range(32, 127), *b"\t\r\n\f", *"²³°µ·äöüÄÖÜßéèà×".encode("cp1252")})
+_ASCII = bytes(range(128))
+_CONTROLS = bytes({*range(32)} - {*b"\t\r\n\f"})
+MOST_BEYOND = 0.3
+"""Share of bytes beyond ASCII in a text of the Windows code page, at most."""
 _SEPARATORS = (b",", b";", b"\t", b"|")
 _ADVICE = "is it a table? If so, cut it into several"
 
@@ -73,8 +76,9 @@ def _encoding(head: bytes) -> str:
     try:
         codecs.getincrementaldecoder("utf-8")().decode(head)
     except UnicodeDecodeError:
-        text = not head.translate(None, _PRINTED) and head.isascii() is False
-        return "cp1252" if text else "utf-8"
+        beyond = len(head.translate(None, _ASCII))
+        controls = any(byte in head for byte in _CONTROLS)
+        return "cp1252" if not controls and beyond < MOST_BEYOND * len(head) else "utf-8"
     return "utf-8-sig"
 
 

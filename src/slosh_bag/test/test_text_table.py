@@ -116,6 +116,7 @@ TABLES: dict[str, str | bytes] = {
         "t;ax;ay;az", T, A, separator=";", number=comma),
     "ROS 1's %time": text("%time,acc_x,acc_y,acc_z", T, A),
     "a minus sign": PLAIN.replace("-", "\u2212"),
+    "a comment in a code page": "# Pr\xfcfstand, 5 \x80\n".encode("latin-1") + PLAIN.encode(),
     "MATLAB's comments": "% made by a script\n" + PLAIN,
     "separators at the end": text("t,ax,ay,az,", T, A).replace("\n", ",\n").replace(",,", ","),
     "separators at the rows' end": PLAIN.replace("\n", ",\n").replace("az,", "az"),
@@ -216,6 +217,12 @@ REFUSED: dict[str, tuple[str | bytes, str]] = {
                     r"probably ns \(1000 Hz\).*--time-unit ns"),
     "an unknown name": (text("t,ax,ay,lift", T, A), "column 'lift' is unknown.*--columns t=…"),
     "an unknown unit": (text("t,ax [furlong],ay,az", T, A), "unit 'furlong' is unknown for ax"),
+    "a unit of signs": (text("t,ax [%],ay,az", T, A), "the unit '%' is unknown for ax"),
+    "an unknown unit of time": (text("t [min:s],ax,ay,az", T, A), "'min:s'.*--time-unit"),
+    "a date of another form": ("t;ax;ay;az\n01.03.2025 12:00;0;0;0\n", "a date is read as 2025"),
+    "a pointer": ("version https://git-lfs.github.com/spec/v1\n", "a Git LFS pointer.*lfs pull"),
+    "a web page": ("<html>\n<body>", "it is a web page"),
+    "a zip file": (b"PK\x03\x04\x14\0\6\0", "it is a zip file"),
     "a unit of another kind": (text("t,ax [mm],ay,az", T, A), "the unit 'mm' is unknown for ax"),
     "no names": (text("0.5,0.0,0.0,0.0", T, A), "line 1: holds numbers .*--columns t=1,ax=2"),
     "two times": (text("t,time,ax,ay,az", T, T, A),
@@ -224,7 +231,8 @@ REFUSED: dict[str, tuple[str | bytes, str]] = {
     "an input #N/A": (PLAIN + "9,#N/A,0,0\n", "line 26: column 'ax': nan is not allowed"),
     "a column without a name": (text(",t,ax,ay,az", A[:, 0], T, A), "does not count the rows"),
     "a short row": (PLAIN + "9,1,1\n", "line 26: has 3 columns, the heading has 4"),
-    "a picture": (b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR\0\xff", "is no text"),
+    "a picture": (b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR\0\xff", "is no table, it is a picture"),
+    "bytes": (bytes(range(1, 256)), "is no text"),
 }  # fmt: skip
 
 

@@ -30,6 +30,7 @@ _STARTS: Final = (
     (b"\xff\xd8\xff", "a picture", "slosh detect reads pictures"),
     (b"PAR1", "a Parquet file", "choose the bag that it was exported from"),
 )
+TEXT: Final = "a text file", "choose the bag itself"
 _PAGES: Final = (b"<!doctype html", b"<html", b"<?xml")
 _HEAD = 4096
 _TAR_PLACE, _TAR = 257, b"ustar"
@@ -58,7 +59,7 @@ def foreign_kind(path: Path) -> tuple[str, str] | None:
     if head and not head.strip(b"\0"):
         return "a file of zeros", "its copy was cut off; copy it anew"
     if head and _is_text(head):
-        return "a text file", "choose the bag itself"
+        return TEXT
     return None
 
 

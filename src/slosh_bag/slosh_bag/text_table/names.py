@@ -105,7 +105,7 @@ def columns_of(
     found: list[Column] = []
     for place, given in enumerate(heading):
         below = unit_row[place] if place < len(unit_row) else ""
-        column = _column(path, given, place, below, wanted.get(place), free=free)
+        column = _column(path, given, place, below, wanted.get(place), options, free=free)
         taken = place in wanted or column.name in _KINDS or free or not options.columns
         if place not in wanted and column.name in options.columns:
             continue  # another column was named for it
@@ -135,7 +135,14 @@ def _wanted(path: Path, heading: Sequence[str], options: TableOptions) -> dict[i
 
 
 def _column(
-    path: Path, given: str, place: int, below: str, wanted: str | None, *, free: bool
+    path: Path,
+    given: str,
+    place: int,
+    below: str,
+    wanted: str | None,
+    options: TableOptions,
+    *,
+    free: bool,
 ) -> Column:
     plain = given.strip().strip("\"'").strip()
     name, unit = (plain, "") if plain in _KINDS or _is_height(plain) else _parted(plain, free)
@@ -148,20 +155,24 @@ def _column(
         kind = {**units.ANGLE, **units.LENGTH} if free else units.LENGTH
         if not free and not _is_height(name):
             return Column(name, plain, place)  # an unknown column, which the caller refuses
-    if not unit:
+    if not unit or (name == TIME and options.time_unit):
         return Column(name, plain, place)
     spelt = units.unit_of(unit)
     if spelt not in kind:
         known = ", ".join(one for one in kind if one)
         raise SloshBagError(
             f"{path}: column {plain!r}: the unit {unit!r} is unknown for {name}; known are "
-            f"{known}; name the column otherwise, or convert it"
+            f"{known}; convert it"
+            + (", or name its unit: --time-unit" if name == TIME else ", or rename the column")
         )
     return Column(name, plain, place, spelt, kind[spelt])
 
 
 def _parted(plain: str, free: bool) -> tuple[str, str]:
     """Our name and the unit of a heading such as 'Time (ms)', 'acc_x_g' or 'a_x / (m/s²)'."""
+    bracketed = _BRACKETED.fullmatch(plain)
+    if bracketed and (named := _ours(bracketed["name"], free=free)) is not None:
+        return named, bracketed["unit"]  # whatever it is: one that is unknown is refused
     own = _ours(plain, free=free)
     if own is not None:
         return own, ""
@@ -171,7 +182,7 @@ def _parted(plain: str, free: bool) -> tuple[str, str]:
             continue
         unit = match["unit"].replace("_", "/", 1) if form is _ENDING else match["unit"]
         name = _ours(match["name"], free=free)
-        if name is not None and (form is _BRACKETED or units.is_unit(unit)):
+        if name is not None and units.is_unit(unit):
             return name, unit
         if free and form is _BRACKETED and units.is_unit(unit):
             return match["name"].strip(), unit

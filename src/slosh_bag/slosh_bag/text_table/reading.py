@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from slosh_bag import bounded_text as bounds
 from slosh_bag.errors import SloshBagError
+from slosh_bag.mcap_files.file_kind import TEXT, foreign_kind
 from slosh_bag.text_table.form import UNKNOWN, Rows, name_of, read_form
 from slosh_bag.text_table.names import TIME, Column, columns_of, is_index
 from slosh_bag.text_table.options import FOUND_OUT, TableOptions
@@ -117,6 +118,7 @@ def read_table(
             has two meanings; one line that names file, line and column, and the option that
             settles it.
     """
+    _check_kind(path)
     with bounds.bounded_text(path, "a motion table is CSV") as text:
         form = read_form(path, text, options)
         try:
@@ -140,6 +142,24 @@ def read_table(
         options.tell(f"{path}: read as: {'; '.join(notes)}")
     names = [column.name for column in kept]
     return TextTable(path, names, data[:, : len(kept)], np.frombuffer(reader.lines, np.int64))
+
+
+def _check_kind(path: Path) -> None:
+    """Refuses a file that is known to be no table, such as a workbook or a Git LFS pointer.
+
+    Raises:
+        SloshBagError: the line says what it is.
+    """
+    if not path.is_file() or path.suffix == ".gz":
+        return
+    kind = foreign_kind(path)
+    if kind is not None and kind != TEXT:
+        remedy = "" if kind[0] in ("a Parquet file", "a picture", "a PDF file") else f" {kind[1]}"
+        workbook = path.suffix.lower() in (".xlsx", ".ods", ".xls")
+        remedy = " save the workbook as CSV" if workbook else remedy
+        raise SloshBagError(
+            f"{path}: is no table, it is {kind[0]}; a table is CSV;{remedy}".rstrip(";")
+        )
 
 
 def _separated(form: Rows, options: TableOptions) -> str:
@@ -345,6 +365,8 @@ class _Numbers:
         hint = ""
         if any(mark in cell for mark in ",'") and any(map(str.isdecimal, cell)):
             hint = "; thousands separators cannot be read, save it without"
+        elif place == self._time:
+            hint = "; a date is read as 2025-03-01 12:00:00.25"
         elif not cell:
             hint = "; fill the cell, or delete the row"
         raise SloshBagError(
