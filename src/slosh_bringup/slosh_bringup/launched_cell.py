@@ -26,7 +26,13 @@ from slosh_bringup.live.cell_setup import (
 from slosh_bringup.live.run import BAG
 from slosh_bringup.live.run_folder import new_run
 from slosh_bringup.parameter_file import check_parameter_file
-from slosh_bringup.processes import LAST, NODES, STOP_TIMEOUT, NodeProcess
+from slosh_bringup.processes import (
+    LAST,
+    NODES,
+    STOP_TIMEOUT,
+    NodeProcess,
+    config_folder,
+)
 from slosh_bringup.restarts import EXIT_WRONG_INPUT, pause, restarted
 from slosh_bringup.watch import PORT
 from slosh_camera.calibrate.camera_file import read_any_calibration
@@ -165,16 +171,17 @@ class LaunchedCell:
         except SloshFileError as error:
             raise SloshBringupError(f"remap:={given['remap']}: {error}") from None
         namespace = read_namespace(source, source.value["namespace"])
+        calibration = Path(given["calibration"] or config_folder() / "camera.yaml").absolute()
         setup = CellSetup(
             model=Path(given["model"] or default.model).absolute(),
-            calibration=Path(given["calibration"] or default.calibration).absolute(),
+            calibration=calibration,
             parameters=Path(given["parameters"] or default.parameters).absolute(),
             namespace=namespace,
             remap=read_remap(source, namespace, source.value["remap"]),
         )
         read_model(setup.model)
         if "camera" not in self._absent:
-            read_any_calibration(setup.calibration)
+            read_any_calibration(calibration)
         check_parameter_file(setup.parameters, namespace)
         return setup
 

@@ -18,6 +18,7 @@ from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.processes import NODES
 from slosh_files.errors import SloshFileError
 from slosh_files.yaml_document import brief, read_yaml, shown
+from slosh_files.yaml_numbers import FLOAT_TAG, INT_TAG
 
 LEAF = "ros__parameters"
 OF_EVERY_NODE = ("use_sim_time", "start_type_description_service")
@@ -99,6 +100,13 @@ def _of_nodes(path: Path, node: yaml.Node, prefix: str) -> Iterator[_Entry]:
 
 def _of_parameters(path: Path, node: yaml.Node, pattern: str, prefix: str) -> Iterator[_Entry]:
     for key, value in _items(path, node, "names of parameters"):
+        if isinstance(value, yaml.SequenceNode) and {INT_TAG, FLOAT_TAG} <= {
+            item.tag for item in value.value
+        }:
+            raise SloshBringupError(
+                f"{path}:{_line(key)}: {brief(key.value)}: ROS takes no list of integers and "
+                "floats; write 0.0 for 0"
+            )
         if isinstance(value, yaml.MappingNode):
             yield from _of_parameters(path, value, pattern, f"{prefix}{key.value}.")
         else:

@@ -20,6 +20,7 @@ RECORDING = 15.0
 
 A busy machine's middleware takes three seconds, and as long again for each message it lost [s].
 """
+UNHEARD = "not heard of yet"
 _INCOMPLETE = "incomplete"
 
 
@@ -47,7 +48,7 @@ class ReadyWait:
 
     def __init__(self, nodes: Collection[str], now: float, patience: float = PATIENCE) -> None:
         self._patience = patience
-        self._words = {node: _Word("", "not heard of yet", now, now) for node in nodes}
+        self._words = {node: _Word("", UNHEARD, now, now) for node in nodes}
         self._at_work: float | None = None
         self.unrecorded: tuple[str, ...] = ()
 

@@ -103,6 +103,10 @@ def started(setup):
             "/**/monitor:\n  ros__parameters:\n    hold: 0.7\n    hold: 0.8",
             "4: /**/monitor.ros__parameters.hold: given twice",
         ),
+        (
+            "/**/estimator:\n  ros__parameters:\n    sensor_rotation: [0, 0.5, 0]",
+            "3: sensor_rotation: ROS takes no list of integers and floats; write 0.0 for 0",
+        ),
         ("/**/recorder: {ros__parameters: {output: /data}}", "output has no effect here"),
         ("/**: {ros__parameters: {model: x.yaml}}", "model has no effect here"),
         ("ros__parameters: {hold: 0.7}", "1: ros__parameters needs a node's name above it"),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -11,9 +11,12 @@ from slosh_bag.recording.settings import NodeStart, after
 from slosh_bringup.cell_watch import CellWatch, NodeReport
 from slosh_bringup.in_force import in_force_lines, settings_document
 from slosh_bringup.live.status import CellStatus
-from slosh_bringup.ready_wait import TELLING, ReadyWait, sentence
+from slosh_bringup.ready_wait import TELLING, UNHEARD, ReadyWait, sentence
 from slosh_files import write_text
 from slosh_msgs_py.node.readiness import COMPILING, READY, STATE
+
+LATE = 10.0
+"""A node of which nothing was heard for so long is named in a log [s]."""
 
 
 class Screen(Protocol):
@@ -60,7 +63,7 @@ class LiveWatch:
     @property
     def waits_for(self) -> str:
         """Who is waited for, and why."""
-        return self._waiting(self._wait.missing())
+        return f"waiting for {sentence(self._wait.missing()) or 'what the nodes work with'}"
 
     @property
     def given_up(self) -> str:
@@ -112,9 +115,7 @@ class LiveWatch:
         """Looks at the clock; several times a second."""
         now = time.monotonic()
         if self._health is None:
-            missing = self._wait.missing()
-            states = {node: why.partition(":")[0] for node, why in missing.items()}
-            self._screen.show(0.0, self._waiting(states), self._waiting(missing))
+            self._screen.show(0.0, self._waits_for_in_short(now), self.waits_for)
             return
         self._tell(self._health.look(now))
         self._screen.show(now - self._began, "", self._status.line(now))
@@ -131,8 +132,11 @@ class LiveWatch:
         if text != before:
             self._tell([f"{report.node}: {text or 'ready'}"])
 
-    def _waiting(self, missing: Mapping[str, str]) -> str:
-        return f"waiting for {sentence(missing) or 'what the nodes work with'}"
+    def _waits_for_in_short(self, now: float) -> str:
+        """The same for a log, which keeps each line: who compiles is told in one of its own."""
+        missing = self._wait.missing() if now - self._started > LATE else {}
+        silent = {node: why for node, why in missing.items() if why == UNHEARD}
+        return f"waiting for {sentence(silent) or 'the nodes'}"
 
     def _begin(self) -> None:
         """Tells what is in force once all are ready."""
