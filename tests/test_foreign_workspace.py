@@ -27,8 +27,10 @@ def workspace(tmp_path_factory):
     (folder / "lïnk to it").symlink_to(folder / "Wörk späce")
     environment = bootstrap.base_environment()
     # As a user has it, who knows nothing of this checkout's own workspace.
-    for name in ("COLCON_DEFAULTS_FILE", "LD_LIBRARY_PATH"):
-        environment.pop(name, None)
+    del environment["COLCON_DEFAULTS_FILE"]
+    libraries = environment.get("LD_LIBRARY_PATH", "").split(":")
+    others = [path for path in libraries if not Path(path).is_relative_to(bootstrap.WORKSPACE)]
+    environment["LD_LIBRARY_PATH"] = ":".join(others)
     flags = ["--cmake-args", "-DBUILD_TESTING=OFF", "-Wno-dev"]
     done = subprocess.run(
         ["colcon", "build", *flags],

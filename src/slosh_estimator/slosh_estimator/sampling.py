@@ -235,8 +235,8 @@ def gap_sentence(gate: SampleGate, used: int, restarts: int) -> str:
     apart, limit = gate.gap_ns * SECONDS, gate.max_gap_ns * SECONDS
     return (
         f"samples come every {1e3 * apart:.0f} ms, and max_gap is {1e3 * limit:.0f} ms: each "
-        f"starts anew, as after a gap, and nothing is estimated; set max_gap to {2.0 * apart:.2g} s, or "
-        f"publish at {math.ceil(1.5 / limit)} Hz or more"
+        "starts anew, as after a gap, and nothing is estimated; "
+        f"set max_gap to {2.0 * apart:.2g} s, or publish at {math.ceil(1.5 / limit)} Hz or more"
     )
 
 

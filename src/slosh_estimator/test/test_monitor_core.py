@@ -120,6 +120,18 @@ def test_an_estimate_from_an_unknown_state_stays_out_of_the_indices() -> None:
     assert comparison.estimate_flags == EstimateFlag.SETTLING
 
 
+def test_an_input_that_is_too_slow_is_no_plain_ok() -> None:
+    """The heights are low, not meaningless: they are compared, with a warning."""
+    monitor = Monitor(MonitorSettings())
+    estimate(monitor, 10, 0.001, int(EstimateFlag.INPUT_TOO_SLOW))
+    (comparison,) = measure(monitor, 10, 0.001)
+    assert comparison.state == Condition.WARN
+    assert comparison.count == 1
+    estimate(monitor, 20, 0.001)
+    (comparison,) = measure(monitor, 20, 0.001)
+    assert comparison.state == Condition.OK
+
+
 @pytest.mark.parametrize("marked", ["before", "after"])
 def test_an_image_between_two_estimates_bears_the_flags_of_both(marked: str) -> None:
     """Half of what it is compared with comes from an unknown state."""
