@@ -1,8 +1,8 @@
 """Planned motions as CSV: motion tables, tables of poses, tables of joints.
 
 Columns: `t` [s] with `ax,ay,az` [m/s²] or `x,y,z` [m] of the container's origin in the world's
-axes, or both, which must agree; optional `qx,qy,qz,qw` (attitude, world ← container) and, with accelerations,
-`wx,wy,wz` (container's frame, rad/s). Accelerations are taken where there are any.
+axes, or both, which must agree; optional `qx,qy,qz,qw` (attitude, world ← container) and, with
+accelerations, `wx,wy,wz` (container's frame, rad/s). Accelerations are taken where there are any.
 """
 
 from __future__ import annotations

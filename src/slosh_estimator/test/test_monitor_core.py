@@ -436,7 +436,7 @@ def test_a_changed_limit_holds_for_data_after_the_newest_estimate_whenever_they_
     assert (event.kind, event.stamp_ns, event.limit) == (Kind.START, 110 * MS, 0.01)
 
 
-def test_an_excess_whose_limit_changes_ends_with_the_old_limit_and_begins_with_the_new_one() -> None:
+def test_an_excess_ends_with_the_old_limit_and_begins_with_the_new_one() -> None:
     monitor = Monitor(MonitorSettings(estimated_limit=0.01))
     estimate(monitor, 100, 0.011)
     estimate(monitor, 200, 0.018)

@@ -195,9 +195,7 @@ class _Scan:
                 motion = averaged.scaled(float(scale), SCAN_STEP)
                 inputs.append(motion.inputs(self.horizon, SCAN_STEP))
                 ends.append(float(motion.t[-1]))
-            found += all_extremes(
-                self.model, inputs, ends, self.modal, max_step=2.0 * SCAN_STEP
-            )
+            found += all_extremes(self.model, inputs, ends, self.modal, max_step=2.0 * SCAN_STEP)
         return found
 
     def _batches(self, scales: Array, spacing: float, fewest: int) -> list[Array]:

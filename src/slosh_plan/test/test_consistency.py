@@ -47,12 +47,14 @@ def test_accelerations_of_another_motion_are_refused(rate, factor):
 
 def test_other_axes_gravity_and_other_units_are_refused():
     t, position, velocity, acceleration = motion(100.0)
-    for wrong in (acceleration[:, [1, 0, 2]], acceleration + [0.0, 0.0, 9.81]):
+    for wrong in (acceleration[:, [1, 0, 2]], acceleration + np.array([0.0, 0.0, 9.81])):
         with pytest.raises(SloshPlanError, match="positions and accelerations"):
             check_consistent("m", t, position, None, wrong)
         with pytest.raises(SloshPlanError, match="velocities and accelerations"):
             check_consistent("m", t, None, velocity, wrong)
-    with pytest.raises(SloshPlanError, match="positions and velocities .* correct the velocities"):
+    with pytest.raises(
+        SloshPlanError, match=r"positions and velocities .* correct the velocities"
+    ):
         check_consistent("m", t, position, 1000.0 * velocity, acceleration)
     with pytest.raises(SloshPlanError, match="positions and velocities"):
         check_consistent("m", t, 1000.0 * position, velocity)

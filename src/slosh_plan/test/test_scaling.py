@@ -96,7 +96,7 @@ def test_the_samples_of_all_scales_are_bounded():
     motion, limits = Trajectory(t, acceleration), HeightLimits(0.01)
     free = safe_scales(MODEL, motion, limits, count=100)
     assert safe_scales(MODEL, motion, limits, count=100, most=10**6).intervals == free.intervals
-    with pytest.raises(SloshPlanError, match="above the bound of 0.01 million: leave the time"):
+    with pytest.raises(SloshPlanError, match=r"above the bound of 0\.01 million: leave the time"):
         safe_scales(MODEL, motion, limits, count=100, most=10**4)
 
 

@@ -153,8 +153,9 @@ class PlannerNode(PreparedNode):
         if request.from_estimate:
             check_state(model, limits, self._estimate.state())
         watch.enter("path")
+        places = path_through(waypoints.position, watch.stopped)
         answer = plan(
-            model, path_through(waypoints.position, watch.stopped), limits, attitude=waypoints.attitude,
+            model, places, limits, attitude=waypoints.attitude,
             margin=given(request.margin, 0.0),
             time_limit=min(given(request.time_limit, self._values["time_limit"]), longest),
             watch=watch,

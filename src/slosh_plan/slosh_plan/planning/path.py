@@ -120,9 +120,7 @@ def path_through(points: Array, stopped: Callable[[], bool] = never) -> Path:
     bounds = [0, *corners, len(distinct) - 1]
     parts = [distinct[a : b + 1] for a, b in pairwise(bounds)]
     tangents = _tangents(parts, reversals)
-    legs = tuple(
-        _leg(part, *ends, stopped) for part, ends in zip(parts, tangents, strict=True)
-    )
+    legs = tuple(_leg(part, *ends, stopped) for part, ends in zip(parts, tangents, strict=True))
     departure = max(_departure(leg, part) for leg, part in zip(legs, parts, strict=True))
     path = Path(legs, reversals, departure)
     if path.length < _SHORTEST:
@@ -176,7 +174,8 @@ def _leg(
     """A spline by its own length through a part's points."""
     if stopped():
         raise StoppedError(
-            "stopped before the path through the waypoints was found: take fewer waypoints"
+            "stopped before there was a safe motion, as the path through the waypoints was "
+            "computed: take fewer waypoints"
         )
     chords = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
     rough = _thinned(chords, points, first, last)
