@@ -13,7 +13,8 @@ from slosh_bag.definitions import Definitions
 from slosh_estimator.accel_input import AccelInput
 from slosh_estimator.estimator import Estimator
 from slosh_estimator.gate import GateSettings
-from slosh_estimator.imu_input import ImuInput, SensorTransform
+from slosh_estimator.imu_input import ImuInput
+from slosh_estimator.mounting import SensorTransform
 from slosh_estimator.pose_input import PoseInput
 from slosh_model.arithmetic import arithmetic_fingerprint
 from slosh_model.constants import GRAVITY

@@ -149,6 +149,11 @@ class SampleGate:
         """Acceleration of the last sample that was used and told one [m/s²]."""
         return self._last
 
+    @property
+    def last_ns(self) -> int:
+        """Stamp of the last sample that was used [ns]; 0: none."""
+        return self._last_ns or 0
+
     def go_on(self, stamp_ns: int, acceleration: Vector | None) -> None:
         """Goes on behind a sample that another gate used last: its stamp [ns] and [m/s²]."""
         self._last_ns, self._early_ns, self._apart_ns = stamp_ns, None, None

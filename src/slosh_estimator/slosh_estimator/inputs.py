@@ -8,7 +8,8 @@ from typing import Any, NamedTuple
 
 from slosh_estimator.accel_input import AccelInput
 from slosh_estimator.gate import GateSettings
-from slosh_estimator.imu_input import ImuInput, SensorTransform
+from slosh_estimator.imu_input import ImuInput
+from slosh_estimator.mounting import SensorTransform
 from slosh_estimator.pose_input import PoseInput
 
 ACCEL, IMU, POSE = "accel", "imu", "pose"
@@ -29,10 +30,14 @@ class InputSettings(NamedTuple):
     Attributes:
         kind: one of MESSAGE_TYPES; None: the first of them that is there.
         gate: limits of the gate.
-        transform: container ← IMU.
+        transform: container ← sensor, or the frame whose pose is published.
         pose_window: samples of the differentiating window.
         frames: frames of accelerations that are taken: along the world's axes, along the
-            container's.
+            container's. The first is that of poses, too.
+        checks: whether doubts about the input are told and flagged; None: as in recordings from
+            before there were checks: frames and mountings of accelerations and poses, and the
+            doubts, are as they were then.
+        any_world: whether poses in any frame are taken: where nobody could set its name.
     """
 
     kind: str | None = None
@@ -40,6 +45,8 @@ class InputSettings(NamedTuple):
     transform: SensorTransform = SensorTransform()
     pose_window: int = POSE_WINDOW
     frames: tuple[str, str] = ("world", "container")
+    checks: bool | None = True
+    any_world: bool = False
 
     @classmethod
     def from_parameters(cls, parameters: Mapping[str, Any]) -> InputSettings:
@@ -66,12 +73,16 @@ class InputSettings(NamedTuple):
             SensorTransform(roll, pitch, yaw, (x, y, z)),
             parameters["pose_window"],
             (parameters["world_frame"], parameters["container_frame"]),
+            parameters.get("check_input"),
         )
 
     def reader(self, kind: str) -> AnyInput:
         """What turns messages of a kind into samples."""
-        if kind == ACCEL:
-            return AccelInput(self.gate, self.frames)
         if kind == IMU:
-            return ImuInput(self.gate, self.transform)
-        return PoseInput(self.gate, self.pose_window)
+            return ImuInput(self.gate, self.transform, self.checks)
+        old = self.checks is None
+        mount = SensorTransform() if old else self.transform
+        if kind == ACCEL:
+            return AccelInput(self.gate, self.frames, mount, self.checks)
+        world = None if old or self.any_world else self.frames[0]
+        return PoseInput(self.gate, self.pose_window, mount, world, self.checks)

@@ -20,13 +20,16 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba.types import UniTuple, float64
 
+from slosh_estimator.checked_input import CheckedInput
 from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.gate import GateSettings, SampleGate, Verdict, fault_of
+from slosh_estimator.mounting import SensorTransform, ToolPose
 from slosh_estimator.rotation import Vector, yaw_of_quaternion
 from slosh_estimator.sample import SECONDS, Sample
 from slosh_estimator.state import remembered
 from slosh_model.compilation import GIVEN_1, GIVEN_2, compiled, entry_point
 from slosh_model.normal_equations import factorize, substitute
+from slosh_report.input_checks import PoseCheck
 
 MINIMUM_WINDOW = 5
 MAXIMUM_SPEED = 20.0
@@ -43,18 +46,37 @@ class _Pose(NamedTuple):
     attitude: tuple[float, float, float, float]
 
 
-class PoseInput:
+class PoseInput(CheckedInput):
     """Takes poses in the world's axes.
 
     Args:
         settings: limits of the gate.
         window: samples of the sliding window, odd.
+        transform: container ← the frame whose pose is published.
+        frame: name of the world's frame; poses in any other are dropped, but for those that name
+            none; None: all are taken.
+        checks: see `InputSettings`.
 
     Raises:
         SloshEstimatorError: the window is even or too short.
     """
 
-    def __init__(self, settings: GateSettings, window: int = 21) -> None:
+    check: PoseCheck
+
+    def __init__(
+        self,
+        settings: GateSettings,
+        window: int = 21,
+        transform: SensorTransform | None = None,
+        frame: str | None = None,
+        checks: bool | None = None,
+    ) -> None:
+        mount = transform or SensorTransform()
+        super().__init__(PoseCheck(mount.matrix), checks)
+        self._tool = ToolPose(mount)
+        self._frame = frame
+        self._other_frame: str | None = None
+        self._told = 0
         if window < MINIMUM_WINDOW or window % 2 == 0:
             raise SloshEstimatorError(
                 f"window = {window!r} must be odd and at least {MINIMUM_WINDOW}"
@@ -75,19 +97,26 @@ class PoseInput:
         position: tuple[float, float, float],
         quaternion: tuple[float, float, float, float],
         now_ns: int | None = None,
+        frame: str = "",
     ) -> Sample | None:
         """The sample at the window's centre, or None while the window fills.
 
         Args:
             stamp_ns: the moment [ns].
-            position: the container's origin in the world [m].
-            quaternion: x, y, z, w, world ← container; of any length within LENGTHS.
+            position: of the frame that is published, in the world [m].
+            quaternion: x, y, z, w, world ← that frame; of any length within LENGTHS.
             now_ns: the time of arrival [ns].
+            frame: in which the pose is given.
         """
+        if frame != self._frame and self._strange(frame):
+            return None
         fault = fault_of(position, FARTHEST) or _fault_of_attitude(quaternion)
         verdict = self.gate.judge(stamp_ns, None, now_ns, fault)
         if verdict not in (Verdict.USE, Verdict.RESTART):
             return None
+        position, quaternion = self._tool.container(position, quaternion)
+        restarted = verdict is Verdict.RESTART
+        doubtful = self.check.add(stamp_ns, position, quaternion, restarted=restarted)
         jumped = verdict is Verdict.USE and self._jumped(stamp_ns, position)
         self.jumps += jumped
         if verdict is Verdict.RESTART or jumped:
@@ -102,17 +131,19 @@ class PoseInput:
         pose = self._turning(self._tau, self._attitudes)
         yaw = yaw_of_quaternion(*centre.attitude)
         restarted, self._restarted = self._restarted, False
-        return Sample(centre.stamp_ns, ax, ay, az, yaw, restarted, pose)
+        doubtful = doubtful and self.flags
+        return Sample(centre.stamp_ns, ax, ay, az, yaw, restarted, pose, doubtful)
 
     @property
     def memory(self) -> list[float]:
         """What the next samples depend on, beside the last one's stamp: the window's poses."""
         newest = self._window[-1].stamp_ns if self._window else 0
-        return [
+        poses = [
             number
             for pose in self._window
             for number in (pose.stamp_ns - newest, *pose.position, *pose.attitude)
         ]
+        return [*poses, *self.checked_memory(newest)]
 
     def take_up(self, stamp_ns: int, memory: Sequence[float]) -> None:
         """Goes on behind the message that another reader used last, with its memory.
@@ -120,6 +151,7 @@ class PoseInput:
         Raises:
             SloshEstimatorError: the memory is of another kind of input or another window.
         """
+        memory = self.take_up_check(stamp_ns, memory)
         rows = np.reshape(remembered(memory, 8 * (self._window.maxlen or 0)), (-1, 8)).tolist()
         self._window.clear()
         for back, px, py, pz, qx, qy, qz, qw in rows:
@@ -129,9 +161,41 @@ class PoseInput:
 
     def warning(self) -> str | None:
         """What the user should mend; None: nothing."""
+        strange = self.gate.counts[Verdict.WRONG_FRAME]
+        new, self._told = strange - self._told, strange
+        if new:
+            return self.refusal()
         if self.jumps:
-            return f"{self.jumps} jumps of more than {MAXIMUM_SPEED:g} m/s in the pose"
+            return (
+                f"{self.jumps} jumps of more than {MAXIMUM_SPEED:g} m/s in the pose: a tracker "
+                "that jumps, or positions that are not in m"
+            )
         return None
+
+    def remark(self) -> str | None:
+        """What is worth a look; None: nothing."""
+        if self._other_frame is not None and not self.gate.counts[Verdict.WRONG_FRAME]:
+            named = f"in the frame {self._other_frame!r}" if self._other_frame else "without frame"
+            return f"poses {named} are taken as those in the world's frame, z up"
+        return None
+
+    def refusal(self) -> str | None:
+        """Why samples were refused by their frame; None: none was."""
+        if not self.gate.counts[Verdict.WRONG_FRAME]:
+            return None
+        return (
+            f"poses in the frame {self._other_frame!r} are dropped: publish them in "
+            f"{self._frame!r}, or set world_frame to theirs if its z axis points up"
+        )
+
+    def _strange(self, frame: str) -> bool:
+        """Whether a pose is refused for its frame."""
+        if self._other_frame is None or frame:
+            self._other_frame = frame
+        if self._frame is None or not frame:
+            return False
+        self.gate.refuse(Verdict.WRONG_FRAME)
+        return True
 
     def _jumped(self, stamp_ns: int, position: tuple[float, float, float]) -> bool:
         if not self._window:

@@ -3,7 +3,7 @@
 import math
 
 from slosh_estimator.gate import GateSettings
-from slosh_estimator.imu_input import SensorTransform
+from slosh_estimator.mounting import SensorTransform
 from slosh_estimator.inputs import InputSettings
 from slosh_estimator.limits import Hysteresis
 from slosh_estimator.monitor_settings import MonitorSettings

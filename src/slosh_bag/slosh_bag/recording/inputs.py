@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from slosh_bag.recording.facts import TABLE_COLUMNS
 from slosh_bag.recording.settings import NodeStart, first, settings_of
 from slosh_estimator.accel_input import AccelInput
-from slosh_estimator.gate import GateSettings
+from slosh_estimator.gate import DROPPED, GateSettings
 from slosh_estimator.imu_input import ImuInput
 from slosh_estimator.inputs import InputSettings
 from slosh_estimator.sample import Samples
@@ -49,8 +49,11 @@ def recorded_inputs(starts: Sequence[NodeStart], facts: Mapping[str, str]) -> In
     started = first(starts, "estimator")
     if started is not None:
         return settings_of(started, InputSettings.from_parameters)
-    unbounded = GateSettings(max_jump=math.inf, confirms=False)
-    return InputSettings(gate=unbounded) if TABLE_COLUMNS in facts else InputSettings()
+    # Nobody could tell the world's frame: poses are taken as they come, and that is told.
+    if TABLE_COLUMNS in facts:
+        unbounded = GateSettings(max_jump=math.inf, confirms=False)
+        return InputSettings(gate=unbounded, any_world=True)
+    return InputSettings(any_world=True)
 
 
 def fields(kind: str) -> tuple[str, ...]:
@@ -76,6 +79,7 @@ class InputReader:
         self._settings = settings._replace(gate=replace(settings.gate, chosen=chosen))
         self._adapter = self._settings.reader(self.kind)
         self._used_before = self._dropped_before = self._gaps_before = 0
+        self._raised: dict[int, str] = {}
 
     @property
     def counters(self) -> dict[str, int]:
@@ -87,8 +91,35 @@ class InputReader:
             "gaps": self._gaps_before + gate.gaps,
         }
 
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """What is wrong with the input, or worth a look, a sentence each."""
+        found = {**self._raised, **self._raised_now()}
+        remark = self._adapter.remark()
+        return (*found.values(), *([remark] if remark else []))
+
+    @property
+    def refusal(self) -> str:
+        """Why messages were not taken, for a sentence; empty: all were."""
+        gate = self._adapter.gate
+        refused = self._adapter.refusal()
+        if refused:
+            return f": {refused}"
+        worst = max(DROPPED, key=lambda verdict: gate.counts[verdict])
+        if gate.counts[worst]:
+            return f": {gate.counts[worst]} are {worst.value}"
+        return ""
+
+    def finish(self) -> None:
+        """Nothing follows: the checks take what is left."""
+        self._adapter.check.finish()
+
+    def _raised_now(self) -> dict[int, str]:
+        return {kind: doubt.text for kind, doubt in self._adapter.check.raised.items()}
+
     def restart(self) -> None:
         """Starts anew, as a restarted node does."""
+        self._raised |= self._raised_now()
         counters = self.counters
         self._used_before = counters["samples_used"]
         self._dropped_before = counters["samples_dropped"]
@@ -118,11 +149,12 @@ class InputReader:
         if isinstance(adapter, AccelInput):
             return adapter.update_many(stamps[rows], columns[_FRAME][rows], values)
         found = []
-        for stamp, row in zip(stamps[rows].tolist(), values.tolist(), strict=True):
+        frames = columns[_FRAME][rows].tolist()
+        for stamp, frame, row in zip(stamps[rows].tolist(), frames, values.tolist(), strict=True):
             if isinstance(adapter, ImuInput):
                 sample = adapter.update(stamp, *_imu(row))
             else:
-                sample = adapter.update(stamp, tuple(row[:3]), tuple(row[3:]))
+                sample = adapter.update(stamp, tuple(row[:3]), tuple(row[3:]), None, frame)
             if sample is not None:
                 found.append(sample)
         return Samples.of(found)

@@ -45,15 +45,17 @@ def conclude(
     Raises:
         SloshBagError: there is no usable input.
     """
-    if not components.reader.counters["samples_used"]:
-        raise SloshBagError(f"{name}: holds no usable message of {source}")
+    reader = components.reader
+    if not reader.counters["samples_used"]:
+        raise SloshBagError(f"{name}: holds no usable message of {source}{reader.refusal}")
+    reader.finish()
     origin = origin or Origin()
     if stream.untaken:
         causes = (*origin.causes, f"the recorded state cannot be taken up: {stream.untaken}")
         origin = origin._replace(causes=causes)
     elif components.matcher is not None and components.known is None:
         origin = origin._replace(causes=(*origin.causes, *components.matcher.remarks()))
-    counters = {**components.reader.counters, "images": stream.images}
+    counters = {**reader.counters, "images": stream.images}
     if stream.unused:
         counters["not_used_live"] = stream.unused
     astray = _astray(stream.strays)
@@ -80,7 +82,7 @@ def conclude(
         comparisons=None if components.comparisons is None else components.comparisons.result(),
         model=components.models.model,
         limits=components.monitor.monitor.settings,
-        warnings=tuple(f"{name}: {line}" for line in (astray, judged.warning) if line),
+        warnings=tuple(f"{name}: {line}" for line in (astray, *reader.doubts, judged.warning) if line),
     )
 
 

@@ -94,7 +94,8 @@ def replay_bag(
         whole = whole_run(path, batches, sources, input_reader, used)
         result = judge_unrelated(path.name, sources.input, whole, watched)
         counters = {**input_reader.counters, **result.counters}
-        warnings = (*_warnings(path, reader, sources), *result.warnings)
+        doubts = [f"{path}: {doubt}" for doubt in input_reader.doubts]
+        warnings = (*_warnings(path, reader, sources), *doubts, *result.warnings)
         return replace(result, counters=counters, warnings=warnings, model=used)
     verifier = Verifier(sources.estimate) if sources.estimate else None
     with Series(4) as series:
@@ -251,7 +252,9 @@ def whole_run(
     if not answers or not measured:
         raise SloshBagError(
             f"{path}: holds no usable message of {sources.input} or of free_surface"
+            f"{reader.refusal}"
         )
+    reader.finish()
     heights = joined(answers)
     if (np.diff(heights.stamps) <= 0).any():
         raise SloshBagError(f"{path}: the stamps of {sources.input} go back; cut the bag in two")

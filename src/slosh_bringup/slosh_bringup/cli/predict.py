@@ -12,6 +12,7 @@ from typing import Any
 
 from slosh_bag.trajectory_table import read_joint_trajectory, read_trajectory
 from slosh_bringup.cli.progress import share_bar
+from slosh_bringup.cli.teller import Teller
 from slosh_bringup.errors import SloshBringupError
 from slosh_estimator.robot_file import read_arm
 from slosh_files import check_apart, new_text
@@ -26,10 +27,11 @@ from slosh_plan import (
     predict,
     safe_scales,
 )
+from slosh_plan.doubts import trajectory_doubts
 from slosh_report.json_values import plain
 from slosh_report.text_table import aligned
 
-EXIT_KEPT, EXIT_EXCEEDED = 0, 1
+EXIT_EXCEEDED = 1
 HEADING = (
     "motion", "lasts [s]", "peak [mm]", "L [mm]", "at [s]", "wall [deg]", "after [mm]",
     "settles [s]", "safe from", "remarks",
@@ -44,7 +46,7 @@ above the still level during the motion, and after its end. With the model's err
 --epsilon, or the covariance in model.yaml) the peak has an interval, whose upper end counts.
 safe from: multiple of the duration from which on every slower run keeps the limits.
 
-exit code: 0, 1 where a limit is exceeded, 2 for wrong input"""
+exit code: 0, 1 where a limit is exceeded or units or axes look wrong, 2 for wrong input"""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -82,7 +84,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Predicts, prints and writes the answers; 1 where a limit is exceeded."""
+    """Predicts, prints and writes the answers; 1 where a limit is exceeded, or an input doubtful."""
     if arguments.output is not None:
         check_apart([arguments.output], [arguments.model, *arguments.trajectories])
     model = read_model(arguments.model)
@@ -91,6 +93,9 @@ def run(arguments: argparse.Namespace) -> int:
     )
     error = ModelError(arguments.sigma, arguments.epsilon)
     motions = read_motions(arguments)
+    tell = Teller("predict")
+    for motion in motions:
+        tell.warn(motion.name, trajectory_doubts(motion))
     found = predict(model, motions, limits=limits, horizon=arguments.horizon, error=error)
     scales: list[SafeScales | None] = [None] * len(motions)
     if limits.given:
@@ -104,7 +109,7 @@ def run(arguments: argparse.Namespace) -> int:
         write_table(arguments.output, found, scales)
     show = as_json if arguments.json else as_text
     print(show(found, scales))
-    return EXIT_KEPT if all(one.kept for one in found) else EXIT_EXCEEDED
+    return tell.exit_code if all(one.kept for one in found) else EXIT_EXCEEDED
 
 
 def read_motions(arguments: argparse.Namespace) -> list[Trajectory]:
