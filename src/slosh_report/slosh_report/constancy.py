@@ -32,8 +32,8 @@ NOISES = 3.5
 """So many standard deviations of noise are no motion."""
 TOLERANCE, MOST = 0.075, 0.5
 """How far a bin may lie from a constant acceleration, without noise and at most [m/s²]."""
-TOP_SPEED = 4.0
-"""No arm moves a container of liquid faster [m/s]."""
+TOP_SPEED = 5.0
+"""By no more does a motion change the speed of a container of liquid: from -2.5 to 2.5 m/s."""
 STRETCH_MEMORY = 12 + LOOKED_BACK
 """Numbers in the memory of a Stretch."""
 

@@ -16,9 +16,9 @@ Matrix = tuple[Vector, Vector, Vector]
 
 FINE = 0.15
 """A constant acceleration below this is a sensor's usual bias, or 0.9° of tilt [m/s²]."""
-TOLD_TILT, WRONG_TILT = math.radians(1.0), math.radians(3.0)
-"""From where on a sensor's tilt is told, and from where on it makes the estimate doubtful: 3° is
-0.5 m/s² of gravity along the floor, and 2 mm on the wall of a cup of 40 mm radius."""
+WRONG_TILT = math.radians(3.0)
+"""From where on a sensor's tilt makes the estimate doubtful: 3° is 0.5 m/s² of gravity along the
+floor, and 2 mm on the wall of a cup of 40 mm radius."""
 TOLD_POSE, WRONG_POSE = math.radians(3.0), math.radians(20.0)
 """The same of a pose: its tilt is known, so less of it is a fault."""
 SIZE = 0.08
@@ -112,8 +112,6 @@ def force_doubt(f: Vector, rotation: Matrix) -> Doubt | None:
         return Doubt(f"{told}{_mounting(f, rotation, ':')}")
     if off > RIGHT_SIZE:
         return Doubt(f"{told}, {100.0 * off:.0f} % off {GRAVITY:g}: calibrate the sensor", False)
-    if tilt > TOLD_TILT:
-        return Doubt(f"{told}{_mounting(f, rotation, ':')}", False)
     return None
 
 
@@ -202,7 +200,7 @@ def _contained(c: Vector) -> str:
 def _mounting(f: Vector, rotation: Matrix, link: str) -> str:
     """That the sensor's axes are not the container's, with the remedy; empty: they are."""
     tilt = angle(f, _UPRIGHT)
-    if tilt <= TOLD_TILT:
+    if tilt <= WRONG_TILT:
         return ""
     return (
         f"{link} gravity points along {direction(f)}, {math.degrees(tilt):.1f}° off the "

@@ -1,10 +1,10 @@
 """Checks what an input claims to be: gravity, units, frames and mountings, as samples come.
 
-The checks rest on what is physically possible. A container that an arm carries reaches no more
-than TOP_SPEED. So a constant that is found again and again where the input hardly changes, and
-whose integral passes TOP_SPEED, is no acceleration: it is gravity, a unit, a tilt or a bias, and
-its size and direction tell which (`constant_meaning`). A long honest acceleration passes: its
-integral stays below TOP_SPEED, and braking takes it back.
+The checks rest on what is physically possible. No motion changes the speed of a container by more
+than TOP_SPEED. So a constant that is found where the input hardly changes, and whose integral
+passes TOP_SPEED, is no acceleration: it is gravity, a unit, a tilt or a bias, and its size and
+direction tell which (`constant_meaning`). A long honest acceleration passes: its integral stays
+below TOP_SPEED, and braking takes it back.
 
 Each check is a streaming object: the same samples give the same answers, one by one or in blocks,
 and its memory is a list of numbers. What cannot be told: an acceleration without gravity in axes
@@ -49,20 +49,25 @@ Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 REST = 0.4
-"""So long an input hardly changes before it counts as constant [s]: g · 0.41 s is TOP_SPEED."""
+"""So long an input hardly changes before it counts as constant [s]."""
+STANDING = 0.05
+"""Below this a pose stands [m/s]: what a tracker's noise of 1 mm leaves."""
 UP_TOLERANCE = 0.02
 """The same for the direction of up [rad]."""
 FORGETTING = 30.0
-"""Time constant with which the integral forgets [s]: a bias below 0.13 m/s² never passes."""
+"""Time constant with which the integral forgets [s]: a bias below 0.16 m/s² never passes."""
 DEPARTURE = 0.25
 """What lies so far from a constant is a motion [m/s²]."""
 FOLLOWED = math.radians(5.0)
 """So far the turned gravity and the measured one may lie apart at rest."""
-SOMERSAULT = 2.6
-"""An open container that tilts by 150° spills [rad]; a gyroscope in degrees/s tells 57 times."""
+SOMERSAULT, FELT = 2.1, 1.0
+"""Where the rates turn gravity by 120°, and it lies within 60° of +z, they are no rad/s [rad]."""
+LEANING = 20.0
+"""Time constant with which turned gravity follows the measured one [s]: a gyroscope's bias."""
 IDENTITY: Matrix = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 _NONE, _CONSTANT, _DEGREES, _SPEED = range(4)
 _ZERO: Vector = (0.0, 0.0, 0.0)
+_UP: Vector = (0.0, 0.0, 1.0)
 
 
 class ConstantFinder:
@@ -77,9 +82,7 @@ class ConstantFinder:
         self.stretch.restart()
         self._earlier: Vector | None = None
         self._departed = False
-        self._begin()
-
-    def _begin(self) -> None:
+        self.bias: Vector = _ZERO
         self._speed, self._time, self._last = _ZERO, 0.0, -(2**62)
 
     def take(self, number: int, mean: Vector) -> Vector | None:
@@ -88,11 +91,11 @@ class ConstantFinder:
         self._last = number
         seconds = BIN * steps
         kept = math.exp(-seconds / FORGETTING)
-        speed = self._speed
+        speed, bias = self._speed, self.bias
         self._speed = (
-            kept * speed[0] + seconds * mean[0],
-            kept * speed[1] + seconds * mean[1],
-            kept * speed[2] + seconds * mean[2],
+            kept * speed[0] + seconds * (mean[0] - bias[0]),
+            kept * speed[1] + seconds * (mean[1] - bias[1]),
+            kept * speed[2] + seconds * (mean[2] - bias[2]),
         )
         self._time = kept * self._time + seconds
         before, lasted = self.stretch.mean, self.stretch.seconds
@@ -104,36 +107,36 @@ class ConstantFinder:
             return None
         constant = self.stretch.mean
         if math.hypot(*constant) <= FINE:
-            self.rests()
+            self._earlier, self._departed, self.bias = None, False, constant
             return constant
         return constant if self._is_no_acceleration(constant) else None
 
-    def rests(self) -> None:
-        """The container is at rest: its speed is that of the floor."""
-        self._earlier, self._departed = None, False
-        self._begin()
-
     def _is_no_acceleration(self, constant: Vector) -> bool:
         """Whether the integral shows that a constant cannot be the container's."""
+        left = math.dist(constant, self.bias)
+        if left * self.stretch.seconds > TOP_SPEED:
+            return True
         reached = math.hypot(*self._speed)
-        rest = math.dist(self._speed, tuple(self._time * part for part in constant))
+        whole = tuple(self._time * (constant[i] - self.bias[i]) for i in range(3))
+        rest = math.dist(self._speed, whole)
         if reached > TOP_SPEED and rest <= TOP_SPEED:
             return True
         again = self._departed and self._earlier is not None
         if not again or math.dist(constant, self._earlier or constant) > 0.1 + 0.02 * reached:
             return False
-        return reached >= 0.5 * TOP_SPEED and rest <= 0.25 * math.hypot(*constant) * self._time
+        return reached >= 0.5 * TOP_SPEED and rest <= 0.25 * left * self._time
 
     def memory(self, base: int) -> list[float]:
         """What the next bins depend on; numbers of bins count from `base`."""
         last = float(self._last - base) if self._time else math.nan
         earlier = self._earlier or (math.nan,) * 3
-        own = [*self._speed, self._time, last, *earlier, float(self._departed)]
+        own = [*self._speed, self._time, last, *earlier, float(self._departed), *self.bias]
         return [*own, *self.stretch.memory(base)]
 
     def take_up(self, memory: Sequence[float], base: int) -> None:
         """Takes up a `memory`."""
-        vx, vy, vz, self._time, last, ex, ey, ez, departed, *stretch = memory
+        vx, vy, vz, self._time, last, ex, ey, ez, departed, bx, by, bz, *stretch = memory
+        self.bias = bx, by, bz
         self._speed = vx, vy, vz
         self._last = -(2**62) if math.isnan(last) else round(last) + base
         self._earlier = None if math.isnan(ex) else (ex, ey, ez)
@@ -141,7 +144,7 @@ class ConstantFinder:
         self.stretch.take_up(stretch, base)
 
 
-_FINDER_MEMORY = 9 + STRETCH_MEMORY
+_FINDER_MEMORY = 12 + STRETCH_MEMORY
 
 
 class _Cause(NamedTuple):
@@ -300,8 +303,7 @@ class ImuCheck(_Check):
         self._yaw = 0.0
         self._last = -(2**62)
         self._was_upright = self._turns = False
-        self._up: Vector = (0.0, 0.0, 1.0)
-        self._turned: Vector = _ZERO
+        self._up, self._since = _UP, _UP
 
     def add(
         self,
@@ -332,7 +334,7 @@ class ImuCheck(_Check):
     def _restart(self) -> None:
         super()._restart()
         self._finder.restart()
-        self._last, self._turned = -(2**62), _ZERO
+        self._last = -(2**62)
 
     def _take(self, closed: Bin) -> None:
         ax, ay, az, wx, wy, wz = closed.mean
@@ -341,44 +343,56 @@ class ImuCheck(_Check):
         self._turn(closed.number, (wx, wy, wz), force)
         if math.hypot(ax, ay, az) * BIN > TOP_SPEED:
             self._blame(_Cause(_SPEED, (ax, ay, az)))
-        elif constant is not None:
-            x, y, z = constant
-            self._rest(self._in_container((x, y, z + GRAVITY)))
-        elif math.hypot(*self._turned) > SOMERSAULT and angle(force, (0.0, 0.0, 1.0)) < 1.0:
-            self._blame(_Cause(_DEGREES, self._turned))
+        elif self._finder.stretch.seconds >= REST:
+            x, y, z = self._finder.stretch.mean
+            self._rest(self._in_container((x, y, z + GRAVITY)), certain=constant is not None)
+        elif self._turns and angle(force, self._up) > SOMERSAULT and angle(force, _UP) < FELT:
+            self._blame(_Cause(_DEGREES, (angle(force, self._up), 0.0, 0.0)))
 
-    def _rest(self, force: Vector) -> None:
-        """Takes the specific force of a rest, in the container's axes."""
+    def _rest(self, force: Vector, *, certain: bool) -> None:
+        """Takes a constant specific force, in the container's axes; certain: of a rest."""
         if force_doubt(force, self._rotation) is None:
-            self._was_upright = True
+            self._finder.bias = self._finder.stretch.mean
             if self._cause.kind != _DEGREES:
                 self._blame(_Cause())
-        elif not self._follows(force):
+        elif not certain:
+            return
+        elif not self._is_honest(force):
             self._blame(_Cause(_CONSTANT, force))
             return
-        self._finder.rests()
-        self._up, self._turned = force, _ZERO
+        self._was_upright = True  # or it was turned from there
+        self._up = self._since = _unit(force)
 
-    def _follows(self, force: Vector) -> bool:
-        """Whether an upright container was turned to where it stands now: it tilts indeed."""
-        right = abs(math.hypot(*force) - GRAVITY) <= SIZE * GRAVITY
-        turned = self._was_upright and self._turns
-        return right and turned and angle(force, self._up) <= FOLLOWED
+    def _is_honest(self, force: Vector) -> bool:
+        """Whether a force that is not that of an upright rest may be right.
+
+        A container that was upright may be turned, as the rates tell; it may even be accelerated
+        then. One of which no upright rest is known may have been turned since the beginning.
+        """
+        size, seconds = math.hypot(*force), self._finder.stretch.seconds
+        if self._was_upright:
+            up = self._up if self._turns else _unit(force)
+            away = math.dist(force, tuple(GRAVITY * part for part in up))
+            return away * seconds <= TOP_SPEED or away <= GRAVITY * FOLLOWED
+        right = abs(size - GRAVITY) <= SIZE * GRAVITY
+        turned = angle(self._since, self._up) > 0.5 * angle(force, _UP)
+        return right and self._turns and turned
 
     def _turn(self, number: int, rate: Vector, force: Vector) -> None:
-        """Turns up as the container turns, and adds up how far it tilts by its rates."""
+        """Turns up as the container turns; slowly it follows the force that is measured."""
+        felt = _unit(force)
+        if self._last == -(2**62):
+            self._up = self._since = felt
         seconds = BIN * (number - self._last) if self._last > -(2**62) else BIN
         self._last = number
-        size = math.hypot(*force)
-        share = sum(rate[i] * force[i] for i in range(3)) / (size * size) if size else 0.0
-        tilting = [rate[i] - share * force[i] for i in range(3)]
-        turned = self._turned
-        self._turned = (
-            turned[0] + seconds * tilting[0],
-            turned[1] + seconds * tilting[1],
-            turned[2] + seconds * tilting[2],
+        up, share = _turned_back(self._up, rate, seconds), min(seconds / LEANING, 1.0)
+        self._up = _unit(
+            (
+                up[0] + share * (felt[0] - up[0]),
+                up[1] + share * (felt[1] - up[1]),
+                up[2] + share * (felt[2] - up[2]),
+            )
         )
-        self._up = _turned_back(self._up, rate, seconds)
 
     def _in_container(self, v: Vector) -> Vector:
         c, s = math.cos(self._yaw), math.sin(self._yaw)
@@ -388,23 +402,23 @@ class ImuCheck(_Check):
         if cause.kind == _SPEED:
             return _too_fast(math.hypot(*cause.vector))
         if cause.kind == _DEGREES:
-            told = math.degrees(math.hypot(*cause.vector))
+            told = math.degrees(cause.vector[0])
             return Doubt(
-                f"the angular velocity adds up to a tilt of {told:.0f}°, and gravity does not "
-                "turn: it is in degrees/s; publish rad/s"
+                f"by the angular velocity the container has tilted by {told:.0f}°, by gravity it "
+                "has not: it is in degrees/s; publish rad/s"
             )
         return force_doubt(cause.vector, self._rotation) if cause.kind else None
 
     def _remembered(self, base: int) -> list[float]:
         last = float(self._last - base) if self._last > -(2**62) else math.nan
-        own = [self._yaw, last, float(self._was_upright), *self._up, *self._turned]
+        own = [self._yaw, last, float(self._was_upright), *self._up, *self._since]
         return [*own, *self._finder.memory(base)]
 
     def _remember(self, memory: Sequence[float], base: int) -> None:
         self._yaw, last, upright, ux, uy, uz, tx, ty, tz, *finder = memory
         self._last = -(2**62) if math.isnan(last) else round(last) + base
         self._was_upright = bool(upright)
-        self._up, self._turned = (ux, uy, uz), (tx, ty, tz)
+        self._up, self._since = (ux, uy, uz), (tx, ty, tz)
         self._finder.take_up(finder, base)
 
 
@@ -451,21 +465,20 @@ class PoseCheck(_Check):
     def _take(self, closed: Bin) -> None:
         x, y, z, *position, other = closed.mean
         before, self._place = self._place, Bin(closed.number, tuple(position))
-        self._stretch.take(closed.number, (x, y, z))
+        speed = 0.0
         if before is not None:
-            seconds = BIN * (closed.number - before.number)
-            speed = math.dist(before.mean, position) / seconds
-            # Between two bins a jump within one of them counts half.
-            if speed > 2.0 * TOP_SPEED:
-                self._blame(_Cause(_SPEED, (speed, 0.0, 0.0)))
-                return
+            speed = math.dist(before.mean, position) / (BIN * (closed.number - before.number))
+        if speed > 2.0 * TOP_SPEED:  # a jump of a tracker has half of its speed in two bins
+            self._blame(_Cause(_SPEED, (speed, 0.0, 0.0)))
+            return
+        self._stretch.take(closed.number, (x, y, z))
         if self._stretch.seconds < REST or self._was_upright:
             return
         up = self._stretch.mean
         if attitude_doubt(up, self._rotation) is None:
             self._was_upright = True
             self._blame(_Cause())
-        elif self._cause.kind != _SPEED:
+        elif speed <= STANDING and self._cause.kind != _SPEED:
             scaled = 2.0 if other > math.cos(WRONG_POSE) else 1.0
             self._blame(_Cause(_CONSTANT, (scaled * up[0], scaled * up[1], scaled * up[2])))
 
@@ -506,6 +519,11 @@ def _too_fast(size: float) -> Doubt:
         f"{size * BIN:.3g} m/s, and no arm moves faster than {TOP_SPEED:g} m/s: is it in mm/s²? "
         "It must be m/s²"
     )
+
+
+def _unit(v: Vector) -> Vector:
+    size = math.hypot(*v)
+    return (v[0] / size, v[1] / size, v[2] / size) if size > 0.0 else _UP
 
 
 def _turned_back(v: Vector, rate: Vector, seconds: float) -> Vector:

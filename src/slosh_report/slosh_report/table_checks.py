@@ -18,6 +18,7 @@ from slosh_report.constant_meaning import FINE, SIZE, acceleration_doubt, direct
 from slosh_report.input_checks import DEPARTURE, REST, AccelCheck, PoseCheck
 
 Array = NDArray[np.float64]
+Integers = NDArray[np.int64]
 
 UNLIKELY = 100.0
 """Ten times what the models hold for [m/s²]; machines that carry liquid stay below."""
@@ -64,27 +65,36 @@ def motion_doubts(
         )
     if not found:
         found += _ends_doubt(t - t[0], stamps, acceleration)
-    if attitude is not None or position is not None:
-        found += pose_doubts(t, position, attitude)
+    if position is not None:
+        found += _pose_doubts(stamps, position, attitude)
+    elif attitude is not None:
+        rest = _first_rest(stamps, acceleration)
+        found += _pose_doubts(stamps[:rest], np.zeros((rest, 3)), attitude[:rest])
     return tuple(found)
 
 
-def pose_doubts(t: Array, position: Array | None, attitude: Array | None) -> list[str]:
-    """What looks wrong in poses; see `motion_doubts`."""
+def _pose_doubts(stamps: Integers, position: Array, attitude: Array | None) -> list[str]:
+    """What looks wrong in poses."""
     check = PoseCheck()
-    upright = (0.0, 0.0, 0.0, 1.0)
-    places = np.zeros((len(t), 3)) if position is None else position
-    quaternions = np.tile(upright, (len(t), 1)) if attitude is None else attitude
-    stamps = np.rint((t - t[0]) * SECOND).astype(np.int64)
+    turns = np.tile((0.0, 0.0, 0.0, 1.0), (len(stamps), 1)) if attitude is None else attitude
     for stamp, (x, y, z), (qx, qy, qz, qw) in zip(
-        stamps.tolist(), places.tolist(), quaternions.tolist(), strict=True
+        stamps.tolist(), position.tolist(), turns.tolist(), strict=True
     ):
         check.add(stamp, (x, y, z), (qx, qy, qz, qw))
     check.finish()
     return [doubt.text for doubt in check.raised.values()]
 
 
-def _ends_doubt(t: Array, stamps: NDArray[np.int64], acceleration: Array) -> list[str]:
+def _first_rest(stamps: Integers, acceleration: Array) -> int:
+    """How many rows from the first one on have a constant acceleration: the container rests."""
+    bins, stretch = Bins(3), Stretch(TOLERANCE, MOST)
+    for row, (number, (x, y, z)) in bins.add_many(stamps, acceleration):
+        if not stretch.take(number, (x, y, z)) and not stretch.first:
+            return max(row - 1, 0)
+    return len(stamps)
+
+
+def _ends_doubt(t: Array, stamps: Integers, acceleration: Array) -> list[str]:
     """What both ends and the mean of a motion say."""
     if t[-1] < REST:
         return []
@@ -127,7 +137,7 @@ def _mean_doubt(mean: Vector, peak: float, seconds: float) -> list[str]:
 
 
 def _constant_ends(
-    stamps: NDArray[np.int64], acceleration: Array
+    stamps: Integers, acceleration: Array
 ) -> tuple[Vector, Vector] | None:
     """The constants of at least REST at the beginning and at the end; None: not both."""
     found: list[Vector] = []

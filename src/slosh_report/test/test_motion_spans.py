@@ -54,11 +54,11 @@ def test_a_constant_from_the_beginning_on_is_no_motion(offset):
 
 
 def test_a_constant_that_appears_later_is_a_rest_once_no_arm_could_follow_it():
-    """1 m/s² for 4 s would be 4 m/s: from then on it is an offset, and a motion starts from it."""
+    """1 m/s² for 5 s is 5 m/s: from then on it is an offset, and a motion departs from it."""
     stamps, values = accelerations((1.0, 0.0), (8.0, 1.0), (1.0, 3.0), (3.0, 1.0))
     found = spans_of(stamps, values)
     assert len(found) == 2
-    assert found[0] == (1.0, pytest.approx(5.0, abs=0.1))
+    assert found[0] == (1.0, pytest.approx(6.0, abs=0.1))
     assert found[1] == (9.0, 10.0)
 
 
