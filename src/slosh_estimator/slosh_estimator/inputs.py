@@ -84,5 +84,7 @@ class InputSettings(NamedTuple):
         mount = SensorTransform() if old else self.transform
         if kind == ACCEL:
             return AccelInput(self.gate, self.frames, mount, self.checks)
-        world = None if old or self.any_world else self.frames[0]
-        return PoseInput(self.gate, self.pose_window, mount, world, self.checks)
+        world = None if old else self.frames[0]
+        return PoseInput(
+            self.gate, self.pose_window, mount, world, self.any_world, self.checks
+        )

@@ -55,6 +55,7 @@ class PoseInput(CheckedInput):
         transform: container ← the frame whose pose is published.
         frame: name of the world's frame; poses in any other are dropped, but for those that name
             none; None: all are taken.
+        any_frame: whether poses in other frames are taken, too, and that is told.
         checks: see `InputSettings`.
 
     Raises:
@@ -69,12 +70,13 @@ class PoseInput(CheckedInput):
         window: int = 21,
         transform: SensorTransform | None = None,
         frame: str | None = None,
+        any_frame: bool = False,
         checks: bool | None = None,
     ) -> None:
         mount = transform or SensorTransform()
         super().__init__(PoseCheck(mount.matrix), checks)
         self._tool = ToolPose(mount)
-        self._frame = frame
+        self._frame, self._any_frame = frame, any_frame or frame is None
         self._other_frame: str | None = None
         self._told = 0
         if window < MINIMUM_WINDOW or window % 2 == 0:
@@ -174,7 +176,7 @@ class PoseInput(CheckedInput):
 
     def remark(self) -> str | None:
         """What is worth a look; None: nothing."""
-        if self._other_frame is not None and not self.gate.counts[Verdict.WRONG_FRAME]:
+        if self._frame is not None and self._other_frame is not None and not self.gate.counts[Verdict.WRONG_FRAME]:
             named = f"in the frame {self._other_frame!r}" if self._other_frame else "without frame"
             return f"poses {named} are taken as those in the world's frame, z up"
         return None
@@ -192,7 +194,7 @@ class PoseInput(CheckedInput):
         """Whether a pose is refused for its frame."""
         if self._other_frame is None or frame:
             self._other_frame = frame
-        if self._frame is None or not frame:
+        if self._any_frame or not frame:
             return False
         self.gate.refuse(Verdict.WRONG_FRAME)
         return True

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from slosh_files.nanoseconds import SECOND
 from slosh_model.constants import GRAVITY
 from slosh_report.constancy import MOST, TOLERANCE, TOP_SPEED, Bins, Stretch, Vector
-from slosh_report.constant_meaning import FINE, SIZE, acceleration_doubt, direction
+from slosh_report.constant_meaning import FINE, SIZE, Doubt, acceleration_doubt, direction
 from slosh_report.input_checks import DEPARTURE, REST, AccelCheck, PoseCheck
 
 Array = NDArray[np.float64]
@@ -31,18 +31,34 @@ _LONGEST = 1e9
 
 
 class InputDoubt(str):
-    """A line that tells that an input is not what it claims to be."""
+    """A line that tells that an input is not what it claims to be.
 
-    __slots__ = ()
+    Attributes:
+        wrong: whether the answer is wrong then; else it is worth a look.
+    """
+
+    __slots__ = ("wrong",)
+    wrong: bool
+
+    def __new__(cls, text: str, wrong: bool = True) -> InputDoubt:  # noqa: FBT001, FBT002
+        """A line."""
+        made = super().__new__(cls, text)
+        made.wrong = wrong
+        return made
+
+    @classmethod
+    def of(cls, doubt: Doubt) -> InputDoubt:
+        """The line of a check's doubt."""
+        return cls(doubt.text, doubt.wrong)
 
     def about(self, path: object) -> InputDoubt:
         """The same with the file that it is about."""
-        return InputDoubt(f"{path}: {self}")
+        return InputDoubt(f"{path}: {self}", self.wrong)
 
 
 def motion_doubts(
     t: Array, acceleration: Array, attitude: Array | None = None, position: Array | None = None
-) -> tuple[str, ...]:
+) -> tuple[InputDoubt, ...]:
     """What looks wrong in a motion, one sentence each; empty: nothing does.
 
     Args:
@@ -57,11 +73,13 @@ def motion_doubts(
     check = AccelCheck()
     check.add_many(stamps, acceleration, np.zeros(len(t), dtype=bool))
     check.finish()
-    found = [doubt.text for doubt in check.raised.values()]
+    found = [InputDoubt.of(doubt) for doubt in check.raised.values()]
     fastest = float(np.linalg.norm(acceleration, axis=1).max())
     if not found and fastest > UNLIKELY:
         found.append(
-            f"accelerations up to {fastest:.4g} m/s²: are they in mm/s²? They must be m/s²"
+            InputDoubt(
+                f"accelerations up to {fastest:.4g} m/s²: are they in mm/s²? They must be m/s²"
+            )
         )
     if not found:
         found += _ends_doubt(t - t[0], stamps, acceleration)
@@ -73,7 +91,7 @@ def motion_doubts(
     return tuple(found)
 
 
-def _pose_doubts(stamps: Integers, position: Array, attitude: Array | None) -> list[str]:
+def _pose_doubts(stamps: Integers, position: Array, attitude: Array | None) -> list[InputDoubt]:
     """What looks wrong in poses."""
     check = PoseCheck()
     turns = np.tile((0.0, 0.0, 0.0, 1.0), (len(stamps), 1)) if attitude is None else attitude
@@ -82,7 +100,7 @@ def _pose_doubts(stamps: Integers, position: Array, attitude: Array | None) -> l
     ):
         check.add(stamp, (x, y, z), (qx, qy, qz, qw))
     check.finish()
-    return [doubt.text for doubt in check.raised.values()]
+    return [InputDoubt.of(doubt) for doubt in check.raised.values()]
 
 
 def _first_rest(stamps: Integers, acceleration: Array) -> int:
@@ -94,7 +112,7 @@ def _first_rest(stamps: Integers, acceleration: Array) -> int:
     return len(stamps)
 
 
-def _ends_doubt(t: Array, stamps: Integers, acceleration: Array) -> list[str]:
+def _ends_doubt(t: Array, stamps: Integers, acceleration: Array) -> list[InputDoubt]:
     """What both ends and the mean of a motion say."""
     if t[-1] < REST:
         return []
@@ -112,11 +130,11 @@ def _ends_doubt(t: Array, stamps: Integers, acceleration: Array) -> list[str]:
             math.dist(first, mean) <= close
         ):
             doubt = acceleration_doubt(first)
-            return [doubt.text] if doubt is not None else []
+            return [InputDoubt.of(doubt)] if doubt is not None else []
     return _mean_doubt(mean, peak, float(t[-1]))
 
 
-def _mean_doubt(mean: Vector, peak: float, seconds: float) -> list[str]:
+def _mean_doubt(mean: Vector, peak: float, seconds: float) -> list[InputDoubt]:
     """What the mean of a motion without rest at its ends says, within TOP_SPEED / duration."""
     size = math.hypot(*mean)
     in_g = seconds >= AT_LEAST and abs(size - 1.0) <= 0.05 and peak < GENTLE and abs(mean[2]) > 0.9 * size
@@ -131,8 +149,10 @@ def _mean_doubt(mean: Vector, peak: float, seconds: float) -> list[str]:
     else:
         why = "gravity, a tilt of the sensor or a bias is contained: take it out"
     return [
-        f"the mean acceleration is {told} m/s², by which the container ends "
-        f"{size * seconds:.3g} m/s faster than it began: {why}"
+        InputDoubt(
+            f"the mean acceleration is {told} m/s², by which the container ends "
+            f"{size * seconds:.3g} m/s faster than it began: {why}"
+        )
     ]
 
 

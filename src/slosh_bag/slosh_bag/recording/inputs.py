@@ -18,6 +18,7 @@ from slosh_estimator.imu_input import ImuInput
 from slosh_estimator.inputs import InputSettings
 from slosh_estimator.sample import Samples
 from slosh_files.nanoseconds import SECOND
+from slosh_report.table_checks import InputDoubt
 
 _FIELDS = {
     "accel": ("accel.linear.x", "accel.linear.y", "accel.linear.z"),
@@ -79,7 +80,7 @@ class InputReader:
         self._settings = settings._replace(gate=replace(settings.gate, chosen=chosen))
         self._adapter = self._settings.reader(self.kind)
         self._used_before = self._dropped_before = self._gaps_before = 0
-        self._raised: dict[int, str] = {}
+        self._raised: dict[int, InputDoubt] = {}
 
     @property
     def counters(self) -> dict[str, int]:
@@ -92,11 +93,11 @@ class InputReader:
         }
 
     @property
-    def doubts(self) -> tuple[str, ...]:
+    def doubts(self) -> tuple[InputDoubt, ...]:
         """What is wrong with the input, or worth a look, a sentence each."""
         found = {**self._raised, **self._raised_now()}
         remark = self._adapter.remark()
-        return (*found.values(), *([remark] if remark else []))
+        return (*found.values(), *([InputDoubt(remark, wrong=False)] if remark else []))
 
     @property
     def refusal(self) -> str:
@@ -114,8 +115,8 @@ class InputReader:
         """Nothing follows: the checks take what is left."""
         self._adapter.check.finish()
 
-    def _raised_now(self) -> dict[int, str]:
-        return {kind: doubt.text for kind, doubt in self._adapter.check.raised.items()}
+    def _raised_now(self) -> dict[int, InputDoubt]:
+        return {kind: InputDoubt.of(doubt) for kind, doubt in self._adapter.check.raised.items()}
 
     def restart(self) -> None:
         """Starts anew, as a restarted node does."""

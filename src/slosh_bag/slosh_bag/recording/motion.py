@@ -123,9 +123,9 @@ class MotionCollector:
         return replace(motion, attitude=self._yawed(), angular_velocity=self._in_container(turns))
 
     @property
-    def doubts(self) -> list[InputDoubt]:
+    def doubts(self) -> tuple[InputDoubt, ...]:
         """What is wrong with the input, a sentence each."""
-        return [InputDoubt(text) for text in self._reader.doubts]
+        return self._reader.doubts
 
     def notes(self) -> list[str]:
         """What a table cannot hold of it, one line each."""

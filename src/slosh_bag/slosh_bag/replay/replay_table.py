@@ -26,7 +26,7 @@ from slosh_estimator.sample import Samples
 from slosh_files.nanoseconds import SECOND
 from slosh_model.model import Model
 from slosh_model.pose import pose_rows
-from slosh_report.table_checks import motion_doubts
+from slosh_report.table_checks import InputDoubt, motion_doubts
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -50,7 +50,7 @@ class TableReader(InputReader):
         self._doubts = motion_doubts(table.t, table.acceleration, table.attitude)
 
     @property
-    def doubts(self) -> tuple[str, ...]:
+    def doubts(self) -> tuple[InputDoubt, ...]:
         """What is wrong with the table, a sentence each."""
         return self._doubts
 

@@ -34,7 +34,7 @@ their sizes, the height of its corner.
 The answer says whether the motion stays within what the model was validated for, and below the
 limit (--limit) and the rim (where model.yaml tells rim_height).
 
-exit code: 0, 1 where the limit is exceeded or units look wrong, 2 for wrong input"""
+exit code: 0, 1 where the limit is exceeded or units or axes look wrong, 2 for wrong input"""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -84,7 +84,7 @@ def run(arguments: argparse.Namespace) -> int:
     stream = sys.stderr if output == STANDARD_OUTPUT else sys.stdout
     where = "standard output" if output == STANDARD_OUTPUT else str(output)
     print(summary(answer, where, as_json=arguments.json), file=stream)
-    return EXIT_NOT_KEPT if answer.over_limit or answer.doubts else EXIT_KEPT
+    return EXIT_NOT_KEPT if answer.over_limit or answer.doubtful else EXIT_KEPT
 
 
 def summary(answer: Answer, output: str, *, as_json: bool) -> str:

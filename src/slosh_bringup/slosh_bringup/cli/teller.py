@@ -28,15 +28,14 @@ class Teller:
 
     def __call__(self, line: str) -> None:
         """Tells a line."""
-        doubt = isinstance(line, InputDoubt)
-        self.doubtful |= doubt
-        kind = "warning" if doubt else "note"
+        self.doubtful |= isinstance(line, InputDoubt) and line.wrong
+        kind = "warning" if isinstance(line, InputDoubt) else "note"
         print(plain_line(f"slosh {self._command}: {kind}: {line}"), file=sys.stderr)
 
-    def warn(self, path: object, doubts: Iterable[str]) -> None:
+    def warn(self, path: object, doubts: Iterable[InputDoubt]) -> None:
         """Tells doubts about a file."""
         for doubt in doubts:
-            self(InputDoubt(doubt).about(path))
+            self(doubt.about(path))
 
     @property
     def exit_code(self) -> int:

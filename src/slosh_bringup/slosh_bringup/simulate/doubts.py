@@ -10,7 +10,7 @@ import numpy as np
 from slosh_bag.motion_table import MotionTable
 from slosh_bringup.errors import SloshBringupError
 from slosh_model.model import Model
-from slosh_report.table_checks import motion_doubts
+from slosh_report.table_checks import InputDoubt, motion_doubts
 
 IMPOSSIBLE = 1e6
 """No container survives such an acceleration [m/s²]: the table is refused."""
@@ -34,14 +34,16 @@ def check_possible(path: Path, motion: MotionTable) -> None:
         )
 
 
-def doubts(model: Model, motion: MotionTable) -> tuple[str, ...]:
+def doubts(model: Model, motion: MotionTable) -> tuple[InputDoubt, ...]:
     """What looks wrong in a table, one text each; empty: nothing does."""
     found = [*motion_doubts(motion.t, motion.acceleration, motion.attitude)]
     period = 2.0 * math.pi / model.mode_frequency(1)
     step = float(np.median(np.diff(motion.t))) if len(motion.t) > 1 else 0.0
     if step > MOST_OF_A_PERIOD * period:
         found.append(
-            f"rows are {step:.3g} s apart, the liquid's period is {period:.2g} s: is t in s? "
-            "Sample the motion more often"
+            InputDoubt(
+                f"rows are {step:.3g} s apart, the liquid's period is {period:.2g} s: is t in s? "
+                "Sample the motion more often"
+            )
         )
     return tuple(found)

@@ -142,7 +142,7 @@ class _Container:
         return found
 
     @property
-    def doubts(self) -> list[InputDoubt]:
+    def doubts(self) -> tuple[InputDoubt, ...]:
         """What is wrong with the input, a sentence each; once all has come."""
         return self._moved.doubts
 

@@ -15,7 +15,7 @@ from slosh_discovery.errors import SloshDiscoveryError
 from slosh_model.errors import SloshModelError
 from slosh_model.model import Model
 from slosh_report.surface_metrics import line_slopes
-from slosh_report.table_checks import InputDoubt, motion_doubts
+from slosh_report.table_checks import motion_doubts
 
 Array = NDArray[np.float64]
 
@@ -64,7 +64,7 @@ def motion_of_table(
         SloshDiscoveryError: no measured heights, too few of them, or inputs that cannot be.
     """
     for doubt in motion_doubts(table.t, table.acceleration, table.attitude):
-        tell(InputDoubt(doubt).about(path))
+        tell(doubt.about(path))
     sampled, walls = _sampled(table.msh), _sampled(table.eta)
     if table.msh is None and table.eta is None and table.profile is None:
         raise SloshDiscoveryError(
