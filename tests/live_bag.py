@@ -84,6 +84,9 @@ class LiveBag:
         topics: those that are written; None: all.
         namespace: of the cell.
         facts: of the whole bag.
+        checks: whether the estimator checks its input; None: it is one of the time before.
+        rotation: sensor_rotation of the estimator [rad].
+        offset: what the input tells beyond what is true [m/s²].
     """
 
     def __init__(self, kind: str = "accel") -> None:
@@ -105,6 +108,9 @@ class LiveBag:
         self.topics: Collection[str] | None = None
         self.namespace = "/slosh"
         self.facts: dict[str, str] = {}
+        self.checks: bool | None = None
+        self.rotation = (0.0, 0.0, 0.0)
+        self.offset = (0.0, 0.0, 0.0)
         self._definitions = Definitions()
         for message_type in TYPES.values():
             self._definitions.hash(message_type)  # makes the type known
@@ -166,7 +172,7 @@ class LiveBag:
 
     def _input(self, source, index: int, stamp: int, a: list[float], position: list[float]):
         """Records an input; returns the sample that the estimator makes of it, if it gets it."""
-        x, y, z = a
+        x, y, z = a = [value + more for value, more in zip(a, self.offset, strict=True)]
         heard = index not in self.unheard
         if self.kind == "accel":
             fields = {"accel": self._accel(a)}
@@ -184,10 +190,11 @@ class LiveBag:
     def _start(self, model, stamp: int, log_ns: int, *, at_rest: bool = True):
         files = {"model": format_model(model)}
         self._settings("estimator", stamp, files, log_ns, starts_at_rest=at_rest)
+        gate, mount = GateSettings(), SensorTransform(*self.rotation)
         source = {
-            "accel": lambda: AccelInput(GateSettings(), ("world", "container")),
-            "imu": lambda: ImuInput(GateSettings(), SensorTransform()),
-            "pose": lambda: PoseInput(GateSettings(), 21),
+            "accel": lambda: AccelInput(gate, ("world", "container"), mount, self.checks),
+            "imu": lambda: ImuInput(gate, mount, self.checks),
+            "pose": lambda: PoseInput(gate, 21, mount, "world", checks=self.checks),
         }
         estimator = Estimator(model, at_rest=at_rest)
         return estimator, source[self.kind]()
@@ -198,6 +205,9 @@ class LiveBag:
         parameters = {**PARAMETERS[node], **own}
         if node == "estimator":
             parameters["input"] = self.kind
+            parameters["sensor_rotation"] = list(self.rotation)
+            if self.checks is not None:
+                parameters["check_input"] = self.checks
         names = (self.kind, "free_surface", "estimate")
         full = {name: f"{self.namespace}/{name}" for name in names}
         document = yaml.safe_dump({"parameters": parameters, "topics": full, "files": files})

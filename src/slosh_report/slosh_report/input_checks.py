@@ -35,7 +35,6 @@ from slosh_report.constancy import (
 )
 from slosh_report.constant_meaning import (
     FINE,
-    SIZE,
     WRONG_POSE,
     Doubt,
     Matrix,
@@ -62,8 +61,9 @@ FOLLOWED = math.radians(5.0)
 """So far the turned gravity and the measured one may lie apart at rest."""
 SOMERSAULT, FELT = 2.1, 1.0
 """Where the rates turn gravity by 120°, and it lies within 60° of +z, they are no rad/s [rad]."""
-LEANING = 20.0
-"""Time constant with which turned gravity follows the measured one [s]: a gyroscope's bias."""
+LEANING, TRUSTING = 20.0, 60.0
+"""Time constants with which turned gravity follows the measured one [s]: a gyroscope has a bias.
+The longer one is of gravity as it is where the container stood upright at the beginning."""
 IDENTITY: Matrix = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 _NONE, _CONSTANT, _DEGREES, _SPEED = range(4)
 _ZERO: Vector = (0.0, 0.0, 0.0)
@@ -85,17 +85,24 @@ class ConstantFinder:
         self.bias: Vector = _ZERO
         self._speed, self._time, self._last = _ZERO, 0.0, -(2**62)
 
-    def take(self, number: int, mean: Vector) -> Vector | None:
-        """Takes a bin [m/s²]; returns the constant of a rest, None where nobody knows."""
+    def take(self, number: int, mean: Vector, felt: Vector | None = None) -> Vector | None:
+        """Takes a bin; returns the constant of a rest, None where nobody knows.
+
+        Args:
+            number: of the bin.
+            mean: of the input [m/s²].
+            felt: what moves the container, as far as it is known; None: the input [m/s²].
+        """
+        felt = felt or mean
         steps = number - self._last if self._time else 1
         self._last = number
         seconds = BIN * steps
         kept = math.exp(-seconds / FORGETTING)
         speed, bias = self._speed, self.bias
         self._speed = (
-            kept * speed[0] + seconds * (mean[0] - bias[0]),
-            kept * speed[1] + seconds * (mean[1] - bias[1]),
-            kept * speed[2] + seconds * (mean[2] - bias[2]),
+            kept * speed[0] + seconds * (felt[0] - bias[0]),
+            kept * speed[1] + seconds * (felt[1] - bias[1]),
+            kept * speed[2] + seconds * (felt[2] - bias[2]),
         )
         self._time = kept * self._time + seconds
         before, lasted = self.stretch.mean, self.stretch.seconds
@@ -303,7 +310,7 @@ class ImuCheck(_Check):
         self._yaw = 0.0
         self._last = -(2**62)
         self._was_upright = self._turns = False
-        self._up, self._since = _UP, _UP
+        self._up, self._stood = _UP, _UP
 
     def add(
         self,
@@ -338,9 +345,16 @@ class ImuCheck(_Check):
 
     def _take(self, closed: Bin) -> None:
         ax, ay, az, wx, wy, wz = closed.mean
-        constant = self._finder.take(closed.number, (ax, ay, az))
         force = self._in_container((ax, ay, az + GRAVITY))
         self._turn(closed.number, (wx, wy, wz), force)
+        c, s = math.cos(self._yaw), math.sin(self._yaw)
+        x, y, z = self._stood
+        felt = (
+            ax - GRAVITY * (c * x - s * y),
+            ay - GRAVITY * (s * x + c * y),
+            az + GRAVITY * (1.0 - z),
+        )
+        constant = self._finder.take(closed.number, (ax, ay, az), felt)
         if math.hypot(ax, ay, az) * BIN > TOP_SPEED:
             self._blame(_Cause(_SPEED, (ax, ay, az)))
         elif self._finder.stretch.seconds >= REST:
@@ -361,38 +375,33 @@ class ImuCheck(_Check):
             self._blame(_Cause(_CONSTANT, force))
             return
         self._was_upright = True  # or it was turned from there
-        self._up = self._since = _unit(force)
+        self._up = self._stood = _unit(force)
 
     def _is_honest(self, force: Vector) -> bool:
         """Whether a force that is not that of an upright rest may be right.
 
-        A container that was upright may be turned, as the rates tell; it may even be accelerated
-        then. One of which no upright rest is known may have been turned since the beginning.
+        A container that was upright, or that has been turned by its rates, may stand or move
+        tilted. What is left of the force beside gravity as it was turned accelerates it.
         """
-        size, seconds = math.hypot(*force), self._finder.stretch.seconds
-        if self._was_upright:
-            up = self._up if self._turns else _unit(force)
-            away = math.dist(force, tuple(GRAVITY * part for part in up))
-            return away * seconds <= TOP_SPEED or away <= GRAVITY * FOLLOWED
-        right = abs(size - GRAVITY) <= SIZE * GRAVITY
-        turned = angle(self._since, self._up) > 0.5 * angle(force, _UP)
-        return right and self._turns and turned
+        turned = self._turns and angle(self._stood, _UP) > 0.5 * angle(force, _UP)
+        if not (self._was_upright or turned):
+            return False
+        up = self._up if self._turns else _unit(force)
+        away = math.dist(force, tuple(GRAVITY * part for part in up))
+        return away * self._finder.stretch.seconds <= TOP_SPEED or away <= GRAVITY * FOLLOWED
 
     def _turn(self, number: int, rate: Vector, force: Vector) -> None:
-        """Turns up as the container turns; slowly it follows the force that is measured."""
+        """Turns up as the container turns; slowly it follows the force that is measured.
+
+        So it is twice: from the first force on, and from upright on.
+        """
         felt = _unit(force)
         if self._last == -(2**62):
-            self._up = self._since = felt
+            self._up, self._stood = felt, _UP
         seconds = BIN * (number - self._last) if self._last > -(2**62) else BIN
         self._last = number
-        up, share = _turned_back(self._up, rate, seconds), min(seconds / LEANING, 1.0)
-        self._up = _unit(
-            (
-                up[0] + share * (felt[0] - up[0]),
-                up[1] + share * (felt[1] - up[1]),
-                up[2] + share * (felt[2] - up[2]),
-            )
-        )
+        self._up = _leant(_turned_back(self._up, rate, seconds), felt, seconds / LEANING)
+        self._stood = _leant(_turned_back(self._stood, rate, seconds), felt, seconds / TRUSTING)
 
     def _in_container(self, v: Vector) -> Vector:
         c, s = math.cos(self._yaw), math.sin(self._yaw)
@@ -411,14 +420,14 @@ class ImuCheck(_Check):
 
     def _remembered(self, base: int) -> list[float]:
         last = float(self._last - base) if self._last > -(2**62) else math.nan
-        own = [self._yaw, last, float(self._was_upright), *self._up, *self._since]
+        own = [self._yaw, last, float(self._was_upright), *self._up, *self._stood]
         return [*own, *self._finder.memory(base)]
 
     def _remember(self, memory: Sequence[float], base: int) -> None:
         self._yaw, last, upright, ux, uy, uz, tx, ty, tz, *finder = memory
         self._last = -(2**62) if math.isnan(last) else round(last) + base
         self._was_upright = bool(upright)
-        self._up, self._since = (ux, uy, uz), (tx, ty, tz)
+        self._up, self._stood = (ux, uy, uz), (tx, ty, tz)
         self._finder.take_up(finder, base)
 
 
@@ -430,13 +439,14 @@ class PoseCheck(_Check):
     """
 
     WIDTH = 7
-    MEMORY = 4 + 9 + 5 + STRETCH_MEMORY
+    MEMORY = 4 + 9 + 6 + STRETCH_MEMORY
 
     def __init__(self, rotation: Matrix = IDENTITY) -> None:
         super().__init__(rotation)
         self._stretch = Stretch(UP_TOLERANCE, 5.0 * UP_TOLERANCE)
         self._was_upright = False
         self._place: Bin | None = None
+        self._stood = 0.0
 
     def add(
         self,
@@ -460,14 +470,16 @@ class PoseCheck(_Check):
     def _restart(self) -> None:
         super()._restart()
         self._stretch.restart()
-        self._place = None
+        self._place, self._stood = None, 0.0
 
     def _take(self, closed: Bin) -> None:
         x, y, z, *position, other = closed.mean
         before, self._place = self._place, Bin(closed.number, tuple(position))
-        speed = 0.0
+        speed, seconds = 0.0, BIN
         if before is not None:
-            speed = math.dist(before.mean, position) / (BIN * (closed.number - before.number))
+            seconds = BIN * (closed.number - before.number)
+            speed = math.dist(before.mean, position) / seconds
+        self._stood = self._stood + seconds if speed <= STANDING else 0.0
         if speed > 2.0 * TOP_SPEED:  # a jump of a tracker has half of its speed in two bins
             self._blame(_Cause(_SPEED, (speed, 0.0, 0.0)))
             return
@@ -478,7 +490,7 @@ class PoseCheck(_Check):
         if attitude_doubt(up, self._rotation) is None:
             self._was_upright = True
             self._blame(_Cause())
-        elif speed <= STANDING and self._cause.kind != _SPEED:
+        elif self._stood >= REST and self._cause.kind != _SPEED:
             scaled = 2.0 if other > math.cos(WRONG_POSE) else 1.0
             self._blame(_Cause(_CONSTANT, (scaled * up[0], scaled * up[1], scaled * up[2])))
 
@@ -495,10 +507,10 @@ class PoseCheck(_Check):
         place = [math.nan] * 4
         if self._place is not None:
             place = [float(self._place.number - base), *self._place.mean]
-        return [float(self._was_upright), *place, *self._stretch.memory(base)]
+        return [float(self._was_upright), self._stood, *place, *self._stretch.memory(base)]
 
     def _remember(self, memory: Sequence[float], base: int) -> None:
-        upright, number, x, y, z, *stretch = memory
+        upright, self._stood, number, x, y, z, *stretch = memory
         self._was_upright = bool(upright)
         self._place = None if math.isnan(number) else Bin(round(number) + base, (x, y, z))
         self._stretch.take_up(stretch, base)
@@ -518,6 +530,18 @@ def _too_fast(size: float) -> Doubt:
         f"an acceleration of {size:.4g} m/s² for {BIN:g} s changes the speed by "
         f"{size * BIN:.3g} m/s, and no arm moves faster than {TOP_SPEED:g} m/s: is it in mm/s²? "
         "It must be m/s²"
+    )
+
+
+def _leant(v: Vector, to: Vector, share: float) -> Vector:
+    """A direction that follows another by a share."""
+    share = min(share, 1.0)
+    return _unit(
+        (
+            v[0] + share * (to[0] - v[0]),
+            v[1] + share * (to[1] - v[1]),
+            v[2] + share * (to[2] - v[2]),
+        )
     )
 
 
