@@ -123,7 +123,7 @@ def test_the_recorder_may_hear_a_new_estimator_late(tmp_path):
 @pytest.mark.parametrize("kind", ["accel", "imu", "pose"])
 @pytest.mark.parametrize("late", [False, True])
 def test_doubts_about_the_input_come_again_bit_for_bit(kind, late, tmp_path):
-    """Gravity in the accelerations, a force in g or so, a tool that points down: all are flagged."""
+    """Gravity in the accelerations, a fifth of it in forces, a tool that points down."""
     live = begun_late(kind, 1010) if late else LiveBag(kind)
     live.checks = True
     live.offset = (0.0, 0.0, {"accel": GRAVITY, "imu": -0.8 * GRAVITY, "pose": 0.0}[kind])

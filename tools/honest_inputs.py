@@ -1,8 +1,8 @@
 """Inputs as honest robots give them, for tests: random motions, sensors with their usual faults.
 
-A container is moved by jerk-limited moves, long accelerations, circles, shakes and slow drives, and
-rests in between; it tilts against the acceleration, is poured from, or spins. The sensor has noise,
-vibration, a bias and a drift. Nothing in them is wrong: no check may name anything.
+A container is moved by jerk-limited moves, long accelerations, circles, shakes and slow drives,
+and rests in between; it tilts against the acceleration, is poured from, or spins. The sensor has
+noise, vibration, a bias and a drift. Nothing is wrong with them: no check may name anything.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from scipy.spatial.transform import Rotation
 Array = NDArray[np.float64]
 
 GRAVITY = 9.81
+UP = np.array((0.0, 0.0, GRAVITY))
 FASTEST = 2.5
 """[m/s]"""
 
@@ -59,7 +60,7 @@ def honest_input(seed: int) -> HonestInput:
     attitude = _attitude(random, str(kind), true, t)
     between = (attitude[:-1].inv() * attitude[1:]).as_rotvec() * rate
     turning = np.concatenate([between, between[-1:]])
-    force = attitude.inv().apply(true + [0.0, 0.0, GRAVITY])
+    force = attitude.inv().apply(true + UP)
     stamps = np.rint(1e9 * (t + random.uniform(0.0, 0.2, len(t)) / rate)).astype(np.int64)
     velocity = np.cumsum(true, axis=0) / rate
     return HonestInput(
@@ -75,7 +76,9 @@ def honest_input(seed: int) -> HonestInput:
 
 def _move(random: np.random.Generator, rate: float) -> Array:
     """Accelerations (M, 3) of a move that begins and ends at rest."""
-    kind = random.choice(["point", "long", "circle", "shake", "drive"], p=[0.4, 0.2, 0.1, 0.2, 0.1])
+    kind = random.choice(
+        ["point", "long", "circle", "shake", "drive"], p=[0.4, 0.2, 0.1, 0.2, 0.1]
+    )
     if kind == "circle":
         radius, strongest = random.uniform(0.1, 0.6), random.uniform(0.5, 8.0)
         speed = 0.5 * min(np.sqrt(strongest * radius), FASTEST)  # on average
@@ -118,13 +121,11 @@ def _direction(random: np.random.Generator) -> Array:
     return np.asarray(v / np.linalg.norm(v))
 
 
-def _attitude(
-    random: np.random.Generator, kind: str, acceleration: Array, t: Array
-) -> Rotation:
+def _attitude(random: np.random.Generator, kind: str, acceleration: Array, t: Array) -> Rotation:
     """Upright, tilting against the acceleration, poured from or spinning."""
     turn = Rotation.from_rotvec(np.zeros((len(t), 3)))
     if kind == "tilt":
-        up = random.uniform(0.3, 1.0) * acceleration + [0.0, 0.0, GRAVITY]
+        up = random.uniform(0.3, 1.0) * acceleration + UP
         width = max(int(0.06 / (t[1] - t[0])), 1)
         kernel = np.ones(width) / width
         up = np.column_stack([np.convolve(column, kernel, "same") for column in up.T])
@@ -138,9 +139,7 @@ def _attitude(
         share = np.clip((t - start) / 0.8, 0.0, 1.0) - np.clip((t - start - held) / 0.8, 0.0, 1.0)
         angle = random.uniform(0.05, 1.2) * share * share * (3.0 - 2.0 * share)
         heading = random.uniform(0.0, 2.0 * np.pi)
-        turn = Rotation.from_rotvec(
-            np.outer(angle, [np.cos(heading), np.sin(heading), 0.0])
-        )
+        turn = Rotation.from_rotvec(np.outer(angle, [np.cos(heading), np.sin(heading), 0.0]))
     if kind == "spin":
         turn = Rotation.from_rotvec(np.outer(random.uniform(-6.0, 6.0) * t, [0.0, 0.0, 1.0]))
     return Rotation.from_euler("z", random.uniform(-np.pi, np.pi)) * turn

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from slosh_report.constant_meaning import Doubt
-from slosh_report.input_checks import InputCheck
+from slosh_report.input_checks import Check
 
 
 class CheckedInput:
@@ -21,7 +21,7 @@ class CheckedInput:
         flags: whether a doubt makes samples doubtful.
     """
 
-    def __init__(self, check: InputCheck, checks: bool | None) -> None:
+    def __init__(self, check: Check, checks: bool | None) -> None:
         self.check = check
         self.flags = bool(checks)
         self._remembers = checks is not None

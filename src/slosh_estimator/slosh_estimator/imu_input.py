@@ -23,7 +23,7 @@ from slosh_estimator.rotation import Vector, cross, rotate
 from slosh_estimator.sample import SECONDS, Sample
 from slosh_estimator.state import remembered
 from slosh_model.constants import GRAVITY
-from slosh_report.input_checks import ImuCheck
+from slosh_report.imu_check import ImuCheck
 
 ANGULAR_FILTER = 0.01
 """Time constant of the low-pass behind ω̇ [s]."""

@@ -85,6 +85,4 @@ class InputSettings(NamedTuple):
         if kind == ACCEL:
             return AccelInput(self.gate, self.frames, mount, self.checks)
         world = None if old else self.frames[0]
-        return PoseInput(
-            self.gate, self.pose_window, mount, world, self.any_world, self.checks
-        )
+        return PoseInput(self.gate, self.pose_window, mount, world, self.any_world, self.checks)

@@ -176,7 +176,11 @@ class PoseInput(CheckedInput):
 
     def remark(self) -> str | None:
         """What is worth a look; None: nothing."""
-        if self._frame is not None and self._other_frame is not None and not self.gate.counts[Verdict.WRONG_FRAME]:
+        if (
+            self._frame is not None
+            and self._other_frame is not None
+            and not self.gate.counts[Verdict.WRONG_FRAME]
+        ):
             named = f"in the frame {self._other_frame!r}" if self._other_frame else "without frame"
             return f"poses {named} are taken as those in the world's frame, z up"
         return None

@@ -42,6 +42,7 @@ from slosh_msgs.srv import LoadModel  # noqa: E402
 from slosh_msgs_py import qos, topics  # noqa: E402
 from slosh_msgs_py.errors import SloshMessageError  # noqa: E402
 from slosh_msgs_py.stamps import to_nanoseconds, to_time  # noqa: E402
+from slosh_report.input_checks import AccelCheck  # noqa: E402
 
 PATIENCE = 20.0
 MS = 1_000_000

@@ -3,10 +3,10 @@
 import math
 
 from slosh_estimator.gate import GateSettings
-from slosh_estimator.mounting import SensorTransform
 from slosh_estimator.inputs import InputSettings
 from slosh_estimator.limits import Hysteresis
 from slosh_estimator.monitor_settings import MonitorSettings
+from slosh_estimator.mounting import SensorTransform
 from slosh_estimator.nodes import estimator_node, monitor_node
 
 

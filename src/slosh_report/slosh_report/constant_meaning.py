@@ -104,8 +104,8 @@ def force_doubt(f: Vector, rotation: Matrix) -> Doubt | None:
     off = abs(size / GRAVITY - 1.0)
     if off > SIZE:
         return Doubt(
-            f"{told}, of size {size:.3g} for {GRAVITY:g}: another unit, a clipped axis or a fault; "
-            "publish m/s² with gravity, as REP-145 says"
+            f"{told}, of size {size:.3g} for {GRAVITY:g}: another unit, a clipped axis or a "
+            "fault; publish m/s² with gravity, as REP-145 says"
         )
     tilt = angle(f, _UPRIGHT)
     if tilt > WRONG_TILT:
@@ -162,9 +162,7 @@ def upright_rotation(up: Vector, rotation: Matrix) -> Vector:
         rotation: container ← sensor so far.
     """
     turn = _shortest_turn(up)
-    m = [
-        [sum(turn[i][k] * rotation[k][j] for k in range(3)) for j in range(3)] for i in range(3)
-    ]
+    m = [[sum(turn[i][k] * rotation[k][j] for k in range(3)) for j in range(3)] for i in range(3)]
     pitch = math.atan2(-m[2][0], math.hypot(m[2][1], m[2][2]))
     if math.hypot(m[2][1], m[2][2]) < 1e-9:
         return math.atan2(-m[1][2], m[1][1]), pitch, 0.0

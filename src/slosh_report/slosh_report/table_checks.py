@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from slosh_files.nanoseconds import SECOND
 from slosh_model.constants import GRAVITY
 from slosh_report.constancy import MOST, TOLERANCE, TOP_SPEED, Bins, Stretch, Vector
+from slosh_report.constant_finder import DEPARTURE, REST
 from slosh_report.constant_meaning import FINE, SIZE, Doubt, acceleration_doubt, direction
-from slosh_report.input_checks import DEPARTURE, REST, AccelCheck, PoseCheck
+from slosh_report.input_checks import AccelCheck, PoseCheck
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -40,7 +41,7 @@ class InputDoubt(str):
     __slots__ = ("wrong",)
     wrong: bool
 
-    def __new__(cls, text: str, wrong: bool = True) -> InputDoubt:  # noqa: FBT001, FBT002
+    def __new__(cls, text: str, wrong: bool = True) -> InputDoubt:
         """A line."""
         made = super().__new__(cls, text)
         made.wrong = wrong
@@ -137,7 +138,12 @@ def _ends_doubt(t: Array, stamps: Integers, acceleration: Array) -> list[InputDo
 def _mean_doubt(mean: Vector, peak: float, seconds: float) -> list[InputDoubt]:
     """What the mean of a motion without rest at its ends says, within TOP_SPEED / duration."""
     size = math.hypot(*mean)
-    in_g = seconds >= AT_LEAST and abs(size - 1.0) <= 0.05 and peak < GENTLE and abs(mean[2]) > 0.9 * size
+    in_g = (
+        seconds >= AT_LEAST
+        and abs(size - 1.0) <= 0.05
+        and peak < GENTLE
+        and abs(mean[2]) > 0.9 * size
+    )
     gravity = abs(size - GRAVITY) <= SIZE * GRAVITY
     if not (in_g or gravity or size * seconds > TOP_SPEED):
         return []
@@ -156,9 +162,7 @@ def _mean_doubt(mean: Vector, peak: float, seconds: float) -> list[InputDoubt]:
     ]
 
 
-def _constant_ends(
-    stamps: Integers, acceleration: Array
-) -> tuple[Vector, Vector] | None:
+def _constant_ends(stamps: Integers, acceleration: Array) -> tuple[Vector, Vector] | None:
     """The constants of at least REST at the beginning and at the end; None: not both."""
     found: list[Vector] = []
     for rows in (slice(None), slice(None, None, -1)):

@@ -14,11 +14,13 @@ from scipy.spatial.transform import Rotation
 
 from slosh_model.constants import GRAVITY
 from slosh_report.constant_meaning import upright_rotation
-from slosh_report.input_checks import IDENTITY, AccelCheck, ImuCheck, PoseCheck
+from slosh_report.imu_check import ImuCheck
+from slosh_report.input_checks import IDENTITY, AccelCheck, PoseCheck
 from slosh_report.table_checks import motion_doubts
 
 NS = 10**9
 START = 1_700_000_000 * NS
+UP = np.array((0.0, 0.0, GRAVITY))
 LEVEL = (0.0, 0.0, 0.0, 1.0)
 ROTATIONS = [
     np.array([np.eye(3)[i] * s for i, s in zip(order, signs, strict=True)])
@@ -70,7 +72,7 @@ def axis_of(vector):
 @pytest.mark.parametrize("number", range(24))
 def test_gravity_in_an_acceleration_is_named_with_axis_and_unit(number, unit):
     stamps, a = pulses()
-    turned = UNITS[unit] * (a + [0.0, 0.0, GRAVITY]) @ ROTATIONS[number].T
+    turned = UNITS[unit] * (a + UP) @ ROTATIONS[number].T
     check, flagged = accel_check(stamps, turned)
     assert check.doubt is not None
     assert check.doubt.wrong
@@ -96,7 +98,7 @@ def test_an_acceleration_without_gravity_tells_neither_axes_nor_unit(number, uni
 def test_a_specific_force_is_right_or_named_and_the_remedy_cures_it(number, unit):
     stamps, a = pulses()
     turn = ROTATIONS[number]
-    force = UNITS[unit] * (a + [0.0, 0.0, GRAVITY]) @ turn.T
+    force = UNITS[unit] * (a + UP) @ turn.T
     check, flagged = imu_check(stamps, force)
     if unit == "m/s²" and turn[2, 2] == 1.0:  # turned about z alone: the azimuth is another
         assert check.doubt is None
@@ -127,8 +129,8 @@ def test_a_specific_force_without_gravity_is_named(number, unit):
 def test_an_exported_imu_that_was_wrong_is_named_in_the_table(number, unit):
     """Gravity was subtracted along z, whatever the sensor told."""
     stamps, a = pulses()
-    force = UNITS[unit] * (a + [0.0, 0.0, GRAVITY]) @ ROTATIONS[number].T
-    doubts = motion_doubts((stamps - START) / NS, force - [0.0, 0.0, GRAVITY])
+    force = UNITS[unit] * (a + UP) @ ROTATIONS[number].T
+    doubts = motion_doubts((stamps - START) / NS, force - UP)
     if unit == "m/s²" and ROTATIONS[number][2, 2] == 1.0:
         assert doubts == ()
     else:
@@ -141,8 +143,8 @@ def test_an_exported_imu_that_was_wrong_is_named_in_the_table(number, unit):
 def test_a_tilted_sensor_is_named_with_its_angle(degrees):
     stamps, a = pulses()
     tilt = Rotation.from_euler("x", degrees, degrees=True)
-    force = (a + [0.0, 0.0, GRAVITY]) @ tilt.as_matrix()
-    accel, _ = accel_check(stamps, force - [0.0, 0.0, GRAVITY])
+    force = (a + UP) @ tilt.as_matrix()
+    accel, _ = accel_check(stamps, force - UP)
     assert accel.doubt is not None
     assert f"tilted by {degrees:.1f}°" in accel.doubt.text
     imu, _ = imu_check(stamps, force)
@@ -152,7 +154,7 @@ def test_a_tilted_sensor_is_named_with_its_angle(degrees):
 
 def test_a_bias_along_the_vertical_is_no_tilt():
     stamps, a = pulses()
-    check, _ = accel_check(stamps, a + [0.0, 0.0, 0.7])
+    check, _ = accel_check(stamps, a + 0.07 * UP)
     assert check.doubt is not None
     assert "bias" in check.doubt.text
     assert "tilted" not in check.doubt.text
@@ -164,7 +166,7 @@ def test_degrees_per_second_are_named_when_the_container_tilts():
     swing = np.where((t > 2.0) & (t < 4.0), np.sin(np.pi * (t - 2.0)) ** 2, 0.0)
     angle = math.radians(20.0) * swing
     turn = Rotation.from_rotvec(np.outer(angle, [1.0, 0.0, 0.0]))
-    force = turn.inv().apply(a + [0.0, 0.0, GRAVITY])
+    force = turn.inv().apply(a + UP)
     rates = np.column_stack((np.gradient(angle, t), 0.0 * t, 0.0 * t))
     right, _ = imu_check(stamps, force, rates)
     assert right.raised == {}
@@ -177,7 +179,7 @@ def test_a_container_that_is_held_tilted_is_believed_where_the_rates_tell_it():
     t = (stamps - START) / NS
     angle = math.radians(30.0) * np.clip(t - 1.0, 0.0, 1.0)
     turn = Rotation.from_rotvec(np.outer(angle, [0.0, 1.0, 0.0]))
-    force = turn.inv().apply(0.0 * a + [0.0, 0.0, GRAVITY])
+    force = turn.inv().apply(0.0 * a + UP)
     rates = np.column_stack((0.0 * t, np.gradient(angle, t), 0.0 * t))
     check, flagged = imu_check(stamps, force, rates)
     assert check.raised == {}
@@ -229,7 +231,7 @@ def test_an_acceleration_in_millimetres_is_named():
 def test_blocks_single_samples_and_a_state_taken_up_give_the_same_bits(seed, block):
     given_ = honest_input(seed)
     stamps = given_.stamps
-    values = given_.acceleration + [0.0, 0.0, GRAVITY * (seed % 2)]
+    values = given_.acceleration + UP * (seed % 2)
     restarted = np.random.default_rng(seed).random(len(stamps)) < 0.002
     one, many = AccelCheck(), AccelCheck()
     singly = [
@@ -259,7 +261,7 @@ def test_a_state_taken_up_goes_on_with_the_same_bits(kind):
         for row in rows:
             stamp = int(source.stamps[row])
             if kind == "imu":
-                a = tuple((source.force[row] - [0.0, 0.0, 2.0 * GRAVITY]).tolist())
+                a = tuple((source.force[row] - 2.0 * UP).tolist())
                 check.add(stamp, a, tuple(source.rate[row].tolist()), 0.1)
             else:
                 check.add(stamp, tuple(source.position[row].tolist()), (1.0, 0.1, 0.0, 0.2))

@@ -82,7 +82,9 @@ def conclude(
         comparisons=None if components.comparisons is None else components.comparisons.result(),
         model=components.models.model,
         limits=components.monitor.monitor.settings,
-        warnings=tuple(f"{name}: {line}" for line in (astray, *reader.doubts, judged.warning) if line),
+        warnings=tuple(
+            f"{name}: {line}" for line in (astray, *reader.doubts, judged.warning) if line
+        ),
     )
 
 

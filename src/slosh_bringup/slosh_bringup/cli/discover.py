@@ -122,4 +122,3 @@ def groups_of(options: Sequence[str]) -> dict[str, tuple[str, ...]]:
             )
         groups[name] = (*groups.get(name, ()), pattern)
     return groups
-

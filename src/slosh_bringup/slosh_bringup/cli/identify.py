@@ -113,4 +113,3 @@ def make_request(arguments: argparse.Namespace) -> Request:
         tolerance=arguments.tolerance,
         beside=tuple(arguments.beside),
     )
-

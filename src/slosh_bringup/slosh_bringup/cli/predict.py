@@ -84,7 +84,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Predicts, prints and writes the answers; 1 where a limit is exceeded, or an input doubtful."""
+    """Predicts, prints and writes the answers; 1 beyond a limit or for a doubtful input."""
     if arguments.output is not None:
         check_apart([arguments.output], [arguments.model, *arguments.trajectories])
     model = read_model(arguments.model)

@@ -50,7 +50,9 @@ _GATE = GateSettings()
 PARAMETERS = (
     ParameterSpec("model", "", "model file of the container and its liquid (model.yaml)"),
     ParameterSpec("input", "accel", "what drives the models", choices=tuple(MESSAGE_TYPES)),
-    ParameterSpec("world_frame", "world", "frame of poses, and of accelerations along the world's axes; z up"),
+    ParameterSpec(
+        "world_frame", "world", "frame of poses, and of accelerations along the world's axes; z up"
+    ),
     ParameterSpec("container_frame", "container", "the container's frame, on all output"),
     ParameterSpec(
         "max_gap", _GATE.max_gap, "longest gap in the input integrated across [s]", (1e-3, 1.0)
