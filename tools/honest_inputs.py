@@ -87,15 +87,15 @@ def _move(random: np.random.Generator, rate: float) -> Array:
         angle = 2.0 * np.pi * turns * np.cumsum(swept) / swept.sum()
         path = radius * np.column_stack((np.cos(angle), np.sin(angle), np.zeros_like(angle)))
         found = np.gradient(np.gradient(path, axis=0), axis=0) * rate * rate
-        return found - found.mean(axis=0)
+        return np.asarray(found - found.mean(axis=0))
     if kind == "shake":
         seconds, frequency = random.uniform(1.0, 6.0), random.uniform(0.5, 4.0)
         t = np.arange(int(seconds * rate)) / rate
         size = min(random.uniform(0.5, 6.0), FASTEST * 2.0 * np.pi * frequency)
         wave = size * np.sin(2.0 * np.pi * frequency * t) * np.sin(np.pi * t / t[-1]) ** 2
         return np.outer(wave - wave.mean(), _direction(random))
-    size = {"point": (1.0, 9.0), "long": (0.5, 4.0), "drive": (0.15, 0.6)}[kind]
-    limit = random.uniform(*size)
+    sizes = {"point": (1.0, 9.0), "long": (0.5, 4.0), "drive": (0.15, 0.6)}[kind]
+    limit = random.uniform(*sizes)
     speed = random.uniform(0.2, 1.5 if kind == "drive" else FASTEST)
     ramp = random.uniform(0.02, 0.2)
     plateau = max(speed / limit - ramp, 0.0)

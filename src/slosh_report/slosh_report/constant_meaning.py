@@ -42,16 +42,17 @@ class Doubt(NamedTuple):
     wrong: bool = True
 
 
-def acceleration_doubt(c: Vector) -> Doubt | None:
+def acceleration_doubt(c: Vector, what: str = "the acceleration at rest") -> Doubt | None:
     """What a constant acceleration at rest says; None: nothing.
 
     Args:
         c: gravity should be excluded [m/s²].
+        what: it is, for the sentence.
     """
     size = math.hypot(*c)
     if size <= FINE:
         return None
-    told = f"the acceleration at rest is {_vector(c)} m/s², not 0"
+    told = f"{what} is {_vector(c)} m/s², not 0"
     force = (c[0], c[1], c[2] + GRAVITY)
     if _near(math.hypot(*force), 1.0, 0.03) or (
         _near(math.hypot(*force), 1.0, SIZE) and not _near(size, GRAVITY, SIZE)
@@ -127,10 +128,15 @@ def attitude_doubt(up: Vector, rotation: Matrix, *, first: bool = False) -> Doub
     if tilt <= TOLD_POSE:
         return None
     order = "; or the quaternion is in the order w, x, y, z: publish x, y, z, w" if first else ""
-    where = "points down" if tilt > math.radians(160.0) else f"is {math.degrees(tilt):.1f}° off"
+    where = (
+        "points down"
+        if tilt > math.radians(160.0)
+        else f"is {math.degrees(tilt):.1f}° off the vertical"
+    )
     return Doubt(
-        f"the container's z axis at rest {where} from the vertical: the pose is a tool's, mounted "
-        f"otherwise: set sensor_rotation to {_numbers(upright_rotation(up, rotation))}{order}",
+        f"the container's z axis at rest {where}: the attitude is a tool's, mounted otherwise: "
+        "publish the container's own, or set sensor_rotation to "
+        f"{_numbers(upright_rotation(up, rotation))}{order}",
         tilt > WRONG_POSE,
     )
 

@@ -15,7 +15,7 @@ from slosh_files.nanoseconds import SECOND
 from slosh_model.constants import GRAVITY
 from slosh_report.constancy import MOST, TOLERANCE, TOP_SPEED, Bins, Stretch, Vector
 from slosh_report.constant_finder import DEPARTURE, REST
-from slosh_report.constant_meaning import FINE, SIZE, Doubt, acceleration_doubt, direction
+from slosh_report.constant_meaning import FINE, SIZE, Doubt, acceleration_doubt
 from slosh_report.input_checks import AccelCheck, PoseCheck
 
 Array = NDArray[np.float64]
@@ -147,19 +147,12 @@ def _mean_doubt(mean: Vector, peak: float, seconds: float) -> list[InputDoubt]:
     gravity = abs(size - GRAVITY) <= SIZE * GRAVITY
     if not (in_g or gravity or size * seconds > TOP_SPEED):
         return []
-    told = "({:.2f}, {:.2f}, {:.2f})".format(*mean)
-    if in_g:
-        why = f"gravity is contained in g, along {direction(mean)}: multiply by 9.81, subtract it"
-    elif gravity:
-        why = f"gravity is contained, along {direction(mean)}: subtract it"
-    else:
-        why = "gravity, a tilt of the sensor or a bias is contained: take it out"
-    return [
-        InputDoubt(
-            f"the mean acceleration is {told} m/s², by which the container ends "
-            f"{size * seconds:.3g} m/s faster than it began: {why}"
-        )
-    ]
+    what = (
+        "the mean acceleration, by which the container ends "
+        f"{size * seconds:.3g} m/s faster than it began,"
+    )
+    doubt = acceleration_doubt(mean, what)
+    return [InputDoubt.of(doubt)] if doubt is not None else []
 
 
 def _constant_ends(stamps: Integers, acceleration: Array) -> tuple[Vector, Vector] | None:

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from slosh_report.constancy import BIN_NS
 from slosh_report.motion_spans import (
     AFTER_NS,
-    BIN_NS,
     MOVING,
     PAUSE_NS,
     TURNING,
