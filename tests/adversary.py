@@ -47,7 +47,9 @@ class Robot:
         camera_shift: by how much the camera's clock is ahead [s].
         time_ns: the time [ns], of which it tells by `/clock` when it is not the system's.
         gravity: what the inertial sensor reads of gravity [m/s²].
-        frame: of the accelerations.
+        frame: of accelerations and poses.
+        lift: acceleration along z [m/s²].
+        attitude: of the poses, x, y, z, w.
     """
 
     def __init__(self, name: str, kind: str, namespace: str = "/slosh") -> None:
@@ -60,6 +62,8 @@ class Robot:
         self.shift, self.camera_shift, self.gravity = 0.0, 0.0, GRAVITY
         self.time_ns: Callable[[], int] = time.time_ns
         self.frame = "world"
+        self.lift = 0.0
+        self.attitude = (0.0, 0.0, 0.0, 1.0)
         self.estimates: list[SloshEstimate] = []
         self.comparisons: list[SloshComparison] = []
         self.health: dict[str, tuple[int, str]] = {}
@@ -112,14 +116,16 @@ class Robot:
         if self.kind == topics.ACCEL:
             message = AccelStamped()
             message.header.frame_id = self.frame
-            message.accel.linear.x = push
+            message.accel.linear.x, message.accel.linear.z = push, self.lift
         elif self.kind == topics.IMU:
             message = Imu()
             message.linear_acceleration.x = push
             message.linear_acceleration.z = self.gravity
         else:
             message = PoseStamped()
-            message.pose.orientation.w = 1.0
+            message.header.frame_id = self.frame
+            q = message.pose.orientation
+            q.x, q.y, q.z, q.w = self.attitude
         message.header.stamp = to_time(self.time_ns() + round((ahead + self.shift) * 1e9))
         self.inputs[self.kind].publish(message)
 
@@ -193,6 +199,7 @@ def nodes_and_robot(
     kind: str = topics.ACCEL,
     picture: Image | CompressedImage | None = None,
     namespace: str = "/slosh",
+    attitude: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 1.0),
 ) -> Iterator[tuple[NodeGroup, Robot]]:
     """Estimator, monitor, for a picture a camera node, and a robot.
 
@@ -203,6 +210,7 @@ def nodes_and_robot(
         kind: of the input.
         picture: that the camera node looks at; None: the robot speaks in its place.
         namespace: of all of them.
+        attitude: of the poses, from the first one on.
     """
     given = ["estimator", "monitor", *(["camera"] if picture else [])]
     own = {
@@ -217,6 +225,7 @@ def nodes_and_robot(
         environment = node_environment(domain)
         group = stack.enter_context(NodeGroup(namespace, folder / "logs", environment))
         robot = Robot("robot", kind, namespace)
+        robot.attitude = attitude
         stack.callback(robot.close)
         robot.listen()
         if picture:

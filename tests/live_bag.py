@@ -13,6 +13,7 @@ from slosh_bag.definitions import Definitions
 from slosh_estimator.estimator import Estimator
 from slosh_estimator.gate import GateSettings
 from slosh_estimator.inputs import InputSettings
+from slosh_estimator.mounting import SensorTransform
 from slosh_estimator.sampling import modes_of
 from slosh_model.arithmetic import arithmetic_fingerprint
 from slosh_model.constants import GRAVITY
@@ -86,6 +87,9 @@ class LiveBag:
         topics: those that are written; None: all.
         namespace: of the cell.
         facts: of the whole bag.
+        checks: whether the estimator checks its input; None: it is one of the time before.
+        rotation: sensor_rotation of the estimator [rad].
+        offset: what the input tells beyond what is true [m/s²].
     """
 
     def __init__(self, kind: str = "accel") -> None:
@@ -111,6 +115,9 @@ class LiveBag:
         self.topics: Collection[str] | None = None
         self.namespace = "/slosh"
         self.facts: dict[str, str] = {}
+        self.checks: bool | None = None
+        self.rotation = (0.0, 0.0, 0.0)
+        self.offset = (0.0, 0.0, 0.0)
         self._definitions = Definitions()
         for message_type in TYPES.values():
             self._definitions.hash(message_type)  # makes the type known
@@ -184,7 +191,7 @@ class LiveBag:
 
     def _input(self, source, index: int, stamp: int, a: list[float], position: list[float]):
         """Records an input; returns the samples that the estimator makes of it, if it gets it."""
-        x, y, z = a
+        x, y, z = a = [value + more for value, more in zip(a, self.offset, strict=True)]
         heard = index not in self.unheard
         if self.kind == "accel":
             fields = {"accel": self._accel(a)}
@@ -208,8 +215,9 @@ class LiveBag:
             own["max_jump"] = GateSettings().max_jump
         self._settings("estimator", stamp, files, log_ns, **own)
         source = InputSettings(
-            self.kind, GateSettings(), pose_window=self.pose_window, modes=modes_of(model)
-        ).reader(self.kind)
+            self.kind, GateSettings(), SensorTransform(*self.rotation), self.pose_window,
+            modes=modes_of(model), checks=self.checks,
+        ).reader(self.kind)  # fmt: skip
         return Estimator(model, at_rest=at_rest), source
 
     def _settings(
@@ -224,6 +232,9 @@ class LiveBag:
         parameters = {**PARAMETERS[node], **own}
         if node == "estimator":
             parameters["input"] = self.kind
+            parameters["sensor_rotation"] = list(self.rotation)
+            if self.checks is not None:
+                parameters["check_input"] = self.checks
         names = (self.kind, "free_surface", "estimate")
         full = {name: f"{self.namespace}/{name}" for name in names}
         told = {"parameters": parameters, "topics": full, "files": files}

@@ -5,8 +5,11 @@ import math
 import pytest
 
 from slosh_bag.definitions import find_interfaces
+from slosh_bag.reader import BagReader
 from slosh_bag.replay import replay_bag
 from slosh_bag.replay.input_matching import PATIENCE_NS
+from slosh_estimator.validity import EstimateFlag
+from slosh_model.constants import GRAVITY
 from tests.live_bag import MODEL, LiveBag
 from tests.test_replay_verification import TANK
 
@@ -137,3 +140,47 @@ def test_the_recorder_may_hear_a_new_estimator_late(tmp_path):
     found = replay_bag(live.write(tmp_path / "bag", 4.0)).verification
     assert found.exact, found.lines()
     assert PATIENCE_NS > 2_500_000_000
+
+
+@pytest.mark.parametrize("kind", ["accel", "imu", "pose"])
+@pytest.mark.parametrize("late", [False, True])
+def test_doubts_about_the_input_come_again_bit_for_bit(kind, late, tmp_path):
+    """Gravity in the accelerations, a fifth of it in forces, a tool that points down."""
+    live = begun_late(kind, 1010) if late else LiveBag(kind)
+    live.checks = True
+    live.offset = (0.0, 0.0, {"accel": GRAVITY, "imu": -0.8 * GRAVITY, "pose": 0.0}[kind])
+    live.attitude = lambda index: (1.0, 0.0, 0.0, 0.0)
+    result = replay_bag(live.write(tmp_path / "bag"))
+    found = result.verification
+    assert found.exact, found.lines()
+    word = {"accel": "gravity is contained", "imu": "of size 1.96", "pose": "points down"}[kind]
+    assert any(word in line for line in result.warnings)
+    flags = recorded_flags(tmp_path / "bag")
+    assert flags[-1] & EstimateFlag.INPUT_DOUBTFUL
+    # A second of rest is at the beginning: from then on all are flagged.
+    assert all(flag & EstimateFlag.INPUT_DOUBTFUL for flag in flags[500:])
+
+
+@pytest.mark.parametrize("kind", ["accel", "imu", "pose"])
+def test_a_mounting_is_applied_again_bit_for_bit(kind, tmp_path):
+    live = LiveBag(kind)
+    live.checks, live.rotation = True, (0.02, -0.01, 0.7)
+    result = replay_bag(live.write(tmp_path / "bag"))
+    assert result.verification.exact, result.verification.lines()
+    assert result.warnings == ()
+
+
+@pytest.mark.parametrize("kind", ["accel", "pose"])
+def test_a_recording_of_the_time_before_knew_no_checks_and_no_mounting(kind, tmp_path):
+    live = LiveBag(kind)
+    live.offset = (0.0, 0.0, GRAVITY if kind == "accel" else 0.0)
+    live.attitude = lambda index: (1.0, 0.0, 0.0, 0.0)
+    result = replay_bag(live.write(tmp_path / "bag"))
+    assert result.verification.exact, result.verification.lines()
+    assert len(result.warnings) == 1  # it is told, and not flagged
+    assert not any(flag & EstimateFlag.INPUT_DOUBTFUL for flag in recorded_flags(tmp_path / "bag"))
+
+
+def recorded_flags(folder):
+    reader = BagReader(folder)
+    return [reader.decode(m).flags for m in reader.messages() if m.topic == "/slosh/estimate"]

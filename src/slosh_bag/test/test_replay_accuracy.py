@@ -154,7 +154,7 @@ def whole(acceleration=3.0, shift=5.0, level=0.004):
     return WholeRun(
         ("2D-L", "3D-L", "2D-NL", "3D-NL"),
         ModelHeights(stamps, heights, np.zeros(len(stamps)), np.zeros(len(stamps), dtype=int)),
-        np.tile((acceleration, 0.0, 0.0), (len(stamps), 1)),
+        acceleration * np.outer(np.cos(3e-9 * np.pi * stamps), (1.0, 0.0, 0.0)),
         Measurements(
             np.rint(t * 1e9).astype(np.int64),
             level + wave(t - shift),

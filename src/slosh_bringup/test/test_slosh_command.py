@@ -150,8 +150,10 @@ def test_simulate_says_whether_the_motion_stays_within_bounds(capsys, motion, tm
 @pytest.mark.parametrize(
     ("change", "match"),
     [
-        ({"factor": 1000.0}, r"up to \d+ m/s²: are they in mm/s²\?"),
-        ({"az": 9.81}, r"az is 9\.81 m/s² .* gravity is included"),
+        ({"factor": 1000.0}, r"is it in mm/s²\? It must be m/s²"),
+        ({"az": 9.81}, r" is \(.*9\.81\) m/s².* gravity is contained, along \+z"),
+        ({"factor": 1 / 9.81, "az": 1.0}, r"gravity is contained in g, along \+z"),
+        ({"az": -8.81}, r"9\.81 was subtracted from a sensor that reports g"),
         ({"stretch": 100.0}, r"rows are 0\.2 s apart, the liquid's period is 0\.33 s"),
     ],
 )
@@ -220,6 +222,22 @@ def test_columns_that_are_no_pairs_are_named(capsys, motion, given):
     )
     assert "--columns" in line
     assert "NAME=COLUMN" in line
+
+
+def test_predict_and_plan_tell_the_same_doubts(capsys, motion, tmp_path):
+    table = scaled(motion, tmp_path / "gravity.csv", az=9.81)
+    sentence = simulated(capsys, table)[1]["warnings"][0]
+    assert main(["predict", MODEL, str(table)]) == 1
+    said = capsys.readouterr().err
+    assert said.startswith("slosh predict: warning: ")
+    assert sentence in said
+    assert main(["predict", MODEL, str(motion)]) == 0
+    assert capsys.readouterr().err == ""
+    path = tmp_path / "path.csv"
+    path.write_text("t,x,y,z\n0,0,0,0\n1,400,0,0\n")
+    command = ["plan", MODEL, str(path), "--limit", "0.02", "-o", str(tmp_path / "plan.csv")]
+    assert main(command) in (1, 2)
+    assert "the path is 400 m long: are its positions in mm?" in capsys.readouterr().err
 
 
 def test_simulate_refuses_what_no_container_undergoes(capsys, motion, tmp_path):

@@ -7,15 +7,19 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from slosh_estimator.checked_input import CheckedInput
 from slosh_estimator.gate import GateSettings, SampleGate, Verdict
+from slosh_estimator.mounting import SensorTransform
+from slosh_estimator.rotation import rotate
 from slosh_estimator.sample import Sample, Samples
 from slosh_estimator.sampling import MEMORY, Sampling
 from slosh_estimator.state import remembered
+from slosh_report.input_checks import AccelCheck
 
 Array = NDArray[np.float64]
 
 
-class AccelInput:
+class AccelInput(CheckedInput):
     """Takes accelerations in the world's or the container's axes.
 
     Without an attitude the container counts as upright and not yawing: the two frames have the
@@ -24,9 +28,24 @@ class AccelInput:
     Args:
         settings: limits of the gate.
         frames: names of the frames that are taken; a sample in any other is dropped and counted.
+        transform: container ← axes of the messages. The lever arm needs angular velocities, which
+            these messages do not tell.
+        checks: see `InputSettings`.
     """
 
-    def __init__(self, settings: GateSettings, frames: tuple[str, ...]) -> None:
+    check: AccelCheck
+
+    def __init__(
+        self,
+        settings: GateSettings,
+        frames: tuple[str, ...],
+        transform: SensorTransform | None = None,
+        checks: bool | None = None,
+    ) -> None:
+        super().__init__(AccelCheck(), checks)
+        mount = transform or SensorTransform()
+        self._matrix = mount.matrix if mount.turns else None
+        self._arm = any(mount.to_origin)
         self.gate = SampleGate(settings)
         self.sampling = Sampling("accelerations")
         self.strange_frame = ""
@@ -42,18 +61,21 @@ class AccelInput:
             self.strange_frame = frame
             return None
         verdict = self.gate.judge(stamp_ns, (ax, ay, az), now_ns)
-        if verdict is Verdict.USE:
-            self.sampling.take(self.gate.interval_ns, restarted=False)
-            return Sample(stamp_ns, ax, ay, az, slow=self.sampling.slow)
-        if verdict is Verdict.RESTART:
-            self.sampling.take(self.gate.interval_ns, restarted=True)
-            return Sample(stamp_ns, ax, ay, az, 0.0, True, slow=self.sampling.slow)
-        return None
+        if verdict is not Verdict.USE and verdict is not Verdict.RESTART:
+            return None
+        restarted = verdict is Verdict.RESTART
+        if self._matrix is not None:
+            ax, ay, az = rotate(self._matrix, (ax, ay, az))
+        self.sampling.take(self.gate.interval_ns, restarted=restarted)
+        doubtful = self.check.add(stamp_ns, (ax, ay, az), restarted=restarted) and self.flags
+        slow = self.sampling.slow
+        return Sample(stamp_ns, ax, ay, az, 0.0, restarted, None, doubtful, slow)
 
     @property
     def memory(self) -> list[float]:
         """What the next samples depend on, beside the last one's stamp."""
-        return [*self.gate.last, *self.sampling.memory]
+        own = [*self.gate.last, *self.sampling.memory]
+        return [*own, *self.checked_memory(self.gate.last_ns or 0)]
 
     def take_up(self, stamp_ns: int, memory: Sequence[float]) -> None:
         """Goes on behind the message that another reader used last, with its memory.
@@ -61,7 +83,8 @@ class AccelInput:
         Raises:
             SloshEstimatorError: the memory is of another kind of input.
         """
-        ax, ay, az, *rate = remembered(memory, 3, MEMORY)
+        own = remembered(self.take_up_check(stamp_ns, memory), 3, MEMORY)
+        ax, ay, az, *rate = own
         self.gate.go_on(stamp_ns, (ax, ay, az))
         self.sampling.take_up(rate)
 
@@ -82,17 +105,40 @@ class AccelInput:
         stamps, accelerations = stamps[known], np.ascontiguousarray(accelerations[known])
         before = self.gate.last_ns
         used, restarted = self.gate.judge_many(stamps, accelerations)
-        stamps, restarted = stamps[used], restarted[used]
+        stamps, accelerations, restarted = stamps[used], accelerations[used], restarted[used]
         slow = self.sampling.take_many(
             np.diff(stamps, prepend=stamps[:1] if before is None else np.int64(before)), restarted
         )
-        return Samples(stamps, accelerations[used], np.zeros(len(stamps)), restarted, slow=slow)
+        if self._matrix is not None:
+            x, y, z = accelerations.T
+            turned = [row[0] * x + row[1] * y + row[2] * z for row in self._matrix]
+            accelerations = np.ascontiguousarray(np.column_stack(turned))
+        doubtful = self.check.add_many(stamps, accelerations, restarted)
+        return Samples(
+            stamps, accelerations, np.zeros(len(stamps)), restarted, None,
+            doubtful if self.flags else None, slow,
+        )  # fmt: skip
 
     def warning(self) -> str | None:
         """What the user should mend, by what has come since the last call; None: nothing."""
         strange = self.gate.counts[Verdict.WRONG_FRAME]
         new, self._told = strange - self._told, strange
         if not new:
+            return None
+        return self.refusal()
+
+    def remark(self) -> str | None:
+        """What is worth a look; None: nothing."""
+        if self._arm:
+            return (
+                "sensor_to_origin is not accounted for: the input accel tells no rotation; "
+                "use the input imu or pose"
+            )
+        return None
+
+    def refusal(self) -> str | None:
+        """Why samples were refused by their frame; None: none was."""
+        if not self.gate.counts[Verdict.WRONG_FRAME]:
             return None
         return (
             f"accelerations in frame {self.strange_frame!r} are dropped: "

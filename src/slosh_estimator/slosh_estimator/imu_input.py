@@ -15,15 +15,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
-from slosh_estimator.errors import SloshEstimatorError
+from slosh_estimator.checked_input import CheckedInput
 from slosh_estimator.gate import GateSettings, SampleGate, Verdict, fault_of
-from slosh_estimator.rotation import Vector, cross, matrix_from_rpy, rotate
+from slosh_estimator.mounting import SensorTransform
+from slosh_estimator.rotation import Vector, cross, rotate
 from slosh_estimator.sample import SECONDS, Sample
 from slosh_estimator.sampling import MEMORY, Sampling
 from slosh_estimator.state import remembered
 from slosh_model.constants import GRAVITY
+from slosh_report.imu_check import ImuCheck
 
 ANGULAR_FILTER = 0.01
 """Time constant of the low-pass behind ω̇ [s]."""
@@ -34,35 +35,24 @@ FASTEST_TURN = 200.0
 """No gyroscope on an arm shows more [rad/s]: 30 turns a second."""
 
 
-@dataclass(frozen=True, slots=True)
-class SensorTransform:
-    """Where the sensor sits.
+class ImuInput(CheckedInput):
+    """Takes specific forces and angular velocities.
 
-    Attributes:
-        roll, pitch, yaw: rotation container ← sensor, fixed axes [rad].
-        to_origin: from the sensor to the container's origin, in the container's axes [m].
-
-    Raises:
-        SloshEstimatorError: a value is not finite.
+    Args:
+        settings: limits of the gate.
+        transform: container ← sensor.
+        checks: see `InputSettings`; None: only a mean force far from gravity's is doubtful.
     """
 
-    roll: float = 0.0
-    pitch: float = 0.0
-    yaw: float = 0.0
-    to_origin: Vector = (0.0, 0.0, 0.0)
+    check: ImuCheck
 
-    def __post_init__(self) -> None:
-        if not all(map(math.isfinite, (self.roll, self.pitch, self.yaw, *self.to_origin))):
-            raise SloshEstimatorError(f"sensor transform {self} must be finite")
-
-
-class ImuInput:
-    """Takes specific forces and angular velocities."""
-
-    def __init__(self, settings: GateSettings, transform: SensorTransform) -> None:
+    def __init__(
+        self, settings: GateSettings, transform: SensorTransform, checks: bool | None = None
+    ) -> None:
+        super().__init__(ImuCheck(transform.matrix), checks)
         self.gate = SampleGate(settings)
         self.sampling = Sampling("IMU samples")
-        self._matrix = matrix_from_rpy(transform.roll, transform.pitch, transform.yaw)
+        self._matrix = transform.matrix
         self._to_origin = transform.to_origin
         self._stamp_ns = 0
         self._slow_rate: Vector = (0.0, 0.0, 0.0)
@@ -102,10 +92,13 @@ class ImuInput:
         self._watch_gravity(math.sqrt(fx * fx + fy * fy + fz * fz), dt)
         c, s = math.cos(self._yaw), math.sin(self._yaw)
         half = 0.5 * self._yaw
+        a = (c * fx - s * fy, s * fx + c * fy, fz - GRAVITY)
+        turn = None if rate is None else omega
+        found = self.check.add(stamp_ns, a, turn, self._yaw, restarted=restarted)
         return Sample(
-            stamp_ns, c * fx - s * fy, s * fx + c * fy, fz - GRAVITY, self._yaw, restarted,
-            (0.0, 0.0, math.sin(half), math.cos(half), *omega, *change), self._doubtful,
-            self.sampling.slow,
+            stamp_ns, *a, self._yaw, restarted,
+            (0.0, 0.0, math.sin(half), math.cos(half), *omega, *change),
+            found and self.flags if self._remembers else self._doubtful, self.sampling.slow,
         )  # fmt: skip
 
     @property
@@ -113,7 +106,7 @@ class ImuInput:
         """What the next samples depend on, beside the last one's stamp."""
         mean = math.nan if self._mean_force is None else self._mean_force
         own = [*self.gate.last, *self._slow_rate, self._last_yaw_rate, self._yaw, mean]
-        return [*own, *self.sampling.memory]
+        return [*own, *self.sampling.memory, *self.checked_memory(self._stamp_ns)]
 
     def take_up(self, stamp_ns: int, memory: Sequence[float]) -> None:
         """Goes on behind the message that another reader used last, with its memory.
@@ -121,7 +114,8 @@ class ImuInput:
         Raises:
             SloshEstimatorError: the memory is of another kind of input.
         """
-        fx, fy, fz, sx, sy, sz, rate, yaw, mean, *sampling = remembered(memory, 9, MEMORY)
+        own = remembered(self.take_up_check(stamp_ns, memory), 9, MEMORY)
+        fx, fy, fz, sx, sy, sz, rate, yaw, mean, *sampling = own
         self.gate.go_on(stamp_ns, (fx, fy, fz))
         self._stamp_ns, self._slow_rate = stamp_ns, (sx, sy, sz)
         self._last_yaw_rate, self._yaw = rate, yaw
@@ -130,13 +124,6 @@ class ImuInput:
 
     def warning(self) -> str | None:
         """What the user should mend; None: nothing."""
-        if self._doubtful and self._mean_force is not None:
-            light = self._mean_force < TOO_LIGHT
-            seems = "leave gravity out" if light else "have another unit, or a fault"
-            return (
-                f"the sensor's mean specific force is {self._mean_force:.1f} m/s²: it seems to "
-                f"{seems}; publish specific force as REP-145 says (+9.8 m/s² at rest)"
-            )
         if self._rate_missing and self._to_origin != (0.0, 0.0, 0.0):
             return "the sensor reports no angular velocity: its lever arm is not accounted for"
         return None

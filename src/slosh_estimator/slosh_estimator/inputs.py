@@ -8,7 +8,8 @@ from typing import Any, NamedTuple
 
 from slosh_estimator.accel_input import AccelInput
 from slosh_estimator.gate import GateSettings
-from slosh_estimator.imu_input import ImuInput, SensorTransform
+from slosh_estimator.imu_input import ImuInput
+from slosh_estimator.mounting import SensorTransform
 from slosh_estimator.pose_input import PoseInput
 from slosh_estimator.sampling import Modes
 
@@ -31,12 +32,16 @@ class InputSettings(NamedTuple):
     Attributes:
         kind: one of MESSAGE_TYPES; None: the first of them that is there.
         gate: limits of the gate.
-        transform: container ← IMU.
+        transform: container ← sensor, or the frame whose pose is published.
         pose_window: length of the differentiating window [s]; 0.0: chosen. A whole number counts
             poses, as nodes of old recorded it; they did not judge the rate of an input either.
         frames: frames of accelerations that are taken: along the world's axes, along the
-            container's.
+            container's. The first is that of poses, too.
         modes: of the model, which the input must carry; none: not known.
+        checks: whether doubts about the input are told and flagged; None: as in recordings from
+            before there were checks: frames and mountings of accelerations and poses, and the
+            doubts, are as they were then.
+        any_world: whether poses in any frame are taken: where nobody could set its name.
     """
 
     kind: str | None = None
@@ -45,6 +50,8 @@ class InputSettings(NamedTuple):
     pose_window: float = POSE_WINDOW
     frames: tuple[str, str] = ("world", "container")
     modes: Modes = ()
+    checks: bool | None = True
+    any_world: bool = False
 
     @classmethod
     def from_parameters(cls, parameters: Mapping[str, Any]) -> InputSettings:
@@ -71,6 +78,7 @@ class InputSettings(NamedTuple):
             SensorTransform(roll, pitch, yaw, (x, y, z)),
             parameters["pose_window"],
             (parameters["world_frame"], parameters["container_frame"]),
+            checks=parameters.get("check_input"),
         )
 
     def reader(self, kind: str) -> AnyInput:
@@ -82,8 +90,11 @@ class InputSettings(NamedTuple):
         return found
 
     def _reader(self, kind: str) -> AnyInput:
-        if kind == ACCEL:
-            return AccelInput(self.gate, self.frames)
         if kind == IMU:
-            return ImuInput(self.gate, self.transform)
-        return PoseInput(self.gate, self.pose_window)
+            return ImuInput(self.gate, self.transform, self.checks)
+        old = self.checks is None
+        mount = SensorTransform() if old else self.transform
+        if kind == ACCEL:
+            return AccelInput(self.gate, self.frames, mount, self.checks)
+        world = None if old else self.frames[0]
+        return PoseInput(self.gate, self.pose_window, mount, world, self.any_world, self.checks)

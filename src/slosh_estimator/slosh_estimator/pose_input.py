@@ -15,8 +15,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from slosh_estimator.checked_input import CheckedInput
 from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.gate import GateSettings, SampleGate, Verdict, fault_of
+from slosh_estimator.mounting import SensorTransform, ToolPose
 from slosh_estimator.pose_filter import (
     CUBIC,
     FEWEST,
@@ -30,6 +32,7 @@ from slosh_estimator.rotation import Vector, yaw_of_quaternion
 from slosh_estimator.sample import SECONDS, Sample
 from slosh_estimator.sampling import MEMORY, Modes, Sampling
 from slosh_estimator.state import remembered
+from slosh_report.input_checks import PoseCheck
 
 Array = NDArray[np.float64]
 
@@ -48,13 +51,18 @@ _NUMBERS = 7
 """Of a pose: position and quaternion."""
 
 
-class PoseInput:
+class PoseInput(CheckedInput):
     """Takes poses in the world's axes.
 
     Args:
         settings: limits of the gate.
         window: length of the window [s]; 0.0: the longest that carries the modes. A whole number
             counts poses, odd, to which cubics are fitted, as old recordings have it.
+        transform: container ← the frame whose pose is published.
+        frame: name of the world's frame; poses in any other are dropped, but for those that name
+            none; None: all are taken.
+        any_frame: whether poses in other frames are taken, too, and that is told.
+        checks: see `InputSettings`.
 
     Attributes:
         gate: judges the poses.
@@ -65,7 +73,23 @@ class PoseInput:
         SloshEstimatorError: the window is negative; a count is even or too small.
     """
 
-    def __init__(self, settings: GateSettings, window: float = 0.0) -> None:
+    check: PoseCheck
+
+    def __init__(
+        self,
+        settings: GateSettings,
+        window: float = 0.0,
+        transform: SensorTransform | None = None,
+        frame: str | None = None,
+        any_frame: bool = False,
+        checks: bool | None = None,
+    ) -> None:
+        mount = transform or SensorTransform()
+        super().__init__(PoseCheck(mount.matrix), checks)
+        self._tool = ToolPose(mount)
+        self._frame, self._any_frame = frame, any_frame or frame is None
+        self._other_frame: str | None = None
+        self._told = 0
         count = window if isinstance(window, int) else 0
         if isinstance(window, int) and (window < MINIMUM_WINDOW or window % 2 == 0):
             raise SloshEstimatorError(
@@ -94,6 +118,7 @@ class PoseInput:
         position: tuple[float, float, float],
         quaternion: tuple[float, float, float, float],
         now_ns: int | None = None,
+        frame: str = "",
     ) -> list[Sample]:
         """The samples that a pose makes known, in order: those about half a window before it.
 
@@ -101,28 +126,35 @@ class PoseInput:
 
         Args:
             stamp_ns: the moment [ns].
-            position: the container's origin in the world [m].
-            quaternion: x, y, z, w, world ← container; of any length within LENGTHS.
+            position: of the frame that is published, in the world [m].
+            quaternion: x, y, z, w, world ← that frame; of any length within LENGTHS.
             now_ns: the time of arrival [ns].
+            frame: in which the pose is given.
         """
+        if frame != self._frame and self._strange(frame):
+            return []
         fault = fault_of(position, FARTHEST) or _fault_of_attitude(quaternion)
         verdict = self.gate.judge(stamp_ns, None, now_ns, fault)
         if verdict not in (Verdict.USE, Verdict.RESTART):
             return []
+        position, quaternion = self._tool.container(position, quaternion)
+        restarted = verdict is Verdict.RESTART
+        doubtful = self.check.add(stamp_ns, position, quaternion, restarted=restarted)
+        doubtful = doubtful and self.flags
         jumped = verdict is Verdict.USE and self._jumped(stamp_ns, position)
         self.jumps += jumped
-        if verdict is Verdict.RESTART or jumped:
+        if restarted or jumped:
             self._poses.clear()
             self._at = self._count // 2
             self._restarted = True
-        self.sampling.take(self.gate.interval_ns, restarted=verdict is Verdict.RESTART)
+        self.sampling.take(self.gate.interval_ns, restarted=restarted)
         self._poses.append(stamp_ns, (*position, *quaternion))
         found: list[Sample] = []
         while True:
             window = self._fixed_window() if self._count else self._window()
             if window is None:
                 break
-            found += self._samples(*window)
+            found += self._samples(*window, doubtful=doubtful)
             self._at += 1
         return found
 
@@ -139,9 +171,10 @@ class PoseInput:
         """What the next samples depend on, beside the last one's stamp: the window's poses."""
         first = max(self._at - 1 - self._count // 2, 0) if self._count else 0
         rows = self._poses.rows(first)
+        checked = self.checked_memory(self._poses.newest_ns if len(self._poses) else 0)
         if self._count:
-            return rows
-        return [float(self._at), *self._misfit, *self.sampling.memory, *rows]
+            return [*rows, *checked]
+        return [float(self._at), *self._misfit, *self.sampling.memory, *rows, *checked]
 
     def take_up(self, stamp_ns: int, memory: Sequence[float]) -> None:
         """Goes on behind the message that another reader used last, with its memory.
@@ -149,6 +182,7 @@ class PoseInput:
         Raises:
             SloshEstimatorError: the memory is of another kind of input or another window.
         """
+        memory = self.take_up_check(stamp_ns, memory)
         if self._count:
             self._poses.fill(stamp_ns, remembered(memory, (_NUMBERS + 1) * self._count))
             self._at = self._count // 2 + 1
@@ -165,9 +199,45 @@ class PoseInput:
 
     def warning(self) -> str | None:
         """What the user should mend; None: nothing."""
+        strange = self.gate.counts[Verdict.WRONG_FRAME]
+        new, self._told = strange - self._told, strange
+        if new:
+            return self.refusal()
         if self.jumps:
-            return f"{self.jumps} jumps of more than {MAXIMUM_SPEED:g} m/s in the pose"
+            return (
+                f"{self.jumps} jumps of more than {MAXIMUM_SPEED:g} m/s in the pose: a tracker "
+                "that jumps, or positions that are not in m"
+            )
         return None
+
+    def remark(self) -> str | None:
+        """What is worth a look; None: nothing."""
+        if (
+            self._frame is not None
+            and self._other_frame is not None
+            and not self.gate.counts[Verdict.WRONG_FRAME]
+        ):
+            named = f"in the frame {self._other_frame!r}" if self._other_frame else "without frame"
+            return f"poses {named} are taken as those in the world's frame, z up"
+        return None
+
+    def refusal(self) -> str | None:
+        """Why samples were refused by their frame; None: none was."""
+        if not self.gate.counts[Verdict.WRONG_FRAME]:
+            return None
+        return (
+            f"poses in the frame {self._other_frame!r} are dropped: publish them in "
+            f"{self._frame!r}, or set world_frame to theirs if its z axis points up"
+        )
+
+    def _strange(self, frame: str) -> bool:
+        """Whether a pose is refused for its frame."""
+        if self._other_frame is None or frame:
+            self._other_frame = frame
+        if self._any_frame or not frame:
+            return False
+        self.gate.refuse(Verdict.WRONG_FRAME)
+        return True
 
     def _jumped(self, stamp_ns: int, position: tuple[float, float, float]) -> bool:
         if not len(self._poses):
@@ -222,7 +292,7 @@ class PoseInput:
         self._reach_ns = (2 * side + 1) * self._interval_ns // 2
         self._wait_ns = (2 * side - 1) * self._interval_ns // 2
 
-    def _samples(self, first: int, end: int) -> list[Sample]:
+    def _samples(self, first: int, end: int, *, doubtful: bool) -> list[Sample]:
         """Those of the time that is nearest to the centre."""
         stamps, values = self._poses.stamps, self._poses.values
         centre_ns = int(stamps[self._at])
@@ -242,7 +312,7 @@ class PoseInput:
             restarted, self._restarted = self._restarted, False
             yaw = yaw_of_quaternion(*attitude)
             slow, stamp_ns = self.sampling.slow, centre_ns + offset_ns
-            found.append(Sample(stamp_ns, ax, ay, az, yaw, restarted, pose, slow=slow))
+            found.append(Sample(stamp_ns, ax, ay, az, yaw, restarted, pose, doubtful, slow))
         return found
 
     def _put_in_time(

@@ -143,7 +143,7 @@ def test_a_sensors_noise_is_no_motion() -> None:
 def test_a_container_that_never_rests_is_judged_by_the_minute() -> None:
     watch = MotionWatch()
     for k in range(13_000):
-        watch.add_acceleration(k * 10 * MS, (1.0, 0.0, 0.0))
+        watch.add_acceleration(k * 10 * MS, (0.0, math.cos(0.1 * k), math.sin(0.1 * k)))
         watch.add_pair(k * 10 * MS, 0.02, 1e-4, 0.01)
     assert watch.finished == 2
 

@@ -12,7 +12,8 @@ from scipy.spatial.transform import Rotation
 
 from slosh_estimator.estimator import Estimates, Estimator
 from slosh_estimator.gate import GateSettings
-from slosh_estimator.imu_input import ImuInput, SensorTransform
+from slosh_estimator.imu_input import ImuInput
+from slosh_estimator.mounting import SensorTransform
 from slosh_estimator.pose_input import PoseInput
 from slosh_estimator.readings import has_readings
 from slosh_estimator.sample import Sample, Samples

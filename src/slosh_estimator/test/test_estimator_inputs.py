@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 from slosh_estimator.accel_input import AccelInput
 from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.gate import GateSettings, Verdict
-from slosh_estimator.imu_input import ImuInput, SensorTransform
+from slosh_estimator.imu_input import ImuInput
+from slosh_estimator.mounting import SensorTransform
 from slosh_estimator.pose_input import PoseInput
 from slosh_model.constants import GRAVITY
 
@@ -81,21 +83,22 @@ def test_a_constant_push_in_the_world_stays_constant_while_the_container_yaws() 
 
 
 def test_a_driver_that_removes_gravity_is_recognised() -> None:
-    imu = ImuInput(GATE, SensorTransform())
+    imu = ImuInput(GATE, SensorTransform(), checks=True)
     for k in range(3000):
         imu.update(k * MS, (0.01, 0.0, 0.0), (0.0, 0.0, 0.0))
-    assert "gravity" in str(imu.warning())
+    assert imu.doubt is not None
+    assert "gravity is left out" in imu.doubt.text
     sample = imu.update(3000 * MS, (0.01, 0.0, 0.0), (0.0, 0.0, 0.0))
     assert sample is not None
     assert sample.doubtful
 
 
 def test_a_sensor_that_moves_hard_is_not_taken_for_one_without_gravity() -> None:
-    imu = ImuInput(GATE, SensorTransform())
+    imu = ImuInput(GATE, SensorTransform(), checks=True)
     for k in range(3000):
         swing = 9.0 * math.sin(0.02 * k)
         imu.update(k * MS, (swing, 0.0, GRAVITY - 0.5 * swing), (0.0, 0.0, 0.0))
-    assert imu.warning() is None
+    assert imu.doubt is None
     sample = imu.update(3000 * MS, (0.0, 0.0, GRAVITY), (0.0, 0.0, 0.0))
     assert sample is not None
     assert not sample.doubtful
@@ -203,3 +206,74 @@ def test_an_attitude_of_no_length_is_dropped() -> None:
 def test_windows_that_cannot_be_are_refused(window: float) -> None:
     with pytest.raises(SloshEstimatorError, match=str(window)):
         PoseInput(GATE, window)
+
+
+MOUNT = SensorTransform(0.4, -0.3, 1.1, (0.2, 0.05, -0.1))
+"""Of a tool whose frame lies 0.2 m beside the cup and is turned."""
+
+
+def turning_cup():
+    """Stamps [ns], positions and attitudes of a cup that is moved on a circle and turned."""
+    t = np.arange(0.0, 1.0, 0.004)
+    position = 0.3 * np.column_stack((np.cos(2.0 * t), np.sin(2.0 * t), 0.1 * t * t))
+    tilt = 0.2 * np.sin(3.0 * t)[:, None] * [1.0, 0.5, 0.0]
+    attitude = Rotation.from_euler("z", 2.0 * t[:, None]) * Rotation.from_rotvec(tilt)
+    return np.rint(t * 1e9).astype(np.int64), position, attitude
+
+
+def test_the_pose_of_a_tool_beside_the_cup_gives_the_cups_motion() -> None:
+    stamps, position, attitude = turning_cup()
+    mount = Rotation.from_euler("xyz", (MOUNT.roll, MOUNT.pitch, MOUNT.yaw))
+    tool_attitude = attitude * mount
+    tool = position - attitude.apply(MOUNT.to_origin)
+    direct, mounted, bare = (PoseInput(GATE, 11, m) for m in (None, MOUNT, None))
+    apart = 0.0
+    for k, stamp in enumerate(stamps.tolist()):
+        right = direct.update(stamp, tuple(position[k]), tuple(attitude[k].as_quat()))
+        quaternion = tuple(tool_attitude[k].as_quat())
+        found = mounted.update(stamp, tuple(tool[k]), quaternion)
+        without = bare.update(stamp, tuple(tool[k]), quaternion)
+        assert (right is None) == (found is None)
+        if right is not None and found is not None and without is not None:
+            assert found[1:4] == pytest.approx(right[1:4], abs=1e-8)
+            assert found.pose is not None
+            assert right.pose is not None
+            turned = Rotation.from_quat(found.pose[:4]).inv() * Rotation.from_quat(right.pose[:4])
+            assert turned.magnitude() < 1e-9
+            assert found.pose[4:] == pytest.approx(right.pose[4:], abs=1e-6)
+            apart = max(apart, math.dist(without[1:4], right[1:4]))
+    assert apart > 0.5  # it matters: 0.2 m · (2 rad/s)² = 0.8 m/s²
+    assert MOUNT.attitudes(tool_attitude.as_quat()) == pytest.approx(
+        np.array([mounted._tool.container((0.0, 0.0, 0.0), tuple(q))[1]
+                  for q in tool_attitude.as_quat()]), abs=1e-12)  # fmt: skip
+
+
+def test_a_turned_accelerometer_gives_the_same_bits_one_by_one_and_in_blocks() -> None:
+    one = AccelInput(GATE, ("world", "container"), MOUNT, checks=True)
+    many = AccelInput(GATE, ("world", "container"), MOUNT, checks=True)
+    random = np.random.default_rng(1)
+    values = np.cumsum(random.normal(size=(500, 3)), axis=0) * 0.1
+    stamps = np.arange(500, dtype=np.int64) * 4 * MS
+    frames = np.full(500, "world", dtype=object)
+    singly = [
+        one.update(stamp, "world", *row)
+        for stamp, row in zip(stamps.tolist(), values.tolist(), strict=True)
+    ]
+    together = many.update_many(stamps, frames, values)
+    assert [together.one(k) for k in range(500)] == singly
+    assert one.memory == many.memory
+    turned = Rotation.from_euler("xyz", (MOUNT.roll, MOUNT.pitch, MOUNT.yaw)).apply(values)
+    assert together.accelerations == pytest.approx(turned, abs=1e-12)
+    assert "sensor_to_origin is not accounted for" in str(one.remark())
+
+
+def test_poses_in_a_frame_that_is_not_the_worlds_are_dropped_and_named() -> None:
+    poses = PoseInput(GATE, 5, frame="world")
+    for k, frame in enumerate(("world", "", "camera_optical")):
+        poses.update(k * MS, (0.0, 0.0, 0.0), LEVEL, None, frame)
+    assert (poses.gate.used, poses.gate.counts[Verdict.WRONG_FRAME]) == (2, 1)
+    assert "'camera_optical' are dropped: publish them in 'world'" in str(poses.warning())
+    assert poses.warning() is None  # told once, until there are more
+    free = PoseInput(GATE, 5, frame="world", any_frame=True)
+    free.update(0, (0.0, 0.0, 0.0), LEVEL, None, "base")
+    assert "'base' are taken as those in the world's frame" in str(free.remark())

@@ -25,6 +25,7 @@ from std_srvs.srv import Trigger  # noqa: E402
 
 from slosh_estimator.nodes.estimator_node import EstimatorNode  # noqa: E402
 from slosh_estimator.nodes.monitor_node import MonitorNode  # noqa: E402
+from slosh_estimator.sampling import MEMORY  # noqa: E402
 from slosh_estimator.sight import SurfaceFlag  # noqa: E402
 from slosh_estimator.validity import EstimateFlag  # noqa: E402
 from slosh_model.errors import ModelFileError  # noqa: E402
@@ -42,6 +43,7 @@ from slosh_msgs.srv import LoadModel  # noqa: E402
 from slosh_msgs_py import qos, topics  # noqa: E402
 from slosh_msgs_py.errors import SloshMessageError  # noqa: E402
 from slosh_msgs_py.stamps import to_nanoseconds, to_time  # noqa: E402
+from slosh_report.input_checks import AccelCheck  # noqa: E402
 
 PATIENCE = 20.0
 MS = 1_000_000
@@ -176,7 +178,8 @@ def test_the_state_is_published_four_times_a_second_by_the_stamps(
     assert list(states[-1].sample) == [2.0, 0.0, 0.0, 0.0]
     rate = [10.0 * MS, 0.0, *[10.0 * MS] * 14]  # of 50 intervals 4 and 32 have told it
     assert list(states[-1].input[:19]) == [2.0, 0.0, 0.0, *rate]
-    assert all(math.isnan(number) for number in states[-1].input[19:])
+    assert all(math.isnan(number) for number in states[-1].input[19 : 3 + MEMORY])
+    assert len(states[-1].input) == 3 + MEMORY + AccelCheck.MEMORY
     place = estimates[-1].nonlinear.modal_position[0]
     assert place in states[-1].nonlinear
     assert place != 0.0

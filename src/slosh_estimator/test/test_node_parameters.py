@@ -3,10 +3,10 @@
 import math
 
 from slosh_estimator.gate import GateSettings
-from slosh_estimator.imu_input import SensorTransform
 from slosh_estimator.inputs import InputSettings
 from slosh_estimator.limits import Hysteresis
 from slosh_estimator.monitor_settings import MonitorSettings
+from slosh_estimator.mounting import SensorTransform
 from slosh_estimator.nodes import estimator_node, monitor_node
 
 
@@ -34,7 +34,11 @@ def test_parameters_mean_what_the_settings_hold():
 def test_a_node_of_old_set_nothing_aside():
     given = defaults(estimator_node.PARAMETERS)
     del given["max_jump"]
-    gate = InputSettings.from_parameters(given).gate
+    del given["check_input"]
+    old = InputSettings.from_parameters(given)
+    assert old.checks is None
+    assert not old._replace(transform=SensorTransform(0.1)).reader("accel").flags
+    gate = old.gate
     assert (gate.max_jump, gate.confirms) == (math.inf, False)
 
 

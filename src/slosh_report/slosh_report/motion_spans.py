@@ -2,6 +2,11 @@
 
 It lies beside alignment and metrics, since it says over which stretch heights are compared, and in
 the lowest package that all three import: nothing below slosh_report asks when a motion begins.
+
+A motion is a departure from the constant that the input shows at rest: a sensor that is mounted
+askew, or has a bias, shows one. From the first sample on that is the constant of the beginning, or
+zero. Later another constant takes its place when the container cannot have been accelerated by
+the difference for so long (TOP_SPEED).
 """
 
 from __future__ import annotations
@@ -15,14 +20,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_files.nanoseconds import SECOND
+from slosh_report.constancy import BIN_NS, MOST, TOLERANCE, TOP_SPEED, Stretch
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-BIN_NS = 50_000_000
-"""Accelerations and rates are averaged over this time: a sensor's noise moves nothing."""
 MOVING = 0.15
-"""Size of the averaged acceleration from which the container counts as moving [m/s²]."""
+"""How far the averaged acceleration lies from that at rest where the container moves [m/s²]."""
+BEGINNING = 1.5
+"""A recording that begins so long with a constant begins at rest [s]."""
+SETTLED = 1.0
+"""So long an input is constant before its slow drift is followed [s]."""
 TURNING = 0.05
 """Tilting faster than this counts as moving, too [rad/s]: it moves the liquid as MOVING does."""
 PAUSE_NS = SECOND
@@ -48,6 +56,9 @@ class MotionFinder:
         self._bin = -(2**62)
         self._sums = list(_NOTHING)
         self._count = 0
+        self._base = (0.0, 0.0, 0.0)
+        self._stretch = Stretch(TOLERANCE, MOST)
+        self._begins = True
 
     @property
     def spans(self) -> list[MotionSpan]:
@@ -117,8 +128,30 @@ class MotionFinder:
         self._count += count
 
     def _close_bin(self) -> None:
+        if not self._count:
+            return
         place, grown = self._grown()
         self._spans[place:] = grown
+        x, y, z = (total / self._count for total in self._sums[:3])
+        continues = self._stretch.take(self._bin, (x, y, z))
+        self._begins &= (continues or self._stretch.first) and not self._turns()
+        self._follow_rest()
+
+    def _follow_rest(self) -> None:
+        """Takes a constant as that of a rest, where it is one."""
+        constant, seconds = self._stretch.mean, self._stretch.seconds
+        away = math.dist(constant, self._base)
+        if self._begins:
+            if seconds >= BEGINNING and math.hypot(*constant) > MOVING:
+                self._base = constant
+                self._spans.clear()  # what seemed to move was the constant
+        elif away * seconds > TOP_SPEED:
+            self._base = constant
+        elif seconds >= SETTLED and any(self._base):
+            if math.hypot(*constant) <= MOVING:
+                self._base = (0.0, 0.0, 0.0)
+            elif away <= MOVING:
+                self._base = constant
 
     def _grown(self) -> tuple[int, list[MotionSpan]]:
         """From which place on the bin that is being filled changes the motions, and to what."""
@@ -132,10 +165,12 @@ class MotionFinder:
 
     def _moves(self) -> bool:
         """Whether the container moves in the bin that is being filled."""
-        return (
-            math.hypot(*self._sums[:3]) > MOVING * self._count
-            or math.hypot(*self._sums[3:]) > TURNING * self._count
-        )
+        count, base = self._count, self._base
+        away = [self._sums[axis] - count * base[axis] for axis in range(3)]
+        return math.hypot(*away) > MOVING * count or self._turns()
+
+    def _turns(self) -> bool:
+        return math.hypot(*self._sums[3:]) > TURNING * self._count
 
 
 def motion_spans(

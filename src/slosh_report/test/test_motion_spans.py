@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from slosh_report.constancy import BIN_NS
 from slosh_report.motion_spans import (
     AFTER_NS,
-    BIN_NS,
     MOVING,
     PAUSE_NS,
     TURNING,
@@ -42,7 +42,29 @@ def spans_of(stamps, values, block=10**9):
 def test_a_motion_is_where_the_container_is_accelerated():
     assert spans_of(*accelerations((1.0, 0.0), (2.0, 1.0), (1.0, 0.0))) == [(1.0, 3.0)]
     assert spans_of(*accelerations((3.0, 0.9 * MOVING))) == []
-    assert spans_of(*accelerations((3.0, 1.1 * MOVING))) == [(0.0, 3.0)]
+    assert spans_of(*accelerations((0.5, 0.0), (2.5, 1.1 * MOVING))) == [(0.5, 3.0)]
+
+
+@pytest.mark.parametrize("offset", [0.2, 0.855, 9.81])
+def test_a_constant_from_the_beginning_on_is_no_motion(offset):
+    """A roll that is wrong by 5° gives 0.855 m/s²: the motion lasts as long as without it."""
+    stamps, values = accelerations((2.0, 0.0), (1.0, 1.0), (2.0, 0.0), (1.0, -1.0), (2.0, 0.0))
+    values[:, 1] += offset
+    assert spans_of(stamps, values) == [(2.0, 3.0), (5.0, 6.0)]
+
+
+def test_a_constant_that_appears_later_is_a_rest_once_no_arm_could_follow_it():
+    """1 m/s² for 5 s is 5 m/s: from then on it is an offset, and a motion departs from it."""
+    stamps, values = accelerations((1.0, 0.0), (8.0, 1.0), (1.0, 3.0), (3.0, 1.0))
+    found = spans_of(stamps, values)
+    assert len(found) == 2
+    assert found[0] == (1.0, pytest.approx(6.0, abs=0.1))
+    assert found[1] == (9.0, 10.0)
+
+
+def test_a_long_acceleration_is_one_motion():
+    pieces = ((1.0, 0.0), (1.5, 2.0), (0.5, 0.0), (1.5, -2.0), (1.0, 0.0))
+    assert spans_of(*accelerations(*pieces)) == [(1.0, 4.5)]
 
 
 def test_a_motion_that_lasts_to_the_end_is_one():

@@ -13,12 +13,13 @@ from numpy.typing import NDArray
 from slosh_bag.recording.facts import TABLE_COLUMNS
 from slosh_bag.recording.settings import NodeStart, first, model_of, settings_of
 from slosh_estimator.accel_input import AccelInput
-from slosh_estimator.gate import GateSettings
+from slosh_estimator.gate import DROPPED, GateSettings
 from slosh_estimator.imu_input import ImuInput
 from slosh_estimator.inputs import InputSettings
 from slosh_estimator.sample import Samples
 from slosh_estimator.sampling import Modes, gap_sentence, modes_of
 from slosh_files.nanoseconds import SECOND
+from slosh_report.table_checks import InputDoubt
 
 _FIELDS = {
     "accel": ("accel.linear.x", "accel.linear.y", "accel.linear.z"),
@@ -51,8 +52,11 @@ def recorded_inputs(starts: Sequence[NodeStart], facts: Mapping[str, str]) -> In
     if started is not None:
         settings = settings_of(started, InputSettings.from_parameters)
         return settings._replace(modes=_modes(started))
-    unbounded = GateSettings(max_jump=math.inf, confirms=False)
-    return InputSettings(gate=unbounded) if TABLE_COLUMNS in facts else InputSettings()
+    # Nobody could tell the world's frame: poses are taken as they come, and that is told.
+    if TABLE_COLUMNS in facts:
+        unbounded = GateSettings(max_jump=math.inf, confirms=False)
+        return InputSettings(gate=unbounded, any_world=True)
+    return InputSettings(any_world=True)
 
 
 def _modes(start: NodeStart) -> Modes:
@@ -84,6 +88,7 @@ class InputReader:
         self._adapter = self._settings.reader(self.kind)
         self._used_before = self._dropped_before = self._gaps_before = 0
         self._slow = ""
+        self._raised: dict[int, InputDoubt] = {}
 
     def _gate(self, settings: InputSettings) -> GateSettings:
         return replace(settings.gate, chosen=self._chosen)
@@ -98,6 +103,32 @@ class InputReader:
             "gaps": self._gaps_before + gate.gaps,
         }
 
+    @property
+    def doubts(self) -> tuple[InputDoubt, ...]:
+        """What is wrong with the input, or worth a look, a sentence each."""
+        found = {**self._raised, **self._raised_now()}
+        remark = self._adapter.remark()
+        return (*found.values(), *([InputDoubt(remark, wrong=False)] if remark else []))
+
+    @property
+    def refusal(self) -> str:
+        """Why messages were not taken, for a sentence; empty: all were."""
+        gate = self._adapter.gate
+        refused = self._adapter.refusal()
+        if refused:
+            return f": {refused}"
+        worst = max(DROPPED, key=lambda verdict: gate.counts[verdict])
+        if gate.counts[worst]:
+            return f": {gate.counts[worst]} are {worst.value}"
+        return ""
+
+    def finish(self) -> None:
+        """Nothing follows: the checks take what is left."""
+        self._adapter.check.finish()
+
+    def _raised_now(self) -> dict[int, InputDoubt]:
+        return {kind: InputDoubt.of(doubt) for kind, doubt in self._adapter.check.raised.items()}
+
     def change(self, settings: InputSettings) -> None:
         """Judges the next messages by other limits, as a node whose parameters changed does."""
         self._settings = self._settings._replace(gate=self._gate(settings))
@@ -111,6 +142,7 @@ class InputReader:
         """
         if settings is not None:
             self._settings = settings._replace(gate=self._gate(settings))
+        self._raised |= self._raised_now()
         counters = self.counters
         self._used_before = counters["samples_used"]
         self._dropped_before = counters["samples_dropped"]
@@ -156,13 +188,14 @@ class InputReader:
             self._slow = adapter.sampling.sentence() or self._slow
             return samples
         found = []
-        for stamp, row in zip(stamps[rows].tolist(), values.tolist(), strict=True):
+        frames = columns[_FRAME][rows].tolist()
+        for stamp, frame, row in zip(stamps[rows].tolist(), frames, values.tolist(), strict=True):
             if isinstance(adapter, ImuInput):
                 sample = adapter.update(stamp, *_imu(row))
                 if sample is not None:
                     found.append(sample)
             else:
-                found += adapter.update(stamp, tuple(row[:3]), tuple(row[3:]))
+                found += adapter.update(stamp, tuple(row[:3]), tuple(row[3:]), None, frame)
         self._slow = adapter.sampling.sentence() or self._slow
         return Samples.of(found)
 

@@ -17,6 +17,7 @@ from slosh_estimator.inputs import InputSettings
 from slosh_estimator.rotation import matrix_from_rpy
 from slosh_estimator.sample import Samples
 from slosh_files.nanoseconds import SECOND
+from slosh_report.table_checks import InputDoubt
 
 Array = NDArray[np.float64]
 Stamps = NDArray[np.int64]
@@ -96,7 +97,10 @@ class MotionCollector:
         self._take(*self._filter.rest())
         stamps = np.concatenate([_NO_STAMPS, *(part.stamps for part in self._samples)])
         if not len(stamps):
-            raise SloshBagError(f"{path}: holds no usable message of {topic}")
+            raise SloshBagError(
+                f"{path}: holds no usable message of {topic}{self._reader.refusal}"
+            )
+        self._reader.finish()
         late = np.flatnonzero(np.diff(stamps) <= 0)
         if len(late):
             raise SloshBagError(
@@ -114,10 +118,15 @@ class MotionCollector:
             return motion
         return replace(motion, attitude=self._yawed(), angular_velocity=self._in_container(turns))
 
+    @property
+    def doubts(self) -> tuple[InputDoubt, ...]:
+        """What is wrong with the input, a sentence each."""
+        return self._reader.doubts
+
     def notes(self) -> list[str]:
         """What a table cannot hold of it, one line each."""
         counters = self._reader.counters
-        notes = []
+        notes: list[str] = [*self.doubts]
         if self._filter.count:
             notes.append(
                 f"{self._filter.count} samples of {self._kind} left out whose stamps lie "

@@ -45,15 +45,17 @@ def conclude(
     Raises:
         SloshBagError: there is no usable input.
     """
-    if not components.reader.counters["samples_used"]:
-        raise SloshBagError(f"{name}: holds no usable message of {source}")
+    reader = components.reader
+    if not reader.counters["samples_used"]:
+        raise SloshBagError(f"{name}: holds no usable message of {source}{reader.refusal}")
+    reader.finish()
     origin = origin or Origin()
     if stream.untaken:
         causes = (*origin.causes, f"the recorded state cannot be taken up: {stream.untaken}")
         origin = origin._replace(causes=causes)
     elif components.matcher is not None and components.known is None:
         origin = origin._replace(causes=(*origin.causes, *components.matcher.remarks()))
-    counters = {**components.reader.counters, "images": stream.images}
+    counters = {**reader.counters, "images": stream.images}
     if stream.unused:
         counters["not_used_live"] = stream.unused
     astray = _astray(stream.strays)
@@ -83,7 +85,7 @@ def conclude(
         limit_changes=components.monitor.changes,
         warnings=tuple(
             f"{name}: {line}"
-            for line in (astray, judged.warning, *components.reader.warnings())
+            for line in (astray, *reader.doubts, judged.warning, *reader.warnings())
             if line
         ),
     )

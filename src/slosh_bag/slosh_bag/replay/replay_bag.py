@@ -101,7 +101,8 @@ def replay_bag(
         whole = whole_run(path, batches, sources, input_reader, used)
         result = judge_unrelated(path.name, sources.input, whole, watched)
         counters = {**input_reader.counters, **result.counters}
-        rate = [f"{path}: {line}" for line in input_reader.warnings()]
+        told = [*input_reader.doubts, *input_reader.warnings()]
+        rate = [f"{path}: {line}" for line in told]
         warnings = (*_warnings(path, reader, sources), *rate, *result.warnings)
         return replace(result, counters=counters, warnings=warnings, model=used)
     verifier = Verifier(sources.estimate) if sources.estimate else None
@@ -272,7 +273,9 @@ def whole_run(
     if not answers or not measured:
         raise SloshBagError(
             f"{path}: holds no usable message of {sources.input} or of free_surface"
+            f"{reader.refusal}"
         )
+    reader.finish()
     heights = joined(answers)
     if (np.diff(heights.stamps) <= 0).any():
         raise SloshBagError(f"{path}: the stamps of {sources.input} go back; cut the bag in two")

@@ -26,6 +26,7 @@ from slosh_estimator.sample import Samples
 from slosh_files.nanoseconds import SECOND
 from slosh_model.model import Model
 from slosh_model.pose import pose_rows
+from slosh_report.table_checks import InputDoubt, motion_doubts
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -37,11 +38,21 @@ _YAW, _POSE = "yaw", "pose"
 
 
 class TableReader(InputReader):
-    """Turns rows of a table into samples, with the container's attitude where the table has it."""
+    """Turns rows of a table into samples, with the container's attitude where the table has it.
 
-    def __init__(self) -> None:
+    Args:
+        table: the table; as a whole it tells more than row by row.
+    """
+
+    def __init__(self, table: MotionTable) -> None:
         gate = GateSettings(max_gap=_LONGEST_STEP, max_jump=math.inf, confirms=False)
         super().__init__("accel", InputSettings("accel", gate))
+        self._doubts = motion_doubts(table.t, table.acceleration, table.attitude)
+
+    @property
+    def doubts(self) -> tuple[InputDoubt, ...]:
+        """What is wrong with the table, a sentence each."""
+        return self._doubts
 
     def samples(
         self, stamps: Integers, columns: Mapping[str, NDArray[Any]], rows: NDArray[Any]
@@ -86,7 +97,7 @@ def replay_table(
     with Series(4) as series:
         components = Components(
             ModelSet(model),
-            TableReader(),
+            TableReader(table),
             MonitorFeed(monitor or MonitorSettings()),
             series,
             outputs=outputs or Outputs(),

@@ -35,7 +35,8 @@ from slosh_estimator.limits import Event
 from slosh_estimator.sampling import modes_of
 from slosh_estimator.validity import EstimateFlag
 from slosh_files.nanoseconds import SECOND
-from slosh_report.motion_spans import BIN_NS, MotionFinder
+from slosh_report.constancy import BIN_NS
+from slosh_report.motion_spans import MotionFinder
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import argparse
 import re
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 
 from slosh_bringup.cli.progress import share_bar
 from slosh_bringup.cli.table_options import add_table_options, table_options
+from slosh_bringup.cli.teller import Teller
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.replay.frames import pictures_at
 from slosh_discovery.discover import discover
@@ -66,8 +66,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Discovers, writes the results and prints them; the verdict does not change the exit code."""
+    """Discovers, writes the results and prints them; the verdict does not change the exit code.
+
+    It is 1 where an input is doubtful.
+    """
     request = make_request(arguments)
+    tell = Teller("discover")
     check_paths(request.data, request.holdout, request.output)
     # Made before the work: long work must not end at a folder that takes no file.
     with new_folder(request.output) as folder:
@@ -84,7 +88,7 @@ def run(arguments: argparse.Namespace) -> int:
     else:
         print(discovery_text(report))
         print(f"\nreport {plain_line(request.output / PAGE)}")
-    return 0
+    return tell.exit_code
 
 
 def make_request(arguments: argparse.Namespace) -> Request:
@@ -121,8 +125,3 @@ def groups_of(options: Sequence[str]) -> dict[str, tuple[str, ...]]:
             )
         groups[name] = (*groups.get(name, ()), pattern)
     return groups
-
-
-def tell(line: str) -> None:
-    """Tells the user something that must be known of the data."""
-    print(plain_line(f"slosh discover: note: {line}"), file=sys.stderr)

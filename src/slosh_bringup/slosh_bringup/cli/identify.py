@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import argparse
 import math
-import sys
 from pathlib import Path
 
 from slosh_bringup.cli.progress import share_bar
 from slosh_bringup.cli.table_options import add_table_options, table_options
+from slosh_bringup.cli.teller import Teller
 from slosh_bringup.errors import SloshBringupError
 from slosh_discovery.discovering import check_paths
 from slosh_discovery.identification_report import identification_text
@@ -69,8 +69,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Identifies, writes the results and prints them."""
+    """Identifies, writes the results and prints them; 1 where an input is doubtful."""
     request = make_request(arguments)
+    tell = Teller("identify")
     check_paths(request.data, request.holdout, request.output)
     # Made before the work: long work must not end at a folder that takes no file.
     with new_folder(request.output) as folder:
@@ -88,7 +89,7 @@ def run(arguments: argparse.Namespace) -> int:
     else:
         print(identification_text(report))
         print(f"\nreport {plain_line(request.output / PAGE)}")
-    return 0
+    return tell.exit_code
 
 
 def make_request(arguments: argparse.Namespace) -> Request:
@@ -115,8 +116,3 @@ def make_request(arguments: argparse.Namespace) -> Request:
         beside=tuple(arguments.beside),
         tables=table_options(arguments),
     )
-
-
-def tell(line: str) -> None:
-    """Tells the user something that must be known of the data."""
-    print(plain_line(f"slosh identify: note: {line}"), file=sys.stderr)

@@ -11,6 +11,7 @@ from pathlib import Path
 
 from slosh_bag.path_table import read_path_table, write_plan_table
 from slosh_bringup.cli.table_options import add_table_options, table_options
+from slosh_bringup.cli.teller import Teller
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.model_error import read_model_error
 from slosh_files import check_apart, check_free, new_folder, write_text
@@ -18,6 +19,7 @@ from slosh_files.plain_text import plain_line
 from slosh_model import Model
 from slosh_model.model_file import read_model
 from slosh_plan import ModelError
+from slosh_plan.doubts import path_doubts
 from slosh_plan.planning.limits import ACCELERATION, JERK, TILT_ACCELERATION, TILT_RATE, PlanLimits
 from slosh_plan.planning.path import path_through
 from slosh_plan.planning.plan import TIME_LIMIT, NoSafeMotionError, Plan, plan
@@ -27,7 +29,7 @@ EPILOG = """PATH is a table of waypoints, t,x,y,z[,qx,qy,qz,qw]: positions of th
 origin in the world's axes [s, m]; its times are a proposal that the plan replaces. The answer has
 the same columns and ax,ay,az, at 1 kHz, from rest to rest: a motion table. It passes all waypoints
 within 0.1 mm; where the line between them turns by more than 60 degrees, it stops. Exit code 1: no
-motion keeps the limits."""
+motion keeps the limits, or units or attitude of the path look wrong."""
 EXIT_NONE = 1
 PAGE, DOCUMENT = "report.html", "plan.json"
 
@@ -107,6 +109,8 @@ def run(arguments: argparse.Namespace) -> int:
     limits = plan_limits(arguments)
     model = read_model(arguments.model)
     waypoints = read_path_table(arguments.path, table_options(arguments))
+    tell = Teller("plan")
+    tell.warn(arguments.path, path_doubts(waypoints))
     try:
         answer = plan(
             model, path_through(waypoints.position), limits, attitude=waypoints.attitude,
@@ -119,7 +123,7 @@ def run(arguments: argparse.Namespace) -> int:
     write_results(arguments, model, answer, waypoints)
     text = json.dumps(facts(answer)) if arguments.json else summary(answer, arguments.output)
     print(text)
-    return 0
+    return tell.exit_code
 
 
 def plan_limits(arguments: argparse.Namespace) -> PlanLimits:

@@ -13,6 +13,7 @@ from typing import Any
 from slosh_bag.trajectory_table import read_joint_trajectory, read_trajectory
 from slosh_bringup.cli.progress import share_bar
 from slosh_bringup.cli.table_options import add_table_options, table_options
+from slosh_bringup.cli.teller import Teller
 from slosh_bringup.errors import SloshBringupError
 from slosh_estimator.robot_file import read_arm
 from slosh_files import check_apart, new_text
@@ -27,10 +28,11 @@ from slosh_plan import (
     predict,
     safe_scales,
 )
+from slosh_plan.doubts import trajectory_doubts
 from slosh_report.json_values import plain
 from slosh_report.text_table import aligned
 
-EXIT_KEPT, EXIT_EXCEEDED = 0, 1
+EXIT_EXCEEDED = 1
 HEADING = (
     "motion", "lasts [s]", "peak [mm]", "L [mm]", "at [s]", "wall [deg]", "after [mm]",
     "settles [s]", "safe from", "remarks",
@@ -47,7 +49,8 @@ safe from: multiple of the duration from which on every slower run keeps the lim
 
 The rim, where model.yaml gives rim_height, is a limit of the height, too: the lower one holds.
 
-exit code: 0, 1 where a limit or the rim is exceeded, 2 for wrong input"""
+exit code: 0, 1 where a limit or the rim is exceeded or units or axes look wrong, 2 for wrong
+input"""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -86,7 +89,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Predicts, prints and writes the answers; 1 where a limit is exceeded."""
+    """Predicts, prints and writes the answers; 1 beyond a limit or for a doubtful input."""
     if arguments.output is not None:
         check_apart([arguments.output], [arguments.model, *arguments.trajectories])
     model = read_model(arguments.model)
@@ -95,6 +98,9 @@ def run(arguments: argparse.Namespace) -> int:
     )
     error = ModelError(arguments.sigma, arguments.epsilon)
     motions = read_motions(arguments)
+    tell = Teller("predict")
+    for motion in motions:
+        tell.warn(motion.name, trajectory_doubts(motion))
     found = predict(model, motions, limits=limits, horizon=arguments.horizon, error=error)
     scales: list[SafeScales | None] = [None] * len(motions)
     # Of a motion that stays below the rim nobody asked how fast it may be.
@@ -111,7 +117,7 @@ def run(arguments: argparse.Namespace) -> int:
         write_table(arguments.output, found, scales)
     show = as_json if arguments.json else as_text
     print(show(found, scales))
-    return EXIT_KEPT if all(one.kept for one in found) else EXIT_EXCEEDED
+    return tell.exit_code if all(one.kept for one in found) else EXIT_EXCEEDED
 
 
 def read_motions(arguments: argparse.Namespace) -> list[Trajectory]:

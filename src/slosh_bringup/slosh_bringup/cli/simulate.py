@@ -37,8 +37,8 @@ their sizes, the height of its corner.
 The answer says whether the motion stays within what the model was validated for, and below the
 limit (--limit) and the rim (where model.yaml tells rim_height).
 
-exit code: 0, 1 where the limit or the rim is exceeded, units look wrong or samples are missing, 2
-for wrong input"""
+exit code: 0, 1 where the limit or the rim is exceeded, units or axes look wrong or samples are
+missing, 2 for wrong input"""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -90,7 +90,7 @@ def run(arguments: argparse.Namespace) -> int:
     stream = sys.stderr if output == STANDARD_OUTPUT else sys.stdout
     where = "standard output" if output == STANDARD_OUTPUT else str(output)
     print(summary(answer, where, as_json=arguments.json), file=stream)
-    doubtful = answer.over_limit or answer.over_rim or answer.doubts
+    doubtful = answer.over_limit or answer.over_rim or answer.doubtful
     return EXIT_NOT_KEPT if doubtful else EXIT_KEPT
 
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from slosh_model.model import Model
 from slosh_model.simulate import Inputs
 from slosh_plan.validity import greatest
+from slosh_report.table_checks import InputDoubt
 
 Array = NDArray[np.float64]
 
@@ -43,7 +44,12 @@ class Answer:
     acceleration: float
     jerk: float
     outside: tuple[str, ...]
-    doubts: tuple[str, ...]
+    doubts: tuple[InputDoubt, ...]
+
+    @property
+    def doubtful(self) -> bool:
+        """Whether the table is not what it claims to be, and the answer wrong."""
+        return any(doubt.wrong for doubt in self.doubts)
 
     @property
     def over_limit(self) -> bool | None:
@@ -62,7 +68,7 @@ class Answer:
             "peak": self.peak,
             "peak_time": self.peak_time,
             "samples": self.samples,
-            "within_validity": not self.outside,
+            "within_validity": not self.outside and not self.doubtful,
             "outside": list(self.outside),
             "limit": self.limit,
             "over_limit": self.over_limit,
@@ -81,7 +87,8 @@ class Answer:
         if self.freeboard is not None:
             parts.append(_beside(self.liquid_peak - self.freeboard, "the rim", self.freeboard))
         outside = f"outside validity ({', '.join(self.outside)})"
-        parts.append(outside if self.outside else "within validity")
+        valid = "input doubtful, see the warning" if self.doubtful else "within validity"
+        parts.append(outside if self.outside else valid)
         return ", ".join(parts)
 
 
@@ -90,7 +97,7 @@ def make_answer(
     inputs: Inputs,
     heights: tuple[Array, Array],
     limit: float | None,
-    doubts: tuple[str, ...],
+    doubts: tuple[InputDoubt, ...],
 ) -> Answer:
     """The answer to a motion.
 

@@ -31,6 +31,7 @@ from slosh_bag.recording.sources import Sources, find_sources
 from slosh_discovery.discover_data.attitudes import PoseAttitudes
 from slosh_estimator.inputs import IMU, MESSAGE_TYPES, POSE, InputSettings
 from slosh_files.nanoseconds import SECOND
+from slosh_report.table_checks import InputDoubt
 
 Array = NDArray[np.float64]
 Stamps = NDArray[np.int64]
@@ -106,6 +107,8 @@ def read_recording(path: Path, reader: BagReader, sources: Sources, tell: Tell) 
     if not len(heights.stamps):
         raise SloshBagError(f"{path}: holds no usable height in {sources.surface}")
     motion = container.motion(path)
+    for doubt in container.doubts:
+        tell(doubt.about(path))
     for line in (*reader.warnings, *left_out):
         tell(line if line.startswith(str(path)) else f"{path}: {line}")
     return Recording(
@@ -136,6 +139,11 @@ class _Container:
             if topic in topics and topics[topic].message_type == MESSAGE_TYPES[name]:
                 found[topic] = taker
         return found
+
+    @property
+    def doubts(self) -> tuple[InputDoubt, ...]:
+        """What is wrong with the input, a sentence each; once all has come."""
+        return self._moved.doubts
 
     def motion(self, path: Path) -> Motion:
         """All that came.

@@ -17,7 +17,8 @@ from slosh_bag.recording.motion import Motion
 from slosh_discovery.discover_data.heights import Still, find_still, rms_about
 from slosh_discovery.discover_data.recording import Heights, Recording
 from slosh_files.nanoseconds import SECOND
-from slosh_report.motion_spans import BIN_NS, MotionSpan, motion_spans
+from slosh_report.constancy import BIN_NS
+from slosh_report.motion_spans import MotionSpan, motion_spans
 
 Array = NDArray[np.float64]
 Stamps = NDArray[np.int64]

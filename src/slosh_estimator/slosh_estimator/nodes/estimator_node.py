@@ -52,7 +52,9 @@ _dynamic = partial(ParameterSpec, read_only=False)
 PARAMETERS = (
     ParameterSpec("model", "", "model file of the container and its liquid (model.yaml)"),
     ParameterSpec("input", "accel", "what drives the models", choices=tuple(MESSAGE_TYPES)),
-    ParameterSpec("world_frame", "world", "frame of accelerations along the world's axes"),
+    ParameterSpec(
+        "world_frame", "world", "frame of poses, and of accelerations along the world's axes; z up"
+    ),
     ParameterSpec("container_frame", "container", "the container's frame, on all output"),
     _dynamic(
         "max_gap", _GATE.max_gap, "longest gap in the input integrated across [s]", (1e-3, 1.0)
@@ -70,12 +72,16 @@ PARAMETERS = (
     ),
     ParameterSpec(
         "sensor_rotation", [0.0, 0.0, 0.0],
-        "container <- IMU: roll, pitch, yaw about fixed axes [rad]", (-6.3, 6.3), length=3,
+        "container <- sensor or tool: roll, pitch, yaw about fixed axes [rad]", (-6.3, 6.3),
+        length=3,
     ),
     ParameterSpec(
         "sensor_to_origin", [0.0, 0.0, 0.0],
-        "from the IMU to the centre of the still surface, in the container's axes [m]",
+        "from sensor or tool to the centre of the still surface, in the container's axes [m]",
         (-5.0, 5.0), length=3,
+    ),
+    ParameterSpec(
+        "check_input", True, "whether gravity, units and attitude of the input are checked"
     ),
     ParameterSpec(
         "pose_window", POSE_WINDOW,
@@ -162,8 +168,8 @@ class EstimatorNode(PreparedNode):
     def _on_pose(self, source: PoseInput, message: PoseStamped) -> None:
         p, q = message.pose.position, message.pose.orientation
         stamp = to_nanoseconds(message.header.stamp)
-        place, attitude = (p.x, p.y, p.z), (q.x, q.y, q.z, q.w)
-        self._answer(stamp, *source.update(stamp, place, attitude, self._now()))
+        place, turn, frame = (p.x, p.y, p.z), (q.x, q.y, q.z, q.w), message.header.frame_id
+        self._answer(stamp, *source.update(stamp, place, turn, self._now(), frame))
 
     def _now(self) -> int:
         # The system clock read directly costs a tenth of a Time object.
@@ -241,14 +247,17 @@ class EstimatorNode(PreparedNode):
         fault = self._input_health.look(self._input.gate)
         rivals = self._rivals.look()
         self._contested = int(EstimateFlag.INPUT_CONTESTED) if rivals else 0
-        warning = rivals or self._input.warning()
+        doubt = self._input.doubt
+        wrong = doubt.text if doubt is not None and doubt.wrong else ""
+        warning = rivals or wrong or self._input.warning()
         if warning:
             return ERROR, warning
         if fault is not None and fault[0] != WARN:
             return fault
-        unfelt = self._unfelt or self._input.sampling.sentence()
-        if unfelt:
-            return WARN, unfelt
+        remark = self._unfelt or self._input.sampling.sentence()
+        remark = remark or (doubt.text if doubt is not None else self._input.remark())
+        if remark:
+            return WARN, remark
         if fault is not None:
             return fault
         flags, self._flags = self._flags, 0

@@ -13,6 +13,7 @@ from slosh_msgs_py.node.silence import SilentTopic
 
 _HINTS = {
     Verdict.STALE: ": older than max_age by their stamps, so late or of another clock",
+    Verdict.IMPOSSIBLE: ": inputs are in m/s^2, rad/s and m",
     Verdict.AHEAD: " by more than max_age, so of another clock",
 }
 

@@ -19,6 +19,7 @@ from slosh_msgs_py import conversions, qos, topics, values
 from slosh_msgs_py.node.diagnostics import WARN, Health
 from slosh_msgs_py.stamps import to_nanoseconds
 from slosh_plan import HeightLimits, LiquidState, Prediction
+from slosh_plan.doubts import trajectory_doubts
 
 MOST_BYTES = 50_000_000
 """Of a message: 200,000 points with poses, velocities and accelerations have 35 MB."""
@@ -112,6 +113,7 @@ class PlannedMotions:
         )  # fmt: skip
         if delay < 0.0:
             whence += f"; by its stamp it began {-delay:.2f} s ago"
+        whence += "".join(f"; but {doubt}" for doubt in trajectory_doubts(motion))
         return self._value(found, now, start_ns, state is not None, whence)
 
     def _state(self) -> tuple[LiquidState | None, str]:

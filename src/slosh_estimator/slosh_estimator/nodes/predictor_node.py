@@ -28,6 +28,7 @@ from slosh_msgs_py.node.readiness import READY, Progress
 from slosh_msgs_py.node.run import run_node
 from slosh_msgs_py.node.settings import SettingsPublisher
 from slosh_plan import HeightLimits, predict, safe_scales
+from slosh_plan.doubts import trajectory_doubts
 from slosh_plan.scaling import COUNT
 
 PACKAGE = Path(__file__).parents[1]
@@ -134,7 +135,8 @@ class PredictorNode(PreparedNode):
                 count=self._values["scales"], most=MOST_SAMPLES,
             )  # fmt: skip
             predict_messages.fill_scales(response, scales)
-        return "the limits are kept" if prediction.kept else "a limit is exceeded"
+        answer = "the limits are kept" if prediction.kept else "a limit is exceeded"
+        return "; but ".join([answer, *trajectory_doubts(motion)])
 
     def _give_back(self) -> None:
         """Gives what a large request has taken back to the system, once it is answered."""

@@ -1,0 +1,43 @@
+"""Tells what must be known of the data, and remembers whether the input is doubtful."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable
+
+from slosh_files.plain_text import plain_line
+from slosh_report.table_checks import InputDoubt
+
+EXIT_DOUBTFUL = 1
+"""The answer was given, but the input is not what it claims to be."""
+
+
+class Teller:
+    """Writes lines to standard error.
+
+    Args:
+        command: that speaks.
+
+    Attributes:
+        doubtful: whether a line told that an input is not what it claims to be.
+    """
+
+    def __init__(self, command: str) -> None:
+        self.doubtful = False
+        self._command = command
+
+    def __call__(self, line: str) -> None:
+        """Tells a line."""
+        self.doubtful |= isinstance(line, InputDoubt) and line.wrong
+        kind = "warning" if isinstance(line, InputDoubt) else "note"
+        print(plain_line(f"slosh {self._command}: {kind}: {line}"), file=sys.stderr)
+
+    def warn(self, path: object, doubts: Iterable[InputDoubt]) -> None:
+        """Tells doubts about a file."""
+        for doubt in doubts:
+            self(doubt.about(path))
+
+    @property
+    def exit_code(self) -> int:
+        """EXIT_DOUBTFUL, or 0."""
+        return EXIT_DOUBTFUL if self.doubtful else 0

@@ -1,0 +1,112 @@
+"""How a sensor or a tool is mounted on the container."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_estimator.errors import SloshEstimatorError
+from slosh_estimator.rotation import Matrix, Vector, matrix_from_rpy
+
+Array = NDArray[np.float64]
+Quaternion = tuple[float, float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class SensorTransform:
+    """Where the sensor, or the frame whose pose is published, sits.
+
+    Attributes:
+        roll, pitch, yaw: rotation container ← sensor, fixed axes [rad].
+        to_origin: from the sensor to the container's origin, in the container's axes [m].
+
+    Raises:
+        SloshEstimatorError: a value is not finite.
+    """
+
+    roll: float = 0.0
+    pitch: float = 0.0
+    yaw: float = 0.0
+    to_origin: Vector = (0.0, 0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        if not all(map(math.isfinite, (self.roll, self.pitch, self.yaw, *self.to_origin))):
+            raise SloshEstimatorError(f"sensor transform {self} must be finite")
+
+    @property
+    def matrix(self) -> Matrix:
+        """Container ← sensor."""
+        return matrix_from_rpy(self.roll, self.pitch, self.yaw)
+
+    @property
+    def turns(self) -> bool:
+        """Whether the sensor's axes are not the container's."""
+        return (self.roll, self.pitch, self.yaw) != (0.0, 0.0, 0.0)
+
+    def attitudes(self, quaternions: Array) -> Array:
+        """(N, 4) world ← container, of quaternions x, y, z, w (N, 4) world ← sensor."""
+        x, y, z, w = quaternions.T
+        bx, by, bz, bw = _sensor_from_container(self)
+        return np.column_stack(
+            [
+                w * bx + x * bw + y * bz - z * by,
+                w * by - x * bz + y * bw + z * bx,
+                w * bz + x * by - y * bx + z * bw,
+                w * bw - x * bx - y * by - z * bz,
+            ]
+        )
+
+
+class ToolPose:
+    """Turns the poses of a tool into those of the container it carries.
+
+    Args:
+        transform: of the tool's frame.
+    """
+
+    def __init__(self, transform: SensorTransform) -> None:
+        self._is_container = not transform.turns and not any(transform.to_origin)
+        self._turn = _sensor_from_container(transform)
+        self._to_origin = transform.to_origin
+
+    def container(self, position: Vector, quaternion: Quaternion) -> tuple[Vector, Quaternion]:
+        """Position [m] and attitude (x, y, z, w, of the same length) of the container.
+
+        Args:
+            position: of the tool in the world [m].
+            quaternion: x, y, z, w, world ← tool, of any length but zero.
+        """
+        if self._is_container:
+            return position, quaternion
+        x, y, z, w = quaternion
+        bx, by, bz, bw = self._turn
+        x, y, z, w = (
+            w * bx + x * bw + y * bz - z * by,
+            w * by - x * bz + y * bw + z * bx,
+            w * bz + x * by - y * bx + z * bw,
+            w * bw - x * bx - y * by - z * bz,
+        )
+        rx, ry, rz = self._to_origin
+        scale = 2.0 / (x * x + y * y + z * z + w * w)
+        tx, ty, tz = y * rz - z * ry, z * rx - x * rz, x * ry - y * rx
+        return (
+            position[0] + rx + scale * (w * tx + y * tz - z * ty),
+            position[1] + ry + scale * (w * ty + z * tx - x * tz),
+            position[2] + rz + scale * (w * tz + x * ty - y * tx),
+        ), (x, y, z, w)
+
+
+def _sensor_from_container(transform: SensorTransform) -> Quaternion:
+    """Sensor ← container, the conjugate of Rz(yaw) Ry(pitch) Rx(roll), as x, y, z, w."""
+    cr, sr = math.cos(0.5 * transform.roll), math.sin(0.5 * transform.roll)
+    cp, sp = math.cos(0.5 * transform.pitch), math.sin(0.5 * transform.pitch)
+    cy, sy = math.cos(0.5 * transform.yaw), math.sin(0.5 * transform.yaw)
+    return (
+        -(sr * cp * cy - cr * sp * sy),
+        -(cr * sp * cy + sr * cp * sy),
+        -(cr * cp * sy - sr * sp * cy),
+        cr * cp * cy + sr * sp * sy,
+    )

@@ -1,0 +1,26 @@
+"""What looks wrong in a planned motion: gravity, units, attitude."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from slosh_plan.planning.waypoints import Waypoints
+from slosh_plan.trajectory import Trajectory
+from slosh_report.table_checks import InputDoubt, motion_doubts
+
+FAR = 50.0
+"""No arm carries a container over a longer path [m]: it is in mm."""
+
+
+def trajectory_doubts(motion: Trajectory) -> tuple[InputDoubt, ...]:
+    """What looks wrong in a motion, one sentence each; empty: nothing does."""
+    return motion_doubts(motion.t, motion.acceleration, motion.attitude, motion.position)
+
+
+def path_doubts(path: Waypoints) -> tuple[InputDoubt, ...]:
+    """What looks wrong in a path, one sentence each; empty: nothing does."""
+    length = float(np.linalg.norm(np.diff(path.position, axis=0), axis=1).sum())
+    if length <= FAR:
+        return ()
+    text = f"the path is {length:.4g} m long: are its positions in mm? They must be m"
+    return (InputDoubt(text),)

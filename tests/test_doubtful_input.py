@@ -1,0 +1,69 @@
+"""An input that is not what it claims to be: flagged and named by real nodes, over DDS."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+rclpy = pytest.importorskip("rclpy", reason="ROS 2 is not installed")
+
+from slosh_msgs.msg import SloshEstimate  # noqa: E402
+from slosh_msgs_py import topics  # noqa: E402
+from slosh_msgs_py.stamps import to_nanoseconds  # noqa: E402
+from tests.adversary import GRAVITY, Robot, nodes_and_robot  # noqa: E402
+
+WARN, ERROR = 1, 2
+DOUBTFUL = SloshEstimate.INPUT_DOUBTFUL
+DOWN = (1.0, 0.0, 0.0, 0.0)
+pytestmark = pytest.mark.timeout(120)
+
+
+def flagged(robot: Robot) -> bool:
+    return bool(robot.estimates and robot.estimates[-1].flags & DOUBTFUL)
+
+
+def says(robot: Robot, level: int, sentence: str) -> bool:
+    said = robot.health.get("estimator", (0, ""))
+    return said[0] == level and sentence in said[1]
+
+
+def test_gravity_in_the_acceleration_is_flagged_and_named(tmp_path: Path, domain: int) -> None:
+    with nodes_and_robot(tmp_path, domain) as (_, robot):
+        assert not flagged(robot)
+        robot.lift = GRAVITY
+        begin = robot.time_ns()
+        robot.until(lambda: flagged(robot), "the flag")
+        seconds = (to_nanoseconds(robot.estimates[-1].header.stamp) - begin) * 1e-9
+        assert 0.4 < seconds < 1.5
+        robot.until(lambda: says(robot, ERROR, "gravity is contained, along +z"), "the reason")
+        robot.lift = 0.0
+        robot.until(lambda: not flagged(robot), "an end")
+
+
+def test_a_tool_that_points_down_is_flagged_and_the_remedy_cures_it(
+    tmp_path: Path, domain: int
+) -> None:
+    with nodes_and_robot(tmp_path, domain, kind=topics.POSE, attitude=DOWN) as (_, robot):
+        robot.until(lambda: flagged(robot), "the flag")
+        robot.until(lambda: says(robot, ERROR, "z axis at rest points down"), "the reason")
+        assert "set sensor_rotation to [3.1416, 0.0000, 0.0000]" in robot.health["estimator"][1]
+    (tmp_path / "cured").mkdir()
+    remedy = {"estimator": {"sensor_rotation": "[3.1416, 0.0, 0.0]"}}
+    cured = nodes_and_robot(tmp_path / "cured", domain, remedy, topics.POSE, attitude=DOWN)
+    with cured as (_, robot):
+        robot.for_seconds(1.5)
+        assert not flagged(robot)
+
+
+def test_poses_in_another_frame_are_refused_and_the_remedy_is_told(
+    tmp_path: Path, domain: int
+) -> None:
+    with nodes_and_robot(tmp_path, domain, kind=topics.POSE) as (_, robot):
+        robot.frame = ""
+        robot.until(lambda: says(robot, WARN, "poses without frame"), "a remark")
+        robot.frame = "camera_optical"
+        robot.until(
+            lambda: says(robot, ERROR, "'camera_optical' are dropped: publish them in 'world'"),
+            "the reason",
+        )
