@@ -157,11 +157,9 @@ class InputReader:
     def warnings(self) -> list[str]:
         """What the input's rate costs, and what helps; one line each."""
         counts, gate = self.counters, self._adapter.gate
-        return [
-            line
-            for line in (gap_sentence(gate, counts["samples_used"], counts["gaps"]), self._slow)
-            if line
-        ]
+        # Of samples that are all gaps, one in two is used: their rate is not that of the input.
+        line = gap_sentence(gate, counts["samples_used"], counts["gaps"]) or self._slow
+        return [line] if line else []
 
     def take_up(self, stamp_ns: int, memory: Sequence[float]) -> None:
         """Goes on behind the message that the live node used last, with what it remembered.
