@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
 
 from slosh_estimator.errors import SloshEstimatorError
 
@@ -106,6 +110,40 @@ class LimitTracker:
         if stamp_ns - self._below_since_ns < self._hysteresis.hold_ns:
             return None
         return self.close(self._below_since_ns, "back below the limit")
+
+    def ignores(self, values: Iterable[float]) -> bool:
+        """Whether values [m] that come next change nothing."""
+        return not self.active and not any(value > self.limit for value in values)
+
+    def can_matter(
+        self, stamps: NDArray[np.int64], values: NDArray[np.float64]
+    ) -> NDArray[np.bool_]:
+        """Which of the values that come next can change anything; the others may be left out.
+
+        Args:
+            stamps: (N,) increasing [ns].
+            values: (N,) [m].
+
+        Returns:
+            (N,) true for all that can start, prolong or end an excess.
+        """
+        count = len(stamps)
+        if not count or (not self.active and math.isinf(self.limit)):
+            return np.zeros(count, dtype=bool)
+        high = ~(values <= self.release_level)
+        index = np.arange(count)
+        last_high = np.maximum.accumulate(np.where(high, index, -1))
+        # The stamp from which the values have been low.
+        since = stamps[np.minimum(last_high + 1, count - 1)]
+        known = self._below_since_ns if self._below_since_ns is not None else int(stamps[0])
+        since = np.where(last_high < 0, known, since)
+        waiting = ~high & (stamps - since < self._hysteresis.hold_ns)
+        waiting |= ~high & (index == last_high + 1)
+        if not self.active:
+            waiting &= last_high >= 0
+        found: NDArray[np.bool_] = high | waiting
+        found[1:] |= found[:-1].copy()  # the first value after the hold time ends the excess
+        return found
 
     @property
     def release_level(self) -> float:

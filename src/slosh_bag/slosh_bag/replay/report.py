@@ -75,7 +75,7 @@ def replay_report(result: ReplayResult, around: Surroundings | None = None) -> R
     start = report_start(result)
     t = np.asarray((result.stamps[shown] - start) * 1e-9, dtype=np.float64)
     spans = event_spans(result.events, start)
-    limit = result.limits.measured_limit if result.limits else NAN
+    limit = _limit(result)
     return RunReport(
         title=around.title or result.name,
         subtitle=around.subtitle or f"replay, driven by {result.source}",
@@ -106,6 +106,14 @@ def replay_report(result: ReplayResult, around: Surroundings | None = None) -> R
         ),
         saturated=(result.flags[shown] & SATURATED) != 0 if len(result.flags) else None,
     )
+
+
+def _limit(result: ReplayResult) -> float:
+    """The limit that the chart shows [m]: without a camera that of the estimate."""
+    if result.limits is None:
+        return NAN
+    limits = result.limits
+    return limits.measured_limit if limits.camera else limits.estimated_limit
 
 
 def _meanings(model: Model) -> dict[str, str]:
@@ -231,8 +239,11 @@ def _key_figures(
     rows = {row.name: row for row in result.accuracy}
     figures: list[KeyFigure] = []
     known = result.measured[np.isfinite(result.measured)]
+    told = result.heights[nonlinear][np.isfinite(result.heights[nonlinear])]
     if len(known):
         figures.append(KeyFigure("highest measured", float(known.max()), "mm"))
+    elif len(told):
+        figures.append(KeyFigure("highest estimated", float(told.max()), "mm", nonlinear))
     if nonlinear in rows and linear in rows:
         l_row, nl_row = rows[linear], rows[nonlinear]
         figures += [
