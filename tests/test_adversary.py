@@ -82,6 +82,8 @@ def rough(rough_one: Robot) -> Robot:
     """All is well with it, whatever it was told before."""
     rough_one.push = lambda t: 0.0
     assert rough_one.call(LoadModel, topics.LOAD_MODEL, text=MODEL).success
+    # Its camera has not seen the waves of before.
+    assert rough_one.call(Trigger, "monitor/reset").success
     wait_until_well(rough_one)
     return rough_one
 

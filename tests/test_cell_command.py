@@ -18,6 +18,7 @@ from slosh_bag.reader import BagReader
 from slosh_bag.replay import replay_bag
 from slosh_bringup.in_force import in_force, last_starts
 from slosh_bringup.processes import config_folder
+from slosh_bringup.watch.recording import Recording
 from slosh_msgs.msg import SloshEstimate
 from tests.live_processes import PATIENCE, live_process, recorded, robot
 
@@ -256,3 +257,40 @@ def test_a_node_that_refuses_its_parameters_ends_the_cell_with_its_words(
     assert "measured_limit: a double is needed; write 1.0 for 1" in running.said
     assert "no message came" not in running.said
     assert "measured_limit" in (folder / "report.html").read_text()
+
+
+@pytest.mark.parametrize("said", ["nothing", "camera: none"])
+def test_a_cell_without_a_camera_is_a_whole_cell(domain, tmp_path, said):
+    """No camera node, no alarm, an event of the estimate, a report, a replay and a page."""
+    text = f"model: {config_folder() / 'model.yaml'}\n"
+    if said != "nothing":
+        text += f"calibration: {config_folder() / 'camera.yaml'}\n{said}\n"
+    (tmp_path / "robot.yaml").write_text(text)
+    folder = tmp_path / "out" / "latest"
+    words = ("cell", "--config", str(tmp_path / "robot.yaml"), "-o", str(tmp_path / "out"))
+    simulated = {"rate": "250.0", "fps": "5.0", "readers": "0", "repeat": "20"}
+    with live_process(*words, output=tmp_path / "words") as running:
+        running.wait_for_nodes(3)
+        with robot(domain, **simulated, motion=str(push_beyond_the_limit(tmp_path))):
+            exceeded = "monitor: ERROR; no camera by choice"
+            running.wait_for(lambda: exceeded in running.said, exceeded)
+        running.process.send_signal(signal.SIGINT)
+        assert running.end() == 0, running.said
+    assert running.nodes().keys() == {"recorder", "estimator", "monitor"}
+    assert "camera              none, by choice: the estimate alone is watched" in running.said
+    assert "nothing was measured" not in running.said
+    assert "no image" not in running.said
+    result = json.loads((folder / "result.json").read_text())
+    assert result["nothing_because"] == []
+    assert result["events"]
+    page = (folder / "report.html").read_text()
+    assert "there is nothing to judge the models by" not in page
+    assert "highest estimated" in page
+    replayed = replay_bag(folder / "bag")
+    assert replayed.verification.exact, replayed.verification.lines()
+    assert {event.source.name for event in replayed.events} == {"ESTIMATED"}
+    assert len(replayed.stamps) > 100  # what the page draws
+    assert np.isfinite(replayed.heights["3D-NL"]).all()
+    frames = [json.loads(frame) for frame in Recording(folder / "bag").frames]
+    assert {"safe", "limit exceeded"} <= {frame["verdict"] for frame in frames}
+    assert "estimated below its limit; no camera by choice" in {one["reason"] for one in frames}

@@ -37,20 +37,32 @@ def run(seed, seconds=2.0):
     t = (stamps - START) * 1e-9
     wave = 0.015 * np.sin(2.0 * t) * np.sin(20.0 * t)
     flags = np.where(random.random(len(t)) < 0.02, int(EstimateFlag.SETTLING), 0)
-    estimates = Heights(stamps, wave, 1.1 * wave, flags)
+    moved = np.column_stack((np.sin(20.0 * t) * (np.sin(0.7 * t) > 0.3), 0.0 * t, 0.0 * t))
+    estimates = Heights(
+        stamps, wave, 1.1 * wave, flags, azimuths=0.3 + 0.0 * t, accelerations=3.0 * moved
+    )
     height = np.interp(images, stamps, wave) if len(stamps) else np.zeros(len(images))
     height = height + 0.004 * (random.random(len(images)) < 0.1)
     measured = Measurements(
         images, np.where(random.random(len(images)) < 0.05, np.nan, height),
         np.where(random.random(len(images)) < 0.1, 1, 0), np.full(len(images), 1e-4),
-        np.zeros(len(images)),
+        np.zeros(len(images)), height * np.exp(1j * np.where(images % 7, 0.3, np.nan)),
+        np.full(len(images), np.nan),
     )  # fmt: skip
     return estimates, measured
 
 
 def one_by_one(estimates, measured, settings=LIMITS):
     """As the node would have been called: message by message, and by its timer."""
-    points = [EstimatePoint(*row) for row in rows_of(estimates[:4])]
+    points = [
+        EstimatePoint(*row, acceleration=tuple(felt), azimuth=azimuth)
+        for row, felt, azimuth in zip(
+            rows_of(estimates[:4]),
+            estimates.accelerations.tolist(),
+            estimates.azimuths.tolist(),
+            strict=True,
+        )
+    ]
     if estimates.readings is not None:
         points = [
             point._replace(reading=tuple(read), delay_ns=delay)
@@ -61,8 +73,8 @@ def one_by_one(estimates, measured, settings=LIMITS):
     entries = [
         *((point.stamp_ns, 1, point) for point in points),
         *(
-            (stamp, 2, MeasuredPoint(stamp, height, stddev, flags))
-            for stamp, height, flags, stddev, _ in rows_of(measured)
+            (stamp, 2, MeasuredPoint(stamp, height, stddev, flags, wave, axis))
+            for stamp, height, flags, stddev, _, wave, axis in rows_of(measured)
         ),
     ]
     entries.sort(key=lambda entry: entry[:2])
@@ -77,7 +89,7 @@ def one_by_one(estimates, measured, settings=LIMITS):
             found += monitor.add_estimate(point, stamp)
         else:
             found += monitor.add_measurement(point, stamp)
-    return found, monitor.take_events()
+    return found, monitor.take_events(), monitor.motions
 
 
 def rows_of(table):
@@ -94,9 +106,10 @@ def same(a, b):
     st.integers(0, 2**32 - 1),
     st.lists(st.integers(0, 2000), max_size=5),
     st.sampled_from([None, 0, 300, -300]),
+    st.sampled_from([2.0, 12.0]),
 )
-def test_the_monitor_is_fed_as_if_message_by_message(seed, cuts, delay):
-    estimates, measured = run(seed)
+def test_the_monitor_is_fed_as_if_message_by_message(seed, cuts, delay, seconds):
+    estimates, measured = run(seed, seconds)
     if delay is not None:
         heights = np.column_stack((estimates.linear, estimates.nonlinear))
         delays = np.full(len(heights), delay * MS)
@@ -112,22 +125,27 @@ def test_the_monitor_is_fed_as_if_message_by_message(seed, cuts, delay):
         found += feed.add(*parts)
         events += feed.take_events()
         last = moment
-    comparisons, expected = one_by_one(estimates, measured)
+    comparisons, expected, motions = one_by_one(estimates, measured)
     assert same(found, comparisons)
     assert same(events, expected)
+    assert same(feed.monitor.motions.take_finished(), motions.take_finished())
+    assert feed.monitor.motions.warning == motions.warning
 
 
 def test_the_runs_above_have_everything_in_them():
     """Else the test above would say little."""
-    stale, excesses, unmatched = 0, set(), 0
+    stale, excesses, unmatched, motions = 0, set(), 0, []
     for seed in range(12):
-        found, events = one_by_one(*run(seed))
+        found, events, watch = one_by_one(*run(seed, 12.0 if seed % 2 else 2.0))
+        motions += watch.take_finished()
         stale += sum(row.measured_stale or row.estimate_stale for row in found)
         excesses |= {event.source for event in events}
         unmatched += sum(row.estimated_linear != row.estimated_linear for row in found)
     assert stale > 20
     assert len(excesses) == 3
     assert unmatched > 20
+    assert len(motions) > 5
+    assert any(row.sides_disagree for row in found)
 
 
 def test_a_silence_of_an_hour_costs_nothing():

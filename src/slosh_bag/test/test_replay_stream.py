@@ -90,7 +90,7 @@ def replayed(step, estimates_until=6000, recorded=None):
             counts = 1 + np.flatnonzero(heard)
             components.matcher.add_recorded(stamps[heard], counts)
             rows = (measured.stamps >= start) & (measured.stamps < end)
-            stream.add_measurements(Measurements(*(column[rows] for column in measured)), end)
+            stream.add_measurements(measured.chosen(rows), end)
             if recorded is not None:
                 near = (recorded[0] >= start) & (recorded[0] < end)
                 components.comparisons.add_recorded(

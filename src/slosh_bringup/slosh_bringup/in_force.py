@@ -96,6 +96,12 @@ def topic_of(start: NodeStart | None, name: str) -> str:
     return start.topics.get(name, name) if start else name
 
 
+def has_camera(starts: Starts) -> bool:
+    """Whether the cell has a camera; a recording that does not tell is of one that has."""
+    monitor = starts.get("monitor")
+    return monitor is None or bool(monitor.parameters.get("camera", True))
+
+
 def input_topic(estimator: NodeStart | None) -> str:
     """What drives the models."""
     kind = estimator.parameters["input"] if estimator else topics.ACCEL
@@ -124,6 +130,10 @@ def _model(estimator: NodeStart) -> str:
     return f"{path}: {described(model)}"
 
 
+def _camera(monitor: NodeStart) -> str:
+    return "" if monitor.parameters["camera"] else "none, by choice: the estimate alone is watched"
+
+
 def _calibration(camera: NodeStart) -> str:
     calibration = parse_any_calibration(camera.files["calibration"], "the calibration", None)
     size = calibration.view.camera
@@ -143,6 +153,7 @@ _ROWS: Mapping[str, tuple[str, Callable[[NodeStart], str]]] = {
     "limits": ("monitor", _limits),
     "input": ("estimator", lambda node: f"{node.parameters['input']} from {input_topic(node)}"),
     "images": ("camera", lambda node: f"{node.parameters['transport']} from {image_topic(node)}"),
+    "camera": ("monitor", _camera),
     "answers": ("monitor", lambda node: ", ".join(node.topics.values())),
     "model": ("estimator", _model),
     "calibration": ("camera", _calibration),

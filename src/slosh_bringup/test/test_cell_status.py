@@ -21,6 +21,12 @@ def test_it_tells_state_heights_limit_and_rates(status):
     assert status.line(5.1) == "SAFE · measured 12.3, estimated 11.2 of 20.0 mm · camera 60 Hz"
 
 
+def test_without_a_camera_the_estimate_is_told_with_its_limit(status):
+    status.take_parameters("monitor", {"measured_limit": 0.02, "estimated_limit": 0.015})
+    status.take_comparison(float("nan"), 0.0112, 0, 5.0, alone=True)
+    assert status.line(5.1) == "SAFE · estimated 11.2 of 15.0 mm, no camera · camera 60 Hz"
+
+
 def test_silence_is_told_in_place_of_old_heights(status):
     status.take_comparison(0.0123, float("nan"), 0, 5.0)
     assert "estimated – of" in status.line(5.1)

@@ -6,6 +6,7 @@ from dataclasses import replace
 import pytest
 
 from slosh_bringup.cli.main import main
+from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.live.cell_setup import read_setup
 from slosh_bringup.live.run import check_files
 from slosh_bringup.new_cup.cup import LIQUIDS
@@ -64,6 +65,29 @@ def test_the_cell_is_read_with_its_namespace(folder):
     setup = read_setup(folder / "cell.yaml")
     assert setup.namespace == "/line_2/cup"
     assert (setup.model, setup.calibration) == (folder / "model.yaml", folder / "camera.yaml")
+
+
+def test_a_cell_without_a_camera(folder, capsys):
+    assert main(["new", str(folder), *ROUND, "--no-camera"]) == 0
+    assert sorted(path.name for path in folder.iterdir()) == ["cell.yaml", "model.yaml"]
+    setup = read_setup(folder / "cell.yaml")
+    assert setup.calibration is None
+    check_files(setup)
+    told = capsys.readouterr().out
+    assert "calibrate" not in told
+    assert "wall" not in told
+    assert f"slosh cell --config '{folder}/cell.yaml'" in told
+    names = [process.name for process in setup.processes(folder / "bag")]
+    assert names == ["recorder", "estimator", "monitor"]
+    assert setup.processes(folder / "bag")[-1].parameters == {"camera": "false"}
+
+
+@pytest.mark.parametrize("value", ["yes", "camera.yaml", "[none]"])
+def test_a_camera_that_is_neither_none_nor_a_calibration_is_refused(folder, value):
+    assert main(["new", str(folder), *ROUND]) == 0
+    (folder / "cell.yaml").write_text(f"model: model.yaml\ncamera: {value}\n")
+    with pytest.raises(SloshBringupError, match=r"cell.yaml:2.*camera = .* must be none"):
+        read_setup(folder / "cell.yaml")
 
 
 @pytest.mark.parametrize("cup", [ROUND, SQUARE], ids=["cylinder", "rectangle"])

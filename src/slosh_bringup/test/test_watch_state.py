@@ -56,6 +56,17 @@ class TestVerdict:
     def test_an_open_excess_wins_over_a_state_that_is_back(self):
         assert judge(0, 0.0, exceeded="disagreement 12 mm").verdict is Verdict.EXCEEDED
 
+    def test_sides_that_disagree_are_not_near_a_limit(self):
+        verdict, reason = judge(1, 0.1, disagree=True)
+        assert verdict is Verdict.DISAGREE
+        assert "disagree" in reason
+        assert judge(2, 0.1, disagree=True).verdict is Verdict.EXCEEDED
+
+    def test_without_a_camera_by_choice_the_estimate_makes_the_verdict(self):
+        verdict, reason = judge(0, 0.1, alone=True)
+        assert verdict is Verdict.SAFE
+        assert reason == "estimated below its limit; no camera by choice"
+
     def test_who_is_silent_is_named(self):
         assert "the camera" in judge(3, 0.1, ("the camera",)).reason
 
@@ -91,6 +102,29 @@ class TestFrames:
         assert found["rows"] == [[2.0, None, 0.007]]
         assert (found["now"]["measured"], found["now"]["estimated"]) == (None, 0.007)
         assert found["verdict"] == "blind"
+
+    def test_a_heartbeat_draws_nothing_and_begins_no_new_drawing(self):
+        state = WatchState()
+        state.take_comparison(compared(0.0), 0.0)
+        first = frame(state, 0.0)
+        silent = compared(0.0, math.nan, math.nan, 3, ("the camera", "the estimator"))
+        state.take_comparison(silent._replace(stamp_ns=0), 0.1)
+        second = frame(state, 0.1)
+        assert second["rows"] == []
+        assert second["drawing"] == first["drawing"]
+        assert second["verdict"] == "blind"
+        assert "the camera and the estimator" in second["reason"]
+
+    def test_without_a_camera_by_choice_estimates_are_drawn(self):
+        state = WatchState()
+        alone = compared(0.0, math.nan, 0.005)._replace(alone=True)
+        state.take_comparison(alone, 0.0)
+        assert state.is_alone(0.0)
+        state.take_estimate(Estimated(START_NS + SECOND // 100, 0.006, 0.1), 0.01)
+        shown = frame(state, 0.02)
+        assert shown["verdict"] == "safe"
+        assert [row[2] for row in shown["rows"]] == [0.005, 0.006]
+        assert shown["now"]["measured"] is None
 
     def test_a_late_camera_does_not_begin_a_new_drawing_a_played_loop_does(self):
         state = WatchState()

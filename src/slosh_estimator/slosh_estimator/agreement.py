@@ -1,28 +1,40 @@
 """How well the model agrees with the camera, motion by motion.
 
 A motion in which measured and estimated heights differ by more than the camera's noise explains
-is one that the model does not describe: it is worth a discovery. Times are whole nanoseconds.
+is one that the model does not describe: it is worth a discovery. One in which the waves' azimuths
+differ tells of a sensor or a camera that is mounted otherwise than it is said to be. Times are
+whole nanoseconds.
 """
 
 from __future__ import annotations
 
 import math
 from collections import deque
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from slosh_estimator.azimuth import WaveOffset, wave_offset
 from slosh_estimator.rotation import Vector
+from slosh_estimator.wave_presence import Pair, PresenceWatch
 from slosh_files.nanoseconds import SECOND
 from slosh_report.alignment import despike
 from slosh_report.metrics import rms_error
-from slosh_report.motion_spans import AFTER_NS, MotionFinder, MotionSpan
+from slosh_report.motion_spans import AFTER_NS, BIN_NS, MotionFinder, MotionSpan
 
+Array = NDArray[np.float64]
 NAN = float("nan")
 TOLD_NS = 2 * SECOND
 """So long after its end a motion is judged: by then the camera has told what it saw of it [ns]."""
 LONGEST_NS = 60 * SECOND
 """A motion that does not end is judged by the minute [ns]."""
+RUNNING_NS = 2 * SECOND
+"""A motion that goes on is judged so often, over twice that time [ns]; such a judgement can find a
+disagreement, and ends none."""
+FEW = 16
+"""So many accelerations are faster taken one by one."""
 LEAST = 20
 """Compared images that a judgement needs."""
 NOISES = 3.0
@@ -44,6 +56,7 @@ class MotionAgreement(NamedTuple):
         peak: highest measured height, single spikes left out [m].
         explained: up to where noise and the watched limit leave nothing to explain [m].
         estimated_peak: highest estimated height (NL) beside the measured ones [m].
+        offset: how the measured wave is turned against the estimated one; None: not known.
     """
 
     start_ns: int
@@ -54,29 +67,28 @@ class MotionAgreement(NamedTuple):
     peak: float
     explained: float
     estimated_peak: float
+    offset: WaveOffset | None = None
+
+    @property
+    def is_turned(self) -> bool:
+        """Whether the azimuths disagree."""
+        return self.offset is not None and self.offset.disagrees
 
     @property
     def disagrees(self) -> bool:
-        """Whether the difference is more than noise explains."""
-        return self.rms > self.explained
+        """Whether the heights differ by more than noise explains, or the azimuths."""
+        return self.rms > self.explained or self.is_turned
 
     @property
     def sentence(self) -> str:
-        """What to do about a disagreement, in one line."""
+        """What to do about a disagreement, in one line; of both the azimuth comes first."""
+        if self.offset is not None and self.is_turned:
+            return self.offset.sentence
         return (
             f"measured and estimated height differ by {1e3 * self.rms:.1f} mm rms in the last "
             f"motion, noise explains {1e3 * self.explained:.1f} mm: "
             "slosh discover --from-bag BAG --model MODEL names what the model lacks"
         )
-
-
-class _Pair(NamedTuple):
-    """Heights of one moment [m]."""
-
-    stamp_ns: int
-    measured: float
-    stddev: float
-    estimated: float
 
 
 class MotionWatch:
@@ -94,25 +106,42 @@ class MotionWatch:
     def __init__(self, limit: float = NAN) -> None:
         self.finished = self.disagreeing = 0
         self.last: MotionAgreement | None = None
+        self._standing: MotionAgreement | None = None
+        self._presence = PresenceWatch()
         self.watch(limit)
         self._moving = MotionFinder()
-        self._pairs: deque[_Pair] = deque()
+        self._pairs: deque[Pair] = deque()
+        self._looked_ns = -(2**62)
         self._news: list[MotionAgreement] = []
 
     def watch(self, limit: float) -> None:
         """Judges the next motions by another limit of the disagreement [m]."""
         self._least = SHARE_OF_LIMIT * limit if math.isfinite(limit) else 0.0
+        self._presence.watch(limit)
+
+    @property
+    def warning(self) -> str:
+        """How the two sides disagree, in one line; empty: they do not, as far as is known.
+
+        It stands from the judgement that found it until a motion agrees.
+        """
+        standing = self._standing.sentence if self._standing is not None else ""
+        return self._presence.warning or standing
+
 
     def reset(self) -> None:
         """Starts anew, without a motion."""
         self.finished = self.disagreeing = 0
-        self.last = None
+        self.last = self._standing = None
+        self._presence.reset()
         self.forget()
 
     def forget(self) -> None:
         """Drops the motion under way: its stamps mean nothing any more."""
         self._moving = MotionFinder()
         self._pairs.clear()
+        self._looked_ns = -(2**62)
+        self._presence.forget()
 
     def take_finished(self) -> list[MotionAgreement]:
         """The motions that were judged since the last call."""
@@ -122,6 +151,59 @@ class MotionWatch:
     def add_acceleration(self, stamp_ns: int, acceleration: Vector) -> None:
         """Takes what drives the model: rising stamps [ns], gravity excluded [m/s²]."""
         self._moving.add_one(stamp_ns, acceleration)
+        self._look(stamp_ns)
+
+    def add_accelerations(self, stamps: NDArray[np.int64], accelerations: Array) -> None:
+        """Takes many: stamps (N,) [ns] and accelerations (N, 3) [m/s²]; as one by one."""
+        if len(stamps) <= FEW:
+            for stamp, row in zip(stamps.tolist(), accelerations.tolist(), strict=True):
+                self.add_acceleration(stamp, tuple(row))
+            return
+        known = np.isfinite(accelerations).all(axis=1)
+        stamps, accelerations = stamps[known], accelerations[known]
+        # Where a motion begins or ends is known bin by bin.
+        edges = [0, *(np.flatnonzero(np.diff(stamps // BIN_NS)) + 1).tolist(), len(stamps)]
+        for start, end in pairwise(edges):
+            if end > start:
+                self._moving.add(stamps[start:end], accelerations[start:end])
+                self._look(int(stamps[end - 1]))
+
+    def add_pair(
+        self,
+        stamp_ns: int,
+        measured: float,
+        stddev: float,
+        estimated: float,
+        waves: tuple[complex, complex, float] = (complex(NAN, NAN), complex(NAN, NAN), NAN),
+    ) -> None:
+        """Takes heights of one moment [m]; the standard deviation may be NaN.
+
+        Args:
+            stamp_ns: [ns].
+            measured, stddev, estimated: [m].
+            waves: the measured and the estimated wave as vectors [m] and the image plane's right
+                [rad], of `azimuth.measured_waves`.
+        """
+        if not (math.isfinite(measured) and math.isfinite(estimated)):
+            return
+        pair = Pair(stamp_ns, measured, stddev, estimated, *waves)
+        self._pairs.append(pair)
+        self._presence.add(pair)
+        if not self._moving.spans:
+            # Of a motion that has just begun, the first moments are not known as such yet.
+            self._forget_pairs(stamp_ns - TOLD_NS)
+            return
+        motion = self._moving.spans[0]
+        self._looked_ns = max(self._looked_ns, motion.start_ns)
+        if stamp_ns - self._looked_ns >= RUNNING_NS and motion.end_ns + AFTER_NS > stamp_ns:
+            self._looked_ns = stamp_ns
+            newest = max(motion.start_ns, stamp_ns - 2 * RUNNING_NS)
+            found = self._agreement(MotionSpan(newest, stamp_ns))
+            if found is not None and found.disagrees:
+                self._standing = found
+
+    def _look(self, stamp_ns: int) -> None:
+        """Judges the first motion once it is over, or lasts too long."""
         if not self._moving.spans:
             return
         motion = self._moving.spans[0]
@@ -129,39 +211,42 @@ class MotionWatch:
             self._moving.forget_first()
             self._judge(motion)
 
-    def add_pair(self, stamp_ns: int, measured: float, stddev: float, estimated: float) -> None:
-        """Takes heights of one moment [m]; the standard deviation may be NaN."""
-        if not (math.isfinite(measured) and math.isfinite(estimated)):
-            return
-        self._pairs.append(_Pair(stamp_ns, measured, stddev, estimated))
-        if not self._moving.spans:
-            # Of a motion that has just begun, the first moments are not known as such yet.
-            self._forget_pairs(stamp_ns - TOLD_NS)
-
     def _forget_pairs(self, until_ns: int) -> None:
         while self._pairs and self._pairs[0].stamp_ns <= until_ns:
             self._pairs.popleft()
 
     def _judge(self, motion: MotionSpan) -> None:
+        found = self._agreement(motion)
+        self._forget_pairs(motion.end_ns + AFTER_NS)
+        if found is None:
+            return
+        self.finished += 1
+        self.disagreeing += found.disagrees
+        self.last = found
+        self._standing = found if found.disagrees else None
+        self._news.append(found)
+
+    def _agreement(self, motion: MotionSpan) -> MotionAgreement | None:
+        """How the pairs of a motion agree; None: there are too few."""
         until = motion.end_ns + AFTER_NS
         seen = [pair for pair in self._pairs if motion.start_ns <= pair.stamp_ns <= until]
-        self._forget_pairs(until)
-        _, measured, stddev, estimated = np.array(seen, dtype=np.float64).reshape(-1, 4).T
+        if not seen:
+            return None
+        stamps, measured, stddev, estimated, wave, expected, axis = map(
+            np.array, zip(*seen, strict=True)
+        )
         clean = despike(measured)
         kept = np.isfinite(clean)
         images = int(np.count_nonzero(kept))
         if images < LEAST:
-            return
+            return None
         rms = rms_error(clean, estimated)
         known = stddev[kept & np.isfinite(stddev)]
         noise = float(np.sqrt(np.mean(known**2))) if len(known) else NAN
         peak = float(clean[kept].max())
         # Python's max: a NaN that comes later is passed over.
         explained = max(self._least, SHARE_OF_PEAK * peak, NOISES * noise)
-        found = MotionAgreement(
-            *motion, images, rms, noise, peak, explained, float(estimated[kept].max())
-        )
-        self.finished += 1
-        self.disagreeing += found.disagrees
-        self.last = found
-        self._news.append(found)
+        wave[~kept] = complex(NAN, NAN)
+        offset = wave_offset((stamps - motion.start_ns) * 1e-9, wave, expected, axis, noise)
+        highest = float(estimated[kept].max())
+        return MotionAgreement(*motion, images, rms, noise, peak, explained, highest, offset)

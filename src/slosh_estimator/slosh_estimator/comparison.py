@@ -8,6 +8,10 @@ from typing import NamedTuple
 
 from slosh_estimator.rotation import Vector
 
+PATIENCE_NS = 100_000_000
+"""So long a measurement waits for an estimator that is silent: at its start, and after a pause,
+the first image may be here before the first estimate [ns]."""
+
 
 class Condition(IntEnum):
     """State of the monitor; the values of SloshComparison.msg."""
@@ -17,6 +21,30 @@ class Condition(IntEnum):
     ERROR = 2
     STALE = 3
     BLIND = 4
+
+
+class Expected(NamedTuple):
+    """What a sensor is expected to measure.
+
+    Attributes:
+        linear, nonlinear: heights as it reads them [m].
+        flags: bits of EstimateFlag.
+        wave: the liquid's nonlinear height as a vector in the direction of its azimuth [m].
+    """
+
+    linear: float = math.nan
+    nonlinear: float = math.nan
+    flags: int = 0
+    wave: complex = complex(math.nan, math.nan)
+
+    def towards(self, other: Expected, share: float) -> Expected:
+        """What lies between this and another, at a share of the way in [0, 1]."""
+        return Expected(
+            self.linear + share * (other.linear - self.linear),
+            self.nonlinear + share * (other.nonlinear - self.nonlinear),
+            self.flags | other.flags,
+            self.wave + share * (other.wave - self.wave),
+        )
 
 
 class EstimatePoint(NamedTuple):
@@ -30,6 +58,7 @@ class EstimatePoint(NamedTuple):
         reading: what a sensor reads of the two heights [m], to be compared with what it read;
             None: the heights themselves.
         delay_ns: by how much a measurement comes late [ns].
+        azimuth: of the nonlinear height [rad]; NaN: unknown.
     """
 
     stamp_ns: int
@@ -39,15 +68,46 @@ class EstimatePoint(NamedTuple):
     acceleration: Vector | None = None
     reading: tuple[float, float] | None = None
     delay_ns: int = 0
+    azimuth: float = math.nan
+
+    @property
+    def expected(self) -> Expected:
+        """What a measurement of its moment is compared with."""
+        linear, nonlinear = self.reading or (self.linear, self.nonlinear)
+        wave = complex(
+            self.nonlinear * math.cos(self.azimuth), self.nonlinear * math.sin(self.azimuth)
+        )
+        return Expected(linear, nonlinear, self.flags, wave)
 
 
 class MeasuredPoint(NamedTuple):
-    """A measurement: stamp [ns], maximum height and its standard deviation [m], flags."""
+    """A measurement.
+
+    Attributes:
+        stamp_ns: [ns].
+        msh, stddev: maximum height and its standard deviation [m].
+        flags: of FreeSurface.msg.
+        wave: the wave as a vector [m], and
+        axis: the image plane's right, of side views [rad]; see `azimuth.measured_waves`.
+    """
 
     stamp_ns: int
     msh: float
     stddev: float = math.nan
     flags: int = 0
+    wave: complex = complex(math.nan, math.nan)
+    axis: float = math.nan
+
+
+class Waiting(NamedTuple):
+    """A measurement that waits for its estimate since it arrived [ns]."""
+
+    point: MeasuredPoint
+    arrival_ns: int
+
+    def is_over(self, now_ns: int) -> bool:
+        """Whether it has waited long enough for one who is silent; a clock may be set back."""
+        return not 0 <= now_ns - self.arrival_ns < PATIENCE_NS
 
 
 class Comparison(NamedTuple):
@@ -70,3 +130,5 @@ class Comparison(NamedTuple):
     estimate_stale: bool
     measured_flags: int
     estimate_flags: int
+    without_camera: bool = False
+    sides_disagree: bool = False

@@ -3,8 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
 
 from slosh_estimator.errors import SloshEstimatorError
 
@@ -71,6 +76,14 @@ class Hysteresis:
             raise SloshEstimatorError(f"hold = {self.hold_ns!r} ns must not be negative")
 
 
+class LimitChange(NamedTuple):
+    """A limit [m] and its hysteresis that hold for later moments than this one [ns]."""
+
+    stamp_ns: int
+    limit: float
+    hysteresis: Hysteresis
+
+
 class LimitTracker:
     """Watches one quantity against one limit.
 
@@ -125,6 +138,40 @@ class LimitTracker:
         )
         self.limit = limit
         return event
+
+    def ignores(self, values: Iterable[float]) -> bool:
+        """Whether values [m] that come next change nothing."""
+        return not self.active and not any(value > self.limit for value in values)
+
+    def can_matter(
+        self, stamps: NDArray[np.int64], values: NDArray[np.float64]
+    ) -> NDArray[np.bool_]:
+        """Which of the values that come next can change anything; the others may be left out.
+
+        Args:
+            stamps: (N,) increasing [ns].
+            values: (N,) [m].
+
+        Returns:
+            (N,) true for all that can start, prolong or end an excess.
+        """
+        count = len(stamps)
+        if not count or (not self.active and math.isinf(self.limit)):
+            return np.zeros(count, dtype=bool)
+        high = ~(values <= self.release_level)
+        index = np.arange(count)
+        last_high = np.maximum.accumulate(np.where(high, index, -1))
+        # The stamp from which the values have been low.
+        since = stamps[np.minimum(last_high + 1, count - 1)]
+        known = self._below_since_ns if self._below_since_ns is not None else int(stamps[0])
+        since = np.where(last_high < 0, known, since)
+        waiting = ~high & (stamps - since < self._hysteresis.hold_ns)
+        waiting |= ~high & (index == last_high + 1)
+        if not self.active:
+            waiting &= last_high >= 0
+        found: NDArray[np.bool_] = high | waiting
+        found[1:] |= found[:-1].copy()  # the first value after the hold time ends the excess
+        return found
 
     @property
     def release_level(self) -> float:

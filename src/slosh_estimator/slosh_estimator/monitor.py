@@ -9,25 +9,39 @@ from __future__ import annotations
 from bisect import bisect_left
 from collections import deque
 from collections.abc import Iterator, Sequence
-from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
 
 from slosh_estimator.agreement import MotionWatch
-from slosh_estimator.comparison import Comparison, Condition, EstimatePoint, MeasuredPoint
-from slosh_estimator.limits import Event, Hysteresis, LimitTracker, Source
+from slosh_estimator.comparison import (
+    Comparison,
+    Condition,
+    EstimatePoint,
+    Expected,
+    MeasuredPoint,
+    Waiting,
+)
+from slosh_estimator.limits import Event, LimitChange, LimitTracker, Source
 from slosh_estimator.monitor_settings import MonitorSettings
 from slosh_estimator.sample import SECONDS
-from slosh_estimator.sight import SATURATED, UNUSABLE, Sight, clocks_apart, obstacle
+from slosh_estimator.sight import (
+    SATURATED,
+    UNUSABLE,
+    Sight,
+    clocks_apart,
+    estimate_obstacle,
+    obstacle,
+)
 from slosh_estimator.validity import EstimateFlag
 from slosh_report.metrics import RunningAccuracy
 
 NAN = float("nan")
 MAXIMUM_WAITING = 1000
 """Measurements that wait for an estimate; the oldest goes when there are more."""
-_NEVER = 2**63
-PATIENCE_NS = 100_000_000
-"""So long a measurement waits for an estimator that is silent: at its start, and after a pause,
-the first image may be here before the first estimate [ns]."""
 _TOO_SLOW = int(EstimateFlag.INPUT_TOO_SLOW)
+HEARTBEAT = 3
+"""After so many looks at the clock without a comparison one says what holds."""
 
 
 class Monitor:
@@ -41,10 +55,14 @@ class Monitor:
     without a height, and estimates from an unknown state or a doubtful input, are compared but do
     not enter σ and ε; where there is nothing else for too long, the monitor is blind.
 
+    Without a camera, by its settings, the estimate alone is watched, and each look at the clock
+    gives a comparison of it with nothing.
+
     Attributes:
         motions: how well motion by motion agrees, where the estimates' acceleration is known.
         obstruction: why nothing that comes can be believed, as the user of this object knows;
             empty: no reason is known.
+        standstill: that the clock does not move, as the user of this object knows; empty: it does.
     """
 
     def __init__(self, settings: MonitorSettings) -> None:
@@ -55,7 +73,7 @@ class Monitor:
         self.unmatched = 0
         self.late_estimates = 0
         self._estimates: deque[EstimatePoint] = deque()
-        self._waiting: deque[_Waiting] = deque()
+        self._waiting: deque[Waiting] = deque()
         self._events: list[Event] = []
         self._excesses = 0
         self._measured_at: int | None = None
@@ -65,12 +83,13 @@ class Monitor:
         self._measured_stamp = 0
         self._sight = Sight(settings.timeout)
         self._met = False  # a measurement was compared since the last look at the clock
-        self.obstruction = ""
+        self._silent_looks = 0
+        self.obstruction = self.standstill = ""
         self._trackers = {
             source: LimitTracker(source, limit, settings.hysteresis)
             for source, limit in settings.limits.items()
         }
-        self._changes: dict[Source, deque[_Change]] = {source: deque() for source in Source}
+        self._changes: dict[Source, deque[LimitChange]] = {source: deque() for source in Source}
 
     def change_settings(self, settings: MonitorSettings, stamp_ns: int | None = None) -> int:
         """Watches other limits from a moment of the data on.
@@ -91,7 +110,7 @@ class Monitor:
         self._sight.timeout = settings.timeout
         self.motions.watch(settings.disagreement_limit)
         for source, limit in settings.limits.items():
-            self._changes[source].append(_Change(stamp_ns, limit, settings.hysteresis))
+            self._changes[source].append(LimitChange(stamp_ns, limit, settings.hysteresis))
         return stamp_ns
 
     def reset_accuracy(self) -> None:
@@ -123,22 +142,31 @@ class Monitor:
         found: list[Comparison] = []
         for index, point in enumerate(points):
             if self._is_quiet(points, index):
-                self._estimates.extend(points[index:])
-                self._drop_old(points[-1].stamp_ns)
-                self._estimated_at = points[-1].stamp_ns
-                self._last_estimate_msh = points[-1].nonlinear
+                rest = points[index:]
+                self._estimates.extend(rest)
+                self._drop_old(rest[-1].stamp_ns)
+                self._estimated_at = rest[-1].stamp_ns
+                self._last_estimate_msh = rest[-1].nonlinear
+                for quiet in rest:
+                    if quiet.acceleration is not None:
+                        self.motions.add_acceleration(quiet.stamp_ns, quiet.acceleration)
                 break
             found += self.add_estimate(point, point.stamp_ns)
         return found
 
     def add_measurement(self, point: MeasuredPoint, arrival_ns: int) -> list[Comparison]:
-        """Takes a measurement; returns the comparisons that are possible now."""
+        """Takes a measurement; returns the comparisons that are possible now.
+
+        Without a camera, by the settings, it is not looked at.
+        """
+        if not self.settings.camera:
+            return []
         self._measured_at = arrival_ns
         height = NAN if point.flags & UNUSABLE else point.msh
         point = point._replace(msh=height)
         self._last_measured, self._measured_stamp = height, point.stamp_ns
         self._track(Source.MEASURED, point.stamp_ns, self._bounded(point))
-        self._waiting.append(_Waiting(point, arrival_ns))
+        self._waiting.append(Waiting(point, arrival_ns))
         if len(self._waiting) > MAXIMUM_WAITING:
             self._waiting.popleft()
             self.unmatched += 1
@@ -149,7 +177,8 @@ class Monitor:
 
         Returns:
             where a side is silent, or no measurement has met an estimate since the last look:
-            what the other side still says, with the state STALE or BLIND.
+            what the other side still says, with the state STALE or BLIND. Where nothing has been
+            said for HEARTBEAT looks, that state alone.
         """
         if self._started_at is None:
             self._started_at = now_ns
@@ -165,12 +194,15 @@ class Monitor:
             comparisons.append(self._without_estimate(now_ns))
         idle, self._met = not self._met, False
         speaks = bool(self._estimates) and not estimate_stale
-        if speaks and (measured_stale or (idle and self.blindness(now_ns))):
-            newest = self._estimates[-1]
-            missing = MeasuredPoint(newest.stamp_ns, NAN)
-            comparisons.append(
-                self._compare(missing, _as_read(newest), now_ns, measured_stale=True)
-            )
+        alone = not self.settings.camera
+        if alone and speaks:
+            comparisons.append(self._alone(now_ns))
+        elif speaks and (measured_stale or (idle and self.blindness(now_ns))):
+            comparisons.append(self._unmeasured(self._estimates[-1], now_ns))
+        self._silent_looks = 0 if comparisons or not idle else self._silent_looks + 1
+        if self._silent_looks >= (1 if alone else HEARTBEAT) and self._is_out(now_ns):
+            self._silent_looks = 0
+            comparisons.append(self._unmeasured(None, now_ns))
         return comparisons
 
     def finish(self) -> list[Comparison]:
@@ -182,7 +214,16 @@ class Monitor:
 
     def silent_sides(self, now_ns: int) -> tuple[bool, bool]:
         """Whether the camera and whether the estimator is silent."""
-        return self._stale(self._measured_at, now_ns), self._stale(self._estimated_at, now_ns)
+        measured = self.settings.camera and self._stale(self._measured_at, now_ns)
+        return measured, self._stale(self._estimated_at, now_ns)
+
+    def can_matter(
+        self, stamps: NDArray[np.int64], heights: NDArray[np.float64]
+    ) -> NDArray[np.bool_]:
+        """Which estimates can matter for their limit; see `LimitTracker.can_matter`."""
+        if self._changes[Source.ESTIMATED]:
+            return np.ones(len(stamps), dtype=bool)
+        return self._trackers[Source.ESTIMATED].can_matter(stamps, heights)
 
     def take_events(self) -> list[Event]:
         """The events since the last call."""
@@ -191,8 +232,8 @@ class Monitor:
 
     def blindness(self, now_ns: int) -> str:
         """Why nothing could be compared for too long, though both sides speak; empty: it could."""
-        if self.obstruction:
-            return self.obstruction
+        if self.standstill or self.obstruction:
+            return self.standstill or self.obstruction
         blindness = self._sight.blindness(now_ns)
         if not blindness or not self._measured_stamp or not self._estimates:
             return blindness
@@ -211,12 +252,37 @@ class Monitor:
             self._last_measured > share * self._trackers[Source.MEASURED].limit
             or self._last_estimate_msh > share * self._trackers[Source.ESTIMATED].limit
         )
-        return Condition.WARN if near or self.too_slow else Condition.OK
+        warned = near or self.too_slow or self.motions.warning
+        return Condition.WARN if warned else Condition.OK
 
     @property
     def too_slow(self) -> bool:
         """Whether the estimator's input does not carry a sloshing mode."""
         return bool(self._estimates) and self._estimates[-1].flags & _TOO_SLOW != 0
+
+    def _is_out(self, now_ns: int) -> bool:
+        """Whether a side is silent or nothing can be compared."""
+        return any(self.silent_sides(now_ns)) or bool(self.blindness(now_ns))
+
+    def _alone(self, now_ns: int) -> Comparison:
+        """The newest estimate, where there is no camera by choice."""
+        newest = self._estimates[-1]
+        self._sight.look(now_ns, estimate_obstacle(newest.nonlinear, newest.flags))
+        missing = MeasuredPoint(newest.stamp_ns, NAN)
+        return self._compare(missing, newest.expected, now_ns, image=False)
+
+    def _unmeasured(self, estimate: EstimatePoint | None, now_ns: int) -> Comparison:
+        """What holds at a moment at which no measurement is compared."""
+        newest = self._estimates[-1].stamp_ns if self._estimates else 0
+        stamp_ns = estimate.stamp_ns if estimate else max(self._measured_stamp, newest)
+        return self._compare(
+            MeasuredPoint(stamp_ns, NAN),
+            estimate.expected if estimate else None,
+            now_ns,
+            image=False,
+            measured_stale=self.settings.camera,
+            estimate_stale=estimate is None and self.silent_sides(now_ns)[1],
+        )
 
     def _stale(self, at_ns: int | None, now_ns: int) -> bool:
         since = at_ns if at_ns is not None else self._started_at
@@ -229,12 +295,11 @@ class Monitor:
 
     def _is_quiet(self, points: Sequence[EstimatePoint], first: int) -> bool:
         """True where the estimates from the first on complete no comparison and cause no event."""
-        tracker = self._trackers[Source.ESTIMATED]
-        changes = self._changes[Source.ESTIMATED]
-        if self._waiting or tracker.active or changes or not self._estimates:
+        if self._waiting or self._changes[Source.ESTIMATED] or not self._estimates:
             return False
         follow = points[first].stamp_ns > self._estimates[-1].stamp_ns
-        return follow and all(point.nonlinear <= tracker.limit for point in points[first:])
+        heights = (point.nonlinear for point in points[first:])
+        return follow and self._trackers[Source.ESTIMATED].ignores(heights)
 
     def _drop_old(self, newest_ns: int) -> None:
         late = max(self._estimates[-1].delay_ns, 0)
@@ -310,12 +375,12 @@ class Monitor:
         point = self._waiting.popleft().point
         return self._compare(point, None, now_ns, estimate_stale=True)
 
-    def _interpolated(self, stamp_ns: int) -> EstimatePoint | None:
+    def _interpolated(self, stamp_ns: int) -> Expected | None:
         """The reading at a moment, linear between its neighbours; None outside the buffer."""
         index = bisect_left(self._estimates, stamp_ns, key=lambda point: point.stamp_ns)
         after = self._estimates[index]
         if after.stamp_ns == stamp_ns:
-            return _as_read(after)
+            return after.expected
         if index == 0:
             return None
         before = self._estimates[index - 1]
@@ -323,32 +388,26 @@ class Monitor:
         if width * SECONDS > self.settings.max_gap:
             return None
         share = (stamp_ns - before.stamp_ns) / width
-        before, after = _as_read(before), _as_read(after)
-        return EstimatePoint(
-            stamp_ns,
-            before.linear + share * (after.linear - before.linear),
-            before.nonlinear + share * (after.nonlinear - before.nonlinear),
-            before.flags | after.flags,
-        )
+        return before.expected.towards(after.expected, share)
 
     def _compare(
         self,
         measured: MeasuredPoint,
-        estimate: EstimatePoint | None,
+        estimate: Expected | None,
         now_ns: int,
         *,
+        image: bool = True,
         measured_stale: bool = False,
         estimate_stale: bool = False,
     ) -> Comparison:
-        linear, nonlinear, flags = (
-            (estimate.linear, estimate.nonlinear, estimate.flags) if estimate else (NAN, NAN, 0)
-        )
-        if not measured_stale:
+        expected = estimate or Expected()
+        linear, nonlinear, flags, _ = expected
+        if image:
             self._met = True
             found = obstacle(measured.msh, measured.flags, nonlinear, flags)
             self._sight.look(now_ns, found)
             if not found:
-                self._judge(measured, linear, nonlinear)
+                self._judge(measured, expected)
         self._watch_disagreement(measured, nonlinear)
         return Comparison(
             measured.stamp_ns,
@@ -368,13 +427,19 @@ class Monitor:
             estimate_stale,
             measured.flags,
             flags,
+            not self.settings.camera,
+            bool(self.motions.warning),
         )
 
-    def _judge(self, measured: MeasuredPoint, linear: float, nonlinear: float) -> None:
+    def _judge(self, measured: MeasuredPoint, expected: Expected) -> None:
         """Takes a pair into σ and ε; a lower bound only where it lies above the estimate."""
+        linear, nonlinear, _, wave = expected
         bound = bool(measured.flags & SATURATED)
         if not (bound and measured.msh <= nonlinear):
-            self.motions.add_pair(measured.stamp_ns, measured.msh, measured.stddev, nonlinear)
+            self.motions.add_pair(
+                measured.stamp_ns, measured.msh, measured.stddev, nonlinear,
+                (measured.wave, wave, measured.axis),
+            )  # fmt: skip
         for accuracy, value in ((self.linear, linear), (self.nonlinear, nonlinear)):
             if not (bound and measured.msh <= value):
                 accuracy.update(measured.msh, value)
@@ -383,30 +448,3 @@ class Monitor:
         difference = measured.msh - nonlinear
         gap = max(difference, 0.0) if measured.flags & SATURATED else abs(difference)
         self._track(Source.DISAGREEMENT, measured.stamp_ns, gap)
-
-
-class _Change(NamedTuple):
-    """A limit and its hysteresis that hold for later moments than this one [ns]."""
-
-    stamp_ns: int
-    limit: float
-    hysteresis: Hysteresis
-
-
-class _Waiting(NamedTuple):
-    """A measurement that waits for its estimate since it arrived [ns]."""
-
-    point: MeasuredPoint
-    arrival_ns: int
-
-    def is_over(self, now_ns: int) -> bool:
-        """Whether it has waited long enough for one who is silent; a clock may be set back."""
-        return not 0 <= now_ns - self.arrival_ns < PATIENCE_NS
-
-
-def _as_read(point: EstimatePoint) -> EstimatePoint:
-    """The estimate with what a sensor reads in place of the liquid's heights."""
-    if point.reading is None:
-        return point
-    linear, nonlinear = point.reading
-    return point._replace(linear=linear, nonlinear=nonlinear)

@@ -22,6 +22,7 @@ class MonitorSettings:
         timeout: a side that was silent for so long counts as stale [s]; below 0.5.
         buffer: how far back estimates are kept [s].
         max_gap: widest pair of estimates between which is interpolated [s].
+        camera: whether there is one; without, the estimate alone is watched.
 
     Raises:
         SloshEstimatorError: a value does not fit.
@@ -35,6 +36,7 @@ class MonitorSettings:
     timeout: float = 0.3
     buffer: float = 2.0
     max_gap: float = 0.05
+    camera: bool = True
 
     @classmethod
     def from_parameters(cls, parameters: Mapping[str, Any]) -> MonitorSettings:
@@ -52,6 +54,8 @@ class MonitorSettings:
             Hysteresis(parameters["release"], round(parameters["hold"] * 1e9)),
             parameters["timeout"],
             parameters["buffer"],
+            # Recordings of before know of no cell without a camera.
+            camera=parameters.get("camera", True),
         )
 
     @property

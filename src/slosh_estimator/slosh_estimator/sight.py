@@ -26,10 +26,12 @@ class SurfaceFlag(IntFlag):
     """What limits a measured height, as far as it matters here; the values of FreeSurface.msg."""
 
     SATURATED = 1
+    OCCLUDED = 16
     NOT_FOUND = 32
     FROZEN = 64
     BAD_IMAGE = 128
     CONTESTED = 256
+    AMBIGUOUS = 512
 
 
 # Plain numbers: they are compared with every sample's flags.
@@ -37,6 +39,8 @@ SATURATED = int(SurfaceFlag.SATURATED)
 UNUSABLE = int(SurfaceFlag.NOT_FOUND | SurfaceFlag.BAD_IMAGE)
 FAR = 2.0
 """So far apart the two sides' newest stamps never lie where their clocks are one [s]."""
+STANDS = 0.8
+"""After so long without a step a simulated clock stands [s]."""
 _MEASURED = {
     SurfaceFlag.CONTESTED: "several publishers send images (CONTESTED)",
     SurfaceFlag.BAD_IMAGE: (
@@ -71,6 +75,11 @@ def obstacle(measured: float, measured_flags: int, estimate: float, estimate_fla
             return reason
     if not math.isfinite(measured):
         return "the camera measures no height"
+    return estimate_obstacle(estimate, estimate_flags)
+
+
+def estimate_obstacle(estimate: float, estimate_flags: int) -> str:
+    """Why an estimate [m] says nothing of the liquid, by its flags; empty: it does."""
     for bit, reason in _ESTIMATED.items():
         if estimate_flags & int(bit):
             return reason
@@ -106,6 +115,35 @@ def clocks_apart(measured_ns: int, estimated_ns: int) -> str:
         f"{'ahead of' if apart > 0.0 else 'behind'} those of the estimates: nothing is "
         "compared; both must come from one clock"
     )
+
+
+class ClockWatch:
+    """Notices a simulated clock that does not move: nothing falls silent by such a clock."""
+
+    def __init__(self) -> None:
+        self._clock_ns: int | None = None
+        self._moved_ns: int | None = None
+        self._began_ns = 0
+
+    def look(self, steady_ns: int, clock_ns: int) -> str:
+        """Whether the clock moves, in a line; empty: it does. To be asked some times a second.
+
+        Args:
+            steady_ns: elapsed time [ns].
+            clock_ns: the simulated time [ns].
+        """
+        if self._clock_ns is None:
+            self._clock_ns, self._began_ns = clock_ns, steady_ns
+        if clock_ns != self._clock_ns:
+            self._clock_ns, self._moved_ns = clock_ns, steady_ns
+        since = self._began_ns if self._moved_ns is None else self._moved_ns
+        seconds = (steady_ns - since) * SECONDS
+        if self._moved_ns is not None and seconds < STANDS:
+            return ""
+        return (
+            f"simulated time stands still for {seconds:.1f} s: use_sim_time is set, and no /clock "
+            "goes on"
+        )
 
 
 class Sight:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from slosh_estimator.agreement import LEAST, MotionAgreement, MotionWatch
-from slosh_estimator.comparison import EstimatePoint, MeasuredPoint
+from slosh_estimator.comparison import Condition, EstimatePoint, MeasuredPoint
 from slosh_estimator.monitor import Monitor
 from slosh_estimator.monitor_settings import MonitorSettings
 from slosh_estimator.sight import SATURATED
@@ -201,3 +201,88 @@ def test_stamps_that_were_set_back_end_a_motion_without_a_judgement() -> None:
         point = EstimatePoint(k * 10 * MS, 0.01, 0.01, 0, (0.0, 0.0, 0.0))
         monitor.add_estimate(point, (1000 + k * 10) * MS)
     assert monitor.motions.finished == 0
+
+
+def turned(degrees: float, seconds: float = 6.0) -> Monitor:
+    """A monitor with a camera that is turned about the container's axis."""
+    monitor = Monitor(MonitorSettings(disagreement_limit=0.01))
+    t = np.arange(0.0, seconds, 0.005)
+    moved = acceleration(t)
+    told = simulate(TRUTH, Inputs(t, moved))[0]
+    noise = np.random.default_rng(1).normal(0.0, NOISE, len(t))
+    for k, second in enumerate(t.tolist()):
+        stamp = round((second + 1.0) * 1e9)
+        height, azimuth = float(told.msh[k]), float(told.azimuth[k])
+        felt = tuple(moved[k].tolist())
+        monitor.add_estimate(EstimatePoint(stamp, height, height, 0, felt, azimuth=azimuth), stamp)
+        if k % 4 == 0:
+            seen = height + float(noise[k])
+            wave = seen * complex(np.exp(1j * (azimuth + math.radians(degrees))))
+            monitor.add_measurement(MeasuredPoint(stamp, seen, NOISE, 0, wave), stamp)
+    return monitor
+
+
+@pytest.mark.parametrize("degrees", [90, 180])
+def test_an_azimuth_that_is_wrong_is_a_disagreement_though_the_heights_agree(
+    degrees: int,
+) -> None:
+    monitor = turned(degrees)
+    (motion,) = monitor.motions.take_finished()
+    assert motion.rms < motion.explained
+    assert motion.is_turned
+    assert motion.disagrees
+    assert f"azimuth is {degrees} degrees from the estimated one" in motion.sentence
+    assert monitor.motions.warning == motion.sentence
+    assert monitor.condition(7_000 * MS) is Condition.WARN
+    right = turned(0)
+    assert [motion.disagrees for motion in right.motions.take_finished()] == [False]
+    assert right.condition(7_000 * MS) is Condition.OK
+
+
+def test_a_disagreement_is_told_while_the_motion_goes_on() -> None:
+    monitor = turned(90, 3.9)  # the motion lasts from 1 s to 3 s
+    assert monitor.motions.take_finished() == []
+    assert monitor.motions.warning
+    assert monitor.condition(4_900 * MS) is Condition.WARN
+    (comparison,) = monitor.add_measurement(MeasuredPoint(4_800 * MS, 0.001, NOISE), 4_900 * MS)
+    assert comparison.sides_disagree
+
+
+def test_a_disagreement_stands_until_a_motion_agrees_or_a_reset() -> None:
+    watch = MotionWatch()
+
+    def moves(start: int, difference: float) -> None:
+        for k in range(400):
+            at = (start + 10 * k) * MS
+            watch.add_acceleration(at, (1.0 if k < 100 else 0.0, 0.0, 0.0))
+            watch.add_pair(at, 0.01 + difference, 1e-4, 0.01)
+
+    moves(0, 0.004)
+    assert "differ by 4.0 mm" in watch.warning
+    for k in range(1000):  # rest
+        watch.add_acceleration((4_000 + 10 * k) * MS, (0.0, 0.0, 0.0))
+    assert watch.warning
+    moves(20_000, 0.0)
+    assert watch.warning == ""
+    moves(30_000, 0.004)
+    watch.reset()
+    assert watch.warning == ""
+
+
+def test_many_accelerations_are_as_one_by_one() -> None:
+    random = np.random.default_rng(5)
+    stamps = np.cumsum(random.integers(1, 20, 4000)) * MS
+    felt = random.normal(0.0, 1.0, (4000, 3)) * ((np.arange(4000) // 400) % 2)[:, None]
+    felt[random.random(4000) < 0.01] = np.nan
+    one, many = MotionWatch(), MotionWatch()
+    for start in range(0, 4000, 250):
+        part = slice(start, start + 250)
+        for stamp, row in zip(stamps[part].tolist(), felt[part].tolist(), strict=True):
+            one.add_acceleration(stamp, tuple(row))
+        many.add_accelerations(stamps[part], felt[part])
+        for watch in (one, many):
+            for stamp in stamps[part][::10].tolist():
+                watch.add_pair(stamp, 0.01, 1e-4, 0.005)
+        assert repr(one.take_finished()) == repr(many.take_finished())
+        assert one.warning == many.warning
+    assert one.finished > 3

@@ -3,6 +3,7 @@ from __future__ import annotations
 import math
 import re
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -12,7 +13,7 @@ from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.limits import Event, Hysteresis, Kind, LimitTracker, Source
 from slosh_estimator.monitor import MAXIMUM_WAITING, Monitor
 from slosh_estimator.monitor_settings import MonitorSettings
-from slosh_estimator.sight import SATURATED, SurfaceFlag
+from slosh_estimator.sight import SATURATED, ClockWatch, SurfaceFlag
 from slosh_estimator.validity import EstimateFlag
 from slosh_report.metrics import mean_absolute_error, peak_error
 
@@ -201,8 +202,8 @@ def test_a_side_that_returns_is_compared_again() -> None:
 def test_the_first_image_may_come_before_the_first_estimate() -> None:
     """The monitor has waited for the estimator for longer than it waits for one that speaks."""
     monitor = Monitor(MonitorSettings())
-    for at in (0, 100, 200, 300, 400):
-        assert monitor.check(at * MS) == []
+    told = [one.state for at in (0, 100, 200, 300, 400) for one in monitor.check(at * MS)]
+    assert told == [Condition.STALE]
     assert measure(monitor, 450, 0.01) == []
     (comparison,) = estimate(monitor, 450, 0.02)
     assert (comparison.measured, comparison.estimated_nonlinear) == (0.01, 0.02)
@@ -483,3 +484,75 @@ def test_timeout_and_warn_share_change_at_once() -> None:
     assert monitor.condition(250 * MS) is Condition.STALE
     monitor.change_settings(MonitorSettings(measured_limit=0.02, timeout=0.3, warn_share=0.5))
     assert monitor.condition(250 * MS) is Condition.WARN
+
+
+def test_where_nothing_comes_a_heartbeat_says_so_at_least_twice_a_second() -> None:
+    monitor = Monitor(MonitorSettings())
+    told = [(at, one) for at in range(0, 5000, 100) for one in monitor.check(at * MS)]
+    times = [at for at, _ in told]
+    assert max(np.diff([0, *times, 5000])) <= 400
+    for _, one in told:
+        assert one.state is Condition.STALE
+        assert (one.measured_stale, one.estimate_stale, one.stamp_ns) == (True, True, 0)
+    # The last stamp of either side is what is known.
+    estimate(monitor, 5100, 0.01)
+    measure(monitor, 5150, 0.01)
+    told = [(at, one) for at in range(5200, 9000, 100) for one in monitor.check(at * MS)]
+    silent = [one for at, one in told if at > 5600]
+    assert len(silent) > 8
+    assert {(one.state, one.stamp_ns) for one in silent} == {(Condition.STALE, 5150 * MS)}
+
+
+def test_a_clock_that_stands_is_blind_and_has_a_heartbeat() -> None:
+    monitor = Monitor(MonitorSettings())
+    monitor.standstill = "the clock stands"
+    estimate(monitor, 0, 0.01)
+    (comparison,) = measure(monitor, 0, 0.01)
+    assert comparison.state is Condition.BLIND
+    assert monitor.blindness(0) == "the clock stands"
+    # The monitor's own time is that clock's.
+    assert sum(len(monitor.check(0)) for _ in range(20)) >= 5
+    monitor.standstill = ""
+    assert monitor.condition(0) is Condition.OK
+
+
+def test_a_simulated_clock_stands_until_it_has_moved_and_when_it_does_no_more() -> None:
+    watch = ClockWatch()
+    second = 1000 * MS
+    for at in range(0, 3000, 100):
+        assert "use_sim_time is set, and no /clock goes on" in watch.look(at * MS, 0)
+    for at in range(3000, 5000, 100):
+        assert watch.look(at * MS, 7 * second + at * MS) == ""
+    told = [watch.look(at * MS, 12 * second) for at in range(5000, 6100, 100)]
+    assert told[0] == ""
+    assert "stands still for 1.0 s" in told[-1]
+    assert watch.look(6200 * MS, 0) == ""  # set back: it moves
+
+
+def test_without_a_camera_the_estimate_alone_makes_the_state() -> None:
+    monitor = Monitor(MonitorSettings(estimated_limit=0.02, measured_limit=0.01, camera=False))
+    assert measure(monitor, 0, 0.05) == []  # not looked at
+    found: list[Comparison] = []
+    heights = [0.001] * 10 + [0.018] * 10 + [0.025] * 10
+    for k, height in enumerate(heights):
+        assert estimate(monitor, 50 * k, height) == []
+        if k % 2:
+            found += monitor.check(50 * k * MS)
+    states = [one.state for one in found]
+    assert states == [Condition.OK] * 5 + [Condition.WARN] * 5 + [Condition.ERROR] * 5
+    assert all(one.without_camera and not one.measured_stale for one in found)
+    assert [one.estimated_nonlinear for one in found[::5]] == [0.001, 0.018, 0.025]
+    assert {source for source, _, _ in events(monitor)} == {Source.ESTIMATED}
+    (silent, *_) = monitor.check(2000 * MS)
+    assert silent.state is Condition.STALE
+    assert (silent.measured_stale, silent.estimate_stale) == (False, True)
+
+
+def test_without_a_camera_a_doubtful_estimate_is_blind() -> None:
+    monitor = Monitor(MonitorSettings(camera=False))
+    found: list[Comparison] = []
+    for k in range(20):
+        estimate(monitor, 50 * k, 0.001, int(EstimateFlag.INPUT_DOUBTFUL))
+        found += monitor.check(50 * k * MS)
+    assert found[-1].state is Condition.BLIND
+    assert "cannot mean what it says" in monitor.blindness(1000 * MS)

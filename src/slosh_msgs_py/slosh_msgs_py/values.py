@@ -105,6 +105,8 @@ class SloshComparison:
     estimate_stale: bool = False
     measured_flags: int = 0
     estimate_flags: int = 0
+    without_camera: bool = False
+    sides_disagree: bool = False
 
 
 @dataclass(frozen=True, slots=True)

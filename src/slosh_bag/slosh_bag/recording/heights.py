@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_bag.recording.inputs import STAMP, stamps_of
+from slosh_estimator.azimuth import Surfaces, measured_waves
 from slosh_estimator.sight import SATURATED, UNUSABLE
 
 Array = NDArray[np.float64]
@@ -18,6 +19,8 @@ Columns = Mapping[str, NDArray[Any]]
 
 SURFACE_FIELDS: Final = (*STAMP, "msh", "flags", "msh_stddev", "azimuth")
 """Fields of FreeSurface.msg that `measurements` needs."""
+WAVE_FIELDS: Final = (*STAMP, "msh_stddev", *Surfaces._fields)
+"""Those with which it tells the waves, too."""
 
 
 class Measurements(NamedTuple):
@@ -29,6 +32,7 @@ class Measurements(NamedTuple):
         flags: (N,) of FreeSurface.msg.
         stddev: (N,) standard deviation [m]; NaN: unknown.
         azimuth: (N,) of the highest point [rad]; NaN: unknown.
+        waves, axes: (N,) of `slosh_estimator.azimuth.measured_waves`; None: unknown.
     """
 
     stamps: Integers
@@ -36,6 +40,8 @@ class Measurements(NamedTuple):
     flags: Integers
     stddev: Array
     azimuth: Array
+    waves: NDArray[np.complex128] | None = None
+    axes: Array | None = None
 
     @property
     def unusable(self) -> Mask:
@@ -54,7 +60,8 @@ class Measurements(NamedTuple):
 
     def chosen(self, rows: NDArray[Any]) -> Measurements:
         """Some of them, by indices or a mask."""
-        return Measurements(*(column[rows] for column in self))
+        columns: Any = (None if column is None else column[rows] for column in self)
+        return Measurements(*columns)
 
     def in_order(self) -> Measurements:
         """By rising stamps, each stamp once: what was recorded first."""
@@ -62,13 +69,18 @@ class Measurements(NamedTuple):
 
 
 def measurements(columns: Columns) -> Measurements:
-    """Measured heights from columns of FreeSurface.msg, `SURFACE_FIELDS`."""
+    """Measured heights from columns of FreeSurface.msg, `SURFACE_FIELDS` or `WAVE_FIELDS`."""
+    waves, axes = None, None
+    if set(Surfaces._fields) <= columns.keys():
+        waves, axes = measured_waves(Surfaces(*(columns[name] for name in Surfaces._fields)))
     return Measurements(
         stamps_of(columns),
         columns["msh"],
         columns["flags"].astype(np.int64),
         columns["msh_stddev"],
         columns["azimuth"],
+        waves,
+        axes,
     )
 
 
@@ -90,5 +102,6 @@ class HeightCollector:
         self._parts.append(measurements(columns))
 
     def measurements(self) -> Measurements:
-        """All that came, in the order of the recording."""
-        return Measurements(*(np.concatenate(part) for part in zip(*self._parts, strict=True)))
+        """All that came, in the order of the recording, without waves."""
+        columns = zip(*(part[:5] for part in self._parts), strict=True)
+        return Measurements(*(np.concatenate(column) for column in columns))

@@ -26,6 +26,7 @@ class ModelHeights(NamedTuple):
         flags: (M,) bits of EstimateFlag.
         readings: (M, K) what a sensor reads of the heights [m]; None: the heights.
         delays: (M,) by how much a measurement comes late [ns]; None: it does not.
+        accelerations: (M, 3) that drove the models [m/s²]; None: not kept.
     """
 
     stamps: Integers
@@ -34,6 +35,7 @@ class ModelHeights(NamedTuple):
     flags: Integers
     readings: Array | None = None
     delays: Integers | None = None
+    accelerations: Array | None = None
 
     @property
     def as_read(self) -> Array:

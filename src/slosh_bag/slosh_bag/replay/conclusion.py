@@ -62,7 +62,8 @@ def conclude(
     counters["unmatched_images"] = components.monitor.monitor.unmatched
     spans = stream.motions.spans
     names = components.models.names
-    judged = judge(components.series, names, spans) if len(components.series) else Judgement()
+    measured = components.monitor.monitor.settings.camera and len(components.series) > 0
+    judged = judge(components.series, names, spans) if measured else Judgement()
     counters["spikes"] = judged.spikes
     rows = thinned(components.series)
     return ReplayResult(

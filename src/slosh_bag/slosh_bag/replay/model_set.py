@@ -95,6 +95,7 @@ class ModelSet:
             own.flags | twin.flags,
             np.column_stack(readings),
             np.full(len(own.stamps), delay_ns, dtype=np.int64),
+            own.accelerations,
         )
         return ModelSetEstimates(own, heights)
 

@@ -6,13 +6,14 @@ from bisect import bisect_left
 from collections import deque
 from collections.abc import Sequence
 from itertools import repeat
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from slosh_bag.recording.heights import Measurements
 from slosh_bag.replay.columns import chosen
+from slosh_estimator.agreement import MotionWatch
 from slosh_estimator.comparison import Comparison, EstimatePoint, MeasuredPoint
 from slosh_estimator.limits import Event
 from slosh_estimator.monitor import Monitor
@@ -21,6 +22,7 @@ from slosh_estimator.monitor_settings import MonitorSettings
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
+NAN = float("nan")
 CHECK_NS = 100_000_000
 """How often the monitor looks whether a side has fallen silent, as the node does."""
 LONG_SILENCE_NS = 100 * CHECK_NS
@@ -36,6 +38,8 @@ class Heights(NamedTuple):
         flags: (M,) bits of EstimateFlag.
         readings: (M, 2) what a sensor reads of L and of NL [m]; None: the heights.
         delays: (M,) by how much a measurement comes late [ns]; None: it does not.
+        azimuths: (M,) of the NL heights [rad]; None: unknown.
+        accelerations: (M, 3) that drove the models, gravity excluded [m/s²]; None: unknown.
     """
 
     stamps: Integers
@@ -44,6 +48,8 @@ class Heights(NamedTuple):
     flags: Integers
     readings: Array | None = None
     delays: Integers | None = None
+    azimuths: Array | None = None
+    accelerations: Array | None = None
 
 
 class MonitorFeed:
@@ -64,10 +70,7 @@ class MonitorFeed:
         self.changes = tuple(changes)
         self.monitor = Monitor(settings)
         self._due = deque(changes)
-        self._next_check = self._newest = self._loud = -(2**62)
-        every = [settings, *(later for _, later in changes)]
-        self._loud_level = min(_release_level(one) for one in every)
-        self._hold_ns = max(one.hysteresis.hold_ns for one in every)
+        self._next_check = self._newest = -(2**62)
 
     def add(self, estimates: Heights, measured: Measurements) -> list[Comparison]:
         """Takes what comes next on both sides; an estimate comes before an image of its moment.
@@ -79,18 +82,19 @@ class MonitorFeed:
         Returns:
             the comparisons in the order in which they were made.
         """
+        felt = _Felt(estimates.stamps, estimates.accelerations)
         estimates = chosen(estimates, self._needed(estimates, measured.stamps))
         points = _points(estimates)
-        images = [MeasuredPoint(*row) for row in _rows(measured)]
+        images = _images(measured)
         found: list[Comparison] = []
         at = 0
         for image in images:
             end = int(np.searchsorted(estimates.stamps, image.stamp_ns, side="right"))
-            found += self._estimates(points[at:end])
+            found += self._estimates(points[at:end], felt)
             at = max(at, end)
             found += self._check_until(image.stamp_ns)
             found += self.monitor.add_measurement(image, image.stamp_ns)
-        return found + self._estimates(points[at:])
+        return found + self._estimates(points[at:], felt)
 
     def finish(self) -> list[Comparison]:
         """Nothing follows: the comparisons that are left."""
@@ -109,26 +113,24 @@ class MonitorFeed:
         stamps = estimates.stamps
         if len(stamps) == 0:
             return np.empty(0, dtype=bool)
-        loud = ~(estimates.nonlinear <= self._loud_level)
-        last_loud = np.maximum.accumulate(np.where(loud, stamps, self._loud))
         widest = int(np.diff(stamps, prepend=self._newest).max())
-        self._loud, self._newest = int(last_loud[-1]), int(stamps[-1])
-        if widest > CHECK_NS or estimates.delays is not None:
+        self._newest = int(stamps[-1])
+        changes = bool(self._due) and self._due[0][0] < stamps[-1]
+        if widest > CHECK_NS or changes or estimates.delays is not None:
             # After a silence the clock may be looked at in another rhythm; with a delay images
             # need other estimates than those around them, perhaps earlier than these.
             return np.ones(len(stamps), dtype=bool)
-        near = stamps - last_loud <= self._hold_ns + CHECK_NS
         ticks = np.arange(self._next_check, stamps[-1] + 1, CHECK_NS)
         behind = np.concatenate(
             (np.searchsorted(stamps, images, side="right"), np.searchsorted(stamps, ticks))
         )
-        needed = near
-        needed[1:] |= near[:-1].copy()
+        needed = self.monitor.can_matter(stamps, estimates.nonlinear)
         needed[np.clip(np.concatenate((behind - 1, behind)), 0, len(stamps) - 1)] = True
         needed[[0, -1]] = True
         return needed
 
-    def _estimates(self, points: list[EstimatePoint]) -> list[Comparison]:
+    def _estimates(self, points: list[EstimatePoint], felt: _Felt) -> list[Comparison]:
+        """Estimates, and up to the last of them what drove all, in the order of the stamps."""
         found: list[Comparison] = []
         at = 0
         while at < len(points):
@@ -136,6 +138,7 @@ class MonitorFeed:
             until = min(self._next_check, self._due[0][0] + 1 if self._due else _NEVER)
             end = bisect_left(points, until, at, key=lambda point: point.stamp_ns)
             found += self.monitor.add_estimates(points[at:end])
+            felt.tell(self.monitor.motions, points[end - 1].stamp_ns)
             at = end
         return found
 
@@ -154,15 +157,27 @@ class MonitorFeed:
         return found
 
 
-def _release_level(settings: MonitorSettings) -> float:
-    """Estimates up to this height neither begin nor hold an excess [m]."""
-    limit = settings.estimated_limit
-    return settings.hysteresis.release * limit if np.isfinite(limit) else np.inf
+class _Felt:
+    """Accelerations that the motions are told in portions; None: there are none."""
+
+    def __init__(self, stamps: Integers, accelerations: Array | None) -> None:
+        self._stamps, self._accelerations = stamps, accelerations
+        self._told = 0
+
+    def tell(self, motions: MotionWatch, until_ns: int) -> None:
+        """Tells what is stamped up to a moment [ns] and has not been told."""
+        if self._accelerations is None:
+            return
+        part = slice(self._told, int(np.searchsorted(self._stamps, until_ns, side="right")))
+        self._told = part.stop
+        motions.add_accelerations(self._stamps[part], self._accelerations[part])
 
 
 def _points(estimates: Heights) -> list[EstimatePoint]:
     stamps, linear, nonlinear, flags = (column.tolist() for column in estimates[:4])
-    if estimates.readings is None and estimates.delays is None:
+    if all(
+        column is None for column in (estimates.readings, estimates.delays, estimates.azimuths)
+    ):
         return list(map(EstimatePoint, stamps, linear, nonlinear, flags))
     count = len(stamps)
     readings = (
@@ -171,16 +186,27 @@ def _points(estimates: Heights) -> list[EstimatePoint]:
         else map(tuple, estimates.readings.tolist())
     )
     delays = repeat(0, count) if estimates.delays is None else estimates.delays.tolist()
+    azimuths = repeat(NAN, count) if estimates.azimuths is None else estimates.azimuths.tolist()
     return list(
-        map(EstimatePoint, stamps, linear, nonlinear, flags, repeat(None), readings, delays)
+        map(
+            EstimatePoint,
+            stamps,
+            linear,
+            nonlinear,
+            flags,
+            repeat(None),
+            readings,
+            delays,
+            azimuths,
+        )
     )
 
 
-def _rows(measured: Measurements) -> zip[tuple[int, float, float, int]]:
-    return zip(
-        measured.stamps.tolist(),
-        measured.heights.tolist(),
-        measured.stddev.tolist(),
-        measured.flags.tolist(),
-        strict=True,
-    )
+def _images(measured: Measurements) -> list[MeasuredPoint]:
+    columns: list[NDArray[Any]] = [
+        measured.stamps, measured.heights, measured.stddev, measured.flags,
+    ]  # fmt: skip
+    if measured.waves is not None and measured.axes is not None:
+        columns += [measured.waves, measured.axes]
+    rows: Any = zip(*(column.tolist() for column in columns), strict=True)
+    return [MeasuredPoint(*row) for row in rows]

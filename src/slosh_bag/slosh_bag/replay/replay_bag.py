@@ -27,7 +27,7 @@ from slosh_bag.recording.facts import (
     noted_container,
     shared_topics_line,
 )
-from slosh_bag.recording.heights import SURFACE_FIELDS, measurements
+from slosh_bag.recording.heights import WAVE_FIELDS, measurements
 from slosh_bag.recording.inputs import STAMP, InputReader, stamps_of
 from slosh_bag.recording.settings import NodeStart
 from slosh_bag.recording.sources import Sources, find_sources
@@ -113,7 +113,10 @@ def replay_bag(
             MonitorFeed(watched, limit_changes),
             series,
             verifier=verifier,
-            comparisons=Verifier(sources.comparison) if sources.comparison else None,
+            # Without a camera comparisons follow the monitor's own clock.
+            comparisons=(
+                Verifier(sources.comparison) if sources.comparison and watched.camera else None
+            ),
             matcher=matcher,
             known=KnownState(verifier) if sources.state else None,
             changes=_changes(sources, used, follow=model is None),
@@ -219,7 +222,7 @@ def feed(reader: BagReader, sources: Sources, modes: int = 1) -> Iterator[list[T
     """
     wanted = {sources.input: inputs.fields(sources.kind)}
     if sources.surface is not None:
-        wanted[sources.surface] = SURFACE_FIELDS
+        wanted[sources.surface] = WAVE_FIELDS
     if sources.estimate is not None:
         wanted[sources.estimate] = (*STAMP, "samples_used", *estimate_fields(modes))
     if sources.comparison is not None:

@@ -109,10 +109,10 @@ def replay_report(result: ReplayResult, around: Surroundings | None = None) -> R
 
 
 def _lasting_limit(result: ReplayResult) -> float:
-    """The limit of the measured height throughout the run [m]; NaN: none, or it changed."""
+    """The limit that the chart shows [m]: without a camera that of the estimate; NaN: it changed."""
     watched = [result.limits] if result.limits else []
     watched += [settings for _, settings in result.limit_changes]
-    limits = {settings.measured_limit for settings in watched}
+    limits = {one.measured_limit if one.camera else one.estimated_limit for one in watched}
     return limits.pop() if len(limits) == 1 else NAN
 
 
@@ -239,8 +239,11 @@ def _key_figures(
     rows = {row.name: row for row in result.accuracy}
     figures: list[KeyFigure] = []
     known = result.measured[np.isfinite(result.measured)]
+    told = result.heights[nonlinear][np.isfinite(result.heights[nonlinear])]
     if len(known):
         figures.append(KeyFigure("highest measured", float(known.max()), "mm"))
+    elif len(told):
+        figures.append(KeyFigure("highest estimated", float(told.max()), "mm", nonlinear))
     if nonlinear in rows and linear in rows:
         l_row, nl_row = rows[linear], rows[nonlinear]
         figures += [

@@ -49,6 +49,8 @@ SET_BACKS = 3
 """Stamps that go back more often than this are no clock that is set back."""
 KEPT_NS = 200_000_000
 """Estimates that are kept before the oldest that was released, to interpolate between."""
+DRAWN_NS = 20_000_000
+"""Without a camera estimates are drawn so often."""
 AHEAD_NS = 10_000_000_000
 """An image that is so far ahead of the inputs that are recorded with it shows another time."""
 MAXIMUM = 2**31 * SECOND - 1
@@ -374,7 +376,8 @@ class ReplayStream:
         """Feeds the monitor and the series with everything up to a moment."""
         measured = self._take_measured(until)
         estimates = self._heights
-        self._append(measured, estimates)
+        has_camera = self._components.monitor.monitor.settings.camera
+        self._append(measured if has_camera else self._moments(until), estimates)
         if estimates is None:
             self._monitor(_NOTHING, measured)
             return
@@ -385,6 +388,16 @@ class ReplayStream:
         late = 0 if estimates.delays is None else max(int(estimates.delays.max()), 0)
         kept = estimates.stamps > min(until, int(estimates.stamps[-1])) - KEPT_NS - late
         self._heights = chosen(estimates, kept)
+
+    def _moments(self, until: int) -> Measurements:
+        """Moments without a measurement at which estimates are drawn, where no camera is."""
+        if self._heights is None:
+            return _NONE
+        stamps = self._heights.stamps
+        stamps = stamps[(stamps > self._released) & (stamps <= until)]
+        stamps = stamps[np.flatnonzero(np.diff(stamps // DRAWN_NS, prepend=-1))]
+        unknown = np.full(len(stamps), np.nan)
+        return Measurements(stamps, unknown, np.zeros(len(stamps), np.int64), unknown, unknown)
 
     def _take_measured(self, until: int) -> Measurements:
         """The measurements up to a moment, in the order of their stamps."""
@@ -455,6 +468,8 @@ def monitored(estimates: ModelHeights, own: tuple[int, int]) -> Heights:
         estimates.flags,
         None if np.array_equal(heights, readings, equal_nan=True) else readings,
         estimates.delays if delayed else None,
+        estimates.azimuth,
+        estimates.accelerations,
     )
 
 

@@ -38,13 +38,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--namespace", default=NAMESPACE, help=f"of the nodes (default {NAMESPACE})"
     )
     parser.add_argument(
+        "--no-camera", action="store_true",
+        help="a cell without a camera: the estimate alone is watched",
+    )  # fmt: skip
+    parser.add_argument(
         "--image-size", default=_IMAGE_SIZE, metavar="WxH",
         help=f"of the camera's images [px] (default {_IMAGE_SIZE})",
     )  # fmt: skip
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Writes the three files and says what comes next."""
+    """Writes the files and says what comes next."""
     folder: Path = arguments.folder
     check_free(folder)
     cup = _cup(arguments)
@@ -53,7 +57,7 @@ def run(arguments: argparse.Namespace) -> int:
             write_text(room / name, text)
     for name in texts_of(cup, folder):
         print(plain_line(folder / name))
-    if cup.wall is None:
+    if cup.wall is None and cup.camera:
         print("note: the wall's thickness is not told, 0 is taken; the camera needs it: --wall")
     print("next:", *next_steps(cup, folder), sep="\n  ")
     return 0
@@ -80,7 +84,7 @@ def _cup(arguments: argparse.Namespace) -> NewCup:
         )
     return NewCup(
         _lengths(given), given["fill_height"], liquid, given.get("rim_height"),
-        given.get("wall"), arguments.namespace, size,
+        given.get("wall"), arguments.namespace, size, not arguments.no_camera,
     )  # fmt: skip
 
 

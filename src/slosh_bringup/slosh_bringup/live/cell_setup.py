@@ -29,28 +29,33 @@ class CellSetup:
 
     Attributes:
         model: model file of the container and its liquid.
-        calibration: camera.yaml.
+        calibration: camera.yaml; None: the cell has no camera, by choice.
         parameters: ROS parameter file of all nodes; what it does not set is as the nodes have it.
         namespace: of all nodes.
         remap: relative topic -> the robot's topic.
     """
 
     model: Path
-    calibration: Path
+    calibration: Path | None
     parameters: Path
     namespace: str = NAMESPACE
     remap: Mapping[str, str] = field(default_factory=dict)
 
     def processes(self, bag: Path) -> list[NodeProcess]:
-        """The nodes of NODES_OF_A_CELL."""
+        """The nodes of NODES_OF_A_CELL; without a calibration no camera node."""
         own: dict[str, dict[str, str]] = {
             "recorder": {"output": str(bag)},
             "estimator": {"model": str(self.model)},
             "camera": {"calibration": str(self.calibration)},
             "monitor": {},
         }
+        if self.calibration is None:
+            del own["camera"]
+            own["monitor"] = {"camera": "false"}
         return [
-            NodeProcess(name, [self.parameters], own[name], self.remap) for name in NODES_OF_A_CELL
+            NodeProcess(name, [self.parameters], own[name], self.remap)
+            for name in NODES_OF_A_CELL
+            if name in own
         ]
 
 
@@ -74,7 +79,7 @@ def read_setup(path: Path) -> CellSetup:
     document = source.value
     if not isinstance(document, dict):
         raise SloshBringupError(f"{path}: must be a mapping with the keys model and calibration")
-    known = ("model", "calibration", "parameters", "namespace", "remap")
+    known = ("model", "calibration", "camera", "parameters", "namespace", "remap")
     for key in document:
         if key not in known:
             raise SloshBringupError(
@@ -84,11 +89,22 @@ def read_setup(path: Path) -> CellSetup:
     namespace = read_namespace(source, document.get("namespace", NAMESPACE))
     return CellSetup(
         model=_file(source, "model"),
-        calibration=_file(source, "calibration"),
+        calibration=_file(source, "calibration") if _has_camera(source) else None,
         parameters=_file(source, "parameters", default.parameters),
         namespace=namespace,
         remap=read_remap(source, namespace, document.get("remap") or {}),
     )
+
+
+def _has_camera(source: YamlDocument) -> bool:
+    """Whether the cell has a camera: one with a calibration, and without `camera: none`."""
+    camera = source.value.get("camera", "")
+    if "camera" in source.value and camera not in ("none", None, False):
+        raise SloshBringupError(
+            f"{source.at('camera')}: camera = {shown(camera)} must be none, or be left out: the "
+            "key calibration names the camera's file"
+        )
+    return "camera" not in source.value and "calibration" in source.value
 
 
 def _file(source: YamlDocument, key: str, default: Path | None = None) -> Path:

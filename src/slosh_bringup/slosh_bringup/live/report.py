@@ -139,7 +139,8 @@ def _evaluated(
     problems = tuple(filter(None, (*problems, slowness(data), *failures)))
     reasons: tuple[str, ...] = ()
     if not figures.compared:
-        reasons = (*problems, *shortfall(data, starts)) if began else problems
+        missing = shortfall(data, starts) if began else ()
+        reasons = (*problems, *missing) if missing or not began else ()
     result = LiveResult(figures, None, reasons, problems, in_force(starts), failures)
     try:
         replayed = replay_bag(bag)

@@ -44,7 +44,8 @@ def check_files(setup: CellSetup) -> None:
         ValueError: of the package that reads the file; one line.
     """
     read_model(setup.model)
-    read_any_calibration(setup.calibration)
+    if setup.calibration is not None:
+        read_any_calibration(setup.calibration)
     check_parameter_file(setup.parameters, setup.namespace)
 
 

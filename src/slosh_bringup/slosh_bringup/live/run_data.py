@@ -171,8 +171,8 @@ def _taker(topic: str) -> Callable[[_Gathered, Any], None] | None:
 
 
 def _take_comparison(gathered: _Gathered, message: Any) -> None:
-    if message.measured_stale:
-        return  # the monitor's word on a silent camera, not an image
+    if message.measured_stale or getattr(message, "without_camera", False):
+        return  # the monitor's word where there is no image
     gathered.stamps.append(stamp_ns(message))
     gathered.rows.append([getattr(message, name) for name in _COLUMNS])
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from slosh_bag.reader import BagReader, TopicInfo
 from slosh_bag.recording.cells import ESTIMATE, SURFACE, CellTopics
 from slosh_bag.recording.inputs import STAMP, stamps_of
-from slosh_bringup.in_force import Starts, image_topic, input_topic
+from slosh_bringup.in_force import Starts, has_camera, image_topic, input_topic
 from slosh_bringup.live.run_data import RunData, facts_of
 from slosh_camera.measurement import Flag
 from slosh_estimator.sight import UNUSABLE
@@ -38,6 +38,8 @@ class Seen(NamedTuple):
 def shortfall(data: RunData, starts: Starts) -> tuple[str, ...]:
     """What was missing, one line each, the first cause first.
 
+    Without a camera, by choice, estimates are all that there can be.
+
     Args:
         data: the run.
         starts: what the nodes worked with, as far as they told.
@@ -45,6 +47,8 @@ def shortfall(data: RunData, starts: Starts) -> tuple[str, ...]:
     Raises:
         SloshBagError: the bag cannot be read.
     """
+    if not has_camera(starts):
+        return tuple(filter(None, [_input(data, starts)]))
     found = [line for line in (_input(data, starts), _images(data, starts)) if line]
     return tuple(found) or (_apart(data),)
 

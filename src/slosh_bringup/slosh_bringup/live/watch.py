@@ -109,7 +109,10 @@ class LiveWatch:
     def take_comparison(self, comparison: Any) -> None:
         """Takes the newest SloshComparison."""
         heights = comparison.measured, comparison.estimated_nonlinear
-        self._status.take_comparison(*heights, comparison.state, time.monotonic())
+        self._status.take_comparison(
+            *heights, comparison.state, time.monotonic(),
+            alone=comparison.without_camera, disagree=comparison.sides_disagree,
+        )  # fmt: skip
 
     def look(self) -> None:
         """Looks at the clock; several times a second."""
@@ -140,7 +143,11 @@ class LiveWatch:
 
     def _begin(self) -> None:
         """Tells what is in force once all are ready."""
-        if self.began or self._wait.missing() or not self._starts.keys() >= set(TELLING):
+        if (
+            self.began
+            or self._wait.missing()
+            or not self._starts.keys() >= {*TELLING} & {*self._nodes}
+        ):
             return
         self._began = time.monotonic()
         self._health = CellWatch(self._nodes, self._began)

@@ -45,6 +45,7 @@ class NewCup:
         wall: thickness [m]; None: unknown.
         namespace: of the nodes.
         image_size: width and height of the camera's images [px].
+        camera: whether the cell has one.
     """
 
     lengths: dict[str, float]
@@ -54,6 +55,7 @@ class NewCup:
     wall: float | None
     namespace: str
     image_size: tuple[int, int]
+    camera: bool = True
 
     def __post_init__(self) -> None:
         """Refuse a rim below the liquid, and a namespace that is none."""

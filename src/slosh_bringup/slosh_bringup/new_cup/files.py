@@ -12,11 +12,8 @@ MODEL, CELL, CAMERA = "model.yaml", "cell.yaml", "camera.yaml"
 
 def texts_of(cup: NewCup, folder: Path) -> dict[str, str]:
     """The files' texts by their names; commands in them name `folder` as it was given."""
-    return {
-        MODEL: _model(cup),
-        CELL: _cell(cup, folder),
-        CAMERA: _camera(cup, folder),
-    }
+    texts = {MODEL: _model(cup), CELL: _cell(cup, folder)}
+    return {**texts, CAMERA: _camera(cup, folder)} if cup.camera else texts
 
 
 def next_steps(cup: NewCup, folder: Path) -> list[str]:
@@ -28,6 +25,8 @@ def next_steps(cup: NewCup, folder: Path) -> list[str]:
         f"{_calibrate(cup, lens)} -o {camera}",
         f"slosh cell --config {cell}",
     ]
+    if not cup.camera:
+        return steps[-1:]
     return steps if cup.is_round else steps[2:]
 
 
@@ -94,11 +93,18 @@ effects:
 
 
 def _cell(cup: NewCup, folder: Path) -> str:
+    images = "#   camera/image_raw: /camera/image_raw\n" if cup.camera else ""
+    camera = (
+        f"calibration: {CAMERA}"
+        if cup.camera
+        else "# The estimate alone is watched. With a camera: `calibration: camera.yaml`.\n"
+        "camera: none"
+    )
     return f"""\
 # What a running cell consists of: slosh cell --config {_word(folder / CELL)}
 # Paths are relative to this file.
 model: {MODEL}
-calibration: {CAMERA}
+{camera}
 # Of all nodes; topics are below it.
 namespace: {cup.namespace}
 # ROS parameters that differ from the nodes' defaults, such as the limits (docs/robot.md).
@@ -106,8 +112,7 @@ namespace: {cup.namespace}
 # Where the robot's topics have other names: relative topic -> the robot's topic.
 # remap:
 #   accel: /arm/tcp_acceleration
-#   camera/image_raw: /camera/image_raw
-"""
+{images}"""
 
 
 def _camera(cup: NewCup, folder: Path) -> str:

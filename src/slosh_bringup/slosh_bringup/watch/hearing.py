@@ -27,6 +27,9 @@ def hear_comparison(state: WatchState, message: Any, now: float) -> None:
         message.epsilon_nonlinear,
         message.state,
         tuple(name for name, stale in silent if stale),
+        # Recordings of before know neither.
+        getattr(message, "without_camera", False),
+        getattr(message, "sides_disagree", False),
     )
     state.take_comparison(compared, now)
 

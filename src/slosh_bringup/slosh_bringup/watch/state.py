@@ -48,6 +48,8 @@ class Compared(NamedTuple):
     epsilon: float
     state: int
     stale: tuple[str, ...]
+    alone: bool = False
+    disagree: bool = False
 
 
 class Surface(NamedTuple):
@@ -105,12 +107,15 @@ class WatchState:
 
     def is_alone(self, now: float) -> bool:
         """Whether the estimate has to be drawn by itself: no comparison tells it."""
-        return now - self._compared_at > ALONE
+        compared = self._compared
+        silent = compared is None or compared.alone or not math.isfinite(compared.estimated)
+        return silent or now - self._compared_at > ALONE
 
     def take_comparison(self, compared: Compared, now: float) -> None:
         """Takes a comparison that came now [s]."""
         self._compared, self._compared_at = compared, now
-        self._add(compared.stamp_ns, compared.measured, compared.estimated)
+        if math.isfinite(compared.measured) or math.isfinite(compared.estimated):
+            self._add(compared.stamp_ns, compared.measured, compared.estimated)
 
     def take_surface(self, surface: Surface) -> None:
         """Takes a measured surface."""
@@ -162,6 +167,8 @@ class WatchState:
             now - self._compared_at,
             compared.stale if compared else (),
             exceeded,
+            alone=bool(compared and compared.alone),
+            disagree=bool(compared and compared.disagree),
         )
         rows, self._rows = self._rows, []
         frame: dict[str, Any] = {

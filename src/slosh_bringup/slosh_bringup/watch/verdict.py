@@ -16,6 +16,7 @@ class Verdict(Enum):
 
     SAFE = "safe"
     NEAR = "near limit"
+    DISAGREE = "sides disagree"
     EXCEEDED = "limit exceeded"
     BLIND = "blind"
 
@@ -28,7 +29,13 @@ class Judgement(NamedTuple):
 
 
 def judge(
-    state: int | None, age: float, stale: tuple[str, ...] = (), exceeded: str = ""
+    state: int | None,
+    age: float,
+    stale: tuple[str, ...] = (),
+    exceeded: str = "",
+    *,
+    alone: bool = False,
+    disagree: bool = False,
 ) -> Judgement:
     """Judges a cell.
 
@@ -39,6 +46,8 @@ def judge(
         age: how long ago it came [s].
         stale: which sides are silent.
         exceeded: what exceeds its limit; empty: nothing does.
+        alone: there is no camera by choice.
+        disagree: camera and model disagree.
     """
     if state is None:
         return Judgement(Verdict.BLIND, "no comparison has come yet: is the monitor running?")
@@ -49,9 +58,14 @@ def judge(
     if state == STALE:
         return Judgement(Verdict.BLIND, f"nothing comes of {' and '.join(stale) or 'one side'}")
     if state == BLIND:
-        return Judgement(Verdict.BLIND, "measurement and estimate cannot be compared")
+        what = "the estimate" if alone else "measurement and estimate"
+        return Judgement(Verdict.BLIND, f"{what} cannot be {'trusted' if alone else 'compared'}")
+    if state == WARN and disagree:
+        return Judgement(Verdict.DISAGREE, "camera and model disagree: see what the monitor says")
     if state == WARN:
         return Judgement(Verdict.NEAR, "a limit is near, or was exceeded a moment ago")
+    if state == OK and alone:
+        return Judgement(Verdict.SAFE, "estimated below its limit; no camera by choice")
     if state == OK:
         return Judgement(Verdict.SAFE, "measured and estimated below their limits")
     return Judgement(Verdict.BLIND, f"the monitor is in state {state}, which is not known here")

@@ -154,10 +154,10 @@ class CameraNode(PreparedNode):
         measured, self._reported = self._images - self._reported, self._images
         dropped, self._dropped = self._input.dropped - self._dropped, self._input.dropped
         recent, self._recent = self._recent, Flag.NONE
+        self._contested = self._rivals.look()
         if not measured:
             return STALE, f"no image for {self._topic.seconds:.0f} s: {self._topic.reason()}"
         self._topic.heard()
-        self._contested = self._rivals.look()
         if self._contested:
             return ERROR, self._contested
         if Flag.BAD_IMAGE in recent:

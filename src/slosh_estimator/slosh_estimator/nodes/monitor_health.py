@@ -30,8 +30,11 @@ class MonitorHealth:
 
     def __init__(self, node: Node, core: Monitor) -> None:
         self._core = core
-        self._topics = {topic: SilentTopic(node, topic, kind) for topic, kind in _INPUTS.items()}
-        self._rivals = [Rivals(node, topic, kind) for topic, kind in _INPUTS.items()]
+        inputs = dict(_INPUTS)
+        if not core.settings.camera:
+            del inputs[topics.FREE_SURFACE]
+        self._topics = {topic: SilentTopic(node, topic, kind) for topic, kind in inputs.items()}
+        self._rivals = [Rivals(node, topic, kind) for topic, kind in inputs.items()]
         self._measured = self._unmatched = 0
 
     def look(self, now_ns: int, measured: int) -> Health:
@@ -75,15 +78,16 @@ class MonitorHealth:
         return ERROR, f"{'a limit is exceeded, and ' if exceeded else ''}BLIND: {blindness}"
 
     def _state(self, now_ns: int, mismatch: Health | None) -> Health:
-        condition = self._core.condition(now_ns)
+        condition, disagreement = self._core.condition(now_ns), self._core.motions.warning
         if condition is Condition.WARN and self._core.too_slow:
             return WARN, f"WARN: {TOO_SLOW}; the estimator's diagnostics say what helps"
+        if condition is Condition.WARN and disagreement:
+            return WARN, disagreement
+        alone = "" if self._core.settings.camera else "; no camera by choice"
         if condition is not Condition.OK:
-            return (ERROR if condition is Condition.ERROR else WARN), condition.name
-        last = self._core.motions.last
-        if mismatch is None and last is not None and last.disagrees:
-            return WARN, last.sentence
-        return mismatch or (OK, condition.name)
+            level = ERROR if condition is Condition.ERROR else WARN
+            return level, f"{condition.name}{alone}"
+        return mismatch or (OK, f"{condition.name}{alone}")
 
     def _mismatch(self, measured: int) -> Health | None:
         """Where many measurements since the last look have found no estimate of their moment."""

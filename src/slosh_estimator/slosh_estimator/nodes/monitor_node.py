@@ -10,6 +10,7 @@ from typing import Any
 from rclpy.clock import Clock, ClockType
 from std_srvs.srv import Trigger
 
+from slosh_estimator.azimuth import Surfaces, measured_waves
 from slosh_estimator.comparison import Comparison, EstimatePoint, MeasuredPoint
 from slosh_estimator.limits import Event
 from slosh_estimator.monitor import Monitor
@@ -17,6 +18,7 @@ from slosh_estimator.monitor_settings import MonitorSettings
 from slosh_estimator.nodes.monitor_health import MonitorHealth
 from slosh_estimator.nodes.prediction_watch import PredictionWatch
 from slosh_estimator.readings import Reading, ReadingJoiner
+from slosh_estimator.sight import ClockWatch
 from slosh_model.arithmetic import arithmetic_fingerprint
 from slosh_model.compile_cache import sources_digest
 from slosh_msgs.msg import ExpectedReading, FreeSurface, LimitEvent, SloshComparison, SloshEstimate
@@ -51,6 +53,7 @@ PARAMETERS = (
     _dynamic("timeout", _DEFAULT.timeout, "a side silent for longer is stale [s]", (0.05, 0.4)),
     ParameterSpec("buffer", _DEFAULT.buffer, "how far back estimates are kept [s]", (0.1, 60.0)),
     ParameterSpec("container_frame", "container", "the container's frame, on all output"),
+    ParameterSpec("camera", True, "false: there is no camera; the estimate alone is watched"),
 )  # fmt: skip
 DYNAMIC = tuple(spec.name for spec in PARAMETERS if not spec.read_only)
 
@@ -64,13 +67,15 @@ class MonitorNode(GuardedNode):
             self, PARAMETERS, MonitorSettings.from_parameters, self._on_change
         )
         self._frame = given["container_frame"]
-        names = (topics.ESTIMATE, topics.FREE_SURFACE, topics.COMPARISON, topics.LIMIT_EVENT)
+        heard = (topics.ESTIMATE, topics.FREE_SURFACE) if given["camera"] else (topics.ESTIMATE,)
+        names = (*heard, topics.COMPARISON, topics.LIMIT_EVENT)
         self._settings = SettingsPublisher(
             self, sources_digest(PACKAGE), arithmetic_fingerprint(), given, names
         )
         self._settings.publish({})
         self._core = Monitor(MonitorSettings.from_parameters(given))
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._clock_watch = ClockWatch()
         self._comparisons = self.create_publisher(
             SloshComparison, topics.COMPARISON, qos.STREAM_OUT
         )
@@ -80,9 +85,10 @@ class MonitorNode(GuardedNode):
         self.create_subscription(
             ExpectedReading, topics.EXPECTED_READING, self._on_reading, qos.STREAM_IN
         )
-        self.create_subscription(
-            FreeSurface, topics.FREE_SURFACE, self._on_free_surface, qos.STREAM_IN
-        )
+        if given["camera"]:
+            self.create_subscription(
+                FreeSurface, topics.FREE_SURFACE, self._on_free_surface, qos.STREAM_IN
+            )
         self.create_service(Trigger, f"monitor/{topics.RESET}", self._on_reset)
         self._judge = MonitorHealth(self, self._core)
         self._predictions = PredictionWatch(self, self._frame)
@@ -103,6 +109,7 @@ class MonitorNode(GuardedNode):
             message.nonlinear.msh,
             message.flags,
             tuple(message.acceleration.tolist()),
+            azimuth=message.nonlinear.azimuth,
         )
         self._add(self._joiner.add_estimate(point, message.nonlinear.model))
 
@@ -123,10 +130,18 @@ class MonitorNode(GuardedNode):
         self._report.counts["free_surface"] += 1
         self._measured += 1
         stamp_ns = to_nanoseconds(message.header.stamp)
-        point = MeasuredPoint(stamp_ns, message.msh, message.msh_stddev, message.flags)
+        fields = (getattr(message, name) for name in Surfaces._fields)
+        (wave,), (axis,) = (column.tolist() for column in measured_waves(Surfaces(*fields)))
+        point = MeasuredPoint(stamp_ns, message.msh, message.msh_stddev, message.flags, wave, axis)
         self._publish(self._core.add_measurement(point, self._arrival()))
 
     def _on_check(self) -> None:
+        clock, steady_ns = self.get_clock(), self._steady.now().nanoseconds
+        self._core.standstill = (
+            self._clock_watch.look(steady_ns, clock.now().nanoseconds)
+            if clock.ros_time_is_active
+            else ""
+        )
         self._publish(self._core.check(self._arrival()))
         for motion in self._core.motions.take_finished():
             self._predictions.judge(motion)
@@ -146,8 +161,9 @@ class MonitorNode(GuardedNode):
             value = values.SloshComparison(frame_id=self._frame, **comparison._asdict())
             self._comparisons.publish(conversions.to_message(value))
             self._report.counts["comparison"] += 1
-            age = int(self.get_clock().now().nanoseconds) - comparison.stamp_ns
-            self._report.latency(age)
+            if not comparison.measured_stale:
+                age = int(self.get_clock().now().nanoseconds) - comparison.stamp_ns
+                self._report.latency(age)
         for event in self._core.take_events():
             self._announce(event)
 

@@ -2,7 +2,7 @@
 // Puts frames on the page. Whatever comes is shown as text, never as markup.
 
 const LOST = 1000; // ms without a frame
-const CLASSES = { "safe": "safe", "near limit": "near", "limit exceeded": "exceeded", "blind": "blind" };
+const CLASSES = { "safe": "safe", "near limit": "near", "sides disagree": "near", "limit exceeded": "exceeded", "blind": "blind" };
 const part = (id) => document.getElementById(id);
 const recorded = document.documentElement.dataset.mode === "recording";
 const heights = new Heights(part("plot"));

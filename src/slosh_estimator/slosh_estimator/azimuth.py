@@ -1,0 +1,206 @@
+"""Whether the measured wave goes in the direction in which the model expects it.
+
+A sensor or a camera that is turned about the container's axis gives the right heights on the wrong
+side. A wave is compared as a vector, height times the direction of the highest place: that vector
+passes through zero where a planar wave changes its side, and so does not jump as the azimuth does.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_estimator.sight import SATURATED, UNUSABLE, SurfaceFlag
+from slosh_estimator.wave_presence import in_view
+
+Array = NDArray[np.float64]
+Waves = NDArray[np.complex128]
+
+LEAST_TURN = math.radians(20.0)
+"""Smaller differences of the azimuth are not named [rad]."""
+SIGMAS = 3.0
+"""A difference counts where it is so many of its standard deviations."""
+LEAST_WAVE = 1e-3
+"""Root mean square of a wave below which its azimuth is not judged [m]."""
+LEAST_RATIO = 5.0
+"""The same in the sensor's standard deviations."""
+LEAST_COHERENCE = 0.5
+"""Waves that share less than this share of their energy are different waves, not turned ones."""
+NEAR, FAR, STEP = 0.04, 0.3, 0.02
+"""Time offsets: those at which a turn is looked for, those by which waves that are not turned
+may be explained instead, and the step between two [s]. A rotary wave that comes late looks turned;
+a planar one that comes half a period late looks turned by 180 degrees."""
+LEAST_GAIN = 0.02
+"""So much more of the waves' energy a turn must explain than a time offset does."""
+CLEAR_GAIN = 0.1
+"""From so much on the time offset is not told beside the turn."""
+BLOCK = 0.5
+"""Errors are taken as independent from one such stretch to the next [s]."""
+LEAST_BLOCKS = 4
+GAP = 0.15
+"""Waves are not interpolated between images that lie further apart [s]."""
+ACROSS = 0.25
+"""In a side view, where less than this share of the measured energy is expected in the plane of
+the image and most of it across, the wave is expected across the image."""
+_NO_DIRECTION = UNUSABLE | SATURATED | int(SurfaceFlag.AMBIGUOUS)
+
+
+class WaveOffset(NamedTuple):
+    """How the measured wave is turned against the estimated one.
+
+    Attributes:
+        turn: measured minus estimated azimuth [rad], in (-pi, pi].
+        stddev: its standard deviation [rad].
+        delay: time offset that explains the waves nearly as well [s]; NaN: none does.
+    """
+
+    turn: float
+    stddev: float
+    delay: float = math.nan
+
+    @property
+    def disagrees(self) -> bool:
+        """Whether the turn is large and certain."""
+        return abs(self.turn) >= LEAST_TURN and abs(self.turn) > SIGMAS * self.stddev
+
+    @property
+    def sentence(self) -> str:
+        """What is wrong and what to check, in one line."""
+        late = (
+            ""
+            if math.isnan(self.delay)
+            else (
+                f"; a time offset of {1e3 * self.delay:+.0f} ms between the two sides looks alike"
+            )
+        )
+        return (
+            f"the measured wave's azimuth is {math.degrees(abs(self.turn)):.0f} degrees from the "
+            "estimated one: check the yaw in sensor_rotation, or the camera's azimuth in "
+            f"camera.yaml{late}"
+        )
+
+
+class Surfaces(NamedTuple):
+    """The fields of FreeSurface that tell a wave's direction: (N,) each, or numbers."""
+
+    msh: Array
+    azimuth: Array
+    fitted_msh: Array
+    fitted_azimuth: Array
+    sh_left: Array
+    sh_right: Array
+    azimuth_right: Array
+    slope_angle: Array
+    flags: NDArray[np.int64]
+
+
+def measured_waves(surfaces: Surfaces) -> tuple[Waves, Array]:
+    """The waves that a camera has measured, as vectors.
+
+    The fitted surface tells the direction, since the camera sees part of the wall only; without a
+    fit the highest point that is seen does, unless part of the line is hidden. A side view tells
+    the component in the image plane alone.
+
+    Args:
+        surfaces: of N images.
+
+    Returns:
+        (N,) height times the unit vector of the azimuth [m]; NaN: unknown.
+        (N,) azimuth of the image plane's right, of side views [rad]; NaN: of other views.
+    """
+    columns = [np.atleast_1d(np.asarray(column, dtype=np.float64)) for column in surfaces[:-1]]
+    msh, azimuth, fitted, fitted_azimuth, left, right, axis, slope = columns
+    flags = np.atleast_1d(np.asarray(surfaces.flags, dtype=np.int64))
+    # What is zero exactly was not measured: a publisher has left the message's default.
+    hidden = ((flags & int(SurfaceFlag.OCCLUDED)) != 0) | ((azimuth == 0.0) & (fitted == 0.0))
+    seen = np.where(hidden, np.nan, msh) * np.exp(1j * azimuth)
+    whole = np.where(fitted == 0.0, np.nan, fitted) * np.exp(1j * fitted_azimuth)
+    waves = np.where(np.isfinite(whole), whole, seen)
+    side = np.isfinite(slope) & ((slope != 0.0) | (left != 0.0) | (right != 0.0))
+    waves = np.where(side, 0.5 * (right - left) * np.exp(1j * axis), waves)
+    waves[(flags & _NO_DIRECTION) != 0] = complex(np.nan, np.nan)
+    return waves, np.where(side, axis, np.nan)
+
+
+def wave_offset(
+    seconds: Array, measured: Waves, expected: Waves, axis: Array, noise: float
+) -> WaveOffset | None:
+    """By how much the measured wave of a motion is turned against the expected one.
+
+    The turn is that of the least-squares rotation between the two, its error that of a jackknife
+    over stretches of time. It is zero where a time offset explains the waves as well.
+
+    Args:
+        seconds: (N,) increasing [s].
+        measured, expected: (N,) vectors of the waves [m]; NaN: unknown.
+        axis: (N,) of `measured_waves`.
+        noise: standard deviation of the measured heights [m]; NaN: unknown.
+
+    Returns:
+        the turn; None: the waves are too low, too short or too unlike to tell it.
+    """
+    known = np.isfinite(measured) & np.isfinite(expected)
+    if np.count_nonzero(known) < 2 * LEAST_BLOCKS:
+        return None
+    seconds, measured, expected = (
+        seconds[known] - seconds[known][0],
+        measured[known],
+        expected[known],
+    )
+    high = max(LEAST_WAVE, LEAST_RATIO * noise if math.isfinite(noise) else 0.0)
+    if min(_rms(measured), _rms(expected)) < high:
+        return None
+    if np.isfinite(axis[known]).all():
+        along = in_view(expected, axis[known])
+        if np.vdot(along, along).real < ACROSS * np.vdot(measured, measured).real:
+            ratio = min(_rms(along) / _rms(expected), 1.0)
+            return WaveOffset(math.acos(ratio), noise / _rms(measured) if noise == noise else 0.0)
+        expected = along
+    return _turn(seconds, measured, expected)
+
+
+def _turn(seconds: Array, measured: Waves, expected: Waves) -> WaveOffset | None:
+    """The turn between two waves of which the second may come a little late."""
+    lags = np.arange(-round(FAR / STEP), round(FAR / STEP) + 1) * STEP
+    products, energies = zip(
+        *(_products(seconds, measured, expected, lag) for lag in lags.tolist()), strict=True
+    )
+    table, energy = np.array(products), np.array(energies)
+    total = table.sum(axis=1)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        turned = np.where(energy > 0.0, np.abs(total) ** 2 / energy, 0.0)
+        late = np.where(energy > 0.0, np.maximum(total.real, 0.0) ** 2 / energy, 0.0)
+    best = int(np.argmax(np.where(np.abs(lags) <= NEAR + 1e-9, turned, -1.0)))
+    blocks = table[best][table[best] != 0.0]
+    if turned[best] < LEAST_COHERENCE or len(blocks) < LEAST_BLOCKS:
+        return None
+    gain = float(turned[best] - late.max())
+    if gain < LEAST_GAIN:
+        return WaveOffset(0.0, 0.0)
+    delay = float(lags[np.argmax(late)]) if gain < CLEAR_GAIN else math.nan
+    turn = float(np.angle(blocks.sum()))
+    without = np.angle((blocks.sum() - blocks) * np.exp(-1j * turn))
+    spread = math.sqrt((len(blocks) - 1) / len(blocks) * float(np.sum(without**2)))
+    return WaveOffset(turn, spread, delay)
+
+
+def _products(seconds: Array, measured: Waves, expected: Waves, lag: float) -> tuple[Waves, float]:
+    """Scalar products by stretch of time, and the product of the energies, at one time offset."""
+    moments = seconds - lag
+    after = np.clip(np.searchsorted(seconds, moments), 1, len(seconds) - 1)
+    inside = (moments >= seconds[0]) & (moments <= seconds[-1])
+    inside &= seconds[after] - seconds[after - 1] <= GAP
+    shifted = np.where(inside, np.interp(moments, seconds, expected), 0.0)
+    seen = np.where(inside, measured, 0.0)
+    product = seen * np.conj(shifted)
+    number = (seconds // BLOCK).astype(np.int64)
+    sums = np.bincount(number, product.real) + 1j * np.bincount(number, product.imag)
+    energy = float(np.vdot(seen, seen).real * np.vdot(shifted, shifted).real)
+    return sums, energy
+
+
+def _rms(waves: Waves) -> float:
+    return float(np.sqrt(np.mean(np.abs(waves) ** 2)))

@@ -1,0 +1,157 @@
+"""Whether a wave that one side shows is there on the other side, too.
+
+A dead accelerometer moves nothing: no motion begins for the model, and what the camera sees of the
+liquid is compared with nothing. Here it is the liquid that moves, on either side, and time that
+ends a judgement. Only waves that are all but missing are told: how far two waves differ is asked
+motion by motion, since a model's phase is lost long before the liquid is at rest.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_files.nanoseconds import SECOND
+
+Array = NDArray[np.float64]
+Waves = NDArray[np.complex128]
+NAN = float("nan")
+WINDOW_NS = 2 * SECOND
+"""Moving is judged so often [ns]: some periods of a wave."""
+LONGEST_NS = 10 * SECOND
+"""Images that are spread over more time are not judged together [ns]."""
+LEAST = 20
+"""Compared images that a judgement needs."""
+NOISES = 5.0
+"""A wave is larger than so many of the sensor's standard deviations,"""
+LEAST_WAVE = 1e-3
+"""and than this [m], or where a disagreement is watched, than this share of its limit."""
+SHARE_OF_LIMIT = 0.1
+MISSING = 0.25
+"""A wave is missing where it has less than this share of the other side's size."""
+NOTHING = 0.05
+"""A model that shows less than this share of the measured wave shows none."""
+SUSTAINED = 0.97
+"""A wave that falls below this share of its size from one window to the next only dies out: it is
+of the time before the estimator started, and says nothing of its input."""
+
+
+class Pair(NamedTuple):
+    """Both sides at one moment.
+
+    Attributes:
+        stamp_ns: [ns].
+        measured, stddev, estimated: heights [m]; the standard deviation may be NaN.
+        wave, expected: measured and estimated wave as vectors [m]; NaN: unknown.
+        axis: of `azimuth.measured_waves`.
+    """
+
+    stamp_ns: int
+    measured: float
+    stddev: float
+    estimated: float
+    wave: complex = complex(NAN, NAN)
+    expected: complex = complex(NAN, NAN)
+    axis: float = NAN
+
+
+class PresenceWatch:
+    """Takes pairs in the order of their stamps.
+
+    Args:
+        limit: disagreement that is watched [m]; NaN or infinite: none.
+
+    Attributes:
+        warning: which side lacks the wave, in one line; empty: none does, as far as is known.
+    """
+
+    def __init__(self, limit: float = NAN) -> None:
+        self.warning = ""
+        self.watch(limit)
+        self._pairs: list[Pair] = []
+        self._before = (math.inf, math.inf)
+
+    def watch(self, limit: float) -> None:
+        """Judges by another limit of the disagreement [m]."""
+        self._least = SHARE_OF_LIMIT * limit if math.isfinite(limit) else LEAST_WAVE
+
+    def reset(self) -> None:
+        """Starts anew, without a judgement."""
+        self.warning = ""
+        self.forget()
+
+    def forget(self) -> None:
+        """Drops what has come since the last judgement."""
+        self._pairs.clear()
+        self._before = (math.inf, math.inf)
+
+    def add(self, pair: Pair) -> None:
+        """Takes a pair of finite heights."""
+        if self._pairs and not 0 <= pair.stamp_ns - self._pairs[0].stamp_ns <= LONGEST_NS:
+            self.forget()
+        self._pairs.append(pair)
+        long = pair.stamp_ns - self._pairs[0].stamp_ns >= WINDOW_NS
+        if long and len(self._pairs) >= LEAST:
+            self._judge()
+            self._pairs.clear()
+
+    def _judge(self) -> None:
+        _, measured, stddev, estimated, wave, expected, axis = map(
+            np.array, zip(*self._pairs, strict=True)
+        )
+        known = stddev[np.isfinite(stddev)]
+        noise = float(np.sqrt(np.mean(known**2))) if len(known) else 0.0
+        along = in_view(expected, axis)
+        both = np.isfinite(wave) & np.isfinite(along)
+        if np.count_nonzero(both) >= LEAST:
+            seen, told = _size(wave[both]), _size(along[both])
+        else:
+            seen, told = _size(measured), _size(estimated)
+        before, self._before = self._before, (seen, told)
+        if max(seen, told) <= max(NOISES * noise, self._least):
+            return
+        if min(seen, told) >= MISSING * max(seen, told):
+            self.warning = ""
+        elif seen > told and seen >= SUSTAINED * before[0]:
+            self.warning = _not_expected(measured, estimated, none=told < NOTHING * seen)
+        elif told > seen and told >= SUSTAINED * before[1]:
+            self.warning = (
+                f"the model expects a wave of {_crest(estimated):.1f} mm while the camera sees "
+                "none: does it see the container that moves, and send new images?"
+            )
+
+
+def in_view(expected: Waves, axis: Array) -> Waves:
+    """Of expected waves what a camera can see: of side views the component in the image plane.
+
+    Args:
+        expected: (N,) vectors of the waves [m].
+        axis: (N,) of `azimuth.measured_waves`.
+    """
+    side = np.isfinite(axis)
+    right = np.exp(1j * np.where(side, axis, 0.0))
+    return np.where(side, np.real(expected * np.conj(right)) * right, expected)
+
+
+def _not_expected(measured: Array, estimated: Array, *, none: bool) -> str:
+    sees = f"the camera sees a wave of {_crest(measured):.1f} mm while the"
+    if none:
+        return f"{sees} estimator's input shows no motion: is the accelerometer dead?"
+    return (
+        f"{sees} model expects {_crest(estimated):.1f} mm: check the accelerometer's unit and "
+        "range, and the model's container"
+    )
+
+
+def _crest(heights: Array) -> float:
+    """Height of the crests [mm]; single spikes do not count."""
+    return 1e3 * float(np.quantile(heights, 0.95))
+
+
+def _size(values: NDArray[Any]) -> float:
+    """How far heights, or vectors, lie from their middle [m]: the median, which no spike moves."""
+    middle = np.median(values.real) + 1j * np.median(values.imag)
+    return float(np.median(np.abs(values - middle)))

@@ -1,0 +1,125 @@
+"""Is the measured wave where the model expects it? Vectors, not azimuths, are compared."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from slosh_estimator.azimuth import Surfaces, measured_waves, wave_offset
+from slosh_estimator.sight import SurfaceFlag
+from slosh_model.containers import Cylinder
+from slosh_model.model import Model
+from slosh_model.simulate import Inputs, simulate
+
+CUP = Model(Cylinder(0.05, 0.07), damping_ratio=0.01).spatial().nonlinear()
+NOISE = 2e-4
+T = np.arange(0.0, 4.0, 1.0 / 60.0)
+NOT_SIDE = np.full(len(T), np.nan)
+
+
+def waves(kind: str, late: float = 0.0) -> np.ndarray:
+    """What the liquid does in a motion of two seconds, seen late [s]."""
+    t = np.arange(0.0, 4.0, 0.002)
+    swell = np.where(t < 2.0, np.sin(0.5 * np.pi * t) ** 2, 0.0)
+    along = {"planar": 0.0, "rotary": 1.5, "mixed": 0.6}[kind]
+    push = np.column_stack((1.5 * np.sin(15.0 * t), along * np.cos(15.0 * t), 0.0 * t))
+    response = simulate(CUP, Inputs(t, swell[:, None] * push))[0]
+    return np.interp(T - late, t, response.msh * np.exp(1j * response.azimuth))
+
+
+def seen(wave: np.ndarray, turn: float, seed: int = 0) -> np.ndarray:
+    """The same by a camera that is turned [rad], with noise."""
+    noise = np.random.default_rng(seed).normal(0.0, NOISE, (2, len(wave)))
+    return wave * np.exp(1j * turn) + noise[0] + 1j * noise[1]
+
+
+@pytest.mark.parametrize("kind", ["planar", "rotary", "mixed"])
+@pytest.mark.parametrize("degrees", [-135, -90, 90, 180])
+def test_a_large_turn_is_told_with_its_size(kind: str, degrees: int) -> None:
+    measured, expected = seen(waves(kind), math.radians(degrees)), waves(kind)
+    found = wave_offset(T, measured, expected, NOT_SIDE, NOISE)
+    assert found is not None
+    assert found.disagrees
+    error = math.degrees(found.turn) - degrees
+    assert abs((error + 180.0) % 360.0 - 180.0) < max(1.0, 3.0 * math.degrees(found.stddev))
+    assert f"{abs(degrees)} degrees from the estimated one" in found.sentence
+    assert "sensor_rotation" in found.sentence
+    assert "camera.yaml" in found.sentence
+
+
+@pytest.mark.parametrize("kind", ["planar", "rotary", "mixed"])
+@pytest.mark.parametrize("late", [-0.04, 0.0, 0.04])
+@pytest.mark.parametrize("degrees", [0, 10])
+def test_a_small_turn_or_a_late_camera_is_none(kind: str, late: float, degrees: int) -> None:
+    measured = seen(waves(kind, late), math.radians(degrees))
+    found = wave_offset(T, measured, waves(kind), NOT_SIDE, NOISE)
+    assert found is not None
+    assert not found.disagrees
+
+
+def test_a_planar_wave_that_is_half_a_period_late_is_not_turned() -> None:
+    measured = seen(waves("planar", math.pi / 15.0), 0.0)
+    found = wave_offset(T, measured, waves("planar"), NOT_SIDE, NOISE)
+    assert found is None or not found.disagrees
+
+
+def test_low_short_and_unlike_waves_have_no_azimuth() -> None:
+    wave = waves("planar")
+    turned = 1j * wave
+    assert wave_offset(T, turned, 0.01 * wave, NOT_SIDE, NOISE) is None
+    assert wave_offset(T, 0.03 * turned, 0.03 * wave, NOT_SIDE, NOISE) is None
+    assert wave_offset(T, turned, wave, NOT_SIDE, 0.01) is None
+    assert wave_offset(T[60:80], turned[60:80], wave[60:80], NOT_SIDE[60:80], NOISE) is None
+    noise = np.random.default_rng(3).normal(0.0, 0.005, (2, len(T)))
+    assert wave_offset(T, noise[0] + 1j * noise[1], wave, NOT_SIDE, NOISE) is None
+    assert wave_offset(T, np.full(len(T), np.nan + 0j), wave, NOT_SIDE, NOISE) is None
+
+
+def test_a_side_view_tells_a_side_and_a_plane() -> None:
+    wave, axis = waves("planar"), np.zeros(len(T))
+    diagonal = wave * np.exp(0.25j * math.pi)
+    along = diagonal.real + 0j  # all that such a view shows
+    same = wave_offset(T, along, diagonal, axis, NOISE)
+    assert same is not None
+    assert not same.disagrees
+    other_side = wave_offset(T, -along, diagonal, axis, NOISE)
+    assert other_side is not None
+    assert abs(other_side.turn) == pytest.approx(math.pi)
+    across = wave_offset(T, wave, 1j * wave, axis, NOISE)
+    assert across is not None
+    assert math.degrees(across.turn) == pytest.approx(90.0)
+    assert across.disagrees
+
+
+def surfaces(**given: float) -> Surfaces:
+    nothing = np.array([np.nan])
+    known = {name: nothing for name in Surfaces._fields if name != "flags"}
+    columns = {name: np.array([value]) for name, value in given.items()}
+    return Surfaces(**{**known, "flags": np.array([0]), **columns})
+
+
+def test_the_fitted_surface_tells_the_direction_and_hidden_lines_tell_none() -> None:
+    fitted = {"fitted_msh": 0.01, "fitted_azimuth": math.pi / 2.0}
+    spot = {"msh": 0.008, "azimuth": math.pi}
+    assert measured_waves(surfaces(**spot, **fitted))[0][0] == pytest.approx(0.01j)
+    assert measured_waves(surfaces(**spot))[0][0] == pytest.approx(-0.008)
+    hidden = int(SurfaceFlag.OCCLUDED)
+    assert np.isnan(measured_waves(surfaces(**spot, flags=hidden))[0][0])
+    assert measured_waves(surfaces(**spot, **fitted, flags=hidden))[0][0] == pytest.approx(0.01j)
+    for flag in (SurfaceFlag.SATURATED, SurfaceFlag.NOT_FOUND, SurfaceFlag.AMBIGUOUS):
+        assert np.isnan(measured_waves(surfaces(**spot, **fitted, flags=int(flag)))[0][0])
+
+
+def test_a_side_view_is_the_difference_of_its_edges() -> None:
+    given = {"sh_left": -0.01, "sh_right": 0.012, "azimuth_right": 0.0, "slope_angle": 0.2}
+    (wave,), (axis,) = measured_waves(surfaces(msh=0.012, azimuth=0.0, **given))
+    assert (wave, axis) == (pytest.approx(0.011), 0.0)
+
+
+def test_what_a_publisher_leaves_at_zero_was_not_measured() -> None:
+    zeros = dict.fromkeys(Surfaces._fields, 0.0)
+    (wave,), (axis,) = measured_waves(surfaces(**{**zeros, "msh": 0.009, "flags": 0}))
+    assert np.isnan(wave)
+    assert np.isnan(axis)
