@@ -39,6 +39,7 @@ from slosh_report.metrics import RunningAccuracy
 NAN = float("nan")
 MAXIMUM_WAITING = 1000
 """Measurements that wait for an estimate; the oldest goes when there are more."""
+_NEVER = 2**63
 _TOO_SLOW = int(EstimateFlag.INPUT_TOO_SLOW)
 HEARTBEAT = 3
 """After so many looks at the clock without a comparison one says what holds."""
