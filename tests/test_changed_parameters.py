@@ -26,6 +26,7 @@ from slosh_msgs_py.stamps import to_nanoseconds
 
 RATE = 200
 IMAGE_EVERY = 4
+STILL = 400
 READERS = {
     topics.ACCEL: {"estimator", "recorder"},
     topics.ESTIMATE: {"monitor", "predictor", "recorder", "robot"},
@@ -65,7 +66,7 @@ class Cell:
         # What comes before the recorder listens would lack in the bag.
         self.until(lambda: all(self._is_read(topic, nodes) for topic in READERS))
         self.node.create_timer(1.0 / RATE, self._move)
-        self.until(lambda: len(self.estimates) > 20)
+        self.until(lambda: self._sent > STILL + 20 and len(self.estimates) > 20)
 
     def _is_read(self, topic: str, nodes: tuple[NodeProcess, ...]) -> bool:
         # By their number: the middleware may know a reader long before its node's name.
@@ -76,7 +77,9 @@ class Cell:
         message = AccelStamped()
         message.header.stamp = self.node.get_clock().now().to_msg()
         message.header.frame_id = "world"
-        message.accel.linear.x = 2.5 * math.sin(15.0 * self._sent / RATE)
+        # The recorder may hear the first messages late: until then the liquid rests.
+        moved = max(self._sent - STILL, 0) / RATE
+        message.accel.linear.x = 2.5 * math.sin(15.0 * moved)
         self._sent += 1
         self._accel.publish(message)
 

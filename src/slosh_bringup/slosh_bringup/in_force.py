@@ -62,8 +62,9 @@ def parameter_changes(bag: Path, zero_ns: int) -> tuple[str, ...]:
     known: dict[str, NodeStart] = {}
     for start in recorded_starts(BagReader(bag)):
         before = known.get(start.node)
-        for name in start.changed if before is not None else ():
-            old, new = before.parameters.get(name), start.parameters.get(name)
+        earlier = before.parameters if before else start.parameters
+        for name in start.changed if before else ():
+            old, new = earlier.get(name), start.parameters.get(name)
             since = (start.stamp_ns - zero_ns) * 1e-9
             when = f"after {since:.3f} s" if start.stamp_ns else "before the first input"
             lines.append(f"{start.node}: {name} changed from {old} to {new} {when}")

@@ -65,7 +65,7 @@ class SettingsPublisher:
         message = NodeSettings()
         message.header.stamp = to_time(stamp_ns)
         message.node, message.code, message.arithmetic = self._name, self._code, self._arithmetic
-        document = {
+        document: dict[str, Any] = {
             "parameters": dict(self._parameters),
             "topics": self._topics,
             "files": self._files,
