@@ -6,12 +6,12 @@ import os
 from pathlib import Path
 from typing import Any
 
-from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.base import TypesysError
 from rosbags.typesys.store import Typestore
 
 from slosh_bag.errors import SloshBagError
-from slosh_bag.message_types import parts_of
+from slosh_bag.message_types import parts_of, read_types
 
 
 class Definitions:
@@ -74,7 +74,7 @@ def _read(message_type: str) -> dict[str, Any]:
     path = folder / f"{name}.msg"
     try:
         text = path.read_text(encoding="utf-8")
-        types: dict[str, Any] = get_types_from_msg(text, f"{package}/msg/{name}")
+        types: dict[str, Any] = read_types("ros2msg", text, f"{package}/msg/{name}")
     except FileNotFoundError:
         raise SloshBagError(f"no definition of {message_type} in {folder}") from None
     except (OSError, UnicodeError, TypesysError) as error:

@@ -19,6 +19,7 @@ import pytest
 from mcap.writer import Writer
 
 from slosh_bag.interchange.export import export_targets, export_topics
+from slosh_bag.interchange.rosbag_import import import_rosbag
 from slosh_bag.reader import BagReader
 from slosh_bag.recover import recover_bag
 
@@ -204,6 +205,16 @@ def test_csv_holds_every_type(tmp_path: Path, repeats: int):
                     assert math.isclose(one, other, rel_tol=1e-7 if "32" in name else 0.0), name
                 else:
                     assert one == other, name
+
+
+def test_every_type_is_imported_byte_for_byte(tmp_path: Path):
+    bag = tmp_path / "all.mcap"
+    before = [message.data for message in write(bag).messages()]
+    told = import_rosbag(bag, tmp_path / "new")
+    assert (told.counts, told.notes, told.lost) == ({"/all": 3}, (), ())
+    reader = BagReader(tmp_path / "new")
+    assert [message.data for message in reader.messages()] == before
+    assert reader.decode(next(iter(reader.messages()))).a_wstring == EXTREMES["wstring"][0]
 
 
 def test_every_type_is_recovered_byte_for_byte(tmp_path: Path):

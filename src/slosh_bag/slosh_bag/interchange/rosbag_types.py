@@ -12,7 +12,7 @@ from typing import Any
 
 from rosbags.convert.converter import STATIC_MSGTYPE_RENAMES, is_same_wireformat, migrate_bytes
 from rosbags.interfaces import Connection, MessageDefinitionFormat, Nodetype
-from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.store import Typestore
 
 from slosh_bag.definitions import Definitions
@@ -81,7 +81,7 @@ def _make_known(kind: str, source_kind: str, source: Typestore, here: Definition
         here.hash(kind)
     except SloshBagError:
         text = source.generate_msgdef(source_kind, ros_version=2)[0]
-        types = get_types_from_msg(text, kind)
+        types = read_types("ros2msg", text, kind)
         for name in types:
             if name != kind:
                 _load(name, here)
