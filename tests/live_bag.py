@@ -155,19 +155,7 @@ class LiveBag:
                 estimator, source = self._start(estimator.model, 0, stamp - 1, at_rest=False)
             if index in self.restarts:
                 estimator, source = self._start(estimator.model, 0, stamp - 1)
-            if index in self.loads:
-                estimator.load_model(parse_model(self.loads[index]))
-                source.sampling.carry(modes_of(estimator.model))
-                files = {"model": format_model(estimator.model)}
-                self._settings("estimator", int(stamps[index - self.every]), files, stamp - 1)
-            if index in self.changes:
-                own = {"max_jump": GateSettings().max_jump, **self.changes[index]}
-                source.gate.change(GateSettings(**own))
-                files = {"model": format_model(estimator.model)}
-                changed = list(self.changes[index])
-                self._settings(
-                    "estimator", source.gate.last_ns or 0, files, stamp - 1, changed, **own
-                )  # fmt: skip
+            self._change(estimator, source, index, int(stamps[index - self.every]), stamp)
             samples = self._input(source, index, stamp, a, positions[index])
             if not samples:
                 continue
@@ -188,6 +176,21 @@ class LiveBag:
                     shown + self.image_ahead, height, estimate,
                     self.image_lag(index) - self.image_ahead,
                 )  # fmt: skip
+
+    def _change(self, estimator, source, index: int, before: int, stamp: int) -> None:
+        """Loads a model or changes parameters, where either comes before this input."""
+        if index in self.loads:
+            estimator.load_model(parse_model(self.loads[index]))
+            source.sampling.carry(modes_of(estimator.model))
+            files = {"model": format_model(estimator.model)}
+            self._settings("estimator", before, files, stamp - 1)
+        if index in self.changes:
+            own = {"max_jump": GateSettings().max_jump, **self.changes[index]}
+            source.gate.change(GateSettings(**own))
+            files = {"model": format_model(estimator.model)}
+            changed = list(self.changes[index])
+            last = source.gate.last_ns or 0
+            self._settings("estimator", last, files, stamp - 1, changed, **own)
 
     def _input(self, source, index: int, stamp: int, a: list[float], position: list[float]):
         """Records an input; returns the samples that the estimator makes of it, if it gets it."""

@@ -62,7 +62,7 @@ def parameter_changes(bag: Path, zero_ns: int) -> tuple[str, ...]:
     known: dict[str, NodeStart] = {}
     for start in recorded_starts(BagReader(bag)):
         before = known.get(start.node)
-        earlier = before.parameters if before else start.parameters
+        earlier = before.parameters if before is not None else start.parameters
         for name in start.changed if before else ():
             old, new = earlier.get(name), start.parameters.get(name)
             since = (start.stamp_ns - zero_ns) * 1e-9

@@ -21,8 +21,9 @@ from slosh_estimator.rotation import Vector
 from slosh_estimator.wave_presence import Pair, PresenceWatch
 from slosh_files.nanoseconds import SECOND
 from slosh_report.alignment import despike
+from slosh_report.constancy import BIN_NS
 from slosh_report.metrics import rms_error
-from slosh_report.motion_spans import AFTER_NS, BIN_NS, MotionFinder, MotionSpan
+from slosh_report.motion_spans import AFTER_NS, MotionFinder, MotionSpan
 
 Array = NDArray[np.float64]
 NAN = float("nan")
@@ -127,7 +128,6 @@ class MotionWatch:
         """
         standing = self._standing.sentence if self._standing is not None else ""
         return self._presence.warning or standing
-
 
     def reset(self) -> None:
         """Starts anew, without a motion."""

@@ -70,7 +70,8 @@ def warning(prediction: Prediction) -> str:
     if prediction.excess > 0.0:
         parts.append(
             f"the liquid will rise to {1e3 * prediction.upper:.1f} mm, "
-            f"{1e3 * prediction.excess:.1f} mm above the {limits.height_name} of {1e3 * limits.height:g} mm, "
+            f"{1e3 * prediction.excess:.1f} mm above the {limits.height_name} of "
+            f"{1e3 * limits.height:g} mm, "
             f"{peak.peak_time:.2f} s after the start"
         )
     if prediction.residual_excess > 0.0:

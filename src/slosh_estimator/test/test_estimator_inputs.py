@@ -229,12 +229,13 @@ def test_the_pose_of_a_tool_beside_the_cup_gives_the_cups_motion() -> None:
     direct, mounted, bare = (PoseInput(GATE, 11, m) for m in (None, MOUNT, None))
     apart = 0.0
     for k, stamp in enumerate(stamps.tolist()):
-        right = direct.update(stamp, tuple(position[k]), tuple(attitude[k].as_quat()))
         quaternion = tuple(tool_attitude[k].as_quat())
-        found = mounted.update(stamp, tuple(tool[k]), quaternion)
-        without = bare.update(stamp, tuple(tool[k]), quaternion)
-        assert (right is None) == (found is None)
-        if right is not None and found is not None and without is not None:
+        made = (
+            direct.update(stamp, tuple(position[k]), tuple(attitude[k].as_quat())),
+            mounted.update(stamp, tuple(tool[k]), quaternion),
+            bare.update(stamp, tuple(tool[k]), quaternion),
+        )
+        for right, found, without in zip(*made, strict=True):
             assert found[1:4] == pytest.approx(right[1:4], abs=1e-8)
             assert found.pose is not None
             assert right.pose is not None

@@ -13,8 +13,9 @@ from hypothesis import strategies as st
 from slosh_estimator.accel_input import AccelInput
 from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.gate import GateSettings, Verdict
-from slosh_estimator.imu_input import ImuInput, SensorTransform
+from slosh_estimator.imu_input import ImuInput
 from slosh_estimator.inputs import InputSettings
+from slosh_estimator.mounting import SensorTransform
 from slosh_estimator.pose_filter import REACH, PoseFilter
 from slosh_estimator.pose_input import PoseInput
 from slosh_estimator.sampling import MEMORY, Sampling, gap_sentence, interpolation_gain, modes_of

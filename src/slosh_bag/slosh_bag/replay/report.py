@@ -109,7 +109,7 @@ def replay_report(result: ReplayResult, around: Surroundings | None = None) -> R
 
 
 def _lasting_limit(result: ReplayResult) -> float:
-    """The limit that the chart shows [m]: without a camera that of the estimate; NaN: it changed."""
+    """The limit in the chart [m], without a camera that of the estimate; NaN: it changed."""
     watched = [result.limits] if result.limits else []
     watched += [settings for _, settings in result.limit_changes]
     limits = {one.measured_limit if one.camera else one.estimated_limit for one in watched}

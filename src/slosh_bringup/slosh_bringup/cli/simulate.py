@@ -21,6 +21,7 @@ from slosh_model.measure import predicted_heights
 from slosh_model.model_file import read_model
 from slosh_model.simulate import simulate
 from slosh_plan import HeightLimits
+from slosh_report.table_checks import InputDoubt
 
 PICTURES = (".png", ".svg")
 EXIT_KEPT, EXIT_NOT_KEPT = 0, 1
@@ -76,7 +77,7 @@ def run(arguments: argparse.Namespace) -> int:
     response, _ = simulate(model, inputs)
     msh = predicted_heights(model, inputs, inputs.t)[:, 0]
     gaps = gap_text(motion.t, model)
-    found = (*doubts(model, motion), *([gaps] if gaps else []))
+    found = (*doubts(model, motion), *([InputDoubt(gaps)] if gaps else []))
     answer = make_answer(model, inputs, (msh, response.msh), arguments.limit, found)
     write_response(output, response, msh)
     if plot is not None:

@@ -18,7 +18,7 @@ from slosh_model.errors import SloshModelError
 from slosh_model.gaps import gap_text
 from slosh_model.model import Model
 from slosh_report.surface_metrics import line_slopes
-from slosh_report.table_checks import motion_doubts
+from slosh_report.table_checks import InputDoubt, motion_doubts
 
 Array = NDArray[np.float64]
 
@@ -74,7 +74,7 @@ def motion_of_table(
     check_span(path, table.t)
     gaps = gap_text(table.t, model) if model is not None else ""
     if gaps:
-        tell(f"{path}: {gaps}")
+        tell(InputDoubt(gaps).about(path))
     for doubt in motion_doubts(table.t, table.acceleration, table.attitude):
         tell(doubt.about(path))
     sampled, walls = _sampled(table.msh), _sampled(table.eta)

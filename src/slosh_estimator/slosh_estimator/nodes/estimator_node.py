@@ -254,8 +254,8 @@ class EstimatorNode(PreparedNode):
             return ERROR, warning
         if fault is not None and fault[0] != WARN:
             return fault
-        remark = self._unfelt or self._input.sampling.sentence()
-        remark = remark or (doubt.text if doubt is not None else self._input.remark())
+        unfelt = self._unfelt or self._input.sampling.sentence()
+        remark = unfelt or (doubt.text if doubt is not None else self._input.remark())
         if remark:
             return WARN, remark
         if fault is not None:

@@ -141,15 +141,7 @@ def declare(
     def convert(changes: list[Parameter]) -> list[Parameter]:
         """Remembers values of a wrong type for `judge`: rclpy's own refusal names no parameter."""
         wrong.clear()
-        fitting = []
-        for change in changes:
-            spec = by_name.get(change.name)
-            converted = change if spec is None else spec.converted(change)
-            if spec is not None and converted is None:
-                wrong.append(spec.wrong_type(change))
-                converted = node.get_parameter(spec.name)
-            fitting.append(converted)
-        return fitting
+        return [_fitting(node, by_name.get(change.name), change, wrong) for change in changes]
 
     def known(changes: list[Parameter]) -> dict[str, Any]:
         return {c.name: _plain(c.value) for c in changes if c.name in by_name}
@@ -177,6 +169,17 @@ def declare(
     node.add_on_set_parameters_callback(judge)
     node.add_post_set_parameters_callback(take)
     return values
+
+
+def _fitting(
+    node: Node, spec: ParameterSpec | None, change: Parameter, wrong: list[str]
+) -> Parameter:
+    """A change with its type converted; where that is wrong, what holds now, and the reason."""
+    converted = change if spec is None else spec.converted(change)
+    if spec is None or converted is not None:
+        return converted or change
+    wrong.append(spec.wrong_type(change))
+    return node.get_parameter(spec.name)
 
 
 def _given(node: Node) -> dict[str, Parameter]:
