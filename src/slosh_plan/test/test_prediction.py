@@ -150,7 +150,7 @@ def test_flags_tell_where_the_models_end(cup, line):
     [
         (lambda: HeightLimits(0.0), "height limit = 0.0 m must lie above 0"),
         (lambda: HeightLimits(math.nan), "height limit = nan"),
-        (lambda: HeightLimits(15.0), "up to 10 m"),
+        (lambda: HeightLimits(15.0), "up to 1 m"),
         (lambda: ModelError(sigma=-1.0), "sigma = -1.0"),
         (lambda: ModelError(epsilon=math.nan), "epsilon = nan"),
         (lambda: LiquidState(np.zeros(3), np.zeros((1, 4))), r"linear.*\(3,\)"),
