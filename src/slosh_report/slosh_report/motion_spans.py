@@ -28,7 +28,7 @@ Integers = NDArray[np.int64]
 
 MOVING = 0.15
 """How far the averaged acceleration lies from that at rest where the container moves [m/s²]."""
-BEGINNING = 1.05
+BEGINNING = 1.1
 """A recording that begins so long with a constant begins at rest [s]."""
 SETTLED = 1.0
 """So long an input is constant before its slow drift is followed [s]."""
