@@ -34,7 +34,7 @@ TOLERANCE, MOST = 0.075, 0.5
 """How far a bin may lie from a constant acceleration, without noise and at most [m/s²]."""
 TOP_SPEED = 5.0
 """By no more does a motion change the speed of a container of liquid: from -2.5 to 2.5 m/s."""
-STRETCH_MEMORY = 12 + LOOKED_BACK
+STRETCH_MEMORY = 13 + LOOKED_BACK
 """Numbers in the memory of a Stretch."""
 
 
@@ -138,10 +138,15 @@ class Stretch:
         """Forgets all."""
         self.mean: Vector = (0.0, 0.0, 0.0)
         self.count = 0
-        self._start = self._last = 0
+        self._start = self._last = self._all = 0
         self._one: Vector = (math.nan,) * 3
         self._two: Vector = (math.nan,) * 3
         self._bends: deque[float] = deque(maxlen=LOOKED_BACK)
+
+    @property
+    def unbroken(self) -> bool:
+        """Whether all bins since the start belong to the stretch."""
+        return self._all == self.count
 
     @property
     def first(self) -> bool:
@@ -181,19 +186,21 @@ class Stretch:
         else:
             self.mean, self.count, self._start = value, 1, number
         self._last = number
+        self._all += 1
         return continues
 
     def memory(self, base: int) -> list[float]:
         """What the next bins depend on; numbers of bins count from `base`."""
         bends = [*self._bends, *[math.nan] * (LOOKED_BACK - len(self._bends))]
-        places = [_told(self._start, base), _told(self._last, base), float(self.count)]
+        counts = float(self.count), float(self._all)
+        places = [_told(self._start, base), _told(self._last, base), *counts]
         return [*places, *self.mean, *self._one, *self._two, *bends]
 
     def take_up(self, memory: Sequence[float], base: int) -> None:
         """Takes up a `memory`."""
-        start, last, count, mx, my, mz, ox, oy, oz, tx, ty, tz, *bends = memory
+        start, last, count, total, mx, my, mz, ox, oy, oz, tx, ty, tz, *bends = memory
         self._start, self._last = _heard(start, base), _heard(last, base)
-        self.count, self.mean = round(count), (mx, my, mz)
+        self.count, self._all, self.mean = round(count), round(total), (mx, my, mz)
         self._one, self._two = (ox, oy, oz), (tx, ty, tz)
         self._bends = deque((bend for bend in bends if bend == bend), maxlen=LOOKED_BACK)
 

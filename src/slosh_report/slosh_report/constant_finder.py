@@ -65,6 +65,11 @@ class ConstantFinder:
             return constant
         return constant if self._is_no_acceleration(constant) else None
 
+    def adopt(self, constant: Vector) -> None:
+        """Takes a constant for the input's own: what differs from it is an acceleration."""
+        self._earlier, self._departed, self.bias = None, False, constant
+        self._speed, self._time = _ZERO, 0.0
+
     def _is_no_acceleration(self, constant: Vector) -> bool:
         """Whether the integral shows that a constant cannot be the container's."""
         left = math.dist(constant, self.bias)

@@ -5,8 +5,8 @@ the lowest package that all three import: nothing below slosh_report asks when a
 
 A motion is a departure from the constant that the input shows at rest: a sensor that is mounted
 askew, or has a bias, shows one. From the first sample on that is the constant of the beginning, or
-zero. Later another constant takes its place when the container cannot have been accelerated by
-the difference for so long (TOP_SPEED).
+zero. Later another constant takes its place when it can be no acceleration: it would have changed
+the speed by too much, or it comes again (`ConstantFinder`).
 """
 
 from __future__ import annotations
@@ -20,14 +20,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_files.nanoseconds import SECOND
-from slosh_report.constancy import BIN_NS, MOST, TOLERANCE, TOP_SPEED, Stretch
+from slosh_report.constancy import BIN_NS, Vector
+from slosh_report.constant_finder import ConstantFinder
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 MOVING = 0.15
 """How far the averaged acceleration lies from that at rest where the container moves [m/s²]."""
-BEGINNING = 1.5
+BEGINNING = 1.1
 """A recording that begins so long with a constant begins at rest [s]."""
 SETTLED = 1.0
 """So long an input is constant before its slow drift is followed [s]."""
@@ -57,7 +58,7 @@ class MotionFinder:
         self._sums = list(_NOTHING)
         self._count = 0
         self._base = (0.0, 0.0, 0.0)
-        self._stretch = Stretch(TOLERANCE, MOST)
+        self._finder = ConstantFinder()
         self._begins = True
 
     @property
@@ -133,25 +134,33 @@ class MotionFinder:
         place, grown = self._grown()
         self._spans[place:] = grown
         x, y, z = (total / self._count for total in self._sums[:3])
-        continues = self._stretch.take(self._bin, (x, y, z))
-        self._begins &= (continues or self._stretch.first) and not self._turns()
-        self._follow_rest()
+        resting = self._finder.take(self._bin, (x, y, z))
+        self._begins &= self._finder.stretch.unbroken and not self._turns()
+        self._follow_rest(resting)
 
-    def _follow_rest(self) -> None:
-        """Takes a constant as that of a rest, where it is one."""
-        constant, seconds = self._stretch.mean, self._stretch.seconds
+    def _follow_rest(self, resting: Vector | None) -> None:
+        """Takes a constant as that of a rest, where it is one.
+
+        Args:
+            resting: the constant where it can be no acceleration; None: it may be one [m/s²].
+        """
+        constant, seconds = self._finder.stretch.mean, self._finder.stretch.seconds
         away = math.dist(constant, self._base)
         if self._begins:
             if seconds >= BEGINNING and math.hypot(*constant) > MOVING:
-                self._base = constant
+                self._rest_at(constant)
                 self._spans.clear()  # what seemed to move was the constant
-        elif away * seconds > TOP_SPEED:
-            self._base = constant
+        elif resting is not None and math.hypot(*resting) > MOVING:
+            self._rest_at(resting)
         elif seconds >= SETTLED and any(self._base):
             if math.hypot(*constant) <= MOVING:
-                self._base = (0.0, 0.0, 0.0)
+                self._rest_at((0.0, 0.0, 0.0))
             elif away <= MOVING:
-                self._base = constant
+                self._rest_at(constant)
+
+    def _rest_at(self, constant: Vector) -> None:
+        self._base = constant
+        self._finder.adopt(constant)
 
     def _grown(self) -> tuple[int, list[MotionSpan]]:
         """From which place on the bin that is being filled changes the motions, and to what."""

@@ -53,6 +53,17 @@ def test_a_constant_from_the_beginning_on_is_no_motion(offset):
     assert spans_of(stamps, values) == [(2.0, 3.0), (5.0, 6.0)]
 
 
+def test_a_constant_that_comes_again_is_that_of_rest():
+    """The recording begins in a motion; a tilt of 5° shows in its rests."""
+    pieces = [(0.3, 2.0), (1.5, 0.0), (0.3, 2.0), (0.3, -2.0), (3.0, 0.0), (0.5, 1.0), (2.0, 0.0)]
+    stamps, values = accelerations(*pieces)
+    values[:, 1] += 0.855
+    found = spans_of(stamps, values)
+    assert len(found) == 2
+    assert found[0] == (0.0, pytest.approx(3.2, abs=0.5))
+    assert found[1] == pytest.approx((5.4, 5.9), abs=0.051)
+
+
 def test_a_constant_that_appears_later_is_a_rest_once_no_arm_could_follow_it():
     """1 m/s² for 5 s is 5 m/s: from then on it is an offset, and a motion departs from it."""
     stamps, values = accelerations((1.0, 0.0), (8.0, 1.0), (1.0, 3.0), (3.0, 1.0))
@@ -73,7 +84,7 @@ def test_a_motion_that_lasts_to_the_end_is_one():
 
 @pytest.mark.parametrize(("pause", "motions"), [(0.5, 1), (0.95, 1), (1.0, 2), (3.0, 2)])
 def test_a_pause_of_a_second_separates_motions(pause, motions):
-    found = spans_of(*accelerations((1.0, 1.0), (pause, 0.0), (1.0, 1.0)))
+    found = spans_of(*accelerations((1.0, 0.0), (1.0, 1.0), (pause, 0.0), (1.0, 1.0)))
     assert len(found) == motions
     assert PAUSE_NS == NS
 
