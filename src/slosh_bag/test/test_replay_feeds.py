@@ -180,7 +180,7 @@ def test_changed_limits_give_the_same_events_as_live(seed, moments):
     messages = [(row[0], 1, EstimatePoint(*row)) for row in rows_of(estimates[:4])]
     messages += [
         (stamp + 40 * MS, 2, MeasuredPoint(stamp, height, stddev, flags))
-        for stamp, height, flags, stddev, _ in rows_of(measured)
+        for stamp, height, flags, stddev, *_ in rows_of(measured)
     ]
     changes = [(START + at * MS, 0, one) for at, one in zip(sorted(moments), wanted, strict=True)]
     live, published = Monitor(patient), []
