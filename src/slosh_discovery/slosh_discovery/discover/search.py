@@ -135,8 +135,9 @@ def leftover(one: Fit, motions: Sequence[PreparedMotion]) -> Leftover:
     mean = float(weights @ np.array([part.mean_square for part in parts]))
     spread = weights * np.array([part.mean_square_stddev for part in parts])
     coloured = any(motion.law is not None for motion in motions)
-    tolerated = ADEQUATE_COLOURED if coloured else ADEQUATE
-    return Leftover(mean, float(np.sqrt(spread @ spread)), tolerated**2)
+    tolerated = (ADEQUATE_COLOURED if coloured else ADEQUATE) ** 2
+    steady = float(weights @ np.array([motion.steady for motion in motions]))
+    return Leftover(mean, float(np.sqrt(spread @ spread)), max(tolerated, steady))
 
 
 class Search:

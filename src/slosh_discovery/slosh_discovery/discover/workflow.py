@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -10,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_discovery.discover.campaigns import find_campaigns, in_groups
-from slosh_discovery.discover.clock import first_offset, slipped_offsets
+from slosh_discovery.discover.clock import first_offset
 from slosh_discovery.discover.crosscheck import held_out
 from slosh_discovery.discover.evidence import log_evidence, parts_of, standard_errors
 from slosh_discovery.discover.explanation import Explanation
@@ -33,14 +34,8 @@ from slosh_discovery.discover.remarks import (
     judgement_remarks,
     rejection_remarks,
 )
-from slosh_discovery.discover.search import Pool, Progress, Search, leftover
-from slosh_discovery.discover.sensor_noise import (
-    Leftovers,
-    SensorNoise,
-    alike,
-    dressed,
-    estimate_sensor,
-)
+from slosh_discovery.discover.rounds import Searched, search_in_rounds, with_noise
+from slosh_discovery.discover.search import Progress, leftover
 from slosh_discovery.discover.verdict import Judgement, judge, rejected
 from slosh_discovery.discover.where import where, worst_moments
 from slosh_discovery.errors import SloshDiscoveryError
@@ -133,33 +128,18 @@ def _check_groups(motions: Sequence[MeasuredMotion], holdout: Sequence[MeasuredM
             )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Searched:
-    """What a search has found.
-
-    Attributes:
-        pool: the explanations.
-        motions: the data, with the noise that they turned out to have.
-        sensor: that noise; None: plain and white.
-    """
-
-    pool: Pool
-    motions: Sequence[PreparedMotion]
-    sensor: SensorNoise | None
-
-
 def _judged(
     base: Model, plain: Sequence[PreparedMotion], told: Progress, threads: int
-) -> tuple[_Searched, Judgement]:
+) -> tuple[Searched, Judgement]:
     """Searches and judges; again in groups, where nobody gave any and the motions show some."""
-    searched = _search(base, plain, told, threads)
+    searched = search_in_rounds(base, plain, told, threads)
     best = searched.pool.ranked()[0]
     ungrouped = all(one.motion.group is None for one in plain)
     if ungrouped and not leftover(best, searched.motions).adequate:
         campaigns = find_campaigns(best, searched.motions, searched.pool.temperature)
         if campaigns is not None:
             told("motions of different campaigns", 0.0)
-            again = _search(base, in_groups(plain, campaigns), told, threads)
+            again = search_in_rounds(base, in_groups(plain, campaigns), told, threads)
             judgement = judge(again.pool, again.motions)
             if judgement.chosen.explanation.per_group:
                 return again, judgement
@@ -177,44 +157,6 @@ def _placed(motion: MeasuredMotion, chosen: Fit, base: Model) -> MeasuredMotion:
     return replace(motion, group=group)
 
 
-def _search(
-    base: Model, plain: Sequence[PreparedMotion], told: Progress, threads: int
-) -> _Searched:
-    """Searches with plain noise, and again where what is left shows another.
-
-    What a wrong base leaves may look like noise: the likeliest explanation is asked, not the base.
-    """
-    offsets: Sequence[float] = [first_offset(one, base) for one in plain]
-    leftovers: Sequence[Leftovers] = ()
-    sensor: SensorNoise | None = None
-    for last in (False, False, True):
-        motions = plain if sensor is None else [dressed(one, sensor) for one in leftovers]
-        pool = Search(base, motions, offsets, told, threads).run()
-        slipped = slipped_offsets(pool.ranked()[0], motions)
-        if slipped is not None:
-            pool = Search(base, motions, slipped, told, threads).run()
-        best = pool.ranked()[0]
-        offsets = best.clock_offsets
-        leftovers = _leftovers(best, plain, offsets)
-        found = estimate_sensor(leftovers)
-        if last or alike(found, sensor):
-            return _Searched(pool, motions, sensor)
-        told("measuring the noise", 0.0)
-        sensor = found
-    raise AssertionError  # the last round returns
-
-
-def _leftovers(
-    one: Fit, motions: Sequence[PreparedMotion], offsets: Sequence[float]
-) -> list[Leftovers]:
-    found = []
-    for motion, offset in zip(motions, offsets, strict=True):
-        answer = motion.simulate(one.model_of(motion.motion.group))
-        if answer is not None:
-            found.append(Leftovers.of(motion, answer.at(motion.t, offset)))
-    return found
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class _Answer:
     """A model's answer to a motion, on the measured clock and level."""
@@ -226,7 +168,7 @@ class _Answer:
 
 
 def _cases(
-    searched: _Searched,
+    searched: Searched,
     holdout: Sequence[MeasuredMotion],
     base: Model,
     judgement: Judgement,
@@ -241,16 +183,15 @@ def _cases(
         one = known.get(id(motion)) or prepare(motion, [*motions, *holdout])
         start = starts.get(id(motion))
         start = first_offset(one, base) if start is None else start
-        if role is Role.HOLDOUT and searched.sensor is not None:
-            (leftover,) = _leftovers(judgement.chosen, [one], [start])
-            one = dressed(leftover, searched.sensor)
         models = base, judgement.chosen.model_of(motion.group)
+        if role is Role.HOLDOUT:
+            one = with_noise(one, models[1], start, searched.sensor)
         before, after = (_answer(one, model, start) for model in models)
         cases.append(
             MotionFinding(
                 motion=motion,
                 role=role,
-                noise=one.noise,
+                noise=math.hypot(one.noise, one.driven_rms),
                 clock_offset=after.clock_offset,
                 level=after.level,
                 before_heights=before.heights,
