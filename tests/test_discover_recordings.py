@@ -17,9 +17,11 @@ from slosh_bag.recording.sources import find_sources
 from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_discovery.discover_data import day_motions, motions_of_day, read_motions
 from slosh_discovery.discover_data.unrelated import felt_acceleration
+from slosh_discovery.discovering import recorded_cell
 from slosh_model.containers import Cylinder
 from slosh_model.model import Model
 from slosh_model.simulate import Inputs, simulate
+from tests.live_bag import LiveBag
 
 REPOSITORY = Path(__file__).resolve().parent.parent
 BAGS = REPOSITORY / "bags"
@@ -56,6 +58,16 @@ class TestShippedBags:
             assert 0.009 < motion.peak_heights.max() < 0.03, name
             assert motion.stddev is not None
             assert 3e-5 < np.nanmedian(motion.stddev) < 2e-4
+
+    def test_the_command_that_loads_a_found_model_names_the_recorded_cell(
+        self, tmp_path: Path
+    ) -> None:
+        recorded = LiveBag()
+        recorded.namespace = "/left/cup"
+        bag = recorded.write(tmp_path / "day" / "bag")
+        for data in (bag, bag / "bag_0.mcap", bag.parent):
+            assert recorded_cell([tmp_path / "table.csv", data]) == "/left/cup"
+        assert recorded_cell([BAGS]) == recorded_cell([tmp_path / "table.csv"]) == "/slosh"
 
     def test_a_day_begins_with_what_the_monitor_saw_to_be_off_most(self) -> None:
         found = day_motions(BAGS)

@@ -30,15 +30,18 @@ from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_discovery.discover.next_steps import proposal, separating_motions
 from slosh_discovery.discover.problem import PreparedMotion, prepare
 from slosh_discovery.discover.remarks import (
+    answer_remarks,
     campaign_remarks,
     judgement_remarks,
     rejection_remarks,
+    unanswered,
 )
 from slosh_discovery.discover.rounds import Searched, search_in_rounds, with_noise
 from slosh_discovery.discover.search import Progress, leftover
 from slosh_discovery.discover.verdict import Judgement, judge, rejected
 from slosh_discovery.discover.where import where, worst_moments
 from slosh_discovery.errors import SloshDiscoveryError
+from slosh_model.errors import SloshModelError
 from slosh_model.measure import predicted_heights
 from slosh_model.model import Model
 from slosh_report.metrics import (
@@ -50,6 +53,8 @@ from slosh_report.metrics import (
 Array = NDArray[np.float64]
 NAN = float("nan")
 
+NO_AGREEMENT = Agreement(rms=math.inf, sigma=NAN, epsilon=NAN, peak=NAN)
+"""Of a model that has no finite answer."""
 TABLED = 5
 """So many explanations are checked on motions left out of their fit."""
 
@@ -72,7 +77,8 @@ def discover(
         threads: fits at a time; None: one per core.
 
     Raises:
-        SloshDiscoveryError, SloshReportError: no motions, or one with which nothing can be done;
+        SloshDiscoveryError, SloshReportError: no motions, or one with which nothing can be done,
+            as where the base has no finite solution;
             groups that some motions have and others have not.
     """
     if not motions:
@@ -81,6 +87,7 @@ def discover(
     told = progress or (lambda text, share: None)
     told("preparing", 0.0)
     plain = [prepare(motion, motions) for motion in motions]
+    _check_answers(base, plain)
     searched, judgement = _judged(base, plain, told, threads or os.cpu_count() or 1)
     prepared = searched.motions
     told("checking on motions left out", 0.95)
@@ -94,6 +101,7 @@ def discover(
         judgement = rejected(judgement, searched.pool.base)
         cases = _cases(searched, holdout, base, judgement)
         gap = total_gap(cases)
+    answered = [case for case in cases if math.isfinite(case.before.rms + case.after.rms)]
     candidates = _candidates(judgement, prepared, searched.pool.without_effect)
     told("what to do next", 0.97)
     separating, proposed = separating_motions(judgement, prepared), proposal(judgement, prepared)
@@ -106,12 +114,12 @@ def discover(
         confidence=judgement.confidence,
         gap=gap,
         motions=cases,
-        where=where(cases, base),
-        worst=worst_moments(cases),
+        where=where(answered, base) if answered else (),
+        worst=worst_moments(answered),
         candidates=candidates,
         separating=separating,
         proposal=proposed,
-        remarks=remarks + judgement_remarks(judgement),
+        remarks=remarks + answer_remarks(cases) + judgement_remarks(judgement),
         group_models=_group_models(judgement.chosen),
     )
 
@@ -126,6 +134,13 @@ def _check_groups(motions: Sequence[MeasuredMotion], holdout: Sequence[MeasuredM
             raise SloshDiscoveryError(
                 f"{motion.name}: no motion of its group {motion.group} is in the fit"
             )
+
+
+def _check_answers(base: Model, motions: Sequence[PreparedMotion]) -> None:
+    """Refuses motions of the fit for which the base has no answer: nothing can be compared."""
+    for one in motions:
+        if one.simulate(base) is None:
+            raise SloshDiscoveryError(unanswered(one.motion) + ", or leave the motion out")
 
 
 def _judged(
@@ -210,7 +225,10 @@ def _answer(one: PreparedMotion, model: Model, start: float) -> _Answer:
     if not motion.same_clock:
         offset = fit(Explanation(model), [one], np.zeros(0), [start]).clock_offsets[0]
     azimuths = motion.eta_azimuth if motion.eta is not None else None
-    heights = predicted_heights(model, motion.inputs, motion.t - offset, azimuths)
+    try:
+        heights = predicted_heights(model, motion.inputs, motion.t - offset, azimuths)
+    except SloshModelError:  # it left the finite numbers
+        return _Answer(np.full_like(motion.heights, NAN), offset, 0.0, NO_AGREEMENT)
     difference = motion.heights - heights
     level = 0.0 if motion.level_known else float(np.nanmean(difference))
     heights = heights + level
