@@ -57,6 +57,7 @@ def conclude(
     if stream.unused:
         counters["not_used_live"] = stream.unused
     astray = _astray(stream.strays)
+    faults = [fault.text() for fault in stream.faults.faults]
     counters["unmatched_images"] = components.monitor.monitor.unmatched
     spans = stream.motions.spans
     names = components.models.names
@@ -80,7 +81,7 @@ def conclude(
         comparisons=None if components.comparisons is None else components.comparisons.result(),
         model=components.models.model,
         limits=components.monitor.monitor.settings,
-        warnings=tuple(f"{name}: {line}" for line in (astray, judged.warning) if line),
+        warnings=tuple(f"{name}: {line}" for line in (astray, *faults, judged.warning) if line),
     )
 
 

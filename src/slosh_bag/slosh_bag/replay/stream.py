@@ -33,6 +33,7 @@ from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.limits import Event
 from slosh_estimator.validity import EstimateFlag
 from slosh_files.nanoseconds import SECOND
+from slosh_report.input_faults import FaultWatch
 from slosh_report.motion_spans import BIN_NS, MotionFinder
 
 Array = NDArray[np.float64]
@@ -99,6 +100,7 @@ class ReplayStream:
 
     Attributes:
         motions: those of the container so far.
+        faults: of the input so far.
         events: limit events so far.
         images: measurements so far.
         unused: inputs that the live estimator did not use.
@@ -107,6 +109,7 @@ class ReplayStream:
 
     def __init__(self, name: str, components: Components) -> None:
         self.motions = MotionFinder()
+        self.faults = FaultWatch()
         self.events: list[Event] = []
         self.images = self.unused = 0
         self.untaken = ""
@@ -189,6 +192,7 @@ class ReplayStream:
         self._estimate(final)
         if final:
             self.motions.finish()
+            self.faults.finish()
         until = 2**62 if final else self._settled()
         self._release(until)
         if final:
@@ -311,6 +315,7 @@ class ReplayStream:
         self._components.outputs.estimates(answers)
         self._keep(answers.heights)
         self.motions.add(own.stamps, own.accelerations)
+        self.faults.add(own.stamps, own.accelerations)
 
     def _keep(self, new: ModelHeights) -> None:
         old = self._heights

@@ -11,6 +11,7 @@ from slosh_bag.motion_table import MotionTable
 from slosh_bringup.errors import SloshBringupError
 from slosh_model.constants import GRAVITY
 from slosh_model.model import Model
+from slosh_report.input_faults import find_input_faults
 
 IMPOSSIBLE = 1e6
 """No container survives such an acceleration [m/s²]: the table is refused."""
@@ -58,4 +59,5 @@ def doubts(model: Model, motion: MotionTable) -> tuple[str, ...]:
             f"rows are {step:.3g} s apart, the liquid's period is {period:.2g} s: is t in s? "
             "Sample the motion more often"
         )
+    found += [fault.text() for fault in find_input_faults(motion.t, motion.acceleration)]
     return tuple(found)

@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 
 SMALL = 0.1
 """An answer below this share of the sensor's noise is left out, as is what remains of one."""
-MOST_COLUMNS = 60
+MOST_COLUMNS = 150
 STEP = 1e-6
 """Of the derivative of what is read by the liquid's heights [m]."""
 FLAT = 0.1

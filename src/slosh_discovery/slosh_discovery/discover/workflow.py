@@ -41,6 +41,7 @@ from slosh_discovery.discover.search import Progress, leftover
 from slosh_discovery.discover.verdict import Judgement, judge, rejected
 from slosh_discovery.discover.where import where, worst_moments
 from slosh_discovery.errors import SloshDiscoveryError
+from slosh_discovery.sound_inputs import sound, sound_fit
 from slosh_model.errors import SloshModelError
 from slosh_model.measure import predicted_heights
 from slosh_model.model import Model
@@ -77,12 +78,14 @@ def discover(
         threads: fits at a time; None: one per core.
 
     Raises:
-        SloshDiscoveryError, SloshReportError: no motions, or one with which nothing can be done,
-            as where the base has no finite solution;
+        SloshDiscoveryError, SloshReportError: no motions, none with a sound input, or one with
+            which nothing can be done, as where the base has no finite solution;
             groups that some motions have and others have not.
     """
     if not motions:
         raise SloshDiscoveryError("no motion with measured heights: nothing to discover from")
+    motions, faulty = sound_fit(motions)
+    holdout, faulty_holdout = sound(holdout)
     _check_groups(motions, holdout)
     told = progress or (lambda text, share: None)
     told("preparing", 0.0)
@@ -119,7 +122,7 @@ def discover(
         candidates=candidates,
         separating=separating,
         proposal=proposed,
-        remarks=remarks + answer_remarks(cases) + judgement_remarks(judgement),
+        remarks=faulty + faulty_holdout + remarks + answer_remarks(cases) + judgement_remarks(judgement),
         group_models=_group_models(judgement.chosen),
     )
 
