@@ -48,7 +48,7 @@ def with_input_noise(
         clock_offset: measured minus inputs' clock [s].
     """
     if noise is None:
-        return replace(motion, driven=None)
+        return replace(motion, driven=None, blur=None)
     start = float(motion.fine.t[0])
     moments = reading_clock(model).moments(motion.t - clock_offset, start)
     tolerated = (SMALL * motion.noise) ** 2
@@ -65,7 +65,23 @@ def with_input_noise(
             if factor.shape[1]:
                 read = read_directions(motion, model, moments) if read is None else read
                 parts.append(read[:, :, axis, np.newaxis] * factor[:, np.newaxis, :])
-    return replace(motion, driven=np.concatenate(parts, axis=2) if parts else None)
+    if read is None:
+        return replace(motion, driven=None, blur=None)
+    driven = np.concatenate(parts, axis=2)
+    return replace(motion, driven=driven, blur=_blur(motion, model, moments, driven))
+
+
+def _blur(motion: PreparedMotion, model: Model, moments: Array, driven: Array) -> Array | None:
+    """(M, K) variance of a highest point's second-order answer [m²].
+
+    A wave of height A that noise moves by δ across rises by δ²/2A, of the variance σ⁴/2A² - and
+    by about σ where there is hardly a wave.
+    """
+    if motion.azimuths is not None:
+        return None
+    variance = np.sum(driven**2, axis=2)
+    wave = np.sum(_liquid_at(motion, model, moments) ** 2, axis=1)[:, np.newaxis]
+    return np.asarray(variance**2 / (2.0 * wave + variance))
 
 
 def answer_columns(t: Array, frequency: float, damping: float, tolerated: float) -> Array:
@@ -118,11 +134,7 @@ def read_directions(motion: PreparedMotion, model: Model, moments: Array) -> Arr
         model: that is likely.
         moments: (M,) at which the liquid is read [s].
     """
-    inputs = motion.fine
-    (heights,) = wall_heights(
-        [liquid_alone(model)], [inputs], max_step=LONGEST_STEP, threads=1
-    )
-    liquid = np.nan_to_num(columns_at(moments, inputs.t, heights))
+    inputs, liquid = motion.fine, _liquid_at(motion, model, moments)
     nothing = np.empty((len(moments), 0, 4))
     start = float(inputs.t[0])
 
@@ -142,3 +154,10 @@ def read_directions(motion: PreparedMotion, model: Model, moments: Array) -> Arr
     x, y = found[..., 0], found[..., 1]
     turned = (np.cos(yaw) * x - np.sin(yaw) * y, np.sin(yaw) * x + np.cos(yaw) * y)
     return np.stack(turned, axis=2)
+
+
+def _liquid_at(motion: PreparedMotion, model: Model, moments: Array) -> Array:
+    """(M, 2) the liquid's heights at +x and +y [m]; 0 where the model has no answer."""
+    inputs = motion.fine
+    (heights,) = wall_heights([liquid_alone(model)], [inputs], max_step=LONGEST_STEP, threads=1)
+    return np.nan_to_num(columns_at(moments, inputs.t, heights))

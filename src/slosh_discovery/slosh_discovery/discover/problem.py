@@ -35,6 +35,8 @@ FINE_SPACING = 0.0021
 SAMPLE_SPACING = 0.0075
 """Heights closer to each other than this are thinned [s]."""
 MOST_AZIMUTHS = 8
+LEAST_SHARED = 0.02
+"""A direction in which shared noise adds less than this share to the white noise is left out."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -68,7 +70,8 @@ class SharedNoise:
     def of(cls, columns: Array) -> SharedNoise:
         """From the columns L (N, R)."""
         directions, sizes, _ = np.linalg.svd(columns, full_matrices=False)
-        return cls(directions, sizes**2)
+        matters = sizes**2 > LEAST_SHARED
+        return cls(np.ascontiguousarray(directions[:, matters]), sizes[matters] ** 2)
 
     def removed(self, values: Array) -> Array:
         """Values (N,) or (N, P) as white noise of unit variance."""
@@ -109,6 +112,8 @@ class PreparedMotion:
             from sample to sample: an error of its calibration.
         driven: (M, K, R) columns L of what the inputs' noise does to the heights, of the
             covariance L Lᵀ [m]; None: nothing to speak of.
+        blur: (M, K) variance of what the inputs' noise does beside that, as a wave's height is no
+            linear function of it [m²]; None: none.
     """
 
     motion: MeasuredMotion
@@ -123,6 +128,7 @@ class PreparedMotion:
     law: HeightNoise | None = None
     steady: float = 0.0
     driven: Array | None = None
+    blur: Array | None = None
     _whitening: Whitening | None = field(init=False, default=None)
     _scale: Array = field(init=False)
     _shared: SharedNoise | None = field(init=False, default=None)
@@ -134,15 +140,17 @@ class PreparedMotion:
             object.__setattr__(self, "_shared", SharedNoise.of(self._of_sensor(columns)))
 
     def _take_law(self) -> None:
+        blur = None if self.blur is None else self.blur[self.kept]
         if self.law is None:
-            object.__setattr__(self, "_scale", np.array(self.noise))
+            square = np.array(self.noise**2) if blur is None else self.noise**2 + blur
+            object.__setattr__(self, "_scale", np.sqrt(square))
             return
         scale = np.broadcast_to(self.law.stddev[:, np.newaxis], self.kept.shape)[self.kept]
         whitening = Whitening.of(
             neighbours_in(self.t, self.kept),
             1.0,
             self.law.correlation,
-            self.law.forgotten[self.kept] / scale**2,
+            (self.law.forgotten[self.kept] + (0.0 if blur is None else blur)) / scale**2,
         )
         object.__setattr__(self, "_scale", scale)
         object.__setattr__(self, "_whitening", whitening)

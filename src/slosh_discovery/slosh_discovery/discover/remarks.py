@@ -69,6 +69,13 @@ def judgement_remarks(judgement: Judgement) -> tuple[str, ...]:
             "The measured heights hardly move while the model says that the liquid does: look at "
             "the camera first."
         )
+    elif judgement.elsewhere is not None:
+        remarks.append(judgement.elsewhere.text())
+    elif judgement.hidden:
+        remarks.append(
+            "What the likeliest explanation gains is less than the sensor's own standard "
+            "deviation: nobody could see it, and nothing is added."
+        )
     elif judgement.trust < 1.0:
         remarks.append(
             "The best explanation leaves more than noise: something else is at work, too, or its "

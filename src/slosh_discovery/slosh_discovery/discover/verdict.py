@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from slosh_discovery.discover.another_container import OtherFrequency, other_frequency
 from slosh_discovery.discover.crosscheck import HeldOut, held_out
 from slosh_discovery.discover.evidence import (
     discounted,
@@ -66,6 +67,7 @@ class Judgement:
         temperature: of the data; see `evidence`.
         trust: probability that the cause is a listed one, from what is left.
         unseen: whether the measured heights hardly move while the base says that the liquid does.
+        elsewhere: another frequency at which the liquid swings: another container's.
         hidden: whether the best explanation's gain is less than the sensor claims of its noise.
     """
 
@@ -80,6 +82,7 @@ class Judgement:
     trust: float
     unseen: bool
     hidden: bool = False
+    elsewhere: OtherFrequency | None = None
 
 
 def judge(pool: Pool, motions: Sequence[PreparedMotion]) -> Judgement:
@@ -114,9 +117,10 @@ def judge(pool: Pool, motions: Sequence[PreparedMotion]) -> Judgement:
     effects = set(best.explanation.effects)
     likely = sum(share for one, share in ranked if effects <= set(one.explanation.effects))
     likely = likely if effects else ranked[0][1]
+    elsewhere = None if unseen or after.adequate else other_frequency(base, motions)
     verdict, added = (
         _verdict(likely, before, after)
-        if effects and not hidden
+        if effects and not hidden and elsewhere is None
         else (_without_effects(before), False)
     )
     names = best.explanation.effects if added else ()
@@ -135,6 +139,7 @@ def judge(pool: Pool, motions: Sequence[PreparedMotion]) -> Judgement:
         trust=trust,
         unseen=unseen,
         hidden=hidden,
+        elsewhere=elsewhere,
     )
 
 

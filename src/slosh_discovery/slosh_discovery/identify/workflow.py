@@ -32,7 +32,7 @@ from slosh_discovery.identify.result import (
     Role,
     Strategy,
 )
-from slosh_discovery.identify.trials import OperatingPoint, Trial, make_trials, neighbours_of
+from slosh_discovery.identify.trials import OperatingPoint, Trial, make_trials
 from slosh_discovery.identify.validity import TOLERANCE, LineLimit, limited, line_limit
 from slosh_discovery.sound_inputs import sound, sound_fit
 from slosh_model.constants import GRAVITY
@@ -379,7 +379,7 @@ def _line_remarks(line: LineLimit | None) -> tuple[str, ...]:
 def _noise_alone(estimate: Estimate) -> bool:
     """Whether the residual freed of its colour may be white in each motion."""
     trials = estimate.problem.trials
-    white = neighbours_of(trials).whitened(estimate.residual, estimate.colour)
+    white = estimate.noise.applied(estimate.residual)
     for trial in trials:
         prepared = trial.prepared
         laid = np.full(prepared.kept.shape, np.nan)
