@@ -62,6 +62,7 @@ class Case:
         noise: standard deviation of the noise [m].
         sensor: "msh", "12 azimuths" or "36 azimuths".
         equivalent: sets of names that these data cannot tell apart.
+        bias: of the accelerometer [m/s²]: as a constant tilt, so that this is right to say, too.
         wrong: for "wrong_parameter": the parameter, its given and its true value.
         truth: what acts, all of it.
     """
@@ -79,6 +80,7 @@ class Case:
     equivalent: tuple[frozenset[str], ...]
     truth: Truth
     wrong: tuple[str, float, float] | None = None
+    bias: float = 0.0
 
     @property
     def base_name(self) -> str:
@@ -212,6 +214,7 @@ def _attempt(
         _equivalent(plan),
         plan.truth,
         plan.wrong,
+        0.0 if dirt is None else dirt.input_bias,
     )
 
 

@@ -19,17 +19,20 @@ from slosh_discovery.discover.differences import (
     robust_scale,
 )
 from slosh_discovery.discover.input_series import angular_velocity
-from slosh_files.nanoseconds import SECOND
 from slosh_model.simulate import Inputs
-from slosh_report.motion_spans import motion_spans
+from slosh_report.motion_spans import MOVING, TURNING
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-LEAST_NOISE = 1e-6
-"""Less is rounding [m/s²]."""
+LEAST_NOISE = 1e-4
+"""Less moves no liquid, and may be what is not straight in a motion's start [m/s²]."""
 ORDER = 3
 """Of the differences while the container rests: what has begun slowly is no noise."""
+BIN, LEAST_STILL = 0.05, 4
+"""Accelerations are averaged over this time [s]; a rest lasts so many of them."""
+SURELY = 4.0
+"""So many standard deviations of a mean are a motion."""
 MARGIN = 0.3
 """Nearer than this to a motion it may have begun [s]."""
 LEAST_REST = 0.5
@@ -77,15 +80,45 @@ def estimate_input_noise(inputs: Inputs) -> InputNoise | None:
 
 
 def resting(inputs: Inputs, margin: float = 0.0) -> Mask:
-    """(N,) where the container does not move, nor within a margin [s] of a motion."""
-    stamps = np.rint(inputs.t * SECOND).astype(np.int64)
-    still = np.ones(len(stamps), dtype=np.bool_)
-    reach = round(margin * SECOND)
+    """(N,) where the container does not move, nor within a margin [s] of a motion.
+
+    As `motion_spans` says, but that a bias is no motion, nor the noise of a few samples' mean.
+    """
     # Without its mean at rest, which a bias leaves.
-    bias = np.median(inputs.acceleration, axis=0)
-    for span in motion_spans(stamps, inputs.acceleration - bias, angular_velocity(inputs)):
-        still &= (stamps < span.start_ns - reach) | (stamps > span.end_ns + reach)
-    return still
+    moved = inputs.acceleration - np.median(inputs.acceleration, axis=0)
+    bins = np.floor((inputs.t - inputs.t[0]) / BIN).astype(np.int64)
+    count = np.maximum(np.bincount(bins), 1)
+    means = np.column_stack([np.bincount(bins, column) / count for column in moved.T])
+    noise = math.sqrt(3.0) * _rough(inputs.t, moved.T) / np.sqrt(count)
+    moving = np.linalg.norm(means, axis=1) > np.maximum(MOVING, SURELY * noise)
+    turning = np.linalg.norm(angular_velocity(inputs)[:, :2], axis=1) > TURNING
+    moving |= np.bincount(bins, turning) > 0
+    # What passes through zero does not rest.
+    still = _longer(~moving & (np.bincount(bins) > 0), LEAST_STILL + 2 * math.ceil(margin / BIN))
+    for _ in range(math.ceil(margin / BIN)):
+        still[1:-1] &= still[2:] & still[:-2]
+    return np.asarray(still[bins])
+
+
+def _longer(marked: Mask, least: int) -> Mask:
+    """The marked ones in runs of at least so many."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], marked, [False]]).astype(np.int8)))
+    kept = np.zeros_like(marked)
+    for start, end in edges.reshape(-1, 2).tolist():
+        kept[start:end] = end - start >= least
+    return kept
+
+
+def _rough(t: Array, columns: Array) -> float:
+    """Standard deviation of a sample [m/s²] by differences alone, the least of several orders.
+
+    Kinks of a motion are rougher than its noise in some of the orders.
+    """
+    scales = []
+    for order in ORDERS:
+        joined = np.concatenate([normalised_differences(t, column, order) for column in columns])
+        scales += [robust_scale(joined)] if len(joined) >= LEAST_SAMPLES else []
+    return min(scales, default=0.0)
 
 
 def _white(inputs: Inputs, columns: Array) -> float:
@@ -97,14 +130,7 @@ def _white(inputs: Inputs, columns: Array) -> float:
         joined = np.concatenate(found)
         if len(joined) >= LEAST_SAMPLES:
             return float(np.sqrt(np.mean(joined**2)))
-    # It never rests. Kinks of a motion are rougher than noise in some of the orders.
-    scales = []
-    for order in ORDERS:
-        joined = np.concatenate(
-            [normalised_differences(inputs.t, column, order) for column in columns]
-        )
-        scales += [robust_scale(joined)] if len(joined) >= LEAST_SAMPLES else []
-    return min(scales, default=0.0)
+    return _rough(inputs.t, columns)  # it never rests
 
 
 def _quantum(values: Array) -> float:

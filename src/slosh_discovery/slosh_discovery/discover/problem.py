@@ -137,6 +137,8 @@ class PreparedMotion:
         self._take_law()
         if self.driven is not None:
             columns = self.driven[self.kept]
+            if not self.motion.level_known:  # residuals lose their mean, too
+                columns = columns - columns.mean(axis=0)
             object.__setattr__(self, "_shared", SharedNoise.of(self._of_sensor(columns)))
 
     def _take_law(self) -> None:
@@ -171,6 +173,15 @@ class PreparedMotion:
         if self._shared is None:
             return np.zeros_like(difference)
         return self._undone(self._shared.expected(self._of_sensor(difference)))
+
+    @property
+    def slow_share(self) -> float:
+        """Share of the noise's variance, beside `driven`, that goes on from sample to sample."""
+        blurred = 0.0
+        if self.blur is not None:
+            blur = self.blur[self.kept]
+            blurred = float(np.mean(blur / (blur + self.noise**2)))
+        return 1.0 - (1.0 - self.steady) * (1.0 - blurred)
 
     @property
     def driven_rms(self) -> float:

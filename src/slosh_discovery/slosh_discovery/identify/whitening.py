@@ -24,10 +24,12 @@ class Driven:
     Attributes:
         rows: of the trial in the residual of all.
         columns: (n, R) L of the covariance L Lᵀ [m].
+        blur: (n,) variance beside it, of each height alone [m²].
     """
 
     rows: slice
     columns: Array
+    blur: Array
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -37,28 +39,33 @@ class White:
     Attributes:
         neighbours: of the samples.
         colour: of the sensor's noise.
+        scale: (N,) by how much each height is noisier than the sensor makes it.
         shared: rows of a trial, and what its inputs' noise is where the sensor's is white.
     """
 
     neighbours: Neighbours
     colour: Colour
+    scale: Array
     shared: tuple[tuple[slice, SharedNoise], ...]
 
     @classmethod
     def of(cls, problem: Problem, colour: Colour, driven: tuple[Driven, ...]) -> White:
         """Of a problem's residuals."""
         neighbours = neighbours_of(problem.trials)
-        shared = []
+        shared, scale = [], np.ones(len(neighbours.before))
+        for one in driven:
+            scale[one.rows] = np.sqrt(1.0 + one.blur / colour.stddev**2)
         for one in driven:
             laid = np.zeros((len(neighbours.before), one.columns.shape[1]))
-            laid[one.rows] = one.columns
+            laid[one.rows] = one.columns / scale[one.rows, np.newaxis]
             white = neighbours.whitened(laid, colour)[one.rows]
             shared.append((one.rows, SharedNoise.of(white)))
-        return cls(neighbours, colour, tuple(shared))
+        return cls(neighbours, colour, scale, tuple(shared))
 
     def applied(self, values: Array) -> Array:
         """Values (N,) or (N, P) [m] as white noise of unit variance."""
-        white = self.neighbours.whitened(values, self.colour)
+        scale = self.scale if values.ndim == 1 else self.scale[:, np.newaxis]
+        white = self.neighbours.whitened(values / scale, self.colour)
         for rows, noise in self.shared:
             white[rows] = noise.removed(white[rows])
         return white
@@ -68,10 +75,10 @@ class White:
         if not self.shared:
             return residual
         law = Whitening.of(self.neighbours, self.colour.stddev, self.colour.memory)
-        white, expected = law.applied(residual), np.zeros_like(residual)
+        white, expected = law.applied(residual / self.scale), np.zeros_like(residual)
         for rows, noise in self.shared:
             expected[rows] = noise.expected(white[rows])
-        return np.asarray(residual - law.undone(expected))
+        return np.asarray(residual - self.scale * law.undone(expected))
 
 
 def driven_by(problem: Problem, vector: Array) -> tuple[Driven, ...]:
@@ -90,8 +97,11 @@ def driven_by(problem: Problem, vector: Array) -> tuple[Driven, ...]:
             continue
         clock = problem.clocks[index]
         offset = float(vector[clock[0]]) if clock else 0.0
-        columns = with_input_noise(trial.prepared, noise, model, offset).driven
-        if columns is not None:
-            rows = slice(ends[index], ends[index + 1])
-            found.append(Driven(rows, columns[trial.prepared.kept]))
+        one = with_input_noise(trial.prepared, noise, model, offset)
+        if one.driven is not None:
+            rows, kept = slice(ends[index], ends[index + 1]), one.driven[one.kept]
+            if not trial.prepared.motion.level_known:  # residuals lose their mean, too
+                kept = kept - kept.mean(axis=0)
+            blur = np.zeros(len(kept)) if one.blur is None else one.blur[one.kept]
+            found.append(Driven(rows, kept, blur))
     return tuple(found)

@@ -49,6 +49,7 @@ EFFECT = Effect(
         ),
     ),
     order=90,
+    odds=0.05,  # mostly a clock that is off is off by a constant time
     delay=_delay,
     drift=_drift,
 )
