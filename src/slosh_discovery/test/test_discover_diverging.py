@@ -24,7 +24,7 @@ SOFT = BASE.with_effect("swirl_stiffening", gamma=-3.0)
 
 
 def in_millimetres(truth):
-    """A motion whose acceleration somebody gave in mm/s²: the linear model follows, SOFT does not."""
+    """A motion in mm/s² by mistake: the linear model follows, SOFT does not."""
     inputs = inputs_of(9)
     strong = Inputs(inputs.t, 1000.0 * inputs.acceleration)
     return replace(measured(truth, 9), inputs=strong, name="strong")
@@ -53,7 +53,8 @@ def test_a_motion_held_out_to_which_the_base_has_no_answer_is_named():
     finding = discover(motions, SOFT, [in_millimetres(BASE)])
     assert [effect.name for effect in finding.effects] == ["swirl_stiffening"]
     assert any(
-        remark.startswith("strong: the model has no finite solution") and "check its unit" in remark
+        remark.startswith("strong: the model has no finite solution")
+        and "check its unit" in remark
         for remark in finding.remarks
     )
     document, text = check_report(finding)

@@ -34,7 +34,9 @@ def seen(truth, seed, rate=1000.0, noise=0.02, camera=CAMERA, **errors):
     inputs = inputs_of(seed)
     random = np.random.default_rng(500 + seed)
     t = np.arange(-0.9, DURATION - 0.1, 1.0 / 60.0)
-    heights = predicted_heights(truth, Inputs([-1.0, *inputs.t], [[0.0] * 3, *inputs.acceleration]), t)
+    heights = predicted_heights(
+        truth, Inputs([-1.0, *inputs.t], [[0.0] * 3, *inputs.acceleration]), t
+    )
     heights = heights[:, 0] + camera * random.normal(size=len(t))
     given = sampled(inputs, rate, noise, seed=seed, **errors)
     return MeasuredMotion(f"motion {seed}", given, t, msh=heights, stddev=np.full(len(t), camera))

@@ -171,7 +171,7 @@ def test_an_effect_acts_where_it_should(name: str) -> None:
     assert Estimator(model).reading_delay(0) == late
 
 
-def test_the_delay_of_a_drifting_clock_grows_from_the_first_sample_and_anew_after_a_reset() -> None:
+def test_a_drifting_clock_s_delay_grows_and_begins_anew_with_a_reset() -> None:
     samples, estimator = samples_of(), Estimator(with_effect("clock_drift"))
     estimator.update_many(samples)
     first, last = int(samples.stamps[0]), int(samples.stamps[-1])

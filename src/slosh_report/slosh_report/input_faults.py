@@ -74,7 +74,7 @@ class InputFault(NamedTuple):
     Attributes:
         kind: what is wrong.
         start, end: from when to when it first is [s].
-        count: how often it occurs.
+        times: how often it occurs.
         axis: 0, 1, 2: the one that is clipped; -1: all.
         value: at which it is clipped [m/s²]; NaN: it is not.
     """
@@ -82,18 +82,18 @@ class InputFault(NamedTuple):
     kind: FaultKind
     start: float
     end: float
-    count: int
+    times: int
     axis: int = -1
     value: float = float("nan")
 
     def text(self) -> str:
         """What, when and what to do, in one sentence without a full stop."""
         when = f"from {self.start:.2f} to {self.end:.2f} s"
-        when += f" and {self.count - 1} times more" if self.count > 1 else ""
+        when += f" and {self.times - 1} times more" if self.times > 1 else ""
         if self.kind is FaultKind.CLIPPED:
             return (
-                f"{AXES[self.axis]} is clipped at {self.value:.4g} m/s² {when}: the sensor's range "
-                "or a limit in its driver is too small; raise it and record again"
+                f"{AXES[self.axis]} is clipped at {self.value:.4g} m/s² {when}: the sensor's "
+                "range or a limit in its driver is too small; raise it and record again"
             )
         if self.kind is FaultKind.FROZEN:
             return (
@@ -165,7 +165,7 @@ class FaultWatch:
             same = (known.kind, known.axis) == (fault.kind, fault.axis)
             if same and _equal(known, fault):
                 if fault.start > known.start:
-                    self.faults[index] = known._replace(count=known.count + fault.count)
+                    self.faults[index] = known._replace(times=known.times + fault.times)
                 return
         self.faults.append(fault)
 
@@ -216,7 +216,7 @@ def _cut_off(values: Array, top: float, least: float) -> bool:
     if not (last > 0.0 and min(first - middle, bend) > STRAIGHT * first):
         return False
     rise, left = last * last / (2.0 * bend), top - float(values[-1])
-    return rise > ARRIVING * left and rise - left > least
+    return bool(rise > ARRIVING * left and rise - left > least)
 
 
 def _is_rough(values: Array) -> bool:

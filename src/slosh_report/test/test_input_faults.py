@@ -35,7 +35,7 @@ class TestFaults:
         }  # fmt: skip
         first = found[0]
         assert np.abs(values[np.searchsorted(T, first.start), first.axis]) >= 1.8
-        assert first.count > 1
+        assert first.times > 1
         axis = ("ax", "ay")[first.axis]
         assert first.text().startswith(f"{axis} is clipped at {first.value:.4g} m/s² from ")
         assert "times more" in first.text()
@@ -46,7 +46,7 @@ class TestFaults:
         start, end = np.searchsorted(T, [1.1, 1.3])
         frozen[start:end] = frozen[start]
         (fault,) = find_input_faults(T, frozen)
-        assert (fault.kind, fault.count) == (FaultKind.FROZEN, 1)
+        assert (fault.kind, fault.times) == (FaultKind.FROZEN, 1)
         assert fault.start == pytest.approx(1.1, abs=0.005)
         assert fault.end == pytest.approx(1.3, abs=0.005)
         assert "repeats its values from 1.10 to 1.30 s" in fault.text()
@@ -108,7 +108,7 @@ def test_a_stream_tells_the_faults_of_its_parts_once():
         watch.add(stamps[part], values[part])
     watch.finish()
     frozen, clipped = sorted(watch.faults, key=lambda fault: fault.axis)
-    assert (frozen.kind, frozen.count) == (FaultKind.FROZEN, 2)
+    assert (frozen.kind, frozen.times) == (FaultKind.FROZEN, 2)
     assert frozen.start == pytest.approx(12.0, abs=0.01)
     assert (clipped.kind, clipped.axis, clipped.value) == (FaultKind.CLIPPED, 1, 2.0)
-    assert clipped.count > 3
+    assert clipped.times > 3

@@ -81,7 +81,7 @@ def _blur(motion: PreparedMotion, model: Model, moments: Array, driven: Array) -
         return None
     variance = np.sum(driven**2, axis=2)
     wave = np.sum(_liquid_at(motion, model, moments) ** 2, axis=1)[:, np.newaxis]
-    return np.asarray(variance**2 / (2.0 * wave + variance))
+    return np.asarray(variance**2 / np.maximum(2.0 * wave + variance, 1e-300))
 
 
 def answer_columns(t: Array, frequency: float, damping: float, tolerated: float) -> Array:

@@ -56,7 +56,7 @@ class HeightNoise:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SharedNoise:
-    """Noise that many samples share, beside white noise of unit variance: of the covariance I + LLᵀ.
+    """Noise that samples share, beside white noise of unit variance: of the covariance I + LLᵀ.
 
     Attributes:
         directions: (N, R) orthonormal, in which it lies.
@@ -164,7 +164,9 @@ class PreparedMotion:
 
     def _of_sensor(self, difference: Array) -> Array:
         """The same (N,) or (N, P) where the sensor's is the only noise."""
-        scale = self._scale if difference.ndim == 1 or not self._scale.ndim else self._scale[:, None]
+        scale = (
+            self._scale if difference.ndim == 1 or not self._scale.ndim else self._scale[:, None]
+        )
         relative = difference / scale
         return relative if self._whitening is None else self._whitening.applied(relative)
 

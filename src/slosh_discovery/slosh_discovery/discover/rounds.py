@@ -12,7 +12,6 @@ from dataclasses import dataclass
 
 from slosh_discovery.discover.clock import first_offset, slipped_offsets
 from slosh_discovery.discover.driven import with_input_noise
-from slosh_discovery.discover.fitting import Fit
 from slosh_discovery.discover.input_noise import InputNoise, estimate_input_noise
 from slosh_discovery.discover.problem import PreparedMotion
 from slosh_discovery.discover.search import Pool, Progress, Search

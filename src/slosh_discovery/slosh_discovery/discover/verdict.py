@@ -95,7 +95,9 @@ def judge(pool: Pool, motions: Sequence[PreparedMotion]) -> Judgement:
     temperature, base = pool.temperature, pool.base
     unseen, before = _unseen(base, motions), leftover(base, motions)
     # What sensor and inputs explain needs no other cause, whatever a fit gains.
-    worthy = [base] if unseen or before.adequate else _worthy(pool.ranked(), pool, NEGLIGIBLE_SHARE)
+    worthy = (
+        [base] if unseen or before.adequate else _worthy(pool.ranked(), pool, NEGLIGIBLE_SHARE)
+    )
     logs = {one.explanation.key: log_evidence(one, temperature) for one in worthy}
     tabled: dict[Key, HeldOut] = {}
     if not leftover(worthy[0], motions).adequate:

@@ -122,7 +122,11 @@ def discover(
         candidates=candidates,
         separating=separating,
         proposal=proposed,
-        remarks=faulty + faulty_holdout + remarks + answer_remarks(cases) + judgement_remarks(judgement),
+        remarks=faulty
+        + faulty_holdout
+        + remarks
+        + answer_remarks(cases)
+        + judgement_remarks(judgement),
         group_models=_group_models(judgement.chosen),
     )
 

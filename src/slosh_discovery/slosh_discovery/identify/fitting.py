@@ -130,7 +130,9 @@ def fit(problem: Problem, start: Array) -> Estimate:
     residual = problem.residuals([vector])[:, 0]
     neighbours = neighbours_of(problem.trials)
     white = White.of(
-        problem, Colour(estimate_colour(residual, neighbours, 0).stddev, 0.0), driven_by(problem, start)
+        problem,
+        Colour(estimate_colour(residual, neighbours, 0).stddev, 0.0),
+        driven_by(problem, start),
     )
     bounds = problem.bounds(start)
     for turn in range(TURNS):

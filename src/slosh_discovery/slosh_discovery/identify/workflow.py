@@ -77,7 +77,8 @@ def identify(
         progress: told what is done and the share of it in [0, 1].
 
     Raises:
-        SloshDiscoveryError: no motions, none with a sound input, or parameters that cannot be fitted.
+        SloshDiscoveryError: no motions, none with a sound input, or parameters that cannot be
+            fitted.
     """
     if not motions:
         raise SloshDiscoveryError("no motion with measured heights: nothing to identify from")
