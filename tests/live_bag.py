@@ -171,7 +171,7 @@ class LiveBag:
             second = (stamp - START) * 1e-9
             if index % 8 == 0 and not self.camera_gap[0] <= second < self.camera_gap[1]:
                 height = self.height * estimate.nonlinear.reading
-                shown = sample.stamp_ns + round(1e9 * estimator.reading_delay)
+                shown = sample.stamp_ns + round(1e9 * estimator.reading_delay(sample.stamp_ns))
                 self._surface(
                     shown + self.image_ahead, height, estimate,
                     self.image_lag(index) - self.image_ahead,

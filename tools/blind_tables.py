@@ -5,7 +5,8 @@
 Every answer is kept as a line of JSON in the folder; what is there is not run again,
 so a run that was ended goes on where it was. A case hides one listed effect (`single`), two
 (`pairs`), none (`none`), one that is not in the list (`outside`), or one beside a wrong parameter
-of the base (`wrong_parameter`). With --dirty the same cases have a real sensor's errors.
+of the base (`wrong_parameter`). With --dirty the same cases have a real sensor's errors, with
+--noisy a real accelerometer's.
 """
 
 from __future__ import annotations
@@ -22,12 +23,10 @@ ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
 
 from tests.blind.cases import KINDS, case_name  # noqa: E402
-from tests.blind.dirt import DIRT, Dirt  # noqa: E402
+from tests.blind.dirt import DIRT, Dirt, noisy_inputs  # noqa: E402
 from tests.blind.score import Row, judge, run_case  # noqa: E402
 from tests.blind.tables import TABLES, share  # noqa: E402
 
-DIRTY = "dirty "
-"""Before the names of the dirty cases' tables."""
 PAGE = ROOT / "docs" / "discovery_scores.md"
 Job = tuple[str, int, int, str | None, Dirt | None]
 
@@ -35,11 +34,12 @@ Job = tuple[str, int, int, str | None, Dirt | None]
 def main() -> int:
     """Runs what is missing, prints the tables, writes the page where asked."""
     options = _options()
-    folder = Path(options.folder or ROOT / "out" / ("blind_dirty" if options.dirty else "blind"))
+    suite = "dirty" if options.dirty else "noisy" if options.noisy else ""
+    folder = Path(options.folder or ROOT / "out" / f"blind_{suite}".rstrip("_"))
     folder.mkdir(parents=True, exist_ok=True)
     kinds = KINDS if options.kind == "all" else (options.kind,)
     jobs: list[Job] = [
-        (kind, index, options.seed, options.effect, DIRT if options.dirty else None)
+        (kind, index, options.seed, options.effect, dirt_of(suite, index))
         for index in range(options.first, options.first + options.count)
         for kind in kinds
     ]
@@ -54,8 +54,15 @@ def main() -> int:
     for title, make in TABLES.items():
         print(f"\n{title}\n\n{make(rows)}")
     if options.docs:
-        write_page(rows, DIRTY if options.dirty else "")
+        write_page(rows, f"{suite} ".lstrip())
     return 0
+
+
+def dirt_of(suite: str, index: int) -> Dirt | None:
+    """What a case of the suite has for errors; None: white noise of its heights alone."""
+    if suite == "noisy":
+        return noisy_inputs(index)
+    return DIRT if suite == "dirty" else None
 
 
 def _options() -> argparse.Namespace:
@@ -66,6 +73,7 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--effect", help="hide this one in every case")
     parser.add_argument("--dirty", action="store_true", help="what a real sensor does, too")
+    parser.add_argument("--noisy", action="store_true", help="what an accelerometer does, too")
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--folder", help="of the answers (out/blind, out/blind_dirty)")
     parser.add_argument("--docs", action="store_true", help="write docs/discovery_scores.md")

@@ -74,6 +74,7 @@ SCENES = {
     "amplitude_stiffening": Scene({"kappa": 1.0}, base="3D-L"),
     "anisotropic_stiffness": Scene({"e": 0.06, "axis": 0.5}),
     "bound_modes": Scene({"kappa": 1.0}),
+    "clock_drift": Scene({"rate": 0.015}),
     "contact_line_friction": Scene({"mu": 0.01}),
     "crest_asymmetry": Scene({"kappa": 0.6}, azimuth=0.0),
     "damping_mismatch": Scene({"factor": 5.0}),

@@ -28,6 +28,7 @@ STRENGTHS: dict[str, dict[str, float]] = {
     "robot_dynamics": {"frequency": 40.0, "damping_ratio": 0.6},
     "accel_gain": {"gain": 1.3},
     "time_offset": {"tau": 0.04},
+    "clock_drift": {"rate": 0.015, "offset": 0.02},
     "height_scale": {"gain": 1.2},
     "height_offset": {"offset": 0.003},
     "frame_saturation": {"cap": 0.004},

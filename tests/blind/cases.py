@@ -7,6 +7,7 @@ row = score_case(case, finding)                      # tests.blind.score
 
 from __future__ import annotations
 
+import math
 import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -56,10 +57,12 @@ class Case:
         motions, holdout: what it may fit to, and what it may only be judged on.
         hidden: names of what the base lacks.
         parameters: theirs, by name.
-        strength: by name: rms by which it changes the heights of `motions`, in noises.
+        strength: by name: rms by which it changes the heights of `motions`, in noises: that of
+            the heights and what the inputs' does to them.
         noise: standard deviation of the noise [m].
         sensor: "msh", "12 azimuths" or "36 azimuths".
         equivalent: sets of names that these data cannot tell apart.
+        bias: of the accelerometer [m/s²]: as a constant tilt, so that this is right to say, too.
         wrong: for "wrong_parameter": the parameter, its given and its true value.
         truth: what acts, all of it.
     """
@@ -77,6 +80,7 @@ class Case:
     equivalent: tuple[frozenset[str], ...]
     truth: Truth
     wrong: tuple[str, float, float] | None = None
+    bias: float = 0.0
 
     @property
     def base_name(self) -> str:
@@ -144,7 +148,7 @@ def case_name(kind: str, index: int, seed: int, effect: str | None, dirt: Dirt |
         str(seed),
         str(index),
         *([effect] if effect else []),
-        *(["dirty"] if dirt else []),
+        *([dirt.tag] if dirt else []),
     ]
     return "-".join(words)
 
@@ -194,6 +198,8 @@ def _attempt(
         record(random, plan.truth, motion, how, f"motion {i + 1}", session)
         for i, (motion, session) in enumerate(zip(inputs, sessions, strict=True))
     ]
+    felt = [row.inputs for row in rows[:count]]
+    seen = math.hypot(noise, how.driven(plan.truth, inputs[:count], felt, sessions[:count]))
     return Case(
         name,
         kind,
@@ -202,12 +208,13 @@ def _attempt(
         tuple(rows[count:]),
         plan.hidden,
         {hidden: plan.truth.effects[hidden] for hidden in plan.hidden},
-        {lost: size / noise for lost, size in change.items()},
+        {lost: size / seen for lost, size in change.items()},
         noise,
         how.sensor,
         _equivalent(plan),
         plan.truth,
         plan.wrong,
+        0.0 if dirt is None else dirt.input_bias,
     )
 
 

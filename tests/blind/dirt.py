@@ -30,6 +30,10 @@ class Dirt:
         burst: of so many frames on the average.
         jitter: a frame's stamp is off by at most so much, evenly [s].
         input_rate: of the inputs that the workflow gets [Hz].
+        input_noise: standard deviation of each of their samples [m/s²].
+        input_bias: size of a constant that is added to them, in any horizontal direction [m/s²].
+        input_quantum: to which they are rounded [m/s²]; 0: they are not.
+        tag: in the names of the cases.
     """
 
     correlation: float = 0.7
@@ -39,6 +43,10 @@ class Dirt:
     burst: float = 5.0
     jitter: float = 4e-3
     input_rate: float = 125.0
+    input_noise: float = 0.0
+    input_bias: float = 0.0
+    input_quantum: float = 0.0
+    tag: str = "dirty"
 
     def late(self, random: Random, count: int) -> Array:
         """(M,) by how much stamps are later than their frames [s]."""
@@ -63,8 +71,8 @@ class Dirt:
             here = bool(random.random() < (1.0 - 1.0 / self.burst if here else start))
         return gone
 
-    def sampled(self, inputs: Inputs) -> Inputs:
-        """The inputs at a lower rate, nothing averaged."""
+    def sampled(self, random: Random, inputs: Inputs) -> Inputs:
+        """The inputs at another rate, nothing averaged, with the errors of an accelerometer."""
         count = int((inputs.t[-1] - inputs.t[0]) * self.input_rate)
         t = inputs.t[0] + np.arange(count + 1) / self.input_rate
 
@@ -72,7 +80,37 @@ class Dirt:
             return None if columns is None else columns_at(t, inputs.t, columns)
 
         acceleration = columns_at(t, inputs.t, inputs.acceleration)
+        if self.input_noise > 0.0:
+            acceleration += random.normal(0.0, self.input_noise, acceleration.shape)
+        if self.input_bias > 0.0:
+            side = random.uniform(0.0, 2.0 * np.pi)
+            acceleration[:, :2] += self.input_bias * np.array([np.cos(side), np.sin(side)])
+        if self.input_quantum > 0.0:
+            acceleration = self.input_quantum * np.round(acceleration / self.input_quantum)
         return Inputs(t, acceleration, taken(inputs.attitude), taken(inputs.angular_velocity))
 
 
 DIRT = Dirt()
+NOISES = (0.02, 0.05, 0.2, 0.0)
+"""Of the accelerometers of the noisy cases [m/s²],"""
+RATES = (1000.0, 500.0, 250.0, 125.0)
+"""their rates [Hz],"""
+BIASES = (0.0, 0.0, 0.02)
+"""biases [m/s²]"""
+QUANTA = (0.0, 0.0, 0.0, 0.01, 0.04)
+"""and resolutions [m/s²]."""
+
+
+def noisy_inputs(index: int) -> Dirt:
+    """An accelerometer with noise; all else is clean. Neighbouring cases differ in everything."""
+    return Dirt(
+        correlation=0.0,
+        outliers=0.0,
+        lost=0.0,
+        jitter=0.0,
+        input_rate=RATES[index // len(NOISES) % len(RATES)],
+        input_noise=NOISES[index % len(NOISES)],
+        input_bias=BIASES[index % len(BIASES)],
+        input_quantum=QUANTA[index % len(QUANTA)],
+        tag="noisy",
+    )

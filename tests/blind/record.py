@@ -85,6 +85,19 @@ class Record:
             squares.append((both[0] - both[1]) ** 2)
         return float(np.sqrt(np.mean(np.concatenate(squares))))
 
+    def driven(
+        self, truth: Truth, motions: Sequence[Inputs], felt: Sequence[Inputs], sessions: Array
+    ) -> float:
+        """Rms of what errors of the inputs do to the heights of who computes with them [m]."""
+        if self.dirt is None or self.dirt.input_noise == 0.0:
+            return 0.0
+        squares = []
+        for inputs, other, session in zip(motions, felt, sessions, strict=True):
+            at = self.times(inputs)
+            both = [heights(truth, each, at, self.azimuths, session) for each in (inputs, other)]
+            squares.append((both[0] - both[1]) ** 2)
+        return float(np.sqrt(np.mean(np.concatenate(squares))))
+
 
 def record(
     random: Random, truth: Truth, inputs: Inputs, how: Record, name: str, session: float
@@ -100,7 +113,7 @@ def record(
         at = at + how.dirt.late(own, len(at))
         errors = how.dirt.errors(own, seen.shape, how.noise)
         lost = how.dirt.missing(own, len(at))
-        inputs = how.dirt.sampled(inputs)
+        inputs = how.dirt.sampled(own, inputs)
     seen = seen + errors + (how.level or 0.0)
     seen[lost] = np.nan
     return MeasuredMotion(

@@ -20,6 +20,8 @@ from tests.blind.dirt import Dirt
 from tests.blind.hidden import NEAREST
 
 Row = dict[str, Any]
+BIAS = "static_tilt"
+"""What the bias of an accelerometer is."""
 Discover = Callable[..., Finding]
 
 CERTAIN = 0.9
@@ -99,6 +101,7 @@ def _question(case: Case) -> Row:
         "counts": case.counts,
         "equivalent": [sorted(group) for group in case.equivalent],
         "wrong": list(case.wrong) if case.wrong else None,
+        "bias": case.bias,
     }
 
 
@@ -115,6 +118,7 @@ def judge(row: Row) -> Row:
     - names: each name with its confidence and whether it is right.
     - misled: a wrong name with a confidence above 0.9.
     """
+    said, row = row, without_bias(row)
     expected = wanted(row)
     names = [
         {
@@ -124,13 +128,24 @@ def judge(row: Row) -> Row:
         }
         for effect in row["found"]
     ]
-    return row | {
+    return said | {
         "right": RULES[row["kind"]](row),
         "first": bool(row["found"]) and row["found"][0]["name"] in row["hidden"],
         "in_set": _ambiguous_set(row, expected),
         "names": names,
         "misled": any(not name["right"] and name["confidence"] > CERTAIN for name in names),
     }
+
+
+def without_bias(row: Row) -> Row:
+    """The row without the tilt that a biased accelerometer has, where nothing else hides one."""
+    if not row.get("bias") or BIAS in row["hidden"]:
+        return row
+    found = [effect for effect in row["found"] if BIAS not in options(effect)]
+    verdict = row["verdict"]
+    if row["found"] and not found:
+        verdict = "none"
+    return row | {"found": found, "verdict": verdict}
 
 
 def wanted(row: Row) -> set[str]:

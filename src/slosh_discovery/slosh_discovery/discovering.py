@@ -15,6 +15,7 @@ import numpy as np
 from slosh_bag.motion_table import MotionTable, is_motion_table, write_motion_table
 from slosh_bag.reader import BagReader
 from slosh_bag.recording import settings
+from slosh_bag.recording.cells import CellTopics
 from slosh_bag.recording.sources import recorded_starts
 from slosh_bag.text_table.options import FOUND_OUT, TableOptions
 from slosh_discovery.discover.finding import Finding, SeparatingMotion
@@ -40,7 +41,9 @@ GROUP_MODEL = "model_{}.yaml"
 SEPARATING = "separating_{}.csv"
 HELD_OUT = 3
 """Without --holdout every third motion is held out."""
-SERVICE = "/slosh/load_model"
+CELL = "/slosh"
+"""Namespace of a cell where no recording tells another."""
+SERVICE = "load_model"
 
 Motions = tuple[MeasuredMotion, ...]
 Tell = Callable[[str], object]
@@ -257,10 +260,11 @@ def next_commands(request: Request, finding: Finding) -> tuple[Command, ...]:
     found = []
     if finding.changed:
         found += _use(request.data, model)
+        service = f"{recorded_cell(request.data)}/{SERVICE}"
         found += [
             Command(
                 f"load it into the running estimator{whose}",
-                f"ros2 service call {SERVICE} slosh_msgs/srv/LoadModel "
+                f"ros2 service call {shlex.quote(service)} slosh_msgs/srv/LoadModel "
                 + shlex.quote(f"{{path: {json.dumps(str(path.resolve()))}}}"),
             )
             for whose, path in models.items()
@@ -280,6 +284,21 @@ def next_commands(request: Request, finding: Finding) -> tuple[Command, ...]:
                     _line(*words, "-o", f"{request.output}_2")),
         ]  # fmt: skip
     return tuple(found)
+
+
+def recorded_cell(data: Sequence[Path]) -> str:
+    """Namespace of the cell that the first bag of the data recorded.
+
+    Args:
+        data: bags, motion tables, folders of these.
+    """
+    for path in data:
+        inside = sorted(path.iterdir()) if path.is_dir() else []
+        for item in (path, *inside):
+            if item.suffix == ".mcap" or (item.is_dir() and any(item.glob("*.mcap"))):
+                cells = CellTopics(BagReader(item).topics()).cells
+                return cells[0] if cells else CELL
+    return CELL
 
 
 def _use(data: Sequence[Path], model: Path) -> list[Command]:

@@ -31,7 +31,7 @@ from slosh_model.containers import X_AXIS, Y_AXIS
 from slosh_model.errors import SloshModelError
 from slosh_model.indices import POSE_COUNT
 from slosh_model.layout import back_to_rest, divided, moving_part, set_moving_part
-from slosh_model.measure import delay
+from slosh_model.measure import reading_clock
 from slosh_model.model import Model
 from slosh_model.simulate import Simulator
 
@@ -132,7 +132,6 @@ class Estimator:
 
     Attributes:
         model: that runs.
-        reading_delay: by how much a measurement comes late, by the model [s].
         divergences: how often a model left the physical range.
     """
 
@@ -157,7 +156,7 @@ class Estimator:
         linear = Simulator(model.linear(), max_step=max_step)
         nonlinear = Simulator(model.nonlinear(), max_step=max_step)
         self.model, self._linear, self._nonlinear = model, linear, nonlinear
-        self.reading_delay = delay(model)
+        self._reading_clock = reading_clock(model)
         self._checks = new_checks()
         checks = self._checks.view(CHECKS)
         for name, limit in validity_limits(model).items():
@@ -189,6 +188,14 @@ class Estimator:
         self._first_ns: int | None = None
         self._settled_ns = _LONG_AGO
         self._at_rest = at_rest
+
+    def reading_delay(self, stamp_ns: int) -> float:
+        """By how much the measurement of a moment comes late, by the model [s].
+
+        A clock that drifts does so from the first sample on, and anew after a reset.
+        """
+        since = 0 if self._first_ns is None else max(stamp_ns - self._first_ns, 0)
+        return self._reading_clock.delay(since / 1e9)
 
     def state(self) -> EstimatorState | None:
         """Where it stands; None: before the first sample."""

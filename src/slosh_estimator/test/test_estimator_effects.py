@@ -168,7 +168,19 @@ def test_an_effect_acts_where_it_should(name: str) -> None:
     assert np.array_equal(live.heights, plain.heights) == only
     assert np.array_equal(live.as_read, live.heights[:, :, 0]) == (EFFECTS[name].reading is None)
     assert has_readings(model.name) == on_the_measurement
-    assert Estimator(model).reading_delay == (0.04 if name == "time_offset" else 0.0)
+    late = {"time_offset": 0.04, "clock_drift": 0.02}.get(name, 0.0)
+    assert Estimator(model).reading_delay(0) == late
+
+
+def test_a_drifting_clock_s_delay_grows_and_begins_anew_with_a_reset() -> None:
+    samples, estimator = samples_of(), Estimator(with_effect("clock_drift"))
+    estimator.update_many(samples)
+    first, last = int(samples.stamps[0]), int(samples.stamps[-1])
+    assert estimator.reading_delay(first) == 0.02
+    grown = 0.02 + 0.015 * (last - first) / 1e9
+    assert estimator.reading_delay(last) == pytest.approx(grown, abs=1e-12)
+    estimator.reset()
+    assert estimator.reading_delay(last) == 0.02
 
 
 def test_what_is_lost_of_the_liquid_stays_lost_after_a_gap() -> None:

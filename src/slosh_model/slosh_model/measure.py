@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -64,9 +65,50 @@ def remembers(model: Model) -> bool:
     return any(effect.reading_memory for effect, _ in model.uses("reading"))
 
 
-def delay(model: Model) -> float:
-    """By how much the measurement comes late [s]."""
-    return sum(effect.delay(parameters) for effect, parameters in model.uses("delay"))  # type: ignore[misc]
+class ReadingClock(NamedTuple):
+    """The clock of the heights against that of the inputs.
+
+    Attributes:
+        offset: by how much a measurement comes late at the motion's start [s].
+        rate: by how much that grows per second of the inputs' clock [1].
+    """
+
+    offset: float
+    rate: float
+
+    @property
+    def same(self) -> bool:
+        """Whether it is the inputs' clock."""
+        return self.offset == 0.0 and self.rate == 0.0
+
+    def delay(self, elapsed: float) -> float:
+        """By how much the measurement of a moment comes late [s].
+
+        Args:
+            elapsed: of the moment, from the motion's start, on the inputs' clock [s].
+        """
+        return self.offset + self.rate * elapsed
+
+    def moments(self, times: Array, start: float) -> Array:
+        """The moments on the inputs' clock at which the liquid was that is stamped so.
+
+        Args:
+            times: stamps of heights [s].
+            start: of the motion, on the inputs' clock [s].
+        """
+        if self.rate == 0.0:
+            return times - self.offset
+        return np.asarray(start + (times - start - self.offset) / (1.0 + self.rate))
+
+
+def reading_clock(model: Model) -> ReadingClock:
+    """The clock of the heights that a model tells."""
+    late = rate = 0.0
+    for effect, parameters in model.uses("delay"):
+        assert effect.delay is not None  # it was asked for
+        late += effect.delay(parameters)
+        rate += 0.0 if effect.drift is None else effect.drift(parameters)
+    return ReadingClock(late, rate)
 
 
 def predicted_heights(
@@ -87,7 +129,8 @@ def predicted_heights(
     Raises:
         SloshModelError: times that are not finite or decrease, or no solution.
     """
-    moments = np.asarray(times, dtype=np.float64) - delay(model)
+    moments = np.asarray(times, dtype=np.float64)
+    moments = reading_clock(model).moments(moments, float(inputs.t[0]))
     if moments.ndim != 1 or not np.isfinite(moments).all() or np.any(np.diff(moments) < 0.0):
         raise SloshModelError("times must be a row of finite numbers that do not decrease")
     moments = np.maximum(moments, inputs.t[0])

@@ -22,6 +22,7 @@ VALUES = {
     "amplitude_stiffening": {"kappa": 2.0},
     "anisotropic_stiffness": {"e": 0.1, "axis": 0.4},
     "bound_modes": {"kappa": 1.2, "damping_ratio": 0.05},
+    "clock_drift": {"rate": 0.015, "offset": 0.02},
     "contact_line_friction": {"mu": 0.02},
     "crest_asymmetry": {"kappa": 0.6},
     "damping_mismatch": {"factor": 3.0},
@@ -67,7 +68,7 @@ AZIMUTHS = np.array([0.2, 2.0, -1.4])
 
 def test_the_effects_are_those_of_the_list():
     assert set(EFFECTS) == set(VALUES)
-    assert len(EFFECTS) == 32
+    assert len(EFFECTS) == 33
 
 
 def with_effect(name, **parameters):

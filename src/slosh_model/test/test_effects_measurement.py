@@ -260,6 +260,29 @@ def test_time_offset_delays_what_the_other_effects_make_of_the_height():
     assert found == pytest.approx(predicted_heights(film, INPUTS, TIMES - 0.21), abs=1e-6)
 
 
+# clock_drift
+
+
+@pytest.mark.parametrize(("rate", "offset"), [(0.015, 0.0), (-0.03, 0.1), (0.05, -0.2)])
+def test_clock_drift_reads_the_liquid_of_the_moment_that_was_stamped(rate, offset):
+    """A liquid of the moment u is stamped u + offset + rate u."""
+    later = Inputs(T + 100.0, PUSH)
+    for inputs in (INPUTS, later):
+        start = inputs.t[0]
+        stamps = start + TIMES + offset + rate * TIMES
+        drifting = PLAIN.with_effect("clock_drift", rate=rate, offset=offset)
+        found = predicted_heights(drifting, inputs, stamps, AZIMUTHS)
+        exact = predicted_heights(PLAIN, inputs, start + TIMES, AZIMUTHS)
+        assert found == pytest.approx(exact, abs=1e-9)
+
+
+def test_clock_drift_without_a_rate_is_a_time_offset():
+    drifting = PLAIN.with_effect("clock_drift", rate=0.0, offset=0.0123)
+    late = PLAIN.with_effect("time_offset", tau=0.0123)
+    found = predicted_heights(drifting, INPUTS, TIMES)
+    assert np.array_equal(found, predicted_heights(late, INPUTS, TIMES))
+
+
 # fill_loss, as a reading
 
 

@@ -46,6 +46,13 @@ DISTINCT = 1.10
 OUTLIER_SHARE = 0.15
 """A single sample that stands out of both neighbours by this share of the peak is an outlier."""
 
+LEAST_COVERED = 20
+"""Fewer samples of a motion tell of no drift."""
+DRIFT_ROUNDS = 6
+"""Of the drift's least squares."""
+SURELY, LEAST_DRIFT, DRIFT_GAIN = 5.0, 5e-4, 0.3
+"""A drift is told where it is so many standard deviations, so large, and explains that share."""
+
 
 @dataclass(frozen=True, slots=True)
 class StillLevel:
@@ -84,6 +91,36 @@ class ClockOffset:
     onset_offset: float
     runner_up: float
     unambiguous: bool
+
+
+@dataclass(frozen=True, slots=True)
+class ClockDrift:
+    """By how much one clock gains on another.
+
+    Attributes:
+        rate: what the measured clock gains per second of the model's [1].
+        stddev: its standard deviation [1].
+        gain: share of the residual's mean square that it explains beside an offset, in [0, 1].
+    """
+
+    rate: float
+    stddev: float
+    gain: float
+
+    @property
+    def seen(self) -> bool:
+        """Whether it is surely there, and more than a model's own errors look like."""
+        size = abs(self.rate)
+        return size > SURELY * self.stddev and size > LEAST_DRIFT and self.gain > DRIFT_GAIN
+
+    def text(self) -> str:
+        """What it is, in one line."""
+        which = "fast" if self.rate > 0.0 else "slow"
+        return (
+            f"the heights' clock runs {1e6 * abs(self.rate):.0f} ± {1e6 * self.stddev:.0f} ppm "
+            f"{which}: synchronise the clocks, or give the model the effect clock_drift "
+            f"(rate: {self.rate:.4f})"
+        )
 
 
 def find_still_level(t: Array, height: Array) -> StillLevel:
@@ -250,6 +287,46 @@ def estimate_clock_offset(
         runner_up=runner_up,
         unambiguous=inside and runner_up >= DISTINCT,
     )
+
+
+def estimate_clock_drift(
+    t: Array, height: Array, model_t: Array, model: Array, offset: float
+) -> ClockDrift:
+    """Drift of the measured clock against the model's, by least squares about an offset.
+
+    Offset, drift and the heights' scale are fitted together, so that a wrong scale is none.
+
+    Args:
+        t: (N,) measured clock [s].
+        height: (N,) measured heights above the still level [m]; NaN: no sample.
+        model_t: (M,) model clock [s], spanning the motion to be compared.
+        model: (M,) model heights above the still level [m].
+        offset: measured clock minus model clock, as `estimate_clock_offset` finds it [s].
+    """
+    t, height = _finite(t, height)
+    covered = (t >= model_t[0] + offset) & (t <= model_t[-1] + offset)
+    t, height = t[covered] - offset, height[covered]
+    if len(t) < LEAST_COVERED:
+        return ClockDrift(0.0, math.inf, 0.0)
+    middle, slope = 0.5 * float(t[0] + t[-1]), np.gradient(model, model_t)
+    late = rate = 0.0
+    powers = []
+    for _ in range(DRIFT_ROUNDS):
+        moments = t - late - rate * (t - middle)
+        wave, rise = np.interp(moments, model_t, model), np.interp(moments, model_t, slope)
+        columns = np.column_stack([wave, -rise, -rise * (t - middle)])
+        solved, *_ = np.linalg.lstsq(columns, height, rcond=None)
+        scaled = solved[1:] / solved[0] if solved[0] > 0.0 else np.zeros(2)
+        plain, *_ = np.linalg.lstsq(columns[:, :2], height, rcond=None)
+        powers.append(float(np.mean((height - columns[:, :2] @ plain) ** 2)))
+        residual = height - columns @ solved
+        late, rate = late + float(scaled[0]), rate + float(scaled[1])
+    power = float(np.mean(residual**2))
+    correlation = float(np.mean(residual[1:] * residual[:-1])) / max(power, 1e-300)
+    together = (1.0 + min(max(correlation, 0.0), 0.99)) / (1.0 - min(max(correlation, 0.0), 0.99))
+    covariance = np.linalg.pinv(columns.T @ columns) * power * together
+    stddev = math.sqrt(max(float(covariance[2, 2]), 0.0)) / max(abs(float(solved[0])), 1e-9)
+    return ClockDrift(rate, stddev, 1.0 - power / max(powers[0], 1e-300))
 
 
 def _finite(t: Array, height: Array) -> tuple[Array, Array]:

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from slosh_report.alignment import (
     DISTINCT,
     despike,
+    estimate_clock_drift,
     estimate_clock_offset,
     find_onset,
     find_still_level,
@@ -123,3 +124,23 @@ def test_no_onset_is_refused():
     t = np.arange(0.0, 3.0, 0.02)
     with pytest.raises(SloshReportError, match="no motion"):
         find_onset(t, np.zeros_like(t), 1e-3)
+
+
+@pytest.mark.parametrize("rate", [0.015, -0.004, 0.002])
+def test_a_clock_that_drifts_is_told_in_ppm(rate):
+    t, height = record(8.0, noise=5e-5)
+    drifted = 8.0 + (t - 8.0) * (1.0 + rate)  # as the other clock stamps them
+    found = estimate_clock_drift(drifted, height - 0.003, MODEL_T, motion(MODEL_T), 8.0)
+    assert found.rate == pytest.approx(rate, abs=max(4.0 * found.stddev, 0.02 * abs(rate)))
+    assert found.stddev < 2e-4
+    assert found.seen
+    assert f"{1e6 * abs(found.rate):.0f} ± " in found.text()
+    assert ("fast" in found.text()) == (rate > 0.0)
+
+
+@pytest.mark.parametrize("gain", [1.0, 1.2])
+def test_clocks_of_one_rate_have_no_drift_whatever_the_scale_is(gain):
+    t, height = record(8.0, gain=gain)
+    found = estimate_clock_drift(t, height - 0.003, MODEL_T, motion(MODEL_T), 8.0)
+    assert abs(found.rate) < 4.0 * found.stddev + 1e-5
+    assert not found.seen

@@ -59,6 +59,7 @@ def conclude(
     if stream.unused:
         counters["not_used_live"] = stream.unused
     astray = _astray(stream.strays)
+    faults = [fault.text() for fault in stream.faults.faults]
     counters["unmatched_images"] = components.monitor.monitor.unmatched
     spans = stream.motions.spans
     names = components.models.names
@@ -86,7 +87,7 @@ def conclude(
         limit_changes=components.monitor.changes,
         warnings=tuple(
             f"{name}: {line}"
-            for line in (astray, *reader.doubts, judged.warning, *reader.warnings())
+            for line in (astray, *reader.doubts, *faults, judged.warning, *reader.warnings())
             if line
         ),
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from slosh_bag.replay.at_images import ModelHeights
 from slosh_estimator.estimator import Estimates, Estimator
@@ -87,17 +88,21 @@ class ModelSet:
         both = self._in_order(own, twin)
         columns = [part.heights[:, surface, _MSH] for surface in (0, 1) for part in both]
         readings = [part.as_read[:, surface] for surface in (0, 1) for part in both]
-        delay_ns = round(self._own.reading_delay * 1e9)
         heights = ModelHeights(
             own.stamps,
             np.column_stack(columns),
             own.heights[:, 1, _AZIMUTH],
             own.flags | twin.flags,
             np.column_stack(readings),
-            np.full(len(own.stamps), delay_ns, dtype=np.int64),
+            self._delays(own.stamps),
             own.accelerations,
         )
         return ModelSetEstimates(own, heights)
+
+    def _delays(self, stamps: NDArray[np.int64]) -> NDArray[np.int64]:
+        """(N,) by how much the measurements of these moments come late [ns]."""
+        late = [self._own.reading_delay(stamp) for stamp in stamps.tolist()]
+        return np.rint(np.array(late) * 1e9).astype(np.int64)
 
     def _begin(self, model: Model, *, at_rest: bool) -> None:
         self._own = Estimator(model, at_rest=at_rest)

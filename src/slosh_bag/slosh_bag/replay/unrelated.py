@@ -24,6 +24,7 @@ from slosh_estimator.monitor_settings import MonitorSettings
 from slosh_report.alignment import (
     ClockOffset,
     StillLevel,
+    estimate_clock_drift,
     estimate_clock_offset,
     find_still_level,
     onset_offset,
@@ -105,8 +106,23 @@ def judge_unrelated(
         counters={"images": len(t), "spikes": judged.spikes,
                   "unmatched_images": feed.monitor.unmatched},
         still=found.still, azimuth=none, model_azimuth=none, flags=run.measured.flags,
-        limits=monitor, warnings=(f"{name}: {judged.warning}",) if judged.warning else (),
+        limits=monitor,
+        warnings=tuple(f"{name}: {line}" for line in (judged.warning, _drift(found, run)) if line),
     )  # fmt: skip
+
+
+def _drift(found: _Alignment, run: WholeRun) -> str:
+    """That the heights' clock runs at another rate; empty: nothing of the kind is seen."""
+    model_t = _seconds(run.heights.stamps)
+    motion = (model_t >= found.start) & (model_t <= found.end)
+    drift = estimate_clock_drift(
+        _seconds(run.measured.stamps),
+        run.measured.usable_heights - found.still.level,
+        model_t[motion],
+        _raised(run)[motion, -1],
+        found.clocks[-1].offset,
+    )
+    return drift.text() if drift.seen else ""
 
 
 def _align(name: str, t: Array, raw: Array, run: WholeRun) -> _Alignment:

@@ -40,7 +40,7 @@ def first_offset(one: PreparedMotion, base: Model) -> float:
         return float(one.t[0] - one.fine.t[0])
     expected_t = np.arange(one.fine.t[0], one.fine.t[-1], LAG)
     measured_t = np.arange(one.t[0], one.t[-1], LAG)
-    expected = _series(expected_t, one.fine.t, answer.at(one.fine.t, -answer.delay))
+    expected = _series(expected_t, one.fine.t, answer.at(one.fine.t, -answer.clock.offset))
     measured = _series(measured_t, one.t, one.heights)
     lag = _best_lag(measured, expected)
     return float(measured_t[0] - expected_t[0] + lag * LAG)

@@ -45,7 +45,7 @@ def separating_motions(
 
 def proposal(judgement: Judgement, motions: Sequence[PreparedMotion]) -> Proposal | None:
     """For an unexplained gap: a generic term, on top of the best of the listed effects."""
-    if judgement.verdict is not Verdict.UNEXPLAINED:
+    if judgement.verdict is not Verdict.UNEXPLAINED or judgement.elsewhere is not None:
         return None
     return propose(
         [one.motion for one in motions],

@@ -20,7 +20,7 @@ from slosh_model.batch import wall_heights
 from slosh_model.effects.base import Stage
 from slosh_model.effects.registry import EFFECTS
 from slosh_model.interpolation import columns_at
-from slosh_model.measure import delay, measured_heights, remembers
+from slosh_model.measure import ReadingClock, measured_heights, reading_clock, remembers
 from slosh_model.model import Model
 from slosh_model.simulate import Inputs, Response
 
@@ -35,6 +35,8 @@ FINE_SPACING = 0.0021
 SAMPLE_SPACING = 0.0075
 """Heights closer to each other than this are thinned [s]."""
 MOST_AZIMUTHS = 8
+LEAST_SHARED = 0.02
+"""A direction in which shared noise adds less than this share to the white noise is left out."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -53,12 +55,51 @@ class HeightNoise:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class SharedNoise:
+    """Noise that samples share, beside white noise of unit variance: of the covariance I + LLᵀ.
+
+    Attributes:
+        directions: (N, R) orthonormal, in which it lies.
+        variances: (R,) there.
+    """
+
+    directions: Array
+    variances: Array
+
+    @classmethod
+    def of(cls, columns: Array) -> SharedNoise:
+        """From the columns L (N, R)."""
+        directions, sizes, _ = np.linalg.svd(columns, full_matrices=False)
+        matters = sizes**2 > LEAST_SHARED
+        return cls(np.ascontiguousarray(directions[:, matters]), sizes[matters] ** 2)
+
+    def removed(self, values: Array) -> Array:
+        """Values (N,) or (N, P) as white noise of unit variance."""
+        return self._scaled(values, 1.0 / np.sqrt(1.0 + self.variances) - 1.0)
+
+    def added(self, white: Array) -> Array:
+        """The values of which `removed` gives these."""
+        return self._scaled(white, np.sqrt(1.0 + self.variances) - 1.0)
+
+    def expected(self, values: Array) -> Array:
+        """(N,) the shared part of values, as far as they tell."""
+        share = self.variances / (1.0 + self.variances)
+        return np.asarray(self.directions @ (share * (self.directions.T @ values)))
+
+    def _scaled(self, values: Array, added: Array) -> Array:
+        along = self.directions.T @ values
+        factors = added if values.ndim == 1 else added[:, np.newaxis]
+        return np.asarray(values + self.directions @ (factors * along))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class PreparedMotion:
     """A measured motion, ready to be compared with many models.
 
     Attributes:
         motion: the motion.
-        noise: standard deviation of one height [m], root mean square over all of them.
+        noise: standard deviation of one height [m], root mean square over all of them; at least
+            what the sensor claims.
         t: (M,) the heights' times [s].
         azimuths: (K,) [rad]; None: maximum over the wall.
         heights: (M, K) measured, NaN: no sample [m].
@@ -67,6 +108,12 @@ class PreparedMotion:
         rows: (M,) of the heights in `coarse`.
         fine: the inputs on a fine grid, for heights read at other times.
         law: of the noise; None: it is white and everywhere the same.
+        steady: share of the noise's variance that the sensor claims but that does not change
+            from sample to sample: an error of its calibration.
+        driven: (M, K, R) columns L of what the inputs' noise does to the heights, of the
+            covariance L Lᵀ [m]; None: nothing to speak of.
+        blur: (M, K) variance of what the inputs' noise does beside that, as a wave's height is no
+            linear function of it [m²]; None: none.
     """
 
     motion: MeasuredMotion
@@ -79,31 +126,78 @@ class PreparedMotion:
     rows: NDArray[np.int64]
     fine: Inputs
     law: HeightNoise | None = None
+    steady: float = 0.0
+    driven: Array | None = None
+    blur: Array | None = None
     _whitening: Whitening | None = field(init=False, default=None)
     _scale: Array = field(init=False)
+    _shared: SharedNoise | None = field(init=False, default=None)
 
     def __post_init__(self) -> None:
+        self._take_law()
+        if self.driven is not None:
+            columns = self.driven[self.kept]
+            if not self.motion.level_known:  # residuals lose their mean, too
+                columns = columns - columns.mean(axis=0)
+            object.__setattr__(self, "_shared", SharedNoise.of(self._of_sensor(columns)))
+
+    def _take_law(self) -> None:
+        blur = None if self.blur is None else self.blur[self.kept]
         if self.law is None:
-            object.__setattr__(self, "_scale", np.array(self.noise))
+            square = np.array(self.noise**2) if blur is None else self.noise**2 + blur
+            object.__setattr__(self, "_scale", np.sqrt(square))
             return
         scale = np.broadcast_to(self.law.stddev[:, np.newaxis], self.kept.shape)[self.kept]
         whitening = Whitening.of(
             neighbours_in(self.t, self.kept),
             1.0,
             self.law.correlation,
-            self.law.forgotten[self.kept] / scale**2,
+            (self.law.forgotten[self.kept] + (0.0 if blur is None else blur)) / scale**2,
         )
         object.__setattr__(self, "_scale", scale)
         object.__setattr__(self, "_whitening", whitening)
 
     def in_noises(self, difference: Array) -> Array:
         """Of the kept heights (N,) [m] what is white noise of unit variance where it is noise."""
-        relative = difference / self._scale
+        white = self._of_sensor(difference)
+        return white if self._shared is None else self._shared.removed(white)
+
+    def _of_sensor(self, difference: Array) -> Array:
+        """The same (N,) or (N, P) where the sensor's is the only noise."""
+        scale = (
+            self._scale if difference.ndim == 1 or not self._scale.ndim else self._scale[:, None]
+        )
+        relative = difference / scale
         return relative if self._whitening is None else self._whitening.applied(relative)
+
+    def of_inputs(self, difference: Array) -> Array:
+        """(N,) the part of differences [m] that the inputs' noise most likely makes."""
+        if self._shared is None:
+            return np.zeros_like(difference)
+        return self._undone(self._shared.expected(self._of_sensor(difference)))
+
+    @property
+    def slow_share(self) -> float:
+        """Share of the noise's variance, beside `driven`, that goes on from sample to sample."""
+        blurred = 0.0
+        if self.blur is not None:
+            blur = self.blur[self.kept]
+            blurred = float(np.mean(blur / (blur + self.noise**2)))
+        return 1.0 - (1.0 - self.steady) * (1.0 - blurred)
+
+    @property
+    def driven_rms(self) -> float:
+        """Root mean square of what the inputs' noise does to the kept heights [m]."""
+        if self.driven is None:
+            return 0.0
+        return float(np.sqrt(np.mean(np.sum(self.driven[self.kept] ** 2, axis=1))))
 
     def in_metres(self, residual: Array) -> Array:
         """The differences (N,) [m] of which `in_noises` gives this."""
-        relative = residual if self._whitening is None else self._whitening.undone(residual)
+        return self._undone(residual if self._shared is None else self._shared.added(residual))
+
+    def _undone(self, white: Array) -> Array:
+        relative = white if self._whitening is None else self._whitening.undone(white)
         return np.asarray(relative * self._scale)
 
     def laid(self, values: Array) -> Array:
@@ -118,7 +212,7 @@ class PreparedMotion:
 
     def inputs_for(self, model: Model) -> Inputs:
         """The inputs at which the model's answer is computed."""
-        shifted = not self.motion.same_clock or delay(model) != 0.0
+        shifted = not (self.motion.same_clock and reading_clock(model).same)
         return self.fine if shifted else self.coarse
 
     def answer(self, model: Model, inputs: Inputs, heights: Array) -> Answer | None:
@@ -129,9 +223,8 @@ class PreparedMotion:
         if remembers(model):
             response = Response(inputs.t, heights[:, 0], heights[:, 1], np.empty((0, 0, 4)))
             heights, read = measured_heights(model, response, self.azimuths), None
-        return Answer(
-            inputs.t, heights, self.rows if inputs is self.coarse else None, delay(model), read
-        )
+        rows = self.rows if inputs is self.coarse else None
+        return Answer(inputs.t, heights, rows, reading_clock(model), read)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -156,19 +249,19 @@ class Answer:
         t: (N,) the inputs' times [s].
         heights: (N, 2) of the liquid at +x and +y, or (N, K) as read [m].
         rows: (M,) of the measured times in t; None: they lie between.
-        delay: by how much the measurement is late [s].
+        clock: of the measurement, by the model.
         read: makes what is read out of the liquid's heights; None: `heights` is that.
     """
 
     t: Array
     heights: Array
     rows: NDArray[np.int64] | None
-    delay: float
+    clock: ReadingClock
     read: _Reader | None
 
     def at(self, times: Array, clock_offset: float) -> Array:
         """(M, K) the heights at times on the measured clock [m]."""
-        moments = times - clock_offset - self.delay
+        moments = self.clock.moments(times - clock_offset, float(self.t[0]))
         if self.rows is None:
             taken = columns_at(moments, self.t, self.heights)
         else:
@@ -234,11 +327,13 @@ def prepare(
         azimuths, heights = azimuths[columns], heights[:, columns]
     used = _thinned(motion.t, np.asarray(np.isfinite(heights).any(axis=1)))
     t, heights = motion.t[used], heights[used]
+    seen = estimate_noise(motion, others).stddev if noise is None else noise
+    noise = max(seen, claimed_noise(motion)) if noise is None else noise
     inside = t[(t >= motion.inputs.t[0])] if motion.same_clock else np.zeros(0)
     coarse = _resampled(motion.inputs, inside, SPACING)
     return PreparedMotion(
         motion=motion,
-        noise=estimate_noise(motion, others).stddev if noise is None else noise,
+        noise=noise,
         t=t,
         azimuths=azimuths,
         heights=heights,
@@ -246,7 +341,15 @@ def prepare(
         coarse=coarse,
         rows=np.searchsorted(coarse.t, np.maximum(t, coarse.t[0])).clip(max=len(coarse.t) - 1),
         fine=_resampled(motion.inputs, np.zeros(0), FINE_SPACING),
+        steady=1.0 - (seen / noise) ** 2,
     )
+
+
+def claimed_noise(motion: MeasuredMotion) -> float:
+    """What the sensor claims of its own standard deviation, in the median [m]; 0: nothing."""
+    claims = np.empty(0) if motion.stddev is None else motion.stddev
+    known = claims[np.isfinite(claims) & (claims > 0.0)]
+    return float(np.median(known)) if len(known) else 0.0
 
 
 def _thinned(t: Array, present: NDArray[np.bool_]) -> NDArray[np.int64]:

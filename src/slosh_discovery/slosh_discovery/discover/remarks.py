@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
+import numpy as np
+
 from slosh_discovery.discover.finding import Gap, MotionFinding, Role
+from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_discovery.discover.verdict import Judgement
 
 
@@ -29,10 +33,31 @@ def campaign_remarks(cases: Sequence[MotionFinding]) -> tuple[str, ...]:
 def rejection_remarks(judgement: Judgement, gap: Gap) -> tuple[str, ...]:
     """Why the likeliest explanation is not added."""
     names = " + ".join(judgement.chosen.explanation.effects)
+    if not math.isfinite(gap.holdout_after):
+        return (
+            f"{names} explains the fitted motions best, but has no finite solution for a motion "
+            "held out: it is not what is missing, and not added. Check the units of that motion.",
+        )
     return (
         f"{names} explains the fitted motions best, but takes those held out from "
         f"{1e3 * gap.holdout_before:.2f} to {1e3 * gap.holdout_after:.2f} mm rms: it is not what "
         "is missing, and not added.",
+    )
+
+
+def answer_remarks(cases: Sequence[MotionFinding]) -> tuple[str, ...]:
+    """Motions for which the model that came in has no answer."""
+    return tuple(
+        f"{unanswered(case.motion)}." for case in cases if not math.isfinite(case.before.rms)
+    )
+
+
+def unanswered(motion: MeasuredMotion) -> str:
+    """Why a model has no answer to a motion."""
+    highest = float(np.linalg.norm(motion.inputs.acceleration, axis=1).max())
+    return (
+        f"{motion.name}: the model has no finite solution for this motion, whose acceleration "
+        f"reaches {highest:.3g} m/s²; check its unit"
     )
 
 
@@ -43,6 +68,13 @@ def judgement_remarks(judgement: Judgement) -> tuple[str, ...]:
         remarks.append(
             "The measured heights hardly move while the model says that the liquid does: look at "
             "the camera first."
+        )
+    elif judgement.elsewhere is not None:
+        remarks.append(judgement.elsewhere.text())
+    elif judgement.hidden:
+        remarks.append(
+            "What the likeliest explanation gains is less than the sensor's own standard "
+            "deviation: nobody could see it, and nothing is added."
         )
     elif judgement.trust < 1.0:
         remarks.append(

@@ -46,6 +46,8 @@ ADEQUATE = 0.25
 """A residual whose correlated part is below this share of the noise is adequate."""
 ADEQUATE_COLOURED = 0.35
 """The same of noise whose colour is an estimate itself."""
+ADEQUATE_DRIVEN = 0.4
+"""The same where the inputs' noise, whose size a second of rest tells to 10 %, is taken out."""
 FORETOLD = tuple(
     name
     for name, effect in EFFECTS.items()
@@ -135,8 +137,10 @@ def leftover(one: Fit, motions: Sequence[PreparedMotion]) -> Leftover:
     mean = float(weights @ np.array([part.mean_square for part in parts]))
     spread = weights * np.array([part.mean_square_stddev for part in parts])
     coloured = any(motion.law is not None for motion in motions)
-    tolerated = ADEQUATE_COLOURED if coloured else ADEQUATE
-    return Leftover(mean, float(np.sqrt(spread @ spread)), tolerated**2)
+    driven = any(motion.driven is not None for motion in motions)
+    share = ADEQUATE_DRIVEN if driven else ADEQUATE_COLOURED if coloured else ADEQUATE
+    slow = float(weights @ np.array([motion.slow_share for motion in motions]))
+    return Leftover(mean, float(np.sqrt(spread @ spread)), share**2 + slow)
 
 
 class Search:

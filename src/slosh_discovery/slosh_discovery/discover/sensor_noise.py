@@ -23,7 +23,7 @@ from scipy.optimize import minimize
 
 from slosh_discovery.discover.colour import Neighbours, Whitening
 from slosh_discovery.discover.differences import LEAST_SAMPLES, robust_scale
-from slosh_discovery.discover.problem import HeightNoise, PreparedMotion
+from slosh_discovery.discover.problem import HeightNoise, PreparedMotion, claimed_noise
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -110,11 +110,14 @@ class Leftovers:
     def of(cls, motion: PreparedMotion, predicted: Array) -> Leftovers:
         """From the predicted heights (M, K) at the motion's times [m].
 
-        A still level that is not known goes together like nothing else, and is no noise.
+        A still level that is not known goes together like nothing else, and is no noise. Nor is
+        what the inputs' noise most likely does.
         """
         residual = np.where(np.isfinite(motion.heights), motion.heights - predicted, np.nan)
         if not motion.motion.level_known:
             residual -= float(np.nanmedian(residual))
+        if motion.driven is not None:
+            residual[motion.kept] -= motion.of_inputs(residual[motion.kept])
         return cls(motion, residual, np.gradient(predicted, motion.t, axis=0))
 
 
@@ -257,7 +260,10 @@ def dressed(one: Leftovers, sensor: SensorNoise) -> PreparedMotion:
         kept[tuple(part.places[struck].T)] = False
         squares.append(part.residual[struck] ** 2)
     forgotten = (sensor.jitter * one.speed) ** 2
-    stddev = sensor.stddev * (_claimed(motion) if sensor.claims else np.ones(len(motion.t)))
+    # What is claimed beside what is seen from sample to sample is an error that stays.
+    least = claimed_noise(motion.motion)
+    size = max(sensor.stddev, least)
+    stddev = size * (_claimed(motion) if sensor.claims else np.ones(len(motion.t)))
     whole = np.isfinite(motion.heights)
     outlying = float(np.sum(np.concatenate(squares))) if squares else 0.0
     total = float(np.sum((forgotten + stddev[:, np.newaxis] ** 2)[kept])) + outlying
@@ -266,6 +272,7 @@ def dressed(one: Leftovers, sensor: SensorNoise) -> PreparedMotion:
         noise=math.sqrt(total / int(whole.sum())),
         kept=kept,
         law=HeightNoise(sensor.correlation, stddev, forgotten),
+        steady=1.0 - (sensor.stddev / size) ** 2,
     )
 
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from slosh_discovery.discover.another_container import OtherFrequency, other_frequency
 from slosh_discovery.discover.crosscheck import HeldOut, held_out
 from slosh_discovery.discover.evidence import (
     discounted,
@@ -21,7 +22,7 @@ from slosh_discovery.discover.explanation import Explanation, Key
 from slosh_discovery.discover.finding import Verdict
 from slosh_discovery.discover.fitting import Fit
 from slosh_discovery.discover.noise import removable
-from slosh_discovery.discover.problem import PreparedMotion
+from slosh_discovery.discover.problem import PreparedMotion, claimed_noise
 from slosh_discovery.discover.search import Leftover, Pool, leftover
 
 Array = NDArray[np.float64]
@@ -66,6 +67,8 @@ class Judgement:
         temperature: of the data; see `evidence`.
         trust: probability that the cause is a listed one, from what is left.
         unseen: whether the measured heights hardly move while the base says that the liquid does.
+        elsewhere: another frequency at which the liquid swings: another container's.
+        hidden: whether the best explanation's gain is less than the sensor claims of its noise.
     """
 
     verdict: Verdict
@@ -78,6 +81,8 @@ class Judgement:
     temperature: float
     trust: float
     unseen: bool
+    hidden: bool = False
+    elsewhere: OtherFrequency | None = None
 
 
 def judge(pool: Pool, motions: Sequence[PreparedMotion]) -> Judgement:
@@ -88,8 +93,11 @@ def judge(pool: Pool, motions: Sequence[PreparedMotion]) -> Judgement:
     which they were not fitted to.
     """
     temperature, base = pool.temperature, pool.base
-    unseen = _unseen(base, motions)
-    worthy = [base] if unseen else _worthy(pool.ranked(), pool, NEGLIGIBLE_SHARE)
+    unseen, before = _unseen(base, motions), leftover(base, motions)
+    # What sensor and inputs explain needs no other cause, whatever a fit gains.
+    worthy = (
+        [base] if unseen or before.adequate else _worthy(pool.ranked(), pool, NEGLIGIBLE_SHARE)
+    )
     logs = {one.explanation.key: log_evidence(one, temperature) for one in worthy}
     tabled: dict[Key, HeldOut] = {}
     if not leftover(worthy[0], motions).adequate:
@@ -105,13 +113,17 @@ def judge(pool: Pool, motions: Sequence[PreparedMotion]) -> Judgement:
         logs = discounted(logs, pool.fits, temperature)
     ranked = _ranked(pool, logs)
     best = ranked[0][0]
-    before, after = leftover(base, motions), leftover(best, motions)
+    hidden = _hidden(base, best, motions)
+    after = leftover(best, motions)
     trust = trust_in(before, after)
     effects = set(best.explanation.effects)
     likely = sum(share for one, share in ranked if effects <= set(one.explanation.effects))
     likely = likely if effects else ranked[0][1]
+    elsewhere = None if unseen or after.adequate else other_frequency(base, motions)
     verdict, added = (
-        _verdict(likely, before, after) if effects else (_without_effects(before), False)
+        _verdict(likely, before, after)
+        if effects and not hidden and elsewhere is None
+        else (_without_effects(before), False)
     )
     names = best.explanation.effects if added else ()
     return Judgement(
@@ -128,6 +140,8 @@ def judge(pool: Pool, motions: Sequence[PreparedMotion]) -> Judgement:
         temperature=temperature,
         trust=trust,
         unseen=unseen,
+        hidden=hidden,
+        elsewhere=elsewhere,
     )
 
 
@@ -206,6 +220,17 @@ def _unseen(base: Fit, motions: Sequence[PreparedMotion]) -> bool:
         predicted = _without_mean(heights - motion.laid(motion.in_metres(residual)))
         expected += float(np.nansum(predicted**2))
     return seen < UNSEEN**2 * expected
+
+
+def _hidden(base: Fit, best: Fit, motions: Sequence[PreparedMotion]) -> bool:
+    """Whether nobody could see what an explanation gains: it is less than the sensor claims."""
+    gained, claimed = 0.0, 0.0
+    parts = (parts_of(one.residual, motions) for one in (base, best))
+    for motion, before, after in zip(motions, *parts, strict=True):
+        squares = [np.sum(motion.in_metres(part) ** 2) for part in (before, after)]
+        gained += float(squares[0] - squares[1])
+        claimed += len(before) * claimed_noise(motion.motion) ** 2
+    return best is not base and gained < claimed
 
 
 def _without_mean(heights: Array) -> Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -10,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_discovery.discover.campaigns import find_campaigns, in_groups
-from slosh_discovery.discover.clock import first_offset, slipped_offsets
+from slosh_discovery.discover.clock import first_offset
 from slosh_discovery.discover.crosscheck import held_out
 from slosh_discovery.discover.evidence import log_evidence, parts_of, standard_errors
 from slosh_discovery.discover.explanation import Explanation
@@ -29,21 +30,19 @@ from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_discovery.discover.next_steps import proposal, separating_motions
 from slosh_discovery.discover.problem import PreparedMotion, prepare
 from slosh_discovery.discover.remarks import (
+    answer_remarks,
     campaign_remarks,
     judgement_remarks,
     rejection_remarks,
+    unanswered,
 )
-from slosh_discovery.discover.search import Pool, Progress, Search, leftover
-from slosh_discovery.discover.sensor_noise import (
-    Leftovers,
-    SensorNoise,
-    alike,
-    dressed,
-    estimate_sensor,
-)
+from slosh_discovery.discover.rounds import Searched, search_in_rounds, with_noise
+from slosh_discovery.discover.search import Progress, leftover
 from slosh_discovery.discover.verdict import Judgement, judge, rejected
 from slosh_discovery.discover.where import where, worst_moments
 from slosh_discovery.errors import SloshDiscoveryError
+from slosh_discovery.sound_inputs import sound, sound_fit
+from slosh_model.errors import SloshModelError
 from slosh_model.measure import predicted_heights
 from slosh_model.model import Model
 from slosh_report.metrics import (
@@ -55,6 +54,8 @@ from slosh_report.metrics import (
 Array = NDArray[np.float64]
 NAN = float("nan")
 
+NO_AGREEMENT = Agreement(rms=math.inf, sigma=NAN, epsilon=NAN, peak=NAN)
+"""Of a model that has no finite answer."""
 TABLED = 5
 """So many explanations are checked on motions left out of their fit."""
 
@@ -77,15 +78,19 @@ def discover(
         threads: fits at a time; None: one per core.
 
     Raises:
-        SloshDiscoveryError, SloshReportError: no motions, or one with which nothing can be done;
+        SloshDiscoveryError, SloshReportError: no motions, none with a sound input, or one with
+            which nothing can be done, as where the base has no finite solution;
             groups that some motions have and others have not.
     """
     if not motions:
         raise SloshDiscoveryError("no motion with measured heights: nothing to discover from")
+    motions, faulty = sound_fit(motions)
+    holdout, faulty_holdout = sound(holdout)
     _check_groups(motions, holdout)
     told = progress or (lambda text, share: None)
     told("preparing", 0.0)
     plain = [prepare(motion, motions) for motion in motions]
+    _check_answers(base, plain)
     searched, judgement = _judged(base, plain, told, threads or os.cpu_count() or 1)
     prepared = searched.motions
     told("checking on motions left out", 0.95)
@@ -99,6 +104,7 @@ def discover(
         judgement = rejected(judgement, searched.pool.base)
         cases = _cases(searched, holdout, base, judgement)
         gap = total_gap(cases)
+    answered = [case for case in cases if math.isfinite(case.before.rms + case.after.rms)]
     candidates = _candidates(judgement, prepared, searched.pool.without_effect)
     told("what to do next", 0.97)
     separating, proposed = separating_motions(judgement, prepared), proposal(judgement, prepared)
@@ -111,12 +117,16 @@ def discover(
         confidence=judgement.confidence,
         gap=gap,
         motions=cases,
-        where=where(cases, base),
-        worst=worst_moments(cases),
+        where=where(answered, base) if answered else (),
+        worst=worst_moments(answered),
         candidates=candidates,
         separating=separating,
         proposal=proposed,
-        remarks=remarks + judgement_remarks(judgement),
+        remarks=faulty
+        + faulty_holdout
+        + remarks
+        + answer_remarks(cases)
+        + judgement_remarks(judgement),
         group_models=_group_models(judgement.chosen),
     )
 
@@ -133,33 +143,25 @@ def _check_groups(motions: Sequence[MeasuredMotion], holdout: Sequence[MeasuredM
             )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Searched:
-    """What a search has found.
-
-    Attributes:
-        pool: the explanations.
-        motions: the data, with the noise that they turned out to have.
-        sensor: that noise; None: plain and white.
-    """
-
-    pool: Pool
-    motions: Sequence[PreparedMotion]
-    sensor: SensorNoise | None
+def _check_answers(base: Model, motions: Sequence[PreparedMotion]) -> None:
+    """Refuses motions of the fit for which the base has no answer: nothing can be compared."""
+    for one in motions:
+        if one.simulate(base) is None:
+            raise SloshDiscoveryError(unanswered(one.motion) + ", or leave the motion out")
 
 
 def _judged(
     base: Model, plain: Sequence[PreparedMotion], told: Progress, threads: int
-) -> tuple[_Searched, Judgement]:
+) -> tuple[Searched, Judgement]:
     """Searches and judges; again in groups, where nobody gave any and the motions show some."""
-    searched = _search(base, plain, told, threads)
+    searched = search_in_rounds(base, plain, told, threads)
     best = searched.pool.ranked()[0]
     ungrouped = all(one.motion.group is None for one in plain)
     if ungrouped and not leftover(best, searched.motions).adequate:
         campaigns = find_campaigns(best, searched.motions, searched.pool.temperature)
         if campaigns is not None:
             told("motions of different campaigns", 0.0)
-            again = _search(base, in_groups(plain, campaigns), told, threads)
+            again = search_in_rounds(base, in_groups(plain, campaigns), told, threads)
             judgement = judge(again.pool, again.motions)
             if judgement.chosen.explanation.per_group:
                 return again, judgement
@@ -177,44 +179,6 @@ def _placed(motion: MeasuredMotion, chosen: Fit, base: Model) -> MeasuredMotion:
     return replace(motion, group=group)
 
 
-def _search(
-    base: Model, plain: Sequence[PreparedMotion], told: Progress, threads: int
-) -> _Searched:
-    """Searches with plain noise, and again where what is left shows another.
-
-    What a wrong base leaves may look like noise: the likeliest explanation is asked, not the base.
-    """
-    offsets: Sequence[float] = [first_offset(one, base) for one in plain]
-    leftovers: Sequence[Leftovers] = ()
-    sensor: SensorNoise | None = None
-    for last in (False, False, True):
-        motions = plain if sensor is None else [dressed(one, sensor) for one in leftovers]
-        pool = Search(base, motions, offsets, told, threads).run()
-        slipped = slipped_offsets(pool.ranked()[0], motions)
-        if slipped is not None:
-            pool = Search(base, motions, slipped, told, threads).run()
-        best = pool.ranked()[0]
-        offsets = best.clock_offsets
-        leftovers = _leftovers(best, plain, offsets)
-        found = estimate_sensor(leftovers)
-        if last or alike(found, sensor):
-            return _Searched(pool, motions, sensor)
-        told("measuring the noise", 0.0)
-        sensor = found
-    raise AssertionError  # the last round returns
-
-
-def _leftovers(
-    one: Fit, motions: Sequence[PreparedMotion], offsets: Sequence[float]
-) -> list[Leftovers]:
-    found = []
-    for motion, offset in zip(motions, offsets, strict=True):
-        answer = motion.simulate(one.model_of(motion.motion.group))
-        if answer is not None:
-            found.append(Leftovers.of(motion, answer.at(motion.t, offset)))
-    return found
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class _Answer:
     """A model's answer to a motion, on the measured clock and level."""
@@ -226,7 +190,7 @@ class _Answer:
 
 
 def _cases(
-    searched: _Searched,
+    searched: Searched,
     holdout: Sequence[MeasuredMotion],
     base: Model,
     judgement: Judgement,
@@ -241,16 +205,15 @@ def _cases(
         one = known.get(id(motion)) or prepare(motion, [*motions, *holdout])
         start = starts.get(id(motion))
         start = first_offset(one, base) if start is None else start
-        if role is Role.HOLDOUT and searched.sensor is not None:
-            (leftover,) = _leftovers(judgement.chosen, [one], [start])
-            one = dressed(leftover, searched.sensor)
         models = base, judgement.chosen.model_of(motion.group)
+        if role is Role.HOLDOUT:
+            one = with_noise(one, models[1], start, searched.sensor)
         before, after = (_answer(one, model, start) for model in models)
         cases.append(
             MotionFinding(
                 motion=motion,
                 role=role,
-                noise=one.noise,
+                noise=math.hypot(one.noise, one.driven_rms),
                 clock_offset=after.clock_offset,
                 level=after.level,
                 before_heights=before.heights,
@@ -269,7 +232,10 @@ def _answer(one: PreparedMotion, model: Model, start: float) -> _Answer:
     if not motion.same_clock:
         offset = fit(Explanation(model), [one], np.zeros(0), [start]).clock_offsets[0]
     azimuths = motion.eta_azimuth if motion.eta is not None else None
-    heights = predicted_heights(model, motion.inputs, motion.t - offset, azimuths)
+    try:
+        heights = predicted_heights(model, motion.inputs, motion.t - offset, azimuths)
+    except SloshModelError:  # it left the finite numbers
+        return _Answer(np.full_like(motion.heights, NAN), offset, 0.0, NO_AGREEMENT)
     difference = motion.heights - heights
     level = 0.0 if motion.level_known else float(np.nanmean(difference))
     heights = heights + level

@@ -22,6 +22,7 @@ from scipy.optimize import least_squares
 from slosh_discovery.discover.colour import Colour, Neighbours, estimate_colour
 from slosh_discovery.identify.problem import Problem
 from slosh_discovery.identify.trials import neighbours_of
+from slosh_discovery.identify.whitening import White, driven_by
 
 Array = NDArray[np.float64]
 
@@ -53,7 +54,7 @@ class Estimate:
         problem: what was fitted.
         vector: (V,) parameters, then nuisances.
         covariance: (V, V) of the vector.
-        colour: of the noise.
+        noise: that of sensor and inputs.
         residual: (N,) measured minus predicted [m].
         jacobian: (N, V) of the residual.
         outliers: share of the samples that stand out.
@@ -65,12 +66,17 @@ class Estimate:
     problem: Problem
     vector: Array
     covariance: Array
-    colour: Colour
+    noise: White
     residual: Array
     jacobian: Array
     outliers: float
     scatter: float
     degrees: float
+
+    @property
+    def colour(self) -> Colour:
+        """Of the sensor's noise."""
+        return self.noise.colour
 
     @property
     def values(self) -> Array:
@@ -120,25 +126,36 @@ def fit(problem: Problem, start: Array) -> Estimate:
         problem: the data and what is free.
         start: (V,) where to begin.
     """
-    neighbours = neighbours_of(problem.trials)
     vector = start
     residual = problem.residuals([vector])[:, 0]
-    colour = Colour(estimate_colour(residual, neighbours, 0).stddev, 0.0)
+    neighbours = neighbours_of(problem.trials)
+    white = White.of(
+        problem,
+        Colour(estimate_colour(residual, neighbours, 0).stddev, 0.0),
+        driven_by(problem, start),
+    )
     bounds = problem.bounds(start)
     for turn in range(TURNS):
         if turn:
-            colour = estimate_colour(residual, neighbours, problem.size)
+            white = _whitening(problem, white, vector, residual)
         if problem.size:
-            vector = _solve(problem, neighbours, colour, vector, bounds)
+            vector = _solve(problem, white, vector, bounds)
         residual = problem.residuals([vector])[:, 0]
-    colour = estimate_colour(residual, neighbours, problem.size)
-    return _estimate(problem, neighbours, colour, vector, residual)
+    return _estimate(problem, _whitening(problem, white, vector, residual), vector, residual)
+
+
+def _whitening(problem: Problem, before: White, vector: Array, residual: Array) -> White:
+    """What whitens a residual, by what it leaves beside the inputs' noise."""
+    left = before.without_inputs(residual)
+    colour = estimate_colour(left, before.neighbours, problem.size)
+    return White.of(problem, colour, driven_by(problem, vector) if before.shared else ())
 
 
 def information(problem: Problem, vector: Array, colour: Colour) -> Array:
     """(P, P) what the data tell of the parameters, the nuisances being unknown, too."""
-    white = neighbours_of(problem.trials).whitened(problem.derivative(vector), colour)
-    return shared_information(white.T @ white, len(problem.parameters))
+    white = White.of(problem, colour, driven_by(problem, vector))
+    derivative = white.applied(problem.derivative(vector))
+    return shared_information(derivative.T @ derivative, len(problem.parameters))
 
 
 def shared_information(full: Array, count: int) -> Array:
@@ -151,8 +168,7 @@ def shared_information(full: Array, count: int) -> Array:
 
 def _solve(
     problem: Problem,
-    neighbours: Neighbours,
-    colour: Colour,
+    white: White,
     vector: Array,
     bounds: tuple[Array, Array],
 ) -> Array:
@@ -160,10 +176,10 @@ def _solve(
     inside = 1e-9 * (upper - lower)
 
     def missed(vector: Array) -> Array:
-        return neighbours.whitened(problem.residuals([vector])[:, 0], colour)
+        return white.applied(problem.residuals([vector])[:, 0])
 
     def derivative(vector: Array) -> Array:
-        return neighbours.whitened(problem.derivative(vector), colour)
+        return white.applied(problem.derivative(vector))
 
     solution = least_squares(
         missed,
@@ -183,12 +199,10 @@ def _solve(
     return found
 
 
-def _estimate(
-    problem: Problem, neighbours: Neighbours, colour: Colour, vector: Array, residual: Array
-) -> Estimate:
-    white = neighbours.whitened(residual, colour)
+def _estimate(problem: Problem, noise: White, vector: Array, residual: Array) -> Estimate:
+    white, neighbours, colour = noise.applied(residual), noise.neighbours, noise.colour
     jacobian = problem.derivative(vector)
-    scaled = neighbours.whitened(jacobian, colour) * problem.widths
+    scaled = noise.applied(jacobian) * problem.widths
     inside = np.abs(white) < HUBER
     slopes = scaled.T @ (scaled * inside[:, np.newaxis])
     scores = _frame_scores(scaled * np.clip(white, -HUBER, HUBER)[:, np.newaxis], neighbours)
@@ -204,7 +218,7 @@ def _estimate(
         problem=problem,
         vector=vector,
         covariance=scatter**2 * covariance * np.outer(widths, widths),
-        colour=colour,
+        noise=noise,
         residual=residual,
         jacobian=jacobian,
         outliers=float(np.mean(~inside)) if len(inside) else 0.0,

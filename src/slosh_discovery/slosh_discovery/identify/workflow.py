@@ -32,8 +32,9 @@ from slosh_discovery.identify.result import (
     Role,
     Strategy,
 )
-from slosh_discovery.identify.trials import OperatingPoint, Trial, make_trials, neighbours_of
+from slosh_discovery.identify.trials import OperatingPoint, Trial, make_trials
 from slosh_discovery.identify.validity import TOLERANCE, LineLimit, limited, line_limit
+from slosh_discovery.sound_inputs import sound, sound_fit
 from slosh_model.constants import GRAVITY
 from slosh_model.covariance import covariance_of
 from slosh_model.model import Model
@@ -76,10 +77,13 @@ def identify(
         progress: told what is done and the share of it in [0, 1].
 
     Raises:
-        SloshDiscoveryError: no motions, or parameters that cannot be fitted.
+        SloshDiscoveryError: no motions, none with a sound input, or parameters that cannot be
+            fitted.
     """
     if not motions:
         raise SloshDiscoveryError("no motion with measured heights: nothing to identify from")
+    motions, faulty = sound_fit(motions)
+    holdout, faulty_holdout = sound(holdout)
     told = progress or (lambda text, share: None)
     told("preparing", 0.0)
     free = free_parameters(base, names)
@@ -117,7 +121,7 @@ def identify(
         motions=shown,
         line=line,
         dwell=dwell_vibration(every, shown, base.container.reaches[0]),
-        remarks=(*_remarks(overall), *_line_remarks(line)),
+        remarks=(*faulty, *faulty_holdout, *_remarks(overall), *_line_remarks(line)),
     )
 
 
@@ -376,7 +380,7 @@ def _line_remarks(line: LineLimit | None) -> tuple[str, ...]:
 def _noise_alone(estimate: Estimate) -> bool:
     """Whether the residual freed of its colour may be white in each motion."""
     trials = estimate.problem.trials
-    white = neighbours_of(trials).whitened(estimate.residual, estimate.colour)
+    white = estimate.noise.applied(estimate.residual)
     for trial in trials:
         prepared = trial.prepared
         laid = np.full(prepared.kept.shape, np.nan)

@@ -195,7 +195,8 @@ class EstimatorNode(PreparedNode):
         self._message.samples_used = gate.used
         self._message.samples_dropped = gate.dropped
         if self._has_readings:
-            fill_reading(self._reading, estimate, self._estimator.reading_delay)
+            late = self._estimator.reading_delay(sample.stamp_ns)
+            fill_reading(self._reading, estimate, late)
             self._readings.publish(self._reading)
         self._publisher.publish(self._message)
         self._report.counts["output"] += 1

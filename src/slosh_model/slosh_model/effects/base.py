@@ -122,7 +122,8 @@ class Effect:
             share that follows the acceleration at once [1] (HEIGHT).
         reading: changes what is measured of a height (MEASUREMENT).
         reading_memory: length of its memory.
-        delay: by how much the measurement comes late [s] (MEASUREMENT).
+        delay: by how much the measurement comes late at the first sample [s] (MEASUREMENT).
+        drift: by how much that grows in a second [1] (MEASUREMENT); only beside a delay.
     """
 
     name: str
@@ -147,6 +148,7 @@ class Effect:
     reading: Reading | None = None
     reading_memory: int = 0
     delay: Callable[[Parameters], float] | None = None
+    drift: Callable[[Parameters], float] | None = None
 
     def fits(self, shape: str) -> bool:
         """Whether it has a meaning for a container of that shape."""

@@ -15,7 +15,7 @@ from slosh_model import kernel
 from slosh_model.compilation import CHANGED_1, CHANGED_2, GIVEN_1, GIVEN_2, compiled, entry_point
 from slosh_model.errors import SloshModelError
 from slosh_model.layout import records
-from slosh_model.measure import delay, measured_heights, with_moments
+from slosh_model.measure import measured_heights, reading_clock, with_moments
 from slosh_model.model import Model
 from slosh_model.simulate import Inputs, Response, Simulator
 
@@ -47,7 +47,8 @@ class Setting:
     def of(cls, model: Model, motion: MeasuredMotion, clock_offset: float) -> Setting:
         """A motion; clock_offset: measured minus inputs' clock [s]."""
         start = float(motion.inputs.t[0])
-        moments = np.maximum(motion.t - clock_offset - delay(model), start)
+        clock = reading_clock(model)
+        moments = np.maximum(clock.moments(motion.t - clock_offset, start), start)
         end = max(float(motion.inputs.t[-1]), float(moments[-1]))
         inputs = with_moments(motion.inputs, np.union1d(moments, np.arange(start, end, GRID)))
         return cls(model, motion, inputs, np.searchsorted(inputs.t, moments))

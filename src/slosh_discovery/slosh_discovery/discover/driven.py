@@ -1,0 +1,163 @@
+"""What an acceleration's noise does to the heights that a model computes with it.
+
+The true container did not feel the noise, the model did: its heights differ from the truth by the
+modes' answer to white noise from the motion's start on. That answer is a slow random walk of
+amplitude and phase near the natural frequency, for which any fit finds a use. Its covariance has
+a closed form, and a few columns are nearly all of it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_discovery.discover.input_noise import InputNoise
+from slosh_discovery.discover.problem import LONGEST_STEP, PreparedMotion, liquid_alone
+from slosh_model.batch import wall_heights
+from slosh_model.containers import X_AXIS, Y_AXIS
+from slosh_model.interpolation import columns_at
+from slosh_model.measure import measured_heights, reading_clock
+from slosh_model.model import Model
+from slosh_model.simulate import Response
+
+Array = NDArray[np.float64]
+
+SMALL = 0.1
+"""An answer below this share of the sensor's noise is left out, as is what remains of one."""
+MOST_COLUMNS = 150
+STEP = 1e-6
+"""Of the derivative of what is read by the liquid's heights [m]."""
+FLAT = 0.1
+"""Where what is read changes with the liquid by less than this, it stands still: any direction
+may become the highest."""
+LEAST_DAMPING = 1e-6
+
+
+def with_input_noise(
+    motion: PreparedMotion, noise: InputNoise | None, model: Model, clock_offset: float
+) -> PreparedMotion:
+    """The motion with what its input's noise does to a model's heights.
+
+    Args:
+        motion: the motion.
+        noise: of its acceleration; None: there is none.
+        model: that is likely.
+        clock_offset: measured minus inputs' clock [s].
+    """
+    if noise is None:
+        return replace(motion, driven=None, blur=None)
+    start = float(motion.fine.t[0])
+    moments = reading_clock(model).moments(motion.t - clock_offset, start)
+    tolerated = (SMALL * motion.noise) ** 2
+    read = None
+    parts = []
+    for axis in (X_AXIS, Y_AXIS):
+        modes = model.mode_constants()
+        for mode, gain in zip(modes, model.height_gains(modes, axis), strict=True):
+            one = mode.along(axis)
+            factor = math.sqrt(noise.density) * gain * answer_columns(
+                moments - start, one.natural_frequency, one.damping_ratio,
+                tolerated / (noise.density * gain**2),
+            )  # fmt: skip
+            if factor.shape[1]:
+                read = read_directions(motion, model, moments) if read is None else read
+                parts.append(read[:, :, axis, np.newaxis] * factor[:, np.newaxis, :])
+    if read is None:
+        return replace(motion, driven=None, blur=None)
+    driven = np.concatenate(parts, axis=2)
+    return replace(motion, driven=driven, blur=_blur(motion, model, moments, driven))
+
+
+def _blur(motion: PreparedMotion, model: Model, moments: Array, driven: Array) -> Array | None:
+    """(M, K) variance of a highest point's second-order answer [m²].
+
+    A wave of height A that noise moves by δ across rises by δ²/2A, of the variance σ⁴/2A² - and
+    by about σ where there is hardly a wave.
+    """
+    if motion.azimuths is not None:
+        return None
+    variance = np.sum(driven**2, axis=2)
+    wave = np.sum(_liquid_at(motion, model, moments) ** 2, axis=1)[:, np.newaxis]
+    return np.asarray(variance**2 / np.maximum(2.0 * wave + variance, 1e-300))
+
+
+def answer_columns(t: Array, frequency: float, damping: float, tolerated: float) -> Array:
+    """(M, R) columns L of the answer's covariance: L Lᵀ is all of it but for a rest.
+
+    By the Cholesky decomposition with pivots: the largest variance that is left comes next.
+
+    Args:
+        t: (M,) since the noise began [s].
+        frequency: ω of the oscillator [rad/s].
+        damping: ζ.
+        tolerated: variance that may be left at any time [s³].
+    """
+    left = answer_covariance(t, t, frequency, damping)
+    columns: list[Array] = []
+    while len(columns) < MOST_COLUMNS:
+        pivot = int(np.argmax(left))
+        if left[pivot] <= tolerated:
+            break
+        column = answer_covariance(t, t[pivot], frequency, damping)
+        for other in columns:
+            column = column - other[pivot] * other
+        column = column / math.sqrt(left[pivot])
+        columns.append(column)
+        left = np.maximum(left - column**2, 0.0)
+    return np.column_stack(columns) if columns else np.empty((len(t), 0))
+
+
+def answer_covariance(t: Array, other: Array | float, frequency: float, damping: float) -> Array:
+    """Covariance of q at two times, of q̈ + 2ζω q̇ + ω² q = w from rest at 0 [s³].
+
+    ∫ h(t - s) h(t' - s) ds from 0 to the earlier time, with the impulse response
+    h(τ) = exp(-σ τ) sin(ν τ)/ν, σ = ζ ω, ν² = ω² - σ², and w of unit density.
+    """
+    decay = max(min(damping, 0.99), LEAST_DAMPING) * frequency
+    swing = math.sqrt(frequency**2 - decay**2)
+    t, other = np.maximum(t, 0.0), np.maximum(other, 0.0)
+    apart, both = np.abs(t - other), t + other
+    pole = decay - 1j * swing
+    slow = np.cos(swing * apart) * (np.exp(-decay * apart) - np.exp(-decay * both)) / decay
+    fast = np.real((np.exp(-pole * apart) - np.exp(-pole * both)) / pole)
+    return np.asarray((slow - fast) / (4.0 * swing**2))
+
+
+def read_directions(motion: PreparedMotion, model: Model, moments: Array) -> Array:
+    """(M, K, 2) by how much what is read changes with the liquid's heights, in the modes' axes.
+
+    Args:
+        motion: the motion.
+        model: that is likely.
+        moments: (M,) at which the liquid is read [s].
+    """
+    inputs, liquid = motion.fine, _liquid_at(motion, model, moments)
+    nothing = np.empty((len(moments), 0, 4))
+    start = float(inputs.t[0])
+
+    def read(moved: Array) -> Array:
+        response = Response(moments, moved[:, 0], moved[:, 1], nothing)
+        return measured_heights(model, response, motion.azimuths, start)
+
+    steps = STEP * np.eye(2)
+    slopes = [(read(liquid + step) - read(liquid - step)) / (2.0 * STEP) for step in steps]
+    found = np.stack(slopes, axis=2)
+    if motion.azimuths is None:
+        flat = np.linalg.norm(found, axis=2) < FLAT
+        found[flat] = (1.0, 0.0)
+    if model.container.corner is not None or not len(inputs.poses):
+        return found
+    yaw = np.interp(moments, inputs.t, inputs.yaws)[:, np.newaxis]
+    x, y = found[..., 0], found[..., 1]
+    turned = (np.cos(yaw) * x - np.sin(yaw) * y, np.sin(yaw) * x + np.cos(yaw) * y)
+    return np.stack(turned, axis=2)
+
+
+def _liquid_at(motion: PreparedMotion, model: Model, moments: Array) -> Array:
+    """(M, 2) the liquid's heights at +x and +y [m]; 0 where the model has no answer."""
+    inputs = motion.fine
+    (heights,) = wall_heights([liquid_alone(model)], [inputs], max_step=LONGEST_STEP, threads=1)
+    return np.nan_to_num(columns_at(moments, inputs.t, heights))

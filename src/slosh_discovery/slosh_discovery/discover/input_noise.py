@@ -1,0 +1,165 @@
+"""How noisy an acceleration is: what it does while the container rests.
+
+Only what lies near the liquid's own frequencies moves it, so the noise is told by its power
+spectral density there. Where the rest is long enough that is seen; else the noise is white.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_discovery.discover.differences import (
+    LEAST_SAMPLES,
+    ORDERS,
+    normalised_differences,
+    robust_scale,
+)
+from slosh_discovery.discover.input_series import angular_velocity
+from slosh_model.simulate import Inputs
+from slosh_report.motion_spans import MOVING, TURNING
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+LEAST_NOISE = 1e-4
+"""Less moves no liquid, and may be what is not straight in a motion's start [m/s²]."""
+ORDER = 3
+"""Of the differences while the container rests: what has begun slowly is no noise."""
+BIN, LEAST_STILL = 0.05, 4
+"""Accelerations are averaged over this time [s]; a rest lasts so many of them."""
+SURELY = 4.0
+"""So many standard deviations of a mean are a motion."""
+MARGIN = 0.3
+"""Nearer than this to a motion it may have begun [s]."""
+LEAST_REST = 0.5
+"""A shorter rest tells of no spectrum [s]."""
+BAND = 8.0
+"""What moves a liquid in a cup lies below this frequency [Hz]."""
+LEAST_LINES = 8
+"""Fewer lines of a spectrum tell of no colour,"""
+CLEARLY = 3.0
+"""nor does a difference of less than so many of its standard deviations."""
+LEVELS = 0.3
+"""An input whose values are fewer than this share of its samples is rounded."""
+
+
+@dataclass(frozen=True, slots=True)
+class InputNoise:
+    """White noise of an acceleration, as far as it moves the liquid.
+
+    Attributes:
+        density: power spectral density of each horizontal axis, two-sided [m²/s³].
+        stddev: of one sample [m/s²].
+        rate: samples per second [Hz].
+        quantum: step to which the values are rounded [m/s²]; 0: none is seen.
+    """
+
+    density: float
+    stddev: float
+    rate: float
+    quantum: float = 0.0
+
+
+def estimate_input_noise(inputs: Inputs) -> InputNoise | None:
+    """The noise of an acceleration's horizontal part; None: it has none."""
+    if len(inputs.t) < 2 * LEAST_SAMPLES:
+        return None
+    spacing = float(np.median(np.diff(inputs.t)))
+    columns = inputs.acceleration[:, :2].T
+    stddev = _white(inputs, columns)
+    quantum = max(_quantum(column) for column in columns)
+    stddev = max(stddev, quantum / math.sqrt(12.0))
+    if stddev < LEAST_NOISE:
+        return None
+    density = stddev**2 * spacing
+    return InputNoise(density * _colour(inputs, density), stddev, 1.0 / spacing, quantum)
+
+
+def resting(inputs: Inputs, margin: float = 0.0) -> Mask:
+    """(N,) where the container does not move, nor within a margin [s] of a motion.
+
+    As `motion_spans` says, but that a bias is no motion, nor the noise of a few samples' mean.
+    """
+    # Without its mean at rest, which a bias leaves.
+    moved = inputs.acceleration - np.median(inputs.acceleration, axis=0)
+    bins = np.floor((inputs.t - inputs.t[0]) / BIN).astype(np.int64)
+    count = np.maximum(np.bincount(bins), 1)
+    means = np.column_stack([np.bincount(bins, column) / count for column in moved.T])
+    noise = math.sqrt(3.0) * _rough(inputs.t, moved.T) / np.sqrt(count)
+    moving = np.linalg.norm(means, axis=1) > np.maximum(MOVING, SURELY * noise)
+    turning = np.linalg.norm(angular_velocity(inputs)[:, :2], axis=1) > TURNING
+    moving |= np.bincount(bins, turning) > 0
+    # What passes through zero does not rest.
+    still = _longer(~moving & (np.bincount(bins) > 0), LEAST_STILL + 2 * math.ceil(margin / BIN))
+    for _ in range(math.ceil(margin / BIN)):
+        still[1:-1] &= still[2:] & still[:-2]
+    return np.asarray(still[bins])
+
+
+def _longer(marked: Mask, least: int) -> Mask:
+    """The marked ones in runs of at least so many."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], marked, [False]]).astype(np.int8)))
+    kept = np.zeros_like(marked)
+    for start, end in edges.reshape(-1, 2).tolist():
+        kept[start:end] = end - start >= least
+    return kept
+
+
+def _rough(t: Array, columns: Array) -> float:
+    """Standard deviation of a sample [m/s²] by differences alone, the least of several orders.
+
+    Kinks of a motion are rougher than its noise in some of the orders.
+    """
+    scales = []
+    for order in ORDERS:
+        joined = np.concatenate([normalised_differences(t, column, order) for column in columns])
+        scales += [robust_scale(joined)] if len(joined) >= LEAST_SAMPLES else []
+    return min(scales, default=0.0)
+
+
+def _white(inputs: Inputs, columns: Array) -> float:
+    """Standard deviation of a sample [m/s²], from neighbours."""
+    still = resting(inputs)
+    if np.count_nonzero(still) >= 2 * LEAST_SAMPLES:
+        rest = np.where(still, columns, np.nan)
+        found = [normalised_differences(inputs.t, column, ORDER) for column in rest]
+        joined = np.concatenate(found)
+        if len(joined) >= LEAST_SAMPLES:
+            return float(np.sqrt(np.mean(joined**2)))
+    return _rough(inputs.t, columns)  # it never rests
+
+
+def _quantum(values: Array) -> float:
+    """Step to which values are rounded; 0: they are not, or hardly change."""
+    levels = np.unique(np.round(values, 9))
+    if not 3 <= len(levels) <= LEVELS * len(values):
+        return 0.0
+    step = float(np.diff(levels).min())
+    return step if np.allclose(levels / step, np.round(levels / step), atol=0.02) else 0.0
+
+
+def _colour(inputs: Inputs, density: float) -> float:
+    """Power at the liquid's frequencies relative to white noise of that density."""
+    still = resting(inputs, MARGIN)
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], still, [False]]).astype(np.int8)))
+    power, count = 0.0, 0
+    for start, end in edges.reshape(-1, 2).tolist():
+        t = inputs.t[start:end]
+        if len(t) < LEAST_SAMPLES or t[-1] - t[0] < LEAST_REST:
+            continue
+        grid = np.linspace(t[0], t[-1], len(t))
+        for column in inputs.acceleration[start:end, :2].T:
+            even = np.interp(grid, t, column)
+            even = even - np.polyval(np.polyfit(grid - grid[0], even, 1), grid - grid[0])
+            lines = np.abs(np.fft.rfft(even)[1:]) ** 2 * (grid[1] - grid[0]) / len(grid)
+            below = np.fft.rfftfreq(len(grid), grid[1] - grid[0])[1:] <= BAND
+            # The straight line has taken most of the first.
+            power, count = power + float(lines[below][1:].sum()), count + int(below.sum()) - 1
+    if count < LEAST_LINES or power <= 0.0:
+        return 1.0
+    ratio = power / count / density
+    return ratio if abs(math.log(ratio)) > CLEARLY / math.sqrt(count) else 1.0

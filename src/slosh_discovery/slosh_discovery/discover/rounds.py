@@ -1,0 +1,129 @@
+"""Searches in rounds: what an explanation leaves tells of the noise by which the next is weighed.
+
+What a wrong base leaves may look like noise, and what the inputs' noise does depends on how the
+liquid swings: the likeliest explanation is asked, not the base.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from slosh_discovery.discover.clock import first_offset, slipped_offsets
+from slosh_discovery.discover.driven import with_input_noise
+from slosh_discovery.discover.input_noise import InputNoise, estimate_input_noise
+from slosh_discovery.discover.problem import PreparedMotion
+from slosh_discovery.discover.search import Pool, Progress, Search
+from slosh_discovery.discover.sensor_noise import (
+    Leftovers,
+    SensorNoise,
+    alike,
+    dressed,
+    estimate_sensor,
+)
+from slosh_model.model import Model
+
+SAME_FREQUENCY = 0.01
+"""Frequencies that differ by less, relatively, are driven alike by a noise,"""
+SAME_SIZE = 0.3
+"""and so are damping ratios and heights that do by less than this."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Searched:
+    """What a search has found.
+
+    Attributes:
+        pool: the explanations.
+        motions: the data, with the noise that they turned out to have.
+        sensor: that of the heights; None: plain and white.
+    """
+
+    pool: Pool
+    motions: Sequence[PreparedMotion]
+    sensor: SensorNoise | None
+
+
+def search_in_rounds(
+    base: Model, plain: Sequence[PreparedMotion], told: Progress, threads: int
+) -> Searched:
+    """Searches with plain noise, and again where what is left shows another.
+
+    Args:
+        base: the model that came in.
+        plain: the data.
+        told: of the progress.
+        threads: fits at a time.
+    """
+    offsets: Sequence[float] = [first_offset(one, base) for one in plain]
+    models: Sequence[Model] = [base] * len(plain)
+    sensor: SensorNoise | None = None
+    for last in (False, False, True):
+        motions = [
+            with_noise(one, model, offset, sensor)
+            for one, model, offset in zip(plain, models, offsets, strict=True)
+        ]
+        pool = Search(base, motions, offsets, told, threads).run()
+        slipped = slipped_offsets(pool.ranked()[0], motions)
+        if slipped is not None:
+            pool = Search(base, motions, slipped, told, threads).run()
+        best = pool.ranked()[0]
+        offsets, before = best.clock_offsets, models
+        models = [best.model_of(one.motion.group) for one in plain]
+        left = [
+            _leftovers(with_noise(one, model, offset, None), model, offset)
+            for one, model, offset in zip(plain, models, offsets, strict=True)
+        ]
+        found = estimate_sensor([one for one in left if one is not None])
+        driven = any(one.driven is not None for one in motions)
+        settled = not driven or all(map(_swing_alike, models, before))
+        if last or (settled and alike(found, sensor)):
+            return Searched(pool, motions, sensor)
+        told("measuring the noise", 0.0)
+        sensor = found
+    raise AssertionError  # the last round returns
+
+
+def with_noise(
+    plain: PreparedMotion, model: Model, clock_offset: float, sensor: SensorNoise | None
+) -> PreparedMotion:
+    """The motion with the noise of its inputs and of its sensor, as a model sees them.
+
+    Args:
+        plain: the motion.
+        model: that is likely.
+        clock_offset: measured minus inputs' clock [s].
+        sensor: noise of the heights; None: plain and white.
+    """
+    one = with_input_noise(plain, input_noise(plain), model, clock_offset)
+    left = None if sensor is None else _leftovers(one, model, clock_offset)
+    return one if left is None or sensor is None else dressed(left, sensor)
+
+
+def input_noise(one: PreparedMotion) -> InputNoise | None:
+    """Of a motion's inputs."""
+    return estimate_input_noise(one.motion.inputs)
+
+
+def _leftovers(one: PreparedMotion, model: Model, clock_offset: float) -> Leftovers | None:
+    """What a model leaves of a motion; None: its solution left the finite numbers."""
+    answer = one.simulate(model)
+    return None if answer is None else Leftovers.of(one, answer.at(one.t, clock_offset))
+
+
+def _swing_alike(one: Model, other: Model) -> bool:
+    """Whether noise drives two models alike, as far as it matters."""
+    if one == other:
+        return True
+    for mine, its, gain, its_gain in zip(
+        one.mode_constants(), other.mode_constants(), one.height_gains(), other.height_gains(),
+        strict=False,
+    ):  # fmt: skip
+        frequencies = mine.natural_frequency / its.natural_frequency
+        sizes = (gain / its_gain, mine.damping_ratio / its.damping_ratio)
+        if abs(math.log(frequencies)) > SAME_FREQUENCY:
+            return False
+        if max(abs(math.log(size)) for size in sizes) > SAME_SIZE:
+            return False
+    return len(one.mode_constants()) == len(other.mode_constants())
