@@ -250,7 +250,7 @@ class Monitor:
             return
         self._waiting = deque(one for one in self._waiting if one.point.stamp_ns > newest)
         for point in ready:
-            estimate = self._interpolated(point.stamp_ns - delay)
+            estimate = self._interpolated(point.stamp_ns)
             if estimate is None:
                 self.unmatched += 1
             yield self._compare(point, estimate, now_ns)
@@ -260,19 +260,23 @@ class Monitor:
         point = self._waiting.popleft().point
         return self._compare(point, None, now_ns, estimate_stale=True)
 
-    def _interpolated(self, stamp_ns: int) -> EstimatePoint | None:
-        """The reading at a moment, linear between its neighbours; None outside the buffer."""
-        index = bisect_left(self._estimates, stamp_ns, key=lambda point: point.stamp_ns)
-        after = self._estimates[index]
-        if after.stamp_ns == stamp_ns:
+    def _interpolated(self, seen_ns: int) -> EstimatePoint | None:
+        """The reading that is stamped so, linear between its neighbours; None: not in the buffer.
+
+        Each estimate's reading comes late by its own delay, which a drifting clock lets grow.
+        """
+        index = bisect_left(self._estimates, seen_ns, key=_seen_ns)
+        after = self._estimates[min(index, len(self._estimates) - 1)]
+        if _seen_ns(after) == seen_ns:
             return _as_read(after)
-        if index == 0:
+        if index == 0 or index == len(self._estimates):
             return None
         before = self._estimates[index - 1]
-        width = after.stamp_ns - before.stamp_ns
+        width = _seen_ns(after) - _seen_ns(before)
         if width * SECONDS > self.settings.max_gap:
             return None
-        share = (stamp_ns - before.stamp_ns) / width
+        share = (seen_ns - _seen_ns(before)) / width
+        stamp_ns = before.stamp_ns + round(share * (after.stamp_ns - before.stamp_ns))
         before, after = _as_read(before), _as_read(after)
         return EstimatePoint(
             stamp_ns,
@@ -344,6 +348,11 @@ class _Waiting(NamedTuple):
     def is_over(self, now_ns: int) -> bool:
         """Whether it has waited long enough for one who is silent; a clock may be set back."""
         return not 0 <= now_ns - self.arrival_ns < PATIENCE_NS
+
+
+def _seen_ns(point: EstimatePoint) -> int:
+    """The stamp of a measurement of what was estimated [ns]."""
+    return point.stamp_ns + point.delay_ns
 
 
 def _as_read(point: EstimatePoint) -> EstimatePoint:
