@@ -44,7 +44,7 @@ LEAST_LINES = 8
 CLEARLY = 3.0
 """nor does a difference of less than so many of its standard deviations."""
 BEGUN, SIZES = 0.02, 4
-"""A rounded input begins and ends to change this often per sample, or by so many sizes of steps."""
+"""A rounded input begins and ends to change so often per sample, or has so many sizes of steps."""
 LEVELS = 0.3
 """An input whose values are fewer than this share of its samples is rounded."""
 
