@@ -366,7 +366,7 @@ class Monitor:
             return
         self._waiting = deque(one for one in self._waiting if one.point.stamp_ns > newest)
         for point in ready:
-            estimate = self._interpolated(point.stamp_ns - delay)
+            estimate = self._interpolated(point.stamp_ns)
             if estimate is None:
                 self.unmatched += 1
             yield self._compare(point, estimate, now_ns)
@@ -376,19 +376,22 @@ class Monitor:
         point = self._waiting.popleft().point
         return self._compare(point, None, now_ns, estimate_stale=True)
 
-    def _interpolated(self, stamp_ns: int) -> Expected | None:
-        """The reading at a moment, linear between its neighbours; None outside the buffer."""
-        index = bisect_left(self._estimates, stamp_ns, key=lambda point: point.stamp_ns)
-        after = self._estimates[index]
-        if after.stamp_ns == stamp_ns:
+    def _interpolated(self, seen_ns: int) -> Expected | None:
+        """The reading that is stamped so, linear between its neighbours; None: not in the buffer.
+
+        Each estimate's reading comes late by its own delay, which a drifting clock lets grow.
+        """
+        index = bisect_left(self._estimates, seen_ns, key=_seen_ns)
+        after = self._estimates[min(index, len(self._estimates) - 1)]
+        if _seen_ns(after) == seen_ns:
             return after.expected
-        if index == 0:
+        if index == 0 or index == len(self._estimates):
             return None
         before = self._estimates[index - 1]
-        width = after.stamp_ns - before.stamp_ns
+        width = _seen_ns(after) - _seen_ns(before)
         if width * SECONDS > self.settings.max_gap:
             return None
-        share = (stamp_ns - before.stamp_ns) / width
+        share = (seen_ns - _seen_ns(before)) / width
         return before.expected.towards(after.expected, share)
 
     def _compare(
@@ -449,3 +452,8 @@ class Monitor:
         difference = measured.msh - nonlinear
         gap = max(difference, 0.0) if measured.flags & SATURATED else abs(difference)
         self._track(Source.DISAGREEMENT, measured.stamp_ns, gap)
+
+
+def _seen_ns(point: EstimatePoint) -> int:
+    """The stamp of a measurement of what was estimated [ns]."""
+    return point.stamp_ns + point.delay_ns

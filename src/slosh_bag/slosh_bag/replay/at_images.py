@@ -14,8 +14,6 @@ Integers = NDArray[np.int64]
 
 MAX_GAP_NS = 50_000_000
 """Widest pair of estimates between which is interpolated."""
-DELAY_ROUNDS = 3
-"""A delay that grows is that of the moment which was seen, not of its stamp."""
 
 
 class ModelHeights(NamedTuple):
@@ -69,10 +67,13 @@ def at_images(estimates: ModelHeights, stamps: Integers) -> AtImages:
     """
     last = len(estimates.stamps) - 1
     if estimates.delays is not None:
-        seen = stamps
-        for _ in range(DELAY_ROUNDS):
-            newest = np.searchsorted(estimates.stamps, stamps, side="right") - 1
-            stamps = seen - estimates.delays[np.maximum(newest, 0)]
+        origin = estimates.stamps[0]
+        late = np.interp(
+            (stamps - origin).astype(float),
+            (estimates.stamps + estimates.delays - origin).astype(float),
+            estimates.delays.astype(float),
+        )
+        stamps = stamps - np.rint(late).astype(np.int64)
     after = np.searchsorted(estimates.stamps, stamps)
     exact = (after <= last) & (estimates.stamps[np.minimum(after, last)] == stamps)
     before = np.clip(np.where(exact, after, after - 1), 0, last)

@@ -43,6 +43,8 @@ LEAST_LINES = 8
 """Fewer lines of a spectrum tell of no colour,"""
 CLEARLY = 3.0
 """nor does a difference of less than so many of its standard deviations."""
+BEGUN, SIZES = 0.02, 4
+"""A rounded input begins and ends to change so often per sample, or has so many sizes of steps."""
 LEVELS = 0.3
 """An input whose values are fewer than this share of its samples is rounded."""
 
@@ -129,7 +131,9 @@ def _white(inputs: Inputs, columns: Array) -> float:
         found = [normalised_differences(inputs.t, column, ORDER) for column in rest]
         joined = np.concatenate(found)
         if len(joined) >= LEAST_SAMPLES:
-            return float(np.sqrt(np.mean(joined**2)))
+            # A kink at a motion's start is no noise; of rounded values most do not change.
+            rounded = any(_quantum(column) > 0.0 for column in columns)
+            return float(np.sqrt(np.mean(joined**2))) if rounded else robust_scale(joined)
     return _rough(inputs.t, columns)  # it never rests
 
 
@@ -139,7 +143,12 @@ def _quantum(values: Array) -> float:
     if not 3 <= len(levels) <= LEVELS * len(values):
         return 0.0
     step = float(np.diff(levels).min())
-    return step if np.allclose(levels / step, np.round(levels / step), atol=0.02) else 0.0
+    if not np.allclose(levels / step, np.round(levels / step), atol=0.02):
+        return 0.0
+    # The straight ramps of a planned motion have even steps, too, but all of one size in a row.
+    sizes = np.round(np.abs(np.diff(values)) / step)
+    begun = np.count_nonzero(np.diff(sizes > 0.0))
+    return step if begun > BEGUN * len(values) or len(np.unique(sizes)) > SIZES else 0.0
 
 
 def _colour(inputs: Inputs, density: float) -> float:
