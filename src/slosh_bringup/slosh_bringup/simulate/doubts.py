@@ -10,7 +10,7 @@ import numpy as np
 from slosh_bag.motion_table import MotionTable
 from slosh_bringup.errors import SloshBringupError
 from slosh_model.model import Model
-from slosh_report.input_faults import find_input_faults
+from slosh_report.input_faults import FaultKind, find_input_faults
 from slosh_report.table_checks import InputDoubt, motion_doubts
 
 IMPOSSIBLE = 1e6
@@ -50,5 +50,6 @@ def doubts(model: Model, motion: MotionTable) -> tuple[InputDoubt, ...]:
     faults = find_input_faults(motion.t, motion.acceleration)
     return (
         *motion_doubts(motion.t, motion.acceleration, motion.attitude),
-        *(InputDoubt(fault.text()) for fault in faults),
+        # Missing samples are named by their gap, with the length that the liquid allows.
+        *(InputDoubt(fault.text()) for fault in faults if fault.kind is not FaultKind.MISSING),
     )
