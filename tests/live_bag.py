@@ -236,6 +236,7 @@ class LiveBag:
         if node == "estimator":
             parameters["input"] = self.kind
             parameters["sensor_rotation"] = list(self.rotation)
+            parameters.setdefault("pose_window", self.pose_window)
             if self.checks is not None:
                 parameters["check_input"] = self.checks
         names = (self.kind, "free_surface", "estimate")

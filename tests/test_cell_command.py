@@ -249,12 +249,12 @@ def estimates_of(bag):
 def test_a_node_that_refuses_its_parameters_ends_the_cell_with_its_words(
     domain, tmp_path, write_cell
 ):
-    (tmp_path / "bad.yaml").write_text("/**/monitor: {ros__parameters: {measured_limit: 1}}")
+    (tmp_path / "bad.yaml").write_text("/**/monitor: {ros__parameters: {measured_limit: high}}")
     folder = tmp_path / "out" / "latest"
     words = ("cell", "--config", str(write_cell(parameters="bad.yaml")), "-o", str(folder.parent))
     with live_process(*words, output=tmp_path / "words") as running:
         assert running.end() == 2
-    assert "measured_limit: a double is needed; write 1.0 for 1" in running.said
+    assert "measured_limit = 'high': type double is needed, not string" in running.said
     assert "no message came" not in running.said
     assert "measured_limit" in (folder / "report.html").read_text()
 
@@ -289,7 +289,7 @@ def test_a_cell_without_a_camera_is_a_whole_cell(domain, tmp_path, said):
     replayed = replay_bag(folder / "bag")
     assert replayed.verification.exact, replayed.verification.lines()
     assert {event.source.name for event in replayed.events} == {"ESTIMATED"}
-    assert len(replayed.stamps) > 100  # what the page draws
+    assert len(replayed.stamps) > 50  # what the page draws
     assert np.isfinite(replayed.heights["3D-NL"]).all()
     frames = [json.loads(frame) for frame in Recording(folder / "bag").frames]
     assert {"safe", "limit exceeded"} <= {frame["verdict"] for frame in frames}

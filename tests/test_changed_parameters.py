@@ -220,7 +220,7 @@ def test_what_cannot_be_is_refused_with_the_reason_and_changes_nothing(start):
         ("monitor", {"measured_limit": -0.001}, "out of range"),
         ("monitor", {"estimated_limit": math.inf}, "out of range"),
         ("monitor", {"warn_share": 0.5, "hold": -1.0}, "hold"),
-        ("monitor", {"warn_share": "high"}, "Wrong parameter type"),
+        ("monitor", {"warn_share": "high"}, "type double is needed"),
         ("monitor", {"warn_share": 0.5, "buffer": 1.0}, "buffer is read at the start only"),
         ("estimator", {"max_gap": 0.0}, "max_gap"),
         ("estimator", {"max_jump": 5.0, "input": "imu"}, "input is read at the start only"),

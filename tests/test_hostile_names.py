@@ -65,7 +65,7 @@ def shop(tmp_path_factory: pytest.TempPathFactory) -> Shop:
         shutil.copy(config_folder() / name, named(f"-{name}"))
     for number, rate in enumerate((17.0, 17.5)):
         t = np.arange(1500) * 0.002
-        push = 3.0 * np.sin(rate * t) * np.sin(np.pi * t / t[-1]) ** 2
+        push = 1.0 * np.sin(rate * t) * np.sin(np.pi * t / t[-1]) ** 2
         motion = np.column_stack([np.zeros_like(t), push, np.zeros_like(t)])
         msh = np.where(np.arange(1500) % 8, np.nan, np.abs(2e-3 * push))
         write_motion_table(named(f"{number}.csv"), MotionTable(t, motion, msh=msh))

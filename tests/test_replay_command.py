@@ -184,7 +184,9 @@ def test_a_broken_bag_does_not_stop_the_others(bags, capsys):
     file.write_bytes(b"no bag")
     code, out, errors = replay(capsys, bags, "-o", bags.parent / "out")
     assert code == 0
-    assert errors == [f"slosh replay: {file}: not an MCAP file"]
+    assert errors == [
+        f"slosh replay: {file}: not an MCAP file: it is a text file; choose the bag itself"
+    ]
     assert list(table(out)) == ["bag", "a", "b", "c"]
     assert (bags.parent / "out" / "c.html").is_file()
     assert replay(capsys, bags, "--check")[0] == 1
@@ -308,7 +310,7 @@ def test_json_is_all_that_is_printed(bags, capsys):
     assert code == 1
     a, b, c = json.loads(out)
     assert [item["name"] for item in (a, b, c)] == ["a", "b", "c"]
-    assert b["error"] == f"{file}: not an MCAP file"
+    assert b["error"] == f"{file}: not an MCAP file: it is a text file; choose the bag itself"
     assert a["verification"]["exact"]
     assert a["checks"] == [
         {"name": "recorded estimates", "failure": ""}, {"name": "warnings", "failure": ""}
@@ -336,7 +338,10 @@ def test_junit_names_everything_that_was_looked_at(bags, capsys, changed_model):
     assert int(suites["a"].get("tests")) == len(suites["a"])
     assert float(suites["a"].get("time")) > 0.0
     (error,) = suites["b"].iter("error")
-    assert error.get("message") == f"{file}: not an MCAP file"
+    assert (
+        error.get("message")
+        == f"{file}: not an MCAP file: it is a text file; choose the bag itself"
+    )
     assert root.get("errors") == "1"
     assert int(root.get("tests")) == sum(len(suite) for suite in suites.values())
 

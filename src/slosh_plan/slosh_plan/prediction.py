@@ -178,10 +178,10 @@ def predict(
             an impossible horizon, a gap in a motion.
     """
     given = [trajectories] if isinstance(trajectories, Trajectory) else list(trajectories)
-    limits = (limits or HeightLimits()).under_rim(model)
-    error = error or ModelError()
+    asked, error = limits or HeightLimits(), error or ModelError()
+    limits = asked.under_rim(model)
     horizon = checked_horizon(model, horizon)
-    check_start(model, state, limits)
+    check_start(model, state, asked)
     check_gaps(model, given)
     inputs = [one.inputs(horizon) for one in given]
     ends = [float(one.t[-1]) for one in given]

@@ -107,10 +107,10 @@ def safe_scales(
     Raises:
         SloshPlanError: no limit, or one exceeded before the motion begins; more samples than that.
     """
-    limits = limits.under_rim(model)
+    asked, limits = limits, limits.under_rim(model)
     if not limits.given:
         raise SloshPlanError("no limit given: every time scale would be safe")
-    check_start(model, state, limits)
+    check_start(model, state, asked)
     if min(limits.height, limits.residual) <= margin:
         return SafeScales(trajectory.name, trajectory.duration, (), math.nan, math.nan, False)
     kept = HeightLimits(limits.height - margin, limits.residual - margin)

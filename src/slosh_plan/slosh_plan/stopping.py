@@ -130,9 +130,9 @@ def safe_stop(
         SloshPlanError: no movement, values that are not finite, an acceleration or a height that
             exceeds its limit already, the state of another model.
     """
+    check_start(model, state, HeightLimits(limits.height, limits.residual))
     limits = limits.under_rim(model)
     moving = _checked(velocity, acceleration, limits)
-    check_start(model, state, HeightLimits(limits.height, limits.residual))
     nonlinear, modal = model.nonlinear(), None if state is None else state.nonlinear
     quickest, lowest = math.nan, math.inf
     for duration in _durations(moving, limits):
