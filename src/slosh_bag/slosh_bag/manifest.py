@@ -29,6 +29,7 @@ from typing import Any
 from slosh_bag.errors import SloshBagError
 from slosh_files import write_text
 from slosh_files.errors import SloshFileError
+from slosh_files.nearest import did_you_mean
 from slosh_files.yaml_document import Key, KeyPath, YamlDocument, dotted, read_yaml, shown
 from slosh_files.yaml_text import format_yaml
 
@@ -236,7 +237,8 @@ def _check_keys(place: _Place, entry: Any, known: tuple[str, ...]) -> None:
         raise place.error(f"must be a mapping with keys of {', '.join(known)}")
     for key in entry:
         if key not in known:
-            raise place.error(f"unknown key {shown(key)} (known: {', '.join(known)})", key)
+            meant = did_you_mean(key, known)
+            raise place.error(f"unknown key {shown(key)} (known: {', '.join(known)}){meant}", key)
 
 
 def _tolerance(place: _Place, value: Any) -> float | None:

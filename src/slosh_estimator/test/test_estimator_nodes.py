@@ -233,7 +233,8 @@ def test_load_model_and_reset(start: Callable[..., Cell]) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "value"), [("max_gap", "-1.0"), ("input", "gyro"), ("max_age", "old"), ("model", "''")]
+    ("name", "value"),
+    [("max_gap", "-1.0"), ("input", "gyro"), ("max_age", "old"), ("model", "''")],
 )
 def test_a_bad_parameter_is_refused_by_name(
     start: Callable[..., Cell], name: str, value: str

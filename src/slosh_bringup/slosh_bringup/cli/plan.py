@@ -10,6 +10,8 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from slosh_bag.path_table import read_path_table, write_plan_table
+from slosh_bringup.cli import quantities
+from slosh_bringup.cli.quantities import ERROR, FRACTION, HEIGHT, angle, time
 from slosh_bringup.cli.table_options import add_table_options, table_options
 from slosh_bringup.cli.teller import Teller
 from slosh_bringup.errors import SloshBringupError
@@ -41,24 +43,28 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("model", type=Path, help="model.yaml")
     parser.add_argument("path", type=Path, help="waypoints: t,x,y,z[,qx,qy,qz,qw] (.csv)")
     parser.add_argument(
-        "--limit", type=float, required=True, metavar="M", help="height of the liquid [m]"
+        "--limit", type=HEIGHT, required=True, metavar="M", help="height of the liquid [m]"
     )
     parser.add_argument(
-        "--residual", type=float, metavar="M",
+        "--residual", type=HEIGHT, metavar="M",
         help="height after the motion's end [m] (default: as --limit)",
     )  # fmt: skip
     parser.add_argument(
         "--max-acceleration",
-        type=float,
+        type=quantities.ACCELERATION,
         default=ACCELERATION,
         metavar="A",
         help="[m/s²] (default: %(default)g)",
     )
     parser.add_argument(
-        "--max-jerk", type=float, default=JERK, metavar="J", help="[m/s³] (default: %(default)g)"
+        "--max-jerk",
+        type=quantities.JERK,
+        default=JERK,
+        metavar="J",
+        help="[m/s³] (default: %(default)g)",
     )
     parser.add_argument(
-        "--max-tilt", type=float, default=0.0, metavar="DEG",
+        "--max-tilt", type=angle(), default=0.0, metavar="DEG",
         help="of the container from upright [deg] (default: 0, it keeps its attitude)",
     )  # fmt: skip
     parser.add_argument(
@@ -70,24 +76,24 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="R", help="[deg/s²] (default: %(default)g)",
     )  # fmt: skip
     parser.add_argument(
-        "--margin", type=float, default=0.0, metavar="M",
+        "--margin", type=HEIGHT, default=0.0, metavar="M",
         help="by which the heights stay below their limits [m] (default: 0)",
     )  # fmt: skip
     parser.add_argument(
-        "--sigma", type=float, metavar="M",
+        "--sigma", type=ERROR, metavar="M",
         help="the model's mean absolute error, as slosh replay tells it [m]: the interval's upper "
         "end keeps the limits",
     )  # fmt: skip
     parser.add_argument(
-        "--epsilon", type=float, metavar="E",
+        "--epsilon", type=FRACTION, metavar="E",
         help="the same with its relative error of the maximum, as a fraction",
     )  # fmt: skip
     parser.add_argument(
-        "--error", type=Path, nargs="+", metavar="RESULT.json",
+        "--error", type=Path, nargs="+", action="extend", metavar="RESULT.json",
         help="both from results of slosh replay -o, demo or cell; the largest count",
     )  # fmt: skip
     parser.add_argument(
-        "--time-limit", type=float, default=TIME_LIMIT, metavar="S",
+        "--time-limit", type=time(3600.0), default=TIME_LIMIT, metavar="S",
         help=f"after which the search ends with what it has [s] (default: {TIME_LIMIT:g})",
     )  # fmt: skip
     parser.add_argument("-o", "--output", type=Path, required=True, help="motion table (.csv)")

@@ -12,6 +12,7 @@ from typing import Any
 
 from slosh_bag.trajectory_table import read_joint_trajectory, read_trajectory
 from slosh_bringup.cli.progress import share_bar
+from slosh_bringup.cli.quantities import ERROR, FRACTION, HEIGHT, time
 from slosh_bringup.cli.table_options import add_table_options, table_options
 from slosh_bringup.cli.teller import Teller
 from slosh_bringup.errors import SloshBringupError
@@ -62,18 +63,23 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "trajectories", type=Path, nargs="+", metavar="TRAJECTORY",
         help="motion table t,ax,ay,az[,...], or poses t,x,y,z[,qx,qy,qz,qw] (.csv, .csv.gz)",
     )  # fmt: skip
-    for name, unit, text in (
-        ("limit", "M", "greatest height above the still level [m]"),
-        ("residual", "M", "greatest height after the motion's end [m]"),
-        ("horizon", "S", "how long after the end [s] (default: three periods of the liquid)"),
+    for name, kind, unit, text in (
+        ("limit", HEIGHT, "M", "greatest height above the still level [m]"),
+        ("residual", HEIGHT, "M", "greatest height after the motion's end [m]"),
+        (
+            "horizon",
+            time(600.0),
+            "S",
+            "how long after the end [s] (default: three periods of the liquid)",
+        ),
     ):
-        parser.add_argument(f"--{name}", type=float, metavar=unit, help=text)
+        parser.add_argument(f"--{name}", type=kind, metavar=unit, help=text)
     parser.add_argument(
-        "--sigma", type=float, default=0.0, metavar="M",
+        "--sigma", type=ERROR, default=0.0, metavar="M",
         help="the model's mean absolute error, as slosh replay tells it [m]",
     )  # fmt: skip
     parser.add_argument(
-        "--epsilon", type=float, default=0.0, metavar="E",
+        "--epsilon", type=FRACTION, default=0.0, metavar="E",
         help="the model's relative error of the maximum, as a fraction",
     )  # fmt: skip
     parser.add_argument(

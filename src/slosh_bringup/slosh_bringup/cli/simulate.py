@@ -9,6 +9,7 @@ from pathlib import Path
 
 from slosh_bag.motion_table import read_motion_table
 from slosh_bag.text_table.time_unit import check_span
+from slosh_bringup.cli.quantities import HEIGHT
 from slosh_bringup.cli.table_options import add_table_options, table_options
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.simulate.answer import Answer, make_answer
@@ -53,7 +54,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="table of heights [m, rad]: .csv, .csv.gz, .parquet, or - for standard output",
     )  # fmt: skip
     parser.add_argument(
-        "--limit", type=float, metavar="M", help="greatest height above the still level [m]"
+        "--limit", type=HEIGHT, metavar="M", help="greatest height above the still level [m]"
     )
     parser.add_argument("--plot", type=Path, metavar="OUT.png", help="picture (.png, .svg)")
     parser.add_argument("--json", action="store_true", help="print the answer as JSON")
