@@ -34,6 +34,8 @@ from slosh_model.model import Model
 from slosh_model.model_file import read_model
 from slosh_model.model_text import format_model
 from slosh_model.simulate import Inputs
+from slosh_model.tilt import ignored_text, unfelt_tilt
+from slosh_report.table_checks import InputDoubt
 
 MODEL, DOCUMENT, PAGE = "model.yaml", "discovery.json", "report.html"
 GROUP_MODEL = "model_{}.yaml"
@@ -113,6 +115,7 @@ def prepare(request: Request, tell: Tell) -> Prepared:
         )
         for paths, from_bag in ((request.data, request.from_bag), (request.holdout, False))
     )
+    tell_ignored_tilt(base, (*fit, *holdout), note)
     if request.most is not None and len(fit) > request.most:
         note(f"the first {request.most} of {len(fit)} motions are used")
         fit = fit[: request.most]
@@ -324,6 +327,14 @@ def read_all(
     found = [(entry, path) for path in paths for entry in day_motions(path, base, tell, tables)]
     found.sort(key=lambda pair: -np.nan_to_num(pair[0].disagreement, nan=-1.0))
     return tuple(grouped(entry.motion, path, groups or {}) for entry, path in found)
+
+
+def tell_ignored_tilt(base: Model, motions: Motions, tell: Tell) -> None:
+    """Warns of motions whose tilt the model does not feel; the largest tilt is named."""
+    tilted = max(motions, key=lambda one: unfelt_tilt(base, one.inputs.attitude), default=None)
+    text = "" if tilted is None else ignored_text(base, tilted.inputs.attitude)
+    if tilted is not None and text:
+        tell(InputDoubt(f"{tilted.name}: {text}", wrong=False))
 
 
 def grouped(

@@ -6,6 +6,7 @@ import argparse
 import csv
 import json
 import math
+import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,7 @@ from slosh_estimator.robot_file import read_arm
 from slosh_files import check_apart, new_text
 from slosh_files.plain_text import plain_line
 from slosh_model.model_file import read_model
+from slosh_model.tilt import added_text
 from slosh_plan import (
     HeightLimits,
     ModelError,
@@ -107,6 +109,9 @@ def run(arguments: argparse.Namespace) -> int:
     tell = Teller("predict")
     for motion in motions:
         tell.warn(motion.name, trajectory_doubts(motion))
+        added = added_text(model, motion.attitude)
+        if added:
+            print(plain_line(f"slosh predict: note: {motion.name}: {added}"), file=sys.stderr)
     found = predict(model, motions, limits=limits, horizon=arguments.horizon, error=error)
     scales: list[SafeScales | None] = [None] * len(motions)
     # Of a motion that stays below the rim nobody asked how fast it may be.
