@@ -1,11 +1,12 @@
 """`slosh new`: first files that every reader takes, or one line that says why not."""
 
 import io
+import shlex
 from dataclasses import replace
 
 import pytest
 
-from slosh_bringup.cli.main import main
+from slosh_bringup.cli.main import build_parser, main
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.live.cell_setup import read_setup
 from slosh_bringup.live.run import check_files
@@ -176,3 +177,20 @@ def test_a_terminal_is_asked_for_a_rectangle(folder, monkeypatch):
 def test_answers_that_end_are_one_line(folder, capsys, monkeypatch):
     monkeypatch.setattr("sys.stdin", Terminal("\n"))
     assert "the answers ended; give the options instead" in refused(folder, [], capsys)
+
+
+@pytest.mark.parametrize(
+    "shape", [ROUND, ["--width", "0.08", "--depth", "0.06", "--fill-height", "0.05"]]
+)
+def test_each_printed_command_can_be_typed(folder, capsys, monkeypatch, tmp_path, shape):
+    """The board is printed; what needs pictures or a robot is parsed."""
+    monkeypatch.chdir(tmp_path)
+    assert main(["new", str(folder), *shape, "--wall", "2mm"]) == 0
+    steps = [line.strip() for line in capsys.readouterr().out.splitlines() if "  slosh " in line]
+    assert steps
+    for step in steps:
+        words = shlex.split(step)[1:]
+        build_parser(words[0]).parse_args(words)
+        if "--print-board" in words:
+            assert main(words) == 0
+            assert (tmp_path / "board.pdf").is_file()

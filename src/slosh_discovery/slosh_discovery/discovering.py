@@ -20,7 +20,7 @@ from slosh_bag.text_table.options import FOUND_OUT, TableOptions
 from slosh_discovery.discover.finding import Finding, SeparatingMotion
 from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_discovery.discover_data import read_motions
-from slosh_discovery.discover_data.reading import day_motions
+from slosh_discovery.discover_data.reading import day_motions, files_at
 from slosh_discovery.discover_frames import Pictures, worst_frames
 from slosh_discovery.discovery_report import (
     Command,
@@ -259,7 +259,7 @@ def next_commands(request: Request, finding: Finding) -> tuple[Command, ...]:
     model = request.output / (MODEL if first is None else GROUP_MODEL.format(first))
     found = []
     if finding.changed:
-        found += _use(request.data, model)
+        found += _use(request, model)
         found += [
             Command(
                 f"load it into the running estimator{whose}",
@@ -274,6 +274,7 @@ def next_commands(request: Request, finding: Finding) -> tuple[Command, ...]:
         words += ["--from-bag"] if request.from_bag else []
         words += ["--model", str(request.model)] if request.model else []
         words += ["--holdout", *map(str, request.holdout)] if request.holdout else []
+        words += request.tables.words
         for name, patterns in request.groups.items():
             words += [word for pattern in patterns for word in ("--group", f"{name}={pattern}")]
         found += [
@@ -285,14 +286,15 @@ def next_commands(request: Request, finding: Finding) -> tuple[Command, ...]:
     return tuple(found)
 
 
-def _use(data: Sequence[Path], model: Path) -> list[Command]:
+def _use(request: Request, model: Path) -> list[Command]:
     """How to see the found model at work on the first bag and on the first table."""
     found = []
-    table = next((path for path in data if is_motion_table(path)), None)
-    bag = next((path for path in data if not is_motion_table(path)), None)
+    files = [file for path in request.data for file in files_at(path)]
+    table = next((path for path in files if is_motion_table(path)), None)
+    bag = next((path for path in files if not is_motion_table(path)), None)
     if table is not None:
         output = model.with_name("heights.csv")
-        line = _line("slosh", "simulate", model, table, "-o", output)
+        line = _line("slosh", "simulate", model, table, "-o", output, *request.tables.words)
         found.append(Command("heights that the new model predicts", line))
     if bag is not None:
         line = _line("slosh", "replay", bag, "--model", model, "-o", model.with_name("replay"))
