@@ -23,7 +23,7 @@ import math
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 from slosh_bag.errors import SloshBagError
@@ -111,6 +111,12 @@ def read_manifest(path: Path) -> dict[str, Expectation]:
     bags = document.get("bags") if isinstance(document, dict) else None
     if not isinstance(bags, dict) or set(document) != {"bags"}:
         raise SloshBagError(f"{path}: must hold one key, bags, with the bags by name")
+    for name in bags:
+        if PurePosixPath(name).is_absolute() or ".." in PurePosixPath(name).parts:
+            raise SloshBagError(
+                f"{source.where('bags', name)}: {shown(name)}: a bag is named by its path below "
+                "the manifest's folder"
+            )
     return {
         name: _expectation(_Place(source, ("bags", name)), entry) for name, entry in bags.items()
     }

@@ -74,7 +74,14 @@ class PlannedMotions:
         return int(self._node.get_clock().now().nanoseconds)
 
     def _on_outcome(self, message: PredictionOutcome) -> None:
-        self._record = Record(message.count, message.sigma, message.epsilon)
+        record = Record(message.count, message.sigma, message.epsilon)
+        if not record.possible:
+            self._node.get_logger().warning(
+                f"a prediction_outcome with sigma {record.sigma:g} m and epsilon "
+                f"{record.epsilon:g} is not used: these cannot be"
+            )
+            return
+        self._record = record
 
     def _on_planned(self, data: bytes) -> None:
         self.count += 1
