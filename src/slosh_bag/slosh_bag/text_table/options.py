@@ -60,7 +60,9 @@ class TableOptions:
     def words(self) -> list[str]:
         """The options as words of a command line."""
         pairs = ",".join(f"{name}={given}" for name, given in self.columns.items())
-        names = {value: name for name, value in reversed(SEPARATORS.items()) if len(name) != 2}
+        names = {
+            value: name for name, value in reversed(tuple(SEPARATORS.items())) if len(name) != 2
+        }
         given = {
             "--columns": pairs,
             "--time-unit": self.time_unit,
