@@ -289,7 +289,8 @@ def next_commands(request: Request, finding: Finding) -> tuple[Command, ...]:
 def _use(request: Request, model: Path) -> list[Command]:
     """How to see the found model at work on the first bag and on the first table."""
     found = []
-    files = [file for path in request.data for file in files_at(path)]
+    given = [path for path in request.data if path.exists()]
+    files = [file for path in given for file in files_at(path)]
     table = next((path for path in files if is_motion_table(path)), None)
     bag = next((path for path in files if not is_motion_table(path)), None)
     if table is not None:
