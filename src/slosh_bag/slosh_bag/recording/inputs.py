@@ -207,7 +207,12 @@ class InputReader:
         return samples
 
     def ignored_tilt(self, model: Model) -> list[str]:
-        """What is wrong where a model does not feel how the container tilts; a line, or none."""
+        """What is wrong where a model does not feel how the container tilts; a line, or none.
+
+        None of an attitude that is in doubt itself.
+        """
+        if any(doubt.wrong for doubt in self.doubts):
+            return []
         text = ignored_text(model, self._tilted)
         return [text] if text else []
 
