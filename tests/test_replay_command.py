@@ -160,6 +160,22 @@ def test_a_model_of_the_manifest_is_replayed_with_and_kept(bags, capsys, changed
     assert "changed.yaml" in errors[0]
 
 
+def test_a_manifest_that_names_no_bag_passes_no_check(bags, capsys):
+    (bags / "manifest.yaml").write_text("bags: {}")
+    code, _, errors = replay(capsys, bags, "--check")
+    assert code == 1
+    assert "slosh replay: a: the manifest does not name this bag" in errors
+    assert replay(capsys, bags, "--write-manifest")[0] == 0
+    assert replay(capsys, bags, "--check")[0] == 0
+
+
+def test_a_manifest_with_an_absolute_path_is_told_in_one_line(bags, capsys):
+    (bags / "manifest.yaml").write_text("bags: {/tmp/elsewhere: {}}")
+    assert main(["replay", str(bags), "--check"]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "manifest.yaml:1: '/tmp/elsewhere': a bag is named by its path below" in line
+
+
 def test_a_bag_that_lacks_and_one_that_is_not_named_fail(bags, capsys):
     replay(capsys, bags, "--write-manifest")
     (bags / "c").rename(bags / "d")

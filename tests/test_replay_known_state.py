@@ -167,7 +167,9 @@ def test_a_mounting_is_applied_again_bit_for_bit(kind, tmp_path):
     live.checks, live.rotation = True, (0.02, -0.01, 0.7)
     result = replay_bag(live.write(tmp_path / "bag"))
     assert result.verification.exact, result.verification.lines()
-    assert result.warnings == ()
+    # The rotation tilts what the pose says; the recorded model does not feel it.
+    assert len(result.warnings) == (kind == "pose")
+    assert all("tilts by up to 1.3 deg" in line for line in result.warnings)
 
 
 @pytest.mark.parametrize("kind", ["accel", "pose"])

@@ -23,12 +23,13 @@ import math
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 from slosh_bag.errors import SloshBagError
 from slosh_files import write_text
 from slosh_files.errors import SloshFileError
+from slosh_files.nearest import did_you_mean
 from slosh_files.yaml_document import Key, KeyPath, YamlDocument, dotted, read_yaml, shown
 from slosh_files.yaml_text import format_yaml
 
@@ -110,6 +111,12 @@ def read_manifest(path: Path) -> dict[str, Expectation]:
     bags = document.get("bags") if isinstance(document, dict) else None
     if not isinstance(bags, dict) or set(document) != {"bags"}:
         raise SloshBagError(f"{path}: must hold one key, bags, with the bags by name")
+    for name in bags:
+        if PurePosixPath(name).is_absolute() or ".." in PurePosixPath(name).parts:
+            raise SloshBagError(
+                f"{source.where('bags', name)}: {shown(name)}: a bag is named by its path below "
+                "the manifest's folder"
+            )
     return {
         name: _expectation(_Place(source, ("bags", name)), entry) for name, entry in bags.items()
     }
@@ -236,7 +243,8 @@ def _check_keys(place: _Place, entry: Any, known: tuple[str, ...]) -> None:
         raise place.error(f"must be a mapping with keys of {', '.join(known)}")
     for key in entry:
         if key not in known:
-            raise place.error(f"unknown key {shown(key)} (known: {', '.join(known)})", key)
+            meant = did_you_mean(key, known)
+            raise place.error(f"unknown key {shown(key)} (known: {', '.join(known)}){meant}", key)
 
 
 def _tolerance(place: _Place, value: Any) -> float | None:

@@ -64,6 +64,8 @@ MISTAKES = [
     ("bags: {c3: [", "", "not YAML"),
     ("bags: {c3: {}, c3: {}}", "", "bags.c3: given twice"),
     ("bags: {c3: {images: 1, images: 2}}", "", "bags.c3.images: given twice"),
+    ("bags: {/c3: {}}", "", "a bag is named by its path below the manifest's folder"),
+    ("bags: {a/../../c3: {}}", "", "a bag is named by its path below the manifest's folder"),
     ("bags: {c3: 5}", "bags.c3", "must be a mapping"),
     ("bags: {c3: {sigmas: {}}}", "bags.c3", "unknown key 'sigmas'"),
     ("bags: {c3: {shows: 5}}", "bags.c3.shows", "no text"),

@@ -5,7 +5,6 @@ ROS ignores what fits no node and no parameter. A limit that is mistyped would b
 
 from __future__ import annotations
 
-import difflib
 import importlib
 import re
 from collections.abc import Collection, Iterator
@@ -17,6 +16,7 @@ import yaml
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.processes import NODES
 from slosh_files.errors import SloshFileError
+from slosh_files.nearest import nearest
 from slosh_files.yaml_document import brief, read_yaml, shown
 from slosh_files.yaml_numbers import FLOAT_TAG, INT_TAG
 
@@ -133,5 +133,5 @@ def _fits(pattern: str, node: str) -> bool:
 
 
 def _suggestion(name: str, known: Collection[str]) -> str:
-    near = difflib.get_close_matches(name, known, 1)
-    return f"meant {near[0]}?" if near else f"known: {', '.join(sorted(known))}"
+    near = nearest(name, known)
+    return f"meant {near}?" if near else f"known: {', '.join(sorted(known))}"

@@ -124,7 +124,7 @@ def stored(rng, image, path):
 def options(rng):
     words = ["--radius", f"{rng.choice([1e-3, 0.03, 0.05, 0.05, 0.05, 2.0])}"]
     words += ["--fill-height", f"{rng.choice([1e-3, 0.02, 0.07, 0.07, 0.07, 0.5])}"]
-    words += ["--fov", f"{rng.choice([0.5, 10.0, 33.4, 33.4, 33.4, 70.0, 120.0, 179.0])}"]
+    words += ["--fov", f"{rng.choice([0.5, 10.0, 33.4, 33.4, 33.4, 70.0, 120.0, 179.0])}deg"]
     if rng.random() < 0.6:
         words += ["--wall-thickness", f"{rng.choice([0.0, 1e-4, 2e-3, 2e-3, 0.04])}"]
     if rng.random() < 0.3:

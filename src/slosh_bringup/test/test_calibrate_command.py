@@ -142,7 +142,7 @@ def test_what_nobody_told_is_said(capsys, tmp_path, still, intrinsics):
     lens, wall = said("--fov", 35.5)
     assert "field of view of 35.5 deg" in lens
     assert "--focal-error" in lens
-    assert "wall without thickness (--wall-thickness" in wall
+    assert "wall without thickness (--wall," in wall
     assert said("--fov", 35.5, "--focal-error", 5) == [wall]
     assert said("--camera", intrinsics, *GLASS) == []
 

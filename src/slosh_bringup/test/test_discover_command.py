@@ -1,6 +1,7 @@
 """`slosh discover`: which motions it fits, what it writes, how it refuses wrong input."""
 
 import json
+import shlex
 import shutil
 from base64 import b64encode
 from dataclasses import replace
@@ -188,6 +189,42 @@ def test_the_commands_are_those_of_the_data(capsys, discovery, tables, tmp_path)
     load = f"ros2 service call /slosh/load_model slosh_msgs/srv/LoadModel '{{path: \"{model}\"}}'"
     assert load in text
     assert main(["simulate", str(model), tables[0], "-o", str(output / "heights.csv")]) == 0
+
+
+def printed_commands(text):
+    """Commands of slosh that a discovery prints, as words."""
+    return [shlex.split(line.strip()) for line in text.splitlines() if "  slosh " in f"  {line}"]
+
+
+def ready_to_run(words, recording):
+    """The command with a recording in the place of RECORDING."""
+    return [str(recording) if word == "RECORDING" else word for word in words]
+
+
+@pytest.mark.parametrize("kind", ["file", "folder of tables", "foreign table", "folder of bags"])
+def test_each_printed_command_can_be_typed(capsys, discovery, tables, tmp_path, day, kind):
+    options = []
+    if kind == "folder of tables":
+        given = tmp_path / "my tables"
+        given.mkdir()
+        for table in tables:
+            shutil.move(table, given)
+    elif kind == "foreign table":
+        given = tmp_path / "foreign.csv"
+        given.write_text(Path(tables[0]).read_text().replace("t,", "Time,", 1))
+        options = ["--columns", "t=Time,ax=ax,ay=ay,az=az,msh=msh"]
+    elif kind == "folder of bags":
+        given = tmp_path / "days"
+        shutil.copytree(day, given / "c3")
+    else:
+        given = Path(tables[0])
+    output = str(tmp_path / "o")
+    assert main(["discover", str(given), "--model", MODEL, "-o", output, *options]) == 0
+    found = printed_commands(capsys.readouterr().out)
+    assert found
+    for words in found:
+        assert main(ready_to_run(words[1:], given)) in (0, 1), words
+        capsys.readouterr()
 
 
 def test_the_running_estimator_gets_a_whole_path(capsys, monkeypatch, discovery, tables, tmp_path):

@@ -57,7 +57,7 @@ def test_cycles_axis_and_ratio(tmp_path, capsys):
         (["--cycles", "0"], "--cycles 0: must be at least 1"),
         (["--rate", "1e7"], "rows are more than 10000000"),
         (["--ratio", "0"], "ratio = 0.0 must lie in [0.01, 1]"),
-        (["--stroke", "100"], "stroke = 100.0 m must lie in"),
+        (["--stroke", "-100"], "stroke = -100.0 m must lie in"),
         (["--speed", "0"], "speed = 0.0 1/min"),
     ],
 )

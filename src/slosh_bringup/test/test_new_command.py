@@ -1,11 +1,13 @@
 """`slosh new`: first files that every reader takes, or one line that says why not."""
 
 import io
+import re
+import shlex
 from dataclasses import replace
 
 import pytest
 
-from slosh_bringup.cli.main import main
+from slosh_bringup.cli.main import build_parser, main
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.live.cell_setup import read_setup
 from slosh_bringup.live.run import check_files
@@ -114,7 +116,7 @@ def test_the_camera_waits_for_its_calibration_and_for_nothing_else(folder, cup):
 def test_the_next_commands_are_told_with_the_cups_numbers(folder, capsys):
     assert main(["new", str(folder), *ROUND, *WHOLE]) == 0
     told = capsys.readouterr().out
-    assert "--radius 0.04 --fill-height 0.06 --rim-height 0.11 --wall-thickness 0.002" in told
+    assert "--radius 0.04 --fill-height 0.06 --rim-height 0.11 --wall 0.002" in told
     assert f"slosh cell --config '{folder}/cell.yaml'" in told
     assert "note" not in told
     assert main(["new", str(folder.with_name("b")), *ROUND]) == 0
@@ -176,3 +178,20 @@ def test_a_terminal_is_asked_for_a_rectangle(folder, monkeypatch):
 def test_answers_that_end_are_one_line(folder, capsys, monkeypatch):
     monkeypatch.setattr("sys.stdin", Terminal("\n"))
     assert "the answers ended; give the options instead" in refused(folder, [], capsys)
+
+
+@pytest.mark.parametrize(
+    "shape", [ROUND, ["--width", "0.08", "--depth", "0.06", "--fill-height", "0.05"]]
+)
+def test_each_printed_command_can_be_typed(folder, capsys, monkeypatch, tmp_path, shape):
+    """The board is printed; what needs pictures or a robot is parsed."""
+    monkeypatch.chdir(tmp_path)
+    assert main(["new", str(folder), *shape, "--wall", "2mm"]) == 0
+    steps = [line.strip() for line in capsys.readouterr().out.splitlines() if "  slosh " in line]
+    assert steps
+    for step in steps:
+        words = shlex.split(re.sub(r"\b[UV][12]\b", "100", step))[1:]
+        build_parser(words[0]).parse_args(words)
+        if "--print-board" in words:
+            assert main(words) == 0
+            assert (tmp_path / "board.pdf").is_file()

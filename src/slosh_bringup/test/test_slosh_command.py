@@ -378,3 +378,22 @@ def test_a_cell_file_points_relative_to_itself(tmp_path):
     }
     assert "accel:=/arm/accel" in commands["estimator"]
     assert "__ns:=/a" in commands["monitor"]
+
+
+def test_a_table_that_tilts_feels_gravity_and_says_so(capsys, tmp_path):
+    """A cup that tips by 30 degrees within a second, where it stands: its surface stays level."""
+    t = np.linspace(0.0, 1.0, 501)
+    half = 0.25 * np.radians(30.0) * (1.0 - np.cos(2.0 * np.pi * t))
+    zero = np.zeros_like(t)
+    rows = np.column_stack([t, zero, zero, zero, zero, np.sin(half), zero, np.cos(half)])
+    table = tmp_path / "tilt.csv"
+    np.savetxt(table, rows, "%.9f", ",", header="t,ax,ay,az,qx,qy,qz,qw", comments="")
+    _, facts, said = simulated(capsys, table)
+    assert facts["peak"] > 0.8 * 0.05 * np.tan(np.radians(30.0))
+    assert "note: " in said
+    assert "tilts by up to 30.0 deg: the effect gravity_tilt is added to the model" in said
+    main(["predict", MODEL, str(table), "--json"])
+    captured = capsys.readouterr()
+    (answer,) = json.loads(captured.out)
+    assert answer["peak_nonlinear"] == pytest.approx(facts["peak"], rel=1e-3)
+    assert "the effect gravity_tilt is added" in captured.err

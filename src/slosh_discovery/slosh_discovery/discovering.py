@@ -21,7 +21,7 @@ from slosh_bag.text_table.options import FOUND_OUT, TableOptions
 from slosh_discovery.discover.finding import Finding, SeparatingMotion
 from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_discovery.discover_data import read_motions
-from slosh_discovery.discover_data.reading import day_motions
+from slosh_discovery.discover_data.reading import day_motions, files_at
 from slosh_discovery.discover_frames import Pictures, worst_frames
 from slosh_discovery.discovery_report import (
     Command,
@@ -35,6 +35,8 @@ from slosh_model.model import Model
 from slosh_model.model_file import read_model
 from slosh_model.model_text import format_model
 from slosh_model.simulate import Inputs
+from slosh_model.tilt import ignored_text, unfelt_tilt
+from slosh_report.table_checks import InputDoubt
 
 MODEL, DOCUMENT, PAGE = "model.yaml", "discovery.json", "report.html"
 GROUP_MODEL = "model_{}.yaml"
@@ -116,6 +118,7 @@ def prepare(request: Request, tell: Tell) -> Prepared:
         )
         for paths, from_bag in ((request.data, request.from_bag), (request.holdout, False))
     )
+    tell_ignored_tilt(base, (*fit, *holdout), note)
     if request.most is not None and len(fit) > request.most:
         note(f"the first {request.most} of {len(fit)} motions are used")
         fit = fit[: request.most]
@@ -259,7 +262,7 @@ def next_commands(request: Request, finding: Finding) -> tuple[Command, ...]:
     model = request.output / (MODEL if first is None else GROUP_MODEL.format(first))
     found = []
     if finding.changed:
-        found += _use(request.data, model)
+        found += _use(request, model)
         service = f"{recorded_cell(request.data)}/{SERVICE}"
         found += [
             Command(
@@ -275,6 +278,7 @@ def next_commands(request: Request, finding: Finding) -> tuple[Command, ...]:
         words += ["--from-bag"] if request.from_bag else []
         words += ["--model", str(request.model)] if request.model else []
         words += ["--holdout", *map(str, request.holdout)] if request.holdout else []
+        words += request.tables.words
         for name, patterns in request.groups.items():
             words += [word for pattern in patterns for word in ("--group", f"{name}={pattern}")]
         found += [
@@ -301,14 +305,16 @@ def recorded_cell(data: Sequence[Path]) -> str:
     return CELL
 
 
-def _use(data: Sequence[Path], model: Path) -> list[Command]:
+def _use(request: Request, model: Path) -> list[Command]:
     """How to see the found model at work on the first bag and on the first table."""
     found = []
-    table = next((path for path in data if is_motion_table(path)), None)
-    bag = next((path for path in data if not is_motion_table(path)), None)
+    given = [path for path in request.data if path.exists()]
+    files = [file for path in given for file in files_at(path)]
+    table = next((path for path in files if is_motion_table(path)), None)
+    bag = next((path for path in files if not is_motion_table(path)), None)
     if table is not None:
         output = model.with_name("heights.csv")
-        line = _line("slosh", "simulate", model, table, "-o", output)
+        line = _line("slosh", "simulate", model, table, "-o", output, *request.tables.words)
         found.append(Command("heights that the new model predicts", line))
     if bag is not None:
         line = _line("slosh", "replay", bag, "--model", model, "-o", model.with_name("replay"))
@@ -343,6 +349,14 @@ def read_all(
     found = [(entry, path) for path in paths for entry in day_motions(path, base, tell, tables)]
     found.sort(key=lambda pair: -np.nan_to_num(pair[0].disagreement, nan=-1.0))
     return tuple(grouped(entry.motion, path, groups or {}) for entry, path in found)
+
+
+def tell_ignored_tilt(base: Model, motions: Motions, tell: Tell) -> None:
+    """Warns of motions whose tilt the model does not feel; the largest tilt is named."""
+    tilted = max(motions, key=lambda one: unfelt_tilt(base, one.inputs.attitude), default=None)
+    text = "" if tilted is None else ignored_text(base, tilted.inputs.attitude)
+    if tilted is not None and text:
+        tell(InputDoubt(f"{tilted.name}: {text}", wrong=False))
 
 
 def grouped(

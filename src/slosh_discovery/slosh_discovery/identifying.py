@@ -15,6 +15,7 @@ from slosh_discovery.discovering import (
     check_apart,
     read_all,
     recorded_model,
+    tell_ignored_tilt,
     unique_names,
 )
 from slosh_discovery.errors import SloshDiscoveryError
@@ -109,6 +110,7 @@ def prepare(request: Request, tell: Tell) -> Prepared:
 
     fit = read_all(request.data, base, note, from_bag=False, tables=request.tables)
     holdout = read_all(request.holdout, base, note, from_bag=False, tables=request.tables)
+    tell_ignored_tilt(base, (*fit, *holdout), note)
     check_apart(fit, holdout)
     beside = tuple(read_beside(path) for path in request.beside)
     return Prepared(base, *unique_names(fit, holdout), beside, tuple(notes))

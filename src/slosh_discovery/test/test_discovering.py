@@ -4,6 +4,7 @@ import shutil
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from example_finding import BASE, FOUND, example_finding, example_motion
 
@@ -17,12 +18,14 @@ from slosh_discovery.discovering import (
     next_commands,
     part,
     recorded_model,
+    tell_ignored_tilt,
     unique_names,
     write_results,
 )
 from slosh_discovery.discovery_report import DiscoveryReport
 from slosh_discovery.errors import SloshDiscoveryError
 from slosh_model.model_file import read_model
+from slosh_model.simulate import Inputs
 
 BAGS = Path(__file__).parents[3] / "bags"
 
@@ -129,3 +132,20 @@ def test_each_group_gets_its_model_file_and_the_command_that_loads_it(tmp_path):
     loads = [one for one in next_commands(request, finding) if "LoadModel" in one.line]
     assert [one.purpose.split()[-1] for one in loads] == ["a", "b"]
     assert f"{tmp_path}/model_b.yaml" in loads[1].line
+
+
+def test_the_largest_tilt_that_the_model_does_not_feel_is_told():
+    motions = []
+    for name, angle in (("upright", 0.0), ("tilted", 0.35), ("a little", 0.1)):
+        motion = example_motion(name, 1)
+        turn = np.tile([0.0, np.sin(angle / 2), 0.0, np.cos(angle / 2)], (len(motion.inputs.t), 1))
+        inputs = Inputs(motion.inputs.t, motion.inputs.acceleration, turn)
+        motions.append(replace(motion, inputs=inputs))
+    told = []
+    tell_ignored_tilt(BASE, tuple(motions), told.append)
+    (line,) = told
+    assert line.startswith("tilted: the container tilts by up to 20.1 deg")
+    assert not line.wrong  # to name the effect is what a discovery is for
+    tell_ignored_tilt(BASE.feeling_gravity(), tuple(motions), told.append)
+    tell_ignored_tilt(BASE, tuple(motions[:1]), told.append)
+    assert len(told) == 1

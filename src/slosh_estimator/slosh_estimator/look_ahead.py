@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -21,10 +22,15 @@ class Record(NamedTuple):
     sigma: float
     epsilon: float
 
+    @property
+    def possible(self) -> bool:
+        """Whether a cell's own record can be such: no negative count or size, no NaN."""
+        return self.count >= 0 and 0.0 <= self.sigma < math.inf and math.isfinite(self.epsilon)
+
 
 def error_of(record: Record | None) -> ModelError:
     """The model's error by the cell's own record; unknown before LEAST outcomes."""
-    if record is None or record.count < LEAST:
+    if record is None or not record.possible or record.count < LEAST:
         return ModelError()
     return ModelError(min(record.sigma, 1.0), min(max(record.epsilon, -1.0), 10.0))
 

@@ -26,6 +26,7 @@ from slosh_estimator.limits import Event, LimitChange, LimitTracker, Source
 from slosh_estimator.monitor_settings import MonitorSettings
 from slosh_estimator.sample import SECONDS
 from slosh_estimator.sight import (
+    HIGHEST,
     SATURATED,
     UNUSABLE,
     Sight,
@@ -163,7 +164,8 @@ class Monitor:
         if not self.settings.camera:
             return []
         self._measured_at = arrival_ns
-        height = NAN if point.flags & UNUSABLE else point.msh
+        usable = not point.flags & UNUSABLE and abs(point.msh) <= HIGHEST
+        height = point.msh if usable else NAN
         point = point._replace(msh=height)
         self._last_measured, self._measured_stamp = height, point.stamp_ns
         self._track(Source.MEASURED, point.stamp_ns, self._bounded(point))

@@ -37,6 +37,8 @@ class SurfaceFlag(IntFlag):
 # Plain numbers: they are compared with every sample's flags.
 SATURATED = int(SurfaceFlag.SATURATED)
 UNUSABLE = int(SurfaceFlag.NOT_FOUND | SurfaceFlag.BAD_IMAGE)
+HIGHEST = 10.0
+"""No container is higher [m]: a measured height beyond it is none, whoever publishes it."""
 FAR = 2.0
 """So far apart the two sides' newest stamps never lie where their clocks are one [s]."""
 STANDS = 0.8

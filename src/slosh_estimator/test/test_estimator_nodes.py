@@ -463,6 +463,7 @@ def test_the_monitor_warns_of_a_motion_that_the_model_does_not_describe(
     assert facts["motions"] == facts["motions that disagree"] == "1"
 
 
+PLAIN = "container: {radius: 0.05, fill_height: 0.07}"
 FOUND = """
 container: {shape: cylinder, radius: 0.05, fill_height: 0.07, rim_height: 0.1}
 damping_ratio: auto
@@ -490,10 +491,10 @@ def test_a_found_model_is_loaded_and_acts_on_the_liquid_and_on_the_comparison(
     begin, sent = cell.now(), 0
 
     def tilt(count: int) -> None:
-        """Poses of a container that tips over by half a degree each 10 ms, where it stands."""
+        """Poses of a container that soon tips over by half a degree each 10 ms where it stands."""
         nonlocal sent
         for _ in range(count):
-            before, half = len(estimates), 0.004 * sent
+            before, half = len(estimates), 0.004 * max(sent - 20, 0)
             message = PoseStamped()
             message.header.stamp = to_time(begin + 10 * sent * MS)
             message.pose.orientation.y, message.pose.orientation.w = math.sin(half), math.cos(half)
@@ -503,8 +504,13 @@ def test_a_found_model_is_loaded_and_acts_on_the_liquid_and_on_the_comparison(
                 cell.until(lambda before=before: len(estimates) > before)
 
     tilt(20)
-    assert estimates[-1].nonlinear.msh == 0.0  # blind to gravity on a tilted floor
+    # The model file has no gravity_tilt: the node adds it where poses tell the attitude.
+    assert estimates[-1].nonlinear.model == "3D-NL+gravity_tilt"
+    assert estimates[-1].nonlinear.msh < 1e-9
     assert readings == []
+    plain = cell.call(LoadModel, topics.LOAD_MODEL, LoadModel.Request(text=PLAIN))
+    assert "gravity_tilt is added to the model" in plain.message
+    assert plain.models == "2D-L+gravity_tilt, 2D-NL+gravity_tilt"
     loaded = cell.call(LoadModel, topics.LOAD_MODEL, LoadModel.Request(text=FOUND))
     assert loaded.success
     assert loaded.message == "loaded; the models start from rest"

@@ -71,3 +71,14 @@ def test_a_warning_says_by_how_much_and_when():
     assert f"{1e3 * found.excess:.1f} mm above the limit of 12 mm" in said
     assert "will be left after the end" in said
     assert warning(look_ahead(CUP, line(), 0.0, limits=HeightLimits(1.0))) == ""
+
+
+@pytest.mark.parametrize(
+    ("count", "sigma", "epsilon"),
+    [(5, -1.0, 0.0), (5, math.nan, 0.0), (5, 1e-3, math.inf), (-5, 1e-3, 0.0)],
+)
+def test_a_record_that_cannot_be_is_not_used(count, sigma, epsilon):
+    record = Record(count, sigma, epsilon)
+    assert not record.possible
+    assert error_of(record) == ModelError()
+    assert Record(5, 1e-3, -0.1).possible

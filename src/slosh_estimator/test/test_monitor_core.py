@@ -44,6 +44,18 @@ def test_a_measurement_waits_for_the_estimate_beyond_it_and_takes_the_line_betwe
     assert comparison.state is Condition.OK
 
 
+@pytest.mark.parametrize("forged", [1e304, -1e304, 10.1, math.inf])
+def test_a_height_that_no_container_has_spoils_nothing(forged: float) -> None:
+    monitor = Monitor(MonitorSettings())
+    for at in range(10, 100, 10):
+        estimate(monitor, at, 0.010)
+        measure(monitor, at, forged if at == 50 else 0.011)
+    assert monitor.nonlinear.sigma == pytest.approx(0.001)
+    assert monitor.nonlinear.count == 8
+    assert monitor.nonlinear.epsilon == pytest.approx(-1.0 / 11.0)
+    assert monitor.take_events() == []
+
+
 def test_too_early_too_old_and_across_a_gap_is_unmatched() -> None:
     monitor = Monitor(MonitorSettings(buffer=0.1))
     for at in (1000, 1010, 1100):

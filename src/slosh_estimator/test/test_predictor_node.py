@@ -346,6 +346,11 @@ def test_the_cells_record_counts_against_the_limit(
     cell.until(lambda: cell.node._planned._record is not None)
     message = told(points(poses=False))
     assert message.peak_upper == pytest.approx(message.peak + 0.002)
+    # Whoever publishes nonsense neither stops the predictions nor changes what was known.
+    for sigma, epsilon in ((-1.0, 0.0), (math.nan, 0.0), (0.001, math.inf)):
+        publisher.publish(PredictionOutcome(count=5, sigma=sigma, epsilon=epsilon))
+    message = told(points(poses=False))
+    assert message.peak_upper == pytest.approx(message.peak + 0.002)
     cell.probe.destroy_publisher(publisher)
 
 
@@ -357,6 +362,7 @@ def broken(change: Callable[[list[MultiDOFJointTrajectoryPoint]], Any]) -> list[
 @pytest.mark.parametrize(
     ("change", "match"),
     [
+        (lambda made: made.clear(), "is empty: a trajectory needs at least two points"),
         (lambda made: made[:1], "1 point: a motion needs at least 2"),
         (lambda made: made[::-1], "comes before"),
         (lambda made: [made[0]] * 5, "the motion lasts 0 s"),

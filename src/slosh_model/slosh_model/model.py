@@ -20,6 +20,8 @@ from slosh_model.liquid import Liquid
 from slosh_model.modes import Mode
 
 VERTICAL = "vertical_acceleration"
+TILT = "gravity_tilt"
+"""Effect without which a model does not know of tilts."""
 _OF_THE_SHAPE = ValidityLimits()
 FREQUENCIES = (1e-2, 1e3)  # rad/s; any other value is a unit mistaken for another
 
@@ -171,6 +173,10 @@ class Model:
     def spatial(self) -> Model:
         """The 3D twin."""
         return self if self.has(VERTICAL) else self.with_effect(VERTICAL)
+
+    def feeling_gravity(self) -> Model:
+        """The model that feels gravity in a container that its attitude tilts."""
+        return self if self.has(TILT) else self.with_effect(TILT)
 
     def mode_constants(self) -> tuple[Mode, ...]:
         """The modes after every effect that changes them."""

@@ -11,6 +11,7 @@ from dataclasses import MISSING, fields
 from typing import Any
 
 from slosh_files.errors import YamlError
+from slosh_files.nearest import did_you_mean
 from slosh_files.yaml_document import KeyPath, dotted, parse_yaml, shown
 from slosh_files.yaml_text import format_yaml
 from slosh_model.containers import SHAPES, Cylinder, Rectangle
@@ -131,6 +132,8 @@ def _container(section: Mapping[str, Any]) -> Cylinder | Rectangle:
     kind = SHAPES.get(shape) if isinstance(shape, str) else None
     if kind is None:
         raise _refusal(("container", "shape"), shape, f"(known: {', '.join(SHAPES)})")
+    names = tuple(item.name for item in fields(kind))
+    _refuse_unknown(section, ("shape", *names), ("container",))
     for item in fields(kind):
         if item.default is MISSING and item.name not in section:
             raise SloshModelError(f"key 'container.{item.name}' is missing", ("container",))
@@ -186,7 +189,8 @@ def _refuse_unknown(
         if key not in known:
             names = ", ".join((*also, *known))
             place = (*path, key)
-            raise SloshModelError(f"unknown key '{dotted(place)}' (known: {names})", place)
+            meant = did_you_mean(key, (*also, *known))
+            raise SloshModelError(f"unknown key '{dotted(place)}' (known: {names}){meant}", place)
 
 
 def _number(value: Any, path: KeyPath) -> float:

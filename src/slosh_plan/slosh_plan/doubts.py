@@ -10,6 +10,8 @@ from slosh_report.table_checks import InputDoubt, motion_doubts
 
 FAR = 50.0
 """No arm carries a container over a longer path [m]: it is in mm."""
+FAST = 20.0
+"""No container moves faster on the average [m/s]: the path is in mm."""
 
 
 def trajectory_doubts(motion: Trajectory) -> tuple[InputDoubt, ...]:
@@ -20,7 +22,9 @@ def trajectory_doubts(motion: Trajectory) -> tuple[InputDoubt, ...]:
 def path_doubts(path: Waypoints) -> tuple[InputDoubt, ...]:
     """What looks wrong in a path, one sentence each; empty: nothing does."""
     length = float(np.linalg.norm(np.diff(path.position, axis=0), axis=1).sum())
-    if length <= FAR:
+    lasts = float(path.t[-1] - path.t[0])
+    if length <= FAR and length <= FAST * lasts:
         return ()
-    text = f"the path is {length:.4g} m long: are its positions in mm? They must be m"
+    pace = "" if length > FAR else f", to be passed in {lasts:.3g} s"
+    text = f"the path is {length:.4g} m long{pace}: are its positions in mm? They must be m"
     return (InputDoubt(text),)

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, field, replace
 from typing import Self
 
+from slosh_model.checks import mistaken_unit
 from slosh_model.model import Model
 from slosh_plan.errors import SloshPlanError
 
@@ -34,7 +35,7 @@ class HeightLimits:
         for name in ("height", "residual"):
             value = getattr(self, name)
             if not (0.0 < value <= HIGHEST or value == math.inf):
-                meant = f"; did you mean {value:g} mm, {1e-3 * value:g}?" if value > 0.0 else ""
+                meant = mistaken_unit(value, "m", 0.0, HIGHEST)
                 raise SloshPlanError(
                     f"{name} limit = {value!r} m must lie above 0 and up to {HIGHEST:g} m{meant}"
                 )

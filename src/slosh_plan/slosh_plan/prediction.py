@@ -13,6 +13,7 @@ from slosh_model.errors import SloshModelError
 from slosh_model.gaps import gap_text
 from slosh_model.model import Model
 from slosh_model.parameters import parameter_value, with_parameters
+from slosh_model.tilt import feeling
 from slosh_plan.errors import SloshPlanError
 from slosh_plan.heights import Extremes, all_extremes, usual_horizon
 from slosh_plan.limits import HeightLimits
@@ -162,7 +163,8 @@ def predict(
     linearised along the covariance's principal axes.
 
     Args:
-        model: the model; its L and its NL twin answer.
+        model: the model; its L and its NL twin answer. A motion that tilts the container by more
+            than FELT is answered with `gravity_tilt`, which is added where it is missing.
         trajectories: candidates.
         limits: what is to be kept beside the container's rim; None: nothing.
         state: the liquid when each motion begins; None: at rest.
@@ -183,12 +185,30 @@ def predict(
     horizon = checked_horizon(model, horizon)
     check_start(model, state, asked)
     check_gaps(model, given)
+    found: dict[int, Prediction] = {}
+    # Most motions are of one kind, and one run takes all of a kind.
+    for felt in dict.fromkeys(feeling(model, one.attitude) for one in given):
+        places = [at for at, one in enumerate(given) if feeling(model, one.attitude) == felt]
+        answers = _predicted(felt, [given[at] for at in places], limits, state, horizon, error)
+        found.update(zip(places, answers, strict=True))
+    return [found[at] for at in range(len(given))]
+
+
+def _predicted(
+    model: Model,
+    given: list[Trajectory],
+    limits: HeightLimits,
+    state: LiquidState | None,
+    horizon: float,
+    error: ModelError,
+) -> list[Prediction]:
+    """Predicts motions of one kind."""
     inputs = [one.inputs(horizon) for one in given]
     ends = [float(one.t[-1]) for one in given]
     linear_modal, modal = (state.linear, state.nonlinear) if state else (None, None)
     linear, nonlinear = model.linear(), model.nonlinear()
-    flat = all_extremes(linear, inputs, ends, linear_modal) if given else []
-    curved = all_extremes(nonlinear, inputs, ends, modal) if given else []
+    flat = all_extremes(linear, inputs, ends, linear_modal)
+    curved = all_extremes(nonlinear, inputs, ends, modal)
     spread = np.zeros((len(given), 2))
     for variant in principal_variants(nonlinear):
         pair = [all_extremes(one, inputs, ends, modal) for one in variant]

@@ -19,6 +19,9 @@ from slosh_estimator.inputs import InputSettings
 from slosh_estimator.sample import Samples
 from slosh_estimator.sampling import Modes, gap_sentence, modes_of
 from slosh_files.nanoseconds import SECOND
+from slosh_model.indices import QW, QX, QY, QZ
+from slosh_model.model import Model
+from slosh_model.tilt import ignored_text, largest_tilt
 from slosh_report.table_checks import InputDoubt
 
 _FIELDS = {
@@ -89,6 +92,7 @@ class InputReader:
         self._used_before = self._dropped_before = self._gaps_before = 0
         self._slow = ""
         self._raised: dict[int, InputDoubt] = {}
+        self._tilted: NDArray[np.float64] | None = None
 
     def _gate(self, settings: InputSettings) -> GateSettings:
         return replace(settings.gate, chosen=self._chosen)
@@ -195,7 +199,22 @@ class InputReader:
             else:
                 found += adapter.update(stamp, tuple(row[:3]), tuple(row[3:]), None, frame)
         self._slow = adapter.sampling.sentence() or self._slow
-        return Samples.of(found)
+        samples = Samples.of(found)
+        if samples.poses is not None and len(samples.poses):
+            attitude = samples.poses[:, [QX, QY, QZ, QW]]
+            if self._tilted is None or largest_tilt(attitude) > largest_tilt(self._tilted):
+                self._tilted = attitude
+        return samples
+
+    def ignored_tilt(self, model: Model) -> list[str]:
+        """What is wrong where a model does not feel how the container tilts; a line, or none.
+
+        None of an attitude that is in doubt itself.
+        """
+        if any(doubt.wrong for doubt in self.doubts):
+            return []
+        text = ignored_text(model, self._tilted)
+        return [text] if text else []
 
 
 def _imu(row: Sequence[float]) -> tuple[Any, Any]:

@@ -53,6 +53,7 @@ from slosh_model.arithmetic import arithmetic_fingerprint
 from slosh_model.compile_cache import sources_digest
 from slosh_model.model import Model
 from slosh_model.model_text import format_model
+from slosh_model.tilt import ignored_text
 
 _COMPARISON_FIELDS = (*STAMP, "measured_stale", *COMPARED)
 
@@ -101,7 +102,7 @@ def replay_bag(
         whole = whole_run(path, batches, sources, input_reader, used)
         result = judge_unrelated(path.name, sources.input, whole, watched)
         counters = {**input_reader.counters, **result.counters}
-        told = [*input_reader.doubts, *input_reader.warnings()]
+        told = [*input_reader.doubts, *input_reader.warnings(), *input_reader.ignored_tilt(used)]
         rate = [f"{path}: {line}" for line in told]
         warnings = (*_warnings(path, reader, sources), *rate, *result.warnings)
         return replace(result, counters=counters, warnings=warnings, model=used)
@@ -132,7 +133,11 @@ def replay_bag(
         stream.advance(final=True)
         origin = _origin(started, recorded, used)
         result = conclude(path.name, sources.input, stream, components, origin)
-    unfelt = [f"{path}: {line}" for line in [attitude_warning(used, sources.kind)] if line]
+    said = [attitude_warning(used, sources.kind), *input_reader.ignored_tilt(used)]
+    if "qx" in sources.facts.get(TABLE_COLUMNS, "").split(","):
+        table = read_bag_table(path, TableSettings()).table
+        said.append(ignored_text(used, table.attitude))
+    unfelt = [f"{path}: {line}" for line in said if line]
     warnings = (*_warnings(path, reader, sources), *unfelt, *result.warnings)
     return replace(result, warnings=warnings)
 

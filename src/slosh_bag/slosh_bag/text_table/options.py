@@ -56,6 +56,21 @@ class TableOptions:
         if self.decimal == self.separator == ",":
             raise SloshBagError("--decimal and --separator cannot both be a comma")
 
+    @property
+    def words(self) -> list[str]:
+        """The options as words of a command line."""
+        pairs = ",".join(f"{name}={given}" for name, given in self.columns.items())
+        names = {
+            value: name for name, value in reversed(tuple(SEPARATORS.items())) if len(name) != 2
+        }
+        given = {
+            "--columns": pairs,
+            "--time-unit": self.time_unit,
+            "--decimal": self.decimal,
+            "--separator": None if self.separator is None else names[self.separator],
+        }
+        return [word for option, value in given.items() if value for word in (option, value)]
+
 
 FOUND_OUT = TableOptions()
 """No option: all is found out."""

@@ -19,6 +19,7 @@ import scipy
 from numpy.typing import NDArray
 
 from slosh_bringup.errors import SloshBringupError
+from slosh_files.nearest import did_you_mean
 from slosh_model.constants import GRAVITY
 from slosh_model.motion_profiles import modified_trapezoid
 
@@ -161,7 +162,10 @@ def make_motion(name: str, rate: float = 1000.0) -> Motion:
     """
     spec = MOTIONS.get(name)
     if spec is None:
-        raise SloshBringupError(f"unknown motion {name!r} (known: {', '.join(sorted(MOTIONS))})")
+        raise SloshBringupError(
+            f"unknown motion {name!r} (known: {', '.join(sorted(MOTIONS))})"
+            f"{did_you_mean(name, MOTIONS)}"
+        )
     if not (math.isfinite(rate) and rate > 0.0):
         raise SloshBringupError(f"rate = {rate!r} Hz must be positive")
     duration = _duration(spec)

@@ -13,6 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_bringup.cli.calibrate_scale import run_scale
+from slosh_bringup.cli.parser import old_name
+from slosh_bringup.cli.quantities import ERROR, PERCENT, angle, length
 from slosh_bringup.cli.quiet_decoders import quiet_decoders
 from slosh_bringup.errors import SloshBringupError
 from slosh_camera.calibrate.board import (
@@ -45,9 +47,9 @@ from slosh_report.json_values import plain
 
 _CUP_KEYS = tuple(entry.name for entry in fields(Cup))
 _DOUBTS = (
-    ("--focal-error", "PERCENT", "the focal length or of --fov"),
-    ("--wall-error", "M", "the wall's thickness"),
-    ("--fill-error", "M", "the fill height"),
+    ("--focal-error", "PERCENT", PERCENT, "the focal length or of --fov"),
+    ("--wall-error", "M", ERROR, "the wall's thickness"),
+    ("--fill-error", "M", ERROR, "the fill height"),
 )
 _NUMBERS = tuple(entry.name for entry in fields(CameraPlace))
 _SENSE = (
@@ -70,29 +72,39 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="intrinsic parameters: a file of ROS camera_calibration, or a camera.yaml",
     )  # fmt: skip
     camera.add_argument(
-        "--fov", type=float, metavar="DEG", help="horizontal field of view of an ideal lens"
+        "--fov",
+        type=angle(3.15, 180.0),
+        metavar="DEG",
+        help="horizontal field of view of an ideal lens",
     )
     cup = parser.add_argument_group("container [m]; what --camera's file holds is the default")
-    cup.add_argument("--radius", type=float, metavar="M", help="inner radius")
-    cup.add_argument("--fill-height", type=float, metavar="M", help="of the liquid at rest")
-    cup.add_argument("--wall-thickness", type=float, metavar="M", help="default 0")
-    cup.add_argument("--rim-height", type=float, metavar="M", help="above the inner floor")
+    cup.add_argument("--radius", type=length(2.0), metavar="M", help="inner radius")
+    cup.add_argument("--fill-height", type=length(4.0), metavar="M", help="of the liquid at rest")
+    wall = cup.add_argument(
+        "--wall",
+        dest="wall_thickness",
+        type=length(0.05),
+        metavar="M",
+        help="thickness; default 0",
+    )
+    old_name(parser, wall, "--wall-thickness")
+    cup.add_argument("--rim-height", type=length(4.0), metavar="M", help="above the inner floor")
     cup.add_argument("--wall-refractive-index", type=float, metavar="N", help="default 1.49")
     cup.add_argument(
-        "--azimuth", type=float, default=-90.0, metavar="DEG",
+        "--azimuth", type=angle(), default=-90.0, metavar="DEG",
         help="where the camera stands about the container, from its +x towards +y (default -90)",
     )  # fmt: skip
     doubt = parser.add_argument_group("standard errors of what is told; default 0: it is known")
-    for option, unit, what in _DOUBTS:
+    for option, unit, kind, what in _DOUBTS:
         doubt.add_argument(
             option,
-            type=float,
+            type=kind,
             default=0.0,
             metavar=unit,
             help=f"of {what}, which is estimated then",
         )
     parser.add_argument(
-        "--distance", type=float, metavar="M",
+        "--distance", type=length(10.0), metavar="M",
         help="of the camera from the container's axis, to a tenth: tells alike poses apart",
     )  # fmt: skip
     board = parser.add_argument_group("board of markers")
@@ -103,7 +115,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "up on the plane on which the container stands",
     )  # fmt: skip
     board.add_argument(
-        "--base-thickness", type=float, default=0.0, metavar="M",
+        "--base-thickness", type=length(0.05), default=0.0, metavar="M",
         help="of the container's floor, where a board lies beside it (default 0)",
     )  # fmt: skip
     scale = parser.add_argument_group("side view by its scale alone, without a pose")
@@ -112,7 +124,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="pixels of the still level's left and right end",
     )  # fmt: skip
     scale.add_argument(
-        "--length", type=float, metavar="M", help="between the two (default twice the radius)"
+        "--length",
+        type=length(4.0),
+        metavar="M",
+        help="between the two (default twice the radius)",
     )
     parser.add_argument("-o", "--output", type=Path, required=True, help="camera.yaml to write")
     parser.add_argument(
@@ -326,7 +341,7 @@ def _assumptions(arguments: argparse.Namespace, known: KnownCamera, fit: StillFi
         )
     told = arguments.wall_thickness is not None or "wall_thickness" in known.container
     if not told and not wall:
-        found.append("a wall without thickness (--wall-thickness, or --wall-error)")
+        found.append("a wall without thickness (--wall, or --wall-error)")
     return found
 
 

@@ -29,7 +29,9 @@ def run_scale(arguments: argparse.Namespace) -> int:
     check_apart([arguments.output], [arguments.still])
     for name in _UNUSED:
         if getattr(arguments, name) is not None:
-            raise SloshBringupError(f"--{name.replace('_', '-')}: is not used with --scale")
+            raise SloshBringupError(
+                f"--{name.removesuffix('_thickness')}: is not used with --scale"
+            )
     length = arguments.length
     if length is None:
         if arguments.radius is None:

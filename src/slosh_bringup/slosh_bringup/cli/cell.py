@@ -18,6 +18,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "-o", "--output", type=Path, default=Path("out/cell"),
         help="gets a dated folder for each run, and the link latest to the newest one",
     )  # fmt: skip
+    parser.add_argument("--json", action="store_true", help="print the figures as JSON")
     add_watch(parser)
 
 
@@ -27,4 +28,5 @@ def run(arguments: argparse.Namespace) -> int:
     run = LiveRun(
         "cell", read_setup(config), arguments.output, f"Cell {config.stem}", watch=arguments.watch
     )
-    return run_live(run, clock("recording, Ctrl-C to stop"), arguments.stop)
+    bar = clock("recording, Ctrl-C to stop")
+    return run_live(run, bar, arguments.stop, as_json=arguments.json)

@@ -12,6 +12,7 @@ from contextlib import ExitStack, closing
 from pathlib import Path
 
 from slosh_bringup.cli.progress import Progress, Unit, say
+from slosh_bringup.cli.quantities import RATE
 from slosh_bringup.cli.quiet_decoders import quiet_decoders
 from slosh_bringup.detect.measuring import Detection, Result, measure_all
 from slosh_bringup.detect.pictures import (
@@ -54,7 +55,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help=f"a sheet of the N most doubtful ones (default {WORST_LENGTH}), the worst first",
     )  # fmt: skip
     parser.add_argument(
-        "--rate", type=float, metavar="HZ",
+        "--rate", type=RATE, metavar="HZ",
         help="images per second of files or a video "
         f"(default {FOLDER_RATE:g}; of a video as it says)",
     )  # fmt: skip

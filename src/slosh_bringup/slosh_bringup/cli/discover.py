@@ -39,7 +39,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="model.yaml that disagrees; with --from-bag by default the one that was recorded",
     )  # fmt: skip
     parser.add_argument(
-        "--holdout", type=Path, nargs="+", metavar="DATA", default=[],
+        "--holdout", type=Path, nargs="+", action="extend", metavar="DATA", default=[],
         help="motions that the fit does not see; without it every third of three or more",
     )  # fmt: skip
     parser.add_argument(

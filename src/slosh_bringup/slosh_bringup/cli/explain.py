@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import heapq
+import json
 from difflib import SequenceMatcher
 
 from slosh_bringup.errors import SloshBringupError
@@ -21,12 +22,36 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "name", nargs="?", help="an effect, a flag or a state; without it all are listed"
     )
+    parser.add_argument("--json", action="store_true", help="print names and meanings as JSON")
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Prints what it means, or all names with a line each."""
-    print(_all() if arguments.name is None else _one(arguments.name))
+    if arguments.json:
+        print(json.dumps(_facts(arguments.name), ensure_ascii=False))
+    else:
+        print(_all() if arguments.name is None else _one(arguments.name))
     return 0
+
+
+def _facts(name: str | None) -> list[dict[str, str]]:
+    """Kind, name and meaning of what is asked for, or of all."""
+    found = [
+        *(
+            {"kind": "effect", "name": one.name, "meaning": one.meaning}
+            for one in EFFECTS.values()
+        ),
+        *({"kind": one.kind, "name": one.name, "meaning": one.meaning} for one in flags()),
+    ]
+    if name is None:
+        return found
+    _one(name)  # refuses what there is not
+    plain = _plain(name)
+    return [one for one in found if _plain(one["name"]) == plain]
+
+
+def _plain(name: str) -> str:
+    return name.lower().replace("-", "_").removeprefix("state_")
 
 
 def _all() -> str:

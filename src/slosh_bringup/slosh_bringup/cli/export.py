@@ -13,6 +13,7 @@ from slosh_bag.interchange.export import check_targets, export_targets, export_t
 from slosh_bag.mcap_files.bag_folder import files_of
 from slosh_bag.motion_table import SUFFIXES, is_motion_table, write_motion_table
 from slosh_bag.reader import BagReader, TopicInfo
+from slosh_bringup.cli.parser import old_name
 from slosh_bringup.cli.progress import Progress, Unit
 from slosh_bringup.errors import SloshBringupError
 from slosh_estimator.inputs import MESSAGE_TYPES
@@ -31,10 +32,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     what = parser.add_mutually_exclusive_group()
     what.add_argument("--list", action="store_true", help="topics, types and numbers of messages")
     what.add_argument("--motion", action="store_true", help="one motion table, t,ax,ay,az,…")
-    what.add_argument(
-        "--topic", "--topics", dest="topics", nargs="+", action="extend", default=[],
+    topics = what.add_argument(
+        "--topic", dest="topics", nargs="+", action="extend", default=[],
         metavar="TOPIC", help="only these topics, one file each",
     )  # fmt: skip
+    old_name(parser, topics, "--topics")
     parser.add_argument(
         "--format", choices=["csv", "parquet"], default="parquet", help="of the files in a folder"
     )

@@ -7,6 +7,7 @@ import math
 from pathlib import Path
 
 from slosh_bringup.cli.progress import share_bar
+from slosh_bringup.cli.quantities import FRACTION, length
 from slosh_bringup.cli.table_options import add_table_options, table_options
 from slosh_bringup.cli.teller import Teller
 from slosh_bringup.errors import SloshBringupError
@@ -40,22 +41,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "EFFECT.PARAMETER (default: %(default)s)",
     )  # fmt: skip
     parser.add_argument(
-        "--holdout", type=Path, nargs="+", metavar="DATA", default=[],
+        "--holdout", type=Path, nargs="+", action="extend", metavar="DATA", default=[],
         help="motions that the fit does not see",
     )  # fmt: skip
     parser.add_argument(
         "--from-bag", action="store_true", help="DATA are recordings, with their model"
     )
     parser.add_argument(
-        "--ratio", type=float, default=0.4, metavar="B",
+        "--ratio", type=FRACTION, default=0.4, metavar="B",
         help="share of a cycle in which the container moves, to tell speeds by (default: 0.4)",
     )  # fmt: skip
     parser.add_argument(
-        "--tolerance", type=float, default=0.0005, metavar="M",
+        "--tolerance", type=length(0.1), default=0.0005, metavar="M",
         help="greatest distance of a profile from a straight line (default: 0.0005 m)",
     )  # fmt: skip
     parser.add_argument(
-        "--beside", type=Path, nargs="+", metavar="DIR", default=[],
+        "--beside", type=Path, nargs="+", action="extend", metavar="DIR", default=[],
         help="results for other containers, to be shown with this one",
     )  # fmt: skip
     parser.add_argument(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import json
 import os
 import sys
 from collections.abc import Callable, Mapping, Sequence
@@ -11,6 +12,7 @@ from pathlib import Path
 from slosh_bag.interchange.antisloshing import find_runs, import_antisloshing
 from slosh_bag.interchange.rosbag_import import RosbagImport, find_rosbags, import_rosbag
 from slosh_bag.interchange.table_bag import import_table
+from slosh_bringup.cli.parser import old_name
 from slosh_bringup.cli.progress import Progress, Unit
 from slosh_bringup.cli.table_options import add_table_options, table_options
 from slosh_bringup.errors import SloshBringupError
@@ -38,10 +40,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     rosbag.add_argument(
         "sources", type=Path, nargs="+", metavar="BAG", help=".bag, .db3, .mcap or folder"
     )
-    rosbag.add_argument(
-        "--topic", "--topics", dest="topics", nargs="+", action="extend", default=[],
+    topics = rosbag.add_argument(
+        "--topic", dest="topics", nargs="+", action="extend", default=[],
         metavar="TOPIC", help="only these topics",
     )  # fmt: skip
+    old_name(rosbag, topics, "--topics")
     rosbag.add_argument(
         "--rename", nargs="+", action="extend", default=[], metavar="OLD=NEW",
         help="new names of topics, e.g. /imu/data=/slosh/imu",
@@ -52,6 +55,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         kind.add_argument(
             "-o", "--output", type=Path, required=True, help="folder; gets one bag per source"
         )
+        kind.add_argument("--json", action="store_true", help="print the bags as JSON")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -65,18 +69,27 @@ def import_runs(arguments: argparse.Namespace) -> int:
     count = len(find_runs(arguments.folder))
     with Progress("import", count, Unit("runs")) as progress:
         bags = import_antisloshing(arguments.folder, arguments.output, lambda run: progress.add())
-    print(plain_line(f"{len(bags)} bags in {arguments.output}"))
+    if arguments.json:
+        print(json.dumps([{"bag": str(bag)} for bag in bags]))
+    else:
+        print(plain_line(f"{len(bags)} bags in {arguments.output}"))
     return 0
 
 
 def import_tables(arguments: argparse.Namespace) -> int:
     """`slosh import table`."""
     options = table_options(arguments)
+    facts = []
     for source, bag in bag_folders(arguments.sources, arguments.output).items():
         with Progress(source.name, None, Unit("rows")) as progress:
             told = import_table(source, bag, progress.of, options)
+        facts.append({"bag": str(told.bag), "rows": told.rows, "rounded": told.rounded})
+        if arguments.json:
+            continue
         rounded = f", {told.rounded} times rounded to whole nanoseconds" if told.rounded else ""
         print(plain_line(f"{told.bag}: {told.rows} rows{rounded}"))
+    if arguments.json:
+        print(json.dumps(facts))
     return 0
 
 
@@ -85,13 +98,18 @@ def import_rosbags(arguments: argparse.Namespace) -> int:
     rename = renamed(arguments.rename)
     sources = [bag for path in arguments.sources for bag in find_rosbags(path)]
     code = 0
+    facts = []
     for source, bag in bag_folders(sources, arguments.output).items():
         with Progress(source.name, None, Unit("messages")) as progress:
             told = import_rosbag(source, bag, arguments.topics, rename, progress.of)
         for note in (*told.notes, *told.lost):
             print(plain_line(f"slosh import: {source}: {note}"), file=sys.stderr)
-        print(summary(told))
+        facts.append({"bag": str(told.bag), "messages": told.counts, "lost": list(told.lost)})
+        if not arguments.json:
+            print(summary(told))
         code = EXIT_LOST if told.lost else code
+    if arguments.json:
+        print(json.dumps(facts))
     return code
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import cv2
 
+from slosh_bringup.cli.quantities import length
 from slosh_bringup.cli.quiet_decoders import quiet_decoders
 from slosh_bringup.detect.series import IMAGE_ENDINGS, images_in
 from slosh_bringup.errors import SloshBringupError
@@ -37,7 +38,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--board", required=True, metavar="BOARD",
         help=f"{CHESSBOARD_FORMAT} inner corners of a chessboard, or {FORMAT}, in m",
     )  # fmt: skip
-    parser.add_argument("--square", type=float, metavar="M", help="side of a chessboard's square")
+    parser.add_argument(
+        "--square", type=length(1.0), metavar="M", help="side of a chessboard's square"
+    )
     parser.add_argument("-o", "--output", type=Path, help="ost.yaml to write")
     parser.add_argument(
         "--lens", choices=tuple(COEFFICIENTS), default=PLUMB_BOB,

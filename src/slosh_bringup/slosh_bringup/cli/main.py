@@ -15,37 +15,60 @@ from collections.abc import Sequence
 from contextlib import nullcontext
 from typing import Any, TextIO, cast
 
+from slosh_bringup.cli.exchanged import check_order
+from slosh_bringup.cli.parser import EXIT_WRONG_INPUT, SloshParser, grouped_help
 from slosh_bringup.stop_request import StopRequest
 from slosh_files.plain_text import PlainStream, plain_line
 from slosh_files.private_mode import keep_others_from_writing
 
 # One module per subcommand, imported only when it runs: `slosh --help` stays instant.
-COMMANDS: dict[str, str] = {
-    "demo": "the simulated cell, all nodes, record, report",
-    "cell": "all nodes on a real robot's topics, until Ctrl-C",
-    "motion": "a packaging machine's motion as a motion table",
-    "simulate": "open-loop prediction of a motion table",
-    "new": "commented model.yaml, cell.yaml, camera.yaml for one's own cup",
-    "intrinsics": "a camera's intrinsic parameters from pictures of a board",
-    "calibrate": "camera.yaml from an image of the liquid at rest",
-    "detect": "heights from a video, a folder of images or a bag",
-    "play": "a bag over DDS with /clock, for live nodes",
-    "replay": "the estimator's and the monitor's cores over bags",
-    "import": "motion tables, foreign bags and public measured data to bags",
-    "recover": "a finished bag of what is whole in an unfinished or damaged one",
-    "export": "a bag's topics as CSV or Parquet, or its motion as a table",
-    "identify": "a model's parameters from measured motions",
-    "discover": "where model and measurement disagree, and the missing effect",
-    "predict": "peak heights of candidate motions, and how fast they may be run",
-    "plan": "the fastest motion along a path that keeps the liquid below a limit",
-    "watch": "the operator's page, of a running cell or of a recording",
-    "shape": "a motion that leaves no wave of the liquid's frequency, by a filter",
-    "explain": "what an effect or a flag means, with equation, parameters and source",
-    "doctor": "what works here, what is missing, how to mend it",
+# In the order in which the help shows them.
+GROUPS: dict[str, dict[str, str]] = {
+    "start": {
+        "doctor": "what works here, what is missing, how to mend it",
+        "demo": "the simulated cell, all nodes, record, report",
+        "new": "commented model.yaml, cell.yaml, camera.yaml for one's own cup",
+        "explain": "what an effect or a flag means, with equation, parameters and source",
+    },
+    "motions": {
+        "simulate": "open-loop prediction of a motion table",
+        "predict": "peak heights of candidate motions, and how fast they may be run",
+        "plan": "the fastest motion along a path that keeps the liquid below a limit",
+        "shape": "a motion that leaves no wave of the liquid's frequency, by a filter",
+        "motion": "a packaging machine's motion as a motion table",
+    },
+    "camera": {
+        "intrinsics": "a camera's intrinsic parameters from pictures of a board",
+        "calibrate": "camera.yaml from an image of the liquid at rest",
+        "detect": "heights from a video, a folder of images or a bag",
+    },
+    "robot": {
+        "cell": "all nodes on a real robot's topics, until Ctrl-C",
+        "watch": "the operator's page, of a running cell or of a recording",
+    },
+    "recordings": {
+        "replay": "the estimator's and the monitor's cores over bags",
+        "play": "a bag over DDS with /clock, for live nodes",
+        "import": "motion tables, foreign bags and public measured data to bags",
+        "export": "a bag's topics as CSV or Parquet, or its motion as a table",
+        "recover": "a finished bag of what is whole in an unfinished or damaged one",
+    },
+    "models from measurements": {
+        "identify": "a model's parameters from measured motions",
+        "discover": "where model and measurement disagree, and the missing effect",
+    },
 }
+COMMANDS = {name: text for group in GROUPS.values() for name, text in group.items()}
 LIVE = ("demo", "cell")
 
-EXIT_DONE, EXIT_FAILED, EXIT_WRONG_INPUT = 0, 1, 2
+HELP = "help"
+USAGE = """usage: slosh COMMAND ...
+
+Sees, estimates and records sloshing in a robot's container."""
+END = """slosh help COMMAND: a command's options; -V, --version: the version.
+Lengths, times and angles may carry a unit: 0.01, 10mm, 300ms, 5deg."""
+
+EXIT_DONE, EXIT_FAILED = 0, 1
 _MOMENT = 0.02  # s
 
 
@@ -64,7 +87,19 @@ def command() -> int:
     sys.stdout = cast("TextIO", PlainStream(sys.stdout))
     sys.stderr = cast("TextIO", PlainStream(sys.stderr))
     sys.unraisablehook = interrupt_again
+    if "_ARGCOMPLETE" in os.environ:
+        complete()
     return main()
+
+
+def complete() -> None:
+    """Answers a shell that completes a command line; ends the process."""
+    try:
+        import argcomplete  # comes with the tools of ROS 2
+    except ImportError:
+        sys.exit(EXIT_FAILED)
+    words = os.environ.get("COMP_LINE", "").split()[1:]
+    argcomplete.autocomplete(build_parser(_command_of(words)))
 
 
 def interrupt_again(unraisable: Any) -> None:
@@ -84,7 +119,9 @@ def interrupt_again(unraisable: Any) -> None:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Runs the command line; returns the exit code."""
     words = list(sys.argv[1:] if arguments is None else arguments)
-    name = next((word for word in words if not word.startswith("-")), None)
+    if words[:1] == [HELP]:
+        words = [*words[1:], "--help"]
+    name = _command_of(words)
     try:
         # What starts nodes ends them, and reports, whenever a signal comes.
         with StopRequest() if name in LIVE else nullcontext() as stop:
@@ -92,6 +129,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         print("slosh: stopped", file=sys.stderr)
         return EXIT_FAILED
+
+
+def _command_of(words: Sequence[str]) -> str | None:
+    """The first word that is no option."""
+    return next((word for word in words if not word.startswith("-")), None)
 
 
 def _run(words: list[str], name: str | None, stop: StopRequest | None) -> int:
@@ -106,11 +148,11 @@ def _run(words: list[str], name: str | None, stop: StopRequest | None) -> int:
 
 def build_parser(chosen: str | None) -> argparse.ArgumentParser:
     """The parser; only the chosen subcommand's module is imported for its options."""
-    parser = argparse.ArgumentParser(
-        prog="slosh", description="Sees, estimates and records sloshing in a robot's container."
+    parser = _Slosh(prog="slosh")
+    parser.add_argument(
+        "-V", "--version", action=_Version, nargs=0, help="show the version and exit"
     )
-    parser.add_argument("--version", action=_Version, nargs=0, help="show the version and exit")
-    subparsers = parser.add_subparsers(dest="command", metavar="COMMAND")
+    subparsers = parser.add_subparsers(dest="command", metavar="COMMAND", parser_class=SloshParser)
     for name, summary in COMMANDS.items():
         subparser = subparsers.add_parser(name, help=summary, description=summary)
         if name == chosen:
@@ -118,6 +160,14 @@ def build_parser(chosen: str | None) -> argparse.ArgumentParser:
             module.add_arguments(subparser)
             subparser.set_defaults(run=module.run)
     return parser
+
+
+class _Slosh(SloshParser):
+    """The parser of `slosh` itself, whose help shows the commands by task."""
+
+    def format_help(self) -> str:
+        """The commands in groups."""
+        return grouped_help(USAGE, GROUPS, END)
 
 
 class _Version(argparse.Action):
@@ -138,6 +188,7 @@ def module_name(command: str) -> str:
 def run_guarded(parsed: argparse.Namespace) -> int:
     """Runs the subcommand: a wrong input becomes one line and exit code 2."""
     try:
+        check_order(parsed)
         return int(parsed.run(parsed))
     except BrokenPipeError:
         # The reader of our output has gone (`slosh … | head`); say nothing more to it.

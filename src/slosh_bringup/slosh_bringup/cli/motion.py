@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_bag.motion_table import SUFFIXES, MotionTable, is_motion_table, write_motion_table
+from slosh_bringup.cli.quantities import RATE, SPEED, length
 from slosh_bringup.errors import SloshBringupError
 from slosh_files.plain_text import plain_line
 from slosh_model.motion_profiles import LAWS, Cycle
@@ -32,17 +33,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.epilog = EPILOG
     parser.add_argument("profile", metavar="PROFILE", help=f"motion law: {', '.join(LAWS)}")
     parser.add_argument(
-        "--speed", type=float, required=True, metavar="N", help="operating speed n [1/min]"
+        "--speed", type=SPEED, required=True, metavar="N", help="operating speed n [1/min]"
     )
     parser.add_argument(
-        "--stroke", type=float, required=True, metavar="S", help="way of a cycle [m]"
+        "--stroke", type=length(10.0), required=True, metavar="S", help="way of a cycle [m]"
     )
     parser.add_argument(
         "--ratio", type=float, default=0.4, metavar="B",
         help="share of the cycle in which the container moves (default: 0.4)",
     )  # fmt: skip
     parser.add_argument(
-        "--rate", type=float, default=1000.0, metavar="HZ", help="rows a second (default: 1000)"
+        "--rate", type=RATE, default=1000.0, metavar="HZ", help="rows a second (default: 1000)"
     )
     parser.add_argument("--cycles", type=int, default=1, metavar="K", help="default: 1")
     parser.add_argument("--axis", choices=AXES, default="x", help="of the motion (default: x)")

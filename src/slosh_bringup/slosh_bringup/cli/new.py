@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import argparse
+import json
 import re
 import sys
 from pathlib import Path
 
+from slosh_bringup.cli.parser import old_name
+from slosh_bringup.cli.quantities import DENSITY, VISCOSITY, length
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.live.cell_setup import NAMESPACE
 from slosh_bringup.new_cup.cup import LIQUIDS, LiquidKind, NewCup
@@ -15,6 +18,7 @@ from slosh_bringup.new_cup.units import QUANTITIES
 from slosh_files import check_free, new_folder, write_text
 from slosh_files.plain_text import plain_line
 
+_TYPES = {"kg/m3": DENSITY, "m2/s": VISCOSITY}
 _IMAGE_SIZE = "1280x720"
 _MOST_PIXELS = 20_000
 # How often a question is asked before the answers are taken for something else.
@@ -27,12 +31,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     cup = parser.add_argument_group("container [m]; on a terminal what is missing is asked for")
     for name in ("radius", "diameter", "width", "depth", "fill_height", "rim_height", "wall"):
         words = QUANTITIES[name].words
-        cup.add_argument(f"--{name.replace('_', '-')}", type=float, metavar="M", help=words)
+        option = f"--{name.replace('_', '-')}"
+        action = cup.add_argument(option, type=length(), metavar="M", help=words)
+        if name == "wall":
+            old_name(parser, action, "--wall-thickness")
     liquid = parser.add_argument_group("liquid")
     liquid.add_argument("--liquid", choices=LIQUIDS, default="water", help="default water")
-    liquid.add_argument("--density", type=float, metavar="KG/M3", help="of another liquid")
+    liquid.add_argument("--density", type=DENSITY, metavar="KG/M3", help="of another liquid")
     liquid.add_argument(
-        "--viscosity", type=float, metavar="M2/S", help="kinematic, of another liquid"
+        "--viscosity", type=VISCOSITY, metavar="M2/S", help="kinematic, of another liquid"
     )
     parser.add_argument(
         "--namespace", default=NAMESPACE, help=f"of the nodes (default {NAMESPACE})"
@@ -41,6 +48,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--no-camera", action="store_true",
         help="a cell without a camera: the estimate alone is watched",
     )  # fmt: skip
+    parser.add_argument("--json", action="store_true", help="print files and next steps as JSON")
     parser.add_argument(
         "--image-size", default=_IMAGE_SIZE, metavar="WxH",
         help=f"of the camera's images [px] (default {_IMAGE_SIZE})",
@@ -55,8 +63,11 @@ def run(arguments: argparse.Namespace) -> int:
     with new_folder(folder) as room:
         for name, text in texts_of(cup, folder).items():
             write_text(room / name, text)
-    for name in texts_of(cup, folder):
-        print(plain_line(folder / name))
+    files = [str(folder / name) for name in texts_of(cup, folder)]
+    if arguments.json:
+        print(json.dumps({"files": files, "next": next_steps(cup, folder)}))
+        return 0
+    print(*map(plain_line, files), sep="\n")
     if cup.wall is None and cup.camera:
         print("note: the wall's thickness is not told, 0 is taken; the camera needs it: --wall")
     print("next:", *next_steps(cup, folder), sep="\n  ")
@@ -149,11 +160,11 @@ def _ask(given: dict[str, float], name: str, *, optional: bool = False) -> None:
         if optional and not word:
             return
         try:
-            given[name] = quantity.check(name, float(word))
+            given[name] = quantity.check(name, _TYPES.get(quantity.unit, length())(word))
         except SloshBringupError as error:
             print(error)
-        except ValueError:
-            print(f"{word!r} is not a number")
+        except argparse.ArgumentTypeError as error:
+            print(error)
         else:
             return
     raise SloshBringupError(f"--{name.replace('_', '-')}: no usable answer")

@@ -10,6 +10,8 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from slosh_bag.path_table import read_path_table, write_plan_table
+from slosh_bringup.cli import quantities
+from slosh_bringup.cli.quantities import ERROR, FRACTION, HEIGHT, angle, time
 from slosh_bringup.cli.table_options import add_table_options, table_options
 from slosh_bringup.cli.teller import Teller
 from slosh_bringup.errors import SloshBringupError
@@ -22,7 +24,8 @@ from slosh_plan import ModelError
 from slosh_plan.doubts import path_doubts
 from slosh_plan.planning.limits import ACCELERATION, JERK, TILT_ACCELERATION, TILT_RATE, PlanLimits
 from slosh_plan.planning.path import path_through
-from slosh_plan.planning.plan import TIME_LIMIT, NoSafeMotionError, Plan, plan
+from slosh_plan.planning.plan import TIME_LIMIT, NoSafeMotionError, Plan, plan, tilting
+from slosh_plan.planning.tolerance import ERRORS, USUAL, Tolerance, frequency_tolerance
 from slosh_plan.planning.waypoints import Waypoints
 
 EPILOG = """PATH is a table of waypoints, t,x,y,z[,qx,qy,qz,qw]: positions of the container's
@@ -31,6 +34,9 @@ the same columns and ax,ay,az, at 1 kHz, from rest to rest: a motion table. It p
 within 0.1 mm; where the line between them turns by more than 60 degrees, it stops. Exit code 1: no
 motion keeps the limits, or units or attitude of the path look wrong."""
 EXIT_NONE = 1
+RESIDUAL = 0.5
+"""Height after the end as a share of the limit, where it is not given: a wave as high as the limit
+leaves nothing for the next motion."""
 PAGE, DOCUMENT = "report.html", "plan.json"
 
 
@@ -41,24 +47,28 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("model", type=Path, help="model.yaml")
     parser.add_argument("path", type=Path, help="waypoints: t,x,y,z[,qx,qy,qz,qw] (.csv)")
     parser.add_argument(
-        "--limit", type=float, required=True, metavar="M", help="height of the liquid [m]"
+        "--limit", type=HEIGHT, required=True, metavar="M", help="height of the liquid [m]"
     )
     parser.add_argument(
-        "--residual", type=float, metavar="M",
-        help="height after the motion's end [m] (default: as --limit)",
+        "--residual", type=HEIGHT, metavar="M",
+        help="height after the motion's end [m] (default: half of --limit)",
     )  # fmt: skip
     parser.add_argument(
         "--max-acceleration",
-        type=float,
+        type=quantities.ACCELERATION,
         default=ACCELERATION,
         metavar="A",
         help="[m/s²] (default: %(default)g)",
     )
     parser.add_argument(
-        "--max-jerk", type=float, default=JERK, metavar="J", help="[m/s³] (default: %(default)g)"
+        "--max-jerk",
+        type=quantities.JERK,
+        default=JERK,
+        metavar="J",
+        help="[m/s³] (default: %(default)g)",
     )
     parser.add_argument(
-        "--max-tilt", type=float, default=0.0, metavar="DEG",
+        "--max-tilt", type=angle(), default=0.0, metavar="DEG",
         help="of the container from upright [deg] (default: 0, it keeps its attitude)",
     )  # fmt: skip
     parser.add_argument(
@@ -70,24 +80,24 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="R", help="[deg/s²] (default: %(default)g)",
     )  # fmt: skip
     parser.add_argument(
-        "--margin", type=float, default=0.0, metavar="M",
+        "--margin", type=HEIGHT, default=0.0, metavar="M",
         help="by which the heights stay below their limits [m] (default: 0)",
     )  # fmt: skip
     parser.add_argument(
-        "--sigma", type=float, metavar="M",
+        "--sigma", type=ERROR, metavar="M",
         help="the model's mean absolute error, as slosh replay tells it [m]: the interval's upper "
         "end keeps the limits",
     )  # fmt: skip
     parser.add_argument(
-        "--epsilon", type=float, metavar="E",
+        "--epsilon", type=FRACTION, metavar="E",
         help="the same with its relative error of the maximum, as a fraction",
     )  # fmt: skip
     parser.add_argument(
-        "--error", type=Path, nargs="+", metavar="RESULT.json",
+        "--error", type=Path, nargs="+", action="extend", metavar="RESULT.json",
         help="both from results of slosh replay -o, demo or cell; the largest count",
     )  # fmt: skip
     parser.add_argument(
-        "--time-limit", type=float, default=TIME_LIMIT, metavar="S",
+        "--time-limit", type=time(3600.0), default=TIME_LIMIT, metavar="S",
         help=f"after which the search ends with what it has [s] (default: {TIME_LIMIT:g})",
     )  # fmt: skip
     parser.add_argument("-o", "--output", type=Path, required=True, help="motion table (.csv)")
@@ -121,7 +131,14 @@ def run(arguments: argparse.Namespace) -> int:
         print(plain_line(f"slosh plan: {arguments.path}: {error}"), file=sys.stderr)
         return EXIT_NONE
     write_results(arguments, model, answer, waypoints)
-    text = json.dumps(facts(answer)) if arguments.json else summary(answer, arguments.output)
+    borne = frequency_tolerance(
+        tilting(model, limits), answer.found.motion, answer.limits, waypoints.attitude
+    )
+    text = (
+        json.dumps(facts(answer, borne))
+        if arguments.json
+        else summary(answer, arguments.output, borne)
+    )
     print(text)
     return tell.exit_code
 
@@ -131,7 +148,7 @@ def plan_limits(arguments: argparse.Namespace) -> PlanLimits:
     tilts = arguments.max_tilt, arguments.max_tilt_rate, arguments.max_tilt_acceleration
     return PlanLimits(
         arguments.limit,
-        arguments.limit if arguments.residual is None else arguments.residual,
+        RESIDUAL * arguments.limit if arguments.residual is None else arguments.residual,
         arguments.max_acceleration,
         arguments.max_jerk,
         *(math.radians(tilt) for tilt in tilts),
@@ -167,7 +184,7 @@ def write_results(
         write_plan_table(arguments.output, answer.found.motion, waypoints.attitude)
 
 
-def facts(answer: Plan) -> dict[str, object]:
+def facts(answer: Plan, borne: Tolerance) -> dict[str, object]:
     """The plan for a program; SI units."""
     found, scaled = answer.found, answer.scaled
     return {
@@ -191,6 +208,9 @@ def facts(answer: Plan) -> dict[str, object]:
         "upper": answer.upper and answer.upper[0],
         "residual_upper": answer.upper and answer.upper[1],
         "scaled": {"law": scaled.law, "duration": scaled.found.motion.duration},
+        "frequency_tolerance": borne.error,
+        "peak_at_one_percent": borne.peak,
+        "residual_at_one_percent": borne.residual,
         "length": answer.path.length,
         "stops": len(answer.path.legs) - 1,
         "departure": answer.path.departure,
@@ -198,7 +218,7 @@ def facts(answer: Plan) -> dict[str, object]:
     }
 
 
-def summary(answer: Plan, output: Path) -> str:
+def summary(answer: Plan, output: Path, borne: Tolerance) -> str:
     """The plan in some lines."""
     found, limits = answer.found, answer.limits
     duration = found.motion.duration
@@ -213,6 +233,7 @@ def summary(answer: Plan, output: Path) -> str:
         f"{1e3 * found.residual:.2f} of {1e3 * limits.residual:g} mm, margin "
         + (f"{1e3 * answer.margin:g} mm" if answer.margin else "none"),
         interval(answer),
+        tolerance(borne),
         f"acceleration {found.acceleration:.2f} of {limits.acceleration:g} m/s², "
         f"jerk {found.jerk:.1f} of {limits.jerk:g} m/s³",
         *tilted(answer),
@@ -258,6 +279,18 @@ def interval(answer: Plan) -> str:
         f"with the covariance of the model's parameters up to {1e3 * peak:.2f} mm, after the end "
         f"{1e3 * residual:.2f} mm (95 %): {kept}"
     )
+
+
+def tolerance(borne: Tolerance) -> str:
+    """How small an error of the frequency breaks the plan."""
+    usual = f"with a frequency {100.0 * USUAL:g} % off up to {1e3 * borne.peak:.2f} mm"
+    after = f"after the end {1e3 * borne.residual:.2f} mm"
+    if borne.error == 0.0:
+        said = f"an error of {100.0 * ERRORS[0]:g} % already exceeds a limit"
+    else:
+        said = f"the limits hold for errors of up to {100.0 * borne.error:g} %"
+    advice = "" if borne.error >= USUAL else "; --margin or --sigma keep room for it"
+    return f"{usual}, {after}: {said}{advice}"
 
 
 def _stops(count: int) -> str:

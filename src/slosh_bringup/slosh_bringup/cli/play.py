@@ -10,6 +10,7 @@ from typing import Any
 from slosh_bag.playing.play_plan import PlayRequest, make_plan
 from slosh_bag.playing.playback import PlaybackSettings
 from slosh_bringup.cli.progress import SECONDS, Progress
+from slosh_bringup.cli.quantities import RATE, time
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.stop_request import READER_GONE, forget_readers
 
@@ -19,10 +20,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("bag", type=Path, metavar="BAG", help="bag, or MCAP file")
     parser.add_argument("--rate", type=float, default=1.0, metavar="R", help="0.01 to 1000")
     parser.add_argument(
-        "--start", type=float, default=0.0, metavar="S", help="from the bag's beginning [s]"
+        "--start", type=time(), default=0.0, metavar="S", help="from the bag's beginning [s]"
     )
     parser.add_argument(
-        "--duration", type=float, default=0.0, metavar="S", help="how much of it [s]"
+        "--duration", type=time(), default=0.0, metavar="S", help="how much of it [s]"
     )
     parser.add_argument("--loop", action="store_true", help="begin anew at the end, until Ctrl-C")
     parser.add_argument("--topics", default=".*", metavar="REGEX", help="only these")
@@ -33,7 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "camera/..., planned_trajectory",
     )  # fmt: skip
     parser.add_argument(
-        "--clock", type=float, default=0.0, metavar="HZ",
+        "--clock", type=RATE, default=0.0, metavar="HZ",
         help="/clock messages per second (default: with the messages, 100 in pauses)",
     )  # fmt: skip
     parser.add_argument(
@@ -44,7 +45,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="start once so many have subscribed (default: any)",
     )  # fmt: skip
     parser.add_argument(
-        "--wait", type=float, default=10.0, metavar="S", help="start anyway after so long (10 s)"
+        "--wait",
+        type=time(3600.0),
+        default=10.0,
+        metavar="S",
+        help="start anyway after so long (10 s)",
     )
 
 

@@ -6,12 +6,14 @@ import argparse
 import csv
 import json
 import math
+import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 from slosh_bag.trajectory_table import read_joint_trajectory, read_trajectory
 from slosh_bringup.cli.progress import share_bar
+from slosh_bringup.cli.quantities import ERROR, FRACTION, HEIGHT, time
 from slosh_bringup.cli.table_options import add_table_options, table_options
 from slosh_bringup.cli.teller import Teller
 from slosh_bringup.errors import SloshBringupError
@@ -19,6 +21,7 @@ from slosh_estimator.robot_file import read_arm
 from slosh_files import check_apart, new_text
 from slosh_files.plain_text import plain_line
 from slosh_model.model_file import read_model
+from slosh_model.tilt import added_text
 from slosh_plan import (
     HeightLimits,
     ModelError,
@@ -62,18 +65,23 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "trajectories", type=Path, nargs="+", metavar="TRAJECTORY",
         help="motion table t,ax,ay,az[,...], or poses t,x,y,z[,qx,qy,qz,qw] (.csv, .csv.gz)",
     )  # fmt: skip
-    for name, unit, text in (
-        ("limit", "M", "greatest height above the still level [m]"),
-        ("residual", "M", "greatest height after the motion's end [m]"),
-        ("horizon", "S", "how long after the end [s] (default: three periods of the liquid)"),
+    for name, kind, unit, text in (
+        ("limit", HEIGHT, "M", "greatest height above the still level [m]"),
+        ("residual", HEIGHT, "M", "greatest height after the motion's end [m]"),
+        (
+            "horizon",
+            time(600.0),
+            "S",
+            "how long after the end [s] (default: three periods of the liquid)",
+        ),
     ):
-        parser.add_argument(f"--{name}", type=float, metavar=unit, help=text)
+        parser.add_argument(f"--{name}", type=kind, metavar=unit, help=text)
     parser.add_argument(
-        "--sigma", type=float, default=0.0, metavar="M",
+        "--sigma", type=ERROR, default=0.0, metavar="M",
         help="the model's mean absolute error, as slosh replay tells it [m]",
     )  # fmt: skip
     parser.add_argument(
-        "--epsilon", type=float, default=0.0, metavar="E",
+        "--epsilon", type=FRACTION, default=0.0, metavar="E",
         help="the model's relative error of the maximum, as a fraction",
     )  # fmt: skip
     parser.add_argument(
@@ -101,6 +109,9 @@ def run(arguments: argparse.Namespace) -> int:
     tell = Teller("predict")
     for motion in motions:
         tell.warn(motion.name, trajectory_doubts(motion))
+        added = added_text(model, motion.attitude)
+        if added:
+            print(plain_line(f"slosh predict: note: {motion.name}: {added}"), file=sys.stderr)
     found = predict(model, motions, limits=limits, horizon=arguments.horizon, error=error)
     scales: list[SafeScales | None] = [None] * len(motions)
     # Of a motion that stays below the rim nobody asked how fast it may be.

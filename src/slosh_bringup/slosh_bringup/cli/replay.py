@@ -12,6 +12,7 @@ from typing import Any
 
 from slosh_bag.manifest import Expectation, write_manifest
 from slosh_bag.mcap_files.bag_folder import files_of
+from slosh_bringup.cli.parser import old_name
 from slosh_bringup.cli.progress import item_progress
 from slosh_bringup.many_files import Outcome, map_files
 from slosh_bringup.replay.index import check_index, write_index
@@ -45,9 +46,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="bag, or folder of bags; with a manifest.yaml in it, those that it names",
     )  # fmt: skip
     parser.add_argument("--model", type=Path, help="model.yaml; without it the recorded model")
-    parser.add_argument(
-        "--cell", metavar="NAMESPACE", help="which cell of a bag that holds several, e.g. /slosh"
-    )
+    cell = parser.add_argument(
+        "--namespace", dest="cell", metavar="NAMESPACE",
+        help="which cell of a bag that holds several, e.g. /slosh",
+    )  # fmt: skip
+    old_name(parser, cell, "--cell")
     parser.add_argument(
         "-o", "--output", type=Path,
         help="gets a page, the figures and a bag of outputs per bag, and index.html over all",

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from slosh_bag.motion_table import read_motion_table
 from slosh_bag.text_table.time_unit import check_span
+from slosh_bringup.cli.quantities import HEIGHT
 from slosh_bringup.cli.table_options import add_table_options, table_options
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.simulate.answer import Answer, make_answer
@@ -20,6 +21,7 @@ from slosh_model.gaps import gap_text
 from slosh_model.measure import predicted_heights
 from slosh_model.model_file import read_model
 from slosh_model.simulate import simulate
+from slosh_model.tilt import added_text, feeling
 from slosh_plan import HeightLimits
 from slosh_report.table_checks import InputDoubt
 
@@ -53,7 +55,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="table of heights [m, rad]: .csv, .csv.gz, .parquet, or - for standard output",
     )  # fmt: skip
     parser.add_argument(
-        "--limit", type=float, metavar="M", help="greatest height above the still level [m]"
+        "--limit", type=HEIGHT, metavar="M", help="greatest height above the still level [m]"
     )
     parser.add_argument("--plot", type=Path, metavar="OUT.png", help="picture (.png, .svg)")
     parser.add_argument("--json", action="store_true", help="print the answer as JSON")
@@ -74,6 +76,10 @@ def run(arguments: argparse.Namespace) -> int:
     check_span(arguments.motion, motion.t)
     check_possible(arguments.motion, motion)
     inputs = motion.inputs()
+    added = added_text(model, inputs.attitude)
+    if added:
+        print(plain_line(f"slosh simulate: note: {arguments.motion}: {added}"), file=sys.stderr)
+    model = feeling(model, inputs.attitude)
     response, _ = simulate(model, inputs)
     msh = predicted_heights(model, inputs, inputs.t)[:, 0]
     gaps = gap_text(motion.t, model)

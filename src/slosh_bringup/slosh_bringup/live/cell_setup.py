@@ -10,6 +10,7 @@ from typing import Any
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.processes import NodeProcess, config_folder
 from slosh_files.errors import SloshFileError
+from slosh_files.nearest import did_you_mean
 from slosh_files.yaml_document import YamlDocument, read_yaml, shown
 from slosh_msgs_py import topics
 
@@ -84,6 +85,7 @@ def read_setup(path: Path) -> CellSetup:
         if key not in known:
             raise SloshBringupError(
                 f"{source.where(key)}: unknown key {shown(key)} (known: {', '.join(known)})"
+                f"{did_you_mean(key, known)}"
             )
     default = default_setup()
     namespace = read_namespace(source, document.get("namespace", NAMESPACE))
@@ -152,5 +154,6 @@ def read_remap(source: YamlDocument, namespace: str, value: Any) -> dict[str, st
             place = source.where("remap", name)
             raise SloshBringupError(
                 f"{place}: remap: no such topic: {shown(name)} (known: {known})"
+                f"{did_you_mean(relative, REMAPPABLE)}"
             )
     return dict(value)

@@ -42,7 +42,7 @@ def _calibrate(cup: NewCup, lens: str) -> str:
     if not cup.is_round:
         length = f"--length {cup.lengths['width']:g}"
         return f"slosh calibrate STILL --scale U1 V1 U2 V2 {length} {heights}"
-    wall = "" if cup.wall is None else f" --wall-thickness {cup.wall:g}"
+    wall = "" if cup.wall is None else f" --wall {cup.wall:g}"
     radius = f"--radius {cup.lengths['radius']:g}"
     return f"slosh calibrate STILL --camera {lens} {radius} {heights}{wall}"
 

@@ -74,6 +74,6 @@ def _of_folder(folder: Path, output: Path | None) -> list[StatedBag]:
         bag_files(folder)  # says what is there instead
     keys = {bag.relative_to(folder).as_posix(): bag for bag in sorted(bags)}
     return [
-        StatedBag(bag, manifest, key, stated.get(key), bool(stated) and key not in stated)
+        StatedBag(bag, manifest, key, stated.get(key), manifest.is_file() and key not in stated)
         for key, bag in keys.items()
     ]

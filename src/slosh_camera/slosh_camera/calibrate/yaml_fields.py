@@ -9,6 +9,7 @@ from typing import Any
 
 from slosh_camera.errors import SloshCameraError
 from slosh_files.errors import TextFileError, YamlError
+from slosh_files.nearest import did_you_mean
 from slosh_files.text_file import read_text
 from slosh_files.yaml_document import LONGEST, YamlDocument, parse_yaml, shown
 
@@ -64,7 +65,10 @@ def check_keys(
     for key in block:
         if key not in required and key not in optional:
             known = ", ".join((*required, *optional))
-            raise SloshCameraError(f"{place(source, prefix, key)}: unknown key, known are {known}")
+            meant = did_you_mean(key, (*required, *optional))
+            raise SloshCameraError(
+                f"{place(source, prefix, key)}: unknown key, known are {known}{meant}"
+            )
     for key in required:
         if key not in block:
             raise SloshCameraError(f"{place(source, prefix, key)}: is missing")

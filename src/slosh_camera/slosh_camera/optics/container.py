@@ -9,6 +9,8 @@ import numpy as np
 
 from slosh_camera.errors import SloshCameraError
 
+LARGEST = 10.0
+"""Dimension of a container [m]; a larger one is a unit mistaken for another."""
 WALL = ("wall_thickness", "wall_refractive_index", "rim_height")
 """Fields that say what the wall is like; all others of a container are lengths inside it."""
 
@@ -39,6 +41,11 @@ class Container:
             value = getattr(self, name)
             if value is not None and not (np.isfinite(value) and value > 0.0):
                 raise SloshCameraError(f"{name}: {value} m, must be positive")
+            if value is not None and value > LARGEST:
+                meant = f"did you mean {value:g} mm, {1e-3 * value:g}?"
+                raise SloshCameraError(
+                    f"{name}: {value:g} m, must be at most {LARGEST:g}; {meant}"
+                )
         if not (np.isfinite(self.wall_thickness) and self.wall_thickness >= 0.0):
             raise SloshCameraError(f"wall_thickness: {self.wall_thickness} m, must be >= 0")
         if not (np.isfinite(self.wall_refractive_index) and self.wall_refractive_index >= 1.0):

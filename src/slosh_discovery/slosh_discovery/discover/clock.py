@@ -21,7 +21,6 @@ CLEARLY = 0.9
 """A better one lowers the sum of squares at least to this share."""
 OVERLAP = 0.6
 """Share of the shorter series that lies over the other at every offset that is tried."""
-TILT = "gravity_tilt"
 
 
 def first_offset(one: PreparedMotion, base: Model) -> float:
@@ -34,7 +33,7 @@ def first_offset(one: PreparedMotion, base: Model) -> float:
     if one.motion.same_clock:
         return 0.0
     full = base.spatial().nonlinear()
-    full = full if full.has(TILT) or one.azimuths is not None else full.with_effect(TILT)
+    full = full if one.azimuths is not None else full.feeling_gravity()
     answer = one.simulate(full) or one.simulate(base)
     if answer is None:
         return float(one.t[0] - one.fine.t[0])

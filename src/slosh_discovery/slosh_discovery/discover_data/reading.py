@@ -74,7 +74,7 @@ def read_motions(
         SloshBagError, SloshDiscoveryError: one line that says what is wrong and where.
     """
     return [
-        motion for item in _sources(Path(path)) for motion, _ in _read(item, model, tell, tables)
+        motion for item in files_at(Path(path)) for motion, _ in _read(item, model, tell, tables)
     ]
 
 
@@ -99,12 +99,12 @@ def day_motions(
     Motions of which no comparison was recorded come last, in the order of the recording.
     """
     found = [
-        DayMotion(*pair) for item in _sources(path) for pair in _read(item, model, tell, tables)
+        DayMotion(*pair) for item in files_at(path) for pair in _read(item, model, tell, tables)
     ]
     return sorted(found, key=lambda entry: -np.nan_to_num(entry.disagreement, nan=-1.0))
 
 
-def _sources(path: Path) -> list[Path]:
+def files_at(path: Path) -> list[Path]:
     """Tables and bags at a path.
 
     Raises:

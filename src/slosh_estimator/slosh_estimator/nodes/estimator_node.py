@@ -30,6 +30,7 @@ from slosh_estimator.validity import EstimateFlag, attitude_warning
 from slosh_model.arithmetic import arithmetic_fingerprint
 from slosh_model.compilation import load_telling
 from slosh_model.compile_cache import sources_digest
+from slosh_model.model import TILT, Model
 from slosh_model.model_file import read_model
 from slosh_model.model_text import format_model
 from slosh_msgs.msg import ExpectedReading, SloshEstimate
@@ -47,6 +48,7 @@ from slosh_msgs_py.stamps import to_nanoseconds
 PACKAGE = Path(__file__).parents[1]
 LATENCY_EVERY = 10
 """Messages per measured latency: enough for percentiles, and nothing to be felt."""
+ADDED = f"the effect {TILT} is added to the model: poses tell how the container tilts"
 _GATE = GateSettings()
 _dynamic = partial(ParameterSpec, read_only=False)
 PARAMETERS = (
@@ -130,7 +132,17 @@ class EstimatorNode(PreparedNode):
         load_telling(progress, "slosh_estimator.estimate_kernel")
         if self._kind == topics.POSE:
             load_telling(progress, "slosh_estimator.pose_input")
-        self._estimator = Estimator(self._model, at_rest=self._values["starts_at_rest"])
+        self._estimator = Estimator(
+            self._felt(self._model), at_rest=self._values["starts_at_rest"]
+        )
+
+    def _felt(self, model: Model) -> Model:
+        """The model that runs: poses tell the attitude, so that gravity is felt in it."""
+        felt = model.feeling_gravity() if self._kind == topics.POSE else model
+        self._added = "" if felt is model else ADDED
+        if self._added:
+            self.get_logger().info(self._added)
+        return felt
 
     def begin(self) -> None:
         """Listens from now on."""
@@ -207,14 +219,15 @@ class EstimatorNode(PreparedNode):
         self, request: LoadModel.Request, response: LoadModel.Response
     ) -> LoadModel.Response:
         try:
-            self._estimator.load_model(requested_model(request, self.get_logger().warning))
+            model = requested_model(request, self.get_logger().warning)
+            self._estimator.load_model(self._felt(model))
             self._announce_start()
         except ValueError as error:
             response.success, response.message = False, str(error)
         else:
             self._set_names()
             self._input.sampling.carry(modes_of(self._estimator.model))
-            remark = f"; {self._unfelt}" if self._unfelt else ""
+            remark = "".join(f"; {line}" for line in (self._unfelt, self._added) if line)
             response.success = True
             response.message = f"loaded; the models start from rest{remark}"
         response.models = ", ".join(self._estimator.names)

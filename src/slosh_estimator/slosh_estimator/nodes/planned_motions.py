@@ -14,6 +14,7 @@ from slosh_estimator.nodes.newest_estimate import NewestEstimate
 from slosh_estimator.nodes.trajectory_messages import trajectory_of_points
 from slosh_files.nanoseconds import SECOND
 from slosh_model.model import Model
+from slosh_model.tilt import added_text
 from slosh_msgs.msg import MotionPrediction, PredictionOutcome
 from slosh_msgs_py import conversions, qos, topics, values
 from slosh_msgs_py.node.diagnostics import WARN, Health
@@ -73,7 +74,14 @@ class PlannedMotions:
         return int(self._node.get_clock().now().nanoseconds)
 
     def _on_outcome(self, message: PredictionOutcome) -> None:
-        self._record = Record(message.count, message.sigma, message.epsilon)
+        record = Record(message.count, message.sigma, message.epsilon)
+        if not record.possible:
+            self._node.get_logger().warning(
+                f"a prediction_outcome with sigma {record.sigma:g} m and epsilon "
+                f"{record.epsilon:g} is not used: these cannot be"
+            )
+            return
+        self._record = record
 
     def _on_planned(self, data: bytes) -> None:
         self.count += 1
@@ -113,6 +121,8 @@ class PlannedMotions:
         )  # fmt: skip
         if delay < 0.0:
             whence += f"; by its stamp it began {-delay:.2f} s ago"
+        added = added_text(self._model, motion.attitude)
+        whence += f"; it {added}" if added else ""
         whence += "".join(f"; but {doubt}" for doubt in trajectory_doubts(motion))
         return self._value(found, now, start_ns, state is not None, whence)
 

@@ -22,6 +22,8 @@ def trajectory_of_points(points: Any, name: str) -> Trajectory:
     Raises:
         SloshEstimatorError, SloshPlanError: it cannot be one, or its fields contradict each other.
     """
+    if not len(points):
+        raise SloshEstimatorError(f"{name} is empty: a trajectory needs at least two points")
     t = times_of(points)
     placed = all(point.transforms for point in points)
     attitude = attitude_of(points) if placed else None

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import Enum
 
+from slosh_files.nearest import did_you_mean
 from slosh_model.compilation import compiled
 from slosh_model.errors import SloshModelError
 from slosh_model.modes import Mode
@@ -166,7 +167,9 @@ class Effect:
             if name not in names:
                 known = ", ".join(names) or "none"
                 raise SloshModelError(
-                    f"{owner}: unknown parameter {name!r:.60} (known: {known})", (name,)
+                    f"{owner}: unknown parameter {name!r:.60} (known: {known})"
+                    f"{did_you_mean(name, names)}",
+                    (name,),
                 )
         values: dict[str, float] = {}
         for parameter in self.parameters:

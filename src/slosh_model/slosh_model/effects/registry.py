@@ -7,6 +7,7 @@ import pkgutil
 from collections.abc import Mapping
 from types import MappingProxyType
 
+from slosh_files.nearest import did_you_mean
 from slosh_model import effects
 from slosh_model.effects.base import Effect
 from slosh_model.errors import SloshModelError
@@ -79,4 +80,7 @@ def find_effect(name: str) -> Effect:
         return EFFECTS[name]
     except (KeyError, TypeError):
         known = ", ".join(EFFECTS)
-        raise SloshModelError(f"unknown effect {name!r:.60} (known: {known})", ("name",)) from None
+        meant = did_you_mean(str(name), EFFECTS)
+        raise SloshModelError(
+            f"unknown effect {name!r:.60} (known: {known}){meant}", ("name",)
+        ) from None

@@ -33,8 +33,6 @@ TIME_LIMIT = 30.0
 """Of a search [s]."""
 UPRIGHT = 1e-3
 """Tilt of a container that counts as upright [rad]."""
-TILTED = "gravity_tilt"
-"""Effect without which a model does not know of tilts."""
 HOW_TO_GET = "CasADi is not installed (pip install -r requirements/plan.txt)"
 
 
@@ -109,8 +107,7 @@ def plan(
     kept = limits.lowered(margin)
     nominal = _nominal(kept, error)
     yaw = upright_yaw(attitude)
-    if limits.tilt > 0.0 and not model.has(TILTED):
-        model = model.with_effect(TILTED)
+    model = tilting(model, limits)
     check = Checker(model, attitude, error)
     watch.enter("known laws")
     scaled = best_scaled(check, path, kept, watch)
@@ -129,6 +126,11 @@ def plan(
     method = scaled.law if best is scaled.found else "optimal"
     upper = (best.upper, best.residual_upper) if error else _upper(model, best.motion, attitude)
     return Plan(best, limits, margin, error, method, reason, upper, scaled, path, watch.elapsed)
+
+
+def tilting(model: Model, limits: PlanLimits) -> Model:
+    """The model as it plans: it feels gravity where the container may tilt."""
+    return model.feeling_gravity() if limits.tilt > 0.0 else model
 
 
 def _nominal(limits: PlanLimits, error: ModelError | None) -> PlanLimits:

@@ -1,0 +1,116 @@
+"""Values of options that have a unit: `0.01`, `10mm`, `1e-2 m`, `5deg`, `300ms`."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+_VALUE = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(\S*)\s*")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Quantity:
+    """A type of argparse: a number, in a unit of its own or in the option's.
+
+    Attributes:
+        unit: of a bare number, and of what is returned.
+        units: units that may follow the number, in the option's unit.
+        mistaken: the unit in which people give such values by mistake.
+        least, most: between which a bare number can be meant in the option's unit; what is
+            outside, and inside in the unit `mistaken`, is asked back.
+    """
+
+    unit: str
+    units: Mapping[str, float]
+    mistaken: str = ""
+    least: float = -math.inf
+    most: float = math.inf
+
+    def __call__(self, text: str) -> float:
+        """The value in the option's unit.
+
+        Raises:
+            argparse.ArgumentTypeError: no number, an unknown unit, or a bare number that cannot
+                be meant in the option's unit.
+        """
+        match = _VALUE.fullmatch(text)
+        if match is None:
+            return self._special(text)
+        value, unit = float(match[1]), match[2]
+        if not unit:
+            self._check(value)
+            return value
+        factor = self.units.get(unit)
+        if factor is None:
+            known = ", ".join(self.units)
+            raise argparse.ArgumentTypeError(f"{text!r:.60}: unknown unit {unit!r:.20} ({known})")
+        # 10mm is 0.01, to the last digit, where 10 * 0.001 may not be.
+        return value / round(1.0 / factor) if _whole(1.0 / factor) else value * factor
+
+    def _special(self, text: str) -> float:
+        """Infinity and NaN, of which the command itself speaks."""
+        try:
+            value = float(text)
+        except ValueError:
+            value = 0.0
+        if math.isfinite(value):
+            raise argparse.ArgumentTypeError(
+                f"{text!r:.60} is not a number with or without a unit ({', '.join(self.units)})"
+            )
+        return value
+
+    def _check(self, value: float) -> None:
+        if self.least <= value <= self.most:
+            return
+        unit = self.mistaken
+        meant = value * self.units.get(unit, math.nan)
+        if self.least <= meant <= self.most:
+            told = f"{value:g} {self.unit}".rstrip()
+            raise argparse.ArgumentTypeError(
+                f"{told} is out of range; did you mean {value:g} {unit}, {meant:.4g}?"
+            )
+
+
+def _whole(number: float) -> bool:
+    return number > 1.0 and abs(number - round(number)) < 1e-9 * number
+
+
+LENGTHS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "um": 1e-6, "µm": 1e-6}
+TIMES = {"ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9, "s": 1.0, "min": 60.0, "h": 3600.0}
+_DEGREE = 180.0 / math.pi
+ANGLES = {"rad": _DEGREE, "mrad": 1e-3 * _DEGREE, "deg": 1.0, "°": 1.0}
+_G = 9.80665
+
+
+def length(most: float = math.inf) -> Quantity:
+    """A type for lengths [m]; more than `most` is a unit mistaken for another."""
+    return Quantity("m", LENGTHS, "mm", most=most)
+
+
+def time(most: float = math.inf) -> Quantity:
+    """A type for times [s]; more than `most` is a unit mistaken for another."""
+    return Quantity("s", TIMES, "ms", most=most)
+
+
+def angle(least: float = -math.inf, most: float = math.inf) -> Quantity:
+    """A type for angles [deg]; one outside is a unit mistaken for another."""
+    return Quantity("deg", ANGLES, "rad", least, most)
+
+
+HEIGHT = length(1.0)
+"""Of the liquid, as slosh_plan.limits.HIGHEST."""
+ERROR = length(0.2)
+"""Of a height that a model or a person tells."""
+FRACTION = Quantity("", {"%": 1e-2}, "%", most=1.0)
+PERCENT = Quantity("%", {"%": 1.0})
+RATE = Quantity("Hz", {"Hz": 1.0, "kHz": 1e3, "/s": 1.0})
+SPEED = Quantity("/min", {"/min": 1.0, "1/min": 1.0, "rpm": 1.0, "Hz": 60.0})
+ACCELERATION = Quantity("m/s2", {"mm/s2": 1e-3, "mm/s²": 1e-3, "m/s2": 1.0, "m/s²": 1.0, "g": _G})
+JERK = Quantity("m/s3", {"mm/s3": 1e-3, "mm/s³": 1e-3, "m/s3": 1.0, "m/s³": 1.0})
+DENSITY = Quantity("kg/m3", {"kg/m3": 1.0, "kg/m³": 1.0, "g/cm3": 1e3, "g/cm³": 1e3})
+VISCOSITY = Quantity("m2/s",
+    {"mm2/s": 1e-6, "mm²/s": 1e-6, "cSt": 1e-6, "cm2/s": 1e-4, "m2/s": 1.0, "m²/s": 1.0},
+)  # fmt: skip

@@ -1,0 +1,29 @@
+"""The known name that is most like a mistyped one."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+
+_LONGEST = 200
+"""Characters of a name that is looked up: comparing longer ones takes time for nothing."""
+
+
+def nearest(name: str, known: Iterable[str]) -> str | None:
+    """The known name that is most like `name`; None: none is like it.
+
+    Upper and lower case, `-` and `_` count as the same.
+    """
+    plain = {_plain(one): one for one in known}
+    found = difflib.get_close_matches(_plain(name)[:_LONGEST], plain, 1)
+    return plain[found[0]] if found else None
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """`; did you mean NAME?` for the end of a refusal; empty: no known name is like it."""
+    found = nearest(name, known)
+    return "" if found is None else f"; did you mean {found}?"
+
+
+def _plain(name: str) -> str:
+    return name.lower().replace("-", "_")

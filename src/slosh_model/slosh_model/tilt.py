@@ -1,0 +1,58 @@
+"""Whether the attitude of a motion tilts its container, and whether a model feels that."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_model.model import TILT, Model
+
+Array = NDArray[np.float64]
+
+FELT = math.radians(0.5)
+"""A motion that tilts by more than this [rad] is not answered without gravity's share."""
+
+
+def largest_tilt(attitude: Array | None) -> float:
+    """Largest angle between the container's z axis and the vertical [rad]; 0 without attitudes.
+
+    Args:
+        attitude: (N, 4) quaternion x, y, z, w, world ← container, of any length but zero.
+    """
+    if attitude is None or len(attitude) == 0:
+        return 0.0
+    x, y, z, w = np.asarray(attitude, dtype=np.float64).T
+    # Of the half angle: exact for small tilts, where a cosine is not.
+    return float(np.max(2.0 * np.arctan2(np.hypot(x, y), np.hypot(z, w))))
+
+
+def unfelt_tilt(model: Model, attitude: Array | None) -> float:
+    """Largest tilt of a motion that a model does not feel [rad]; 0: it feels it, or none is."""
+    tilt = 0.0 if model.has(TILT) else largest_tilt(attitude)
+    return tilt if tilt > FELT else 0.0
+
+
+def feeling(model: Model, attitude: Array | None) -> Model:
+    """The model that answers a motion: it feels gravity where the motion tilts the container."""
+    return model.feeling_gravity() if unfelt_tilt(model, attitude) else model
+
+
+def added_text(model: Model, attitude: Array | None) -> str:
+    """What `feeling` did, in one line; empty: nothing."""
+    tilt = unfelt_tilt(model, attitude)
+    if not tilt:
+        return ""
+    return f"tilts by up to {math.degrees(tilt):.1f} deg: the effect {TILT} is added to the model"
+
+
+def ignored_text(model: Model, attitude: Array | None) -> str:
+    """What is wrong where the model is used as it is, in one line; empty: nothing."""
+    tilt = unfelt_tilt(model, attitude)
+    if not tilt:
+        return ""
+    return (
+        f"the container tilts by up to {math.degrees(tilt):.1f} deg, and the model lacks {TILT}: "
+        "it does not feel gravity along the tilted floor; add the effect to model.yaml"
+    )
