@@ -27,6 +27,7 @@ from slosh_camera.cylinder.surface_evidence import USUAL_FADE, FadeShare, Surfac
 from slosh_camera.cylinder.surface_fit import SurfaceFitter
 from slosh_camera.cylinder.surface_flags import surface_flags
 from slosh_camera.cylinder.surface_memory import SurfaceMemory
+from slosh_camera.cylinder.surface_prior import Prior
 from slosh_camera.cylinder.surface_reading import SurfaceReading
 from slosh_camera.cylinder.wall_geometry import WallGeometry
 from slosh_camera.cylinder.wall_pixels import WallPixels
@@ -58,6 +59,7 @@ class _Found:
 
     view: Unrolled
     fit: SurfaceFit
+    prior: Prior
     flags: Flag
 
 
@@ -211,20 +213,24 @@ class FreeSurfaceDetector:
         if float(np.max(np.abs(found.fit.by_fade))) < _NO_FADE:
             return found, fade
         if fade != USUAL_FADE:
-            fit = self._fitter.again(found.view, found.fit, self._lesson.comparison.prior, fade)
+            fit = self._fitter.again(found.view, found.fit, found.prior, fade)
             found = replace(found, fit=fit)
         return found, found.fit.fade
 
     def _found(self, choice: Choice) -> _Found:
         """The chosen surface with its flags; NOT_FOUND where the picture shows another one."""
         view, fit = choice.candidate.view, choice.candidate.fit
+        prior = self._lesson.comparison.prior_of(choice.candidate)
         if choice.believed:
             flags = surface_flags(self._wall, view, fit)
+            if self._lesson.comparison.level_has_changed(choice.candidate):
+                flags |= Flag.LEVEL_CHANGED
             # Of a surface that is cut off a bound alone is told.
             sure = (self._lesson.sure and not choice.doubtful) or Flag.SATURATED in flags
-            return _Found(view, fit, flags if sure else flags | Flag.AMBIGUOUS)
+            return _Found(view, fit, prior, flags if sure else flags | Flag.AMBIGUOUS)
         covered = self._wall.covered_border(view.picture)
-        return _Found(view, fit, Flag.NOT_FOUND | (Flag.SATURATED if covered else Flag.NONE))
+        flags = Flag.NOT_FOUND | (Flag.SATURATED if covered else Flag.NONE)
+        return _Found(view, fit, prior, flags)
 
     def _unrolled(self, image: Image) -> Image:
         self._view.camera.check(image)
@@ -272,6 +278,7 @@ class FreeSurfaceDetector:
             if fitted.height - seen.height > _HIGHER:
                 flags |= Flag.OCCLUDED
         left, right = (reading.at(azimuth) for azimuth in self._tangents)
+        level = reading.level() if Flag.LEVEL_CHANGED in flags else (float("nan"), float("nan"))
         return Measurement(
             stamp_ns=stamp_ns,
             msh=highest.height,
@@ -289,6 +296,8 @@ class FreeSurfaceDetector:
             edge_pixels=self._pixels(found, reading),
             peak_pixel=self._wall_pixels(highest.azimuth, highest.height + self._lesson.zero[0]),
             peak_side=self._side(fitted.azimuth),
+            level_change=level[0],
+            level_change_stddev=level[1],
             flags=flags,
         )
 
