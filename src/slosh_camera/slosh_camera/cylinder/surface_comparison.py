@@ -37,6 +37,9 @@ _FAR_MORE = 1.3
 # A front line leaves no choice where its surface agrees with the image at most so much worse than
 # the surface at rest does with the still image; and no surface that agrees so much worse is sure.
 _WORSE, _FAR_WORSE = 0.4, 0.5
+# How plausible a changed level must be where there is no still image to tell what is usual: a dark
+# thing behind an empty container reaches 0.3.
+_LEVEL_BELIEVED = 0.4
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -115,6 +118,7 @@ class SurfaceComparison:
         self._chooser, self.prior = chooser, prior
         self._changed = prior.at_rest_on_changed_level(), prior.of_changed_level()
         self._footprint, self._at_rest = footprint, at_rest
+        self._least = at_rest - _WORSE if np.isfinite(at_rest) else _LEVEL_BELIEVED
 
     def sighting(self, seen: tuple[tuple[Unrolled, WallPoints], ...]) -> Sighting:
         """The candidates of an image: one where its front line leaves no choice."""
@@ -174,6 +178,7 @@ class SurfaceComparison:
             for view, points in seen
             for prior in self._changed
             for found in self._chooser.fit_levels(view, points, prior)
+            if found[1] >= self._least
         ]
         return (*usual, *changed)
 
