@@ -1,5 +1,6 @@
 """A cup that was filled up or drunk from since the still image: right heights, and a flag."""
 
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -86,13 +87,30 @@ def test_a_cup_is_filled_up_before_the_camera(learnt):
     scene, detector = learnt("pitched")
     heights, flags = [], []
     for index, level in enumerate((0.0, 0.0, 3.0, 3.0, 3.0, 0.0)):
-        found = detector.update(index * FRAME, scene.draw(level=level * MM))
+        image = replace(scene, seed=index).draw(level=level * MM)
+        found = detector.update(index * FRAME, image)
         heights.append(found.msh)
         flags.append(found.flags)
     np.testing.assert_allclose(heights, np.array([0.0, 0.0, 3.0, 3.0, 3.0, 0.0]) * MM, atol=3e-4)
     changed = [Flag.LEVEL_CHANGED in flag for flag in flags]
     assert changed == [False, False, True, True, True, False]
     assert flags[0] == flags[-1] == Flag.NONE
+
+
+def test_an_old_image_with_fresh_noise_is_doubted(learnt):
+    """No repeat by its pixels; but its crest would have swung twice meanwhile."""
+    scene, detector = learnt("pitched")
+    old = scene.draw(12.0 * MM, 0.5)
+    rng = np.random.default_rng(8)
+    noisy = (np.clip(old + rng.normal(0.0, 2.0, old.shape), 0, 255) for _ in range(60))
+    found = [
+        detector.update((1000 + index) * FRAME, image.astype(np.uint8))
+        for index, image in enumerate(noisy)
+    ]
+    told = [Flag.AMBIGUOUS in one.flags for one in found]
+    assert not any(told[:30])
+    assert all(told[45:])
+    assert Flag.AMBIGUOUS not in detector.update(1060 * FRAME, scene.draw(9.0 * MM, 0.5)).flags
 
 
 def test_a_change_is_less_likely_than_an_error_where_it_is_small():

@@ -128,7 +128,7 @@ class FreeSurfaceDetector:
     def update(self, stamp_ns: int, image: Image) -> Measurement:
         """Measure the next image of a stream, with what the images before tell of it.
 
-        One that repeats the image before is flagged FROZEN. Args and errors are those of
+        One that repeats an image before is flagged FROZEN. Args and errors are those of
         `measure`.
         """
         measurement = self.follow(stamp_ns, self.look(image))
@@ -200,6 +200,8 @@ class FreeSurfaceDetector:
                 stamp_ns, self._lesson.comparison.first(found.fit), fade,
                 decided=choice.decided, jumped=choice.jumped,
             )  # fmt: skip
+            if self._memory.crest_stands:
+                found = replace(found, flags=found.flags | Flag.AMBIGUOUS)
         return self._measurement(stamp_ns, found)
 
     def _know(self, lesson: StillLesson) -> None:
