@@ -24,7 +24,7 @@ class NothingElse:
     def fit_near(self, view, points, prior, start):
         return []
 
-    def fit_levels(self, view, points, prior):
+    def fit_levels(self, view, points, at_rest, moving):
         return []
 
     def surprise(self, heights, prior):

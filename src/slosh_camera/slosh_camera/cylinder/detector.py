@@ -132,7 +132,7 @@ class FreeSurfaceDetector:
         `measure`.
         """
         measurement = self.follow(stamp_ns, self.look(image))
-        repeated = self._repeats.is_repeat(image)
+        repeated = self._repeats.is_repeat(image, stamp_ns)
         return measurement.flagged(Flag.FROZEN) if repeated else measurement
 
     def measure(self, stamp_ns: int, image: Image) -> Measurement:

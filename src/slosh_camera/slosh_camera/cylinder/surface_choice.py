@@ -126,19 +126,26 @@ class SurfaceChooser:
         return found
 
     def fit_levels(
-        self, view: Unrolled, points: WallPoints, prior: Prior
-    ) -> list[tuple[SurfaceFit, float]]:
-        """Fit liquid at rest at another level: the one that agrees best with the picture.
+        self, view: Unrolled, points: WallPoints, at_rest: Prior, moving: Prior
+    ) -> list[tuple[Prior, SurfaceFit, float]]:
+        """Fit liquid of another level, from the level that agrees best with the picture.
 
         Args:
             view: the picture.
             points: of the front line.
-            prior: of the heights of liquid of changed level.
+            at_rest, moving: priors of the heights of liquid of changed level.
 
         Returns:
-            The fits, and how plausible each is, as `fit_several` has them.
+            The fits with their priors, and how plausible each is, as `fit_several` has them.
         """
-        return self.fit_near(view, points, prior, self._best_level(view, prior)[0])
+        # An edge counts up to four rows beside it: every second level will do.
+        start, _ = self._best_level(view, at_rest, _LEVELS[::2])
+        fit = self._fitter.refined(view, points, start, at_rest, FINE)
+        near = self.fit_near(view, points, moving, start)
+        return [
+            (at_rest, fit, self.plausible(view, fit, at_rest)),
+            *((moving, *found) for found in near),
+        ]
 
     def plausible(self, view: Unrolled, fit: SurfaceFit, prior: Prior) -> float:
         """How well a fit agrees with the picture, less how unlikely a surface it is."""
@@ -162,7 +169,7 @@ class SurfaceChooser:
         Returns:
             The fit and how plausible it is.
         """
-        start, plausible = self._best_level(view, prior)
+        start, plausible = self._best_level(view, prior, _LEVELS)
         near = points.near(self._wall.front_rows(start), _STILL_ROWS)
         both = self._fitter.refined(view, near, start, prior, FINE)
         both = self._without_strays(view, both, prior)
@@ -195,10 +202,12 @@ class SurfaceChooser:
         enough = np.count_nonzero(between) > 2 * self._wall.lines
         return float(np.median(view.picture[between])) if enough else float("nan")
 
-    def _best_level(self, view: Unrolled, prior: Prior) -> tuple[FloatArray, float]:
-        """The most plausible surface (SHAPES,) at rest of all levels, and how plausible it is."""
-        levels = np.tile(prior.centre, (_LEVELS.size, 1))
-        levels[:, 0] += _LEVELS
+    def _best_level(
+        self, view: Unrolled, prior: Prior, among: FloatArray
+    ) -> tuple[FloatArray, float]:
+        """The most plausible surface (SHAPES,) at rest among levels, and how plausible it is."""
+        levels = np.tile(prior.centre, (among.size, 1))
+        levels[:, 0] += among
         likely = [self.plausible_heights(view, heights, prior) for heights in levels]
         best = int(np.argmax(likely))
         return levels[best], likely[best]

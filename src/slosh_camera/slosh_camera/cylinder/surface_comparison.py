@@ -174,11 +174,10 @@ class SurfaceComparison:
             for found in self._chooser.fit_several(view, points, self.prior)
         ]
         changed = [
-            Candidate(view, *found, changed=prior)
+            Candidate(view, fit, plausible, changed)
             for view, points in seen
-            for prior in self._changed
-            for found in self._chooser.fit_levels(view, points, prior)
-            if found[1] >= self._least
+            for changed, fit, plausible in self._chooser.fit_levels(view, points, *self._changed)
+            if plausible >= self._least
         ]
         return (*usual, *changed)
 

@@ -25,8 +25,9 @@ class RepeatedFrames:
     def __init__(self) -> None:
         self._last: deque[Digest] = deque(maxlen=_BUFFERS)
         self._known = False
+        self._stamp_ns: int | None = None
 
-    def is_repeat(self, image: Image) -> bool:
+    def is_repeat(self, image: Image, stamp_ns: int | None = None) -> bool:
         """Whether an image has the very pixels of the one before, or repeats those before it.
 
         A driver that hands out a few old images in turn is told from the second repeat on: a
@@ -34,11 +35,17 @@ class RepeatedFrames:
 
         Args:
             image: (height, width) or (height, width, 3); may be a view, each the same kind.
+            stamp_ns: its moment [ns]; one before the last begins a recording anew.
         """
-        return self.repeats(digest(image))
+        return self.repeats(digest(image), stamp_ns)
 
-    def repeats(self, following: Digest) -> bool:
+    def repeats(self, following: Digest, stamp_ns: int | None = None) -> bool:
         """The same for an image of which only the digest is at hand."""
+        if stamp_ns is not None:
+            if self._stamp_ns is not None and stamp_ns < self._stamp_ns:
+                while len(self._last) > 1:
+                    self._last.popleft()
+            self._stamp_ns = stamp_ns
         frozen = bool(self._last) and following == self._last[-1]
         known = following in self._last
         in_turn = known and self._known
