@@ -27,6 +27,7 @@ class Flag(IntFlag):
     BAD_IMAGE = 128
     CONTESTED = 256
     AMBIGUOUS = 512
+    LEVEL_CHANGED = 1024
 
 
 class PeakSide(IntEnum):
@@ -72,6 +73,8 @@ class Measurement:
         edge_pixels: (M, 2) the line in the image [px]; of a cylinder, point by point the profile.
         peak_pixel: (u, v) of the peak [px].
         peak_side: the wall that carries the peak.
+        level_change: level of the liquid above that of the still image [m], where it has changed.
+        level_change_stddev: standard deviation of level_change [m].
         flags: what limits the measurement.
     """
 
@@ -93,6 +96,8 @@ class Measurement:
     edge_pixels: FloatArray = field(default_factory=_no_pixels)
     peak_pixel: tuple[float, float] = (NAN, NAN)
     peak_side: PeakSide = PeakSide.UNKNOWN
+    level_change: float = NAN
+    level_change_stddev: float = NAN
     flags: Flag = Flag.NONE
 
     def flagged(self, flag: Flag) -> Self:

@@ -304,6 +304,22 @@ def test_a_still_image_is_learnt_at_start(make_rig, make_scene, tmp_path):
     assert answer.msh == pytest.approx(HEIGHT, abs=1e-3)
 
 
+def test_a_level_that_has_changed_is_told(make_rig, make_scene, tmp_path):
+    """Two millimetres were added: this was measured as a wave of 17 mm, without a flag."""
+    scene, still = make_scene(camera_height=0.08), tmp_path / "still.png"
+    cv2.imwrite(str(still), scene.draw())
+    rig = make_rig(still_image=still)
+    rig.start()
+    filled = images.image_message(scene.draw(level=0.002), "mono8", SECOND, "camera_optical")
+    answer = rig.measure(filled)
+    assert answer.flags == FreeSurface.LEVEL_CHANGED
+    assert answer.msh == pytest.approx(0.002, abs=3e-4)
+    status, values = rig.report(lambda status, _: "level has changed" in status.message)
+    assert status.level == DiagnosticStatus.WARN
+    assert "by +2.0 ± 0.1 mm since the still image" in status.message
+    assert values["flag LEVEL_CHANGED"] == "1"
+
+
 def test_a_doubtful_still_image_is_told_of_at_start(make_rig, make_scene, tmp_path, capfd):
     """A liquid that looks like what is beside the container: here, what is taken for it does."""
     scene, still = make_scene(camera_height=0.08), tmp_path / "still.png"

@@ -45,3 +45,15 @@ def test_digests_of_other_processes_serve_as_well():
     frames = RepeatedFrames()
     marks = [digest(image) for image in (FIRST, FIRST, FIRST[::-1])]
     assert [frames.repeats(mark) for mark in marks] == [False, True, False]
+
+
+@pytest.mark.parametrize("order", ["abab", "abcabc", "abcacb"])
+def test_a_driver_that_hands_out_old_images_in_turn_is_frozen(order):
+    frames = RepeatedFrames()
+    images = {name: changed(FIRST, (k, k)) for k, name in enumerate("abc")}
+    answers = [frames.is_repeat(images[name]) for name in order]
+    fresh = len(set(order))
+    assert answers == [False] * (fresh + 1) + [True] * (len(order) - fresh - 1)
+    # An image of its own ends it.
+    assert not frames.is_repeat(changed(FIRST, (9, 9)))
+    assert not frames.is_repeat(images["a"])

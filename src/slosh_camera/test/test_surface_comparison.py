@@ -24,6 +24,12 @@ class NothingElse:
     def fit_near(self, view, points, prior, start):
         return []
 
+    def fit_levels(self, view, points, at_rest, moving):
+        return []
+
+    def surprise(self, heights, prior):
+        return prior.surprise(heights, 0.05)
+
     def plausible(self, view, fit, prior):
         return 0.3
 

@@ -101,3 +101,27 @@ def test_the_share_of_the_fade_is_kept_but_for_a_new_beginning():
     memory.arrive(0)
     assert memory.fade == USUAL_FADE
     assert memory.expected(FRAME) is None
+
+
+def test_a_crest_that_does_not_swing_stands():
+    """Liquid swings; an old image with fresh noise does not, nor does a tilted container."""
+    rng = np.random.default_rng(5)
+    size, noise = 12.0 * MM, 0.05 * MM
+    stamps = [k * FRAME for k in range(60)]
+
+    def standing(place):
+        told = []
+        memory = SurfaceMemory(RADIUS, FILL)
+        for stamp in stamps:
+            memory.remember(stamp, place(stamp), USUAL_FADE, decided=False, jumped=False)
+            told.append(memory.crest_stands)
+        return told
+
+    told = standing(lambda _: np.array([size, 0.0]) + rng.normal(0.0, noise, 2))
+    periods = np.array(stamps) / SECOND * OMEGA / (2.0 * np.pi)
+    np.testing.assert_array_equal(told, periods > 2.0)
+    # Rest, a wave, a rotating one, and one beside a constant acceleration.
+    assert not any(standing(lambda _: rng.normal(0.0, noise, 2)))
+    assert not any(standing(swing))
+    assert not any(standing(lambda stamp: swing(stamp) * [1.0, 0.0]))
+    assert not any(standing(lambda stamp: np.array([size, 0.0]) + swing(stamp, 0.5 * MM)))

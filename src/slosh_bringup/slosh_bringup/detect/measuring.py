@@ -108,7 +108,7 @@ def _followed(
             yield Result(frame, bad_image(frame.stamp_ns), problem)
             continue
         measurement = detector.follow(frame.stamp_ns, sighting)
-        if repeated.repeats(mark):
+        if repeated.repeats(mark, frame.stamp_ns):
             measurement = measurement.flagged(Flag.FROZEN)
         yield Result(frame, measurement, problem)
 

@@ -27,6 +27,7 @@ from slosh_camera.cylinder.surface_evidence import USUAL_FADE, FadeShare, Surfac
 from slosh_camera.cylinder.surface_fit import SurfaceFitter
 from slosh_camera.cylinder.surface_flags import surface_flags
 from slosh_camera.cylinder.surface_memory import SurfaceMemory
+from slosh_camera.cylinder.surface_prior import Prior
 from slosh_camera.cylinder.surface_reading import SurfaceReading
 from slosh_camera.cylinder.wall_geometry import WallGeometry
 from slosh_camera.cylinder.wall_pixels import WallPixels
@@ -58,6 +59,7 @@ class _Found:
 
     view: Unrolled
     fit: SurfaceFit
+    prior: Prior
     flags: Flag
 
 
@@ -126,11 +128,11 @@ class FreeSurfaceDetector:
     def update(self, stamp_ns: int, image: Image) -> Measurement:
         """Measure the next image of a stream, with what the images before tell of it.
 
-        One that repeats the image before is flagged FROZEN. Args and errors are those of
+        One that repeats an image before is flagged FROZEN. Args and errors are those of
         `measure`.
         """
         measurement = self.follow(stamp_ns, self.look(image))
-        repeated = self._repeats.is_repeat(image)
+        repeated = self._repeats.is_repeat(image, stamp_ns)
         return measurement.flagged(Flag.FROZEN) if repeated else measurement
 
     def measure(self, stamp_ns: int, image: Image) -> Measurement:
@@ -198,6 +200,8 @@ class FreeSurfaceDetector:
                 stamp_ns, self._lesson.comparison.first(found.fit), fade,
                 decided=choice.decided, jumped=choice.jumped,
             )  # fmt: skip
+            if self._memory.crest_stands:
+                found = replace(found, flags=found.flags | Flag.AMBIGUOUS)
         return self._measurement(stamp_ns, found)
 
     def _know(self, lesson: StillLesson) -> None:
@@ -211,20 +215,24 @@ class FreeSurfaceDetector:
         if float(np.max(np.abs(found.fit.by_fade))) < _NO_FADE:
             return found, fade
         if fade != USUAL_FADE:
-            fit = self._fitter.again(found.view, found.fit, self._lesson.comparison.prior, fade)
+            fit = self._fitter.again(found.view, found.fit, found.prior, fade)
             found = replace(found, fit=fit)
         return found, found.fit.fade
 
     def _found(self, choice: Choice) -> _Found:
         """The chosen surface with its flags; NOT_FOUND where the picture shows another one."""
         view, fit = choice.candidate.view, choice.candidate.fit
+        prior = self._lesson.comparison.prior_of(choice.candidate)
         if choice.believed:
             flags = surface_flags(self._wall, view, fit)
+            if self._lesson.comparison.level_has_changed(choice.candidate):
+                flags |= Flag.LEVEL_CHANGED
             # Of a surface that is cut off a bound alone is told.
             sure = (self._lesson.sure and not choice.doubtful) or Flag.SATURATED in flags
-            return _Found(view, fit, flags if sure else flags | Flag.AMBIGUOUS)
+            return _Found(view, fit, prior, flags if sure else flags | Flag.AMBIGUOUS)
         covered = self._wall.covered_border(view.picture)
-        return _Found(view, fit, Flag.NOT_FOUND | (Flag.SATURATED if covered else Flag.NONE))
+        flags = Flag.NOT_FOUND | (Flag.SATURATED if covered else Flag.NONE)
+        return _Found(view, fit, prior, flags)
 
     def _unrolled(self, image: Image) -> Image:
         self._view.camera.check(image)
@@ -272,6 +280,7 @@ class FreeSurfaceDetector:
             if fitted.height - seen.height > _HIGHER:
                 flags |= Flag.OCCLUDED
         left, right = (reading.at(azimuth) for azimuth in self._tangents)
+        level = reading.level() if Flag.LEVEL_CHANGED in flags else (float("nan"), float("nan"))
         return Measurement(
             stamp_ns=stamp_ns,
             msh=highest.height,
@@ -289,6 +298,8 @@ class FreeSurfaceDetector:
             edge_pixels=self._pixels(found, reading),
             peak_pixel=self._wall_pixels(highest.azimuth, highest.height + self._lesson.zero[0]),
             peak_side=self._side(fitted.azimuth),
+            level_change=level[0],
+            level_change_stddev=level[1],
             flags=flags,
         )
 

@@ -18,7 +18,7 @@ from slosh_camera.cylinder.surface_evidence import (
     WallPoints,
 )
 from slosh_camera.cylinder.surface_fit import SurfaceFitter
-from slosh_camera.cylinder.surface_modes import SHAPES, wall_shapes
+from slosh_camera.cylinder.surface_modes import wall_shapes
 from slosh_camera.cylinder.surface_prior import HIGHEST, Prior
 from slosh_camera.cylinder.surface_solver import COARSE, FINE
 from slosh_camera.cylinder.wall_geometry import SKIP, WallGeometry
@@ -91,7 +91,7 @@ class SurfaceChooser:
             return None
         start = self._fitter.fit_front(points, prior, starts[0], FINE).heights
         fit = self._fitter.refined(view, points, start, prior, FINE)
-        return fit if prior.surprise(fit.heights, self._wall.radius) < _UNLIKELY else None
+        return fit if self.surprise(fit.heights, prior) < _UNLIKELY else None
 
     def fit_several(
         self, view: Unrolled, points: WallPoints, prior: Prior
@@ -125,6 +125,28 @@ class SurfaceChooser:
             found.append((fit, self.plausible(view, fit, prior)))
         return found
 
+    def fit_levels(
+        self, view: Unrolled, points: WallPoints, at_rest: Prior, moving: Prior
+    ) -> list[tuple[Prior, SurfaceFit, float]]:
+        """Fit liquid of another level, from the level that agrees best with the picture.
+
+        Args:
+            view: the picture.
+            points: of the front line.
+            at_rest, moving: priors of the heights of liquid of changed level.
+
+        Returns:
+            The fits with their priors, and how plausible each is, as `fit_several` has them.
+        """
+        # An edge counts up to four rows beside it: every second level will do.
+        start, _ = self._best_level(view, at_rest, _LEVELS[::2])
+        fit = self._fitter.refined(view, points, start, at_rest, FINE)
+        near = self.fit_near(view, points, moving, start)
+        return [
+            (at_rest, fit, self.plausible(view, fit, at_rest)),
+            *((moving, *found) for found in near),
+        ]
+
     def plausible(self, view: Unrolled, fit: SurfaceFit, prior: Prior) -> float:
         """How well a fit agrees with the picture, less how unlikely a surface it is."""
         return self.plausible_heights(view, fit.heights, prior)
@@ -133,7 +155,11 @@ class SurfaceChooser:
         """The same of given heights (SHAPES,) [m]; -inf: liquid as high would spill."""
         if float(np.max(_AROUND @ heights)) > self._highest:
             return -np.inf
-        return self._score(view, heights) - prior.surprise(heights, self._wall.radius)
+        return self._score(view, heights) - self.surprise(heights, prior)
+
+    def surprise(self, heights: FloatArray, prior: Prior) -> float:
+        """How unlikely heights (SHAPES,) [m] are."""
+        return prior.surprise(heights, self._wall.radius)
 
     def fit_still(
         self, view: Unrolled, points: WallPoints, prior: Prior
@@ -143,16 +169,13 @@ class SurfaceChooser:
         Returns:
             The fit and how plausible it is.
         """
-        levels = np.zeros((_LEVELS.size, SHAPES))
-        levels[:, 0] = _LEVELS
-        likely = [self.plausible_heights(view, heights, prior) for heights in levels]
-        start = levels[int(np.argmax(likely))]
+        start, plausible = self._best_level(view, prior, _LEVELS)
         near = points.near(self._wall.front_rows(start), _STILL_ROWS)
         both = self._fitter.refined(view, near, start, prior, FINE)
         both = self._without_strays(view, both, prior)
         if np.isfinite(self.surface_tone(view, both.heights)):
-            return both, max(likely)
-        return self._fitter.fit_front(both.points, prior, start, FINE), max(likely)
+            return both, plausible
+        return self._fitter.fit_front(both.points, prior, start, FINE), plausible
 
     def is_suspect(self, still: SurfaceFit) -> bool:
         """Whether a line at rest may be of something else than a level surface.
@@ -178,6 +201,16 @@ class SurfaceChooser:
         between = (rows > upper + _EDGE_ROWS) & (rows < front - _EDGE_ROWS) & (upper > 0.0)
         enough = np.count_nonzero(between) > 2 * self._wall.lines
         return float(np.median(view.picture[between])) if enough else float("nan")
+
+    def _best_level(
+        self, view: Unrolled, prior: Prior, among: FloatArray
+    ) -> tuple[FloatArray, float]:
+        """The most plausible surface (SHAPES,) at rest among levels, and how plausible it is."""
+        levels = np.tile(prior.centre, (among.size, 1))
+        levels[:, 0] += among
+        likely = [self.plausible_heights(view, heights, prior) for heights in levels]
+        best = int(np.argmax(likely))
+        return levels[best], likely[best]
 
     def _without_strays(self, view: Unrolled, fit: SurfaceFit, prior: Prior) -> SurfaceFit:
         """A fit to a level line without points that stand out of it, as those of a label do."""

@@ -26,15 +26,20 @@ _BELIEVED_FORETOLD, _FORETOLD, _CLEARLY = -0.1, 1.0, 0.1
 _USUAL, _JUMP = 2.0, 4.5
 # What it adds to a surface that nearly all of the front line agrees with it.
 _CERTAINLY = 0.2
-# Two surfaces are others where their first modes lie so far apart [rows].
+# Two surfaces are others where their levels and first modes lie so far apart [rows].
 _OTHER = 5.0
 # Fits that agree so nearly as well are of the same surface.
 _ALIKE = 0.005
 # By less than this no surface is preferred to another one for sure.
 _HARDLY = 0.05
+# How many times as many edges agree with a surface to which no wave is preferred then.
+_FAR_MORE = 1.3
 # A front line leaves no choice where its surface agrees with the image at most so much worse than
 # the surface at rest does with the still image; and no surface that agrees so much worse is sure.
 _WORSE, _FAR_WORSE = 0.4, 0.5
+# How plausible a changed level must be where there is no still image to tell what is usual: a dark
+# thing behind an empty container reaches 0.3.
+_LEVEL_BELIEVED = 0.4
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,11 +50,14 @@ class Candidate:
         view: the picture.
         fit: the surface and its edges.
         plausible: how well they agree with the picture, to be compared with other candidates.
+        changed: what it was fitted with, where the level may differ from that of the surface at
+            rest; None: the usual prior.
     """
 
     view: Unrolled
     fit: SurfaceFit
     plausible: float
+    changed: Prior | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -108,7 +116,9 @@ class SurfaceComparison:
             at_rest: how plausible the surface at rest makes the still image; -inf: there is none.
         """
         self._chooser, self.prior = chooser, prior
+        self._changed = prior.at_rest_on_changed_level(), prior.of_changed_level()
         self._footprint, self._at_rest = footprint, at_rest
+        self._least = at_rest - _WORSE if np.isfinite(at_rest) else _LEVEL_BELIEVED
 
     def sighting(self, seen: tuple[tuple[Unrolled, WallPoints], ...]) -> Sighting:
         """The candidates of an image: one where its front line leaves no choice."""
@@ -142,16 +152,34 @@ class SurfaceComparison:
             sighting.candidates if usual else self._more(sighting, expected), expected
         )
 
+    def prior_of(self, candidate: Candidate) -> Prior:
+        """What a candidate was fitted with."""
+        return candidate.changed or self.prior
+
+    def level_has_changed(self, candidate: Candidate) -> bool:
+        """Whether its level is less likely an error than a change."""
+        heights, changed = candidate.fit.heights, candidate.changed
+        return changed is not None and (
+            self._chooser.surprise(heights, changed) < self._chooser.surprise(heights, self.prior)
+        )
+
     def first(self, fit: SurfaceFit) -> FloatArray:
         """A surface's first mode above rest, (2,) [m]."""
         return (fit.heights - self.prior.centre)[1:3]
 
     def _several(self, seen: tuple[tuple[Unrolled, WallPoints], ...]) -> tuple[Candidate, ...]:
-        return tuple(
+        usual = [
             Candidate(view, *found)
             for view, points in seen
             for found in self._chooser.fit_several(view, points, self.prior)
-        )
+        ]
+        changed = [
+            Candidate(view, fit, plausible, changed)
+            for view, points in seen
+            for changed, fit, plausible in self._chooser.fit_levels(view, points, *self._changed)
+            if plausible >= self._least
+        ]
+        return (*usual, *changed)
 
     def _more(self, sighting: Sighting, expected: Expected) -> tuple[Candidate, ...]:
         """Candidates of an image whose best one is far from what was foretold."""
@@ -193,12 +221,22 @@ class SurfaceComparison:
         )  # fmt: skip
 
     def _fullest(self, candidates: tuple[Candidate, ...], agreement: list[float]) -> int:
-        """Which candidate agrees best; of fits to the same surface the one of most edges."""
+        """Which candidate agrees best; of fits to the same surface the one of most edges.
+
+        A changed level that agrees hardly less, and with far more edges, is preferred to a wave.
+        """
         best = int(np.argmax(agreement))
         others = self._others(candidates, candidates[best])
         least = agreement[best] - _ALIKE
         alike = [k for k, one in enumerate(agreement) if k not in others and one >= least]
-        return max(alike, key=lambda k: candidates[k].fit.edges)
+        fullest = max(alike, key=lambda k: candidates[k].fit.edges)
+        least, many = agreement[best] - _HARDLY, _FAR_MORE * candidates[fullest].fit.edges
+        levels = [
+            k
+            for k in others
+            if candidates[k].changed and agreement[k] >= least and candidates[k].fit.edges > many
+        ]
+        return max(levels, key=lambda k: agreement[k], default=fullest)
 
     def _is_doubtful(self, chosen: Candidate, lead: float) -> bool:
         """Whether an image does not tell a surface that agrees by a lead better than others."""
@@ -206,9 +244,9 @@ class SurfaceComparison:
 
     def _others(self, candidates: tuple[Candidate, ...], chosen: Candidate) -> list[int]:
         """Which candidates are other surfaces than the chosen one."""
-        place, apart = self.first(chosen.fit), _OTHER * self._footprint
+        place, apart = chosen.fit.heights[:3], _OTHER * self._footprint
         return [
             k
             for k, entry in enumerate(candidates)
-            if float(np.hypot(*(self.first(entry.fit) - place))) > apart
+            if float(np.linalg.norm(entry.fit.heights[:3] - place)) > apart
         ]

@@ -29,6 +29,9 @@ _MEASURED = 0.01
 # A liquid of which one image alone is known is on its way at a speed of this part of the radius
 # times ω, or of its height times ω.
 _AMPLITUDE = 0.15
+# A crest of more than this that stays where it is, to the second, for so many radians of the swing
+# stands: a wave leaves its turning point after half a radian [m].
+_CREST, _STANDS, _STOOD = 2e-3, 2e-4, 4.0 * np.pi
 # Radians of the swing after which nothing is foretold, and the least time between images [s].
 _FORGOTTEN = 1.5
 _LEAST_TIME = 1e-3
@@ -85,6 +88,16 @@ class SurfaceMemory:
         self._seen: tuple[tuple[int, FloatArray], ...] = ()
         self._decided = 0
         self._fade = USUAL_FADE
+        self._stands: tuple[int, FloatArray] | None = None
+
+    @property
+    def crest_stands(self) -> bool:
+        """Whether the last images show a crest that does not swing, for two periods and more."""
+        if self._stands is None or not self._seen:
+            return False
+        since_ns, first = self._stands
+        phase = self._frequency * 1e-9 * (self._seen[-1][0] - since_ns)
+        return phase > _STOOD and float(np.hypot(*first)) > _CREST
 
     @property
     def fade(self) -> FadeShare:
@@ -143,6 +156,9 @@ class SurfaceMemory:
         if self._decided > _DECIDED:
             self.forget()
         follows = self._seen and not np.isnan(self._time(self._seen[-1][0], stamp_ns))
+        stays = self._stands is not None and float(np.hypot(*(first - self._stands[1]))) < _STANDS
+        if not (follows and stays):
+            self._stands = stamp_ns, first.copy()
         kept = self._seen[-1:] if follows and not jumped else ()
         self._seen = (*kept, (stamp_ns, first.copy()))
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,12 @@ FloatArray = NDArray[np.float64]
 
 # What a height of one standard deviation takes from the agreement with a picture.
 _SURPRISE = 0.02
+# Standard deviation of a changed level [m], and what such a change takes from the agreement: cups
+# are filled up and drunk from, but rarely, and mostly at rest. A change of less than 0.8 mm counts
+# as an error.
+_CHANGED, _RARE, _RARE_AT_REST = 5e-3, 0.18, 0.13
+# Parts of the first mode's and of the higher shapes' usual standard deviation at rest.
+_REST = 0.01
 HIGHEST = 0.9
 """A first mode of more than this part of the radius is no sloshing."""
 
@@ -27,12 +34,24 @@ class Prior:
         level: of the level [m].
         higher: part of their usual standard deviation that the higher shapes have; hardly any at
             rest.
+        rare: what each of these surfaces takes from the agreement with a picture.
     """
 
     centre: FloatArray
     first: float
     level: float = 3e-4
     higher: float = 1.0
+    rare: float = 0.0
+
+    def of_changed_level(self) -> Self:
+        """The same where liquid was added or taken away."""
+        return replace(self, level=_CHANGED, rare=_RARE)
+
+    def at_rest_on_changed_level(self) -> Self:
+        """The same where it was, and stands still now."""
+        return replace(
+            self, first=_REST * self.first, level=_CHANGED, higher=_REST, rare=_RARE_AT_REST
+        )
 
     def about(
         self, heights: FloatArray, radius: float, *, front_alone: bool = False
@@ -73,4 +92,4 @@ class Prior:
         """How unlikely heights (SHAPES,) [m] are."""
         centre, precision = self.about(heights, radius)
         deviation = heights - centre
-        return _SURPRISE * float(deviation @ precision @ deviation)
+        return self.rare + _SURPRISE * float(deviation @ precision @ deviation)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from slosh_camera.cylinder import silhouette, surface_solver
 from slosh_camera.cylinder.surface_evidence import INLIER, SurfaceFit
-from slosh_camera.cylinder.surface_modes import wall_shapes
+from slosh_camera.cylinder.surface_modes import SHAPES, Shape, wall_shapes
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -112,7 +112,7 @@ class SurfaceReading:
     def fitted(self) -> HighestPoint:
         """Highest point of the fitted surface on the whole wall."""
         height, azimuth = _highest(_WALL @ self._heights)
-        return HighestPoint(height, azimuth, self._stddev(height, azimuth))
+        return HighestPoint(height, azimuth, self._stddev(height, _WALL[_bin(azimuth)]))
 
     def seen(self) -> HighestPoint:
         """Highest point of the wall near which the line is seen."""
@@ -125,7 +125,7 @@ class SurfaceReading:
         else:
             around = _WALL @ self._heights + self._local
             height, azimuth = _highest(np.where(self._seen, around, -np.inf))
-        return HighestPoint(height, azimuth, self._stddev(height, azimuth))
+        return HighestPoint(height, azimuth, self._stddev(height, _WALL[_bin(azimuth)]))
 
     def highest(self, fitted: HighestPoint, seen: HighestPoint) -> HighestPoint:
         """Highest point of the whole wall: what is seen, or the fit where a higher place is not.
@@ -141,6 +141,11 @@ class SurfaceReading:
         if hidden and fitted.stddev < stddev:
             return fitted
         return HighestPoint(seen.height, seen.azimuth, stddev)
+
+    def level(self) -> tuple[float, float]:
+        """Level above that of the surface at rest, and its standard deviation [m]."""
+        height = float(self._heights[Shape.LEVEL])
+        return height, self._stddev(height, np.eye(SHAPES)[Shape.LEVEL])
 
     def at(self, azimuth: float) -> float:
         """Height at one azimuth [m]; NaN where the line is not seen near it."""
@@ -163,12 +168,13 @@ class SurfaceReading:
             return 0.0
         return float(np.sqrt(np.average(np.square(self._residual), weights=self._told)))
 
-    def _stddev(self, height: float, azimuth: float) -> float:
-        shapes = _WALL[_bin(azimuth)]
+    def _stddev(self, height: float, shapes: FloatArray) -> float:
+        """Standard deviation of a height [m], a sum of shapes (SHAPES,)."""
         width = self.edge_width if np.isfinite(self.edge_width) else _WIDE
+        variance = float(shapes @ self._fit.covariance @ shapes)
         parts = (
-            np.sqrt(max(self.contradiction, 1.0) * (shapes @ self._fit.covariance @ shapes)),
-            _OF_FADE * (shapes @ self._fit.by_fade),
+            np.sqrt(max(self.contradiction, 1.0) * variance),
+            _OF_FADE * float(shapes @ self._fit.by_fade),
             _OF_SCATTER * self._scatter,
             _OF_WIDTH * width * self._footprint,
             _OF_HEIGHT * height,

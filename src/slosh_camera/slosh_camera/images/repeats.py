@@ -1,8 +1,9 @@
-"""Tells an image that repeats the one before: a camera or a driver that is frozen."""
+"""Tells an image that repeats an earlier one: a camera or a driver that is frozen."""
 
 from __future__ import annotations
 
 import zlib
+from collections import deque
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,27 +12,46 @@ Image = NDArray[np.uint8]
 Digest = tuple[tuple[int, ...], int]
 
 
-class RepeatedFrames:
-    """Compares each image with the one before by a digest of all its pixels; keeps no image.
+# So many images a driver may hand out in turn.
+_BUFFERS = 8
 
-    Noise makes every image of a camera that works differ from the one before.
+
+class RepeatedFrames:
+    """Compares each image with those before by a digest of all its pixels; keeps no image.
+
+    Noise makes every image of a camera that works differ from all others.
     """
 
     def __init__(self) -> None:
-        self._last: Digest | None = None
+        self._last: deque[Digest] = deque(maxlen=_BUFFERS)
+        self._known = False
+        self._stamp_ns: int | None = None
 
-    def is_repeat(self, image: Image) -> bool:
-        """Whether an image has the very pixels of the one before.
+    def is_repeat(self, image: Image, stamp_ns: int | None = None) -> bool:
+        """Whether an image has the very pixels of the one before, or repeats those before it.
+
+        A driver that hands out a few old images in turn is told from the second repeat on: a
+        single one may be chance in a drawn picture.
 
         Args:
             image: (height, width) or (height, width, 3); may be a view, each the same kind.
+            stamp_ns: its moment [ns]; one before the last begins a recording anew.
         """
-        return self.repeats(digest(image))
+        return self.repeats(digest(image), stamp_ns)
 
-    def repeats(self, following: Digest) -> bool:
+    def repeats(self, following: Digest, stamp_ns: int | None = None) -> bool:
         """The same for an image of which only the digest is at hand."""
-        repeated, self._last = following == self._last, following
-        return repeated
+        if stamp_ns is not None:
+            if self._stamp_ns is not None and stamp_ns < self._stamp_ns:
+                while len(self._last) > 1:
+                    self._last.popleft()
+            self._stamp_ns = stamp_ns
+        frozen = bool(self._last) and following == self._last[-1]
+        known = following in self._last
+        in_turn = known and self._known
+        self._known = known
+        self._last.append(following)
+        return frozen or in_turn
 
 
 def digest(image: Image) -> Digest:

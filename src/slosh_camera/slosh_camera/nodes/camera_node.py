@@ -20,6 +20,7 @@ from slosh_camera.measurement import Flag, Measurement, bad_image
 from slosh_camera.nodes.complaints import Complaints
 from slosh_camera.nodes.driver_info import DriverInfo
 from slosh_camera.nodes.frame_gaps import FrameGaps
+from slosh_camera.nodes.level_changes import LevelChanges
 from slosh_camera.nodes.newest_image import NewestImage
 from slosh_model.arithmetic import arithmetic_fingerprint
 from slosh_model.compilation import load_telling
@@ -81,6 +82,7 @@ class CameraNode(PreparedNode):
         self._gaps = FrameGaps(given["frame_rate"])
         self._flags: Counter[Flag] = Counter()
         self._recent = Flag.NONE
+        self._levels = LevelChanges()
         self._images = self._reported = self._refused = self._dropped = 0
         self._contested = ""
         self._complaints = Complaints(self.get_logger().error)
@@ -143,6 +145,7 @@ class CameraNode(PreparedNode):
             measurement = measurement.flagged(Flag.CONTESTED)
         self._recent |= measurement.flags
         self._flags.update(measurement.flags)
+        self._levels.add(measurement)
         self._publisher.publish(conversions.to_message(to_value(measurement, self._frame)))
         self._report.counts["measurement"] += 1
         self._report.latency(int(self.get_clock().now().nanoseconds) - stamp_ns)
@@ -154,6 +157,7 @@ class CameraNode(PreparedNode):
         measured, self._reported = self._images - self._reported, self._images
         dropped, self._dropped = self._input.dropped - self._dropped, self._input.dropped
         recent, self._recent = self._recent, Flag.NONE
+        level = self._levels.report(measured)
         self._contested = self._rivals.look()
         if not measured:
             return STALE, f"no image for {self._topic.seconds:.0f} s: {self._topic.reason()}"
@@ -164,6 +168,8 @@ class CameraNode(PreparedNode):
             return ERROR, self._complaints.last
         if self._driver.contradiction:
             return WARN, self._driver.contradiction
+        if level:
+            return WARN, level
         if recent:
             names = ", ".join(str(flag.name) for flag in recent)
             return WARN, f"measuring, with flags: {names}"

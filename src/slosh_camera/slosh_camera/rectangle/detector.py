@@ -126,7 +126,7 @@ class SideViewDetector:
             SloshCameraError: as measure.
         """
         measurement = self.measure(stamp_ns, image)
-        repeated = self._repeats.is_repeat(image)
+        repeated = self._repeats.is_repeat(image, stamp_ns)
         return measurement.flagged(Flag.FROZEN) if repeated else measurement
 
     def measure(self, stamp_ns: int, image: Image) -> SideMeasurement:
