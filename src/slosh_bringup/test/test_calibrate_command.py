@@ -1,6 +1,7 @@
 """`slosh calibrate`: a camera.yaml that `slosh detect` reads, or one line that says why not."""
 
 import json
+import struct
 
 import cv2
 import numpy as np
@@ -95,6 +96,80 @@ def test_writes_what_detect_reads(capsys, tmp_path, still, intrinsics):
     row, column = round(2 * v + 0.5), round(2 * u + 0.5)
     around = drawn[row - 1 : row + 2, column]
     assert np.max(around[:, 1] - around[:, 2]) > 60
+
+
+def exif(orientation, focal_35, size):
+    """An APP1 segment: IFD0 with the orientation and the place of the EXIF directory."""
+
+    def directory(entries):
+        # Of type SHORT where it fits, with two bytes of padding.
+        rows = b"".join(
+            struct.pack(">HHIHH", tag, 3, 1, value, 0)
+            if value < 65536 and tag != 0x8769
+            else struct.pack(">HHII", tag, 4, 1, value)
+            for tag, value in entries
+        )
+        return struct.pack(">H", len(entries)) + rows + b"\0\0\0\0"
+
+    main = directory([(0x0112, orientation), (0x8769, 8 + 2 + 2 * 12 + 4)])
+    inner = directory([(0xA002, size[0]), (0xA003, size[1]), (0xA405, focal_35)])
+    block = b"Exif\0\0" + b"MM\0*" + struct.pack(">I", 8) + main + inner
+    return b"\xff\xe1" + struct.pack(">H", len(block) + 2) + block
+
+
+def with_exif(path, picture, *facts):
+    jpeg = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, 98])[1].tobytes()
+    path.write_bytes(jpeg[:2] + exif(*facts) + jpeg[2:])
+
+
+def test_a_photograph_tells_its_field_of_view(capsys, tmp_path, picture):
+    photograph, output = tmp_path / "photograph.jpg", tmp_path / "camera.yaml"
+    # Stored on its side, as a phone does that is held upright: 6 turns it clockwise.
+    stored = cv2.rotate(picture, cv2.ROTATE_90_COUNTERCLOCKWISE)
+    # The diagonal of 35 mm film is 43.27 mm.
+    focal = round(LENS.fx * 43.2666 / np.hypot(LENS.width, LENS.height))
+    with_exif(photograph, stored, 6, focal, stored.shape[1::-1])
+    words = ["calibrate", photograph, *CONTAINER, *GLASS, "-o", output]
+    assert main([str(word) for word in words]) == 0
+    angle = np.rad2deg(2.0 * np.arctan(0.5 * LENS.width / LENS.fx))
+    said = f"assumed  a field of view of {angle:.0f}"
+    assert said in capsys.readouterr().out.replace("by the picture's EXIF", "")
+    found = read_calibration(output).view.camera
+    assert found.size == (LENS.width, LENS.height)
+    assert found.fx == pytest.approx(LENS.fx, rel=0.01)
+
+
+def test_a_part_of_a_photograph_does_not_tell_its_field_of_view(capsys, tmp_path, picture):
+    photograph = tmp_path / "photograph.jpg"
+    with_exif(photograph, picture, 1, 50, (4000, 2000))
+    line = fails_with(capsys, photograph, *CONTAINER, "-o", tmp_path / "camera.yaml")
+    assert "--fov" in line
+    assert "a part of it" in line
+
+
+def test_a_click_on_the_level_is_taken(capsys, tmp_path, still, intrinsics):
+    ((u, v),) = VIEW.project_wall(VIEW.camera_azimuth, 0.0, Wall.FRONT)
+    output = tmp_path / "camera.yaml"
+    words = [still, "--camera", intrinsics, *CONTAINER, *GLASS, "-o", output, "--level"]
+    assert main(["calibrate", *(str(word) for word in (*words, u, v + 1.0))]) == 0
+    assert worst_height_error(read_calibration(output).view) < 0.25e-3
+    capsys.readouterr()
+    assert "--level" in fails_with(capsys, *words, u, v + 40.0)
+    assert "outside the image" in fails_with(capsys, *words, -5, v)
+
+
+def test_a_doubted_level_needs_a_click(capsys, tmp_path, still, intrinsics, monkeypatch):
+    monkeypatch.setattr("slosh_bringup.cli.calibrate.still_doubt", lambda *_: "no whole line")
+    monkeypatch.setattr("slosh_camera.calibrate.level._SHOWS", 2.0)
+    ((u, v),) = VIEW.project_wall(VIEW.camera_azimuth, 0.0, Wall.FRONT)
+    output = tmp_path / "camera.yaml"
+    words = [still, "--camera", intrinsics, *CONTAINER, *GLASS, "-o", output]
+    line = fails_with(capsys, *words)
+    assert "not certain: " in line
+    assert "--level U V" in line
+    assert not output.exists()
+    assert main(["calibrate", *(str(word) for word in (*words, "--level", u, v))]) == 0
+    assert "warning: `slosh detect` and the node: no whole line" in capsys.readouterr().out
 
 
 def test_what_detection_will_find_doubtful_is_told(

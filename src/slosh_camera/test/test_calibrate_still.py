@@ -326,3 +326,60 @@ def test_checking_a_known_pose_sees_how_far_it_is_off(make_scene):
     assert offsets[1] == pytest.approx(4.7, abs=0.3)
     blank = check_pose(scene.empty(), CupView(view.camera, view.pose, cup), covariance)
     assert np.isnan(blank.residual)
+
+
+def with_rings(scene, image, heights, arc=(-76.0, 76.0), grey=60):
+    """The image with lines printed on the container's front at some heights [m]."""
+    view, picture = scene.calibration().view, image.copy()
+    azimuth = view.camera_azimuth + np.deg2rad(np.linspace(*arc, 61))
+    radius = view.cup.radius
+    for height in heights:
+        points = np.column_stack(
+            (radius * np.cos(azimuth), radius * np.sin(azimuth), np.full(61, height))
+        )
+        line = np.rint(view.project(points) * 16).astype(np.int32)
+        cv2.polylines(picture, [line], False, grey, 2, cv2.LINE_AA, 4)
+    return picture
+
+
+# A scale begins at the cup's rim or at its floor, and the level is anywhere in it.
+SCALES = {
+    "above a dyed liquid": (np.arange(0.006, 0.05, 0.006), (-76.0, 76.0), {"liquid": 120}),
+    "above it, half round": (np.arange(0.006, 0.05, 0.006), (-20.0, 76.0), {"liquid": 120}),
+    "everywhere on pale liquid": (np.arange(-0.054, 0.05, 0.012), (-20.0, 70.0), {"liquid": 150}),
+    "from above": (
+        np.arange(0.018, 0.05, 0.006),
+        (-76.0, 40.0),
+        {"liquid": 120, "surface": 170, "camera_height": 0.06},
+    ),
+}
+
+
+@pytest.mark.parametrize("name", SCALES)
+def test_a_printed_scale_is_not_the_level(make_scene, name):
+    heights, arc, look = SCALES[name]
+    scene = make_scene(**look)
+    image, truth, cup = drawn(scene)
+    fit = calibrate_by_edges(with_rings(scene, image, heights, arc), truth.camera, cup)
+    assert worst_error(truth, fit) < 1.5e-3
+
+
+@pytest.mark.parametrize("height", [-0.025, 0.02])
+def test_of_two_lines_alike_a_click_tells_the_level(make_scene, height):
+    scene = make_scene(liquid=214, surface=214)
+    truth = scene.calibration().view
+    image = with_rings(scene, scene.with_sides(scene.draw()), (0.0, height, -0.07))
+    assert "two levels are possible" in refusal(image, truth.camera, truth.cup)
+    ((u, v),) = truth.project_wall(truth.camera_azimuth + 0.3, 0.0, Wall.FRONT)
+    fit = calibrate_by_edges(image, truth.camera, truth.cup, level=(u, v + 1.5))
+    assert fit.level_shows
+    ((_, found),) = fit.view.project_wall(truth.camera_azimuth + 0.3, 0.0, Wall.FRONT)
+    # Either edge of a line two pixels thick; 1 mm is 2.2 px.
+    assert found == pytest.approx(v, abs=2.2)
+
+
+def test_a_click_must_be_in_the_image_and_on_the_container(make_scene):
+    image, truth, cup = drawn(make_scene(camera_height=0.05))
+    for pixel, words in (((700.0, 20.0), "outside the image"), ((20.0, 20.0), "--level")):
+        with pytest.raises(SloshCameraError, match=words):
+            calibrate_by_edges(image, truth.camera, cup, level=pixel)

@@ -38,6 +38,7 @@ from slosh_camera.detection.learnt import still_doubt
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.images.colour import Image, to_colour
 from slosh_camera.images.decoding import read_image
+from slosh_camera.images.exif import read_exif
 from slosh_camera.optics.calibration import Calibration
 from slosh_camera.optics.cup import Cup, CupView, Wall
 from slosh_camera.optics.pose import Pose
@@ -72,11 +73,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="intrinsic parameters: a file of ROS camera_calibration, or a camera.yaml",
     )  # fmt: skip
     camera.add_argument(
-        "--fov",
-        type=angle(3.15, 180.0),
-        metavar="DEG",
-        help="horizontal field of view of an ideal lens",
-    )
+        "--fov", type=angle(3.15, 180.0), metavar="DEG",
+        help="horizontal field of view of an ideal lens (default: by the picture's EXIF)",
+    )  # fmt: skip
     cup = parser.add_argument_group("container [m]; what --camera's file holds is the default")
     cup.add_argument("--radius", type=length(2.0), metavar="M", help="inner radius")
     cup.add_argument("--fill-height", type=length(4.0), metavar="M", help="of the liquid at rest")
@@ -106,6 +105,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--distance", type=length(10.0), metavar="M",
         help="of the camera from the container's axis, to a tenth: tells alike poses apart",
+    )  # fmt: skip
+    parser.add_argument(
+        "--level", nargs=2, type=float, metavar=("U", "V"),
+        help="a pixel on the still level's front line, where printed rings look like levels",
     )  # fmt: skip
     board = parser.add_argument_group("board of markers")
     board.add_argument("--board", metavar="BOARD", help=f"{FORMAT}, in m; see docs/calibration.md")
@@ -142,8 +145,6 @@ def run(arguments: argparse.Namespace) -> int:
         return run_scale(arguments)
     if arguments.length is not None:
         raise SloshBringupError("--length: needs --scale")
-    if arguments.camera is None and arguments.fov is None:
-        raise SloshBringupError("--camera or --fov: one of them is needed, or --scale")
     check_apart([arguments.output, arguments.picture], [arguments.still, arguments.camera])
     with quiet_decoders():
         image = to_colour(read_image(arguments.still))
@@ -152,6 +153,11 @@ def run(arguments: argparse.Namespace) -> int:
     try:
         fit, board = _fitted(arguments, image, known, cup)
         detection = _detection_warnings(fit, known, image)
+        if detection and not fit.level_shows:
+            raise SloshCameraError(
+                f"still image: the still level is not certain: {detection[0]}; click on its "
+                "front line: --level U V"
+            )
     except SloshCameraError as error:
         raise SloshBringupError(f"{arguments.still}: {error}") from error
     text = _camera_yaml(arguments, fit, known)
@@ -180,10 +186,23 @@ def _known_camera(arguments: argparse.Namespace, image: Image) -> KnownCamera:
         return read_known_camera(arguments.camera)
     height, width = image.shape[:2]
     try:
-        camera = camera_of_view(width, height, np.deg2rad(arguments.fov))
+        given = arguments.fov is not None
+        angle = np.deg2rad(arguments.fov) if given else _exif_view(arguments, image)
+        camera = camera_of_view(width, height, angle)
     except SloshCameraError as error:
         raise SloshBringupError(f"--fov: {error}") from error
     return KnownCamera(camera, "camera", {})
+
+
+def _exif_view(arguments: argparse.Namespace, image: Image) -> float:
+    """The field of view by the picture's own EXIF block [rad]."""
+    height, width = image.shape[:2]
+    try:
+        return read_exif(arguments.still).field_of_view(width, height)
+    except SloshCameraError as error:
+        raise SloshBringupError(
+            f"--camera or --fov: one of them is needed, or --scale ({error})"
+        ) from error
 
 
 def _cup(arguments: argparse.Namespace, known: KnownCamera) -> Cup:
@@ -204,19 +223,24 @@ def _fitted(
 ) -> tuple[StillFit, BoardFit | None]:
     azimuth = np.deg2rad(_finite(arguments.azimuth, "--azimuth"))
     doubt, distance = _doubt(arguments), _positive(arguments.distance, "--distance")
+    level = _level(arguments)
     if arguments.board is None:
         if arguments.board_place is not None:
             raise SloshBringupError("--board-place: needs --board")
-        fit = calibrate_by_edges(image, known.camera, cup, azimuth, doubt=doubt, distance=distance)
+        fit = calibrate_by_edges(
+            image, known.camera, cup, azimuth, doubt=doubt, distance=distance, level=level
+        )
         return fit, None
     check_size(image, known.camera)
     board = find_board(image, known.camera, parse_board(arguments.board))
     if arguments.board_place is not None:
+        if level is not None:
+            raise SloshBringupError("--level: is not used with --board-place, which gives it")
         pose, covariance = pose_by_board(board, _board_place(arguments.board_place))
         return check_pose(image, CupView(known.camera, pose, cup), covariance), board
     base = _finite(arguments.base_thickness, "--base-thickness")
     hint = hint_of_flat_board(board, cup, base)
-    fit = calibrate_by_edges(image, known.camera, cup, azimuth, hint, doubt, distance)
+    fit = calibrate_by_edges(image, known.camera, cup, azimuth, hint, doubt, distance, level)
     check_hint(hint, fit.place.numbers)
     return fit, board
 
@@ -231,6 +255,13 @@ def _doubt(arguments: argparse.Namespace) -> Doubt:
             raise SloshBringupError(f"{option}: {value / unit:g}, must be at least 0 and small")
         values.append(value)
     return Doubt(*values)
+
+
+def _level(arguments: argparse.Namespace) -> tuple[float, float] | None:
+    if arguments.level is None:
+        return None
+    u, v = (_finite(value, "--level") for value in arguments.level)
+    return u, v
 
 
 def _positive(value: float | None, option: str) -> float | None:
@@ -334,10 +365,19 @@ def _assumptions(arguments: argparse.Namespace, known: KnownCamera, fit: StillFi
     """What nobody told and the standard errors take for true, with the option for each."""
     focal, wall, _ = fit.stddev[len(_NUMBERS) :]
     found = []
-    if arguments.fov is not None and not focal:
+    if arguments.camera is None and not focal:
+        camera = known.camera
+        angle = np.rad2deg(2.0 * np.arctan(0.5 * camera.width / camera.fx))
+        by = "" if arguments.fov is not None else " by the picture's EXIF"
         found.append(
-            f"a field of view of {arguments.fov:g} deg to the last digit, no distortion "
+            f"a field of view of {angle:.4g} deg{by} to the last digit, no distortion "
             "(--camera, or --focal-error)"
+        )
+    turned = read_exif(arguments.still).orientation
+    if arguments.camera is not None and turned != 1:
+        found.append(
+            f"intrinsic parameters from pictures that are turned as this one is, by its EXIF "
+            f"orientation {turned}"
         )
     told = arguments.wall_thickness is not None or "wall_thickness" in known.container
     if not told and not wall:

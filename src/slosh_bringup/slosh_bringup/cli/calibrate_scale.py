@@ -21,7 +21,7 @@ from slosh_files.plain_text import plain_line
 from slosh_report.json_values import plain
 
 # What a scale has no use for, and what it would be taken for.
-_UNUSED = ("camera", "fov", "board", "distance", "picture", "wall_thickness")
+_UNUSED = ("camera", "fov", "board", "distance", "level", "picture", "wall_thickness")
 
 
 def run_scale(arguments: argparse.Namespace) -> int:

@@ -125,8 +125,14 @@ def width_of(view: CupView) -> float:
     return float(np.hypot(*(right - left)))
 
 
-def look_for_curves(edges: EdgeImage, view: CupView, reach: float) -> tuple[SeenCurve, ...]:
-    """Edges along every curve that the view should show, those of no use left out."""
+def look_for_curves(
+    edges: EdgeImage, view: CupView, reach: float, level_reach: float = np.inf
+) -> tuple[SeenCurve, ...]:
+    """Edges along every curve that the view should show, those of no use left out.
+
+    They are looked for so far to both sides, the still level's front line no farther than
+    `level_reach` [px].
+    """
     apart = separation(view)
     double = view.pose.camera_centre[2] > 0.0 and apart > LEAST_SEPARATION
     seen = []
@@ -136,6 +142,8 @@ def look_for_curves(edges: EdgeImage, view: CupView, reach: float) -> tuple[Seen
             continue
         if curve in (Curve.FRONT, Curve.REAR) and double:
             near = min(reach, 0.45 * apart)
+        if curve is Curve.FRONT:
+            near = min(near, level_reach)
         found = _look(edges, view, curve, near)
         if found.samples >= 10:
             seen.append(found)

@@ -51,6 +51,10 @@ _CLAIMED = 2.0
 # Search to both sides of a predicted curve, as a share of the container's width, and at least.
 _ROUGH = ((0.045, 8.0), (0.045, 8.0), (0.03, 6.0))
 _FINE = ((0.03, 6.0), (0.015, 4.0), (0.012, 3.0), (0.012, 3.0))
+CLICK_REACH = 4.0
+"""A click on the still level is so far off the line at most [px]."""
+# Standard deviation of a click [px].
+_CLICK = 1.5
 # An edge farther off than this after the fit belongs to something else [px].
 INLIER = 1.5
 # The narrower a container, the more edges of other things lie near its curves by chance: this [px]
@@ -71,16 +75,18 @@ class Hint:
     Attributes:
         numbers: (5,) in the order of CameraPlace; NaN where nothing is known.
         stddev: (5,) their standard deviations.
+        level: a pixel on the front line of the still level; None: not told.
     """
 
     numbers: FloatArray
     stddev: FloatArray
+    level: tuple[float, float] | None = None
 
     def with_distance(self, distance: float, stddev: float) -> Hint:
         """The same, and a distance and its standard deviation [m]."""
         numbers, spread = self.numbers.copy(), self.stddev.copy()
         numbers[0], spread[0] = distance, stddev
-        return Hint(numbers, spread)
+        return replace(self, numbers=numbers, stddev=spread)
 
 
 NO_HINT = Hint(np.full(_PLACE, np.nan), np.ones(_PLACE))
@@ -158,7 +164,7 @@ def fit_place(
         view = view_at(*told.off_by(solved.change), solved.place)
         for share, least in _ROUGH if rough else _FINE:
             reach = max(share * width_of(view), least)
-            seen = look_for_curves(edges, view, reach)
+            seen = look_for_curves(edges, view, reach, _level_reach(hint, reach))
             if not _enough(seen):
                 return None
             # Empty glass has an outer and an inner edge, and either may be the stronger.
@@ -169,7 +175,7 @@ def fit_place(
         if len(certain) < len(fitted) and _enough(certain):
             solved = _Problem(told, solved, certain, hint).solved()
             view = view_at(*told.off_by(solved.change), solved.place)
-        seen = look_for_curves(edges, view, reach)
+        seen = look_for_curves(edges, view, reach, _level_reach(hint, reach))
     except SloshCameraError:
         return None
     if not _enough(seen):
@@ -189,6 +195,17 @@ def fit_place(
     # NaN, where the view has no rear line, is not more.
     both = all(fit.share(curve) > _LEAST_SHARE for curve in (Curve.FRONT, Curve.REAR))
     return replace(fit, score=score + _TWO_LINES) if both else fit
+
+
+def _level_reach(hint: Hint, reach: float) -> float:
+    """How far from its place the front line is looked for; near a click it is the line there."""
+    return reach if hint.level is None else min(reach, CLICK_REACH)
+
+
+def _clicked(hint: Hint) -> SeenCurve:
+    """The pixel that was told to be on the still level, as an edge of its front line."""
+    pixel = np.array([hint.level if hint.level is not None else (np.nan, np.nan)])
+    return SeenCurve(Curve.FRONT, pixel, np.array([[0.0, -1.0]]), np.ones(1), 1)
 
 
 def _is_certain(view: CupView, seen: SeenCurve) -> bool:
@@ -247,7 +264,9 @@ class _Problem:
         self._hinted = np.isfinite(hint.numbers)
         self._hint = hint.numbers[self._hinted]
         self._hint_weight = 1.0 / hint.stddev[self._hinted]
-        rest = np.zeros((self._hint.size + self._open.size, self._own_size))
+        self._clicked = _clicked(hint)
+        clicks = int(hint.level is not None)
+        rest = np.zeros((self._hint.size + self._open.size + clicks, self._own_size))
         self._own_slope: FloatArray = np.vstack((-own, np.eye(self._own_size), rest))
 
     def solved(self) -> Solution:
@@ -292,11 +311,17 @@ class _Problem:
             (
                 (place.numbers[self._hinted] - self._hint) * self._hint_weight,
                 numbers[_PLACE : self._scale.size],
+                self._off_click(view),
             )
         )
         fixed[self._samples + self._own_size :] = known
         cost: FloatArray = fixed + self._own_slope @ numbers[self._scale.size :]
         return cost
+
+    def _off_click(self, view: CupView) -> FloatArray:
+        """How far the front line passes the click, in standard deviations; (0,): there is none."""
+        away = distances(view, self._clicked) / _CLICK
+        return np.clip(away[np.isfinite(self._clicked.pixels[:, 1])], -_FAR, _FAR)
 
     def _slope(self, numbers: FloatArray) -> FloatArray:
         # The curves' own errors enter linearly; differences are taken over the others alone.

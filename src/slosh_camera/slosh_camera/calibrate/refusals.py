@@ -4,8 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from slosh_camera.calibrate.curves import EMPTY, WETTED, Curve, sides_of, view_at, width_of
-from slosh_camera.calibrate.fit import Fit
+from slosh_camera.calibrate.curves import (
+    EMPTY,
+    WETTED,
+    Curve,
+    curve_points,
+    sides_of,
+    view_at,
+    width_of,
+)
+from slosh_camera.calibrate.fit import CLICK_REACH, Fit
+from slosh_camera.calibrate.level import LEAST_LEVEL, Levels
 from slosh_camera.calibrate.still_fit import StillFit, height_shift
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.optics.cup import CupView, Wall
@@ -35,13 +44,14 @@ _LEAST_GLASS, _GLASS_ALONE = 0.35, 0.5
 _TOO_MUCH = 3
 
 
-def find_fault(fit: Fit, answer: StillFit, sure: bool) -> str:
+def find_fault(fit: Fit, answer: StillFit, sure: bool, level_shows: bool) -> str:
     """Why a fit is not to be used; empty: it may be.
 
     Args:
         fit: of the container's curves.
         answer: what follows from it.
         sure: the distance was told, so that it is the container.
+        level_shows: `shows_level` of the image, or the level was told.
     """
     for curve in WETTED:
         share = np.nan_to_num(fit.share(curve))
@@ -60,7 +70,7 @@ def find_fault(fit: Fit, answer: StillFit, sure: bool) -> str:
     if level < _LEAST_SHARE:
         return (
             f"the still level shows on {100.0 * level:.0f} % of its length; the liquid must be at "
-            "rest and stand out from what is above it"
+            "rest and stand out from what is above it, or click on the level: --level U V"
         )
     if not answer.residual <= _LOST_RESIDUAL:
         return (
@@ -75,12 +85,12 @@ def find_fault(fit: Fit, answer: StillFit, sure: bool) -> str:
             "container, as a label or a reflection; take the picture from elsewhere or before a "
             "plain background, or tell --distance"
         )
-    against = _speaks_against(fit, answer)
+    against = _speaks_against(fit, answer, level_shows)
     if not sure and len(against) >= _TOO_MUCH:
         return (
             f"what fits best, {1e3 * fit.place.distance:.0f} mm away, fits poorly: "
             f"{', '.join(against)}; take the picture before a plain background, with less on the "
-            "glass, or tell --distance"
+            "glass, or tell --level U V, a click on the still level, or --distance"
         )
     worst = max(answer.height_stddev.values())
     if not worst <= _LOST_HEIGHT:
@@ -88,6 +98,39 @@ def find_fault(fit: Fit, answer: StillFit, sure: bool) -> str:
             f"it determines heights to {1e3 * worst:.1f} mm only, {1e3 * _LOST_HEIGHT:g} mm are "
             "needed; the container must fill more of the image, and a camera a little above the "
             "level sees both of its lines"
+        )
+    return ""
+
+
+def level_fault(fit: Fit, levels: Levels, told: tuple[float, float] | None) -> str:
+    """Why the still level is not certain; empty: it is, or it was told.
+
+    Args:
+        fit: of the container's curves.
+        levels: the lines on its front wall that may be the level.
+        told: a pixel on the level; None: not told.
+    """
+    if told is not None:
+        view = view_at(fit.camera, fit.cup, fit.place)
+        line = curve_points(view, Curve.FRONT, 81)
+        away = abs(float(np.interp(told[0], line[:, 0], line[:, 1])) - told[1])
+        if away <= CLICK_REACH:
+            return ""
+        return (
+            f"the level that fits passes the pixel of --level at {away:.0f} px; click on the "
+            "front line of the level, between the container's sides"
+        )
+    if levels.rival is not None:
+        apart = 1e3 * levels.rival.height
+        return (
+            f"two levels are possible, {abs(apart):.0f} mm apart: the other is "
+            f"{'above' if apart > 0.0 else 'below'} what fits best; printed rings, seams and the "
+            "edge of a foot look alike; click on the still level's front line: --level U V"
+        )
+    if levels.own.strength < LEAST_LEVEL:
+        return (
+            "the line that fits the still level best does not run from side to side as a liquid's "
+            "does; click on the still level's front line: --level U V"
         )
     return ""
 
@@ -110,13 +153,14 @@ def is_corroborated(fit: Fit) -> bool:
     return max(known, default=0.0) >= needed or floor >= LEAST_FLOOR
 
 
-def _speaks_against(fit: Fit, answer: StillFit) -> list[str]:
+def _speaks_against(fit: Fit, answer: StillFit, level_shows: bool) -> list[str]:
     """What is off that alone is a matter of a warning, in words."""
     level = [fit.share(curve) for curve in (Curve.FRONT, Curve.REAR)]
     reasons = {
         "the floor is not where it should be": fit.share(Curve.BASE) < LEAST_FLOOR,
         "a side is hidden in part": any(fit.share(curve) < CLEAR_SHARE for curve in WETTED),
-        "a line of the level is hidden in part": any(share < CLEAR_SHARE for share in level),
+        "a line of the level is hidden in part": not level_shows
+        and any(share < CLEAR_SHARE for share in level),
         f"edges lie {answer.residual:.2f} px off": answer.residual > MAX_RESIDUAL,
     }
     return [reason for reason, holds in reasons.items() if holds]

@@ -67,7 +67,11 @@ class _Maps:
 
 
 def find_candidates(
-    edges: EdgeImage, camera: PinholeCamera, cup: Cup, count: int
+    edges: EdgeImage,
+    camera: PinholeCamera,
+    cup: Cup,
+    count: int,
+    level: tuple[float, float] | None = None,
 ) -> list[Candidate]:
     """Places of the camera that fit the picture roughly.
 
@@ -76,6 +80,7 @@ def find_candidates(
         camera: its camera, without distortion.
         cup: the container.
         count: at most so many.
+        level: a pixel on the front line of the still level; None: not told.
 
     Returns:
         Candidates that differ from one another, the best first; empty where the image has no
@@ -86,7 +91,7 @@ def find_candidates(
     maps = _support_maps(edges)
     found: list[Candidate] = []
     for axis, width in _axes(lines, camera, cup, edges.shape):
-        tries = [_best_level(maps, camera, cup, axis.pitched(p), width) for p in _PITCHES]
+        tries = [_best_level(maps, camera, cup, axis.pitched(p), width, level) for p in _PITCHES]
         # The fine fit finds the pitch from any of them.
         found += sorted((t for t in tries if t), key=lambda t: -t.score)[:1]
     found.sort(key=lambda candidate: -candidate.score)
@@ -133,9 +138,14 @@ def _line_rays(line: UprightLine, camera: PinholeCamera, middle: float) -> Float
 
 
 def _best_level(
-    maps: _Maps, camera: PinholeCamera, cup: Cup, axis: Axis, width: float
+    maps: _Maps,
+    camera: PinholeCamera,
+    cup: Cup,
+    axis: Axis,
+    width: float,
+    level: tuple[float, float] | None,
 ) -> Candidate | None:
-    """The still level with the most support on an axis."""
+    """The still level with the most support on an axis, or the one through a pixel."""
     rows = maps.level.shape[0]
     v = np.arange(0.03 * rows, 0.99 * rows, _ROW_STEP)
     slope = (v - camera.cy) / camera.fy
@@ -144,12 +154,28 @@ def _best_level(
     drop = np.where(np.abs(drop) > 1e-6, drop, np.nan)
     heights = near * (axis.forward[1] - slope * axis.forward[2]) / drop
     heights = heights[np.abs(heights) < 3.0 * axis.distance]
+    if level is not None:
+        heights = _height_through(camera, cup, axis, level)
     if heights.size == 0:
         return None
     scores = _scores(maps, camera, cup, axis, heights)
     best = int(np.argmax(scores))
     score = float(scores[best]) - _CHANCE * _SLACK / width
     return Candidate(axis.place(float(heights[best])), score, width)
+
+
+def _height_through(
+    camera: PinholeCamera, cup: Cup, axis: Axis, pixel: tuple[float, float]
+) -> FloatArray:
+    """The camera's height (1,) above a level whose front line goes through a pixel, else (0,)."""
+    (ray,) = camera.rays(np.array([pixel]))
+    # As components to the right, away from the camera and up; the origin is on the axis.
+    right, away, up = (float(value) for value in ray @ axis.rotation)
+    square = right * right + away * away
+    root = (axis.distance * away) ** 2 - square * (axis.distance**2 - cup.radius**2)
+    if not root >= 0.0:
+        return np.empty(0)
+    return np.array([-(axis.distance * away - np.sqrt(root)) / square * up])
 
 
 def _scores(

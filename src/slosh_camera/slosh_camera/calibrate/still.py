@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -16,14 +16,16 @@ from slosh_camera.calibrate.curves import (
     width_of,
 )
 from slosh_camera.calibrate.doubt import KNOWN, QUANTITIES, Doubt, Told
-from slosh_camera.calibrate.edges import edge_image
+from slosh_camera.calibrate.edges import EdgeImage, edge_image
 from slosh_camera.calibrate.fit import NO_HINT, Fit, Hint, fit_place
+from slosh_camera.calibrate.level import levels_of, without_thin_lines
 from slosh_camera.calibrate.pose import CameraPlace, place_of
 from slosh_camera.calibrate.refusals import (
     check_enclosed,
     check_rival,
     find_fault,
     is_corroborated,
+    level_fault,
 )
 from slosh_camera.calibrate.search import Candidate, find_candidates
 from slosh_camera.calibrate.still_fit import StillFit, still_fit
@@ -37,8 +39,11 @@ FloatMap = NDArray[np.float32]
 Image = NDArray[np.uint8]
 
 _CANDIDATES, _FINE_FITS = 6, 3
-# The coarse search takes so many columns at least, and less than twice as many.
-_SEARCH_WIDTH = 800
+# Of so many of the best fits the other lines that may be the level are tried as well.
+_RETRIED = 2
+# The coarse search takes so many pixels along the longer side at least, and less than twice as
+# many.
+_SEARCH_SIZE = 800
 # Rough fits that differ by less than this, relative to the distance or [rad], are one.
 _ALIKE = 0.02
 # How well a distance is known that is told, as a part of it.
@@ -53,6 +58,7 @@ def calibrate_by_edges(
     hint: Hint = NO_HINT,
     doubt: Doubt = KNOWN,
     distance: float | None = None,
+    level: tuple[float, float] | None = None,
 ) -> StillFit:
     """Pose of a container by its edges and its still level in an image.
 
@@ -65,6 +71,7 @@ def calibrate_by_edges(
         hint: what a board tells in addition.
         doubt: how far camera and container may be off; what is in doubt is estimated.
         distance: of the camera from the container's axis, to a tenth [m]; None: unknown.
+        level: a pixel on the front line of the still level, to a pixel or two; None: unknown.
 
     Returns:
         The pose.
@@ -74,41 +81,83 @@ def calibrate_by_edges(
     """
     check_size(image, camera)
     straight, pinhole = undistorted(image, camera)
-    told = Told(pinhole, cup, doubt)
-    edges = edge_image(straight)
-    candidates = _candidates(straight, pinhole, cup, distance)
-    starts = [candidate.place for candidate in candidates]
-    hint = hint if distance is None else hint.with_distance(distance, _TOLD_DISTANCE * distance)
+    if level is not None:
+        hint = replace(hint, level=_straight_pixel(level, camera))
+    if distance is not None:
+        hint = hint.with_distance(distance, _TOLD_DISTANCE * distance)
+    task = _Task(straight, pinhole, Told(pinhole, cup, doubt), azimuth, hint, distance)
+    shrink = _shrink(pinhole)
+    try:
+        return _for_lens(_by_edges(task), camera, 1)
+    except SloshCameraError:
+        if shrink == 1:
+            raise
+    # Blur and the lens move edges by fewer pixels of a smaller image, and thin print is gone.
+    smaller = _smaller(task, shrink)
+    plain = replace(smaller, image=without_thin_lines(smaller.image))
+    return _for_lens(_by_edges(plain), camera, shrink)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Task:
+    """An image without distortion, and what is known of its pose."""
+
+    image: Image
+    camera: PinholeCamera
+    told: Told
+    azimuth: float
+    hint: Hint
+    distance: float | None
+
+    @property
+    def sure(self) -> bool:
+        """The distance was told, so that what is found there is the container."""
+        return self.distance is not None
+
+
+def _by_edges(task: _Task) -> StillFit:
+    """The best of the poses that explain the image.
+
+    Raises:
+        SloshCameraError: none does, or several do.
+    """
+    edges, cup = edge_image(task.image), task.told.cup
 
     def roughly(places: list[CameraPlace]) -> list[Fit]:
-        tries = [fit_place(edges, told, place, hint, rough=True) for place in places]
+        tries = [fit_place(edges, task.told, place, task.hint, rough=True) for place in places]
         return _distinct([fit for fit in tries if fit])
 
-    rough = _worth_a_fit(roughly(starts))
+    rough = _worth_a_fit(roughly([candidate.place for candidate in _candidates(task)]))
     places = [fit.place for fit in rough]
     places += [_mirrored(place, cup) for place in places]
-    fits = [fit_place(edges, told, place, hint) for place in places]
-    ranked = sorted((fit for fit in fits if fit), key=lambda fit: -fit.score)
+    fits = [fit_place(edges, task.told, place, task.hint) for place in places]
+    ranked = _with_rivals(edges, task, [fit for fit in fits if fit])
     if not ranked:
         raise SloshCameraError(
             "still image: no round container is found; its two sides and the still level must be "
-            "in the image, sharp and clear of other edges: a plain background, dyed liquid, or "
-            "--scale with two clicks"
+            "in the image, sharp and clear of other edges: a plain background, dyed liquid, a "
+            "click on the level (--level U V), or --scale with two clicks"
         )
-    answers = [still_fit(fit, camera, azimuth) for fit in ranked]
-    sure = distance is not None
-    faults = [find_fault(fit, answer, sure) for fit, answer in zip(ranked, answers, strict=True)]
+    answers = [still_fit(fit, task.camera, task.azimuth) for fit in ranked]
+    told = task.hint.level
+    shown, faults = [], []
+    for fit, answer in zip(ranked, answers, strict=True):
+        levels = levels_of(edges, fit)
+        shown.append(levels.shows or told is not None)
+        fault = find_fault(fit, answer, task.sure, shown[-1])
+        faults.append(fault or level_fault(fit, levels, told))
     if all(faults):
-        raise SloshCameraError(f"still image: {faults[0]}")
+        clicked = "" if told is None else "; is the pixel of --level on the still level?"
+        raise SloshCameraError(f"still image: {faults[0]}{clicked}")
     best = faults.index("")
     view = view_at(ranked[best].camera, ranked[best].cup, ranked[best].place)
-    if not sure:
+    if not task.sure:
         # Also one that scores higher, but that neither glass nor floor speaks for.
         for rival, fault in zip(ranked, faults, strict=True):
             if rival is not ranked[best] and (not fault or not is_corroborated(rival)):
                 check_rival(view, ranked[best], rival)
         check_enclosed(ranked[best], ranked)
-    return answers[best]
+    return replace(answers[best], level_shows=shown[best])
 
 
 def check_pose(
@@ -149,6 +198,7 @@ def check_size(image: Image, camera: PinholeCamera) -> None:
         raise SloshCameraError(
             f"still image: has {width} x {height} pixels, the camera is calibrated for "
             f"{camera.width} x {camera.height}"
+            + (", as one held the other way" if (height, width) == camera.size else "")
         )
 
 
@@ -173,29 +223,95 @@ def _undistort_maps(camera: PinholeCamera) -> tuple[FloatMap, FloatMap]:
     return across, down
 
 
-def _candidates(
-    image: Image, camera: PinholeCamera, cup: Cup, distance: float | None
-) -> list[Candidate]:
-    shrink = max(camera.width // _SEARCH_WIDTH, 1)
-    if shrink > 1:
-        width, height = camera.width // shrink, camera.height // shrink
-        image = image[: height * shrink, : width * shrink]
-        image = np.asarray(cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA))
-        camera = PinholeCamera(
-            width,
-            height,
-            camera.fx / shrink,
-            camera.fy / shrink,
-            (camera.cx + 0.5) / shrink - 0.5,
-            (camera.cy + 0.5) / shrink - 0.5,
-        )
-    edges = edge_image(image)
-    if distance is None:
-        return find_candidates(edges, camera, cup, _CANDIDATES)
+def _with_rivals(edges: EdgeImage, task: _Task, fits: list[Fit]) -> list[Fit]:
+    """The fits, and those that begin at the rival levels of the best, the best first."""
+    ranked = sorted(fits, key=lambda fit: -fit.score)
+    if task.hint.level is not None:
+        return ranked
+    starts = []
+    for fit in ranked[:_RETRIED]:
+        rival = levels_of(edges, fit).rival
+        if rival is not None:
+            starts += _at_level(fit, rival.height)
+    more = [fit_place(edges, task.told, start, task.hint) for start in starts]
+    return sorted((*ranked, *(fit for fit in more if fit)), key=lambda fit: -fit.score)
+
+
+def _at_level(fit: Fit, height: float) -> list[CameraPlace]:
+    """Places whose level is higher by so much [m]; the old one may be the rear line of it."""
+    place, radius = fit.place, fit.cup.radius
+    moved = replace(place, height=place.height - height)
+    # The rear line appears on the front wall so much above the front line.
+    above = -height * (place.distance + radius) / (2.0 * radius)
+    if not 0.0 < -height < radius:
+        return [moved]
+    near = place.distance - radius
+    turn = float(np.arctan2(above, near) - np.arctan2(moved.height, near))
+    return [moved, replace(moved, height=above, pitch=place.pitch + turn)]
+
+
+def _candidates(task: _Task) -> list[Candidate]:
+    small = _smaller(task, _shrink(task.camera))
+    edges, camera, cup = edge_image(small.image), small.camera, task.told.cup
+    level = small.hint.level
+    if task.distance is None:
+        return find_candidates(edges, camera, cup, _CANDIDATES, level)
     # Of many, those about as far away as is told.
-    many = find_candidates(edges, camera, cup, 4 * _CANDIDATES)
-    near = [c for c in many if abs(c.place.distance - distance) < 3 * _TOLD_DISTANCE * distance]
+    many = find_candidates(edges, camera, cup, 4 * _CANDIDATES, level)
+    reach = 3 * _TOLD_DISTANCE * task.distance
+    near = [c for c in many if abs(c.place.distance - task.distance) < reach]
     return near[:_CANDIDATES]
+
+
+def _shrink(camera: PinholeCamera) -> int:
+    return max(max(camera.size) // _SEARCH_SIZE, 1)
+
+
+def _smaller(task: _Task, shrink: int) -> _Task:
+    """The same for an image of fewer pixels."""
+    if shrink == 1:
+        return task
+    old = task.camera
+    width, height = old.width // shrink, old.height // shrink
+    part = task.image[: height * shrink, : width * shrink]
+    image = np.asarray(cv2.resize(part, (width, height), interpolation=cv2.INTER_AREA), np.uint8)
+    cx, cy = ((place + 0.5) / shrink - 0.5 for place in (old.cx, old.cy))
+    camera = PinholeCamera(width, height, old.fx / shrink, old.fy / shrink, cx, cy)
+    hint = task.hint
+    if hint.level is not None:
+        u, v = ((place + 0.5) / shrink - 0.5 for place in hint.level)
+        hint = replace(hint, level=(u, v))
+    return replace(
+        task, image=image, camera=camera, told=replace(task.told, camera=camera), hint=hint
+    )
+
+
+def _for_lens(answer: StillFit, camera: PinholeCamera, shrink: int) -> StillFit:
+    """An answer for the camera itself, from one without distortion and with larger pixels."""
+    found = answer.view.camera
+    lens = replace(camera, fx=found.fx * shrink, fy=found.fy * shrink)
+    curves = tuple(
+        replace(curve, offset=curve.offset * shrink, rms=curve.rms * shrink)
+        for curve in answer.curves
+    )
+    view = CupView(lens, answer.view.pose, answer.view.cup)
+    return replace(answer, view=view, residual=answer.residual * shrink, curves=curves)
+
+
+def _straight_pixel(pixel: tuple[float, float], camera: PinholeCamera) -> tuple[float, float]:
+    """A pixel of the camera as the image without distortion has it.
+
+    Raises:
+        SloshCameraError: it is outside the image.
+    """
+    u, v = pixel
+    if not (-0.5 <= u <= camera.width - 0.5 and -0.5 <= v <= camera.height - 0.5):
+        raise SloshCameraError(
+            f"level: ({u:g}, {v:g}) is outside the image of {camera.width} x {camera.height} "
+            "pixels"
+        )
+    (ray,) = camera.rays(np.array([pixel], dtype=np.float64))
+    return float(camera.fx * ray[0] + camera.cx), float(camera.fy * ray[1] + camera.cy)
 
 
 def _worth_a_fit(rough: list[Fit]) -> list[Fit]:

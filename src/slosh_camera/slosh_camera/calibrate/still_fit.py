@@ -59,6 +59,8 @@ class StillFit:
         height_stddev: largest standard error of a height of -20 to 20 mm on the front and on the
             rear wall [m].
         curves: the single curves.
+        level_shows: the image shows that the level is a liquid's, or it was told; so do edges
+            alone of a pose that is known.
     """
 
     view: CupView
@@ -68,6 +70,7 @@ class StillFit:
     residual_height: float
     height_stddev: dict[Wall, float]
     curves: tuple[CurveCheck, ...]
+    level_shows: bool = True
 
 
 def still_fit(fit: Fit, camera: PinholeCamera, azimuth: float) -> StillFit:
