@@ -44,7 +44,7 @@ PIP = {
 """Import name to requirement, where it has another."""
 UNSEEN = {"slosh_bringup": {"websockets"}}
 """What one of the imported packages imports, and calls optional."""
-OPTIONAL = {"casadi", "pandas"}
+OPTIONAL = {"argcomplete", "casadi", "pandas"}
 """Imported where it is used, and told of where it is missing."""
 MESSAGE_TYPE = re.compile(r"(\w+)/(?:msg|srv)/\w+")
 

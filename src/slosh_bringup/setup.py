@@ -49,6 +49,7 @@ setup(
         "uvicorn>=0.35",
         "websockets>=14",
     ],
+    extras_require={"completion": ["argcomplete"]},
     zip_safe=False,
     maintainer="Slosh Monitor maintainers",
     maintainer_email="slosh-monitor@users.noreply.github.com",

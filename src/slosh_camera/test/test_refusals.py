@@ -41,7 +41,7 @@ FAINT_GLASS = {"left_empty": 0.42, "right_empty": 0.3}
 @pytest.mark.parametrize(("rear", "enough"), [(0.8, True), (0.3, False), (np.nan, False)])
 def test_faint_glass_speaks_for_two_lines_of_the_level_and_not_for_one(rear, enough):
     assert is_corroborated(fit(**NO_FLOOR, **FAINT_GLASS, rear=rear)) == enough
-    fault = find_fault(fit(**NO_FLOOR, **FAINT_GLASS, rear=rear), answer(), False)
+    fault = find_fault(fit(**NO_FLOOR, **FAINT_GLASS, rear=rear), answer(), False, False)
     assert ("neither the glass above the level nor the floor" in fault) != enough
 
 
@@ -55,9 +55,9 @@ def test_the_floor_or_clear_glass_speaks_for_one_line():
 )
 def test_three_things_that_are_off_at_once_are_too_many(shares):
     poor = fit(**shares)
-    assert "fits poorly" in find_fault(poor, answer(0.64), False)
+    assert "fits poorly" in find_fault(poor, answer(0.64), False, False)
     # Where the distance is told it is the container all the same.
-    assert not find_fault(poor, answer(0.64), True)
+    assert not find_fault(poor, answer(0.64), True, False)
 
 
 @pytest.mark.parametrize(
@@ -70,8 +70,8 @@ def test_three_things_that_are_off_at_once_are_too_many(shares):
     ],
 )
 def test_two_of_them_are_a_matter_of_warnings(shares, residual):
-    assert not find_fault(fit(**shares), answer(residual), False)
+    assert not find_fault(fit(**shares), answer(residual), False, False)
 
 
 def test_a_floor_outside_the_image_speaks_neither_way():
-    assert not find_fault(fit(base=np.nan, rear=0.65), answer(0.64), False)
+    assert not find_fault(fit(base=np.nan, rear=0.65), answer(0.64), False, False)
