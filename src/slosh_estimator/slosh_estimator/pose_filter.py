@@ -7,8 +7,9 @@ too, so that the straight lines between accelerations lose nothing.
 
 The window is a time. For a wave of frequency ω a window that reaches to H on both sides has a gain
 of 0.995 at ωH = 1.43, whatever the rate: the window is as long as that allows at the highest
-natural frequency, for it averages the noise of the poses. A cubic, of degree 3, would have a third
-of the window at the same gain, and four times the noise; one of degree 7 twice the delay.
+natural frequency, for it averages the noise of the poses. A cubic, of degree 3, would have a fifth
+to a quarter of the window at the same gain, and about nine times the noise; one of degree 7 twice
+the delay.
 """
 
 from __future__ import annotations
