@@ -145,7 +145,8 @@ def start(tmp_path, domain):
 @pytest.mark.parametrize("executor", ["events", "single"])
 def test_each_prediction_starts_from_the_newest_estimate(start, monkeypatch, executor):
     monkeypatch.setenv("SLOSH_EXECUTOR", executor)
-    cell = start(estimator={"model": ""}, predictor={"model": ""})
+    # A pause of the machine is no gap here.
+    cell = start(estimator={"model": "", "max_gap": "1.0"}, predictor={"model": ""})
     request = PredictSlosh.Request(from_estimate=True, no_time_scales=True)
     request.time, request.limit = [0.0, 0.1, 0.2], math.nan
     request.acceleration_x = request.acceleration_y = request.acceleration_z = [0.0] * 3
