@@ -123,7 +123,7 @@ def messages(values) -> list[ParameterMessage]:
 @pytest.fixture
 def start(tmp_path, domain):
     model = {"model": str(config_folder() / "truth.yaml")}
-    groups = []
+    groups, cells = [], []
 
     def begin(**nodes) -> Cell:
         rclpy.init(domain_id=domain)
@@ -134,11 +134,15 @@ def start(tmp_path, domain):
             }})
             for name, given in nodes.items()
         )  # fmt: skip
-        return Cell(groups[-1], processes)
+        cells.append(Cell(groups[-1], processes))
+        return cells[-1]
 
     yield begin
     for group in groups:
         group.__exit__(None, None, None)
+    for cell in cells:  # else its publishers stay, and the next test's cell hears them
+        cell.executor.shutdown()
+        cell.node.destroy_node()
     rclpy.try_shutdown()
 
 
