@@ -14,6 +14,7 @@ that are turned, or in g. Only a camera, or a sensor that feels gravity, shows t
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from itertools import pairwise
 from typing import NamedTuple
@@ -60,7 +61,7 @@ class Cause(NamedTuple):
     vector: Vector = _ZERO
 
 
-class Check:
+class Check(ABC):
     """What all checks share: the bins, the doubt, the memory.
 
     Attributes:
@@ -113,17 +114,21 @@ class Check:
         if self.doubt is not None:
             self.raised[2 * cause.kind + self.doubt.wrong] = self.doubt
 
+    @abstractmethod
     def _doubt_of(self, cause: Cause) -> Doubt | None:
-        raise NotImplementedError
+        """What a cause means; None: nothing is wrong."""
 
+    @abstractmethod
     def _take(self, closed: Bin) -> None:
-        raise NotImplementedError
+        """Takes the mean of a bin that is complete."""
 
+    @abstractmethod
     def _remembered(self, base: int) -> list[float]:
-        raise NotImplementedError
+        """The memory of this kind of check, relative to a bin's number."""
 
+    @abstractmethod
     def _remember(self, memory: Sequence[float], base: int) -> None:
-        raise NotImplementedError
+        """Takes up such a memory."""
 
 
 class AccelCheck(Check):
