@@ -197,6 +197,11 @@ class Estimator:
         since = 0 if self._first_ns is None else max(stamp_ns - self._first_ns, 0)
         return self._reading_clock.delay(since / 1e9)
 
+    def reading_delays(self, stamps: Integers) -> Array:
+        """`reading_delay` of many moments: (N,) [s] of (N,) stamps [ns]."""
+        first = stamps if self._first_ns is None else self._first_ns
+        return self._reading_clock.delay(np.maximum(stamps - first, 0) / 1e9)
+
     def state(self) -> EstimatorState | None:
         """Where it stands; None: before the first sample."""
         if self._last is None or self._first_ns is None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,6 +15,7 @@ from slosh_model.model import Model
 from slosh_model.simulate import Inputs, Response, effect_parameters, simulate
 
 Array = NDArray[np.float64]
+Elapsed = TypeVar("Elapsed", float, Array)
 
 
 def measured_heights(
@@ -81,11 +82,12 @@ class ReadingClock(NamedTuple):
         """Whether it is the inputs' clock."""
         return self.offset == 0.0 and self.rate == 0.0
 
-    def delay(self, elapsed: float) -> float:
+    def delay(self, elapsed: Elapsed) -> Elapsed:
         """By how much the measurement of a moment comes late [s].
 
         Args:
-            elapsed: of the moment, from the motion's start, on the inputs' clock [s].
+            elapsed: of the moment, or (N,) of moments, from the motion's start, on the inputs'
+                clock [s].
         """
         return self.offset + self.rate * elapsed
 

@@ -101,8 +101,7 @@ class ModelSet:
 
     def _delays(self, stamps: NDArray[np.int64]) -> NDArray[np.int64]:
         """(N,) by how much the measurements of these moments come late [ns]."""
-        late = [self._own.reading_delay(stamp) for stamp in stamps.tolist()]
-        return np.rint(np.array(late) * 1e9).astype(np.int64)
+        return np.rint(self._own.reading_delays(stamps) * 1e9).astype(np.int64)
 
     def _begin(self, model: Model, *, at_rest: bool) -> None:
         self._own = Estimator(model, at_rest=at_rest)
