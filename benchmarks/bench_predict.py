@@ -95,7 +95,7 @@ def round_trips(rounds: int) -> dict[str, float]:
         model.write_text(format_model(MODEL))
         words = [
             "-m",
-            "slosh_estimator.nodes.predictor_node",
+            "slosh_plan.nodes.predictor_node",
             "--ros-args",
             "-p",
             f"model:={model}",

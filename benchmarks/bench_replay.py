@@ -40,18 +40,18 @@ from slosh_bag.bag_writer import BagWriter
 from slosh_bag.columns.cdr_columns import write_messages
 from slosh_bag.columns.cdr_layout import layout_of
 from slosh_bag.definitions import Definitions
-from slosh_bag.recording.heights import Measurements
-from slosh_bag.replay import ReplayResult, replay_bag
-from slosh_bag.replay.monitor_feed import Heights, MonitorFeed
-from slosh_bag.replay.verification import COMPARED, estimate_columns
+from slosh_base.compiled.arithmetic import arithmetic_fingerprint
+from slosh_base.compiled.compile_cache import sources_digest
 from slosh_estimator.estimator import Estimates, Estimator
 from slosh_estimator.monitor_settings import MonitorSettings
 from slosh_estimator.sample import Samples
-from slosh_model.arithmetic import arithmetic_fingerprint
-from slosh_model.compile_cache import sources_digest
 from slosh_model.containers import Cylinder
 from slosh_model.model import Model
 from slosh_model.model_text import format_model
+from slosh_replay.recording.heights import Measurements
+from slosh_replay.replay import ReplayResult, replay_bag
+from slosh_replay.replay.monitor_feed import Heights, MonitorFeed
+from slosh_replay.replay.verification import COMPARED, estimate_columns
 
 REAL_TIME_GOAL = 100.0
 DECODE_GOAL = 0.5

@@ -4,7 +4,7 @@ import sys
 
 import matplotlib.pyplot as plt
 
-from slosh_bag import replay_bag
+from slosh_replay import replay_bag
 
 bag = sys.argv[1] if len(sys.argv) > 1 else "bags/c3"
 result = replay_bag(bag)

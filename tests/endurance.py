@@ -29,11 +29,11 @@ from numpy.typing import NDArray
 
 from slosh_bag.errors import SloshBagError
 from slosh_bag.reader import BagReader
-from slosh_bag.replay import replay_bag
+from slosh_base.files.nanoseconds import SECOND
 from slosh_bringup.processes import node_environment
 from slosh_estimator.validity import EstimateFlag
-from slosh_files.nanoseconds import SECOND
 from slosh_msgs_py.node.domain import own_domain
+from slosh_replay.replay import replay_bag
 from tests.live_processes import nodes_of
 from tests.long_cell import long_cell, sizes
 

@@ -10,12 +10,12 @@ import yaml
 
 from slosh_bag.bag_writer import BagWriter
 from slosh_bag.definitions import Definitions
+from slosh_base.compiled.arithmetic import arithmetic_fingerprint
 from slosh_estimator.estimator import Estimator
 from slosh_estimator.gate import GateSettings
 from slosh_estimator.inputs import InputSettings
 from slosh_estimator.mounting import SensorTransform
 from slosh_estimator.sampling import modes_of
-from slosh_model.arithmetic import arithmetic_fingerprint
 from slosh_model.constants import GRAVITY
 from slosh_model.model_text import format_model, parse_model
 

@@ -27,13 +27,13 @@ from sensor_msgs.msg import Image
 from std_srvs.srv import Trigger
 
 from slosh_bag.reader import BagReader
-from slosh_bag.replay import replay_bag
 from slosh_bringup.processes import node_environment
 from slosh_msgs.msg import FreeSurface, SloshComparison
 from slosh_msgs.srv import LoadModel
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.node.domain import own_domain
 from slosh_msgs_py.stamps import to_time
+from slosh_replay.replay import replay_bag
 from tests.long_cell import long_cell, sizes
 
 EVERY = 30.0  # s

@@ -18,10 +18,10 @@ from geometry_msgs.msg import AccelStamped, PoseStamped  # noqa: E402
 from sensor_msgs.msg import Image, Imu  # noqa: E402
 from std_srvs.srv import Trigger  # noqa: E402
 
+from slosh_base.files.plain_text import LONGEST  # noqa: E402
 from slosh_bringup.cell.renderer import CupRenderer  # noqa: E402
 from slosh_bringup.processes import config_folder  # noqa: E402
 from slosh_camera.calibrate.camera_file import read_calibration  # noqa: E402
-from slosh_files.plain_text import LONGEST  # noqa: E402
 from slosh_msgs.msg import SloshComparison, SloshEstimate  # noqa: E402
 from slosh_msgs.srv import LoadModel  # noqa: E402
 from slosh_msgs_py import topics  # noqa: E402

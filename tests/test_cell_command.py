@@ -13,13 +13,13 @@ import pytest
 import yaml
 
 from slosh_bag.errors import SloshBagError
-from slosh_bag.motion_table import MotionTable, write_motion_table
 from slosh_bag.reader import BagReader
-from slosh_bag.replay import replay_bag
-from slosh_bringup.in_force import in_force, last_starts
 from slosh_bringup.processes import config_folder
 from slosh_bringup.watch.recording import Recording
 from slosh_msgs.msg import SloshEstimate
+from slosh_replay.in_force import in_force, last_starts
+from slosh_replay.replay import replay_bag
+from slosh_tables.motion_table import MotionTable, write_motion_table
 from tests.live_processes import PATIENCE, live_process, recorded, robot
 
 BAG = Path(__file__).resolve().parents[1] / "bags" / "l"

@@ -19,11 +19,11 @@ rclpy = pytest.importorskip("rclpy", reason="ROS 2 is not installed")
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue  # noqa: E402
 
-from slosh_bag.replay import replay_bag  # noqa: E402
+from slosh_base.files.plain_text import LONGEST  # noqa: E402
 from slosh_bringup.processes import config_folder  # noqa: E402
-from slosh_files.plain_text import LONGEST  # noqa: E402
 from slosh_msgs.msg import NodeSettings  # noqa: E402
 from slosh_msgs_py import qos, topics  # noqa: E402
+from slosh_replay.replay import replay_bag  # noqa: E402
 from tests.live_processes import LiveProcess, alive, free_port, live_process, robot  # noqa: E402
 from tests.loopback import Socket, descendants, sockets, waiting_bytes  # noqa: E402
 

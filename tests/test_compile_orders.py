@@ -21,7 +21,7 @@ from typing import Any
 import pytest
 
 from slosh_bag.definitions import find_interfaces
-from slosh_model.compile_cache import cache_folder
+from slosh_base.compiled.compile_cache import cache_folder
 
 PROGRAM = Path(__file__).with_name("compiled_work.py")
 WORKS = ("live", "simulate", "replay", "detect", "discover")

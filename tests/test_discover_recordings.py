@@ -9,11 +9,7 @@ import numpy as np
 import pytest
 
 from slosh_bag.definitions import find_interfaces
-from slosh_bag.interchange.antisloshing import find_runs, import_run
 from slosh_bag.reader import BagReader
-from slosh_bag.recording.motion import Motion
-from slosh_bag.recording.settings import model_of
-from slosh_bag.recording.sources import find_sources
 from slosh_discovery.discover import Verdict, discover
 from slosh_discovery.discover.input_noise import estimate_input_noise
 from slosh_discovery.discover.motion import MeasuredMotion
@@ -23,6 +19,10 @@ from slosh_discovery.discovering import recorded_cell, recorded_model
 from slosh_model.containers import Cylinder
 from slosh_model.model import Model
 from slosh_model.simulate import Inputs, simulate
+from slosh_replay.recording.motion import Motion
+from slosh_replay.recording.settings import model_of
+from slosh_replay.recording.sources import find_sources
+from slosh_replay.tables.antisloshing import find_runs, import_run
 from tests.live_bag import LiveBag
 
 REPOSITORY = Path(__file__).resolve().parent.parent

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from slosh_files.nanoseconds import SECOND
+from slosh_base.files.nanoseconds import SECOND
 from tests import endurance
 
 IMAGE = SECOND // 20

@@ -7,8 +7,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+from slosh_base.files.private_mode import OTHERS_WRITE
 from slosh_bringup.processes import NodeProcess, node_environment
-from slosh_files.private_mode import OTHERS_WRITE
 from tests.live_processes import PATIENCE, until
 
 BAG = Path(__file__).resolve().parents[1] / "bags" / "l"

@@ -20,12 +20,12 @@ import pytest
 import yaml
 
 from slosh_bag.bag_writer import BagWriter
-from slosh_bag.motion_table import MotionTable, write_motion_table
+from slosh_base.files.plain_text import LONGEST, PlainStream
 from slosh_bringup.cell.renderer import CupRenderer
 from slosh_bringup.cli.main import main
 from slosh_bringup.processes import config_folder
 from slosh_camera.calibrate.camera_file import read_calibration
-from slosh_files.plain_text import LONGEST, PlainStream
+from slosh_tables.motion_table import MotionTable, write_motion_table
 from tests.hostile import CONTROL, EVIL, Page, has_forged_line
 
 BAGS = Path(__file__).parents[1] / "bags"

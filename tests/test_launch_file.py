@@ -6,11 +6,11 @@ from datetime import datetime
 
 import pytest
 
+from slosh_base.files.plain_text import plain_line
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.launched_cell import LaunchedCell
 from slosh_bringup.processes import NODES
 from slosh_bringup.restarts import LONGEST_PAUSE
-from slosh_files.plain_text import plain_line
 from tests.launch_stand_in import Launch, Node, ParameterValue, read_launch_file
 
 NOW = datetime(2026, 11, 25, 9, 30, 1)

@@ -19,12 +19,12 @@ import scipy.io
 from board_scene import chessboard_pictures
 
 from slosh_bag.bag_writer import BagWriter
-from slosh_bag.motion_table import MotionTable, write_motion_table
+from slosh_base.files import is_unfinished
 from slosh_bringup.cell.renderer import CupRenderer
 from slosh_bringup.cli.main import COMMANDS, main
 from slosh_bringup.processes import config_folder
 from slosh_camera.calibrate.camera_file import read_calibration
-from slosh_files import is_unfinished
+from slosh_tables.motion_table import MotionTable, write_motion_table
 from tests.small_disk import small_disk
 
 ROOT = Path(__file__).parents[1]
@@ -500,7 +500,7 @@ ALLOWED = {
     "slosh_bringup/cli/quiet_decoders.py": "open(os.devnull)",
     "slosh_bringup/simulate/chart.py": "savefig into a NewFile",
     "slosh_report/page/svg.py": "savefig into memory",
-    "slosh_model/compile_cache.py": "compiled code, which is the cache's alone",
+    "slosh_base/compiled/compile_cache.py": "compiled code, which is the cache's alone",
     "slosh_msgs_py/node/dead_ports.py": "locks of what killed nodes have left",
     "slosh_msgs_py/node/shared_memory.py": "what killed nodes have left there",
 }
@@ -525,7 +525,7 @@ def test_files_are_written_through_slosh_files_only():
     found = set()
     for path in ROOT.glob("src/slosh_*/slosh_*/**/*.py"):
         name = path.relative_to(ROOT / "src").as_posix().split("/", 1)[1]
-        if not name.startswith("slosh_files/") and list(writes(ast.parse(path.read_text()))):
+        if not name.startswith("slosh_base/") and list(writes(ast.parse(path.read_text()))):
             found.add(name)
     assert found == set(ALLOWED)
 

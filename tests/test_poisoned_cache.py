@@ -13,8 +13,8 @@ import pytest
 
 import slosh_estimator
 import slosh_model
+from slosh_base.compiled.compile_cache import cache_folder
 from slosh_bringup.processes import config_folder
-from slosh_model.compile_cache import cache_folder
 
 PACKAGES = [Path(str(module.__file__)).parent for module in (slosh_model, slosh_estimator)]
 MODEL = config_folder() / "model.yaml"
@@ -65,8 +65,8 @@ def poisoned(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def code_files(folder: Path, work: str = "pass") -> dict[str, Path]:
     """Where the cache keeps, or would keep, each of the functions; after some work with it."""
     program = f"""
-import slosh_estimator.estimator, slosh_model.compilation
-for one in slosh_model.compilation.entry_points():
+import slosh_estimator.estimator, slosh_base.compiled.compilation
+for one in slosh_base.compiled.compilation.entry_points():
     if one.name in {FIRST}:
         {work}
         print(one.name, one._file().path)

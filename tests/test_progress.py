@@ -17,13 +17,13 @@ import pytest
 from tqdm.utils import disp_len
 
 from slosh_bag.bag_writer import BagWriter
-from slosh_bag.motion_table import MotionTable, write_motion_table
 from slosh_bringup.cell.renderer import CupRenderer
 from slosh_bringup.cli import progress as module
 from slosh_bringup.cli.main import main
 from slosh_bringup.cli.progress import SECONDS, Progress, Unit, bar_line, progress_bar
 from slosh_bringup.processes import config_folder
 from slosh_camera.calibrate.camera_file import read_calibration
+from slosh_tables.motion_table import MotionTable, write_motion_table
 
 ROOT = Path(__file__).parents[1]
 CAMERA = config_folder() / "camera.yaml"

@@ -11,10 +11,11 @@ import matplotlib as mpl
 import numpy as np
 import pytest
 
-from slosh_bag import MotionTable, read_motion_table, replay_bag, write_motion_table
 from slosh_discovery.discover import MeasuredMotion, discover
 from slosh_discovery.discover_data import read_motions
 from slosh_model import Cylinder, Inputs, Model, predicted_heights, read_model, simulate
+from slosh_replay import replay_bag
+from slosh_tables import MotionTable, read_motion_table, write_motion_table
 
 mpl.use("Agg")
 ROOT = Path(__file__).resolve().parent.parent

@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 import yaml
 
-from slosh_bag.replay import replay_bag
 from slosh_bringup.processes import node_environment
 from slosh_model import Model, format_model
+from slosh_replay.replay import replay_bag
 from tests.live_processes import live_process
 from tests.rectangle_robot import TANK, write_camera
 

@@ -6,10 +6,10 @@ import pytest
 
 from slosh_bag.definitions import find_interfaces
 from slosh_bag.reader import BagReader
-from slosh_bag.replay import replay_bag
-from slosh_bag.replay.input_matching import PATIENCE_NS
 from slosh_estimator.validity import EstimateFlag
 from slosh_model.constants import GRAVITY
+from slosh_replay.replay import replay_bag
+from slosh_replay.replay.input_matching import PATIENCE_NS
 from tests.live_bag import MODEL, LiveBag
 from tests.test_replay_verification import TANK
 

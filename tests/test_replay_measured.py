@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from slosh_bag.definitions import find_interfaces
-from slosh_bag.interchange.antisloshing import import_antisloshing
-from slosh_bag.motion_table import read_motion_table
-from slosh_bag.replay import replay_bag, replay_table
 from slosh_model.containers import Cylinder
 from slosh_model.model import Model
+from slosh_replay.replay import replay_bag, replay_table
+from slosh_replay.tables.antisloshing import import_antisloshing
+from slosh_tables.motion_table import read_motion_table
 from tests.robot_runs import RUNS, write_runs
 
 REPOSITORY = Path(__file__).resolve().parent.parent

@@ -12,15 +12,15 @@ from slosh_bag.bag_writer import BagWriter
 from slosh_bag.definitions import find_interfaces
 from slosh_bag.errors import SloshBagError
 from slosh_bag.reader import BagReader
-from slosh_bag.recording.heights import measurements
-from slosh_bag.recording.sources import find_sources
-from slosh_bag.replay import replay_bag
-from slosh_bag.replay.checking import excesses
-from slosh_bag.replay.output_bag import OutputBag
-from slosh_bag.replay.replay_bag import feed
-from slosh_bag.replay.stream import ReplayStream
 from slosh_estimator.monitor_settings import MonitorSettings
 from slosh_model.model_text import parse_model
+from slosh_replay.recording.heights import measurements
+from slosh_replay.recording.sources import find_sources
+from slosh_replay.replay import replay_bag
+from slosh_replay.replay.checking import excesses
+from slosh_replay.replay.output_bag import OutputBag
+from slosh_replay.replay.replay_bag import feed
+from slosh_replay.replay.stream import ReplayStream
 from tests.live_bag import MODEL, MS, START, TEXT, LiveBag, Quaternion
 
 pytestmark = pytest.mark.skipif(

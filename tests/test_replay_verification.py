@@ -7,10 +7,10 @@ import pytest
 
 from slosh_bag.definitions import find_interfaces
 from slosh_bag.reader import BagReader
-from slosh_bag.replay import replay_bag
-from slosh_bag.replay.output_bag import OutputBag
 from slosh_model import Model, Rectangle
 from slosh_model.model_text import parse_model
+from slosh_replay.replay import replay_bag
+from slosh_replay.replay.output_bag import OutputBag
 from tests.live_bag import MODEL, TEXT, LiveBag
 
 pytestmark = pytest.mark.skipif(

@@ -23,8 +23,9 @@ PYTHON = [package for package in PACKAGES if (package / "setup.py").exists()]
 CHANGELOG = (ROOT / "CHANGELOG.md").read_text()
 LOCKS = ("ros", "runtime", "development")
 ORDER = (
-    "slosh_files", "slosh_msgs", "slosh_msgs_py", "slosh_model", "slosh_camera", "slosh_report",
-    "slosh_plan", "slosh_estimator", "slosh_bag", "slosh_discovery", "slosh_bringup",
+    "slosh_base", "slosh_msgs", "slosh_msgs_py", "slosh_model", "slosh_metrics", "slosh_tables",
+    "slosh_camera", "slosh_report", "slosh_bag", "slosh_estimator", "slosh_plan", "slosh_replay",
+    "slosh_discovery", "slosh_bringup",
 )  # fmt: skip
 """A package imports those before it alone."""
 ROSDEP = {
@@ -249,7 +250,8 @@ def test_a_start_waits_for_no_part_of_scipy(module):
 def test_kept_code_is_loaded_without_what_it_was_compiled_with():
     """Nor does its check take a part of SciPy: both load longer than all of the code."""
     program = (
-        "import sys, slosh_estimator.estimator\nfrom slosh_model.compilation import load_all\n"
+        "import sys, slosh_estimator.estimator\n"
+        "from slosh_base.compiled.compilation import load_all\n"
         "load_all()\nprint([name for name in sys.modules if name in "
         "('scipy.spatial', 'numba.np.linalg', 'numba.np.arraymath')])"
     )

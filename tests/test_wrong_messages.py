@@ -19,6 +19,7 @@ from rclpy.node import Node  # noqa: E402
 from rclpy.qos import DurabilityPolicy, QoSProfile  # noqa: E402
 from sensor_msgs.msg import CompressedImage, Imu  # noqa: E402
 
+from slosh_base.files.plain_text import LONGEST  # noqa: E402
 from slosh_bringup.cell.renderer import CupRenderer  # noqa: E402
 from slosh_bringup.processes import (  # noqa: E402
     NodeGroup,
@@ -27,7 +28,6 @@ from slosh_bringup.processes import (  # noqa: E402
     node_environment,
 )
 from slosh_camera.calibrate.camera_file import read_calibration  # noqa: E402
-from slosh_files.plain_text import LONGEST  # noqa: E402
 from slosh_msgs.msg import SloshEstimate  # noqa: E402
 from slosh_msgs.srv import LoadModel, PredictSlosh  # noqa: E402
 from slosh_msgs_py import qos, topics  # noqa: E402

@@ -14,9 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from slosh_bag.errors import SloshBagError
-from slosh_bag.manifest import read_manifest
 from slosh_bag.mcap_files.bag_folder import bag_files
-from slosh_bag.recording.settings import node_start
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.live.cell_setup import read_setup
 from slosh_bringup.parameter_file import check_parameter_file
@@ -27,6 +25,8 @@ from slosh_camera.errors import SloshCameraError
 from slosh_estimator.errors import SloshEstimatorError
 from slosh_model.errors import SloshModelError
 from slosh_model.model_file import read_model
+from slosh_replay.manifest import read_manifest
+from slosh_replay.recording.settings import node_start
 
 BAGS = Path(__file__).resolve().parent.parent / "bags"
 CELL = """\

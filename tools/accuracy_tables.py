@@ -17,13 +17,13 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-from slosh_bag.interchange.antisloshing import import_antisloshing
-from slosh_bag.motion_table import read_motion_table
-from slosh_bag.replay import replay_bag, replay_table
-from slosh_bag.replay.result import update_table
 from slosh_bringup.cell.motions import MOTIONS
 from slosh_model.containers import Cylinder
 from slosh_model.model import Model
+from slosh_replay.replay import replay_bag, replay_table
+from slosh_replay.replay.result import update_table
+from slosh_replay.tables.antisloshing import import_antisloshing
+from slosh_tables.motion_table import read_motion_table
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGE = ROOT / "docs" / "accuracy.md"

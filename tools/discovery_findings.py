@@ -19,13 +19,13 @@ from pathlib import Path
 import numpy as np
 from cylinder_waves import CylinderWaves
 
-from slosh_bag.interchange.antisloshing import import_antisloshing
 from slosh_bringup.cell.motions import make_motion
 from slosh_discovery.discover import Finding, MeasuredMotion, discover
 from slosh_discovery.discover.finding import FoundEffect, Role
 from slosh_discovery.discover_data import read_motions
 from slosh_discovery.discovery_report.words import marked
 from slosh_model import Cylinder, Inputs, Model, predicted_heights
+from slosh_replay.tables.antisloshing import import_antisloshing
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGE = ROOT / "docs" / "discovery_findings.md"

@@ -16,7 +16,6 @@ from pathlib import Path
 
 import numpy as np
 
-from slosh_bag.interchange.antisloshing import import_antisloshing
 from slosh_discovery.discover.input_series import motion_span
 from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_discovery.discover_data import read_motions
@@ -28,6 +27,7 @@ from slosh_discovery.identify.workflow import answered
 from slosh_model.containers import Cylinder
 from slosh_model.model import Model
 from slosh_model.simulate import Inputs
+from slosh_replay.tables.antisloshing import import_antisloshing
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGE = ROOT / "docs" / "identify.md"

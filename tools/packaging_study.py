@@ -23,9 +23,9 @@ from tm20.experiments import EDGES, Experiment, Measured, measure, read
 from tm20.line_limits import TRUTHS, limits
 from tm20.page import page
 
+from slosh_base.files.new_file import NewFile
 from slosh_bringup.cli.progress import Progress, Unit, say
 from slosh_bringup.many_files import map_files
-from slosh_files.new_file import NewFile
 
 Item = TypeVar("Item")
 Value = TypeVar("Value")

@@ -5,10 +5,10 @@
 # does an optimiser of one's own make of it? This needs no ROS:
 #
 # ```
-# pip install ./src/slosh_model ./src/slosh_files ./src/slosh_plan matplotlib
+# pip install ./src/slosh_model ./src/slosh_base ./src/slosh_plan matplotlib
 # ```
 #
-# `slosh_model` alone simulates, and tells gradients; `slosh_files` is needed to read model.yaml.
+# `slosh_model` alone simulates, and tells gradients; `slosh_base` is needed to read model.yaml.
 #
 # ## Propose
 #

@@ -41,8 +41,6 @@ setup(
         "console_scripts": [
             "estimator = slosh_estimator.nodes.estimator_node:main",
             "monitor = slosh_estimator.nodes.monitor_node:main",
-            "planner = slosh_estimator.nodes.planner_node:main",
-            "predictor = slosh_estimator.nodes.predictor_node:main",
         ]
     },
 )

@@ -3,11 +3,27 @@
 from xml.etree import ElementTree
 
 from setuptools import find_packages, setup
+from setuptools.command.develop import develop
 
 PACKAGE = "slosh_plan"
 
+
+class Develop(develop):
+    """Linked programs take Python from PATH, as setup.cfg has it for those that are not linked."""
+
+    def install_wrapper_scripts(self, dist):
+        """Writes the programs."""
+        from setuptools.command.develop import VersionlessRequirement
+        from setuptools.command.easy_install import ScriptWriter
+
+        header = ScriptWriter.get_header("", "/usr/bin/env python3")
+        for arguments in ScriptWriter.get_args(VersionlessRequirement(dist), header):
+            self.write_script(*arguments)
+
+
 setup(
     name=PACKAGE,
+    cmdclass={"develop": Develop},
     version=ElementTree.parse("package.xml").findtext("version"),
     packages=find_packages(exclude=["test"]),
     package_data={PACKAGE: ["py.typed", "plan_report/*.j2", "plan_report/*.css"]},
@@ -22,5 +38,10 @@ setup(
     maintainer_email="slosh-monitor@users.noreply.github.com",
     description="Predicts the sloshing of planned motions, and how fast they may be run.",
     license="Apache-2.0",
-    entry_points={"console_scripts": []},
+    entry_points={
+        "console_scripts": [
+            "planner = slosh_plan.nodes.planner_node:main",
+            "predictor = slosh_plan.nodes.predictor_node:main",
+        ]
+    },
 )

@@ -17,7 +17,7 @@ import numpy as np
 from numba.types import float64
 from numpy.typing import NDArray
 
-from slosh_model.compilation import compiled, entry_point, given
+from slosh_base.compiled.compilation import compiled, entry_point, given
 from tests.blind.theory import GRAVITY
 
 Array = NDArray[np.float64]

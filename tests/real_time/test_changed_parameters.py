@@ -14,7 +14,6 @@ from rcl_interfaces.srv import GetParameters, SetParameters, SetParametersAtomic
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from slosh_bag.replay import replay_bag
 from slosh_bringup.live.report import make_live_report
 from slosh_bringup.processes import NodeGroup, NodeProcess, config_folder, node_environment
 from slosh_estimator.limits import Source
@@ -23,6 +22,7 @@ from slosh_msgs.srv import PredictSlosh
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.node.run import make_executor
 from slosh_msgs_py.stamps import to_nanoseconds
+from slosh_replay.replay import replay_bag
 
 RATE = 200
 IMAGE_EVERY = 4

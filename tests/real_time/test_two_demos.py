@@ -1,7 +1,7 @@
 """Two demonstrations at once in one shell, which has set a DDS domain: they do not meet."""
 
-from slosh_bag.replay import replay_bag
 from slosh_bringup.live.run_data import read_run
+from slosh_replay.replay import replay_bag
 from tests.live_processes import live_process
 
 MOVED = "another run uses /slosh in ROS_DOMAIN_ID"

@@ -16,10 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 from tm20.design import FILL_HEIGHT, FRAMES, GEOMETRIES, PLACES, RATIO, STROKE, Geometry
 
-from slosh_files.new_file import NewFile
+from slosh_base.files.new_file import NewFile
+from slosh_metrics.surface_metrics import line_approximation_error, line_slopes
 from slosh_model.motion_profiles import Cycle
 from slosh_model.multimodal import Tanks, simulate_tanks
-from slosh_report.surface_metrics import line_approximation_error, line_slopes
 
 Array = NDArray[np.float64]
 

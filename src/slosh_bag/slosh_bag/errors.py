@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from slosh_base.files.errors import SloshFileError
 
-class SloshBagError(ValueError):
-    """A bag or a table is not usable; the text is one line with the path."""
+
+class SloshBagError(SloshFileError):
+    """A bag is not usable; the text is one line with the path."""

@@ -29,7 +29,7 @@ from slosh_bag.mcap_files.mcap_index import Index, Window, indexed_chunks, read_
 from slosh_bag.mcap_files.mcap_merge import Span, gathered, in_log_order
 from slosh_bag.mcap_files.mcap_summary import Summary, read_summary
 from slosh_bag.mcap_files.mcap_walk import McapWalk, is_in_order
-from slosh_files.nanoseconds import SECOND
+from slosh_base.files.nanoseconds import SECOND
 
 __all__ = [
     "DAMAGE",

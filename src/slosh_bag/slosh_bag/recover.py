@@ -20,12 +20,12 @@ from slosh_bag.mcap_files.bag_metadata import Qos
 from slosh_bag.mcap_files.bag_types import BagTypes
 from slosh_bag.mcap_files.checksum import CHECKSUM, checksum_of
 from slosh_bag.mcap_files.chunks import Chunk
-from slosh_bag.mcap_files.file_kind import check_no_other
 from slosh_bag.mcap_files.mcap_walk import McapWalk
 from slosh_bag.reader import DAMAGE
-from slosh_files import check_outside, new_folder
-from slosh_files.errors import YamlError
-from slosh_files.yaml_document import parse_yaml
+from slosh_base.files import check_outside, new_folder
+from slosh_base.files.errors import YamlError
+from slosh_base.files.file_kind import check_no_other
+from slosh_base.files.yaml_document import parse_yaml
 
 Progress = Callable[[int], object]
 

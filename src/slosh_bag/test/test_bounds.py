@@ -7,12 +7,12 @@ import lz4.frame
 import pytest
 import zstandard
 
-from slosh_bag import bounded_text as texts
 from slosh_bag import unpacking
-from slosh_bag.bounded_text import bounded_text
 from slosh_bag.errors import SloshBagError
 from slosh_bag.message_types import MOST_VALUES, read_types
 from slosh_bag.unpacking import UnpackingError, unpack
+from slosh_base.files import bounded_text as texts
+from slosh_base.files.bounded_text import bounded_text
 
 CONTENT = bytes(range(250)) * 40
 PACKED = {

@@ -8,7 +8,7 @@ from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 
 from slosh_bag.reader import BagReader, messages_of
-from slosh_bag.replay import replay_bag
+from slosh_replay.replay import replay_bag
 
 BAG = Path(__file__).resolve().parents[3] / "bags" / "c"
 PARTS = 8

@@ -21,7 +21,7 @@ from slosh_bag.playing.play_plan import (
 )
 from slosh_bag.playing.playback import Playback, PlaybackSettings
 from slosh_bag.reader import BagMessage
-from slosh_files.nanoseconds import SECOND
+from slosh_base.files.nanoseconds import SECOND
 from slosh_msgs_py import topics
 
 MS = 1_000_000

@@ -23,13 +23,13 @@ from slosh_bag.nodes.recorder_node import RecorderNode
 from slosh_bag.nodes.topic_input import Publisher, matching, wanted
 from slosh_bag.reader import BagReader
 from slosh_bag.recorded_topics import TopicChoice
-from slosh_bag.recording.facts import shared_topics_line
 from slosh_msgs.msg import FreeSurface, LimitEvent, NodeSettings, SloshEstimate
 from slosh_msgs_py import qos
 from slosh_msgs_py.errors import SloshMessageError
 from slosh_msgs_py.node.diagnostics import WARN
 from slosh_msgs_py.node.readiness import RECORDED
 from slosh_msgs_py.node.run import make_executor
+from slosh_replay.recording.facts import shared_topics_line
 
 PATIENCE = 20.0
 BEST_EFFORT = QoSProfile(depth=10, reliability=Reliability.BEST_EFFORT)

@@ -13,7 +13,7 @@ from slosh_bag.errors import SloshBagError
 from slosh_bag.mcap_files.bag_metadata import Qos
 from slosh_bag.reader import BagReader
 from slosh_bag.recover import recover_bag
-from slosh_files import SloshFileError
+from slosh_base.files import SloshFileError
 
 HEADER = "std_msgs/msg/Header"
 DEFINITIONS = Definitions()

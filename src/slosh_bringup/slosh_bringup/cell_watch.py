@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
-from slosh_files.plain_text import plain_line
+from slosh_base.files.plain_text import plain_line
 from slosh_msgs_py.node.silence import UNHEARD
 
 OK, WARN, ERROR, STALE = range(4)

@@ -16,8 +16,8 @@ from collections.abc import Callable, Iterable
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 
-from slosh_model.compilation import Progress, entry_points, load_all
-from slosh_model.compile_cache import cache_folder
+from slosh_base.compiled.compilation import Progress, entry_points, load_all
+from slosh_base.compiled.compile_cache import cache_folder
 from slosh_model.errors import SloshModelError
 
 MODULES = (

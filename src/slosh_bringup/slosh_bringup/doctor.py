@@ -19,14 +19,17 @@ MINIMUM_DISK = 2 * 2**30
 NOTHING_BACK = 3
 """Exit code of the loopback node whose message was lost; a failed start has Python's own, 1."""
 OWN_PACKAGES = (
-    "slosh_files",
+    "slosh_base",
     "slosh_msgs_py",
     "slosh_model",
+    "slosh_metrics",
+    "slosh_tables",
     "slosh_camera",
-    "slosh_plan",
     "slosh_report",
-    "slosh_estimator",
     "slosh_bag",
+    "slosh_estimator",
+    "slosh_plan",
+    "slosh_replay",
     "slosh_discovery",
     "slosh_bringup",
 )

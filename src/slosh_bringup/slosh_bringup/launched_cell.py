@@ -13,6 +13,8 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from slosh_base.files.errors import SloshFileError
+from slosh_base.files.yaml_document import parse_yaml
 from slosh_bringup.cell.motion_source import TABLE_ENDINGS
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.live.cell_setup import (
@@ -36,8 +38,6 @@ from slosh_bringup.processes import (
 from slosh_bringup.restarts import EXIT_WRONG_INPUT, pause, restarted
 from slosh_bringup.watch import PORT
 from slosh_camera.calibrate.camera_file import read_any_calibration
-from slosh_files.errors import SloshFileError
-from slosh_files.yaml_document import parse_yaml
 from slosh_model.model_file import read_model
 
 SETTLED = 60.0

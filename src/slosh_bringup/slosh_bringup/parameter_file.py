@@ -13,12 +13,12 @@ from typing import NamedTuple
 
 import yaml
 
+from slosh_base.files.errors import SloshFileError
+from slosh_base.files.nearest import nearest
+from slosh_base.files.yaml_document import brief, read_yaml, shown
+from slosh_base.files.yaml_numbers import FLOAT_TAG, INT_TAG
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.processes import NODES
-from slosh_files.errors import SloshFileError
-from slosh_files.nearest import nearest
-from slosh_files.yaml_document import brief, read_yaml, shown
-from slosh_files.yaml_numbers import FLOAT_TAG, INT_TAG
 
 LEAF = "ros__parameters"
 OF_EVERY_NODE = ("use_sim_time", "start_type_description_service")

@@ -30,9 +30,9 @@ NODES: Mapping[str, str] = {
     "camera": "slosh_camera.nodes.camera_node",
     "estimator": "slosh_estimator.nodes.estimator_node",
     "monitor": "slosh_estimator.nodes.monitor_node",
-    "planner": "slosh_estimator.nodes.planner_node",
+    "planner": "slosh_plan.nodes.planner_node",
     "player": "slosh_bag.nodes.player_node",
-    "predictor": "slosh_estimator.nodes.predictor_node",
+    "predictor": "slosh_plan.nodes.predictor_node",
     "recorder": "slosh_bag.nodes.recorder_node",
     "watch": "slosh_bringup.nodes.watch_node",
 }

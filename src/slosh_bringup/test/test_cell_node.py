@@ -15,7 +15,6 @@ from scipy.spatial.transform import Rotation  # noqa: E402
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image, Imu  # noqa: E402
 from std_msgs.msg import String  # noqa: E402
 
-from slosh_bag.motion_table import MotionTable, write_motion_table  # noqa: E402
 from slosh_bringup.cell.motion_source import load_motion  # noqa: E402
 from slosh_bringup.cell.renderer import CupRenderer  # noqa: E402
 from slosh_bringup.cell.truth import integrate_truth  # noqa: E402
@@ -29,6 +28,7 @@ from slosh_model.model_file import read_model  # noqa: E402
 from slosh_msgs.msg import FreeSurface, SloshEstimate  # noqa: E402
 from slosh_msgs_py import qos, topics  # noqa: E402
 from slosh_msgs_py.stamps import to_nanoseconds  # noqa: E402
+from slosh_tables.motion_table import MotionTable, write_motion_table  # noqa: E402
 
 PATIENCE = 30.0
 KINDS = {

@@ -15,11 +15,11 @@ from diagnostic_msgs.msg import DiagnosticArray  # noqa: E402
 from geometry_msgs.msg import AccelStamped  # noqa: E402
 from rclpy.executors import SingleThreadedExecutor  # noqa: E402
 
-from slosh_bag.motion_table import MotionTable, write_motion_table  # noqa: E402
 from slosh_msgs_py import qos  # noqa: E402
 from slosh_msgs_py.node.diagnostics import OK, DiagnosticsReporter  # noqa: E402
 from slosh_msgs_py.node.guarded import GuardedNode  # noqa: E402
 from slosh_msgs_py.node.readiness import COMPILING, Readiness  # noqa: E402
+from slosh_tables.motion_table import MotionTable, write_motion_table  # noqa: E402
 
 PATIENCE = 30.0
 

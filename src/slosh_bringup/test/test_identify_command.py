@@ -7,8 +7,6 @@ import re
 import numpy as np
 import pytest
 
-from slosh_bag.interchange.table_bag import import_table
-from slosh_bag.motion_table import MotionTable, read_motion_table, write_motion_table
 from slosh_bringup.cli.main import main
 from slosh_bringup.processes import config_folder
 from slosh_model.containers import Cylinder
@@ -18,6 +16,8 @@ from slosh_model.model_file import read_model
 from slosh_model.model_text import format_model
 from slosh_model.motion_profiles import Cycle
 from slosh_model.simulate import Inputs
+from slosh_replay.tables.table_bag import import_table
+from slosh_tables.motion_table import MotionTable, read_motion_table, write_motion_table
 
 TRUTH = Model(Cylinder(0.03, 0.067), damping_ratio=0.042, natural_frequency=24.0)
 

@@ -13,10 +13,10 @@ from rosbags.rosbag1 import Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from slosh_bag.definitions import find_interfaces
-from slosh_bag.motion_table import MotionTable, read_motion_table, write_motion_table
 from slosh_bag.reader import BagReader
 from slosh_bringup.cli.main import main
 from slosh_bringup.processes import config_folder
+from slosh_tables.motion_table import MotionTable, read_motion_table, write_motion_table
 
 MODEL = str(config_folder() / "model.yaml")
 

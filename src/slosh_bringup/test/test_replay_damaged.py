@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from slosh_bag.bag_writer import BagWriter
-from slosh_bag.interchange.table_bag import write_table_bag
-from slosh_bag.motion_table import MotionTable
 from slosh_bag.reader import BagReader
 from slosh_bringup.cli.main import main
 from slosh_model.containers import Cylinder
 from slosh_model.model import Model
 from slosh_model.model_text import format_model
 from slosh_model.simulate import Inputs, simulate
+from slosh_replay.tables.table_bag import write_table_bag
+from slosh_tables.motion_table import MotionTable
 
 MODEL = Model(Cylinder(0.05, 0.07)).spatial()
 

@@ -17,12 +17,12 @@ from rclpy.duration import Duration  # noqa: E402
 from rclpy.node import Node  # noqa: E402
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image  # noqa: E402
 
+from slosh_base.files.nanoseconds import SECOND  # noqa: E402
 from slosh_camera.errors import SloshCameraError  # noqa: E402
 from slosh_camera.measurement import Flag  # noqa: E402
 from slosh_camera.nodes.camera_node import CameraNode  # noqa: E402
 from slosh_camera.nodes.complaints import Complaints  # noqa: E402
 from slosh_camera.nodes.frame_gaps import FrameGaps  # noqa: E402
-from slosh_files.nanoseconds import SECOND  # noqa: E402
 from slosh_msgs.msg import FreeSurface  # noqa: E402
 from slosh_msgs_py import images, qos, topics  # noqa: E402
 from slosh_msgs_py.errors import SloshMessageError  # noqa: E402

@@ -1,12 +1,12 @@
 import numpy as np
 import pytest
 
+from slosh_base.compiled.compilation import uncompiled
 from slosh_camera.cylinder import silhouette, surface_solver
 from slosh_camera.cylinder.first_modes import first_mode_candidates
 from slosh_camera.cylinder.scan_grid import build_scan_grid
 from slosh_camera.cylinder.surface_modes import SHAPES, Shape, shapes_at, wall_shapes
 from slosh_camera.cylinder.wall_geometry import WallGeometry
-from slosh_model.compilation import uncompiled
 
 touch = uncompiled(silhouette.touch)
 

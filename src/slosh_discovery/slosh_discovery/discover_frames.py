@@ -6,10 +6,10 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 
 from slosh_bag.errors import SloshBagError
+from slosh_base.files.nanoseconds import SECOND
 from slosh_discovery.discover.finding import WorstMoment
 from slosh_discovery.discover_data.recording import read_recording, sources_of
 from slosh_discovery.discovery_report.words import LETTERS
-from slosh_files.nanoseconds import SECOND
 from slosh_report.page.frame import Frame
 
 Pictures = Callable[[Path, Mapping[str, int]], Mapping[str, tuple[bytes, float]]]

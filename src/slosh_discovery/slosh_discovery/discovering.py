@@ -12,12 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
-from slosh_bag.motion_table import MotionTable, is_motion_table, write_motion_table
 from slosh_bag.reader import BagReader
-from slosh_bag.recording import settings
-from slosh_bag.recording.cells import CellTopics
-from slosh_bag.recording.sources import recorded_starts
-from slosh_bag.text_table.options import FOUND_OUT, TableOptions
+from slosh_base.files import check_outside, write_text
 from slosh_discovery.discover.finding import Finding, SeparatingMotion
 from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_discovery.discover_data import read_motions
@@ -30,13 +26,17 @@ from slosh_discovery.discovery_report import (
     render_discovery,
 )
 from slosh_discovery.errors import SloshDiscoveryError
-from slosh_files import check_outside, write_text
+from slosh_metrics.input_checks.table_checks import InputDoubt
 from slosh_model.model import Model
 from slosh_model.model_file import read_model
 from slosh_model.model_text import format_model
 from slosh_model.simulate import Inputs
 from slosh_model.tilt import ignored_text, unfelt_tilt
-from slosh_report.table_checks import InputDoubt
+from slosh_replay.recording import settings
+from slosh_replay.recording.cells import CellTopics
+from slosh_replay.recording.sources import recorded_starts
+from slosh_tables.motion_table import MotionTable, is_motion_table, write_motion_table
+from slosh_tables.text_table.options import FOUND_OUT, TableOptions
 
 MODEL, DOCUMENT, PAGE = "model.yaml", "discovery.json", "report.html"
 GROUP_MODEL = "model_{}.yaml"

@@ -15,9 +15,6 @@ from scipy.spatial.transform import Rotation
 from slosh_bag.bag_writer import BagWriter
 from slosh_bag.definitions import Definitions, find_interfaces
 from slosh_bag.errors import SloshBagError
-from slosh_bag.interchange.table_bag import write_table_bag
-from slosh_bag.motion_table import MotionTable, write_motion_table
-from slosh_bag.recording.motion import Motion
 from slosh_discovery.discover_data import day_motions, motions_of_day, read_motions
 from slosh_discovery.discover_data.attitudes import angular_velocity
 from slosh_discovery.discover_data.heights import without_spikes
@@ -28,6 +25,9 @@ from slosh_model.constants import GRAVITY
 from slosh_model.containers import Cylinder
 from slosh_model.model import Model
 from slosh_model.simulate import Inputs, simulate
+from slosh_replay.recording.motion import Motion
+from slosh_replay.tables.table_bag import write_table_bag
+from slosh_tables.motion_table import MotionTable, write_motion_table
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from slosh_bag.errors import SloshBagError
-from slosh_bag.interchange.table_bag import import_table
-from slosh_bag.motion_table import MotionTable, read_motion_table, write_motion_table
+from slosh_base.files.nanoseconds import SECOND
 from slosh_discovery.discover_data import read_motions
 from slosh_discovery.errors import SloshDiscoveryError
 from slosh_discovery.identify import identify
@@ -15,12 +14,13 @@ from slosh_discovery.identify.validity import limited, line_limit
 from slosh_estimator.estimator import Estimator
 from slosh_estimator.sample import Samples
 from slosh_estimator.validity import EstimateFlag
-from slosh_files.nanoseconds import SECOND
 from slosh_model.containers import Cylinder
 from slosh_model.measure import predicted_heights
 from slosh_model.model import Model
 from slosh_model.motion_profiles import Cycle
 from slosh_model.simulate import Inputs
+from slosh_replay.tables.table_bag import import_table
+from slosh_tables.motion_table import MotionTable, read_motion_table, write_motion_table
 
 CUP = Cylinder(0.03, 0.067)
 BASE = Model(CUP)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from slosh_base.files.nanoseconds import SECOND
 from slosh_discovery.discover.finding import Agreement, MotionFinding, Role
 from slosh_discovery.discover.input_series import (
     InputSeries,
@@ -18,9 +19,8 @@ from slosh_discovery.discover.input_series import (
 )
 from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_discovery.discover.where import frequency_bands, where, worst_moments
-from slosh_files.nanoseconds import SECOND
+from slosh_metrics.motion_spans import motion_spans
 from slosh_model import Cylinder, Inputs, Model, simulate
-from slosh_report.motion_spans import motion_spans
 
 MODEL = Model(Cylinder(0.05, 0.07))
 T = np.arange(0.0, 8.0, 1.0 / 60.0)

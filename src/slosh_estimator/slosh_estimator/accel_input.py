@@ -14,7 +14,7 @@ from slosh_estimator.rotation import rotate
 from slosh_estimator.sample import Sample, Samples
 from slosh_estimator.sampling import MEMORY, Sampling
 from slosh_estimator.state import remembered
-from slosh_report.input_checks import AccelCheck
+from slosh_metrics.input_checks.input_checks import AccelCheck
 
 Array = NDArray[np.float64]
 

@@ -16,14 +16,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from slosh_base.files.nanoseconds import SECOND
 from slosh_estimator.azimuth import WaveOffset, wave_offset
 from slosh_estimator.rotation import Vector
 from slosh_estimator.wave_presence import Pair, PresenceWatch
-from slosh_files.nanoseconds import SECOND
-from slosh_report.alignment import despike
-from slosh_report.constancy import BIN_NS
-from slosh_report.metrics import rms_error
-from slosh_report.motion_spans import AFTER_NS, MotionFinder, MotionSpan
+from slosh_metrics.alignment import despike
+from slosh_metrics.input_checks.constancy import BIN_NS
+from slosh_metrics.metrics import rms_error
+from slosh_metrics.motion_spans import AFTER_NS, MotionFinder, MotionSpan
 
 Array = NDArray[np.float64]
 NAN = float("nan")

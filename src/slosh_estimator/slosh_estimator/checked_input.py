@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from slosh_report.constant_meaning import Doubt
-from slosh_report.input_checks import Check
+from slosh_metrics.input_checks.constant_meaning import Doubt
+from slosh_metrics.input_checks.input_checks import Check
 
 
 class CheckedInput:

@@ -12,10 +12,17 @@ import numpy as np
 from numba.types import boolean, float64, int64, void
 from numpy.typing import NDArray
 
+from slosh_base.compiled.compilation import (
+    CHANGED_1,
+    CHANGED_2,
+    GIVEN_1,
+    GIVEN_2,
+    compiled,
+    entry_point,
+)
 from slosh_estimator.validity import EstimateFlag
 from slosh_model import kernel
 from slosh_model.chains import all_readings
-from slosh_model.compilation import CHANGED_1, CHANGED_2, GIVEN_1, GIVEN_2, compiled, entry_point
 from slosh_model.effects.registry import READING_MEMORY_COUNT
 from slosh_model.indices import STATE_COUNT, VX, VY, X, Y
 from slosh_model.layout import records

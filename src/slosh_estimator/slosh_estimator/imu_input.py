@@ -23,8 +23,8 @@ from slosh_estimator.rotation import Vector, cross, rotate
 from slosh_estimator.sample import SECONDS, Sample
 from slosh_estimator.sampling import MEMORY, Sampling
 from slosh_estimator.state import remembered
+from slosh_metrics.input_checks.imu_check import ImuCheck
 from slosh_model.constants import GRAVITY
-from slosh_report.imu_check import ImuCheck
 
 ANGULAR_FILTER = 0.01
 """Time constant of the low-pass behind ω̇ [s]."""

@@ -35,7 +35,7 @@ from slosh_estimator.sight import (
     obstacle,
 )
 from slosh_estimator.validity import EstimateFlag
-from slosh_report.metrics import RunningAccuracy
+from slosh_metrics.metrics import RunningAccuracy
 
 NAN = float("nan")
 MAXIMUM_WAITING = 1000

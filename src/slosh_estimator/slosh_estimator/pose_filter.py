@@ -20,9 +20,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba.types import UniTuple, float64, int64
 
+from slosh_base.compiled.compilation import CHANGED_1, GIVEN_1, GIVEN_2, compiled, entry_point
+from slosh_base.compiled.normal_equations import factorize, substitute
 from slosh_estimator.sampling import Modes, interpolation_gain
-from slosh_model.compilation import CHANGED_1, GIVEN_1, GIVEN_2, compiled, entry_point
-from slosh_model.normal_equations import factorize, substitute
 
 REACH = 1.43
 """ωH of the window that is chosen."""

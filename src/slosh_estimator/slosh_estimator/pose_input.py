@@ -32,7 +32,7 @@ from slosh_estimator.rotation import Vector, yaw_of_quaternion
 from slosh_estimator.sample import SECONDS, Sample
 from slosh_estimator.sampling import MEMORY, Modes, Sampling
 from slosh_estimator.state import remembered
-from slosh_report.input_checks import PoseCheck
+from slosh_metrics.input_checks.input_checks import PoseCheck
 
 Array = NDArray[np.float64]
 

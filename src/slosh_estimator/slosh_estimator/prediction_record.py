@@ -10,8 +10,8 @@ import math
 from collections import deque
 from typing import NamedTuple
 
+from slosh_base.files.nanoseconds import SECOND
 from slosh_estimator.agreement import MotionAgreement
-from slosh_files.nanoseconds import SECOND
 
 NAN = float("nan")
 EARLY_NS = SECOND // 2

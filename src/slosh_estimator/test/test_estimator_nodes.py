@@ -28,6 +28,7 @@ from slosh_estimator.nodes.monitor_node import MonitorNode  # noqa: E402
 from slosh_estimator.sampling import MEMORY  # noqa: E402
 from slosh_estimator.sight import SurfaceFlag  # noqa: E402
 from slosh_estimator.validity import EstimateFlag  # noqa: E402
+from slosh_metrics.input_checks.input_checks import AccelCheck  # noqa: E402
 from slosh_model.errors import ModelFileError  # noqa: E402
 from slosh_model.model_text import parse_model  # noqa: E402
 from slosh_msgs.msg import (  # noqa: E402
@@ -43,7 +44,6 @@ from slosh_msgs.srv import LoadModel  # noqa: E402
 from slosh_msgs_py import qos, topics  # noqa: E402
 from slosh_msgs_py.errors import SloshMessageError  # noqa: E402
 from slosh_msgs_py.stamps import to_nanoseconds, to_time  # noqa: E402
-from slosh_report.input_checks import AccelCheck  # noqa: E402
 
 PATIENCE = 20.0
 MS = 1_000_000

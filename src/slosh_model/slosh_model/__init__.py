@@ -3,9 +3,9 @@
 Pure physics: no ROS, no clock, and no files but for `read_model`. SI units throughout.
 """
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from slosh_base.files.lazy_names import lazy_names
 from slosh_model import self_test as self_test  # its checks belong to the compiled functions
 from slosh_model.batch import wall_heights
 from slosh_model.containers import Cylinder, Rectangle
@@ -41,18 +41,8 @@ __all__ = [
     "wall_heights",
 ]
 
-# They read YAML by slosh_files, which a model that is made in Python does without.
-_IN_FILES = {"format_model": "model_text", "parse_model": "model_text", "read_model": "model_file"}
-
-
-def __getattr__(name: str) -> Any:
-    if name not in _IN_FILES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    try:
-        return getattr(import_module(f"slosh_model.{_IN_FILES[name]}"), name)
-    except ModuleNotFoundError as error:
-        if error.name != "slosh_files":
-            raise
-        raise ImportError(
-            f"{name} needs slosh_files: pip install ./src/slosh_files", name="slosh_files"
-        ) from None
+# They load PyYAML, which a model that is made in Python does without.
+__getattr__ = lazy_names(
+    __name__,
+    {"format_model": "model_text", "parse_model": "model_text", "read_model": "model_file"},
+)

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numba.types import boolean, int64, void
 
-from slosh_model.compilation import (
+from slosh_base.compiled.compilation import (
     CHANGED_2,
     CHANGED_3,
     GIVEN_2,

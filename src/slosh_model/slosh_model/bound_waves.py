@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 
-from slosh_model.compilation import compiled
+from slosh_base.compiled.compilation import compiled
 from slosh_model.constants import GRAVITY
 
 

@@ -11,7 +11,7 @@ import linecache
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
-from slosh_model.compilation import compiled
+from slosh_base.compiled.compilation import compiled
 from slosh_model.effects.base import Effect
 from slosh_model.effects.registry import BY_HOOK, DRIVE_MEMORY, READING_MEMORY, SLOTS
 

@@ -11,8 +11,15 @@ import math
 
 from numba.types import float64, void
 
+from slosh_base.compiled.compilation import (
+    CHANGED_1,
+    CHANGED_2,
+    GIVEN_1,
+    GIVEN_2,
+    compiled,
+    entry_point,
+)
 from slosh_model.chains import all_modulations
-from slosh_model.compilation import CHANGED_1, CHANGED_2, GIVEN_1, GIVEN_2, compiled, entry_point
 from slosh_model.constants import GRAVITY
 from slosh_model.indices import (
     AX,

@@ -6,8 +6,7 @@ import math
 
 from numba.types import Tuple, boolean, float64, void
 
-from slosh_model.chains import all_drives, all_modulations, all_readings, all_terms
-from slosh_model.compilation import (
+from slosh_base.compiled.compilation import (
     CHANGED_1,
     CHANGED_2,
     CHANGED_3,
@@ -16,6 +15,7 @@ from slosh_model.compilation import (
     compiled,
     entry_point,
 )
+from slosh_model.chains import all_drives, all_modulations, all_readings, all_terms
 from slosh_model.constants import GRAVITY
 from slosh_model.effects.base import SETTLING
 from slosh_model.indices import (

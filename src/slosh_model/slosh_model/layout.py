@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from slosh_model.compilation import compiled
+from slosh_base.compiled.compilation import compiled
 from slosh_model.effects.registry import DRIVE_MEMORY_COUNT, PARAMETER_COUNT
 from slosh_model.errors import SloshModelError
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from slosh_files.errors import TextFileError
-from slosh_files.text_file import read_text
+from slosh_base.files.errors import TextFileError
+from slosh_base.files.text_file import read_text
 from slosh_model.errors import ModelFileError
 from slosh_model.model import Model
 from slosh_model.model_text import LONGEST, parse_model

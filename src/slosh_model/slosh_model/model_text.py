@@ -10,10 +10,10 @@ from collections.abc import Mapping
 from dataclasses import MISSING, fields
 from typing import Any
 
-from slosh_files.errors import YamlError
-from slosh_files.nearest import did_you_mean
-from slosh_files.yaml_document import KeyPath, dotted, parse_yaml, shown
-from slosh_files.yaml_text import format_yaml
+from slosh_base.files.errors import YamlError
+from slosh_base.files.nearest import did_you_mean
+from slosh_base.files.yaml_document import KeyPath, dotted, parse_yaml, shown
+from slosh_base.files.yaml_text import format_yaml
 from slosh_model.containers import SHAPES, Cylinder, Rectangle
 from slosh_model.covariance import Covariance
 from slosh_model.errors import SloshModelError

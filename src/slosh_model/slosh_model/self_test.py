@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from slosh_base.compiled.compilation import EntryPoint, uncompiled
+from slosh_base.compiled.compile_cache import cache_folder
 from slosh_model import batch_kernel, kernel
-from slosh_model.compilation import EntryPoint, uncompiled
-from slosh_model.compile_cache import cache_folder
 from slosh_model.containers import Cylinder, Rectangle
 from slosh_model.effects.base import Effect
 from slosh_model.effects.registry import BY_HOOK, READING_MEMORY_COUNT

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import math
 
+from slosh_base.compiled.compilation import compiled
 from slosh_model.bound_waves import advance_bound, swing
-from slosh_model.compilation import compiled
 
 _PLACES = 32  # so many steps along a side, where the highest place is looked for
 

@@ -10,11 +10,11 @@ from pathlib import Path
 
 import pytest
 
-import slosh_files
+import slosh_base
 import slosh_model
 
 PACKAGE = Path(slosh_model.__file__).parent
-FILES = Path(slosh_files.__file__).parent.parent
+FILES = Path(slosh_base.files.__file__).parent.parent
 """Where the package below is found."""
 PAGE = Path(__file__).resolve().parents[3] / "docs" / "effects" / "adding.md"
 

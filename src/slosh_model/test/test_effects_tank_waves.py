@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from slosh_model.compilation import uncompiled
+from slosh_base.compiled.compilation import uncompiled
 from slosh_model.constants import GRAVITY
 from slosh_model.containers import Rectangle
 from slosh_model.effects.amplitude_stiffening import frequency_shift

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from slosh_base.compiled.compilation import EntryPoint
 from slosh_model import batch_kernel, kernel
-from slosh_model.compilation import EntryPoint
 from slosh_model.containers import SHAPES
 from slosh_model.effects.registry import PARAMETER_COUNT
 from slosh_model.errors import SloshModelError

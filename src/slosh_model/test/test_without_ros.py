@@ -14,7 +14,7 @@ import sys
 
 class Refused:
     def find_spec(self, name, *_):
-        if name.split(".")[0] in ("rclpy", "slosh_files", "slosh_msgs", "yaml"):
+        if name.split(".")[0] in ("rclpy", "slosh_base", "slosh_msgs", "yaml"):
             raise ImportError(name + " is not installed")
 
 sys.meta_path.insert(0, Refused())

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from builtin_interfaces.msg import Duration, Time
 
-from slosh_files.nanoseconds import SECOND
+from slosh_base.files.nanoseconds import SECOND
 from slosh_msgs_py.errors import SloshMessageError
 
 MAXIMUM = (2**31 - 1) * SECOND

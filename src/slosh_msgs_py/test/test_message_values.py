@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rclpy.qos import QoSCompatibility, qos_check_compatible
 
-from slosh_files.nanoseconds import SECOND
+from slosh_base.files.nanoseconds import SECOND
 from slosh_msgs import msg as messages
 from slosh_msgs_py import conversions, images, qos, stamps, values
 from slosh_msgs_py.errors import SloshMessageError

@@ -1,11 +1,11 @@
 """Asks before the robot moves: how high the liquid will rise, and how fast it may go.
 
-Pure: no ROS, no files, no clock. SI units throughout.
+Pure outside `nodes` and `tables`: no ROS, no files, no clock. SI units throughout.
 """
 
 from typing import TYPE_CHECKING
 
-from slosh_files.lazy_names import lazy_names
+from slosh_base.files.lazy_names import lazy_names
 
 if TYPE_CHECKING:
     from slosh_plan.errors import SloshPlanError

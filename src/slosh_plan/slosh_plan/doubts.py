@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from slosh_metrics.input_checks.table_checks import InputDoubt, motion_doubts
 from slosh_plan.planning.waypoints import Waypoints
 from slosh_plan.trajectory import Trajectory
-from slosh_report.table_checks import InputDoubt, motion_doubts
 
 FAR = 50.0
 """No arm carries a container over a longer path [m]: it is in mm."""

@@ -1,1 +1,1 @@
-"""Accuracy metrics, clock alignment, and the report of a run."""
+"""Pages: the template, its charts, the page of a run, the index of runs."""

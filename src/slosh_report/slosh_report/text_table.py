@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from slosh_files.plain_text import plain_line
+from slosh_base.files.plain_text import plain_line
 
 
 def aligned(rows: Sequence[Sequence[str]], sides: str) -> list[str]:

@@ -16,8 +16,8 @@ from slosh_bag.errors import SloshBagError
 from slosh_bag.mcap_files.mcap_summary import read_summary
 from slosh_bag.mcap_files.mcap_walk import McapWalk
 from slosh_bag.reader import bag_files
-from slosh_files.errors import YamlError
-from slosh_files.yaml_document import parse_yaml
+from slosh_base.files.errors import YamlError
+from slosh_base.files.yaml_document import parse_yaml
 
 # Numbers that rosbag2 wrote before it wrote words.
 _RELIABILITY = {1: "reliable", 2: "best_effort"}

@@ -19,7 +19,7 @@ from slosh_bag.mcap_files.bag_folder import files_of
 from slosh_bag.mcap_files.chunks import MessageBlock
 from slosh_bag.mcap_files.mcap_walk import is_in_order
 from slosh_bag.reader import BagMessage, BagReader
-from slosh_files import check_apart
+from slosh_base.files import check_apart
 
 Form = Literal["csv", "parquet"]
 SUFFIXES: Final = (".csv", ".csv.gz", ".parquet")

@@ -12,7 +12,7 @@ from slosh_bag.columns.cdr_columns import ColumnReader, Group
 from slosh_bag.interchange.export_fields import STAMP, Leaf, leaves, row_getter
 from slosh_bag.mcap_files.chunks import MessageBlock
 from slosh_bag.reader import BagMessage, BagReader, messages_of
-from slosh_files.nanoseconds import SECOND
+from slosh_base.files.nanoseconds import SECOND
 
 FEWEST_ALIKE: Final = 16
 """Messages per length for which reading them together pays, rather than one by one."""

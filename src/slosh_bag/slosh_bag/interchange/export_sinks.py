@@ -17,7 +17,7 @@ import numpy as np
 from slosh_bag.errors import SloshBagError
 from slosh_bag.interchange.export_fields import TEXTS, Leaf, Node, plain_list, unsigned
 from slosh_bag.interchange.export_rows import Times, Values
-from slosh_files import NewFile
+from slosh_base.files import NewFile
 
 LONGEST_BYTES: Final = 1024
 """Longest array of bytes that is written into a cell of a CSV file."""

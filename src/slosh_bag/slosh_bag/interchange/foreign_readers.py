@@ -22,8 +22,8 @@ from slosh_bag.interchange.foreign_storage import (
     SqliteStorage,
     bag_information,
 )
-from slosh_bag.mcap_files.file_kind import foreign_kind
 from slosh_bag.unpacking import UnpackingError, unpack
+from slosh_base.files.file_kind import foreign_kind
 
 ROS1_SUFFIX = ".bag"
 _ROS1_MAGIC = b"#ROSBAG V"

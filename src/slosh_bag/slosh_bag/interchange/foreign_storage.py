@@ -30,8 +30,8 @@ from slosh_bag.mcap_files.bag_folder import LONGEST_METADATA, METADATA
 from slosh_bag.mcap_files.mcap_summary import read_summary
 from slosh_bag.reader import BagReader
 from slosh_bag.unpacking import UnpackingError, unpack
-from slosh_files.errors import TextFileError, YamlError
-from slosh_files.yaml_document import read_yaml
+from slosh_base.files.errors import TextFileError, YamlError
+from slosh_base.files.yaml_document import read_yaml
 
 _NO_SCHEMA = "__schemaless__"  # rosbags' name of a type that the file does not tell
 ROS1 = "ros1"

@@ -21,7 +21,7 @@ from slosh_bag.errors import SloshBagError
 from slosh_bag.interchange.foreign_readers import ROS1_SUFFIX, foreign_reader, not_read, told_by
 from slosh_bag.interchange.rosbag_types import Convert, message_converter
 from slosh_bag.interchange.topic_choice import find_topic
-from slosh_files import check_outside, new_folder
+from slosh_base.files import check_outside, new_folder
 
 SUFFIXES = (ROS1_SUFFIX, ".db3", ".mcap")
 _TOPIC_NAME = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")

@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from slosh_bag.errors import SloshBagError
-from slosh_bag.mcap_files.file_kind import IMPORT_HINT, check_no_other, foreign_kind
 from slosh_bag.mcap_files.mcap_summary import MAGIC
-from slosh_files.yaml_document import read_yaml
+from slosh_base.files.file_kind import IMPORT_HINT, check_no_other, foreign_kind
+from slosh_base.files.yaml_document import read_yaml
 
 METADATA = "metadata.yaml"
 _UNREADABLE = (ValueError, TypeError, AttributeError, LookupError)

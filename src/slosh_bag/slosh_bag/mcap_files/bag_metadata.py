@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from slosh_files import write_text
-from slosh_files.yaml_text import format_yaml
+from slosh_base.files import write_text
+from slosh_base.files.yaml_text import format_yaml
 
 NAME = "metadata.yaml"
 VERSION = 9

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba.types import Tuple, boolean, int64, uint8
 
-from slosh_model.compilation import compiled, entry_point, given
+from slosh_base.compiled.compilation import compiled, entry_point, given
 
 BYTES = given(uint8, 1)
 

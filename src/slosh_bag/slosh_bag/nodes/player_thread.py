@@ -15,7 +15,7 @@ from slosh_bag.errors import SloshBagError
 from slosh_bag.mcap_files.read_ahead import ReadAhead
 from slosh_bag.playing.play_plan import PlayPlan
 from slosh_bag.playing.playback import Step
-from slosh_files.nanoseconds import SECOND
+from slosh_base.files.nanoseconds import SECOND
 
 SETTLE = 0.5  # s; for so long nobody new has come, and who is there hears the publishers
 ANNOUNCE_PERIOD = 0.05

@@ -15,13 +15,13 @@ from rclpy.serialization import deserialize_message
 from rclpy.subscription import Subscription
 
 from slosh_bag.bag_writer import Split
+from slosh_bag.nodes.log_times import LogTimes
 from slosh_bag.nodes.recorder_health import Traffic, findings, left_out_text
 from slosh_bag.nodes.topic_input import Received, TopicInput, noted
 from slosh_bag.nodes.used_topics import used_topics
 from slosh_bag.recorded_topics import Choice, TopicChoice
 from slosh_bag.recorder import PUBLISHERS, SEVERAL, Recorder, RecorderStatus
-from slosh_bag.recording.log_times import LogTimes
-from slosh_files.nanoseconds import SECOND
+from slosh_base.files.nanoseconds import SECOND
 from slosh_msgs.msg import NodeSettings
 from slosh_msgs_py import topics
 from slosh_msgs_py.message_type import find_type

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 from slosh_bag.errors import SloshBagError
 from slosh_bag.reader import BagMessage
-from slosh_files.nanoseconds import SECOND
+from slosh_base.files.nanoseconds import SECOND
 
 _LAST_SECOND = 2**31
 RATES = (0.01, 1000.0)

@@ -9,12 +9,12 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from slosh_bag.motion_table import MotionTable, read_motion_table
-from slosh_bag.text_table.options import TableOptions, Tell, warn
-from slosh_bag.text_table.time_unit import check_span
 from slosh_bringup.cell.motions import Motion, make_motion
 from slosh_bringup.errors import SloshBringupError
 from slosh_model.interpolation import columns_at
+from slosh_tables.motion_table import MotionTable, read_motion_table
+from slosh_tables.text_table.options import TableOptions, Tell, warn
+from slosh_tables.text_table.time_unit import check_span
 
 Array = NDArray[np.float64]
 

@@ -18,8 +18,8 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from slosh_base.files.nearest import did_you_mean
 from slosh_bringup.errors import SloshBringupError
-from slosh_files.nearest import did_you_mean
 from slosh_model.constants import GRAVITY
 from slosh_model.motion_profiles import modified_trapezoid
 

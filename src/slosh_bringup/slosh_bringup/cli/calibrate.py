@@ -12,6 +12,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from slosh_base.files import check_apart, write_bytes, write_text
+from slosh_base.files.plain_text import plain_line
 from slosh_bringup.cli.calibrate_scale import run_scale
 from slosh_bringup.cli.parser import old_name
 from slosh_bringup.cli.quantities import ERROR, PERCENT, angle, length
@@ -42,8 +44,6 @@ from slosh_camera.images.exif import read_exif
 from slosh_camera.optics.calibration import Calibration
 from slosh_camera.optics.cup import Cup, CupView, Wall
 from slosh_camera.optics.pose import Pose
-from slosh_files import check_apart, write_bytes, write_text
-from slosh_files.plain_text import plain_line
 from slosh_report.json_values import plain
 
 _CUP_KEYS = tuple(entry.name for entry in fields(Cup))

@@ -10,14 +10,14 @@ from pathlib import Path
 
 import numpy as np
 
+from slosh_base.files import check_apart, write_text
+from slosh_base.files.plain_text import plain_line
 from slosh_bringup.cli.quiet_decoders import quiet_decoders
 from slosh_bringup.errors import SloshBringupError
 from slosh_camera.calibrate.camera_file import format_calibration, parse_any_calibration
 from slosh_camera.calibrate.scale import calibrate_by_scale
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.images.decoding import read_image
-from slosh_files import check_apart, write_text
-from slosh_files.plain_text import plain_line
 from slosh_report.json_values import plain
 
 # What a scale has no use for, and what it would be taken for.

@@ -6,6 +6,7 @@ import argparse
 import sys
 from pathlib import Path
 
+from slosh_base.files.plain_text import plain_line
 from slosh_bringup.cell.motion_source import REPEATS, TABLE_ENDINGS, load_motion
 from slosh_bringup.cell.motions import MOTIONS
 from slosh_bringup.cli.live import add_watch, run_live
@@ -14,7 +15,6 @@ from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.live.cell_setup import NODES_OF_A_CELL, default_setup
 from slosh_bringup.live.run import LiveRun
 from slosh_bringup.processes import NodeProcess, config_folder
-from slosh_files.plain_text import plain_line
 
 STARTING = 3.0  # s; from ready nodes to the motion and behind its end, for the progress bar
 

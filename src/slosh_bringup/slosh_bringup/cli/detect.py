@@ -11,6 +11,8 @@ from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, closing
 from pathlib import Path
 
+from slosh_base.files import check_apart, new_text
+from slosh_base.files.plain_text import plain_line
 from slosh_bringup.cli.progress import Progress, Unit, say
 from slosh_bringup.cli.quantities import RATE
 from slosh_bringup.cli.quiet_decoders import quiet_decoders
@@ -27,8 +29,6 @@ from slosh_bringup.detect.table import COLUMNS, Summary, row
 from slosh_bringup.errors import SloshBringupError
 from slosh_camera.calibrate.camera_file import read_any_calibration
 from slosh_camera.optics.calibration import AnyCalibration
-from slosh_files import check_apart, new_text
-from slosh_files.plain_text import plain_line
 
 WORST_LIMIT = 60
 # Starting a process takes as long as measuring so many images.

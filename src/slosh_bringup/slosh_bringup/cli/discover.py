@@ -7,6 +7,8 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
+from slosh_base.files import new_folder
+from slosh_base.files.plain_text import plain_line
 from slosh_bringup.cli.progress import share_bar
 from slosh_bringup.cli.table_options import add_table_options, table_options
 from slosh_bringup.cli.teller import Teller
@@ -22,8 +24,6 @@ from slosh_discovery.discovering import (
     write_results,
 )
 from slosh_discovery.discovery_report import discovery_text
-from slosh_files import new_folder
-from slosh_files.plain_text import plain_line
 
 GROUP_NAME = re.compile(r"[\w-]{1,40}")
 

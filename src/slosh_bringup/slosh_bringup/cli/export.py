@@ -8,18 +8,18 @@ import sys
 from collections.abc import Iterable
 from pathlib import Path
 
-from slosh_bag.interchange.bag_table import NO_HEIGHTS, TableSettings, read_bag_table
 from slosh_bag.interchange.export import check_targets, export_targets, export_topics, is_table
 from slosh_bag.mcap_files.bag_folder import files_of
-from slosh_bag.motion_table import SUFFIXES, is_motion_table, write_motion_table
 from slosh_bag.reader import BagReader, TopicInfo
+from slosh_base.files import check_apart, check_outside
+from slosh_base.files.plain_text import plain_line
 from slosh_bringup.cli.parser import old_name
 from slosh_bringup.cli.progress import Progress, Unit
 from slosh_bringup.errors import SloshBringupError
 from slosh_estimator.inputs import MESSAGE_TYPES
-from slosh_files import check_apart, check_outside
-from slosh_files.plain_text import plain_line
+from slosh_replay.tables.bag_table import NO_HEIGHTS, TableSettings, read_bag_table
 from slosh_report.text_table import aligned
+from slosh_tables.motion_table import SUFFIXES, is_motion_table, write_motion_table
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

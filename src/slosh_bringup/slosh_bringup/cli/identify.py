@@ -6,6 +6,8 @@ import argparse
 import math
 from pathlib import Path
 
+from slosh_base.files import new_folder
+from slosh_base.files.plain_text import plain_line
 from slosh_bringup.cli.progress import share_bar
 from slosh_bringup.cli.quantities import FRACTION, length
 from slosh_bringup.cli.table_options import add_table_options, table_options
@@ -16,8 +18,6 @@ from slosh_discovery.identification_report import identification_text
 from slosh_discovery.identify import Strategy, identify
 from slosh_discovery.identify.parameters import DEFAULT
 from slosh_discovery.identifying import PAGE, Request, make_report, prepare, write_results
-from slosh_files import new_folder
-from slosh_files.plain_text import plain_line
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

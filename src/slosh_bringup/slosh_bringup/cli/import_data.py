@@ -9,15 +9,15 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
-from slosh_bag.interchange.antisloshing import find_runs, import_antisloshing
 from slosh_bag.interchange.rosbag_import import RosbagImport, find_rosbags, import_rosbag
-from slosh_bag.interchange.table_bag import import_table
+from slosh_base.files import check_free
+from slosh_base.files.plain_text import plain_line
 from slosh_bringup.cli.parser import old_name
 from slosh_bringup.cli.progress import Progress, Unit
 from slosh_bringup.cli.table_options import add_table_options, table_options
 from slosh_bringup.errors import SloshBringupError
-from slosh_files import check_free
-from slosh_files.plain_text import plain_line
+from slosh_replay.tables.antisloshing import find_runs, import_antisloshing
+from slosh_replay.tables.table_bag import import_table
 
 EXIT_LOST = 1
 """Messages that a bag counts did not come."""

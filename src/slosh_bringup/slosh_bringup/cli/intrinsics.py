@@ -9,6 +9,8 @@ from pathlib import Path
 
 import cv2
 
+from slosh_base.files import check_apart, write_bytes, write_text
+from slosh_base.files.plain_text import plain_line
 from slosh_bringup.cli.quantities import length
 from slosh_bringup.cli.quiet_decoders import quiet_decoders
 from slosh_bringup.detect.series import IMAGE_ENDINGS, images_in
@@ -24,8 +26,6 @@ from slosh_camera.intrinsics.solve import IntrinsicFit, solve_intrinsics
 from slosh_camera.intrinsics.target import CHESSBOARD_FORMAT, Target, parse_target
 from slosh_camera.intrinsics.views import find_views
 from slosh_camera.optics.lens import COEFFICIENTS, PLUMB_BOB
-from slosh_files import check_apart, write_bytes, write_text
-from slosh_files.plain_text import plain_line
 from slosh_report.json_values import plain
 
 _PICTURES, _SHEETS = (".png", ".jpg", ".jpeg"), (".pdf", ".svg")

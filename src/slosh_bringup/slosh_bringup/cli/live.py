@@ -14,6 +14,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import NoReturn
 
+from slosh_base.files.plain_text import plain_line
 from slosh_bringup.cli.progress import STOPPING, Tell, can_draw, say
 from slosh_bringup.live.report import REPORT, LiveResult, make_live_report
 from slosh_bringup.live.run import BAG, LiveRun, check_files, run_nodes
@@ -21,7 +22,6 @@ from slosh_bringup.live.run_folder import new_run
 from slosh_bringup.live.run_result import print_replay, table
 from slosh_bringup.stop_request import StopRequest
 from slosh_bringup.watch import HOST, PORT
-from slosh_files.plain_text import plain_line
 
 _STDERR = 2
 

@@ -15,11 +15,11 @@ from collections.abc import Sequence
 from contextlib import nullcontext
 from typing import Any, TextIO, cast
 
+from slosh_base.files.plain_text import PlainStream, plain_line
+from slosh_base.files.private_mode import keep_others_from_writing
 from slosh_bringup.cli.exchanged import check_order
 from slosh_bringup.cli.parser import EXIT_WRONG_INPUT, SloshParser, grouped_help
 from slosh_bringup.stop_request import StopRequest
-from slosh_files.plain_text import PlainStream, plain_line
-from slosh_files.private_mode import keep_others_from_writing
 
 # One module per subcommand, imported only when it runs: `slosh --help` stays instant.
 # In the order in which the help shows them.

@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from slosh_bag.motion_table import SUFFIXES, MotionTable, is_motion_table, write_motion_table
+from slosh_base.files.plain_text import plain_line
 from slosh_bringup.cli.quantities import RATE, SPEED, length
 from slosh_bringup.errors import SloshBringupError
-from slosh_files.plain_text import plain_line
 from slosh_model.motion_profiles import LAWS, Cycle
+from slosh_tables.motion_table import SUFFIXES, MotionTable, is_motion_table, write_motion_table
 
 Array = NDArray[np.float64]
 

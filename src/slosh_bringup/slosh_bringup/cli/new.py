@@ -8,6 +8,8 @@ import re
 import sys
 from pathlib import Path
 
+from slosh_base.files import check_free, new_folder, write_text
+from slosh_base.files.plain_text import plain_line
 from slosh_bringup.cli.parser import old_name
 from slosh_bringup.cli.quantities import DENSITY, VISCOSITY, length
 from slosh_bringup.errors import SloshBringupError
@@ -15,8 +17,6 @@ from slosh_bringup.live.cell_setup import NAMESPACE
 from slosh_bringup.new_cup.cup import LIQUIDS, LiquidKind, NewCup
 from slosh_bringup.new_cup.files import next_steps, texts_of
 from slosh_bringup.new_cup.units import QUANTITIES
-from slosh_files import check_free, new_folder, write_text
-from slosh_files.plain_text import plain_line
 
 _TYPES = {"kg/m3": DENSITY, "m2/s": VISCOSITY}
 _IMAGE_SIZE = "1280x720"

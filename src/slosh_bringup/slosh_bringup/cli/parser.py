@@ -7,8 +7,8 @@ import re
 from collections.abc import Mapping, Sequence
 from typing import Any, NoReturn
 
-from slosh_files.nearest import did_you_mean
-from slosh_files.plain_text import plain_line
+from slosh_base.files.nearest import did_you_mean
+from slosh_base.files.plain_text import plain_line
 
 EXIT_WRONG_INPUT = 2
 _CHOICE = re.compile(r"(?s)argument (\S+): invalid choice: '(.*)' \(choose from .*\)")

@@ -9,15 +9,14 @@ import sys
 from contextlib import ExitStack
 from pathlib import Path
 
-from slosh_bag.path_table import read_path_table, write_plan_table
+from slosh_base.files import check_apart, check_free, new_folder, write_text
+from slosh_base.files.plain_text import plain_line
 from slosh_bringup.cli import quantities
 from slosh_bringup.cli.quantities import ERROR, FRACTION, HEIGHT, angle, time
 from slosh_bringup.cli.table_options import add_table_options, table_options
 from slosh_bringup.cli.teller import Teller
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.model_error import read_model_error
-from slosh_files import check_apart, check_free, new_folder, write_text
-from slosh_files.plain_text import plain_line
 from slosh_model import Model
 from slosh_model.model_file import read_model
 from slosh_plan import ModelError
@@ -27,6 +26,7 @@ from slosh_plan.planning.path import path_through
 from slosh_plan.planning.plan import TIME_LIMIT, NoSafeMotionError, Plan, plan, tilting
 from slosh_plan.planning.tolerance import ERRORS, USUAL, Tolerance, frequency_tolerance
 from slosh_plan.planning.waypoints import Waypoints
+from slosh_plan.tables.path_table import read_path_table, write_plan_table
 
 EPILOG = """PATH is a table of waypoints, t,x,y,z[,qx,qy,qz,qw]: positions of the container's
 origin in the world's axes [s, m]; its times are a proposal that the plan replaces. The answer has

@@ -11,15 +11,13 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from slosh_bag.trajectory_table import read_joint_trajectory, read_trajectory
+from slosh_base.files import check_apart, new_text
+from slosh_base.files.plain_text import plain_line
 from slosh_bringup.cli.progress import share_bar
 from slosh_bringup.cli.quantities import ERROR, FRACTION, HEIGHT, time
 from slosh_bringup.cli.table_options import add_table_options, table_options
 from slosh_bringup.cli.teller import Teller
 from slosh_bringup.errors import SloshBringupError
-from slosh_estimator.robot_file import read_arm
-from slosh_files import check_apart, new_text
-from slosh_files.plain_text import plain_line
 from slosh_model.model_file import read_model
 from slosh_model.tilt import added_text
 from slosh_plan import (
@@ -32,6 +30,8 @@ from slosh_plan import (
     safe_scales,
 )
 from slosh_plan.doubts import trajectory_doubts
+from slosh_plan.robot_file import read_arm
+from slosh_plan.tables.trajectory_table import read_joint_trajectory, read_trajectory
 from slosh_report.json_values import plain
 from slosh_report.text_table import aligned
 

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TextIO, cast
 
-from slosh_files.plain_text import PlainStream
+from slosh_base.files.plain_text import PlainStream
 
 _STDERR = 2
 

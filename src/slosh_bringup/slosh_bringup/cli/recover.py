@@ -10,10 +10,10 @@ from pathlib import Path
 from slosh_bag.mcap_files.bag_folder import ordered_files
 from slosh_bag.reader import BagReader
 from slosh_bag.recover import Recovery, recover_bag
-from slosh_bag.split import split_bag
+from slosh_base.files import check_free, check_outside
+from slosh_base.files.plain_text import plain_line
 from slosh_bringup.cli.progress import MEGABYTES, MESSAGES, Progress
-from slosh_files import check_free, check_outside
-from slosh_files.plain_text import plain_line
+from slosh_replay.split import split_bag
 from slosh_report.text_table import aligned
 
 

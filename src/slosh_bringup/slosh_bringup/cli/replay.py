@@ -10,8 +10,9 @@ from contextlib import closing
 from pathlib import Path
 from typing import Any
 
-from slosh_bag.manifest import Expectation, write_manifest
 from slosh_bag.mcap_files.bag_folder import files_of
+from slosh_base.files import check_apart, check_outside
+from slosh_base.files.plain_text import plain_line
 from slosh_bringup.cli.parser import old_name
 from slosh_bringup.cli.progress import item_progress
 from slosh_bringup.many_files import Outcome, map_files
@@ -28,9 +29,8 @@ from slosh_bringup.replay.task import (
     replay_task,
     unique_names,
 )
-from slosh_files import check_apart, check_outside
-from slosh_files.plain_text import plain_line
 from slosh_model.model_file import read_model
+from slosh_replay.manifest import Expectation, write_manifest
 from slosh_report.text_table import aligned
 
 DONE, FAILED, WRONG_INPUT = 0, 1, 2

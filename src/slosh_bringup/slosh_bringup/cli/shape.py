@@ -9,12 +9,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from slosh_bag.path_table import write_plan_table
-from slosh_bag.trajectory_table import read_trajectory
+from slosh_base.files import check_apart
+from slosh_base.files.plain_text import plain_line
 from slosh_bringup.cli.table_options import add_table_options, table_options
 from slosh_bringup.errors import SloshBringupError
-from slosh_files import check_apart
-from slosh_files.plain_text import plain_line
 from slosh_model import Model
 from slosh_model.model_file import read_model
 from slosh_plan import Trajectory
@@ -33,6 +31,8 @@ from slosh_plan.shaping.shaped import (
     shaped,
     shaped_per_axis,
 )
+from slosh_plan.tables.path_table import write_plan_table
+from slosh_plan.tables.trajectory_table import read_trajectory
 
 Array = NDArray[np.float64]
 

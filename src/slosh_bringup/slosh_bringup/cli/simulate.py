@@ -7,23 +7,23 @@ import json
 import sys
 from pathlib import Path
 
-from slosh_bag.motion_table import read_motion_table
-from slosh_bag.text_table.time_unit import check_span
+from slosh_base.files import check_apart
+from slosh_base.files.plain_text import plain_line
 from slosh_bringup.cli.quantities import HEIGHT
 from slosh_bringup.cli.table_options import add_table_options, table_options
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.simulate.answer import Answer, make_answer
 from slosh_bringup.simulate.doubts import check_possible, doubts
 from slosh_bringup.simulate.table import STANDARD_OUTPUT, output_path, write_response
-from slosh_files import check_apart
-from slosh_files.plain_text import plain_line
+from slosh_metrics.input_checks.table_checks import InputDoubt
 from slosh_model.gaps import gap_text
 from slosh_model.measure import predicted_heights
 from slosh_model.model_file import read_model
 from slosh_model.simulate import simulate
 from slosh_model.tilt import added_text, feeling
 from slosh_plan import HeightLimits
-from slosh_report.table_checks import InputDoubt
+from slosh_tables.motion_table import read_motion_table
+from slosh_tables.text_table.time_unit import check_span
 
 PICTURES = (".png", ".svg")
 EXIT_KEPT, EXIT_NOT_KEPT = 0, 1

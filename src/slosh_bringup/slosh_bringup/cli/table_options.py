@@ -6,10 +6,10 @@ import argparse
 import sys
 from collections.abc import Callable
 
-from slosh_bag.text_table.options import SEPARATORS, TableOptions
-from slosh_bag.text_table.units import TIME
+from slosh_base.files.plain_text import plain_line
 from slosh_bringup.errors import SloshBringupError
-from slosh_files.plain_text import plain_line
+from slosh_tables.text_table.options import SEPARATORS, TableOptions
+from slosh_tables.text_table.units import TIME
 
 
 def add_table_options(parser: argparse.ArgumentParser) -> None:

@@ -8,10 +8,10 @@ import subprocess
 import sys
 from pathlib import Path
 
+from slosh_base.files.plain_text import plain_line
 from slosh_bringup.live.cell_setup import NAMESPACE
 from slosh_bringup.processes import NodeProcess, node_environment
 from slosh_bringup.watch import HOST, PORT
-from slosh_files.plain_text import plain_line
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

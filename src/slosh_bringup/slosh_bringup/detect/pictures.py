@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from slosh_base.files import NewFile, write_bytes
 from slosh_bringup.detect.frame import SourceFrame
 from slosh_bringup.detect.measuring import Result
 from slosh_bringup.detect.table import flag_names
@@ -21,7 +22,6 @@ from slosh_camera.errors import SloshCameraError
 from slosh_camera.images.lettering import put_text
 from slosh_camera.measurement import Measurement
 from slosh_camera.optics.calibration import AnyCalibration
-from slosh_files import NewFile, write_bytes
 
 Image = NDArray[np.uint8]
 

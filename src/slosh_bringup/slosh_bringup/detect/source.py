@@ -16,11 +16,11 @@ import numpy as np
 from slosh_bag.errors import SloshBagError
 from slosh_bag.mcap_files.bag_folder import bag_folder, files_of, import_hint
 from slosh_bag.reader import BagMessage, BagReader, messages_of, stamp_ns
+from slosh_base.files.nanoseconds import SECOND
 from slosh_bringup.detect.frame import CompressedMessage, NoImage, RawMessage, SourceFrame
 from slosh_bringup.detect.series import IMAGE_ENDINGS, images_in, longest_series, natural_order
 from slosh_bringup.errors import SloshBringupError
 from slosh_camera.images.image_size import too_large
-from slosh_files.nanoseconds import SECOND
 
 RAW, COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
 FOLDER_RATE = 60.0

@@ -7,11 +7,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from slosh_base.files.errors import SloshFileError
+from slosh_base.files.nearest import did_you_mean
+from slosh_base.files.yaml_document import YamlDocument, read_yaml, shown
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.processes import NodeProcess, config_folder
-from slosh_files.errors import SloshFileError
-from slosh_files.nearest import did_you_mean
-from slosh_files.yaml_document import YamlDocument, read_yaml, shown
 from slosh_msgs_py import topics
 
 NAMESPACE = topics.NAMESPACE

@@ -15,16 +15,16 @@ from typing import Any
 import numpy as np
 
 from slosh_bag.errors import SloshBagError
-from slosh_bag.replay import ReplayResult, replay_bag
-from slosh_bag.replay.report import Surroundings
-from slosh_bringup.in_force import in_force, last_starts
+from slosh_base.files import write_text
 from slosh_bringup.live.run_data import HEIGHTS, RunData, read_run
 from slosh_bringup.live.run_result import RunResult, evaluate
 from slosh_bringup.live.shortfall import shortfall
 from slosh_bringup.live.slowness import slowness
 from slosh_bringup.replay.frames import bag_topics
 from slosh_bringup.replay.page import make_report
-from slosh_files import write_text
+from slosh_replay.in_force import in_force, last_starts
+from slosh_replay.replay import ReplayResult, replay_bag
+from slosh_replay.replay.report import Surroundings
 from slosh_report.run_report import (
     Fact,
     KeyFigure,

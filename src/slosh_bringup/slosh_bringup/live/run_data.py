@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_bag.reader import BagReader, TopicInfo, stamp_ns
-from slosh_bag.recording.facts import lost_messages, shared_topics_line
+from slosh_replay.recording.facts import lost_messages, shared_topics_line
 
 Array = NDArray[np.float64]
 HEIGHTS = (

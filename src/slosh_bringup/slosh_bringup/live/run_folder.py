@@ -7,7 +7,7 @@ from datetime import datetime
 from itertools import chain, count
 from pathlib import Path
 
-from slosh_files import new_link
+from slosh_base.files import new_link
 
 LATEST = "latest"
 """Link to the newest run, beside the runs."""

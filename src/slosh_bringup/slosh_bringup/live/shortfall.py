@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_bag.reader import BagReader, TopicInfo
-from slosh_bag.recording.cells import ESTIMATE, SURFACE, CellTopics
-from slosh_bag.recording.inputs import STAMP, stamps_of
-from slosh_bringup.in_force import Starts, has_camera, image_topic, input_topic
 from slosh_bringup.live.run_data import RunData, facts_of
 from slosh_camera.measurement import Flag
 from slosh_estimator.sight import UNUSABLE
+from slosh_replay.in_force import Starts, has_camera, image_topic, input_topic
+from slosh_replay.recording.cells import ESTIMATE, SURFACE, CellTopics
+from slosh_replay.recording.inputs import STAMP, stamps_of
 
 MANY = 3
 """So many causes of one kind are named."""

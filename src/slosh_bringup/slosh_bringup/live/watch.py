@@ -7,13 +7,13 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Protocol
 
-from slosh_bag.recording.settings import NodeStart, after
+from slosh_base.files import write_text
 from slosh_bringup.cell_watch import CellWatch, NodeReport
-from slosh_bringup.in_force import in_force_lines, settings_document
 from slosh_bringup.live.status import CellStatus
 from slosh_bringup.ready_wait import TELLING, UNHEARD, ReadyWait, sentence
-from slosh_files import write_text
 from slosh_msgs_py.node.readiness import COMPILING, READY, STATE
+from slosh_replay.in_force import in_force_lines, settings_document
+from slosh_replay.recording.settings import NodeStart, after
 
 LATE = 10.0
 """A node of which nothing was heard for so long is named in a log [s]."""

@@ -16,13 +16,13 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
 from slosh_bag.errors import SloshBagError
-from slosh_bag.recording.settings import NodeStart, node_start
 from slosh_bringup.cell_watch import NodeReport, reports
 from slosh_msgs.msg import NodeSettings, SloshComparison
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.message_type import find_type
 from slosh_msgs_py.node.guarded import GuardedNode
 from slosh_msgs_py.node.run import initialise, make_heard
+from slosh_replay.recording.settings import NodeStart, node_start
 
 _READ = ("geometry_msgs", "sensor_msgs", "slosh_msgs")
 """Packages whose messages the cell's nodes read."""

@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 from std_msgs.msg import String
 
+from slosh_base.compiled.compilation import load_telling
 from slosh_bringup.cell.motion_source import REPEATS, load_motion
 from slosh_bringup.cell.renderer import Appearance, CupRenderer
 from slosh_bringup.cell.sensors import read_sensors
@@ -29,7 +30,6 @@ from slosh_bringup.nodes.ready_cell import ReadyCell
 from slosh_bringup.processes import config_folder
 from slosh_bringup.ready_wait import PATIENCE
 from slosh_camera.calibrate.camera_file import read_calibration
-from slosh_model.compilation import load_telling
 from slosh_model.model_file import read_model
 from slosh_msgs_py import images, topics
 from slosh_msgs_py.node.diagnostics import OK, WARN, Health

@@ -23,7 +23,6 @@ from rclpy.subscription import Subscription
 from sensor_msgs.msg import CompressedImage, Image
 
 from slosh_bag.errors import SloshBagError
-from slosh_bag.recording.settings import node_start
 from slosh_bringup.cell_watch import reports
 from slosh_bringup.watch import HOST, PORT, hearing
 from slosh_bringup.watch.access import new_access
@@ -41,6 +40,7 @@ from slosh_msgs_py.node.guarded import GuardedNode
 from slosh_msgs_py.node.parameters import ParameterSpec, declare
 from slosh_msgs_py.node.run import run_node
 from slosh_msgs_py.stamps import to_nanoseconds
+from slosh_replay.recording.settings import node_start
 
 PICTURE_EVERY = 3
 """Frames between two camera images."""

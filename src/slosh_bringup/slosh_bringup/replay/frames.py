@@ -12,10 +12,6 @@ import numpy as np
 
 from slosh_bag.errors import SloshBagError
 from slosh_bag.reader import BagReader
-from slosh_bag.recording import settings
-from slosh_bag.recording.sources import recorded_starts
-from slosh_bag.replay.report import report_start, shown_models
-from slosh_bag.replay.result import ReplayResult
 from slosh_bringup.detect.frame import SourceFrame
 from slosh_bringup.detect.source import frames_at
 from slosh_camera.calibrate.camera_file import parse_any_calibration
@@ -23,6 +19,10 @@ from slosh_camera.detection.drawing import draw_measurement
 from slosh_camera.detection.learnt import learnt_detector
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.optics.calibration import AnyCalibration
+from slosh_replay.recording import settings
+from slosh_replay.recording.sources import recorded_starts
+from slosh_replay.replay.report import report_start, shown_models
+from slosh_replay.replay.result import ReplayResult
 from slosh_report.run_report import Frame, Topic
 
 JPEG_QUALITY = 85

@@ -6,10 +6,10 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
+from slosh_base.files import write_text
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.many_files import Outcome
 from slosh_bringup.replay.task import Replayed, Task
-from slosh_files import write_text
 from slosh_report.index_page import MARK, IndexRow, render_index
 from slosh_report.run_report import Verdict
 

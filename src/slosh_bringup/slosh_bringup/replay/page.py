@@ -8,14 +8,14 @@ from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
 
-from slosh_bag.recording.predictions import predicted_motions
-from slosh_bag.replay import ReplayResult
-from slosh_bag.replay.checking import Checked
-from slosh_bag.replay.report import Surroundings, replay_report, report_start
+from slosh_base.files import write_text
 from slosh_bringup.errors import SloshBringupError
-from slosh_bringup.in_force import described, in_force, last_starts, parameter_changes
 from slosh_bringup.replay.frames import bag_pictures, bag_topics
-from slosh_files import write_text
+from slosh_replay.in_force import described, in_force, last_starts, parameter_changes
+from slosh_replay.recording.predictions import predicted_motions
+from slosh_replay.replay import ReplayResult
+from slosh_replay.replay.checking import Checked
+from slosh_replay.replay.report import Surroundings, replay_report, report_start
 from slosh_report.run_report import Fact, RunReport, render_report, report_document
 
 

@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from slosh_bag.manifest import NAME, Expectation, read_manifest
 from slosh_bag.reader import bag_files
 from slosh_bringup.errors import SloshBringupError
+from slosh_replay.manifest import NAME, Expectation, read_manifest
 
 
 @dataclass(frozen=True, slots=True)

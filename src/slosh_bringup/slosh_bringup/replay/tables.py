@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from slosh_bag.replay.result import Judged, ModelAccuracy
+from slosh_replay.replay.result import Judged, ModelAccuracy
 from slosh_report.text_table import aligned
 
 

@@ -15,13 +15,16 @@ from typing import Any
 
 import numpy as np
 
-import slosh_files
+import slosh_base
 from slosh_bag.errors import SloshBagError
-from slosh_bag.manifest import Expectation
 from slosh_bag.mcap_files.bag_facts import read_facts
 from slosh_bag.mcap_files.bag_folder import METADATA
-from slosh_bag.replay import ReplayResult, replay_bag
-from slosh_bag.replay.checking import (
+from slosh_base.files import is_unfinished, new_folder
+from slosh_bringup.errors import SloshBringupError
+from slosh_model.model_file import read_model
+from slosh_replay.manifest import Expectation
+from slosh_replay.replay import ReplayResult, replay_bag
+from slosh_replay.replay.checking import (
     Checked,
     Point,
     check_result,
@@ -29,13 +32,10 @@ from slosh_bag.replay.checking import (
     excesses,
     expectation_of,
 )
-from slosh_bag.replay.output_bag import FACTS, OutputBag
-from slosh_bag.replay.report import shown_models
-from slosh_bag.replay.result import ModelAccuracy
-from slosh_bag.replay.verification import Verification
-from slosh_bringup.errors import SloshBringupError
-from slosh_files import is_unfinished, new_folder
-from slosh_model.model_file import read_model
+from slosh_replay.replay.output_bag import FACTS, OutputBag
+from slosh_replay.replay.report import shown_models
+from slosh_replay.replay.result import ModelAccuracy
+from slosh_replay.replay.verification import Verification
 
 RECORDED = Expectation(tolerance=0.0)
 """What a bag without a manifest must give: its own estimates again."""
@@ -238,8 +238,8 @@ def remove_unfinished(tasks: Sequence[Task]) -> None:
     """Removes what processes that were killed at their work have left in the folder of results."""
     for task in tasks:
         if task.output is not None:
-            slosh_files.remove_unfinished(task.output, PAGES)
-            slosh_files.remove_unfinished(task.output / task.name)
+            slosh_base.files.remove_unfinished(task.output, PAGES)
+            slosh_base.files.remove_unfinished(task.output / task.name)
             with suppress(OSError):  # not empty: it holds a whole bag
                 (task.output / task.name).rmdir()
 

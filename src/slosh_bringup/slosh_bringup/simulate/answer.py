@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from slosh_metrics.input_checks.table_checks import InputDoubt
 from slosh_model.model import Model
 from slosh_model.simulate import Inputs
 from slosh_plan.validity import greatest
-from slosh_report.table_checks import InputDoubt
 
 Array = NDArray[np.float64]
 

@@ -10,8 +10,8 @@ from matplotlib.figure import Figure
 from matplotlib.style import context
 from numpy.typing import NDArray
 
+from slosh_base.files import NewFile
 from slosh_bringup.simulate.answer import Answer
-from slosh_files import NewFile
 from slosh_model.simulate import Inputs
 from slosh_report.page.series import envelope
 

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
-from slosh_bag.motion_table import MotionTable
 from slosh_bringup.errors import SloshBringupError
+from slosh_metrics.input_checks.input_faults import FaultKind, find_input_faults
+from slosh_metrics.input_checks.table_checks import InputDoubt, motion_doubts
 from slosh_model.model import Model
-from slosh_report.input_faults import FaultKind, find_input_faults
-from slosh_report.table_checks import InputDoubt, motion_doubts
+from slosh_tables.motion_table import MotionTable
 
 IMPOSSIBLE = 1e6
 """No container survives such an acceleration [m/s²]: the table is refused."""

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_bag.interchange.export_sinks import load_pyarrow
+from slosh_base.files import NewFile, new_text
 from slosh_bringup.errors import SloshBringupError
-from slosh_files import NewFile, new_text
 from slosh_model.simulate import Response
 
 COLUMNS = ("t", "msh", "azimuth", "sh_x", "sh_y")

@@ -6,10 +6,10 @@ import math
 from pathlib import Path
 from typing import Any
 
-from slosh_bag.recording.settings import NodeStart
+from slosh_base.files.nanoseconds import SECOND
 from slosh_bringup.watch.picture import Camera
 from slosh_bringup.watch.state import Compared, Estimated, LimitNews, Surface, WatchState
-from slosh_files.nanoseconds import SECOND
+from slosh_replay.recording.settings import NodeStart
 
 CAMERA, MODEL = "the camera", "the estimator"
 

@@ -12,10 +12,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from slosh_base.files.nanoseconds import SECOND
 from slosh_camera.calibrate.camera_file import parse_any_calibration
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.optics.calibration import AnyCalibration, Calibration
-from slosh_files.nanoseconds import SECOND
 
 WIDTH, QUALITY = 640, 70
 """Largest width [px], and the JPEG's quality."""

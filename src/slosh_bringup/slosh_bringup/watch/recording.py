@@ -9,8 +9,7 @@ from typing import Any
 
 from slosh_bag.errors import SloshBagError
 from slosh_bag.reader import BagMessage, BagReader
-from slosh_bag.recording.cells import CellTopics
-from slosh_bag.recording.settings import TOPIC, node_start
+from slosh_base.files.nanoseconds import SECOND
 from slosh_bringup.cell_watch import reports
 from slosh_bringup.detect.source import frames_at
 from slosh_bringup.errors import SloshBringupError
@@ -18,8 +17,9 @@ from slosh_bringup.watch import hearing
 from slosh_bringup.watch.picture import Camera
 from slosh_bringup.watch.state import PERIOD, WatchState
 from slosh_camera.errors import SloshCameraError
-from slosh_files.nanoseconds import SECOND
 from slosh_msgs_py import topics
+from slosh_replay.recording.cells import CellTopics
+from slosh_replay.recording.settings import TOPIC, node_start
 
 _PAGE = {row.name.lstrip("/"): row for row in topics.TOPICS if row.page}
 HEIGHTS = {

@@ -13,9 +13,9 @@ from collections import deque
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
+from slosh_base.files.nanoseconds import SECOND
 from slosh_bringup.cell_watch import SILENT, NodeReport
 from slosh_bringup.watch.verdict import SILENCE, judge
-from slosh_files.nanoseconds import SECOND
 from slosh_report.json_values import plain
 
 PERIOD = 0.1

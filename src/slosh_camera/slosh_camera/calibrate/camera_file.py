@@ -12,6 +12,8 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from slosh_base.files.yaml_document import YamlDocument, shown
+from slosh_base.files.yaml_text import format_yaml
 from slosh_camera.calibrate.intrinsics import camera_of, lens_block
 from slosh_camera.calibrate.yaml_fields import (
     camera_name,
@@ -31,8 +33,6 @@ from slosh_camera.optics.container import WALL
 from slosh_camera.optics.cup import Cup, CupView
 from slosh_camera.optics.pose import Pose
 from slosh_camera.settings import DetectionSettings, Liquid, RegionOfInterest
-from slosh_files.yaml_document import YamlDocument, shown
-from slosh_files.yaml_text import format_yaml
 
 _CYLINDER, _RECTANGLE = "cylinder", "rectangle"
 _CONTAINER_KEYS = {

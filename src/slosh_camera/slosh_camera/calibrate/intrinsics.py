@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from slosh_base.files.yaml_document import YamlDocument, shown
 from slosh_camera.calibrate.yaml_fields import (
     camera_name,
     integer,
@@ -22,7 +23,6 @@ from slosh_camera.calibrate.yaml_fields import (
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.optics.camera import PinholeCamera, camera_from_info
 from slosh_camera.optics.lens import EQUIDISTANT, PLUMB_BOB, lens_parameters
-from slosh_files.yaml_document import YamlDocument, shown
 
 _NEEDED = ("image_width", "image_height", "camera_matrix", "distortion_coefficients")
 

@@ -7,11 +7,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from slosh_base.files.errors import TextFileError, YamlError
+from slosh_base.files.nearest import did_you_mean
+from slosh_base.files.text_file import read_text
+from slosh_base.files.yaml_document import LONGEST, YamlDocument, parse_yaml, shown
 from slosh_camera.errors import SloshCameraError
-from slosh_files.errors import TextFileError, YamlError
-from slosh_files.nearest import did_you_mean
-from slosh_files.text_file import read_text
-from slosh_files.yaml_document import LONGEST, YamlDocument, parse_yaml, shown
 
 
 def read_file(path: str | Path) -> str:

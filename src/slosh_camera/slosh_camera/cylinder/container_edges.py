@@ -12,9 +12,9 @@ import numpy as np
 from numba.types import float32, float64
 from numpy.typing import NDArray
 
+from slosh_base.compiled.compilation import entry_point, given
 from slosh_camera.images.colour import Image, to_gray
 from slosh_camera.optics.cup import CupView
-from slosh_model.compilation import entry_point, given
 
 FloatArray = NDArray[np.float64]
 

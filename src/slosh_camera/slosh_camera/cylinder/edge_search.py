@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 from numba.types import Tuple, UniTuple, float32, float64, int64
 
+from slosh_base.compiled.compilation import GIVEN_1, GIVEN_2, GIVEN_3, compiled, entry_point, given
 from slosh_camera.cylinder.surface_evidence import LIKE_LIQUID
-from slosh_model.compilation import GIVEN_1, GIVEN_2, GIVEN_3, compiled, entry_point, given
 
 # Numba's types of what the functions take.
 PICTURE, ROWS, STEPS = given(float32, 2), given(int64, 1), given(float32, 3)

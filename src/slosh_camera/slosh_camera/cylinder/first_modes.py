@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba.types import Tuple, float64, int64
 
-from slosh_model.compilation import GIVEN_1, compiled, entry_point, given
+from slosh_base.compiled.compilation import GIVEN_1, compiled, entry_point, given
 
 
 @compiled

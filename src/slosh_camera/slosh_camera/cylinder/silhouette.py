@@ -17,8 +17,8 @@ from __future__ import annotations
 import numpy as np
 from numba.types import boolean, float64, int64
 
+from slosh_base.compiled.compilation import GIVEN_1, GIVEN_2, GIVEN_3, compiled, entry_point, given
 from slosh_camera.cylinder.surface_modes import RADIAL_STEPS, RADIAL_TABLE, SHAPES
-from slosh_model.compilation import GIVEN_1, GIVEN_2, GIVEN_3, compiled, entry_point, given
 
 _TABLE = RADIAL_TABLE
 _PER_UNIT = float(RADIAL_STEPS)

@@ -12,8 +12,8 @@ import numpy as np
 from numba.types import float64
 from numpy.typing import NDArray
 
+from slosh_base.compiled.compilation import GIVEN_1, entry_point
 from slosh_camera.cylinder.edge_search import PICTURE, STEPS, fall_above, has_stood
-from slosh_model.compilation import GIVEN_1, entry_point
 
 FloatArray = NDArray[np.float64]
 Single = NDArray[np.float32]

@@ -12,10 +12,10 @@ from __future__ import annotations
 import numpy as np
 from numba.types import Tuple, boolean, float64, int64
 
+from slosh_base.compiled.compilation import GIVEN_1, GIVEN_2, compiled, entry_point, given
+from slosh_base.compiled.normal_equations import factorize, substitute
 from slosh_camera.cylinder.silhouette import clearance, shapes_on_ray, touch
 from slosh_camera.cylinder.surface_modes import SHAPES
-from slosh_model.compilation import GIVEN_1, GIVEN_2, compiled, entry_point, given
-from slosh_model.normal_equations import factorize, substitute
 
 _STEPS = 12
 # Tukey's function: beyond this many standard deviations an observation has no weight.

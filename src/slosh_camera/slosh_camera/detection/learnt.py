@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+from slosh_base.compiled.compilation import load_all
 from slosh_camera.cylinder.detector import FreeSurfaceDetector
 from slosh_camera.detection.detectors import SurfaceDetector, detector_for
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.images.colour import Image
 from slosh_camera.images.decoding import read_image
 from slosh_camera.optics.calibration import AnyCalibration
-from slosh_model.compilation import load_all
 
 
 def learnt_detector(

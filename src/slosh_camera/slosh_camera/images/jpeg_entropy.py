@@ -13,7 +13,7 @@ import numpy as np
 from numba.types import UniTuple, int32, int64, uint8
 from numpy.typing import NDArray
 
-from slosh_model.compilation import compiled, entry_point, given
+from slosh_base.compiled.compilation import compiled, entry_point, given
 
 LOOK = 9
 """Bits of a code that are looked up at once."""

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from slosh_base.files.yaml_text import format_yaml
 from slosh_camera.calibrate.intrinsics import lens_block
 from slosh_camera.optics.camera import PinholeCamera
-from slosh_files.yaml_text import format_yaml
 
 
 def format_camera(camera: PinholeCamera, name: str) -> str:

@@ -11,6 +11,9 @@ from typing import Any
 
 from sensor_msgs.msg import CompressedImage, Image
 
+from slosh_base.compiled.arithmetic import arithmetic_fingerprint
+from slosh_base.compiled.compilation import load_telling
+from slosh_base.compiled.compile_cache import sources_digest
 from slosh_camera.calibrate.camera_file import read_any_calibration
 from slosh_camera.detection.learnt import learnt_detector
 from slosh_camera.errors import SloshCameraError
@@ -22,9 +25,6 @@ from slosh_camera.nodes.driver_info import DriverInfo
 from slosh_camera.nodes.frame_gaps import FrameGaps
 from slosh_camera.nodes.level_changes import LevelChanges
 from slosh_camera.nodes.newest_image import NewestImage
-from slosh_model.arithmetic import arithmetic_fingerprint
-from slosh_model.compilation import load_telling
-from slosh_model.compile_cache import sources_digest
 from slosh_msgs.msg import FreeSurface
 from slosh_msgs_py import conversions, qos, topics, values
 from slosh_msgs_py.images import image_bytes

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from slosh_files.nanoseconds import SECOND
+from slosh_base.files.nanoseconds import SECOND
 
 PERIOD_NS = 5 * SECOND
 _MOST = 5

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 
-from slosh_files.nanoseconds import SECOND
+from slosh_base.files.nanoseconds import SECOND
 
 _REMEMBERED = 40
 _ENOUGH = 8

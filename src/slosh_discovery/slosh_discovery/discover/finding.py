@@ -137,7 +137,7 @@ class Gap:
 
 @dataclass(frozen=True, slots=True)
 class Agreement:
-    """How one model's heights agree with a motion's: see slosh_report.metrics.
+    """How one model's heights agree with a motion's: see slosh_metrics.metrics.
 
     Attributes:
         rms: [m].

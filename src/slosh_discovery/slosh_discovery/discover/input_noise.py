@@ -19,8 +19,8 @@ from slosh_discovery.discover.differences import (
     robust_scale,
 )
 from slosh_discovery.discover.input_series import angular_velocity
+from slosh_metrics.motion_spans import MOVING, TURNING
 from slosh_model.simulate import Inputs
-from slosh_report.motion_spans import MOVING, TURNING
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from slosh_files.nanoseconds import SECOND
+from slosh_base.files.nanoseconds import SECOND
+from slosh_metrics.motion_spans import motion_spans
 from slosh_model.interpolation import columns_at
 from slosh_model.simulate import Inputs
-from slosh_report.motion_spans import motion_spans
 
 Array = NDArray[np.float64]
 

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation, Slerp
 
-from slosh_bag.recording.inputs import STAMP, stamps_of
-from slosh_bag.recording.motion import FRAME, Motion
-from slosh_files.nanoseconds import SECOND
+from slosh_base.files.nanoseconds import SECOND
 from slosh_model.interpolation import columns_at
+from slosh_replay.recording.inputs import STAMP, stamps_of
+from slosh_replay.recording.motion import FRAME, Motion
 
 Array = NDArray[np.float64]
 Stamps = NDArray[np.int64]

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from slosh_report.alignment import find_spikes, spike_limit
+from slosh_metrics.alignment import find_spikes, spike_limit
 
 Array = NDArray[np.float64]
 

@@ -8,11 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from slosh_bag.interchange.bag_table import TableSettings, read_bag_table
 from slosh_bag.mcap_files.bag_folder import import_hint
-from slosh_bag.motion_table import is_motion_table
-from slosh_bag.recording.facts import TABLE_COLUMNS, clocks_unrelated
-from slosh_bag.text_table.options import FOUND_OUT, TableOptions
+from slosh_base.files.nanoseconds import SECOND
 from slosh_discovery.discover.motion import MINIMUM_SAMPLES, MeasuredMotion
 from slosh_discovery.discover_data.heights import without_spikes
 from slosh_discovery.discover_data.recording import (
@@ -26,10 +23,13 @@ from slosh_discovery.discover_data.splitting import Part, split
 from slosh_discovery.discover_data.tables import motion_of_table, table_motion
 from slosh_discovery.discover_data.unrelated import unrelated_motion
 from slosh_discovery.errors import SloshDiscoveryError
-from slosh_files.nanoseconds import SECOND
 from slosh_model.errors import SloshModelError
 from slosh_model.model import Model
 from slosh_model.simulate import Inputs
+from slosh_replay.recording.facts import TABLE_COLUMNS, clocks_unrelated
+from slosh_replay.tables.bag_table import TableSettings, read_bag_table
+from slosh_tables.motion_table import is_motion_table
+from slosh_tables.text_table.options import FOUND_OUT, TableOptions
 
 
 @dataclass(frozen=True, slots=True)

@@ -24,14 +24,14 @@ from numpy.typing import NDArray
 
 from slosh_bag.errors import SloshBagError
 from slosh_bag.reader import BagReader, TopicInfo
-from slosh_bag.recording.heights import HeightCollector, Measurements
-from slosh_bag.recording.inputs import STAMP, recorded_inputs, stamps_of
-from slosh_bag.recording.motion import AttitudeCollector, Motion, MotionCollector
-from slosh_bag.recording.sources import Sources, find_sources
+from slosh_base.files.nanoseconds import SECOND
 from slosh_discovery.discover_data.attitudes import PoseAttitudes
 from slosh_estimator.inputs import IMU, MESSAGE_TYPES, POSE, InputSettings
-from slosh_files.nanoseconds import SECOND
-from slosh_report.table_checks import InputDoubt
+from slosh_metrics.input_checks.table_checks import InputDoubt
+from slosh_replay.recording.heights import HeightCollector, Measurements
+from slosh_replay.recording.inputs import STAMP, recorded_inputs, stamps_of
+from slosh_replay.recording.motion import AttitudeCollector, Motion, MotionCollector
+from slosh_replay.recording.sources import Sources, find_sources
 
 Array = NDArray[np.float64]
 Stamps = NDArray[np.int64]

@@ -8,17 +8,17 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from slosh_bag.motion_table import SUFFIXES, MotionTable, read_motion_table
-from slosh_bag.text_table.options import FOUND_OUT, TableOptions
-from slosh_bag.text_table.time_unit import check_span
 from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_discovery.discover_data.heights import without_spikes
 from slosh_discovery.errors import SloshDiscoveryError
+from slosh_metrics.input_checks.table_checks import InputDoubt, motion_doubts
+from slosh_metrics.surface_metrics import line_slopes
 from slosh_model.errors import SloshModelError
 from slosh_model.gaps import gap_text
 from slosh_model.model import Model
-from slosh_report.surface_metrics import line_slopes
-from slosh_report.table_checks import InputDoubt, motion_doubts
+from slosh_tables.motion_table import SUFFIXES, MotionTable, read_motion_table
+from slosh_tables.text_table.options import FOUND_OUT, TableOptions
+from slosh_tables.text_table.time_unit import check_span
 
 Array = NDArray[np.float64]
 

@@ -13,24 +13,19 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from slosh_bag.recording.facts import noted_container
-from slosh_bag.recording.motion import Motion
+from slosh_base.files.nanoseconds import SECOND
 from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_discovery.discover_data.heights import without_spikes
 from slosh_discovery.discover_data.recording import Recording, Tell
 from slosh_discovery.discover_data.splitting import DWELL_NS, recorded_spans
 from slosh_discovery.errors import SloshDiscoveryError
-from slosh_files.nanoseconds import SECOND
+from slosh_metrics.alignment import despike, estimate_clock_offset, find_still_level, onset_offset
 from slosh_model.constants import GRAVITY
 from slosh_model.errors import SloshModelError
 from slosh_model.model import Model
 from slosh_model.simulate import Inputs, simulate
-from slosh_report.alignment import (
-    despike,
-    estimate_clock_offset,
-    find_still_level,
-    onset_offset,
-)
+from slosh_replay.recording.facts import noted_container
+from slosh_replay.recording.motion import Motion
 from slosh_report.errors import SloshReportError
 
 Array = NDArray[np.float64]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 
+from slosh_base.files.plain_text import plain_line
 from slosh_discovery.discover.finding import (
     Finding,
     FittedParameters,
@@ -25,7 +26,6 @@ from slosh_discovery.discovery_report.words import (
     part_name,
     verdict_sentence,
 )
-from slosh_files.plain_text import plain_line
 from slosh_report.page.units import DASH, shown
 from slosh_report.text_table import aligned
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 
+from slosh_base.files.plain_text import plain_line
 from slosh_discovery.identification_report.data import IdentificationReport
 from slosh_discovery.identification_report.figures import rounded, shown_value
 from slosh_discovery.identify.information import Unidentified
 from slosh_discovery.identify.result import IdentifiedModel
-from slosh_files.plain_text import plain_line
 from slosh_report.page.units import DASH, shown
 from slosh_report.text_table import aligned
 

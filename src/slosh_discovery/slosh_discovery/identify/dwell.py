@@ -9,7 +9,7 @@ import numpy as np
 from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_discovery.identify.result import DwellVibration, FittedMotion
 from slosh_discovery.identify.trials import rise_span
-from slosh_report.surface_metrics import effective_difference, effective_height, line_slopes
+from slosh_metrics.surface_metrics import effective_difference, effective_height, line_slopes
 
 LEAST_FRAMES = 5
 

@@ -15,15 +15,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from slosh_base.files.nanoseconds import SECOND
 from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_discovery.identify.trials import operating_speed, rise_span
 from slosh_estimator.estimator import Estimator
 from slosh_estimator.sample import Samples
-from slosh_files.nanoseconds import SECOND
+from slosh_metrics.surface_metrics import line_approximation_error
 from slosh_model.containers import Cylinder
 from slosh_model.model import Model
 from slosh_model.simulate import Inputs
-from slosh_report.surface_metrics import line_approximation_error
 
 Array = NDArray[np.float64]
 

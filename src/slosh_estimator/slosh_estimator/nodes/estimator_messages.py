@@ -7,10 +7,10 @@ from collections.abc import Sequence
 
 from sensor_msgs.msg import Imu
 
+from slosh_base.files.nanoseconds import SECOND
 from slosh_estimator.estimate_kernel import MODAL
 from slosh_estimator.estimator import Estimate, ModelState
 from slosh_estimator.state import EstimatorState
-from slosh_files.nanoseconds import SECOND
 from slosh_msgs import msg as messages
 from slosh_msgs.msg import ExpectedReading, ModelEstimate, SloshEstimate
 from slosh_msgs_py.stamps import to_nanoseconds

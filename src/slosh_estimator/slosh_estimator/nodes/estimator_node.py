@@ -6,13 +6,16 @@ import sys
 import time
 from collections.abc import Callable
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 from geometry_msgs.msg import AccelStamped, PoseStamped
 from sensor_msgs.msg import Imu
 from std_srvs.srv import Trigger
 
+from slosh_base.compiled.arithmetic import arithmetic_fingerprint
+from slosh_base.compiled.compilation import load_telling
+from slosh_base.compiled.compile_cache import sources_digest
+from slosh_estimator import SOURCES
 from slosh_estimator.accel_input import AccelInput
 from slosh_estimator.estimator import Estimator
 from slosh_estimator.gate import DROPPED, GateSettings
@@ -27,9 +30,6 @@ from slosh_estimator.readings import has_readings
 from slosh_estimator.sample import Sample
 from slosh_estimator.sampling import modes_of
 from slosh_estimator.validity import EstimateFlag, attitude_warning
-from slosh_model.arithmetic import arithmetic_fingerprint
-from slosh_model.compilation import load_telling
-from slosh_model.compile_cache import sources_digest
 from slosh_model.model import TILT, Model
 from slosh_model.model_file import read_model
 from slosh_model.model_text import format_model
@@ -45,7 +45,6 @@ from slosh_msgs_py.node.run import run_node
 from slosh_msgs_py.node.settings import SettingsPublisher
 from slosh_msgs_py.stamps import to_nanoseconds
 
-PACKAGE = Path(__file__).parents[1]
 LATENCY_EVERY = 10
 """Messages per measured latency: enough for percentiles, and nothing to be felt."""
 ADDED = f"the effect {TILT} is added to the model: poses tell how the container tilts"
@@ -116,7 +115,7 @@ class EstimatorNode(PreparedNode):
         self._kind = values["input"]
         names = (values["input"], topics.ESTIMATE)
         self._settings = SettingsPublisher(
-            self, sources_digest(PACKAGE), arithmetic_fingerprint(), values, names
+            self, sources_digest(*SOURCES), arithmetic_fingerprint(), values, names
         )
         self._publisher = self.create_publisher(SloshEstimate, topics.ESTIMATE, qos.STREAM_OUT)
         self._readings = self.create_publisher(

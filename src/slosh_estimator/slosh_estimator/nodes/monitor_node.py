@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import sys
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 from rclpy.clock import Clock, ClockType
 from std_srvs.srv import Trigger
 
+from slosh_base.compiled.arithmetic import arithmetic_fingerprint
+from slosh_base.compiled.compile_cache import sources_digest
+from slosh_estimator import SOURCES
 from slosh_estimator.azimuth import Surfaces, measured_waves
 from slosh_estimator.comparison import Comparison, EstimatePoint, MeasuredPoint
 from slosh_estimator.limits import Event
@@ -19,8 +21,6 @@ from slosh_estimator.nodes.monitor_health import MonitorHealth
 from slosh_estimator.nodes.prediction_watch import PredictionWatch
 from slosh_estimator.readings import Reading, ReadingJoiner
 from slosh_estimator.sight import ClockWatch
-from slosh_model.arithmetic import arithmetic_fingerprint
-from slosh_model.compile_cache import sources_digest
 from slosh_msgs.msg import ExpectedReading, FreeSurface, LimitEvent, SloshComparison, SloshEstimate
 from slosh_msgs_py import conversions, qos, topics, values
 from slosh_msgs_py.node.diagnostics import DiagnosticsReporter, Health
@@ -30,7 +30,6 @@ from slosh_msgs_py.node.run import run_node
 from slosh_msgs_py.node.settings import SettingsPublisher
 from slosh_msgs_py.stamps import to_nanoseconds
 
-PACKAGE = Path(__file__).parents[1]
 CHECK_PERIOD = 0.1
 _DEFAULT = MonitorSettings()
 _dynamic = partial(ParameterSpec, read_only=False)
@@ -70,7 +69,7 @@ class MonitorNode(GuardedNode):
         heard = (topics.ESTIMATE, topics.FREE_SURFACE) if given["camera"] else (topics.ESTIMATE,)
         names = (*heard, topics.COMPARISON, topics.LIMIT_EVENT)
         self._settings = SettingsPublisher(
-            self, sources_digest(PACKAGE), arithmetic_fingerprint(), given, names
+            self, sources_digest(*SOURCES), arithmetic_fingerprint(), given, names
         )
         self._settings.publish({})
         self._core = Monitor(MonitorSettings.from_parameters(given))

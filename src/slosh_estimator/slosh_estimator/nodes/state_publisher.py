@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from rclpy.node import Node
 
+from slosh_base.files.nanoseconds import SECOND
 from slosh_estimator.estimator import Estimator
 from slosh_estimator.inputs import AnyInput
 from slosh_estimator.nodes.estimator_messages import fill_state
-from slosh_files.nanoseconds import SECOND
 from slosh_msgs.msg import EstimatorState
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.stamps import to_time

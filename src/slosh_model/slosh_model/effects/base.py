@@ -7,8 +7,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import Enum
 
-from slosh_files.nearest import did_you_mean
-from slosh_model.compilation import compiled
+from slosh_base.compiled.compilation import compiled
+from slosh_base.files.nearest import did_you_mean
 from slosh_model.errors import SloshModelError
 from slosh_model.modes import Mode
 

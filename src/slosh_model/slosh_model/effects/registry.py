@@ -7,7 +7,7 @@ import pkgutil
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from slosh_files.nearest import did_you_mean
+from slosh_base.files.nearest import did_you_mean
 from slosh_model import effects
 from slosh_model.effects.base import Effect
 from slosh_model.errors import SloshModelError

@@ -9,8 +9,8 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.clock import Clock, ClockType
 
-from slosh_files.nanoseconds import SECOND
-from slosh_files.plain_text import plain_line
+from slosh_base.files.nanoseconds import SECOND
+from slosh_base.files.plain_text import plain_line
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.node.guarded import GuardedNode
 from slosh_msgs_py.node.readiness import READY, STATE, Readiness

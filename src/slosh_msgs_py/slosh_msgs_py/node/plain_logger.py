@@ -6,7 +6,7 @@ from typing import Any
 
 from rclpy.impl.rcutils_logger import RcutilsLogger
 
-from slosh_files.plain_text import plain_line
+from slosh_base.files.plain_text import plain_line
 
 
 class PlainLogger(RcutilsLogger):

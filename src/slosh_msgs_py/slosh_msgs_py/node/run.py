@@ -22,8 +22,8 @@ from rclpy.executors import (
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
-from slosh_files.plain_text import plain_line
-from slosh_files.private_mode import keep_others_from_writing
+from slosh_base.files.plain_text import plain_line
+from slosh_base.files.private_mode import keep_others_from_writing
 from slosh_msgs_py.errors import SloshMessageError
 from slosh_msgs_py.node.clock_steps import wake_timers, watch_clock
 from slosh_msgs_py.node.dead_ports import free_dead_ports, hold_dead_ports

@@ -9,10 +9,17 @@ import numpy as np
 from numba.types import boolean, float64, int64
 from numpy.typing import NDArray
 
+from slosh_base.compiled.compilation import (
+    CHANGED_1,
+    CHANGED_2,
+    GIVEN_1,
+    GIVEN_2,
+    compiled,
+    entry_point,
+)
 from slosh_discovery.discover.generic.terms import Term, term_value
 from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_model import kernel
-from slosh_model.compilation import CHANGED_1, CHANGED_2, GIVEN_1, GIVEN_2, compiled, entry_point
 from slosh_model.errors import SloshModelError
 from slosh_model.layout import records
 from slosh_model.measure import measured_heights, reading_clock, with_moments

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from slosh_model.compilation import compiled
+from slosh_base.compiled.compilation import compiled
 
 # label, exponents of the unit in m and s; the place is the code in `_scalar` and `_vector`.
 _SCALARS = (

@@ -1,7 +1,0 @@
-"""Deterministic replay: the estimator's and the monitor's cores over recordings."""
-
-from slosh_bag.replay.replay_bag import replay_bag
-from slosh_bag.replay.replay_table import replay_table
-from slosh_bag.replay.result import ReplayResult
-
-__all__ = ["ReplayResult", "replay_bag", "replay_table"]

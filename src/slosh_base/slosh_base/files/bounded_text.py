@@ -1,0 +1,127 @@
+"""Text of a table that may be packed, read block by block, of a size that can be worked with.
+
+A line of a gigabyte is as many times that in memory, and some megabytes of gzip are gigabytes of
+text. So text is counted as it is unpacked, before anything is made of it.
+"""
+
+from __future__ import annotations
+
+import codecs
+import gzip
+import io
+import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, BinaryIO, TextIO, cast
+
+from slosh_base.files.errors import SloshFileError
+
+MOST_TEXT = 500_000_000
+"""Of a table, unpacked, at most [bytes]."""
+MOST_CELLS = 15_000_000
+"""Of a table, at most: an hour of 1 kHz with 4 columns; counted by separators and lines."""
+LONGEST_LINE = 100_000
+"""At most [bytes]; a row of 400 columns has less than 10,000."""
+_SLICE = 1 << 16
+_ASCII = bytes(range(128))
+_CONTROLS = bytes({*range(32)} - {*b"\t\r\n\f"})
+MOST_BEYOND = 0.3
+"""Share of bytes beyond ASCII in a text of the Windows code page, at most."""
+_SEPARATORS = (b",", b";", b"\t", b"|")
+_ADVICE = "is it a table? If so, cut it into several"
+
+
+@contextmanager
+def bounded_text(path: Path, what: str) -> Iterator[TextIO]:
+    """A text file, one whose name ends in .gz unpacked; line ends stay as they are.
+
+    It is UTF-8, UTF-16 as Excel's "Unicode text", or the Windows code page of western Europe, in
+    which spreadsheets write '²', '°' and 'µ'.
+
+    Args:
+        path: the file.
+        what: it should be, for messages, such as 'a motion table is CSV'.
+
+    Raises:
+        SloshFileError: the file cannot be read, is no text or damaged, or stands for too much; one
+            line that names the file. Also what is read within the context raises it.
+    """
+    try:
+        if path.is_file():  # what cannot be read twice is counted as it is read
+            with _unpacked(path) as raw:
+                counted = _Counted(path, raw)
+                while counted.read(_SLICE):
+                    pass
+        with _unpacked(path) as raw:
+            buffered = io.BufferedReader(_Counted(path, raw), _SLICE)
+            encoding = _encoding(buffered.peek(_SLICE)[:_SLICE])
+            yield io.TextIOWrapper(buffered, encoding=encoding, newline="")
+    except (EOFError, zlib.error, gzip.BadGzipFile):
+        raise SloshFileError(
+            f"{path}: the gzip file is cut off or damaged; copy it anew"
+        ) from None
+    except OSError as error:
+        raise SloshFileError(f"{path}: cannot be read: {error.strerror}") from None
+    except UnicodeDecodeError:
+        raise SloshFileError(f"{path}: is no text; {what}") from None
+
+
+def _encoding(head: bytes) -> str:
+    """The encoding of a text that begins so."""
+    if head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return "utf-16"
+    for encoding, zeros in (("utf-16-le", head[1::2]), ("utf-16-be", head[::2])):
+        # Without a mark: every second byte of western text is 0.
+        if len(zeros) > 4 and zeros.count(0) > 0.9 * len(zeros):
+            return encoding
+    try:
+        codecs.getincrementaldecoder("utf-8")().decode(head)
+    except UnicodeDecodeError:
+        beyond = len(head.translate(None, _ASCII))
+        controls = any(byte in head for byte in _CONTROLS)
+        return "cp1252" if not controls and beyond < MOST_BEYOND * len(head) else "utf-8"
+    return "utf-8-sig"
+
+
+def _unpacked(path: Path) -> BinaryIO:
+    return cast(BinaryIO, gzip.open(path, "rb")) if path.suffix == ".gz" else path.open("rb")
+
+
+class _Counted(io.RawIOBase):
+    """Bytes that are counted as they pass."""
+
+    def __init__(self, path: Path, raw: BinaryIO) -> None:
+        self._path = path
+        self._raw = raw
+        self._size = self._cells = self._line = 0
+
+    def readable(self) -> bool:
+        """Yes."""
+        return True
+
+    def readinto(self, buffer: Any) -> int:
+        """Reads some bytes.
+
+        Raises:
+            SloshFileError: there are too many of them.
+        """
+        part = self._raw.read(len(buffer))
+        buffer[: len(part)] = part
+        self._count(part)
+        return len(part)
+
+    def _count(self, part: bytes) -> None:
+        ends = part.count(b"\n") + part.count(b"\r")
+        self._size += len(part)
+        self._cells += ends + sum(map(part.count, _SEPARATORS))
+        lines = part.replace(b"\r", b"\n").split(b"\n") if ends else [part]
+        longest = max(self._line + len(lines[0]), *map(len, lines[1:]), 0)
+        self._line = len(lines[-1]) if ends else longest
+        for number, most, unit in (
+            (longest, LONGEST_LINE, "bytes in a line"),
+            (self._size, MOST_TEXT, "bytes"),
+            (self._cells, MOST_CELLS, "cells"),
+        ):
+            if number > most:
+                raise SloshFileError(f"{self._path}: has more than {most} {unit}; {_ADVICE}")

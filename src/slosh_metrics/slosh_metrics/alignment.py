@@ -1,0 +1,400 @@
+"""Clock offset and still level of measured heights whose clock is not the model's.
+
+The offset τ is defined by measured(t) ≈ level + model(t - τ). Least squares alone is not sound: a
+record is far longer than its motion, and a model that is laid over the quiet part, or over the
+decay after the motion, may fit better than one in its place. So the liquid's main rise gives a
+narrow window, every offset in it must have the whole motion covered by measured samples, and least
+squares decides in there. The rise is taken at half the height: the very first stir drowns in the
+noise, and a camera that sees one side of the wall misses it altogether.
+
+Models are compared fairly if each gets its own offset by its own least RMS, all in one window: one
+common offset, found with one of the models, would favour that one.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_metrics.errors import SloshMetricsError
+
+Array = NDArray[np.float64]
+
+QUIET_WINDOW = 0.8
+"""Length of the quiet part from which level and noise are taken [s]."""
+ONSET_NOISES = 5.0
+"""Motion is what exceeds so many standard deviations of the noise,"""
+ONSET_SHARE = 0.5
+"""and this share of the series' own peak."""
+SUSTAINED = (3, 5)
+"""An onset needs so many exceeding samples out of so many: a single outlier is none."""
+SEARCH = 1.0
+"""Half-width of the search window around the onset's offset [s]: three periods of a cup."""
+BOWL = 0.02
+"""Half-width of the part around the minimum that gives its place and curvature [s]."""
+SEPARATION = 0.1
+"""Minima closer than this are one minimum with noise on it [s]."""
+STEP = 0.002
+"""Grid of offsets [s], refined by a parabola."""
+COVERAGE = 0.98
+"""Share of the model's span that measured samples must cover."""
+DISTINCT = 1.10
+"""A second minimum must be this much higher in RMS, or the offset is ambiguous."""
+OUTLIER_SHARE = 0.15
+"""A single sample that stands out of both neighbours by this share of the peak is an outlier."""
+
+LEAST_COVERED = 20
+"""Fewer samples of a motion tell of no drift."""
+DRIFT_ROUNDS = 6
+"""Of the drift's least squares."""
+SURELY, LEAST_DRIFT, DRIFT_GAIN = 5.0, 5e-4, 0.3
+"""A drift is told where it is so many standard deviations, so large, and explains that share."""
+
+
+@dataclass(frozen=True, slots=True)
+class StillLevel:
+    """The quiet part before the motion.
+
+    Attributes:
+        level: median height [m].
+        noise: standard deviation of the noise, from the median absolute deviation [m].
+        start, end: the quiet part on the measured clock [s].
+    """
+
+    level: float
+    noise: float
+    start: float
+    end: float
+
+
+@dataclass(frozen=True, slots=True)
+class ClockOffset:
+    """An offset between two clocks, and how far it can be trusted.
+
+    Attributes:
+        offset: measured clock minus model clock [s].
+        stddev: standard deviation from the curvature of the least squares, with the samples
+            counted as often as the residual's correlation leaves them independent [s].
+        rms: root mean square of the residual at the offset [m].
+        onset_offset: the centre of the search window [s].
+        runner_up: rms of the next best separate minimum in the window, in units of `rms`; infinite
+            where there is none.
+        unambiguous: the minimum lies inside the window and no other comes near.
+    """
+
+    offset: float
+    stddev: float
+    rms: float
+    onset_offset: float
+    runner_up: float
+    unambiguous: bool
+
+
+@dataclass(frozen=True, slots=True)
+class ClockDrift:
+    """By how much one clock gains on another.
+
+    Attributes:
+        rate: what the measured clock gains per second of the model's [1].
+        stddev: its standard deviation [1].
+        gain: share of the residual's mean square that it explains beside an offset, in [0, 1].
+    """
+
+    rate: float
+    stddev: float
+    gain: float
+
+    @property
+    def seen(self) -> bool:
+        """Whether it is surely there, and more than a model's own errors look like."""
+        size = abs(self.rate)
+        return size > SURELY * self.stddev and size > LEAST_DRIFT and self.gain > DRIFT_GAIN
+
+    def text(self) -> str:
+        """What it is, in one line."""
+        which = "fast" if self.rate > 0.0 else "slow"
+        return (
+            f"the heights' clock runs {1e6 * abs(self.rate):.0f} ± {1e6 * self.stddev:.0f} ppm "
+            f"{which}: synchronise the clocks, or give the model the effect clock_drift "
+            f"(rate: {self.rate:.4f})"
+        )
+
+
+def find_still_level(t: Array, height: Array) -> StillLevel:
+    """Level and noise from the quietest part before the highest height.
+
+    Args:
+        t: (N,) time [s].
+        height: (N,) measured heights [m]; NaN: no sample.
+
+    Raises:
+        SloshMetricsError: the record does not hold a quiet part before its highest point.
+    """
+    t, height = _finite(t, height)
+    peak = int(np.nanargmax(despike(height)))
+    best: StillLevel | None = None
+    for first in range(0, peak, 5):
+        last = int(np.searchsorted(t, t[first] + QUIET_WINDOW))
+        if last > peak or t[last - 1] - t[first] < 0.9 * QUIET_WINDOW:
+            continue
+        part = height[first:last]
+        level = float(np.median(part))
+        # Not below 1 µm: a simulated record may be exactly still.
+        noise = max(1.4826 * float(np.median(np.abs(part - level))), 1e-6)
+        if best is None or noise < best.noise:
+            best = StillLevel(level, noise, float(t[first]), float(t[last - 1]))
+    if best is None:
+        raise SloshMetricsError(
+            f"no still part of {QUIET_WINDOW} s before the highest height at {t[peak]:.2f} s; "
+            "record the container at rest before the motion"
+        )
+    return best
+
+
+def despike(height: Array, share: float = OUTLIER_SHARE) -> Array:
+    """The heights with single upward spikes set to NaN.
+
+    A spike is one sample that exceeds both its neighbours by more than `share` of the range that
+    98 % of the samples lie in. Sloshing at 3 Hz seen at 60 Hz bends by 5 % of its amplitude from
+    a sample to the next, so no crest is taken for a spike.
+
+    Args:
+        height: (N,) heights above any level [m].
+        share: of the peak.
+    """
+    height = np.asarray(height, dtype=np.float64)
+    return np.where(find_spikes(height, spike_limit(height, share)), np.nan, height)
+
+
+def spike_limit(height: Array, share: float = OUTLIER_SHARE) -> float:
+    """By how much a spike exceeds both its neighbours, for a series like this one [m]."""
+    finite = height[np.isfinite(height)]
+    if finite.size < 3:
+        return math.inf
+    low, high = (float(np.quantile(finite, part)) for part in (0.01, 0.99))
+    return max(share * (high - low), 1e-9)
+
+
+def find_spikes(height: Array, limit: float) -> NDArray[np.bool_]:
+    """Where a sample exceeds both its neighbours by more than a limit; never the first or last."""
+    spikes = np.zeros(height.shape, dtype=bool)
+    spikes[1:-1] = height[1:-1] - np.fmax(height[:-2], height[2:]) > limit
+    return spikes
+
+
+def find_onset(t: Array, height: Array, threshold: float) -> float:
+    """The moment at which |height| first stays above a threshold [s].
+
+    Args:
+        t: (N,) time [s].
+        height: (N,) heights above the still level [m].
+        threshold: [m].
+
+    Raises:
+        SloshMetricsError: the threshold is never exceeded.
+    """
+    t, height = _finite(t, height)
+    above = np.abs(height) > threshold
+    needed, window = SUSTAINED
+    counts = np.convolve(above, np.ones(window), mode="valid")
+    starts = np.flatnonzero(above[: len(counts)] & (counts >= needed))
+    if len(starts) == 0:
+        raise SloshMetricsError(f"no motion: the height never stays above {threshold:.6f} m")
+    return float(t[starts[0]])
+
+
+def onset_offset(
+    t: Array, height: Array, model_t: Array, model: Array, still: StillLevel
+) -> float:
+    """Offset at which measured and model heights rise together [s].
+
+    Each series' onset is taken at the same share of its own peak, so that a model with a wrong
+    gain has its onset in the same place.
+
+    Args:
+        t: (N,) measured clock [s].
+        height: (N,) measured heights [m], with any still level; NaN: no sample.
+        model_t: (M,) model clock [s].
+        model: (M,) model heights above the still level [m].
+        still: the measured quiet part.
+
+    Raises:
+        SloshMetricsError: one of the series shows no motion.
+    """
+    raised = despike(height) - still.level
+    after = t >= still.start  # what was before the quiet part is not this motion
+    noise = ONSET_NOISES * still.noise
+    # On the measured series' own spacing, so that "sustained" means the same time in both.
+    grid = np.arange(model_t[0], model_t[-1], float(np.median(np.diff(t))))
+    coarse = np.interp(grid, model_t, model)
+    return _rise(t[after], raised[after], noise) - _rise(grid, coarse, 0.0)
+
+
+def _rise(t: Array, height: Array, least: float) -> float:
+    return find_onset(t, height, max(least, ONSET_SHARE * float(np.nanmax(np.abs(height)))))
+
+
+def estimate_clock_offset(
+    t: Array,
+    height: Array,
+    model_t: Array,
+    model: Array,
+    *,
+    centre: float | None = None,
+    search: float = SEARCH,
+) -> ClockOffset:
+    """Offset of the measured clock against the model's.
+
+    Args:
+        t: (N,) measured clock [s].
+        height: (N,) measured heights [m], with any still level; NaN: no sample.
+        model_t: (M,) model clock [s], spanning the motion to be compared.
+        model: (M,) model heights above the still level [m].
+        centre: centre of the search window [s]; None: from the onsets.
+        search: half-width of the search window [s].
+
+    Raises:
+        SloshMetricsError: no quiet part, no motion, or no offset in the window at which the
+            measured record covers the motion.
+    """
+    still = find_still_level(t, height)
+    if centre is None:
+        centre = onset_offset(t, height, model_t, model, still)
+    kept_t, raised = _finite(t, despike(height) - still.level)
+    offsets = centre + np.arange(-search, search + STEP / 2.0, STEP)
+    costs = np.array([_mean_square(kept_t, raised, model_t, model, tau) for tau in offsets])
+    if not np.isfinite(costs).any():
+        raise SloshMetricsError(
+            f"the measured record ({t[0]:.2f} … {t[-1]:.2f} s) does not cover the motion of "
+            f"{model_t[-1] - model_t[0]:.2f} s at any offset near {centre:.2f} s"
+        )
+    best = int(np.nanargmin(costs))
+    offset, curvature = _vertex(offsets, costs, best)
+    inside = curvature > 0.0
+    mean_square = float(costs[best])
+    independent = _independent_samples(kept_t, raised, model_t, model, offset)
+    runner_up = _runner_up(costs, best)
+    return ClockOffset(
+        offset=offset,
+        stddev=float(np.sqrt(2.0 * mean_square / (independent * curvature)))
+        if curvature > 0.0
+        else float("inf"),
+        rms=float(np.sqrt(mean_square)),
+        onset_offset=float(centre),
+        runner_up=runner_up,
+        unambiguous=inside and runner_up >= DISTINCT,
+    )
+
+
+def estimate_clock_drift(
+    t: Array, height: Array, model_t: Array, model: Array, offset: float
+) -> ClockDrift:
+    """Drift of the measured clock against the model's, by least squares about an offset.
+
+    Offset, drift and the heights' scale are fitted together, so that a wrong scale is none.
+
+    Args:
+        t: (N,) measured clock [s].
+        height: (N,) measured heights above the still level [m]; NaN: no sample.
+        model_t: (M,) model clock [s], spanning the motion to be compared.
+        model: (M,) model heights above the still level [m].
+        offset: measured clock minus model clock, as `estimate_clock_offset` finds it [s].
+    """
+    t, height = _finite(t, height)
+    covered = (t >= model_t[0] + offset) & (t <= model_t[-1] + offset)
+    t, height = t[covered] - offset, height[covered]
+    if len(t) < LEAST_COVERED:
+        return ClockDrift(0.0, math.inf, 0.0)
+    middle, slope = 0.5 * float(t[0] + t[-1]), np.gradient(model, model_t)
+    late = rate = 0.0
+    powers = []
+    for _ in range(DRIFT_ROUNDS):
+        moments = t - late - rate * (t - middle)
+        wave, rise = np.interp(moments, model_t, model), np.interp(moments, model_t, slope)
+        columns = np.column_stack([wave, -rise, -rise * (t - middle)])
+        solved, *_ = np.linalg.lstsq(columns, height, rcond=None)
+        scaled = solved[1:] / solved[0] if solved[0] > 0.0 else np.zeros(2)
+        plain, *_ = np.linalg.lstsq(columns[:, :2], height, rcond=None)
+        powers.append(float(np.mean((height - columns[:, :2] @ plain) ** 2)))
+        residual = height - columns @ solved
+        late, rate = late + float(scaled[0]), rate + float(scaled[1])
+    power = float(np.mean(residual**2))
+    correlation = float(np.mean(residual[1:] * residual[:-1])) / max(power, 1e-300)
+    together = (1.0 + min(max(correlation, 0.0), 0.99)) / (1.0 - min(max(correlation, 0.0), 0.99))
+    covariance = np.linalg.pinv(columns.T @ columns) * power * together
+    stddev = math.sqrt(max(float(covariance[2, 2]), 0.0)) / max(abs(float(solved[0])), 1e-9)
+    return ClockDrift(rate, stddev, 1.0 - power / max(powers[0], 1e-300))
+
+
+def _finite(t: Array, height: Array) -> tuple[Array, Array]:
+    t, height = np.asarray(t, dtype=np.float64), np.asarray(height, dtype=np.float64)
+    if t.shape != height.shape or t.ndim != 1:
+        raise SloshMetricsError(f"time {t.shape} and heights {height.shape} do not match")
+    kept = np.isfinite(height)
+    if np.count_nonzero(kept) < SUSTAINED[1]:
+        raise SloshMetricsError(f"only {np.count_nonzero(kept)} finite heights: no series")
+    return t[kept], height[kept]
+
+
+def _residual(t: Array, height: Array, model_t: Array, model: Array, offset: float) -> Array:
+    covered = (t >= model_t[0] + offset) & (t <= model_t[-1] + offset)
+    residual: Array = height[covered] - np.interp(t[covered] - offset, model_t, model)
+    return residual
+
+
+def _mean_square(t: Array, height: Array, model_t: Array, model: Array, offset: float) -> float:
+    """Mean square of the residual; NaN where the motion is not covered."""
+    residual = _residual(t, height, model_t, model, offset)
+    expected = (model_t[-1] - model_t[0]) / float(np.median(np.diff(t)))
+    if len(residual) < COVERAGE * expected:
+        return float("nan")
+    return float(np.mean(residual**2))
+
+
+def _vertex(offsets: Array, costs: Array, best: int) -> tuple[float, float]:
+    """Place and curvature [m²/s²] of the minimum, by a parabola through the bowl around it.
+
+    A wide bowl, because from one step to the next the cost is rough: samples enter and leave the
+    span at its ends. Curvature 0: the minimum is at the window's edge.
+    """
+    width = round(BOWL / STEP)
+    bowl = slice(best - width, best + width + 1)
+    if best < width or best + width >= len(costs) or not np.isfinite(costs[bowl]).all():
+        return float(offsets[best]), 0.0
+    x = offsets[bowl] - offsets[best]
+    second, first, _ = np.polyfit(x, costs[bowl], 2)
+    if second <= 0.0:
+        return float(offsets[best]), 0.0
+    shift = float(np.clip(-first / (2.0 * second), -BOWL, BOWL))
+    return float(offsets[best]) + shift, 2.0 * float(second)
+
+
+def _independent_samples(
+    t: Array, height: Array, model_t: Array, model: Array, offset: float
+) -> float:
+    """Number of samples reduced by the residual's correlation from one to the next."""
+    residual = _residual(t, height, model_t, model, offset)
+    power = float(np.mean(residual**2))
+    if power <= 0.0 or len(residual) < 3:
+        return float(max(len(residual), 1))
+    correlation = float(np.mean(residual[1:] * residual[:-1])) / power
+    correlation = min(max(correlation, 0.0), 0.99)
+    return max(len(residual) * (1.0 - correlation) / (1.0 + correlation), 1.0)
+
+
+def _runner_up(costs: Array, best: int) -> float:
+    """Next best separate minimum, in units of the best rms."""
+    filled = np.where(np.isfinite(costs), costs, np.inf)
+    others = [
+        float(filled[k])
+        for k in range(1, len(filled) - 1)
+        if abs(k - best) * STEP >= SEPARATION
+        and filled[k] < filled[k - 1]
+        and filled[k] <= filled[k + 1]
+    ]
+    if not others or filled[best] <= 0.0:
+        return float("inf")
+    return float(np.sqrt(min(others) / filled[best]))

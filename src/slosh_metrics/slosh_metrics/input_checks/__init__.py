@@ -1,0 +1,1 @@
+"""Checks what an input claims to be, as samples come: gravity, units, frames, faults."""

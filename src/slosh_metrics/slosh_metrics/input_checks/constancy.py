@@ -1,0 +1,214 @@
+"""Rest is recognised by constancy, not by smallness: one meaning for motions and input checks.
+
+A vector is averaged over bins of BIN_NS. A stretch of bins is constant as long as each bin lies
+near the mean of those before it. What "near" means follows the sensor's noise, which the second
+differences of the bins tell: a motion changes smoothly and hardly shows in them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_base.files.nanoseconds import SECOND
+
+Array = NDArray[np.float64]
+Integers = NDArray[np.int64]
+Vector = tuple[float, float, float]
+
+BIN_NS = 50_000_000
+"""Inputs are averaged over this time: a sensor's noise moves nothing."""
+BIN = BIN_NS / SECOND
+LOOKED_BACK = 7
+"""So many second differences tell the noise."""
+_MEDIAN = math.sqrt(6.0) * 1.538
+"""Median length of a second difference of white noise in three axes, in standard deviations."""
+NOISES = 3.5
+"""So many standard deviations of noise are no motion."""
+TOLERANCE, MOST = 0.075, 0.5
+"""How far a bin may lie from a constant acceleration, without noise and at most [m/s²]."""
+TOP_SPEED = 5.0
+"""By no more does a motion change the speed of a container of liquid: from -2.5 to 2.5 m/s."""
+STRETCH_MEMORY = 13 + LOOKED_BACK
+"""Numbers in the memory of a Stretch."""
+
+
+class Bin(NamedTuple):
+    """The mean of the samples in a bin: its number (stamp // BIN_NS), and the values."""
+
+    number: int
+    mean: tuple[float, ...]
+
+
+class Bins:
+    """Averages vectors over bins; the same bits from single samples and from blocks.
+
+    Args:
+        width: numbers in a vector.
+    """
+
+    def __init__(self, width: int) -> None:
+        self._number = -(2**62)
+        self._sums = [0.0] * width
+        self._count = 0
+
+    def add(self, stamp_ns: int, values: Sequence[float]) -> Bin | None:
+        """Takes a sample; returns the bin that it closes."""
+        number = stamp_ns // BIN_NS
+        closed = None
+        if number != self._number:
+            closed = self.close(number)
+        sums = self._sums
+        for place, value in enumerate(values):
+            sums[place] += value
+        self._count += 1
+        return closed
+
+    def add_many(self, stamps: Integers, values: Array) -> list[tuple[int, Bin]]:
+        """Takes samples; returns the bins that are closed, each with the row that closes it.
+
+        Args:
+            stamps: (N,) [ns], N > 0.
+            values: (N, width).
+        """
+        numbers = stamps // BIN_NS
+        starts = np.flatnonzero(np.diff(numbers, prepend=numbers[0] - 1))
+        group = np.repeat(np.arange(len(starts)), np.diff(np.append(starts, len(stamps))))
+        # bincount adds up in the order of the rows, as `add` does.
+        totals = [np.bincount(group, weights=column).tolist() for column in values.T]
+        closed = []
+        first = int(numbers[0])
+        if first == self._number and self._count:
+            rows = int(starts[1]) if len(starts) > 1 else len(stamps)
+            for place, column in enumerate(values[:rows].T):
+                joined = np.concatenate(([self._sums[place]], column))
+                totals[place][0] = float(np.bincount(np.zeros(rows + 1, np.intp), joined)[0])
+        counts = np.bincount(group).tolist()
+        for index, row in enumerate(starts.tolist()):
+            number = int(numbers[row])
+            if number != self._number:
+                found = self.close(number)
+                if found is not None:
+                    closed.append((row, found))
+            self._sums = [total[index] for total in totals]
+            self._count += counts[index]
+        return closed
+
+    def close(self, number: int = -(2**62)) -> Bin | None:
+        """Ends the bin that is being filled, and begins another; None: it was empty."""
+        found = None
+        if self._count:
+            found = Bin(self._number, tuple(total / self._count for total in self._sums))
+        self._number, self._count = number, 0
+        self._sums = [0.0] * len(self._sums)
+        return found
+
+    def memory(self, base: int) -> list[float]:
+        """What the next samples depend on; numbers of bins count from `base`."""
+        return [_told(self._number, base), float(self._count), *self._sums]
+
+    def take_up(self, memory: Sequence[float], base: int) -> None:
+        """Takes up a `memory`."""
+        number, count, *sums = memory
+        self._number, self._count, self._sums = _heard(number, base), round(count), sums
+
+
+class Stretch:
+    """The constant stretch that the newest bin belongs to.
+
+    Args:
+        tolerance: how far from the mean a bin of a noiseless sensor may lie.
+        most: how far at most, whatever the noise.
+
+    Attributes:
+        mean: of the stretch.
+        count: its bins; 0: none has come.
+    """
+
+    def __init__(self, tolerance: float, most: float) -> None:
+        self._tolerance, self._most = tolerance, most
+        self.restart()
+
+    def restart(self) -> None:
+        """Forgets all."""
+        self.mean: Vector = (0.0, 0.0, 0.0)
+        self.count = 0
+        self._start = self._last = self._all = 0
+        self._one: Vector = (math.nan,) * 3
+        self._two: Vector = (math.nan,) * 3
+        self._bends: deque[float] = deque(maxlen=LOOKED_BACK)
+
+    @property
+    def unbroken(self) -> bool:
+        """Whether all bins since the start belong to the stretch."""
+        return self._all == self.count
+
+    @property
+    def first(self) -> bool:
+        """Whether the stretch is its first bin alone, and none came before."""
+        return self.count == 1 and math.isnan(self._two[0])
+
+    @property
+    def seconds(self) -> float:
+        """How long it has lasted [s]."""
+        return (self._last + 1 - self._start) * BIN if self.count else 0.0
+
+    @property
+    def noise(self) -> float:
+        """Standard deviation of a bin's noise in one axis."""
+        if not self._bends:
+            return 0.0
+        return sorted(self._bends)[len(self._bends) // 2] / _MEDIAN
+
+    def take(self, number: int, value: Vector) -> bool:
+        """Takes the next bin; returns whether it continues the stretch."""
+        one, two = self._one, self._two
+        bend = math.sqrt(sum((value[i] - 2.0 * one[i] + two[i]) ** 2 for i in range(3)))
+        if bend == bend:  # two bins are known before it
+            self._bends.append(bend)
+        self._two, self._one = one, value
+        allowed = min(self._tolerance + NOISES * self.noise, self._most)
+        continues = self.count > 0 and math.dist(value, self.mean) <= allowed
+        if continues:
+            self.count += 1
+            share = 1.0 / self.count
+            mean = self.mean
+            self.mean = (
+                mean[0] + share * (value[0] - mean[0]),
+                mean[1] + share * (value[1] - mean[1]),
+                mean[2] + share * (value[2] - mean[2]),
+            )
+        else:
+            self.mean, self.count, self._start = value, 1, number
+        self._last = number
+        self._all += 1
+        return continues
+
+    def memory(self, base: int) -> list[float]:
+        """What the next bins depend on; numbers of bins count from `base`."""
+        bends = [*self._bends, *[math.nan] * (LOOKED_BACK - len(self._bends))]
+        counts = float(self.count), float(self._all)
+        places = [_told(self._start, base), _told(self._last, base), *counts]
+        return [*places, *self.mean, *self._one, *self._two, *bends]
+
+    def take_up(self, memory: Sequence[float], base: int) -> None:
+        """Takes up a `memory`."""
+        start, last, count, total, mx, my, mz, ox, oy, oz, tx, ty, tz, *bends = memory
+        self._start, self._last = _heard(start, base), _heard(last, base)
+        self.count, self._all, self.mean = round(count), round(total), (mx, my, mz)
+        self._one, self._two = (ox, oy, oz), (tx, ty, tz)
+        self._bends = deque((bend for bend in bends if bend == bend), maxlen=LOOKED_BACK)
+
+
+def _told(number: int, base: int) -> float:
+    """A bin's number as a float that loses nothing; NaN: none."""
+    return math.nan if number <= -(2**61) else float(number - base)
+
+
+def _heard(told: float, base: int) -> int:
+    return -(2**62) if math.isnan(told) else round(told) + base

@@ -1,0 +1,291 @@
+"""Faults of a recorded acceleration: clipped, frozen, with a stretch missing.
+
+What a sensor, a driver or a bus does to an input looks like physics that a model lacks: so it is
+looked for first, in tables, bags and live windows alike. Everything here is a function of samples.
+
+- *Clipped*: an axis stays at its own extreme value for some samples, and what comes before and
+  after would have gone on beyond it. A planned motion's plateau is none: it is entered along a
+  straight ramp or without a slope.
+- *Frozen*: all axes repeat their values while the container is being accelerated, and jump
+  afterwards to where they would have gone meanwhile.
+- *Missing*: no sample for a time in which the acceleration is not nearly zero.
+
+An input that holds its values at a lower rate than its stamps (125 Hz written at 500 Hz) is sound.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from enum import Enum
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_base.files.nanoseconds import SECOND
+
+Array = NDArray[np.float64]
+
+AXES = ("ax", "ay", "az")
+LEAST_SAMPLES = 16
+"""Fewer samples tell of no fault."""
+MOVING = 0.15
+"""Below this acceleration nothing is lost that matters [m/s²]; also in `motion_spans`."""
+FLAT_SAMPLES = 4
+"""A top of fewer equal samples is no flat one."""
+BESIDE = 4
+"""Different values on either side from which the missing part is foretold."""
+CAP = 0.03
+"""Of the axis's range, by which what is foretold exceeds a clipped top."""
+STRAIGHT, ARRIVING = 1e-3, 2.5
+"""A ramp whose slope falls by less than this share of itself per sample is a planned one; one that
+would rise by less than so many times what is left to the top arrives at a planned plateau."""
+ROUGH = 1.0
+"""Third differences of noise exceed this share of its second ones, those of a smooth series do
+not."""
+EXACT, ROUNDED = 1e-8, 0.05
+"""Numbers differ where they do by this share of the largest; multiples of a step are by this share
+of it none."""
+FREEZE, FREEZE_SAMPLES = 0.04, 5
+"""A freeze is at least as long [s], and as many samples."""
+HELD = 3.0
+"""A repetition is none that is not so many times the usual one: the input is held."""
+JUMP = 3.0
+"""After a freeze values jump by so many times what they change beside it in a sample at most."""
+GAP, GAP_SAMPLES = 0.05, 5.0
+"""A stretch is missing from this time on [s], and from so many sampling intervals."""
+
+WINDOW_NS, OVERLAP_NS = 10 * SECOND, SECOND // 2
+"""A stream is looked at in parts of this length, with so much of the part before."""
+
+
+class FaultKind(Enum):
+    """What is wrong."""
+
+    CLIPPED = "clipped"
+    FROZEN = "frozen"
+    MISSING = "missing"
+
+
+class InputFault(NamedTuple):
+    """A fault of an input.
+
+    Attributes:
+        kind: what is wrong.
+        start, end: from when to when it first is [s].
+        times: how often it occurs.
+        axis: 0, 1, 2: the one that is clipped; -1: all.
+        value: at which it is clipped [m/s²]; NaN: it is not.
+    """
+
+    kind: FaultKind
+    start: float
+    end: float
+    times: int
+    axis: int = -1
+    value: float = float("nan")
+
+    def text(self) -> str:
+        """What, when and what to do, in one sentence without a full stop."""
+        when = f"from {self.start:.2f} to {self.end:.2f} s"
+        when += f" and {self.times - 1} times more" if self.times > 1 else ""
+        if self.kind is FaultKind.CLIPPED:
+            return (
+                f"{AXES[self.axis]} is clipped at {self.value:.4g} m/s² {when}: the sensor's "
+                "range or a limit in its driver is too small; raise it and record again"
+            )
+        if self.kind is FaultKind.FROZEN:
+            return (
+                f"the acceleration repeats its values {when} while the container moves: the "
+                "driver or the bus stalled; record again"
+            )
+        return (
+            f"the acceleration has no samples {when} while the container moves: messages were "
+            "lost; record again"
+        )
+
+
+def find_input_faults(t: Array, acceleration: Array) -> tuple[InputFault, ...]:
+    """The faults of an input, each kind (and each clipped axis) once, in the order of time.
+
+    Args:
+        t: (N,) increasing [s].
+        acceleration: (N, 3) gravity excluded [m/s²].
+    """
+    if len(t) < LEAST_SAMPLES:
+        return ()
+    groups = [
+        *_clipped(t, acceleration),
+        *_one(FaultKind.FROZEN, _frozen(t, acceleration)),
+        *_one(FaultKind.MISSING, _missing(t, acceleration)),
+    ]
+    return tuple(sorted(groups, key=lambda fault: fault.start))
+
+
+class FaultWatch:
+    """Takes an input in parts, as it comes, and tells the faults so far.
+
+    Attributes:
+        faults: each kind (and each clipped axis and value) once, with how often it occurred.
+    """
+
+    def __init__(self) -> None:
+        self.faults: list[InputFault] = []
+        self._origin: int | None = None
+        self._stamps = np.empty(0, dtype=np.int64)
+        self._values = np.empty((0, 3))
+
+    def add(self, stamps: NDArray[np.int64], accelerations: Array) -> None:
+        """Takes samples.
+
+        Args:
+            stamps: (N,) increasing, and after those before [ns].
+            accelerations: (N, 3) [m/s²].
+        """
+        self._stamps = np.concatenate([self._stamps, stamps])
+        self._values = np.concatenate([self._values, accelerations])
+        if len(self._stamps) and self._stamps[-1] - self._stamps[0] >= WINDOW_NS:
+            self.finish()
+
+    def finish(self) -> None:
+        """Looks at what has come and was not looked at; more may follow."""
+        if not len(self._stamps):
+            return
+        if self._origin is None:
+            self._origin = int(self._stamps[0])
+        for fault in find_input_faults((self._stamps - self._origin) / SECOND, self._values):
+            self._count(fault)
+        # A fault at the end is seen with what follows.
+        kept = self._stamps > self._stamps[-1] - OVERLAP_NS
+        self._stamps, self._values = self._stamps[kept], self._values[kept]
+
+    def _count(self, fault: InputFault) -> None:
+        for index, known in enumerate(self.faults):
+            same = (known.kind, known.axis) == (fault.kind, fault.axis)
+            if same and _equal(known, fault):
+                if fault.start > known.start:
+                    self.faults[index] = known._replace(times=known.times + fault.times)
+                return
+        self.faults.append(fault)
+
+
+def _equal(one: InputFault, other: InputFault) -> bool:
+    """Whether both are clipped at one value, or neither is."""
+    return one.value == other.value or (math.isnan(one.value) and math.isnan(other.value))
+
+
+def _one(kind: FaultKind, spans: Sequence[tuple[float, float]]) -> list[InputFault]:
+    return [InputFault(kind, *spans[0], len(spans))] if spans else []
+
+
+def _clipped(t: Array, acceleration: Array) -> Iterator[InputFault]:
+    rough = _is_rough(acceleration)
+    for axis, values in enumerate(acceleration.T):
+        low, high = float(values.min()), float(values.max())
+        if max(high, -low) < MOVING:
+            continue
+        for extreme, sign in ((high, 1.0), (low, -1.0)):
+            at = values == extreme
+            runs = [
+                (start, end)
+                for start, end in _runs(at)
+                if end - start >= FLAT_SAMPLES
+                and (rough or _goes_on(sign * values, start, end, CAP * (high - low)))
+            ]
+            if runs:
+                (start, end), count = runs[0], len(runs)
+                yield InputFault(
+                    FaultKind.CLIPPED, float(t[start]), float(t[end - 1]), count, axis, extreme
+                )
+
+
+def _goes_on(values: Array, start: int, end: int, least: float) -> bool:
+    """Whether values on either side foretell more than a flat top, by at least so much."""
+    before, after = values[max(start - BESIDE, 0) : start], values[end : end + BESIDE][::-1]
+    if len(before) < BESIDE or len(after) < BESIDE:
+        return False
+    return all(_cut_off(side, float(values[start]), least) for side in (before, after))
+
+
+def _cut_off(values: Array, top: float, least: float) -> bool:
+    """Whether values (BESIDE,) rise along a bend whose apex lies clearly above the top."""
+    first, middle, last = np.diff(values).tolist()
+    bend = middle - last
+    # The value next to the top may lie between a ramp's last one and the top.
+    if not (last > 0.0 and min(first - middle, bend) > STRAIGHT * first):
+        return False
+    rise, left = last * last / (2.0 * bend), top - float(values[-1])
+    return bool(rise > ARRIVING * left and rise - left > least)
+
+
+def _is_rough(values: Array) -> bool:
+    """Whether a sensor's noise is in all values (N, A): then equal ones in a row are no chance."""
+    if any(_is_rounded(column) for column in values.T):
+        return False
+    first, second, third = (np.linalg.norm(np.diff(values, n, axis=0), axis=1) for n in (1, 2, 3))
+    moving = first[2:] > 0.0
+    # Not what the rounding of numbers leaves of a ramp.
+    changing = moving & (np.minimum(second[1:], second[:-1]) > EXACT * np.abs(values).max())
+    if np.count_nonzero(changing) < max(LEAST_SAMPLES, 0.5 * np.count_nonzero(moving)):
+        return False
+    return bool(np.median(third[changing]) > ROUGH * np.median(second[1:][changing]))
+
+
+def _is_rounded(values: Array) -> bool:
+    """Whether all values are multiples of a step: then equal ones are no wonder."""
+    levels = np.unique(values)
+    step = float(np.diff(levels).min(initial=np.inf))
+    if not EXACT * float(np.abs(levels).max()) < step < np.inf:
+        return False
+    ratios = (levels - levels[0]) / step
+    return bool(np.abs(ratios - np.round(ratios)).max() < ROUNDED)
+
+
+def _frozen(t: Array, acceleration: Array) -> list[tuple[float, float]]:
+    rough = _is_rough(acceleration)
+    steps = np.linalg.norm(np.diff(acceleration, axis=0), axis=1)
+    runs = [(start, end + 1) for start, end in _runs(steps == 0.0)]  # of equal samples
+    moving = [
+        (start, end)
+        for start, end in runs
+        if np.linalg.norm(acceleration[start]) > MOVING or _jump(steps, start, end) > MOVING
+    ]
+    lengths = [end - start for start, end in moving]
+    single = np.count_nonzero(steps > 0.0)
+    # Of most inputs no value repeats.
+    usual = float(np.median(lengths)) if len(lengths) > 0.1 * single else 1.0
+    found = []
+    for start, end in moving:
+        long = end - start >= max(FREEZE_SAMPLES, HELD * usual)
+        if not (long and t[end - 1] - t[start] >= FREEZE and end < len(t) and start > 0):
+            continue
+        if rough:
+            found.append((float(t[start]), float(t[end - 1])))
+            continue
+        beside = np.concatenate([steps[max(start - BESIDE, 0) : start], steps[end : end + BESIDE]])
+        if steps[start - 1] > 0.0 and _jump(steps, start, end) > JUMP * float(beside.max()):
+            found.append((float(t[start]), float(t[end - 1])))
+    return found
+
+
+def _jump(steps: Array, start: int, end: int) -> float:
+    """By how much the values change where a repetition ends [m/s²]."""
+    return float(steps[end - 1]) if end - 1 < len(steps) else 0.0
+
+
+def _missing(t: Array, acceleration: Array) -> list[tuple[float, float]]:
+    spacing = np.diff(t)
+    longest = max(GAP, GAP_SAMPLES * float(np.median(spacing)))
+    sizes = np.linalg.norm(acceleration, axis=1)
+    return [
+        (float(t[row]), float(t[row + 1]))
+        for row in np.flatnonzero(spacing > longest).tolist()
+        if max(sizes[row], sizes[row + 1]) > MOVING
+    ]
+
+
+def _runs(marked: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """First row, and the row after the last, of each run of marked ones."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], marked, [False]]).astype(np.int8)))
+    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))

@@ -1,0 +1,150 @@
+"""How well a model's heights agree with measured ones.
+
+The indices of DL22 and TM20. Every function takes two series of the same length, in the same unit,
+and leaves out the moments at which one of them is not finite.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from slosh_metrics.errors import SloshMetricsError
+
+NAN = float("nan")
+
+
+def peak_error(measured: ArrayLike, model: ArrayLike) -> float:
+    """ε: relative error of the maximum (DL22, eq. (32)), as a fraction; positive: overestimated.
+
+    Raises:
+        SloshMetricsError: the series do not match or share no finite moment.
+    """
+    return _accuracy(measured, model).epsilon
+
+
+def mean_absolute_error(measured: ArrayLike, model: ArrayLike) -> float:
+    """σ: mean absolute error (DL22, eq. (33)), in the series' unit.
+
+    Raises:
+        SloshMetricsError: the series do not match or share no finite moment.
+    """
+    return _accuracy(measured, model).sigma
+
+
+def rms_error(measured: ArrayLike, model: ArrayLike) -> float:
+    """Root mean square of the difference; TM20's SEOE where the series hold all repetitions.
+
+    Raises:
+        SloshMetricsError: the series do not match or share no finite moment.
+    """
+    return _accuracy(measured, model).rms
+
+
+def standard_error_of_estimate(measured: ArrayLike, model: ArrayLike) -> float:
+    """SEOE (TM20, §2.4): root mean square deviation over all repetitions and samples.
+
+    Args:
+        measured: (J,) samples, or (K, J) of K repetitions.
+        model: (J,), the same for each repetition, or (K, J).
+
+    Raises:
+        SloshMetricsError: the series do not match or share no finite moment.
+    """
+    repetitions = np.asarray(measured, dtype=np.float64)
+    try:
+        estimate = np.broadcast_to(np.asarray(model, dtype=np.float64), repetitions.shape)
+    except ValueError:
+        raise SloshMetricsError(
+            f"series of the shapes {repetitions.shape} and {np.shape(model)} cannot be compared"
+        ) from None
+    return rms_error(repetitions.ravel(), estimate.ravel())
+
+
+def relative_peak_error(measured_peak: float, model_peak: float) -> float:
+    """(model - measured) / measured; NaN without a positive measured peak."""
+    if not measured_peak > 0.0:
+        return NAN
+    return (model_peak - measured_peak) / measured_peak
+
+
+class RunningAccuracy:
+    """ε, σ and root mean square of a stream: the functions above are these over one series.
+
+    Attributes:
+        count: pairs that were taken.
+    """
+
+    __slots__ = ("_absolute_sum", "_measured_peak", "_model_peak", "_squared_sum", "count")
+
+    def __init__(self) -> None:
+        self.reset()
+
+    def reset(self) -> None:
+        """Forgets all pairs."""
+        self.count = 0
+        self._absolute_sum = self._squared_sum = 0.0
+        self._measured_peak = -math.inf
+        self._model_peak = -math.inf
+
+    def update(self, measured: float, model: float) -> None:
+        """Takes one pair; one that is not finite is left out."""
+        if not (math.isfinite(measured) and math.isfinite(model)):
+            return
+        difference = abs(measured - model)
+        self._take(1, difference, difference * difference, measured, model)
+
+    def update_many(self, measured: NDArray[np.float64], model: NDArray[np.float64]) -> None:
+        """Takes pairs (N,); those that are not finite are left out."""
+        both = np.isfinite(measured) & np.isfinite(model)
+        if not both.any():
+            return
+        reference, estimate = measured[both], model[both]
+        difference = reference - estimate
+        self._take(
+            len(difference),
+            float(np.abs(difference).sum()),
+            float((difference**2).sum()),
+            float(reference.max()),
+            float(estimate.max()),
+        )
+
+    def _take(
+        self, count: int, absolute: float, squared: float, measured_peak: float, model_peak: float
+    ) -> None:
+        self.count += count
+        self._absolute_sum += absolute
+        self._squared_sum += squared
+        self._measured_peak = max(self._measured_peak, measured_peak)
+        self._model_peak = max(self._model_peak, model_peak)
+
+    @property
+    def sigma(self) -> float:
+        """σ so far; NaN before the first pair."""
+        return self._absolute_sum / self.count if self.count else NAN
+
+    @property
+    def epsilon(self) -> float:
+        """ε so far; NaN before a positive measured height."""
+        return relative_peak_error(self._measured_peak, self._model_peak) if self.count else NAN
+
+    @property
+    def rms(self) -> float:
+        """Root mean square of the difference so far; NaN before the first pair."""
+        return math.sqrt(self._squared_sum / self.count) if self.count else NAN
+
+
+def _accuracy(measured: ArrayLike, model: ArrayLike) -> RunningAccuracy:
+    reference = np.asarray(measured, dtype=np.float64)
+    estimate = np.asarray(model, dtype=np.float64)
+    if reference.ndim != 1 or reference.shape != estimate.shape:
+        raise SloshMetricsError(
+            f"series of the shapes {reference.shape} and {estimate.shape} cannot be compared"
+        )
+    accuracy = RunningAccuracy()
+    accuracy.update_many(reference, estimate)
+    if not accuracy.count:
+        raise SloshMetricsError("the two series share no finite moment")
+    return accuracy

@@ -1,0 +1,196 @@
+"""When a container moves: one meaning for the live monitor, a replay and a discovery.
+
+It lies beside alignment and metrics, since it says over which stretch heights are compared, and in
+the lowest package that all three import: nothing below slosh_report asks when a motion begins.
+
+A motion is a departure from the constant that the input shows at rest: a sensor that is mounted
+askew, or has a bias, shows one. From the first sample on that is the constant of the beginning, or
+zero. Later another constant takes its place when it can be no acceleration: it would have changed
+the speed by too much, or it comes again (`ConstantFinder`).
+"""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_right
+from collections.abc import Iterable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_base.files.nanoseconds import SECOND
+from slosh_metrics.input_checks.constancy import BIN_NS, Vector
+from slosh_metrics.input_checks.constant_finder import ConstantFinder
+
+Array = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+MOVING = 0.15
+"""How far the averaged acceleration lies from that at rest where the container moves [m/s²]."""
+BEGINNING = 1.1
+"""A recording that begins so long with a constant begins at rest [s]."""
+SETTLED = 1.0
+"""So long an input is constant before its slow drift is followed [s]."""
+TURNING = 0.05
+"""Tilting faster than this counts as moving, too [rad/s]: it moves the liquid as MOVING does."""
+PAUSE_NS = SECOND
+"""A rest of this length separates two motions."""
+AFTER_NS = SECOND
+"""How long after its end a motion's liquid still counts [ns]: no longer than the pause."""
+_NOTHING = (0.0,) * 5
+"""Sums of three accelerations and two rates before the first sample."""
+
+
+class MotionSpan(NamedTuple):
+    """A motion, from the start of its first to the end of its last moving bin [ns]."""
+
+    start_ns: int
+    end_ns: int
+
+
+class MotionFinder:
+    """Takes accelerations in the order of their stamps and tells the motions so far."""
+
+    def __init__(self) -> None:
+        self._spans: list[MotionSpan] = []
+        self._bin = -(2**62)
+        self._sums = list(_NOTHING)
+        self._count = 0
+        self._base = (0.0, 0.0, 0.0)
+        self._finder = ConstantFinder()
+        self._begins = True
+
+    @property
+    def spans(self) -> list[MotionSpan]:
+        """The motions; the last may still go on, and does not know of the bin being filled."""
+        return self._spans
+
+    def add(self, stamps: Integers, accelerations: Array, turning: Array | None = None) -> None:
+        """Takes samples.
+
+        Args:
+            stamps: (N,) increasing [ns].
+            accelerations: (N, 3), gravity excluded [m/s²].
+            turning: (N, 3) angular velocity in the container's frame [rad/s]; None: not known. A
+                round container's liquid does not follow its yaw: the third is not looked at.
+        """
+        if len(stamps) == 0:
+            return
+        values = accelerations
+        if turning is not None:
+            values = np.column_stack((accelerations, turning[:, :2]))
+        bins = stamps // BIN_NS
+        starts = np.flatnonzero(np.diff(bins, prepend=bins[0] - 1))
+        sums = np.add.reduceat(values, starts, axis=0)
+        counts = np.diff(np.append(starts, len(bins)))
+        for number, total, count in zip(
+            bins[starts].tolist(), sums.tolist(), counts.tolist(), strict=True
+        ):
+            self._take(number, total, count)
+
+    def add_one(self, stamp_ns: int, acceleration: tuple[float, float, float]) -> None:
+        """Takes a sample [m/s²], as `add` but faster; one that is not finite is left out."""
+        if math.isfinite(sum(acceleration)):
+            self._take(stamp_ns // BIN_NS, acceleration, 1)
+
+    def finish(self) -> None:
+        """Takes what is left; no samples follow."""
+        self._close_bin()
+
+    def forget_first(self) -> None:
+        """Drops the first motion; if it still goes on, what follows is another one."""
+        del self._spans[0]
+
+    def number_at(self, stamps: Integers) -> NDArray[np.int32]:
+        """Which motion each moment belongs to, AFTER_NS after its end included; -1: none.
+
+        Args:
+            stamps: (N,) [ns].
+        """
+        if len(stamps) == 0:
+            return np.empty(0, dtype=np.int32)
+        place, grown = self._grown()
+        first = max(bisect_right(self._spans, int(stamps.min()), key=_start) - 1, 0)
+        # A run of hours has thousands: only those around the moments are looked at.
+        near = [*self._spans[first:place], *grown]
+        spans = np.array(near, dtype=np.int64).reshape(-1, 2)
+        index = np.searchsorted(spans[:, 0], stamps, side="right") - 1
+        ends = np.append(spans[:, 1] + AFTER_NS, 0)
+        within = (index >= 0) & (stamps <= ends[index])
+        return np.where(within, first + index, -1).astype(np.int32)
+
+    def _take(self, number: int, values: Iterable[float], count: int) -> None:
+        if number != self._bin:
+            self._close_bin()
+            self._bin, self._sums, self._count = number, list(_NOTHING), 0
+        for place, value in enumerate(values):
+            self._sums[place] += value
+        self._count += count
+
+    def _close_bin(self) -> None:
+        if not self._count:
+            return
+        place, grown = self._grown()
+        self._spans[place:] = grown
+        x, y, z = (total / self._count for total in self._sums[:3])
+        resting = self._finder.take(self._bin, (x, y, z))
+        self._begins &= self._finder.stretch.unbroken and not self._turns()
+        self._follow_rest(resting)
+
+    def _follow_rest(self, resting: Vector | None) -> None:
+        """Takes a constant as that of a rest, where it is one.
+
+        Args:
+            resting: the constant where it can be no acceleration; None: it may be one [m/s²].
+        """
+        constant, seconds = self._finder.stretch.mean, self._finder.stretch.seconds
+        away = math.dist(constant, self._base)
+        if self._begins:
+            if seconds >= BEGINNING and math.hypot(*constant) > MOVING:
+                self._rest_at(constant)
+                self._spans.clear()  # what seemed to move was the constant
+        elif resting is not None and math.hypot(*resting) > MOVING:
+            self._rest_at(resting)
+        elif seconds >= SETTLED and any(self._base):
+            if math.hypot(*constant) <= MOVING:
+                self._rest_at((0.0, 0.0, 0.0))
+            elif away <= MOVING:
+                self._rest_at(constant)
+
+    def _rest_at(self, constant: Vector) -> None:
+        self._base = constant
+        self._finder.adopt(constant)
+
+    def _grown(self) -> tuple[int, list[MotionSpan]]:
+        """From which place on the bin that is being filled changes the motions, and to what."""
+        count = len(self._spans)
+        if not self._moves():
+            return count, []
+        start, end = self._bin * BIN_NS, (self._bin + 1) * BIN_NS
+        if self._spans and start - self._spans[-1].end_ns < PAUSE_NS:
+            return count - 1, [MotionSpan(self._spans[-1].start_ns, end)]
+        return count, [MotionSpan(start, end)]
+
+    def _moves(self) -> bool:
+        """Whether the container moves in the bin that is being filled."""
+        count, base = self._count, self._base
+        away = [self._sums[axis] - count * base[axis] for axis in range(3)]
+        return math.hypot(*away) > MOVING * count or self._turns()
+
+    def _turns(self) -> bool:
+        return math.hypot(*self._sums[3:]) > TURNING * self._count
+
+
+def motion_spans(
+    stamps: Integers, accelerations: Array, turning: Array | None = None
+) -> list[MotionSpan]:
+    """The motions of a whole series; the arguments are those of `MotionFinder.add`."""
+    finder = MotionFinder()
+    finder.add(stamps, accelerations, turning)
+    finder.finish()
+    return finder.spans
+
+
+def _start(span: MotionSpan) -> int:
+    return span.start_ns

@@ -1,0 +1,114 @@
+"""Clipped, frozen and missing stretches of an input are found, and planned motions are none."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from slosh_metrics.input_checks.input_faults import FaultKind, FaultWatch, find_input_faults
+
+T = np.arange(0.0, 4.0, 0.004)
+WINDOW = np.where(T < 3.0, np.sin(np.pi * T / 3.0) ** 2, 0.0)
+SMOOTH = WINDOW[:, np.newaxis] * np.column_stack(
+    [3.0 * np.sin(13.0 * T), 2.5 * np.cos(11.0 * T), np.sin(9.0 * T)]
+)
+
+
+def noisy(values, size=0.02):
+    return values + size * np.random.default_rng(3).normal(size=values.shape)
+
+
+def kinds(values, t=T):
+    return [fault.kind for fault in find_input_faults(t, values)]
+
+
+@pytest.mark.parametrize("values", [SMOOTH, noisy(SMOOTH)], ids=["exact", "noisy"])
+class TestFaults:
+    def test_a_sound_input_has_none(self, values):
+        assert kinds(values) == []
+
+    def test_a_clipped_axis_is_told_with_its_value_and_when(self, values):
+        found = find_input_faults(T, np.clip(values, -1.8, 1.8))
+        assert {fault.kind for fault in found} == {FaultKind.CLIPPED}
+        assert {(fault.axis, fault.value) for fault in found} == {
+            (0, 1.8), (0, -1.8), (1, 1.8), (1, -1.8)
+        }  # fmt: skip
+        first = found[0]
+        assert np.abs(values[np.searchsorted(T, first.start), first.axis]) >= 1.8
+        assert first.times > 1
+        axis = ("ax", "ay")[first.axis]
+        assert first.text().startswith(f"{axis} is clipped at {first.value:.4g} m/s² from ")
+        assert "times more" in first.text()
+        assert first.text().endswith("raise it and record again")
+
+    def test_a_frozen_input_is_told(self, values):
+        frozen = values.copy()
+        start, end = np.searchsorted(T, [1.1, 1.3])
+        frozen[start:end] = frozen[start]
+        (fault,) = find_input_faults(T, frozen)
+        assert (fault.kind, fault.times) == (FaultKind.FROZEN, 1)
+        assert fault.start == pytest.approx(1.1, abs=0.005)
+        assert fault.end == pytest.approx(1.3, abs=0.005)
+        assert "repeats its values from 1.10 to 1.30 s" in fault.text()
+
+    def test_a_missing_stretch_is_told(self, values):
+        kept = (T < 1.1) | (T > 1.25)
+        (fault,) = find_input_faults(T[kept], values[kept])
+        assert fault.kind is FaultKind.MISSING
+        assert "no samples from 1.10 to 1.25 s" in fault.text()
+
+
+def trapezoid(ramp):
+    """There and back with constant accelerations, straight or smooth ramps between them."""
+    at = [0.5, 0.5 + ramp, 1.0, 1.0 + 2.0 * ramp, 1.6, 1.6 + ramp, 4.0]
+    value = np.interp(T, at, [0.0, 3.0, 3.0, -3.0, -3.0, 0.0, 0.0])
+    return np.column_stack([value, 0.5 * value, np.zeros_like(T)])
+
+
+@pytest.mark.parametrize("ramp", [0.001, 0.01, 0.1])
+def test_a_planned_plateau_is_no_fault(ramp):
+    assert kinds(trapezoid(ramp)) == []
+    quarter = np.sin(0.5 * np.pi * trapezoid(max(ramp, 0.05))[:, :1] / 3.0)
+    assert kinds(quarter * np.array([3.0, 1.5, 0.0])) == []
+    # Sampled at another rate, beside its corners.
+    t = np.arange(0.0013, 3.9, 0.0077)
+    sampled = np.column_stack([np.interp(t, T, column) for column in trapezoid(ramp).T])
+    assert kinds(sampled, t) == []
+
+
+def test_an_input_that_holds_its_values_is_no_frozen_one():
+    for rate in (125.0, 20.0):
+        held = SMOOTH[np.searchsorted(T, np.floor(T * rate) / rate + 1e-9).clip(max=len(T) - 1)]
+        assert FaultKind.FROZEN not in kinds(held)
+
+
+def test_a_rounded_input_is_no_clipped_one():
+    for quantum in (0.01, 0.04):
+        for values in (SMOOTH, noisy(SMOOTH)):
+            assert kinds(quantum * np.round(values / quantum)) == []
+
+
+def test_a_rest_and_a_short_record_have_no_faults():
+    assert kinds(np.zeros((len(T), 3))) == []
+    gap = (T < 0.05) | (T > 3.2)
+    assert kinds(0.0 * SMOOTH[gap], T[gap]) == []
+    assert kinds(SMOOTH[:10], T[:10]) == []
+
+
+def test_a_stream_tells_the_faults_of_its_parts_once():
+    watch = FaultWatch()
+    long = np.arange(0.0, 40.0, 0.004)
+    window = np.sin(np.pi * long / 40.0) ** 2
+    values = noisy(3.0 * window[:, np.newaxis] * np.sin(np.outer(long, [13.0, 11.0, 9.0])))
+    values[3000:3050] = values[3000]
+    values[6000:6050] = values[6000]
+    values[:, 1] = values[:, 1].clip(max=2.0)
+    stamps = 10**18 + np.rint(long * 1e9).astype(np.int64)
+    for part in np.array_split(np.arange(len(long)), 97):
+        watch.add(stamps[part], values[part])
+    watch.finish()
+    frozen, clipped = sorted(watch.faults, key=lambda fault: fault.axis)
+    assert (frozen.kind, frozen.times) == (FaultKind.FROZEN, 2)
+    assert frozen.start == pytest.approx(12.0, abs=0.01)
+    assert (clipped.kind, clipped.axis, clipped.value) == (FaultKind.CLIPPED, 1, 2.0)
+    assert clipped.times > 3

@@ -1,0 +1,147 @@
+"""Watches `planned_trajectory` and tells, before the robot moves, what the liquid will do."""
+
+from __future__ import annotations
+
+import math
+
+from rclpy.node import Node
+from rclpy.serialization import deserialize_message
+from trajectory_msgs.msg import MultiDOFJointTrajectory
+
+from slosh_base.files.nanoseconds import SECOND
+from slosh_estimator.errors import SloshEstimatorError
+from slosh_model.model import Model
+from slosh_model.tilt import added_text
+from slosh_msgs.msg import MotionPrediction, PredictionOutcome
+from slosh_msgs_py import conversions, qos, topics, values
+from slosh_msgs_py.node.diagnostics import WARN, Health
+from slosh_msgs_py.stamps import to_nanoseconds
+from slosh_plan import HeightLimits, LiquidState, Prediction
+from slosh_plan.doubts import trajectory_doubts
+from slosh_plan.look_ahead import Record, error_of, look_ahead, warning
+from slosh_plan.nodes.newest_estimate import NewestEstimate
+from slosh_plan.nodes.trajectory_messages import trajectory_of_points
+
+MOST_BYTES = 50_000_000
+"""Of a message: 200,000 points with poses, velocities and accelerations have 35 MB."""
+NAME = "the planned motion"
+
+
+class PlannedMotions:
+    """Takes a node's planned trajectories, publishes predictions.
+
+    Args:
+        node: the node.
+        model: the model.
+        limits: that motions are to keep.
+        estimate: tells how the liquid stands.
+        frame: of the container.
+
+    Attributes:
+        limits: that the next motions are to keep.
+        count: trajectories so far.
+    """
+
+    def __init__(
+        self, node: Node, model: Model, limits: HeightLimits, estimate: NewestEstimate, frame: str
+    ) -> None:
+        self._node, self._model, self._frame = node, model, frame
+        self.limits = limits
+        self._estimate = estimate
+        self.count = 0
+        self._last: values.MotionPrediction | None = None
+        self._record: Record | None = None
+        self._predictions = node.create_publisher(MotionPrediction, topics.PREDICTION, qos.EVENT)
+        node.create_subscription(
+            PredictionOutcome, topics.PREDICTION_OUTCOME, self._on_outcome, qos.EVENT
+        )
+        # Raw: what is too long for a motion is not unpacked.
+        node.create_subscription(
+            MultiDOFJointTrajectory, topics.PLANNED_TRAJECTORY, self._on_planned, qos.PLANNED_IN,
+            raw=True,
+        )  # fmt: skip
+
+    def health(self) -> Health | None:
+        """A warning of a motion that is not over yet; None: there is none."""
+        last = self._last
+        if last is None or last.state == MotionPrediction.KEPT:
+            return None
+        since = (self._now() - max(last.start_ns, last.stamp_ns)) / SECOND
+        over = since > (0.0 if math.isnan(last.duration) else last.duration) + 5.0
+        return None if over else (WARN, f"planned motion {last.id}: {last.description}")
+
+    def _now(self) -> int:
+        return int(self._node.get_clock().now().nanoseconds)
+
+    def _on_outcome(self, message: PredictionOutcome) -> None:
+        record = Record(message.count, message.sigma, message.epsilon)
+        if not record.possible:
+            self._node.get_logger().warning(
+                f"a prediction_outcome with sigma {record.sigma:g} m and epsilon "
+                f"{record.epsilon:g} is not used: these cannot be"
+            )
+            return
+        self._record = record
+
+    def _on_planned(self, data: bytes) -> None:
+        self.count += 1
+        try:
+            value = self._predicted(data)
+        except ValueError as error:
+            if not type(error).__module__.startswith("slosh_"):
+                raise
+            value = values.MotionPrediction(
+                self._now(), self._frame, MotionPrediction.REFUSED, self.count,
+                description=str(error),
+            )  # fmt: skip
+        self._last = value
+        self._predictions.publish(conversions.to_message(value))
+        if value.state != MotionPrediction.KEPT:
+            self._node.get_logger().warning(f"planned motion {value.id}: {value.description}")
+
+    def _predicted(self, data: bytes) -> values.MotionPrediction:
+        now = self._now()
+        # Of this moment: while a long trajectory is unpacked the motion may begin.
+        state, whence = self._state()
+        if len(data) > MOST_BYTES:
+            raise SloshEstimatorError(
+                f"{NAME}: {1e-6 * len(data):.0f} MB are more than {1e-6 * MOST_BYTES:.0f} MB"
+            )
+        message = deserialize_message(data, MultiDOFJointTrajectory)
+        motion = trajectory_of_points(message.points, NAME)
+        start_ns = to_nanoseconds(message.header.stamp)
+        delay = (start_ns - now) / SECOND if start_ns else 0.0
+        if delay < -motion.duration:
+            raise SloshEstimatorError(
+                f"{NAME}: by its stamp it has ended {-delay - motion.duration:.1f} s ago"
+            )
+        found = look_ahead(
+            self._model, motion, delay, limits=self.limits, state=state,
+            error=error_of(self._record),
+        )  # fmt: skip
+        if delay < 0.0:
+            whence += f"; by its stamp it began {-delay:.2f} s ago"
+        added = added_text(self._model, motion.attitude)
+        whence += f"; it {added}" if added else ""
+        whence += "".join(f"; but {doubt}" for doubt in trajectory_doubts(motion))
+        return self._value(found, now, start_ns, state is not None, whence)
+
+    def _state(self) -> tuple[LiquidState | None, str]:
+        """The liquid's state, and why it is taken to be at rest where it is."""
+        try:
+            return self._estimate.state(), ""
+        except SloshEstimatorError as error:
+            return None, f"; predicted from rest: {error}"
+
+    def _value(
+        self, found: Prediction, now: int, start_ns: int, live: bool, whence: str
+    ) -> values.MotionPrediction:
+        nonlinear, limits = found.nonlinear, found.limits
+        said = warning(found) or f"the liquid will rise to {1e3 * found.upper:.1f} mm"
+        return values.MotionPrediction(
+            now, self._frame,
+            MotionPrediction.KEPT if found.kept else MotionPrediction.EXCEEDED,
+            self.count, start_ns, live, found.duration, nonlinear.peak, found.lower, found.upper,
+            nonlinear.peak_time, nonlinear.azimuth, nonlinear.residual, limits.height,
+            limits.residual, found.excess, found.residual_excess, int(found.flags), said + whence,
+        )  # fmt: skip

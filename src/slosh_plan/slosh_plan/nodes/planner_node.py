@@ -1,0 +1,182 @@
+"""The planner node: the fastest motion along a path that keeps the liquid low."""
+
+from __future__ import annotations
+
+import sys
+import threading
+import time
+from typing import Any
+
+from rclpy.action import ActionServer, CancelResponse
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup, ReentrantCallbackGroup
+
+from slosh_base.compiled.arithmetic import arithmetic_fingerprint
+from slosh_base.compiled.compilation import load_telling
+from slosh_base.compiled.compile_cache import sources_digest
+from slosh_estimator.errors import SloshEstimatorError
+from slosh_estimator.nodes.requested_model import model_at
+from slosh_model.model_file import read_model
+from slosh_model.model_text import format_model
+from slosh_msgs import action, srv
+from slosh_msgs_py import topics
+from slosh_msgs_py.node.diagnostics import OK, Health
+from slosh_msgs_py.node.parameters import ParameterSpec, declare
+from slosh_msgs_py.node.prepared import PreparedNode
+from slosh_msgs_py.node.readiness import Progress
+from slosh_msgs_py.node.run import run_node
+from slosh_msgs_py.node.settings import SettingsPublisher
+from slosh_plan.nodes import plan_messages
+from slosh_plan.nodes.goal_feedback import GoalFeedback
+from slosh_plan.nodes.newest_estimate import NewestEstimate
+from slosh_plan.nodes.predict_messages import given
+from slosh_plan.planning.from_state import check_plan_from, check_state
+from slosh_plan.planning.path import path_through
+from slosh_plan.planning.plan import TIME_LIMIT, plan
+from slosh_plan.planning.progress import Watch
+
+SOURCES = ("slosh_plan", "slosh_model")
+LONGEST = 600.0
+PARAMETERS = (
+    ParameterSpec("model", "", "model file of the container and its liquid (model.yaml)"),
+    ParameterSpec(
+        "time_limit", TIME_LIMIT, "of an action's search where its goal has none [s]",
+        (0.1, LONGEST),
+    ),
+    ParameterSpec("service_time_limit", 5.0, "longest search of the service [s]", (0.1, 60.0)),
+)  # fmt: skip
+THREADS = 4
+"""The service and the action wait for their plans; diagnostics and cancelling go on."""
+CLOSING = 5.0
+
+
+class PlannerNode(PreparedNode):
+    """Converts, calls the core, answers; one plan at a time.
+
+    Its callbacks take seconds: it needs an executor with THREADS.
+
+    Args:
+        later: it gets ready by `run_node`.
+    """
+
+    def __init__(self, *, later: bool = False) -> None:
+        super().__init__("planner")
+        self._values = values = declare(self, PARAMETERS)
+        self._model = read_model(values["model"])
+        self._settings = SettingsPublisher(
+            self, sources_digest(*SOURCES), arithmetic_fingerprint(), values, (topics.ESTIMATE,)
+        )
+        self._refused = 0
+        self._busy = threading.Lock()
+        self._closing = threading.Event()
+        self._watch(self._health, self._facts)
+        self._get_ready(later=later)
+
+    def prepare(self, progress: Progress) -> None:
+        """Compiles or loads the kernels, one motion and many at once."""
+        for module in ("slosh_model.kernel", "slosh_model.batch_kernel"):
+            load_telling(progress, module)
+
+    def begin(self) -> None:
+        """Answers from now on."""
+        self._settings.publish({"model": format_model(self._model)})
+        self._estimate = NewestEstimate(self)
+        self.create_service(
+            srv.PlanMotion, topics.PLAN, self._on_plan,
+            callback_group=MutuallyExclusiveCallbackGroup(),
+        )  # fmt: skip
+        self._action = ActionServer(
+            self, action.PlanMotion, topics.PLAN_MOTION, self._on_goal,
+            cancel_callback=lambda _: CancelResponse.ACCEPT,
+            callback_group=ReentrantCallbackGroup(),
+        )  # fmt: skip
+
+    def close(self) -> None:
+        """Ends a plan that is under way."""
+        self._closing.set()
+        if self._busy.acquire(timeout=CLOSING):
+            self._busy.release()
+        if hasattr(self, "_action"):
+            self._action.destroy()
+
+    def _on_plan(
+        self, message: srv.PlanMotion.Request, response: srv.PlanMotion.Response
+    ) -> srv.PlanMotion.Response:
+        self._report.counts["plan"] += 1
+        longest = self._values["service_time_limit"]
+        end = time.monotonic() + longest
+
+        def stopped() -> bool:
+            return time.monotonic() > end or self._closing.is_set()
+
+        self._answer(message.request, response, longest, Watch(stopped=stopped))
+        return response
+
+    def _on_goal(self, goal: Any) -> action.PlanMotion.Result:
+        self._report.counts["plan_motion"] += 1
+        result = action.PlanMotion.Result()
+        feedback = GoalFeedback(goal)
+        watch = Watch(feedback.tell, lambda: feedback.cancelled or self._closing.is_set())
+        try:
+            self._answer(goal.request.request, result, LONGEST, watch)
+        except Exception as error:
+            result.success, result.message = False, self.faults.add(topics.PLAN_MOTION, error)
+        if goal.is_cancel_requested:
+            goal.canceled()
+        elif result.success:
+            goal.succeed()
+        else:
+            goal.abort()
+        return result
+
+    def _answer(self, request: Any, answer: Any, longest: float, watch: Watch) -> None:
+        """Plans; writes success, message and plan."""
+        try:
+            if not self._busy.acquire(blocking=False):
+                raise SloshEstimatorError("another plan is under way: ask again when it is done")
+            try:
+                answer.plan, answer.message = self._planned(request, longest, watch)
+                answer.success = True
+            finally:
+                self._busy.release()
+        except ValueError as error:
+            if not type(error).__module__.startswith("slosh_"):
+                raise
+            self._refused += 1
+            answer.success, answer.message = False, str(error)
+
+    def _planned(self, request: Any, longest: float, watch: Watch) -> tuple[Any, str]:
+        """The plan's message and a sentence."""
+        path = request.model_path
+        model = model_at(path, self.get_logger().warning, topics.PLAN) if path else self._model
+        limits, waypoints = plan_messages.limits_of(request), plan_messages.waypoints_of(request)
+        if request.from_estimate:
+            check_state(model, limits, self._estimate.state())
+        watch.enter("path")
+        places = path_through(waypoints.position, watch.stopped)
+        answer = plan(
+            model, places, limits, attitude=waypoints.attitude,
+            margin=given(request.margin, 0.0),
+            time_limit=min(given(request.time_limit, self._values["time_limit"]), longest),
+            watch=watch,
+        )  # fmt: skip
+        if request.from_estimate:
+            check_plan_from(model, answer, waypoints.attitude, self._estimate.state())
+        duration = f"{answer.found.motion.duration:.3f} s"
+        words = "optimal time law" if not answer.reason else f"{answer.method}: {answer.reason}"
+        return plan_messages.plan_message(answer, request, waypoints), f"{duration}, {words}"
+
+    def _health(self) -> Health:
+        busy = ", a plan is under way" if self._busy.locked() else ""
+        return OK, f"planning with {self._model.nonlinear().name}{busy}"
+
+    def _facts(self) -> dict[str, Any]:
+        return {"refused requests": self._refused}
+
+
+def main() -> int:
+    """Runs the node."""
+    return run_node(lambda: PlannerNode(later=True), threads=THREADS)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,173 @@
+"""The predictor node: answers, before the robot moves, how high the liquid will rise."""
+
+from __future__ import annotations
+
+import math
+import sys
+from typing import Any
+
+from slosh_base.compiled.arithmetic import arithmetic_fingerprint
+from slosh_base.compiled.compilation import load_telling
+from slosh_base.compiled.compile_cache import sources_digest
+from slosh_estimator.nodes.requested_model import model_at
+from slosh_model.model import Model
+from slosh_model.model_file import read_model
+from slosh_model.model_text import format_model
+from slosh_model.tilt import added_text
+from slosh_msgs.srv import PredictSlosh
+from slosh_msgs_py import topics
+from slosh_msgs_py.node.diagnostics import OK, Health
+from slosh_msgs_py.node.memory import give_back_memory
+from slosh_msgs_py.node.parameters import ParameterSpec, declare
+from slosh_msgs_py.node.prepared import PreparedNode
+from slosh_msgs_py.node.readiness import READY, Progress
+from slosh_msgs_py.node.run import run_node
+from slosh_msgs_py.node.settings import SettingsPublisher
+from slosh_plan import HeightLimits, predict, safe_scales
+from slosh_plan.doubts import trajectory_doubts
+from slosh_plan.nodes import predict_messages
+from slosh_plan.nodes.newest_estimate import NewestEstimate
+from slosh_plan.nodes.planned_motions import PlannedMotions
+from slosh_plan.robot_file import read_arm
+from slosh_plan.scaling import COUNT
+
+SOURCES = ("slosh_plan", "slosh_model")
+MOST_SAMPLES = 10_000_000
+"""Of all time scales of a request: about a second, in which nothing else is answered."""
+LARGE = 10_000
+"""Points of a request whose memory is given back to the system after it."""
+PARAMETERS = (
+    ParameterSpec("model", "", "model file of the container and its liquid (model.yaml)"),
+    ParameterSpec("scales", COUNT, "time scales that a request looks at", (10, 10_000)),
+    ParameterSpec(
+        "limit", 0.02, "limit of the height on planned motions [m]; 0: none", (0.0, 10.0),
+        read_only=False,
+    ),
+    ParameterSpec(
+        "residual_limit", 0.0, "limit of the height after their end [m]; 0: none", (0.0, 10.0),
+        read_only=False,
+    ),
+    ParameterSpec("urdf", "", "robot's description, for motions of its joints; empty: none"),
+    ParameterSpec("tool_frame", "", "link of the robot that is the container"),
+    ParameterSpec("container_frame", "container", "the container's frame, on all output"),
+)  # fmt: skip
+LIMITS = ("limit", "residual_limit")
+
+
+class PredictorNode(PreparedNode):
+    """Converts, calls the core, answers; tells of planned motions by itself.
+
+    Args:
+        later: it gets ready by `run_node`.
+    """
+
+    def __init__(self, *, later: bool = False) -> None:
+        super().__init__("predictor")
+        self._values = values = declare(self, PARAMETERS, apply=self._on_change)
+        self._model = read_model(values["model"])
+        urdf = values["urdf"]
+        self._arm = read_arm(urdf, values["tool_frame"]) if urdf else None
+        self._settings = SettingsPublisher(
+            self, sources_digest(*SOURCES), arithmetic_fingerprint(), values,
+            (topics.ESTIMATE, topics.PLANNED_TRAJECTORY, topics.PREDICTION),
+        )  # fmt: skip
+        self._refused = 0
+        self._watch(self._health, self._facts)
+        self._get_ready(later=later)
+
+    def prepare(self, progress: Progress) -> None:
+        """Compiles or loads the kernels, one motion and many at once."""
+        for module in ("slosh_model.kernel", "slosh_model.batch_kernel"):
+            load_telling(progress, module)
+
+    def begin(self) -> None:
+        """Answers from now on."""
+        self._settings.publish({"model": format_model(self._model)})
+        self._estimate = NewestEstimate(self)
+        self._planned = PlannedMotions(
+            self, self._model, self._limits(), self._estimate, self._values["container_frame"]
+        )
+        self.create_service(PredictSlosh, topics.PREDICT, self._on_predict)
+        self._was_large = False
+        self.create_timer(1.0, self._give_back)
+
+    def _limits(self) -> HeightLimits:
+        return HeightLimits(*(self._values[name] or math.inf for name in LIMITS))
+
+    def _on_change(self, changed: tuple[str, ...]) -> None:
+        if self.readiness.state == READY:
+            self._planned.limits = self._limits()
+            self._settings.publish_change(changed, int(self.get_clock().now().nanoseconds))
+
+    def _on_predict(
+        self, request: PredictSlosh.Request, response: PredictSlosh.Response
+    ) -> PredictSlosh.Response:
+        self._report.counts["request"] += 1
+        points = (request.time, request.trajectory.points, request.joint_trajectory.points)
+        self._was_large |= max(map(len, points)) > LARGE
+        predict_messages.fill_unknown(response)
+        try:
+            response.message = self._answer(request, response)
+            response.success = True
+        except ValueError as error:
+            if not type(error).__module__.startswith("slosh_"):
+                raise
+            self._refused += 1
+            predict_messages.fill_unknown(response)
+            response.success, response.message = False, str(error)
+        return response
+
+    def _answer(self, request: PredictSlosh.Request, response: PredictSlosh.Response) -> str:
+        """Fills the response; returns a sentence."""
+        model = self._model_of(request.model_path)
+        motion = predict_messages.trajectory_of(request, self._arm)
+        limits = predict_messages.limits_of(request)
+        horizon = predict_messages.horizon_of(request)
+        error = predict_messages.error_of(request)
+        state = self._estimate.state() if request.from_estimate else None
+        (prediction,) = predict(
+            model, motion, limits=limits, state=state, horizon=horizon, error=error
+        )
+        predict_messages.fill(response, prediction)
+        if limits.given and not request.no_time_scales:
+            scales = safe_scales(
+                model, motion, limits, state=state, horizon=horizon, margin=prediction.margin,
+                count=self._values["scales"], most=MOST_SAMPLES,
+            )  # fmt: skip
+            predict_messages.fill_scales(response, scales)
+        answer = "the limits are kept" if prediction.kept else "a limit is exceeded"
+        added = added_text(model, motion.attitude)
+        answer += f"; it {added}" if added else ""
+        return "; but ".join([answer, *trajectory_doubts(motion)])
+
+    def _give_back(self) -> None:
+        """Gives what a large request has taken back to the system, once it is answered."""
+        if self._was_large:
+            self._was_large = False
+            give_back_memory()
+
+    def _model_of(self, path: str) -> Model:
+        if not path:
+            return self._model
+        return model_at(path, self.get_logger().warning, "predict")
+
+    def _health(self) -> Health:
+        return self._planned.health() or (
+            OK, f"predicting with {self._model.nonlinear().name}"
+        )  # fmt: skip
+
+    def _facts(self) -> dict[str, Any]:
+        return {
+            **{name: self._values[name] for name in LIMITS},
+            "refused requests": self._refused,
+            "planned motions": self._planned.count,
+        }
+
+
+def main() -> int:
+    """Runs the node."""
+    return run_node(lambda: PredictorNode(later=True))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

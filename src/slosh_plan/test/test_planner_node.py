@@ -1,0 +1,294 @@
+"""The planner over DDS: it plans, tells how far it is, ends when asked, refuses with a reason."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+
+rclpy = pytest.importorskip("rclpy", reason="ROS 2 is not installed")
+
+from action_msgs.msg import GoalStatus  # noqa: E402
+from geometry_msgs.msg import Transform  # noqa: E402
+from rclpy.action import ActionClient  # noqa: E402
+from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor  # noqa: E402
+from rclpy.node import Node  # noqa: E402
+from trajectory_msgs.msg import (  # noqa: E402
+    MultiDOFJointTrajectory,
+    MultiDOFJointTrajectoryPoint,
+)
+
+from slosh_model import Inputs, simulate  # noqa: E402
+from slosh_model.model_text import parse_model  # noqa: E402
+from slosh_msgs.action import PlanMotion  # noqa: E402
+from slosh_msgs.msg import MotionPlan, PlanRequest, SloshEstimate  # noqa: E402
+from slosh_msgs.srv import PlanMotion as PlanMotionService  # noqa: E402
+from slosh_msgs_py import qos, topics  # noqa: E402
+from slosh_msgs_py.stamps import to_duration, to_nanoseconds, to_time  # noqa: E402
+from slosh_plan.nodes.planner_node import THREADS, PlannerNode  # noqa: E402
+from slosh_plan.planning import optimise  # noqa: E402
+
+PATIENCE = 60.0
+TEXT = """
+container: {shape: cylinder, radius: 0.05, fill_height: 0.07}
+damping_ratio: auto
+effects: [{name: vertical_acceleration}, {name: surface_nonlinearity}]
+"""
+MODEL = parse_model(TEXT, "text")
+LINE = ((0.0, 0.0, 0.0), (0.15, 0.0, 0.05), (0.3, 0.0, 0.1))
+LOOP = tuple(
+    (0.2 * math.cos(angle), 0.2 * math.sin(angle), 0.05 * math.sin(2 * angle))
+    for angle in np.linspace(0.0, 4.0 * math.pi, 200)
+)
+SPIN, PITCH = (0.0, 0.0, 0.3826834, 0.9238795), (0.0, 0.3826834, 0.0, 0.9238795)
+needs_casadi = pytest.mark.skipif(not optimise.available(), reason="CasADi is not installed")
+
+
+class Cell:
+    """The node in threads of its own, and who asks it."""
+
+    def __init__(self, probe: Node, node: PlannerNode) -> None:
+        self.probe, self.node = probe, node
+        self.executor = SingleThreadedExecutor()
+        self.executor.add_node(probe)
+        self.served = MultiThreadedExecutor(THREADS)
+        self.served.add_node(node)
+        threading.Thread(target=self.served.spin, daemon=True).start()
+        self.client = probe.create_client(PlanMotionService, topics.PLAN)
+        self.action = ActionClient(probe, PlanMotion, topics.PLAN_MOTION)
+        self.until(self.client.service_is_ready)
+        self.until(self.action.server_is_ready)
+
+    def until(self, condition: Callable[[], bool]) -> None:
+        deadline = time.monotonic() + PATIENCE
+        while not condition():
+            assert time.monotonic() < deadline, "what was awaited did not come"
+            self.executor.spin_once(timeout_sec=0.02)
+
+    def got(self, future: Any) -> Any:
+        self.until(future.done)
+        return future.result()
+
+    def ask(self, one: PlanRequest) -> PlanMotionService.Response:
+        return self.got(self.client.call_async(PlanMotionService.Request(request=one)))
+
+    def send(self, one: PlanRequest, heard: list[Any]) -> Any:
+        goal = PlanMotion.Goal(request=one)
+        return self.got(
+            self.action.send_goal_async(goal, lambda told: heard.append(told.feedback))
+        )
+
+
+@pytest.fixture(scope="module")
+def cell(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cell]:
+    model = tmp_path_factory.mktemp("model") / "model.yaml"
+    model.write_text(TEXT)
+    rclpy.init(args=["--ros-args", "-p", f"model:={model}", "-p", "service_time_limit:=20.0"])
+    made = Cell(Node("probe"), PlannerNode())
+    yield made
+    made.node.close()
+    made.served.shutdown()
+    made.probe.destroy_node()
+    made.node.destroy_node()
+    rclpy.try_shutdown()
+
+
+def trajectory(places: Any, times: Any = None, turns: Any = ()) -> MultiDOFJointTrajectory:
+    made = MultiDOFJointTrajectory(joint_names=["cup"])
+    made.header.frame_id = "world"
+    times = np.arange(len(places)) * 0.05 if times is None else times
+    for number, (t, place) in enumerate(zip(times, places, strict=True)):
+        point, pose = MultiDOFJointTrajectoryPoint(), Transform()
+        point.time_from_start = to_duration(round(t * 1e9))
+        pose.translation.x, pose.translation.y, pose.translation.z = map(float, place)
+        if turns:
+            turn = turns[number % len(turns)]
+            pose.rotation.x, pose.rotation.y, pose.rotation.z, pose.rotation.w = turn
+        point.transforms = [pose]
+        made.points.append(point)
+    return made
+
+
+def request(places: Any = LINE, limit: float = 0.015, **fields: Any) -> PlanRequest:
+    made = PlanRequest(limit=limit, residual_limit=0.002)
+    made.trajectory = trajectory(places)
+    for name, value in fields.items():
+        setattr(made, name, value)
+    return made
+
+
+def check_motion(plan: MotionPlan, places: Any, limit: float = 0.015) -> None:
+    """What was returned, joined as a controller joins it, at 1 kHz."""
+    points = plan.trajectory.points
+    t = np.array([1e-9 * to_nanoseconds(point.time_from_start) for point in points])
+    position, velocity, acceleration = (
+        np.array([[vector.x, vector.y, vector.z] for vector in vectors])
+        for vectors in (
+            [point.transforms[0].translation for point in points],
+            [point.velocities[0].linear for point in points],
+            [point.accelerations[0].linear for point in points],
+        )
+    )
+    assert (np.diff(t) > 0.0).all()
+    assert t[-1] == pytest.approx(plan.duration)
+    step = np.diff(t)[:, None]
+    # Each point follows from the one before it.
+    moved = velocity[:-1] * step + (acceleration[:-1] / 3 + acceleration[1:] / 6) * step**2
+    assert np.abs(np.diff(position, axis=0) - moved).max() < 2e-7
+    gained = 0.5 * (acceleration[:-1] + acceleration[1:]) * step
+    assert np.abs(np.diff(velocity, axis=0) - gained).max() < 1e-3
+    assert np.linalg.norm(acceleration, axis=1).max() <= 9.5
+    assert (np.linalg.norm(np.diff(acceleration, axis=0) / step, axis=1)).max() <= 74.0 * 1.001
+    assert not np.any(velocity[[0, -1]])
+    assert not np.any(acceleration[[0, -1]])
+    assert np.abs(position[plan.waypoints] - np.array(places)).max() < 1e-4
+    even = np.arange(0.0, t[-1] + 2.0, 1e-3)
+    felt = np.column_stack([np.interp(even, t, a, right=0.0) for a in acceleration.T])
+    heights = simulate(MODEL, Inputs(even, felt))[0].msh
+    assert heights.max() <= limit * 1.0001
+    assert heights[even > t[-1]].max() <= 0.002 * 1.001
+
+
+@needs_casadi
+def test_the_service_gives_back_the_trajectory_with_new_times(cell: Cell) -> None:
+    answer = cell.ask(request())
+    assert answer.success, answer.message
+    assert answer.plan.method == "optimal"
+    assert answer.plan.duration < 0.85 * answer.plan.scaled_duration
+    assert answer.plan.trajectory.joint_names == ["cup"]
+    assert answer.plan.trajectory.header.frame_id == "world"
+    assert len(answer.plan.waypoints) == len(LINE)
+    check_motion(answer.plan, LINE)
+
+
+def test_the_attitude_goes_back_as_it_came(cell: Cell) -> None:
+    one = request(time_limit=0.5)
+    one.trajectory = trajectory(LINE, turns=[SPIN])
+    answer = cell.ask(one)
+    assert answer.success, answer.message
+    turn = answer.plan.trajectory.points[500].transforms[0].rotation
+    assert (turn.x, turn.y, turn.z, turn.w) == pytest.approx(SPIN, abs=1e-6)
+
+
+@needs_casadi
+def test_an_action_tells_how_far_it_is_and_gives_the_motion(cell: Cell) -> None:
+    heard: list[Any] = []
+    goal = cell.send(request(LOOP, time_limit=20.0), heard)
+    assert goal.accepted
+    # Meanwhile the service refuses.
+    cell.until(lambda: len(heard) > 0)
+    assert cell.ask(request()).message.startswith("another plan is under way")
+    done = cell.got(goal.get_result_async())
+    assert done.status == GoalStatus.STATUS_SUCCEEDED, done.result.message
+    check_motion(done.result.plan, LOOP)
+    assert heard[0].phase == "path"
+    assert "known laws" in {told.phase for told in heard}
+    assert math.isnan(heard[0].duration)
+    assert heard[-1].phase.startswith("search")
+    assert done.result.plan.duration <= heard[-1].duration
+    elapsed = [told.elapsed for told in heard]
+    assert elapsed == sorted(elapsed)
+    assert len(elapsed) >= 3
+
+
+@needs_casadi
+def test_a_cancelled_goal_ends_with_what_it_has(cell: Cell) -> None:
+    heard: list[Any] = []
+    goal = cell.send(request(LOOP, time_limit=60.0), heard)
+    result = goal.get_result_async()
+    cell.until(lambda: bool(heard) and heard[-1].phase.startswith("search"))
+    cell.got(goal.cancel_goal_async())
+    done = cell.got(result)
+    assert done.status == GoalStatus.STATUS_CANCELED
+    assert done.result.success, done.result.message
+    assert "was stopped" in done.result.message or done.result.plan.method == "optimal"
+    check_motion(done.result.plan, LOOP)
+
+
+def test_cancelled_before_there_is_a_motion_it_says_so(cell: Cell) -> None:
+    goal = cell.send(request(LOOP, limit=0.0015, residual_limit=0.0001), [])
+    cell.got(goal.cancel_goal_async())
+    done = cell.got(goal.get_result_async())
+    assert done.status == GoalStatus.STATUS_CANCELED
+    assert not done.result.success
+    assert "before there was a safe motion" in done.result.message
+    assert len(done.result.plan.trajectory.points) == 0
+
+
+BAD = {
+    "none": (trajectory([]), "give a path"),
+    "one point": (trajectory(LINE[:1]), "1 point: a motion needs at least 2"),
+    "unsorted times": (trajectory(LINE, [0.0, 2.0, 1.0]), "t[2] = 1 s comes before t[1] = 2 s"),
+    "repeated times": (trajectory(LINE, [0.0, 1.0, 1.0]), "t[2] = 1 s repeats t[1] = 1 s"),
+    "zero duration": (trajectory(LINE, [0.0, 0.0, 0.0]), "the motion lasts 0 s"),
+    "NaN": (trajectory([*LINE, (math.nan, 0.0, 0.0)]), "position[3].x = nan is not finite"),
+    "a gap": (trajectory(np.tile(LINE, (8, 1)), [*np.arange(23) * 0.01, 9.0]), "a gap: 8.78 s"),
+    "no way": (trajectory(LINE[:1] * 2), "the path has no length"),
+    "a tilt": (trajectory(LINE, turns=[PITCH]), "the container is tilted by 45°"),
+    "a turn": (trajectory(LINE, turns=[SPIN, PITCH]), "the attitude changes at point 1"),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_a_path_that_is_none_is_refused_and_the_node_goes_on(cell: Cell, name: str) -> None:
+    came, match = BAD[name]
+    one = request(trajectory=came)
+    answer = cell.ask(one)
+    assert not answer.success
+    assert match in answer.message
+    assert "\n" not in answer.message
+    assert len(answer.plan.trajectory.points) == 0
+    goal = cell.send(one, [])
+    done = cell.got(goal.get_result_async())
+    assert done.status == GoalStatus.STATUS_ABORTED
+    assert done.result.message == answer.message
+    assert cell.node.faults.total == 0
+
+
+@pytest.mark.parametrize(
+    ("fields", "match"),
+    [
+        ({"limit": math.nan}, "height limit = nan m must lie above 0"),
+        ({"limit": -1.0}, "height limit = -1.0 m must lie above 0"),
+        ({"max_jerk": -1.0}, "limit of jerk = -1"),
+        ({"margin": 0.5}, "margin = 500 mm leaves nothing"),
+        # No motion, or no safe one: a known law would be too slow, or the time is up before.
+        ({"limit": 1e-8, "residual_limit": 1e-9}, "motion"),
+        ({"model_path": "/nowhere/model.yaml"}, "/nowhere/model.yaml: No such file"),
+        ({"from_estimate": True}, "no estimate has come on /estimate"),
+    ],
+)
+def test_what_cannot_be_planned_is_refused(cell: Cell, fields: dict[str, Any], match: str) -> None:
+    answer = cell.ask(request(**fields))
+    assert not answer.success
+    assert match in answer.message
+
+
+def test_liquid_above_the_limit_is_waited_for(cell: Cell) -> None:
+    publisher = cell.probe.create_publisher(SloshEstimate, topics.ESTIMATE, qos.STREAM_OUT)
+    message = SloshEstimate()
+
+    def tell() -> None:
+        message.header.stamp = to_time(cell.probe.get_clock().now().nanoseconds)
+        publisher.publish(message)
+
+    timer = cell.probe.create_timer(0.02, tell)
+    cell.until(lambda: publisher.get_subscription_count() > 0)
+
+    def told(displacement: float) -> PlanMotionService.Response:
+        for answer in (message.linear, message.nonlinear):
+            answer.modal_position, answer.modal_velocity = [displacement, 0.0], [0.0, 0.0]
+        told_now = time.monotonic()
+        cell.until(lambda: time.monotonic() - told_now > 0.2)
+        return cell.ask(request(from_estimate=True, time_limit=0.2))
+
+    assert "mm high before the motion begins" in told(0.05).message
+    assert "the liquid moves: from its state now" in told(0.004).message
+    assert told(0.0).success
+    cell.probe.destroy_timer(timer)
+    cell.probe.destroy_publisher(publisher)

@@ -1,0 +1,166 @@
+"""What a cell works with: limits, topics, model and calibration, as its nodes tell it."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from slosh_bag.reader import BagReader
+from slosh_base.files.yaml_text import format_yaml
+from slosh_camera.calibrate.camera_file import parse_any_calibration
+from slosh_camera.optics.calibration import Calibration
+from slosh_model.model import Model
+from slosh_model.model_text import parse_model
+from slosh_msgs_py import topics
+from slosh_replay.recording.settings import NodeStart, after, last_of_each
+from slosh_replay.recording.sources import recorded_starts
+
+_FIELDS = ("parameters", "topics", "files", "code", "arithmetic")
+
+_NO_STILL = "no still image: a picture that is upside down or shifted is not noticed"
+
+Starts = Mapping[str, NodeStart]
+"""The last start of each node, by its name."""
+
+
+def last_starts(bag: Path) -> dict[str, NodeStart]:
+    """What the nodes of a recorded cell worked with; empty where the bag does not tell.
+
+    Raises:
+        SloshBagError: the bag or what a node says in it cannot be read.
+    """
+    return last_of_each(recorded_starts(BagReader(bag)))
+
+
+def in_force(starts: Starts) -> dict[str, str]:
+    """What is in force, for people: a text by what it is about.
+
+    Args:
+        starts: of the nodes that have told; what they do not tell is left out.
+    """
+    rows: dict[str, str] = {}
+    for label, (node, text_of) in _ROWS.items():
+        # A recording of old may lack a value; a report comes all the same.
+        with contextlib.suppress(KeyError, TypeError, ValueError):
+            rows[label] = text_of(starts[node])
+    return {label: text for label, text in rows.items() if text}
+
+
+def parameter_changes(bag: Path, zero_ns: int) -> tuple[str, ...]:
+    """The parameters that changed while a recorded node went on, one line each.
+
+    Args:
+        bag: the recording.
+        zero_ns: the stamp from which times are told [ns].
+
+    Raises:
+        SloshBagError: the bag or what a node says in it cannot be read.
+    """
+    lines: list[str] = []
+    known: dict[str, NodeStart] = {}
+    for start in recorded_starts(BagReader(bag)):
+        before = known.get(start.node)
+        earlier = before.parameters if before is not None else start.parameters
+        for name in start.changed if before else ():
+            old, new = earlier.get(name), start.parameters.get(name)
+            since = (start.stamp_ns - zero_ns) * 1e-9
+            when = f"after {since:.3f} s" if start.stamp_ns else "before the first input"
+            lines.append(f"{start.node}: {name} changed from {old} to {new} {when}")
+        known[start.node] = after(before, start)
+    return tuple(lines)
+
+
+def in_force_lines(starts: Starts) -> list[str]:
+    """The same as lines for the screen."""
+    return [f"{label:<20}{text}" for label, text in in_force(starts).items()]
+
+
+def described(model: Model) -> str:
+    """A model in one line."""
+    effects = ", ".join(use.name for use in model.effects) or "no effects"
+    return f"{model.container.described}; {effects}"
+
+
+def settings_document(starts: Starts) -> str:
+    """All that the nodes have told, as YAML."""
+    document = {
+        name: {field: _plain(getattr(start, field)) for field in _FIELDS}
+        for name, start in starts.items()
+    }
+    return format_yaml(document, sort_keys=True, allow_unicode=True)
+
+
+def topic_of(start: NodeStart | None, name: str) -> str:
+    """The full name of a topic as a node has it; the name itself where it does not tell."""
+    return start.topics.get(name, name) if start else name
+
+
+def has_camera(starts: Starts) -> bool:
+    """Whether the cell has a camera; a recording that does not tell is of one that has."""
+    monitor = starts.get("monitor")
+    return monitor is None or bool(monitor.parameters.get("camera", True))
+
+
+def input_topic(estimator: NodeStart | None) -> str:
+    """What drives the models."""
+    kind = estimator.parameters["input"] if estimator else topics.ACCEL
+    return topic_of(estimator, kind)
+
+
+def image_topic(camera: NodeStart | None) -> str:
+    """What the camera node reads."""
+    is_raw = camera is None or camera.parameters["transport"] == "raw"
+    return topic_of(camera, topics.IMAGE if is_raw else topics.IMAGE_COMPRESSED)
+
+
+def _limits(monitor: NodeStart) -> str:
+    named = (
+        ("measured", "measured_limit"),
+        ("estimated", "estimated_limit"),
+        ("disagreement", "disagreement_limit"),
+    )
+    return ", ".join(f"{name} {1e3 * monitor.parameters[key]:g} mm" for name, key in named)
+
+
+def _model(estimator: NodeStart) -> str:
+    model = parse_model(estimator.files["model"], "the estimator's model")
+    # One that was loaded since has no file that the parameters name.
+    path = "as loaded" if estimator.stamp_ns else estimator.parameters["model"]
+    return f"{path}: {described(model)}"
+
+
+def _camera(monitor: NodeStart) -> str:
+    return "" if monitor.parameters["camera"] else "none, by choice: the estimate alone is watched"
+
+
+def _calibration(camera: NodeStart) -> str:
+    calibration = parse_any_calibration(camera.files["calibration"], "the calibration", None)
+    size = calibration.view.camera
+    if isinstance(calibration, Calibration):
+        cup = calibration.view.cup
+        container = f"radius {1e3 * cup.radius:g} mm, filled to {1e3 * cup.fill_height:g} mm"
+    else:
+        box = calibration.view.box
+        container = f"width {1e3 * box.width:g} mm, filled to {1e3 * box.fill_height:g} mm"
+    path = camera.parameters["calibration"]
+    still = camera.parameters["still_image"] or calibration.still_image
+    known = f"still image {still}" if still else _NO_STILL
+    return f"{path}: {size.width} x {size.height} pixels; {container}; {known}"
+
+
+_ROWS: Mapping[str, tuple[str, Callable[[NodeStart], str]]] = {
+    "limits": ("monitor", _limits),
+    "input": ("estimator", lambda node: f"{node.parameters['input']} from {input_topic(node)}"),
+    "images": ("camera", lambda node: f"{node.parameters['transport']} from {image_topic(node)}"),
+    "camera": ("monitor", _camera),
+    "answers": ("monitor", lambda node: ", ".join(node.topics.values())),
+    "model": ("estimator", _model),
+    "calibration": ("camera", _calibration),
+}
+"""Which node tells it, and how it is put."""
+
+
+def _plain(value: Any) -> Any:
+    return dict(value) if isinstance(value, Mapping) else value

@@ -1,0 +1,107 @@
+"""The measured heights of a recording, as its FreeSurface messages tell them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_estimator.azimuth import Surfaces, measured_waves
+from slosh_estimator.sight import SATURATED, UNUSABLE
+from slosh_replay.recording.inputs import STAMP, stamps_of
+
+Array = NDArray[np.float64]
+Integers = NDArray[np.int64]
+Mask = NDArray[np.bool_]
+Columns = Mapping[str, NDArray[Any]]
+
+SURFACE_FIELDS: Final = (*STAMP, "msh", "flags", "msh_stddev", "azimuth")
+"""Fields of FreeSurface.msg that `measurements` needs."""
+WAVE_FIELDS: Final = (*STAMP, "msh_stddev", *Surfaces._fields)
+"""Those with which it tells the waves, too."""
+
+
+class Measurements(NamedTuple):
+    """Measured heights.
+
+    Attributes:
+        stamps: (N,) [ns].
+        heights: (N,) [m]; NaN: none.
+        flags: (N,) of FreeSurface.msg.
+        stddev: (N,) standard deviation [m]; NaN: unknown.
+        azimuth: (N,) of the highest point [rad]; NaN: unknown.
+        waves, axes: (N,) of `slosh_estimator.azimuth.measured_waves`; None: unknown.
+    """
+
+    stamps: Integers
+    heights: Array
+    flags: Integers
+    stddev: Array
+    azimuth: Array
+    waves: NDArray[np.complex128] | None = None
+    axes: Array | None = None
+
+    @property
+    def unusable(self) -> Mask:
+        """(N,) whether the flags say that there is no height."""
+        return np.asarray((self.flags & UNUSABLE) != 0)
+
+    @property
+    def saturated(self) -> Mask:
+        """(N,) whether the height is a lower bound."""
+        return np.asarray((self.flags & SATURATED) != 0)
+
+    @property
+    def usable_heights(self) -> Array:
+        """(N,) the heights [m], NaN where the flags say that there is none."""
+        return np.where(self.unusable, np.nan, self.heights)
+
+    def chosen(self, rows: NDArray[Any]) -> Measurements:
+        """Some of them, by indices or a mask."""
+        columns: Any = (None if column is None else column[rows] for column in self)
+        return Measurements(*columns)
+
+    def in_order(self) -> Measurements:
+        """By rising stamps, each stamp once: what was recorded first."""
+        return self.chosen(np.unique(self.stamps, return_index=True)[1])
+
+
+def measurements(columns: Columns) -> Measurements:
+    """Measured heights from columns of FreeSurface.msg, `SURFACE_FIELDS` or `WAVE_FIELDS`."""
+    waves, axes = None, None
+    if set(Surfaces._fields) <= columns.keys():
+        waves, axes = measured_waves(Surfaces(*(columns[name] for name in Surfaces._fields)))
+    return Measurements(
+        stamps_of(columns),
+        columns["msh"],
+        columns["flags"].astype(np.int64),
+        columns["msh_stddev"],
+        columns["azimuth"],
+        waves,
+        axes,
+    )
+
+
+class HeightCollector:
+    """Takes FreeSurface messages, as columns.
+
+    Attributes:
+        fields: the columns that it takes.
+    """
+
+    fields = SURFACE_FIELDS
+
+    def __init__(self) -> None:
+        none, whole = np.empty(0), np.empty(0, dtype=np.int64)
+        self._parts = [Measurements(whole, none, whole, none, none)]
+
+    def add(self, columns: Columns) -> None:
+        """Takes messages that follow each other."""
+        self._parts.append(measurements(columns))
+
+    def measurements(self) -> Measurements:
+        """All that came, in the order of the recording, without waves."""
+        columns = zip(*(part[:5] for part in self._parts), strict=True)
+        return Measurements(*(np.concatenate(column) for column in columns))

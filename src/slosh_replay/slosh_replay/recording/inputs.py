@@ -1,0 +1,232 @@
+"""What drives the models in a recording, as the estimator node reads it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_base.files.nanoseconds import SECOND
+from slosh_estimator.accel_input import AccelInput
+from slosh_estimator.gate import DROPPED, GateSettings
+from slosh_estimator.imu_input import ImuInput
+from slosh_estimator.inputs import InputSettings
+from slosh_estimator.sample import Samples
+from slosh_estimator.sampling import Modes, gap_sentence, modes_of
+from slosh_metrics.input_checks.table_checks import InputDoubt
+from slosh_model.indices import QW, QX, QY, QZ
+from slosh_model.model import Model
+from slosh_model.tilt import ignored_text, largest_tilt
+from slosh_replay.recording.facts import TABLE_COLUMNS
+from slosh_replay.recording.settings import NodeStart, first, model_of, settings_of
+
+_FIELDS = {
+    "accel": ("accel.linear.x", "accel.linear.y", "accel.linear.z"),
+    "imu": (
+        "linear_acceleration.x", "linear_acceleration.y", "linear_acceleration.z",
+        "angular_velocity.x", "angular_velocity.y", "angular_velocity.z",
+        "linear_acceleration_covariance[0]", "angular_velocity_covariance[0]",
+    ),
+    "pose": (
+        "pose.position.x", "pose.position.y", "pose.position.z", "pose.orientation.x",
+        "pose.orientation.y", "pose.orientation.z", "pose.orientation.w",
+    ),
+}  # fmt: skip
+_FRAME = "header.frame_id"
+STAMP = ("header.stamp.sec", "header.stamp.nanosec")
+"""Fields of every message with a header that `stamps_of` reads."""
+
+
+def recorded_inputs(starts: Sequence[NodeStart], facts: Mapping[str, str]) -> InputSettings:
+    """How the input of a recording is read.
+
+    Args:
+        starts: of its nodes; the first estimator's parameters count.
+        facts: about the bag. Of a table everything that was put in comes out again.
+
+    Raises:
+        SloshBagError: a parameter is missing or cannot be.
+    """
+    started = first(starts, "estimator")
+    if started is not None:
+        settings = settings_of(started, InputSettings.from_parameters)
+        return settings._replace(modes=_modes(started))
+    # Nobody could tell the world's frame: poses are taken as they come, and that is told.
+    if TABLE_COLUMNS in facts:
+        unbounded = GateSettings(max_jump=math.inf, confirms=False)
+        return InputSettings(gate=unbounded, any_world=True)
+    return InputSettings(any_world=True)
+
+
+def _modes(start: NodeStart) -> Modes:
+    return modes_of(model_of(start)) if "model" in start.files else ()
+
+
+def fields(kind: str) -> tuple[str, ...]:
+    """The fields of a kind's message that `InputReader.samples` needs."""
+    return (*STAMP, _FRAME, *_FIELDS[kind])
+
+
+class InputReader:
+    """Turns columns of messages into samples, by the node's own adapters.
+
+    Args:
+        kind: 'accel', 'imu' or 'pose'.
+        settings: of the node.
+        chosen: whether only messages come that the node used.
+
+    Attributes:
+        max_gap_ns: the longest gap that is integrated across [ns].
+    """
+
+    def __init__(self, kind: str, settings: InputSettings, *, chosen: bool = False) -> None:
+        self.kind = kind
+        self.max_gap_ns = round(settings.gate.max_gap * 1e9)
+        self._chosen = chosen
+        self._settings = settings._replace(gate=self._gate(settings))
+        self._adapter = self._settings.reader(self.kind)
+        self._used_before = self._dropped_before = self._gaps_before = 0
+        self._slow = ""
+        self._raised: dict[int, InputDoubt] = {}
+        self._tilted: NDArray[np.float64] | None = None
+
+    def _gate(self, settings: InputSettings) -> GateSettings:
+        return replace(settings.gate, chosen=self._chosen)
+
+    @property
+    def counters(self) -> dict[str, int]:
+        """Samples used and dropped, and gaps, since the start."""
+        gate = self._adapter.gate
+        return {
+            "samples_used": self._used_before + gate.used,
+            "samples_dropped": self._dropped_before + gate.dropped,
+            "gaps": self._gaps_before + gate.gaps,
+        }
+
+    @property
+    def doubts(self) -> tuple[InputDoubt, ...]:
+        """What is wrong with the input, or worth a look, a sentence each."""
+        found = {**self._raised, **self._raised_now()}
+        remark = self._adapter.remark()
+        return (*found.values(), *([InputDoubt(remark, wrong=False)] if remark else []))
+
+    @property
+    def refusal(self) -> str:
+        """Why messages were not taken, for a sentence; empty: all were."""
+        gate = self._adapter.gate
+        refused = self._adapter.refusal()
+        if refused:
+            return f": {refused}"
+        worst = max(DROPPED, key=lambda verdict: gate.counts[verdict])
+        if gate.counts[worst]:
+            return f": {gate.counts[worst]} are {worst.value}"
+        return ""
+
+    def finish(self) -> None:
+        """Nothing follows: the checks take what is left."""
+        self._adapter.check.finish()
+
+    def _raised_now(self) -> dict[int, InputDoubt]:
+        return {kind: InputDoubt.of(doubt) for kind, doubt in self._adapter.check.raised.items()}
+
+    def change(self, settings: InputSettings) -> None:
+        """Judges the next messages by other limits, as a node whose parameters changed does."""
+        self._settings = self._settings._replace(gate=self._gate(settings))
+        self._adapter.gate.change(self._settings.gate)
+
+    def restart(self, settings: InputSettings | None = None) -> None:
+        """Starts anew, as a restarted node does.
+
+        Args:
+            settings: of the new node; None: as before.
+        """
+        if settings is not None:
+            self._settings = settings._replace(gate=self._gate(settings))
+        self._raised |= self._raised_now()
+        counters = self.counters
+        self._used_before = counters["samples_used"]
+        self._dropped_before = counters["samples_dropped"]
+        self._gaps_before = counters["gaps"]
+        self._adapter = self._settings.reader(self.kind)
+
+    def carry(self, modes: Modes) -> None:
+        """Is told the modes of the model from the next sample on."""
+        self._settings = self._settings._replace(modes=modes)
+        self._adapter.sampling.carry(modes)
+
+    def warnings(self) -> list[str]:
+        """What the input's rate costs, and what helps; one line each."""
+        counts, gate = self.counters, self._adapter.gate
+        # Of samples that are all gaps, one in two is used: their rate is not that of the input.
+        line = gap_sentence(gate, counts["samples_used"], counts["gaps"]) or self._slow
+        return [line] if line else []
+
+    def take_up(self, stamp_ns: int, memory: Sequence[float]) -> None:
+        """Goes on behind the message that the live node used last, with what it remembered.
+
+        Raises:
+            SloshEstimatorError: the memory is of another kind of input.
+        """
+        self._adapter.take_up(stamp_ns, memory)
+
+    def samples(
+        self, stamps: NDArray[np.int64], columns: Mapping[str, NDArray[Any]], rows: NDArray[Any]
+    ) -> Samples:
+        """The samples of some messages; fewer where the gate drops some.
+
+        Args:
+            stamps: (N,) of the messages [ns].
+            columns: their fields by name, (N,) each.
+            rows: indices of those to take, in order.
+        """
+        adapter = self._adapter
+        values = np.column_stack([columns[name][rows] for name in _FIELDS[self.kind]])
+        if isinstance(adapter, AccelInput):
+            samples = adapter.update_many(stamps[rows], columns[_FRAME][rows], values)
+            self._slow = adapter.sampling.sentence() or self._slow
+            return samples
+        found = []
+        frames = columns[_FRAME][rows].tolist()
+        for stamp, frame, row in zip(stamps[rows].tolist(), frames, values.tolist(), strict=True):
+            if isinstance(adapter, ImuInput):
+                sample = adapter.update(stamp, *_imu(row))
+                if sample is not None:
+                    found.append(sample)
+            else:
+                found += adapter.update(stamp, tuple(row[:3]), tuple(row[3:]), None, frame)
+        self._slow = adapter.sampling.sentence() or self._slow
+        samples = Samples.of(found)
+        if samples.poses is not None and len(samples.poses):
+            attitude = samples.poses[:, [QX, QY, QZ, QW]]
+            if self._tilted is None or largest_tilt(attitude) > largest_tilt(self._tilted):
+                self._tilted = attitude
+        return samples
+
+    def ignored_tilt(self, model: Model) -> list[str]:
+        """What is wrong where a model does not feel how the container tilts; a line, or none.
+
+        None of an attitude that is in doubt itself.
+        """
+        if any(doubt.wrong for doubt in self.doubts):
+            return []
+        text = ignored_text(model, self._tilted)
+        return [text] if text else []
+
+
+def _imu(row: Sequence[float]) -> tuple[Any, Any]:
+    """Specific force and angular velocity; 'not reported' is NaN or covariance[0] = -1."""
+    force, rate = tuple(row[:3]), tuple(row[3:6])
+    if row[6] < 0.0:
+        force = (math.nan,) * 3
+    reported = row[7] >= 0.0 and not math.isnan(rate[0])
+    return force, rate if reported else None
+
+
+def stamps_of(columns: Mapping[str, NDArray[Any]]) -> NDArray[np.int64]:
+    """The header's stamps [ns]."""
+    seconds = columns["header.stamp.sec"].astype(np.int64)
+    return np.asarray(seconds * SECOND + columns["header.stamp.nanosec"], dtype=np.int64)

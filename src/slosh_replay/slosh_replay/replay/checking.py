@@ -1,0 +1,194 @@
+"""Holds a replay against what its manifest expects of it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from slosh_estimator.limits import Event, Source
+from slosh_replay.manifest import Expectation, Expected, ExpectedEvent
+from slosh_replay.replay.result import ReplayResult
+from slosh_report.page.units import unit_style
+from slosh_report.run_report import Check
+
+HEIGHT, SHARE, SECONDS = 1e-6, 1e-4, 1e-3
+"""Tolerances of a manifest that is written: of heights [m], of ε [1], of times [s]."""
+ROUNDING = 1e-9
+"""Tolerance of estimates on a machine that rounds otherwise than the recording one [SI units]."""
+
+
+class Point(NamedTuple):
+    """One thing that was looked at.
+
+    Attributes:
+        name: what it is.
+        failure: why it is not as expected; empty: it is.
+    """
+
+    name: str
+    failure: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Checked:
+    """A replay and whether it is as expected.
+
+    Attributes:
+        name: of the bag.
+        points: everything that was looked at.
+        checks: the numbers among it.
+    """
+
+    name: str
+    points: tuple[Point, ...]
+    checks: tuple[Check, ...] = ()
+
+    @property
+    def failures(self) -> tuple[str, ...]:
+        """What is not as expected, one line each."""
+        return tuple(point.failure for point in self.points if point.failure)
+
+    @property
+    def passed(self) -> bool:
+        """Whether all is as expected."""
+        return not self.failures
+
+
+def check_result(result: ReplayResult, expected: Expectation) -> Checked:
+    """Looks at everything that the expectation names."""
+    checks = [
+        *_models("σ", "mm", expected.sigma, {a.name: a.sigma for a in result.accuracy}),
+        *_models("ε", "%", expected.epsilon, {a.name: a.epsilon for a in result.accuracy}),
+    ]
+    if expected.images is not None:
+        checks.append(_exactly("images", result.counters.get("images", 0), expected.images))
+    if expected.drops is not None:
+        checks.append(_exactly("dropped samples", dropped(result), expected.drops))
+    sources: list[Point] = []
+    if expected.events is not None:
+        found = excesses(result.events)
+        checks.append(_exactly("limit events", len(found), len(expected.events)))
+        checks += _events(expected.events, found)
+        sources = _sources(expected.events, found)
+    points = [
+        *(Point(check.name, "" if check.passed else _failure(check)) for check in checks),
+        *sources,
+        *_estimates(result, expected.tolerance),
+        _warnings(result.warnings, expected.warnings),
+    ]
+    return Checked(result.name, tuple(points), tuple(checks))
+
+
+def expectation_of(result: ReplayResult) -> Expectation:
+    """What a manifest states of a replay that is as it should be.
+
+    The tolerances leave room for another machine's rounding and for nothing else that matters.
+    """
+    found = result.verification
+    compared = found is not None and found.recorded + found.missing > 0
+    return Expectation(
+        tolerance=0.0 if compared else None,
+        images=result.counters.get("images", 0),
+        drops=dropped(result),
+        sigma={
+            row.name: Expected(row.sigma, HEIGHT)
+            for row in result.accuracy
+            if math.isfinite(row.sigma)
+        },
+        epsilon={
+            row.name: Expected(row.epsilon, SHARE)
+            for row in result.accuracy
+            if math.isfinite(row.epsilon)
+        },
+        events=tuple(
+            ExpectedEvent(
+                Source(event.source).name.lower(),
+                Expected(event.peak, HEIGHT),
+                Expected(event.duration_ns * 1e-9, SECONDS),
+            )
+            for event in excesses(result.events)
+        ),
+        # Without the file's path, which is another one elsewhere.
+        warnings=tuple(warning.split(": ", 1)[-1] for warning in result.warnings),
+    )
+
+
+def dropped(result: ReplayResult) -> int:
+    """Input samples that were not used: dropped by the gate, or by the live estimator alone."""
+    return result.counters.get("samples_dropped", 0) + result.counters.get("not_used_live", 0)
+
+
+def excesses(events: Sequence[Event]) -> list[Event]:
+    """Of each excess its last event, which knows the peak, in the order of the excesses."""
+    last = {event.id: event for event in events}
+    return [last[number] for number in sorted(last)]
+
+
+def _models(
+    name: str, unit: str, expected: Mapping[str, Expected], found: Mapping[str, float]
+) -> list[Check]:
+    return [
+        Check(f"{name} {model}", found.get(model, math.nan), *bound.bounds, unit)
+        for model, bound in expected.items()
+    ]
+
+
+def _exactly(name: str, value: int, expected: int) -> Check:
+    return Check(name, float(value), float(expected), float(expected))
+
+
+def _events(expected: Sequence[ExpectedEvent], found: Sequence[Event]) -> list[Check]:
+    checks = []
+    for number, (wanted, event) in enumerate(zip(expected, found, strict=False), start=1):
+        if wanted.peak is not None:
+            checks.append(Check(f"event {number}: peak", event.peak, *wanted.peak.bounds, "mm"))
+        if wanted.duration is not None:
+            seconds = event.duration_ns * 1e-9
+            checks.append(
+                Check(f"event {number}: duration", seconds, *wanted.duration.bounds, "s")
+            )
+    return checks
+
+
+def _sources(expected: Sequence[ExpectedEvent], found: Sequence[Event]) -> list[Point]:
+    points = []
+    for number, (wanted, event) in enumerate(zip(expected, found, strict=False), start=1):
+        name = Source(event.source).name.lower()
+        failure = f"event {number}: {name}, expected {wanted.source}"
+        points.append(Point(f"event {number}: source", "" if name == wanted.source else failure))
+    return points
+
+
+def _estimates(result: ReplayResult, tolerance: float | None) -> list[Point]:
+    if tolerance is None:
+        return []
+    name = "recorded estimates"
+    found = result.verification
+    if found is None or not found.recorded + found.missing:
+        return [Point(name, "estimates: none were recorded; there is nothing to compare with")]
+    allowed = tolerance or (ROUNDING if found.rounds_otherwise else 0.0)
+    if found.exact or (allowed and found.within(allowed)):
+        return [Point(name)]
+    return [Point(name, line) for line in found.lines()]
+
+
+def _warnings(found: Sequence[str], expected: Sequence[str]) -> Point:
+    missing = [text for text in expected if not any(text in warning for warning in found)]
+    strange = [warning for warning in found if not any(text in warning for text in expected)]
+    lines = [
+        *(f"the warning {text!r} did not come" for text in missing),
+        *(f"unexpected warning: {warning}" for warning in strange),
+    ]
+    return Point("warnings", "; ".join(lines))
+
+
+def _failure(check: Check) -> str:
+    if check.lower == check.upper:
+        return f"{check.name}: {check.value:g}, expected {check.lower:g}"
+    style = unit_style(check.unit)
+    low, value, high = (
+        f"{style.scale * number:.6g}" for number in (check.lower, check.value, check.upper)
+    )
+    return f"{check.name}: {value} {check.unit}, expected {low} … {high} {check.unit}"

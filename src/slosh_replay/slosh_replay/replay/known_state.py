@@ -1,0 +1,138 @@
+"""Over which inputs of a recording the liquid's state is known, and what makes it known again.
+
+It is known from a start of the estimator on, until the estimator used an input that the recording
+lacks: then its counter went on by more than the inputs that are there. A recording that begins in
+the middle of a run lacks all before. From a recorded state on it is known again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_replay.recording.states import RecordedState
+from slosh_replay.replay.input_matching import Decision
+from slosh_replay.replay.verification import Verifier
+
+Integers = NDArray[np.int64]
+
+AT_FIRST = "before the first known state"
+LATER = "behind inputs that the recording lacks, until the next known state"
+_LONG_AGO = -(2**62)
+_STARTED, _LOST, _STATE = range(3)  # in the order in which they count at one input
+
+
+class Course(NamedTuple):
+    """What the next inputs say of the state.
+
+    Attributes:
+        unknown: whether it is not known at the first of them, with which the replay begins.
+        states: those to be taken up, each with the index of the first input behind it.
+    """
+
+    unknown: bool
+    states: list[tuple[int, RecordedState]]
+
+
+class _Event(NamedTuple):
+    """At the input of a place the state is lost, or known by a start or a recorded state."""
+
+    place: int
+    kind: int
+    stamp_ns: int
+    state: RecordedState | None = None
+
+
+class KnownState:
+    """Follows the inputs of a recording that holds states of its estimator.
+
+    Args:
+        verifier: is told what cannot be compared; None: nothing is.
+    """
+
+    def __init__(self, verifier: Verifier | None) -> None:
+        self._verifier = verifier
+        self._states: list[RecordedState] = []
+        self._known = True
+        # The estimator's counter at the last input of which it is known, and inputs used since.
+        self._count = self._since = 0
+        self._stamp_ns = _LONG_AGO
+        self._lag_ns = 0  # by which estimates lie behind the inputs that they are made of
+
+    def add(self, states: Sequence[RecordedState]) -> None:
+        """Takes recorded states, in the order of the recording."""
+        self._states += states
+
+    def follow(self, stamps: Integers, decision: Decision) -> Course:
+        """Takes what was decided on the next inputs.
+
+        Args:
+            stamps: (N,) of at least the inputs that were decided upon [ns].
+            decision: on them.
+        """
+        stamps = stamps[: decision.reached]
+        last_ns = int(stamps[-1]) if len(stamps) else _LONG_AGO
+        due = [state for state in self._states if state.stamp_ns <= last_ns]
+        self._states = [state for state in self._states if state.stamp_ns > last_ns]
+        places = np.searchsorted(stamps, [state.stamp_ns for state in due]).tolist()
+        at = [(k, s) for k, s in zip(places, due, strict=True) if stamps[k] == s.stamp_ns]
+        counts = self._counts(decision, at)
+        events = self._breaks(stamps, decision, counts)
+        events += [
+            _Event(k, _STATE, s.estimator.sample.stamp_ns, s)
+            for k, s in at
+            if decision.used[k] and counts[k] == s.used
+        ]
+        course = Course(False, [])
+        for event in sorted(events, key=lambda event: event[:2]):
+            if event.kind == _LOST:
+                course = course._replace(unknown=course.unknown or event.stamp_ns == _LONG_AGO)
+                self._lose(event.stamp_ns)
+            elif not self._known:
+                if event.state is not None:
+                    course.states.append((event.place + 1, event.state))
+                    self._lag_ns = event.state.stamp_ns - event.stamp_ns
+                self._find(event.stamp_ns)
+        return course
+
+    def _counts(self, decision: Decision, at: Sequence[tuple[int, RecordedState]]) -> Integers:
+        """(N,) the counter at each input, 0 where it is not known."""
+        if decision.counts is not None:
+            return decision.counts
+        counts = np.zeros(decision.reached, dtype=np.int64)
+        for k, state in at:
+            counts[k] = state.used
+        return counts
+
+    def _breaks(self, stamps: Integers, decision: Decision, counts: Integers) -> list[_Event]:
+        """Where the counter does not agree with the inputs, and where it begins anew."""
+        total = np.concatenate(([0], np.cumsum(decision.used)))  # used before each input
+        rows = np.flatnonzero((counts > 0) & decision.used)
+        before = np.concatenate(([-self._since], total[rows + 1]))
+        count = np.concatenate(([self._count], counts[rows]))
+        moment = np.concatenate(([self._stamp_ns], stamps[rows]))
+        starts = [_Event(k, _STARTED, int(stamps[k]) - 1) for k in decision.restarts]
+        for start in starts:
+            follower = int(np.searchsorted(rows, start.place))
+            before[follower], count[follower] = total[start.place], 0
+        lacking = counts[rows] - count[:-1] != total[rows + 1] - before[:-1]
+        lost = [
+            _Event(int(rows[k]), _LOST, int(moment[k]) - self._lag_ns)
+            for k in np.flatnonzero(lacking).tolist()
+        ]
+        self._count, self._since = int(count[-1]), int(total[-1] - before[-1])
+        self._stamp_ns = int(moment[-1])
+        return [*starts, *lost]
+
+    def _lose(self, after_ns: int) -> None:
+        if self._known and self._verifier is not None:
+            self._verifier.lose(after_ns, AT_FIRST if after_ns == _LONG_AGO else LATER)
+        self._known = False
+
+    def _find(self, until_ns: int) -> None:
+        if self._verifier is not None:
+            self._verifier.find(until_ns)
+        self._known = True

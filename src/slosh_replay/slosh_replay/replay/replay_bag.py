@@ -1,0 +1,355 @@
+"""Replays a bag."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
+from itertools import chain
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_bag.columns.cdr_columns import ColumnReader
+from slosh_bag.errors import SloshBagError
+from slosh_bag.mcap_files.chunks import MessageBlock
+from slosh_bag.reader import BagReader
+from slosh_base.compiled.arithmetic import arithmetic_fingerprint
+from slosh_base.compiled.compile_cache import sources_digest
+from slosh_estimator import SOURCES
+from slosh_estimator.inputs import InputSettings
+from slosh_estimator.monitor_settings import MonitorSettings
+from slosh_estimator.sampling import modes_of
+from slosh_estimator.validity import attitude_warning
+from slosh_model.model import Model
+from slosh_model.model_text import format_model
+from slosh_model.tilt import ignored_text
+from slosh_replay.recording import inputs, settings
+from slosh_replay.recording.facts import (
+    TABLE_COLUMNS,
+    TABLE_ORIGIN,
+    clocks_unrelated,
+    lost_messages,
+    mixed_topics,
+    noted_container,
+    shared_topics_line,
+)
+from slosh_replay.recording.heights import WAVE_FIELDS, measurements
+from slosh_replay.recording.inputs import STAMP, InputReader, stamps_of
+from slosh_replay.recording.settings import NodeStart
+from slosh_replay.recording.sources import Sources, find_sources
+from slosh_replay.recording.states import RecordedState, states_of
+from slosh_replay.replay.columns import chosen, joined
+from slosh_replay.replay.conclusion import Origin, conclude
+from slosh_replay.replay.input_matching import InputMatcher
+from slosh_replay.replay.known_state import KnownState
+from slosh_replay.replay.model_set import ModelSet
+from slosh_replay.replay.monitor_feed import MonitorFeed
+from slosh_replay.replay.one_estimator import OneEstimator
+from slosh_replay.replay.replay_table import replay_table
+from slosh_replay.replay.result import ReplayResult
+from slosh_replay.replay.series import Series
+from slosh_replay.replay.stream import Components, Outputs, ReplayStream
+from slosh_replay.replay.unrelated import WholeRun, judge_unrelated
+from slosh_replay.replay.verification import COMPARED, Verifier, estimate_fields
+from slosh_replay.tables.bag_table import TableSettings, read_bag_table
+
+_COMPARISON_FIELDS = (*STAMP, "measured_stale", *COMPARED)
+
+
+def replay_bag(
+    path: str | Path,
+    model: Model | None = None,
+    monitor: MonitorSettings | None = None,
+    given: InputSettings | None = None,
+    outputs: Outputs | None = None,
+    cell: str | None = None,
+) -> ReplayResult:
+    """Replays a bag.
+
+    Args:
+        path: the bag's folder or MCAP file.
+        model: to replay with; None: the one that the estimator had when it was recorded, or water
+            in the container that the bag's metadata gives.
+        monitor: limits that are watched; None: those of the recorded monitor.
+        given: how the input is read; None: as the recorded estimator did.
+        outputs: receives estimates, comparisons and events as they come.
+        cell: namespace of the topics; None: the bag's only or first cell.
+
+    Raises:
+        SloshBagError: no readable bag, no input in it, no model, or clocks that cannot be related.
+    """
+    path = Path(path)
+    reader = BagReader(path)
+    sources = find_sources(path, reader, given.kind if given else None, cell)
+    sources = _unmixed(sources)
+    sources = sources._replace(starts=_heard_starts(reader, sources))
+    started = settings.first(sources.starts, "estimator")
+    recorded = settings.model_of(started) if started else None
+    used = model or recorded or _noted_model(path, sources.facts)
+    how = given or inputs.recorded_inputs(sources.starts, sources.facts)
+    watched, limit_changes = (monitor, []) if monitor else _monitor_settings(sources)
+    if _is_turning_table(sources, used):
+        return _replay_table_bag(path, reader, sources, used, watched, outputs)
+    mixed = mixed_topics(sources.facts)
+    matcher = None
+    if sources.estimate and sources.kind != "pose":
+        matcher = InputMatcher(mixed={sources.input, sources.estimate} <= mixed)
+    input_reader = InputReader(sources.kind, how, chosen=matcher is not None)
+    if clocks_unrelated(sources.facts):
+        batches = chain.from_iterable(feed(reader, sources))
+        whole = whole_run(path, batches, sources, input_reader, used)
+        result = judge_unrelated(path.name, sources.input, whole, watched)
+        counters = {**input_reader.counters, **result.counters}
+        told = [*input_reader.doubts, *input_reader.warnings(), *input_reader.ignored_tilt(used)]
+        rate = [f"{path}: {line}" for line in told]
+        warnings = (*_warnings(path, reader, sources), *rate, *result.warnings)
+        return replace(result, counters=counters, warnings=warnings, model=used)
+    verifier = Verifier(sources.estimate) if sources.estimate else None
+    with Series(4) as series:
+        components = Components(
+            ModelSet(used, at_rest=settings.starts_at_rest(started)),
+            input_reader,
+            MonitorFeed(watched, limit_changes),
+            series,
+            verifier=verifier,
+            # Without a camera comparisons follow the monitor's own clock.
+            comparisons=(
+                Verifier(sources.comparison) if sources.comparison and watched.camera else None
+            ),
+            matcher=matcher,
+            known=KnownState(verifier) if sources.state else None,
+            changes=_changes(sources, used, follow=model is None),
+            follows_input=given is None,
+            outputs=outputs or Outputs(),
+        )
+        stream = ReplayStream(str(path), components)
+        estimator = OneEstimator() if sources.estimate in mixed else None
+        for chunk in feed(reader, sources, modes=len(used.mode_constants())):
+            for batch in chunk:
+                _hand_over(batch, sources, stream, estimator)
+            stream.advance()
+        stream.advance(final=True)
+        origin = _origin(started, recorded, used)
+        result = conclude(path.name, sources.input, stream, components, origin)
+    said = [attitude_warning(used, sources.kind), *input_reader.ignored_tilt(used)]
+    if "qx" in sources.facts.get(TABLE_COLUMNS, "").split(","):
+        table = read_bag_table(path, TableSettings()).table
+        said.append(ignored_text(used, table.attitude))
+    unfelt = [f"{path}: {line}" for line in said if line]
+    warnings = (*_warnings(path, reader, sources), *unfelt, *result.warnings)
+    return replace(result, warnings=warnings)
+
+
+def _unmixed(sources: Sources) -> Sources:
+    """The sources without recorded answers of several nodes that nothing tells apart."""
+    mixed = mixed_topics(sources.facts)
+    if sources.estimate in mixed:
+        return sources._replace(state=None, comparison=None)
+    if mixed & {sources.comparison, sources.surface}:
+        return sources._replace(comparison=None)
+    return sources
+
+
+def _heard_starts(reader: BagReader, sources: Sources) -> tuple[NodeStart, ...]:
+    """The starts that estimates follow, where the estimator's process was started anew."""
+    processes = [s for s in sources.starts if s.node == "estimator" and not s.stamp_ns]
+    if len(processes) < 2 or sources.estimate is None:
+        return sources.starts
+    recorded = [block.log_ns for block in reader.blocks([sources.estimate])]
+    published = np.sort(np.concatenate([np.empty(0, np.int64), *recorded]))
+    return settings.heard(sources.starts, "estimator", published)
+
+
+def _is_turning_table(sources: Sources, model: Model) -> bool:
+    """Whether the bag is a motion table whose attitude, beside the accelerations, matters."""
+    return TABLE_COLUMNS in sources.facts and bool(attitude_warning(model, sources.kind))
+
+
+def _replay_table_bag(
+    path: Path,
+    reader: BagReader,
+    sources: Sources,
+    model: Model,
+    monitor: MonitorSettings,
+    outputs: Outputs | None,
+) -> ReplayResult:
+    """Replays the table that a bag was made of, with its attitude."""
+    table = read_bag_table(path, TableSettings()).table
+    origin_ns = int(sources.facts.get(TABLE_ORIGIN, 0))
+    result = replay_table(
+        path.name, table, model, monitor, source=sources.input, origin_ns=origin_ns,
+        outputs=outputs,
+    )  # fmt: skip
+    blind = table.attitude is None and table.angular_velocity is None
+    unfelt = (f"{path}: {attitude_warning(model, sources.kind)}",) if blind else ()
+    return replace(result, warnings=(*_warnings(path, reader, sources), *unfelt, *result.warnings))
+
+
+def _warnings(path: Path, reader: BagReader, sources: Sources) -> list[str]:
+    found = list(reader.warnings)
+    lost = sum(lost_messages(sources.facts).values())
+    if lost:
+        found.append(f"{path}: {lost} messages were lost while recording; the bag lacks them")
+    shared = shared_topics_line(sources.facts)
+    if shared:
+        found.append(f"{path}: {shared}")
+    if len(sources.cells) > 1:
+        own, *others = (cell or "/" for cell in sources.cells)
+        found.append(f"{path}: the cell {own} is replayed; the bag also holds {', '.join(others)}")
+    return found
+
+
+class TopicBatch(NamedTuple):
+    """Messages of one topic that follow each other.
+
+    Attributes:
+        topic: theirs.
+        columns: their fields, (N,) each; none of the estimator's states.
+        log_ns: when the last of them was recorded [ns].
+        states: of the estimator, where the topic is theirs.
+    """
+
+    topic: str
+    columns: Mapping[str, NDArray[Any]]
+    log_ns: int
+    states: tuple[RecordedState, ...] = ()
+
+
+def feed(reader: BagReader, sources: Sources, modes: int = 1) -> Iterator[list[TopicBatch]]:
+    """The messages that a replay reads, chunk by chunk in the order of the recording.
+
+    Args:
+        reader: of the bag.
+        sources: what to read.
+        modes: of the recorded estimates.
+    """
+    wanted = {sources.input: inputs.fields(sources.kind)}
+    if sources.surface is not None:
+        wanted[sources.surface] = WAVE_FIELDS
+    if sources.estimate is not None:
+        wanted[sources.estimate] = (*STAMP, "samples_used", *estimate_fields(modes))
+    if sources.comparison is not None:
+        wanted[sources.comparison] = _COMPARISON_FIELDS
+    read = ColumnReader(reader.typestore_of)
+    topics = [*wanted, *([sources.state] if sources.state else [])]
+    for blocks in by_chunk(reader.blocks(topics)):
+        yield [
+            TopicBatch(block.topic, {}, int(block.log_ns[-1]), states_of(reader, block))
+            if block.topic == sources.state
+            else TopicBatch(
+                block.topic, read.columns(block, wanted[block.topic]), int(block.log_ns[-1])
+            )
+            for block in blocks
+        ]
+
+
+def by_chunk(blocks: Iterable[MessageBlock]) -> Iterator[list[MessageBlock]]:
+    """The blocks of each chunk together: within one, whole topics follow each other."""
+    chunk: list[MessageBlock] = []
+    for block in blocks:
+        if chunk and block.buffer.base is not chunk[0].buffer.base:
+            yield chunk
+            chunk = []
+        chunk.append(block)
+    if chunk:
+        yield chunk
+
+
+def whole_run(
+    path: Path, batches: Iterable[TopicBatch], sources: Sources, reader: InputReader, model: Model
+) -> WholeRun:
+    """All that a bag holds at once, for clocks that are unrelated.
+
+    Raises:
+        SloshBagError: no usable input or no measurement.
+    """
+    models = ModelSet(model)
+    reader.carry(modes_of(model))
+    answers, felt, measured = [], [], []
+    for batch in batches:
+        if batch.topic == sources.input:
+            stamps = stamps_of(batch.columns)
+            samples = reader.samples(stamps, batch.columns, np.arange(len(stamps)))
+            if len(samples.stamps):
+                answer = models.update_many(samples)
+                answers.append(answer.heights)
+                felt.append(answer.own.accelerations)
+        elif batch.topic == sources.surface:
+            measured.append(measurements(batch.columns))
+    if not answers or not measured:
+        raise SloshBagError(
+            f"{path}: holds no usable message of {sources.input} or of free_surface"
+            f"{reader.refusal}"
+        )
+    reader.finish()
+    heights = joined(answers)
+    if (np.diff(heights.stamps) <= 0).any():
+        raise SloshBagError(f"{path}: the stamps of {sources.input} go back; cut the bag in two")
+    found = joined(measured)
+    order = np.argsort(found.stamps, kind="stable")
+    return WholeRun(models.names, heights, np.concatenate(felt), chosen(found, order))
+
+
+def _hand_over(
+    batch: TopicBatch, sources: Sources, stream: ReplayStream, estimator: OneEstimator | None
+) -> None:
+    if batch.topic == sources.input:
+        stream.add_input(batch.columns, batch.log_ns)
+    elif batch.topic == sources.estimate:
+        columns = batch.columns
+        if estimator is not None:
+            own = estimator.mask(stamps_of(columns), columns["samples_used"].astype(np.int64))
+            columns = {name: column[own] for name, column in columns.items()}
+        stream.add_recorded(columns)
+    elif batch.topic == sources.comparison:
+        stream.add_comparisons(batch.columns)
+    elif batch.topic == sources.state:
+        stream.add_states(batch.states)
+    else:
+        stream.add_measurements(measurements(batch.columns), batch.log_ns)
+
+
+def _changes(sources: Sources, model: Model, *, follow: bool) -> tuple[NodeStart, ...]:
+    """Later starts of the estimator; a model that was given stays, and only starts anew."""
+    later = [start for start in sources.starts if start.node == "estimator"][1:]
+    if follow:
+        return tuple(later)
+    files = {"model": format_model(model)}
+    return tuple(start._replace(files=files) for start in later)
+
+
+def _origin(started: NodeStart | None, recorded: Model | None, used: Model) -> Origin:
+    """What is known to differ between the recording and the replay."""
+    if started is None or recorded is None:
+        return Origin()
+    causes = settings.model_differences(recorded, used)
+    code = sources_digest(*SOURCES)
+    if started.code != code:
+        causes.append(f"the estimator's code: recorded {started.code}, replayed with {code}")
+    arithmetic = arithmetic_fingerprint()
+    otherwise = started.arithmetic != arithmetic
+    if otherwise:
+        causes.append(
+            f"this machine rounds otherwise: recorded on {started.arithmetic}, replayed on "
+            f"{arithmetic}; last bits may differ"
+        )
+    return Origin(tuple(causes), otherwise)
+
+
+def _monitor_settings(
+    sources: Sources,
+) -> tuple[MonitorSettings, list[tuple[int, MonitorSettings]]]:
+    """What the recorded monitor watched at first, and after the stamps of its changes [ns]."""
+    meaning = MonitorSettings.from_parameters
+    return settings.limits_over_time(sources.starts, "monitor", meaning) or (MonitorSettings(), [])
+
+
+def _noted_model(path: Path, facts: Mapping[str, str]) -> Model:
+    container = noted_container(facts)
+    if container is None:
+        raise SloshBagError(
+            f"{path}: does not say which model or container; give a model file (--model)"
+        )
+    return Model(container).spatial()

@@ -1,0 +1,132 @@
+"""Replays a motion table."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_bag.errors import SloshBagError
+from slosh_base.files.nanoseconds import SECOND
+from slosh_estimator.gate import GateSettings
+from slosh_estimator.inputs import InputSettings
+from slosh_estimator.monitor_settings import MonitorSettings
+from slosh_estimator.sample import Samples
+from slosh_metrics.input_checks.table_checks import InputDoubt, motion_doubts
+from slosh_model.model import Model
+from slosh_model.pose import pose_rows
+from slosh_replay.recording.heights import Measurements
+from slosh_replay.recording.inputs import InputReader
+from slosh_replay.replay.conclusion import conclude
+from slosh_replay.replay.model_set import ModelSet
+from slosh_replay.replay.monitor_feed import MonitorFeed
+from slosh_replay.replay.result import ReplayResult
+from slosh_replay.replay.series import Series
+from slosh_replay.replay.stream import Components, Outputs, ReplayStream
+from slosh_tables.motion_table import MotionTable
+
+Array = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+_LONGEST_STEP = 3600.0
+"""A table's rows belong together, however far apart they are [s]."""
+_BLOCK = 50_000
+_YAW, _POSE = "yaw", "pose"
+
+
+class TableReader(InputReader):
+    """Turns rows of a table into samples, with the container's attitude where the table has it.
+
+    Args:
+        table: the table; as a whole it tells more than row by row.
+    """
+
+    def __init__(self, table: MotionTable) -> None:
+        gate = GateSettings(max_gap=_LONGEST_STEP, max_jump=math.inf, confirms=False)
+        super().__init__("accel", InputSettings("accel", gate))
+        self._doubts = motion_doubts(table.t, table.acceleration, table.attitude)
+
+    @property
+    def doubts(self) -> tuple[InputDoubt, ...]:
+        """What is wrong with the table, a sentence each."""
+        return self._doubts
+
+    def samples(
+        self, stamps: Integers, columns: Mapping[str, NDArray[Any]], rows: NDArray[Any]
+    ) -> Samples:
+        """The samples of some rows; fewer where two fall on one nanosecond."""
+        found = super().samples(stamps, columns, rows)
+        if _POSE not in columns:
+            return found
+        used = rows[np.searchsorted(stamps[rows], found.stamps)]
+        return found._replace(yaws=columns[_YAW][used], poses=columns[_POSE][used])
+
+
+def replay_table(
+    name: str,
+    table: MotionTable,
+    model: Model,
+    monitor: MonitorSettings | None = None,
+    *,
+    source: str | None = None,
+    origin_ns: int = 0,
+    outputs: Outputs | None = None,
+) -> ReplayResult:
+    """Replays a motion table with measured heights; its one column of time is both clocks.
+
+    Args:
+        name: how the result is called.
+        table: the motion, with `msh` or `eta`.
+        model: container and liquid.
+        monitor: limits that are watched.
+        source: what drives the models, for the result; None: the table.
+        origin_ns: stamp of the time 0 [ns].
+        outputs: receives estimates, comparisons and events as they come.
+
+    Raises:
+        SloshBagError: the table holds no measured heights.
+    """
+    heights = table.measured
+    if heights is None:
+        raise SloshBagError(f"{name}: holds no measured heights; add a column msh or eta_…")
+    stamps = np.rint(table.t * 1e9).astype(np.int64) + origin_ns
+    columns = _columns(stamps, table)
+    with Series(4) as series:
+        components = Components(
+            ModelSet(model),
+            TableReader(table),
+            MonitorFeed(monitor or MonitorSettings()),
+            series,
+            outputs=outputs or Outputs(),
+        )
+        stream = ReplayStream(name, components)
+        for start in range(0, len(stamps), _BLOCK):
+            rows = slice(start, start + _BLOCK)
+            newest = int(stamps[rows][-1])
+            stream.add_input({key: column[rows] for key, column in columns.items()}, newest)
+            stream.add_measurements(_measurements(stamps[rows], heights[rows]), newest)
+            stream.advance()
+        stream.advance(final=True)
+        return conclude(name, source or name, stream, components)
+
+
+def _columns(stamps: Integers, table: MotionTable) -> dict[str, NDArray[Any]]:
+    """The rows as columns of AccelStamped.msg, with yaw and pose where they are known."""
+    seconds, nanoseconds = np.divmod(stamps, SECOND)
+    yaws, poses = pose_rows(table.t, table.attitude, table.angular_velocity)
+    turning = {_YAW: yaws, _POSE: poses} if len(poses) else {}
+    return {
+        **turning,
+        "header.stamp.sec": seconds,
+        "header.stamp.nanosec": nanoseconds,
+        "header.frame_id": np.full(len(stamps), "world", dtype=object),
+        **{f"accel.linear.{axis}": table.acceleration[:, i] for i, axis in enumerate("xyz")},
+    }
+
+
+def _measurements(stamps: Integers, heights: Array) -> Measurements:
+    unknown = np.full(len(stamps), np.nan)
+    return Measurements(stamps, heights, np.zeros(len(stamps), dtype=np.int64), unknown, unknown)

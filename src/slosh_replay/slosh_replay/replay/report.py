@@ -1,0 +1,261 @@
+"""A replay's report: its series, tables, checks and events on one page."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_estimator.limits import Event, Kind, Source
+from slosh_estimator.sight import SATURATED
+from slosh_model.effects.registry import EFFECTS
+from slosh_model.model import Model
+from slosh_model.model_text import format_model
+from slosh_replay.replay import verification
+from slosh_replay.replay.checking import Checked, dropped
+from slosh_replay.replay.result import ModelAccuracy, ReplayResult
+from slosh_report.run_report import (
+    AzimuthSeries,
+    Difference,
+    Fact,
+    Frame,
+    KeyFigure,
+    ModelRow,
+    Motion,
+    RunReport,
+    Span,
+    Status,
+    Topic,
+    Verdict,
+    Verification,
+)
+
+Array = NDArray[np.float64]
+
+NAN = float("nan")
+BESIDE = 1.0  # [s]
+
+
+@dataclass(frozen=True, slots=True)
+class Surroundings:
+    """What a page shows beside the replay itself.
+
+    Attributes:
+        title, subtitle: headings; an empty title: the replay's name.
+        key_figures: shown after σ and ε.
+        facts, frames, topics, notes: as in RunReport.
+        checked: the replay against its manifest; None: nothing was expected.
+    """
+
+    title: str = ""
+    subtitle: str = ""
+    key_figures: tuple[KeyFigure, ...] = ()
+    facts: tuple[Fact, ...] = ()
+    frames: tuple[Frame, ...] = ()
+    topics: tuple[Topic, ...] = ()
+    notes: tuple[str, ...] = ()
+    checked: Checked | None = None
+
+
+def replay_report(result: ReplayResult, around: Surroundings | None = None) -> RunReport:
+    """What the page of a replay shows.
+
+    The charts show the loaded model's L and NL twin, from a second before their first estimate to
+    a second after their last. Further effects that a model has are part of its name.
+
+    Args:
+        result: the replay.
+        around: what else the page shows.
+    """
+    around = around or Surroundings()
+    linear, nonlinear = shown_models(result)
+    shown = _shown(result)
+    start = report_start(result)
+    t = np.asarray((result.stamps[shown] - start) * 1e-9, dtype=np.float64)
+    spans = event_spans(result.events, start)
+    limit = _lasting_limit(result)
+    return RunReport(
+        title=around.title or result.name,
+        subtitle=around.subtitle or f"replay, driven by {result.source}",
+        t=t,
+        measured=result.measured[shown],
+        linear=result.heights[linear][shown],
+        nonlinear=result.heights[nonlinear][shown],
+        linear_name=linear,
+        nonlinear_name=nonlinear,
+        limit=limit if np.isfinite(limit) else None,
+        key_figures=(*_key_figures(result, linear, nonlinear, spans), *around.key_figures),
+        facts=around.facts,
+        events=spans,
+        models=tuple(_model_row(row) for row in result.accuracy),
+        motions=_motions(result, start),
+        frames=around.frames,
+        topics=around.topics,
+        model_text=format_model(result.model) if result.model else "",
+        effects=_meanings(result.model) if result.model else {},
+        notes=around.notes,
+        warnings=result.warnings,
+        status=_status(result, around.checked),
+        checks=around.checked.checks if around.checked else (),
+        verifications=tuple(_verifications(result, start)),
+        measured_azimuth=_azimuth("measured", t, result.azimuth, result.measured, shown),
+        estimated_azimuth=_azimuth(
+            nonlinear, t, result.model_azimuth, result.heights[nonlinear], shown
+        ),
+        saturated=(result.flags[shown] & SATURATED) != 0 if len(result.flags) else None,
+    )
+
+
+def _lasting_limit(result: ReplayResult) -> float:
+    """The limit in the chart [m], without a camera that of the estimate; NaN: it changed."""
+    watched = [result.limits] if result.limits else []
+    watched += [settings for _, settings in result.limit_changes]
+    limits = {one.measured_limit if one.camera else one.estimated_limit for one in watched}
+    return limits.pop() if len(limits) == 1 else NAN
+
+
+def _meanings(model: Model) -> dict[str, str]:
+    """What the effects of a model are."""
+    return {use.name: EFFECTS[use.name].meaning for use in model.effects}
+
+
+def report_start(result: ReplayResult) -> int:
+    """The page's zero of time, on the measured clock [ns]."""
+    stamps = result.stamps[_shown(result)]
+    if len(stamps):
+        return int(stamps[0])
+    return result.events[0].stamp_ns if result.events else 0
+
+
+def shown_models(result: ReplayResult) -> tuple[str, str]:
+    """Names of the L and the NL model on the page: the loaded one's twins."""
+    names = list(result.heights)
+    spatial = result.model is None or result.model.has("vertical_acceleration")
+    return (names[1], names[3]) if spatial else (names[0], names[2])
+
+
+def event_spans(events: Sequence[Event], start: int) -> tuple[Span, ...]:
+    """The excesses, each from its START and, where it came, its END.
+
+    Args:
+        events: of the monitor.
+        start: the report's zero of time [ns].
+    """
+    spans: dict[int, Span] = {}
+    for event in events:
+        begin = (event.stamp_ns - event.duration_ns - start) * 1e-9
+        end = (event.stamp_ns - start) * 1e-9 if event.kind == Kind.END else NAN
+        spans[event.id] = Span(
+            Source(event.source).name.lower(), begin, end, event.limit, event.peak,
+            event.description, (event.peak_stamp_ns - start) * 1e-9,
+        )  # fmt: skip
+    return tuple(spans.values())
+
+
+def _shown(result: ReplayResult) -> slice:
+    """The images near estimates: a record may be far longer than its motion."""
+    known = [np.flatnonzero(np.isfinite(heights)) for heights in result.heights.values()]
+    indices = np.concatenate(known) if known else np.empty(0, dtype=np.int64)
+    if len(indices) == 0:
+        return slice(None)
+    first, last = result.t[indices.min()] - BESIDE, result.t[indices.max()] + BESIDE
+    return slice(*np.searchsorted(result.t, (first, last)).tolist())
+
+
+def _status(result: ReplayResult, checked: Checked | None) -> Status:
+    if checked is not None:
+        verdict = Verdict.PASSED if checked.passed else Verdict.FAILED
+        return Status(verdict, checked.failures)
+    found = result.verification
+    if found is None or not found.recorded + found.missing:
+        return Status()
+    return Status(Verdict.NO_EXPECTATION, () if found.exact else found.lines())
+
+
+def _verifications(result: ReplayResult, start: int) -> list[Verification]:
+    named = (
+        ("recorded estimates, bit for bit", result.verification),
+        ("recorded comparisons, bit for bit", result.comparisons),
+    )
+    return [
+        Verification(
+            name, found.identical, found.recorded + found.missing, _differences(found, start)
+        )
+        for name, found in named
+        if found is not None and found.recorded + found.missing
+    ]
+
+
+def _differences(found: verification.Verification, start: int) -> tuple[Difference, ...]:
+    first = found.first
+    rows = []
+    for field, largest in sorted(found.largest.items(), key=lambda item: -item[1]):
+        leads = first is not None and first.field == field
+        rows.append(
+            Difference(
+                found.topic,
+                field,
+                found.counts[field],
+                (first.stamp_ns - start) * 1e-9 if leads and first else NAN,
+                largest,
+                first.recorded if leads and first else NAN,
+                first.replayed if leads and first else NAN,
+            )
+        )
+    return tuple(rows)
+
+
+def _motions(result: ReplayResult, start: int) -> tuple[Motion, ...]:
+    return tuple(
+        Motion(
+            str(number),
+            motion.start - 1e-9 * start,
+            motion.end - 1e-9 * start,
+            motion.peak,
+            tuple(_model_row(row) for row in motion.models),
+        )
+        for number, motion in enumerate(result.motions, start=1)
+    )
+
+
+def _azimuth(
+    name: str, t: Array, azimuth: Array, height: Array, shown: slice
+) -> AzimuthSeries | None:
+    if not len(azimuth) or not np.isfinite(azimuth[shown]).any():
+        return None
+    return AzimuthSeries(name, t, azimuth[shown], height[shown])
+
+
+def _model_row(row: ModelAccuracy) -> ModelRow:
+    offset = NAN if row.clock is None else row.clock.offset
+    return ModelRow(row.name, row.sigma, row.epsilon, row.rms, offset, row.count)
+
+
+def _key_figures(
+    result: ReplayResult, linear: str, nonlinear: str, spans: Sequence[Span]
+) -> tuple[KeyFigure, ...]:
+    rows = {row.name: row for row in result.accuracy}
+    figures: list[KeyFigure] = []
+    known = result.measured[np.isfinite(result.measured)]
+    told = result.heights[nonlinear][np.isfinite(result.heights[nonlinear])]
+    if len(known):
+        figures.append(KeyFigure("highest measured", float(known.max()), "mm"))
+    elif len(told):
+        figures.append(KeyFigure("highest estimated", float(told.max()), "mm", nonlinear))
+    if nonlinear in rows and linear in rows:
+        l_row, nl_row = rows[linear], rows[nonlinear]
+        figures += [
+            KeyFigure(
+                f"σ {nonlinear}", nl_row.sigma, "mm", f"{linear}: {1e3 * l_row.sigma:.2f} mm"
+            ),
+            KeyFigure(
+                f"ε {nonlinear}", nl_row.epsilon, "%", f"{linear}: {1e2 * l_row.epsilon:+.1f} %"
+            ),
+        ]
+    return (
+        *figures,
+        KeyFigure("limit events", float(len(spans)), ""),
+        KeyFigure("dropped samples", float(dropped(result)), ""),
+    )

@@ -1,0 +1,297 @@
+"""What a replay gives, as values, as JSON and as a table."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_bag.errors import SloshBagError
+from slosh_base.files import write_text
+from slosh_estimator.limits import Event
+from slosh_estimator.monitor_settings import MonitorSettings
+from slosh_metrics.alignment import ClockOffset, StillLevel
+from slosh_model.for_notebooks import height_axes, table
+from slosh_model.model import Model
+from slosh_replay.replay.verification import Verification
+from slosh_report.json_values import plain
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from pandas import DataFrame
+
+Array = NDArray[np.float64]
+
+
+def _none() -> Array:
+    return np.empty(0)
+
+
+def _no_flags() -> NDArray[np.int64]:
+    return np.empty(0, dtype=np.int64)
+
+
+MODELS = ("2D-L", "3D-L", "2D-NL", "3D-NL")
+
+
+@dataclass(frozen=True, slots=True)
+class ModelAccuracy:
+    """Agreement of one model with the measurement.
+
+    Attributes:
+        name: 2D-L, 3D-L, 2D-NL or 3D-NL, with '+' and further effects.
+        sigma: mean absolute error (DL22, eq. (33)) [m].
+        epsilon: relative error of the maximum (DL22, eq. (32)), single-sample spikes of the
+            measurement left out [1].
+        epsilon_raw: the same with them.
+        rms: root mean square error [m].
+        count: compared images.
+        clock: offset of the measured clock; None: the clocks are one.
+    """
+
+    name: str
+    sigma: float
+    epsilon: float
+    epsilon_raw: float
+    rms: float
+    count: int
+    clock: ClockOffset | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class MotionAccuracy:
+    """Agreement over one motion.
+
+    Attributes:
+        start, end: on the measured clock [s].
+        peak: greatest measured height, spikes left out [m].
+        models: of each model.
+    """
+
+    start: float
+    end: float
+    peak: float
+    models: tuple[ModelAccuracy, ...]
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class ReplayResult:
+    """A replayed run.
+
+    The series are whole for runs up to some minutes; of a longer one they hold the extremes.
+
+    Attributes:
+        name: of the bag or table.
+        source: topic or file that drove the models.
+        stamps: (N,) of the images, on the measured clock [ns].
+        measured: (N,) heights above the still level [m]; NaN: none.
+        heights: (N,) of each model at the images [m]; NaN: no estimate.
+        accuracy: of each model, in the order of `heights`; empty where nothing was measured.
+        motions: the same over each motion.
+        events: limit events of the monitor.
+        counters: samples used and dropped, gaps, images, spikes, …
+        still: still level and noise where they were estimated.
+        azimuth: (N,) measured azimuth of the highest point [rad]; NaN: unknown.
+        model_azimuth: (N,) that of the loaded model's NL twin [rad]; NaN: none.
+        flags: (N,) of FreeSurface.msg.
+        verification, comparisons: recorded estimates and comparisons against replayed ones; None:
+            none were recorded.
+        model: that was replayed with.
+        limits: that the monitor watched at first.
+        limit_changes: that it watched for data with stamps after these [ns].
+        warnings: one line each.
+    """
+
+    name: str
+    source: str
+    stamps: NDArray[np.int64]
+    measured: Array
+    heights: Mapping[str, Array]
+    accuracy: tuple[ModelAccuracy, ...]
+    motions: tuple[MotionAccuracy, ...] = ()
+    events: tuple[Event, ...] = ()
+    counters: Mapping[str, int] = field(default_factory=dict)
+    still: StillLevel | None = None
+    azimuth: Array = field(default_factory=_none)
+    model_azimuth: Array = field(default_factory=_none)
+    flags: NDArray[np.int64] = field(default_factory=_no_flags)
+    verification: Verification | None = None
+    comparisons: Verification | None = None
+    model: Model | None = None
+    limits: MonitorSettings | None = None
+    limit_changes: tuple[tuple[int, MonitorSettings], ...] = ()
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def t(self) -> Array:
+        """(N,) stamps of the images [s]."""
+        return np.asarray(self.stamps * 1e-9, dtype=np.float64)
+
+    @property
+    def seconds(self) -> float:
+        """Time from the first to the last image [s]; 0 where there are none."""
+        return float(self.stamps[-1] - self.stamps[0]) * 1e-9 if len(self.stamps) else 0.0
+
+    def __repr__(self) -> str:
+        told = [f"{len(self.stamps)} images, {self.seconds:.3g} s"]
+        told += [f"{row.name} σ {1e3 * row.sigma:.2f} mm" for row in self.accuracy[-1:]]
+        told += [f"{len(self.events)} events"] if self.events else []
+        if self.verification is not None:
+            same = f"{self.verification.identical} of {self.verification.recorded}"
+            told.append(f"{same} bit for bit")
+        return f"ReplayResult({self.name}: {', '.join(told)})"
+
+    def to_pandas(self) -> DataFrame:
+        """A table of the series at the images: `measured`, each model's heights [m], `flags`.
+
+        The index is `t`, the time since the first image [s]; `stamp` is the image's own [ns].
+
+        Raises:
+            ImportError: pandas is not installed.
+        """
+        columns = {"stamp": self.stamps, "measured": self.measured, **self.heights}
+        if len(self.flags) == len(self.stamps):
+            columns["flags"] = self.flags
+        return table(self._since_start, columns)
+
+    def plot(self, axes: Axes | None = None) -> Axes:
+        """Draws the measured and the models' heights over the time since the first image.
+
+        Args:
+            axes: matplotlib's; None: of a new figure.
+
+        Raises:
+            ImportError: matplotlib is not installed.
+        """
+        axes = height_axes(axes, self.name)
+        t = self._since_start
+        axes.plot(t, 1e3 * self.measured, ".", color="black", ms=3, label="measured")
+        for name, heights in self.heights.items():
+            axes.plot(t, 1e3 * heights, label=name)
+        axes.legend()
+        return axes
+
+    @property
+    def _since_start(self) -> Array:
+        first = self.stamps[0] if len(self.stamps) else 0
+        return np.asarray((self.stamps - first) * 1e-9, dtype=np.float64)
+
+    def to_json(self, *, series: bool = False) -> str:
+        """The result as JSON; a number that is not known is null.
+
+        Args:
+            series: also the series at the images.
+        """
+        document: dict[str, Any] = {
+            "name": self.name,
+            "source": self.source,
+            "accuracy": plain(self.accuracy),
+            "motions": plain(self.motions),
+            "verification": _verified(self.verification),
+            "comparisons": _verified(self.comparisons),
+            "events": plain(self.events),
+            "counters": dict(self.counters),
+            "still": plain(self.still),
+            "warnings": list(self.warnings),
+        }
+        if series:
+            document["series"] = {
+                "t": plain(self.t),
+                "measured": plain(self.measured),
+                **plain(self.heights),
+            }
+        return json.dumps(document, indent=2, allow_nan=False)
+
+
+class Judged(Protocol):
+    """A run with a name, and with the accuracy of each model."""
+
+    @property
+    def name(self) -> str:
+        """Of the run."""
+
+    @property
+    def accuracy(self) -> tuple[ModelAccuracy, ...]:
+        """Of each model."""
+
+
+def accuracy_table(results: Sequence[Judged]) -> str:
+    """σ, ε and clock offset by run and model, and their means, as a Markdown table.
+
+    Args:
+        results: runs with the same models.
+    """
+    if not results:
+        return ""
+    names = [row.name for row in results[0].accuracy]
+    heads = ["run", *(f"σ {name}" for name in names), *(f"ε {name}" for name in names)]
+    lines = [
+        "| " + " | ".join([*heads, "clock offset"]) + " |",
+        "|---" + "|--:" * (2 * len(names) + 1) + "|",
+    ]
+    lines += [_line(result.name, result.accuracy) for result in results]
+    rows = list(zip(*(result.accuracy for result in results), strict=True))
+    sigma = [_mm(_mean([entry.sigma for entry in row])) for row in rows]
+    epsilon = [_percent(_mean([entry.epsilon for entry in row])) for row in rows]
+    size = [f"{100 * _mean([abs(entry.epsilon) for entry in row]):.1f}" for row in rows]
+    blank = [""] * len(names)
+    lines.append("| " + " | ".join(["**mean**", *sigma, *epsilon, ""]) + " |")
+    lines.append("| " + " | ".join(["**mean size**", *blank, *size, ""]) + " |")
+    return "\n".join([*lines, "", "σ in mm, ε in %, clock offset in s.", ""])
+
+
+def update_table(page: Path, name: str, results: Sequence[Judged]) -> None:
+    """Replaces a table in a Markdown page.
+
+    The table stands between the lines `<!-- table NAME -->` and `<!-- end NAME -->`.
+
+    Args:
+        page: the Markdown file.
+        name: of the table.
+        results: runs with the same models.
+
+    Raises:
+        SloshBagError: the page cannot be read or has no such place.
+    """
+    start, end = f"<!-- table {name} -->\n", f"<!-- end {name} -->"
+    try:
+        text = page.read_text(encoding="utf-8")
+        head, rest = text.split(start)
+        _, tail = rest.split(end)
+        write_text(page, f"{head}{start}\n{accuracy_table(results)}\n{end}{tail}")
+    except OSError as error:
+        raise SloshBagError(f"{page}: {error.strerror}") from None
+    except ValueError:
+        raise SloshBagError(f"{page}: needs {start.strip()!r} and {end!r} once each") from None
+
+
+def _line(name: str, rows: Sequence[ModelAccuracy]) -> str:
+    last = rows[-1].clock
+    offset = "–"
+    if last is not None:
+        offset = f"{last.offset:.3f}" + ("" if last.unambiguous else " (ambiguous)")
+    cells = [name, *(_mm(row.sigma) for row in rows), *(_percent(row.epsilon) for row in rows)]
+    return "| " + " | ".join([*cells, offset]) + " |"
+
+
+def _mean(values: Sequence[float]) -> float:
+    known = [value for value in values if math.isfinite(value)]
+    return sum(known) / len(known) if known else math.nan
+
+
+def _mm(metres: float) -> str:
+    return f"{1e3 * metres:.2f}"
+
+
+def _percent(fraction: float) -> str:
+    return f"{100.0 * fraction:+.1f}"
+
+
+def _verified(found: Verification | None) -> dict[str, Any] | None:
+    return None if found is None else {**plain(found), "exact": found.exact}

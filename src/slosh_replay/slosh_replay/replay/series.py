@@ -1,0 +1,96 @@
+"""What a replay has at the images, kept on disk.
+
+A day's recording needs no more memory than a minute's.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_base.files import naming
+
+BLOCK = 65_536
+"""Rows that are in memory at once."""
+
+
+def row_type(models: int) -> np.dtype[np.void]:
+    """A row: one image.
+
+    Fields: stamp [ns]; measured height [m] and its azimuth [rad], NaN where there is none; flags
+    of FreeSurface.msg; heights of the models at the image [m] and the azimuth of the last of them
+    [rad], NaN where there is no estimate; usable: whether the estimates come from a known state;
+    motion: number of the motion, -1 between two.
+    """
+    return np.dtype(
+        [
+            ("stamp", np.int64),
+            ("measured", np.float64),
+            ("azimuth", np.float64),
+            ("flags", np.int64),
+            ("heights", np.float64, (models,)),
+            ("model_azimuth", np.float64),
+            ("usable", np.bool_),
+            ("motion", np.int32),
+        ]
+    )
+
+
+class Series:
+    """Rows in the order in which they came; a context manager that removes its file.
+
+    Args:
+        models: number of models.
+        block: rows that `blocks` gives at once.
+    """
+
+    def __init__(self, models: int, block: int = BLOCK) -> None:
+        self.dtype = row_type(models)
+        self._block = block
+        self._file = tempfile.TemporaryFile(prefix="slosh-")  # noqa: SIM115 - closed by close()
+        self._place = Path(tempfile.gettempdir())  # the file itself has no name
+        self._count = 0
+
+    def __enter__(self) -> Series:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def __len__(self) -> int:
+        return self._count
+
+    def append(self, rows: NDArray[np.void]) -> None:
+        """Adds rows of `dtype`."""
+        with naming(self._place):
+            self._file.seek(0, 2)
+            self._file.write(rows.tobytes())
+        self._count += len(rows)
+
+    def blocks(self) -> Iterator[NDArray[np.void]]:
+        """The rows, a block at a time."""
+        for start in range(0, self._count, self._block):
+            yield self.read(start, min(start + self._block, self._count))
+
+    def read(self, start: int, end: int) -> NDArray[np.void]:
+        """Rows start … end-1."""
+        with naming(self._place):
+            self._file.seek(start * self.dtype.itemsize)
+            content = self._file.read((end - start) * self.dtype.itemsize)
+        return np.frombuffer(content, dtype=self.dtype)
+
+    def replace(self, start: int, rows: NDArray[np.void]) -> None:
+        """Writes rows in place of those from `start` on."""
+        with naming(self._place):
+            self._file.seek(start * self.dtype.itemsize)
+            self._file.write(rows.tobytes())
+
+    def close(self) -> None:
+        """Removes the file."""
+        with suppress(OSError):  # what it has not written yet is not needed
+            self._file.close()

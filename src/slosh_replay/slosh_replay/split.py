@@ -1,0 +1,96 @@
+"""Cuts a bag where the stamps of what drives the models go back."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_bag.bag_writer import BagWriter
+from slosh_bag.errors import SloshBagError
+from slosh_bag.interchange.bag_contents import bag_contents
+from slosh_bag.reader import BagMessage, BagReader
+from slosh_base.files import check_outside, new_folder
+from slosh_replay.recording.inputs import STAMP, stamps_of
+from slosh_replay.recording.sources import find_sources
+from slosh_replay.strays import set_backs
+
+PART = "part_{}"
+
+
+def split_bag(path: Path, folder: Path, progress: Callable[[int], None]) -> list[Path]:
+    """Writes a bag for each stretch of a recording in which time goes on.
+
+    What is told once, such as the nodes' settings, stands at the begin of each of them.
+
+    Args:
+        path: the bag's folder, or one MCAP file.
+        folder: of the new bags; it must be new or empty.
+        progress: is told how many messages were copied since it was told last.
+
+    Returns:
+        the new bags.
+
+    Raises:
+        SloshBagError: no readable bag, no input in it, or its stamps never go back.
+        SloshFileError: the folder holds something, or lies in the bag.
+        OSError: a new bag cannot be written.
+    """
+    reader = BagReader(path)
+    topic = find_sources(path, reader).input
+    cuts = _cuts(reader, topic)
+    if not len(cuts):
+        raise SloshBagError(f"{path}: the stamps of {topic} never go back: nothing to cut")
+    check_outside(folder, [path])
+    with new_folder(folder) as room:
+        names = [PART.format(number + 1) for number in range(len(cuts) + 1)]
+        copy = _Copy(reader, [room / name for name in names], cuts, progress)
+        copy.run()
+    return [folder / name for name in names]
+
+
+def _cuts(reader: BagReader, topic: str) -> NDArray[np.int64]:
+    """When the messages were recorded with which the input's time was set back [ns]."""
+    stamps, logs = [np.empty(0, dtype=np.int64)], [np.empty(0, dtype=np.int64)]
+    for block in reader.blocks([topic]):
+        stamps.append(stamps_of(reader.columns(block, STAMP)))
+        logs.append(block.log_ns)
+    found: NDArray[np.int64] = np.concatenate(logs)[set_backs(np.concatenate(stamps).tolist())]
+    return found
+
+
+class _Copy:
+    def __init__(
+        self,
+        reader: BagReader,
+        folders: list[Path],
+        cuts: NDArray[np.int64],
+        progress: Callable[[int], None],
+    ) -> None:
+        self._reader, self._folders, self._cuts = reader, folders, cuts.tolist()
+        self._progress = progress
+        self._topics = bag_contents(reader.path).topics
+        self._latched: list[BagMessage] = []
+
+    def run(self) -> None:
+        """Writes all parts."""
+        messages = iter(self._reader.messages())
+        waiting = next(messages, None)
+        for folder, end in zip(self._folders, [*self._cuts, None], strict=True):
+            with BagWriter(folder, custom=self._reader.metadata()) as writer:
+                for name, topic in self._topics.items():
+                    writer.add_topic(name, topic.message_type, *topic.offered[:1])
+                for message in self._latched:
+                    start = waiting.log_ns if waiting else message.log_ns
+                    writer.write(message.topic, message.data, start, message.publish_ns)
+                while waiting is not None and (end is None or waiting.log_ns < end):
+                    self._take(waiting, writer)
+                    waiting = next(messages, None)
+
+    def _take(self, message: BagMessage, writer: BagWriter) -> None:
+        writer.write(message.topic, message.data, message.log_ns, message.publish_ns)
+        self._progress(1)
+        if self._topics[message.topic].latched:
+            self._latched.append(message)

@@ -1,0 +1,1 @@
+"""Makes tables of recordings and recordings of tables."""

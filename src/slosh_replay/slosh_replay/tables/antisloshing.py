@@ -1,0 +1,235 @@
+"""Turns the public AntiSloshing measurements into bags.
+
+A run is two files: `poses/RUN.csv[.gz]`, the commanded pose of the container (500 Hz,
+`t;x;y;z;qx;qy;qz;qw`, no heading), and `heights/RUN.mat`, the maximum height that two cameras on
+the robot saw (`slosh_times` [s], `slosh_heights` [mm], about 60 Hz). The clocks of the two are
+unrelated; the bag keeps both as they are, and its metadata says so. Outliers are kept too: a bag
+holds data.
+"""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import scipy.io
+from numpy.typing import NDArray
+
+from slosh_bag.bag_writer import BagWriter
+from slosh_bag.definitions import Definitions
+from slosh_bag.errors import SloshBagError
+from slosh_base.files import check_free, new_folder
+from slosh_base.files.bounded_text import bounded_text
+from slosh_base.files.nanoseconds import SECOND
+from slosh_replay.recording.facts import CLOCKS, CONTAINER_FILL_HEIGHT, CONTAINER_RADIUS, UNRELATED
+
+Array = NDArray[np.float64]
+
+RADIUS = 0.049
+FILL_HEIGHT = 0.078
+"""The measured container [m]."""
+ORIGIN_NS = SECOND
+"""Both clocks start at 1 s: a stamp of 0 means 'no stamp' in ROS."""
+POSE_TOPIC, POSE_TYPE = "/slosh/pose", "geometry_msgs/msg/PoseStamped"
+SURFACE_TOPIC, SURFACE_TYPE = "/slosh/free_surface", "slosh_msgs/msg/FreeSurface"
+METADATA = {
+    CLOCKS: UNRELATED,
+    "clocks_note": "the stamps of /slosh/pose and of /slosh/free_surface have no common origin",
+    "motion": "commanded, not measured",
+    CONTAINER_RADIUS: repr(RADIUS),
+    CONTAINER_FILL_HEIGHT: repr(FILL_HEIGHT),
+    "source": "AntiSloshing, Motions_10_10_2024, (c) 2025 Simone Soprani, MIT licence",
+}
+_POSE_COLUMNS = 8
+_FLOAT_FIELDS = (
+    "msh_stddev", "azimuth", "fitted_msh", "fitted_msh_stddev", "fitted_azimuth", "sh_left",
+    "sh_right", "azimuth_left", "azimuth_right", "slope_angle", "peak_u", "peak_v",
+)  # fmt: skip
+
+
+def import_antisloshing(
+    folder: Path, output: Path, progress: Callable[[str], None] = lambda run: None
+) -> list[Path]:
+    """Writes one bag per run.
+
+    Args:
+        folder: holds `heights/` and `poses/`.
+        output: gets one folder per run.
+        progress: is told the name of each run that is written.
+
+    Returns:
+        the bags, in the order of their names.
+
+    Raises:
+        SloshBagError: a file is missing or broken; one line that names it.
+        SloshFileError: a run's folder holds something.
+        OSError: a bag cannot be written.
+    """
+    bags = []
+    runs = find_runs(folder)
+    for run, _, _ in runs:
+        check_free(output / run)
+    for run, heights, poses in runs:
+        bag = output / run
+        import_run(heights, poses, bag, run)
+        progress(run)
+        bags.append(bag)
+    return bags
+
+
+def find_runs(folder: Path) -> list[tuple[str, Path, Path]]:
+    """Name, heights and poses of every run of the data set.
+
+    Raises:
+        SloshBagError: no runs, or one of the two files of a run is missing.
+    """
+    heights = {path.stem: path for path in sorted((folder / "heights").glob("*.mat"))}
+    poses = {
+        path.name.removesuffix(".gz").removesuffix(".csv"): path
+        for path in sorted((folder / "poses").glob("*.csv*"))
+    }
+    if not heights and not poses:
+        raise SloshBagError(f"{folder}: holds no heights/*.mat and no poses/*.csv(.gz)")
+    for run in sorted({*heights, *poses}):
+        if run not in poses:
+            raise SloshBagError(f"{heights[run]}: has no poses/{run}.csv(.gz) beside it")
+        if run not in heights:
+            raise SloshBagError(f"{poses[run]}: has no heights/{run}.mat beside it")
+    return [(run, heights[run], poses[run]) for run in sorted(heights)]
+
+
+def import_run(heights: Path, poses: Path, bag: Path, run: str) -> None:
+    """Writes one run's bag.
+
+    Raises:
+        SloshBagError: a file is broken.
+        SloshFileError: the bag's folder holds something.
+        OSError: the bag cannot be written.
+    """
+    times, measured = read_heights(heights)
+    motion = read_poses(poses)
+    definitions = Definitions()
+    facts = {**METADATA, "run": run}
+    with new_folder(bag) as room, BagWriter(room, definitions, facts) as writer:
+        writer.add_topic(POSE_TOPIC, POSE_TYPE)
+        writer.add_topic(SURFACE_TOPIC, SURFACE_TYPE)
+        store = definitions.typestore
+        surfaces = (
+            (stamp, SURFACE_TOPIC, store.serialize_cdr(message, SURFACE_TYPE))
+            for stamp, message in _surfaces(store.types, times, measured)
+        )
+        commands = (
+            (stamp, POSE_TOPIC, store.serialize_cdr(message, POSE_TYPE))
+            for stamp, message in _poses(store.types, motion)
+        )
+        for stamp, topic, data in sorted((*surfaces, *commands), key=lambda entry: entry[0]):
+            writer.write(topic, bytes(data), stamp)
+
+
+def read_heights(path: Path) -> tuple[Array, Array]:
+    """Times [s] and heights [m] of a `.mat` file: (N,) each.
+
+    Raises:
+        SloshBagError: no MATLAB file, a variable is missing or empty, time does not increase.
+    """
+    try:
+        content = scipy.io.loadmat(path, variable_names=["slosh_times", "slosh_heights"])
+    except Exception as error:  # the reader lets through whatever broken bytes cause in it
+        reason = (str(error).splitlines() or [type(error).__name__])[0]
+        raise SloshBagError(f"{path}: is no readable MATLAB file: {reason}") from None
+    columns = []
+    for name in ("slosh_times", "slosh_heights"):
+        value = np.asarray(content.get(name, ()))
+        if value.size == 0 or value.dtype.kind not in "fiu":
+            raise SloshBagError(f"{path}: variable {name!r} is missing, empty or no numbers")
+        columns.append(np.asarray(value, dtype=np.float64).ravel())
+    times, heights = columns
+    if times.shape != heights.shape:
+        raise SloshBagError(f"{path}: {times.size} slosh_times but {heights.size} slosh_heights")
+    _check_times(path, "slosh_times", times, first_line=1)
+    return times, heights * 1e-3
+
+
+def read_poses(path: Path) -> Array:
+    """t, x, y, z, qx, qy, qz, qw of a `.csv` or `.csv.gz` file: (N, 8) [s, m, 1].
+
+    Raises:
+        SloshBagError: the file is empty or cut off, has other columns, holds something that is no
+            finite number, time does not increase; one line with the file and the line.
+    """
+    with bounded_text(path, "poses are t;x;y;z;qx;qy;qz;qw") as text:
+        values = array("d")
+        for line, row in enumerate(text, start=1):
+            values.extend(_pose(path, line, row))
+    if not values:
+        raise SloshBagError(f"{path}: is empty; poses are t;x;y;z;qx;qy;qz;qw")
+    poses = np.frombuffer(values, np.float64).reshape(-1, _POSE_COLUMNS)
+    _check_times(path, "t", poses[:, 0], first_line=1)
+    return poses
+
+
+def _pose(path: Path, line: int, row: str) -> list[float]:
+    cells = row.strip().split(";")
+    if len(cells) != _POSE_COLUMNS:
+        raise SloshBagError(
+            f"{path}: line {line}: has {len(cells)} columns, expected t;x;y;z;qx;qy;qz;qw"
+        )
+    try:
+        values = [float(cell) for cell in cells]
+    except ValueError:
+        raise SloshBagError(f"{path}: line {line}: {row.strip()!r} is not all numbers") from None
+    if not np.isfinite(values).all():
+        raise SloshBagError(f"{path}: line {line}: a value is not finite")
+    return values
+
+
+def _check_times(path: Path, name: str, times: Array, first_line: int) -> None:
+    bad = np.flatnonzero(~np.isfinite(times))
+    if len(bad):
+        raise SloshBagError(f"{path}: {name}, entry {bad[0] + first_line}: is not finite")
+    late = np.flatnonzero(np.diff(times) <= 0.0)
+    if len(late):
+        entry = int(late[0]) + 1
+        raise SloshBagError(
+            f"{path}: {name}, entry {entry + first_line}: {times[entry]:.9g} s does not come "
+            f"after {times[entry - 1]:.9g} s"
+        )
+    if times[0] < 0.0:
+        raise SloshBagError(f"{path}: {name} starts at {times[0]:.9g} s, before its clock's zero")
+
+
+def _header(types: Any, stamp_ns: int, frame: str) -> Any:
+    stamp = types["builtin_interfaces/msg/Time"](sec=stamp_ns // SECOND, nanosec=stamp_ns % SECOND)
+    return types["std_msgs/msg/Header"](stamp=stamp, frame_id=frame)
+
+
+def _poses(types: Any, motion: Array) -> Iterator[tuple[int, Any]]:
+    point, turn = types["geometry_msgs/msg/Point"], types["geometry_msgs/msg/Quaternion"]
+    pose, stamped = types["geometry_msgs/msg/Pose"], types[POSE_TYPE]
+    for t, x, y, z, qx, qy, qz, qw in motion.tolist():
+        stamp = ORIGIN_NS + round(t * 1e9)
+        place = pose(position=point(x=x, y=y, z=z), orientation=turn(x=qx, y=qy, z=qz, w=qw))
+        yield stamp, stamped(header=_header(types, stamp, "world"), pose=place)
+
+
+def _surfaces(types: Any, times: Array, heights: Array) -> Iterator[tuple[int, Any]]:
+    surface = types[SURFACE_TYPE]
+    unknown = dict.fromkeys(_FLOAT_FIELDS, float("nan"))
+    none = np.empty(0, dtype=np.float32)
+    for t, height in zip(times.tolist(), heights.tolist(), strict=True):
+        stamp = ORIGIN_NS + round(t * 1e9)
+        yield (
+            stamp,
+            surface(
+                header=_header(types, stamp, "container"),
+                msh=height,
+                profile_azimuth=none,
+                profile_height=none,
+                peak_side=0,
+                flags=0,
+                **unknown,
+            ),
+        )

@@ -1,0 +1,184 @@
+"""Which inputs the live estimator used is read off its counter, however the recording is cut."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from slosh_replay.replay.input_matching import PATIENCE_NS, InputMatcher
+from slosh_replay.replay.known_state import KnownState
+
+MS = 1_000_000
+FAR = 10**6
+
+
+class Live:
+    """A run: what the estimator did with each input, and what the recorder heard of it.
+
+    Attributes:
+        used: for each input.
+        restarts: inputs with which a new process begins.
+        log: ('input' | 'estimate', stamp, counter) in the order of the recording.
+    """
+
+    def __init__(self, segments, delay=0, step=MS):
+        self.used, self.restarts, self.stamps, estimates = [], [], [], []
+        counter = 0
+        for kind, count in segments:
+            if kind == "restart":
+                counter = 0
+                if any(self.used):
+                    self.restarts.append(len(self.used))
+            for _ in range(count):
+                stamp = 10**18 + step * len(self.used)
+                self.stamps.append(stamp)
+                self.used.append(kind != "unused")
+                if kind == "unused":
+                    continue
+                counter += 1
+                if kind == "recorded":
+                    estimates.append((len(self.used) - 1 + delay, stamp, counter))
+        entries = [(index, 0, stamp, 0) for index, stamp in enumerate(self.stamps)]
+        entries += [(index, 1, stamp, counter) for index, stamp, counter in estimates]
+        self.log = [(("input", "estimate")[s], *rest) for _, s, *rest in sorted(entries)]
+
+    def decided(self, cuts=()):
+        """What InputMatcher says of it, read in blocks that end at some places of the log."""
+        live, used, restarts, waiting = InputMatcher(), [], [], []
+        ends = sorted({*(cut % (len(self.log) + 1) for cut in cuts), len(self.log)})
+        start = 0
+        for end in ends:
+            block, start = self.log[start:end], end
+            waiting += [stamp for kind, stamp, _ in block if kind == "input"]
+            estimates = [(stamp, count) for kind, stamp, count in block if kind == "estimate"]
+            live.add_recorded(*np.array(estimates, dtype=np.int64).reshape(-1, 2).T)
+            found = live.decide(np.array(waiting, dtype=np.int64), final=end == len(self.log))
+            restarts += [len(used) + place for place in found.restarts]
+            used += found.used.tolist()
+            del waiting[: found.reached]
+        return live, used, restarts
+
+    def agrees(self, cuts=()):
+        _, used, restarts = self.decided(cuts)
+        return used == self.used and restarts == self.restarts
+
+
+some = st.integers(1, 12)
+# What follows a recorded stretch and can be told: inputs that were not used, inputs whose
+# estimates were not recorded, or a new process, up and running before the recorder hears it.
+gap = st.one_of(
+    st.tuples(st.tuples(st.just("unused"), some)),
+    st.tuples(st.tuples(st.just("unrecorded"), some)),
+    st.tuples(
+        st.tuples(st.just("unused"), st.integers(0, 12)),
+        st.tuples(st.just("restart"), st.integers(0, 5)),
+    ),
+)
+# Long enough that the counter of a new process starts below.
+recorded = st.tuples(st.just("recorded"), st.integers(6, 14))
+beginning = st.tuples(
+    st.tuples(st.just("unused"), st.integers(0, 12)),
+    st.tuples(st.just("restart"), st.integers(0, 5)),
+    recorded,
+)
+runs = st.builds(
+    lambda first, rest, last: [
+        *first, *(s for segments, r in rest for s in (*segments, r)), ("unrecorded", last)
+    ],
+    beginning, st.lists(st.tuples(gap, recorded), max_size=6), st.integers(0, 8),
+)  # fmt: skip
+
+
+@settings(max_examples=150, deadline=None)
+@given(runs, st.lists(st.integers(0, FAR), max_size=8), st.integers(0, 4))
+def test_the_decision_is_right_wherever_the_recording_is_cut(segments, cuts, delay):
+    live = Live(segments, delay)
+    assert live.agrees(cuts)
+    assert live.decided(cuts)[0].remarks() == ()
+
+
+def test_every_block_of_one_message():
+    live = Live(
+        [("recorded", 3), ("unused", 2), ("recorded", 2), ("unrecorded", 2), ("recorded", 1)]
+    )
+    assert live.agrees(range(len(live.log)))
+
+
+def test_an_estimator_that_starts_long_after_the_recorder_has_used_nothing_before():
+    live = Live([("unused", 50), ("recorded", 20)], step=500 * MS)
+    assert 50 * 500 * MS > 2 * PATIENCE_NS
+    assert live.agrees(range(len(live.log)))
+
+
+def test_what_follows_the_last_estimate_counts_as_used():
+    live = Live([("recorded", 5), ("unrecorded", 60)], step=500 * MS)
+    assert live.agrees(range(len(live.log)))
+
+
+def test_inputs_wait_for_their_estimates_no_longer_than_needed():
+    live = InputMatcher()
+    live.add_recorded(np.array([0]), np.array([1]))
+    stamps = np.arange(0, PATIENCE_NS + 10 * MS, MS)
+    assert live.decide(stamps).reached == 10  # all but those within the patience
+    assert live.decide(stamps[10:]).reached == 0
+
+
+def test_a_recording_that_begins_late_says_how_late():
+    live = InputMatcher()
+    stamps = np.arange(0, 10 * MS, MS)
+    live.add_recorded(stamps[2:], np.arange(5003, 5011))
+    found = live.decide(stamps, final=True)
+    assert found.used.all()
+    assert found.restarts == []
+    assert live.used_before == 5000
+    (line,) = live.remarks()
+    assert "had used 5000 inputs" in line
+
+
+def test_a_recording_from_the_start_has_nothing_to_remark():
+    live = InputMatcher()
+    stamps = np.arange(0, 10 * MS, MS)
+    live.add_recorded(stamps[2:], np.arange(3, 11))
+    assert live.decide(stamps, final=True).used.all()
+    assert live.remarks() == ()
+
+
+def test_what_cannot_be_told_is_said():
+    """Between two estimates lie four inputs, and the counter went on by two of them."""
+    live = InputMatcher()
+    stamps = np.arange(0, 6 * MS, MS)
+    live.add_recorded(stamps[[0, 5]], np.array([1, 4]))
+    assert live.decide(stamps, final=True).used.all()
+    assert live.unclear == 4
+    (line,) = live.remarks()
+    assert "which of 4 inputs" in line
+
+
+@pytest.mark.parametrize("cut", [0, 1])
+def test_estimates_without_inputs_are_forgotten_but_not_a_restart_among_them(cut):
+    """The recorder lost the input for a while, and meanwhile the estimator was started anew."""
+    live = InputMatcher()
+    live.add_recorded(np.array([0]), np.array([7]))
+    live.decide(np.array([0]))
+    live.add_recorded(MS * np.arange(1, 101), np.array([*range(8, 58), *range(1, 51)]))
+    live.forget(100 * MS)
+    assert len(live._stamps) == 0
+    live.add_recorded(MS * np.arange(101, 105), np.arange(51, 55))
+    stamps = MS * np.arange(101, 105)
+    if cut:
+        live.decide(stamps[:0])
+    found = live.decide(stamps, final=True)
+    assert found.used.all()
+    assert found.restarts == [0]
+
+
+def test_mixed_estimates_of_two_nodes_restart_at_an_input_that_is_there():
+    """Their stamps go back: the one before a restart may lie behind all inputs."""
+    matcher = InputMatcher()
+    matcher.add_recorded(np.array([5, 100, 15]), np.array([1, 2, 1]))
+    decision = matcher.decide(np.array([5, 10, 15, 20]), final=True)
+    assert decision.reached == 4
+    assert all(place < decision.reached for place in decision.restarts)
+    KnownState(None).follow(np.array([5, 10, 15, 20]), decision)

@@ -1,0 +1,118 @@
+"""Recordings of two cells in one namespace: told as such, never a traceback."""
+
+import dataclasses
+import re
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from slosh_bag.bag_writer import BagWriter
+from slosh_bag.errors import SloshBagError
+from slosh_bag.reader import BagReader
+from slosh_bag.recorder import PUBLISHERS, SEVERAL
+from slosh_replay.replay import replay_bag
+from slosh_replay.replay.one_estimator import OneEstimator
+
+BAGS = Path(__file__).resolve().parents[3] / "bags"
+# Not the comparisons: those of the shipped bags are shorter than the writer's definition.
+ENDS = ("/accel", "/estimate", "/estimator_state", "/settings", "/free_surface")
+_STAMP = struct.Struct("<iI")
+
+
+def shifted(message, by_ns):
+    """The message as if it had been sent later: its header's stamp is the first field."""
+    if message.topic.endswith("/settings"):
+        return message._replace(log_ns=message.log_ns + by_ns)
+    sec, nanosec = _STAMP.unpack_from(message.data, 4)
+    stamp = sec * 10**9 + nanosec + by_ns
+    data = message.data[:4] + _STAMP.pack(*divmod(stamp, 10**9)) + message.data[12:]
+    return message._replace(log_ns=message.log_ns + by_ns, data=data)
+
+
+def part(name, ends=ENDS):
+    found = [m for m in BagReader(BAGS / name).messages() if m.topic.endswith(ends)]
+    return found, found[0].log_ns
+
+
+def mix(folder, lead_ns, ends=ENDS, facts=()):
+    """The bag c, and the bag e as of another cell that began later."""
+    first, begin = part("c")
+    second, other = part("e", ends)
+    both = first + [shifted(message, begin - other + lead_ns) for message in second]
+    with BagWriter(folder) as writer:
+        for name, value in facts:
+            writer.note(name, value)
+        for message in sorted(both, key=lambda message: message.log_ns):
+            writer.add_topic(message.topic, message.message_type)
+            writer.write(message.topic, message.data, message.log_ns, message.publish_ns)
+    return folder
+
+
+@pytest.mark.parametrize("lead", [0.0, 0.35, 1.0, 2.6, -0.4, -1.5])
+def test_two_cells_without_a_note_are_recognised_by_their_stamps(tmp_path, lead):
+    bag = mix(tmp_path / "bag", round(lead * 1e9) + 333_000)
+    with pytest.raises(SloshBagError, match=r"go back \d+ times, .* several publishers"):
+        replay_bag(bag)
+
+
+NOTED = ["/slosh/accel", "/slosh/estimate"]
+
+
+def noted(topics):
+    nodes = '{"/slosh/estimate": ["/slosh/estimator", "/slosh/estimator"]}'
+    return [(SEVERAL, ",".join(topics)), (PUBLISHERS, nodes)]
+
+
+def check(found, count):
+    assert found.verification.recorded == found.verification.identical == count
+    assert found.verification.missing <= 1
+    named = r"mixed on .*/slosh/estimate \(of 2 x /slosh/estimator\)"
+    assert any(re.search(named, line) for line in found.warnings)
+
+
+@pytest.mark.parametrize("lead", [0.0, 1.0, 2.6])
+def test_of_two_cells_the_estimator_that_came_first_is_replayed_by_itself(tmp_path, lead):
+    bag = mix(tmp_path / "bag", round(lead * 1e9) + 333_000, facts=noted(NOTED))
+    found = replay_bag(bag)
+    first = "e" if lead < 1.3 else "c"  # the one whose first estimate was recorded earlier
+    recorded = BagReader(BAGS / first).topics()["/slosh/estimate"].count
+    check(found, pytest.approx(recorded, abs=1))
+
+
+def test_of_two_estimators_on_one_input_the_first_is_replayed(tmp_path):
+    reader = BagReader(BAGS / "c")
+    messages = [m for m in reader.messages() if m.topic.endswith(ENDS)]
+    estimates = [m for m in messages if m.topic == "/slosh/estimate"]
+    for message in estimates:
+        estimate = reader.decode(message)
+        other = dataclasses.replace(estimate, samples_used=estimate.samples_used + 1000)
+        other.nonlinear.msh += 1e-3
+        data = reader.typestore.serialize_cdr(other, message.message_type)
+        messages.append(message._replace(log_ns=message.log_ns + 200_000, data=bytes(data)))
+    with BagWriter(tmp_path / "bag") as writer:
+        for name, value in noted(NOTED[1:]):
+            writer.note(name, value)
+        for message in sorted(messages, key=lambda message: message.log_ns):
+            writer.add_topic(message.topic, message.message_type)
+            writer.write(message.topic, message.data, message.log_ns, message.publish_ns)
+    check(replay_bag(tmp_path / "bag"), len(estimates))
+
+
+MS = 1_000_000
+
+
+@pytest.mark.parametrize("other", [1, 40, 500_000])
+def test_estimators_are_told_apart_by_their_counts_and_stamps(other):
+    """Each at 500 Hz, the first one with a gap of three estimates."""
+    rows = [(2 * MS * k, 40 + k, True) for k in range(60) if k not in (7, 8, 9)]
+    rows += [(2 * MS * k + MS // 3, other + k, False) for k in range(60)]
+    stamps, used, own = (np.array(column) for column in zip(*sorted(rows), strict=True))
+    assert OneEstimator().mask(stamps, used).tolist() == own.tolist()
+
+
+def test_two_on_one_input_are_told_apart_by_their_order():
+    stamps = np.repeat(2 * MS * np.arange(50), 2)
+    used = np.repeat(np.arange(1, 51), 2)
+    assert OneEstimator().mask(stamps, used).tolist() == [True, False] * 50

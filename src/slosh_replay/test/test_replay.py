@@ -1,0 +1,202 @@
+"""Replay gives what the model gives, finds unrelated clocks, and says what it cannot use."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from slosh_bag.bag_writer import BagWriter
+from slosh_bag.definitions import Definitions, find_interfaces
+from slosh_bag.errors import SloshBagError
+from slosh_estimator.monitor_settings import MonitorSettings
+from slosh_model.containers import Cylinder
+from slosh_model.model import Model
+from slosh_model.simulate import Inputs, simulate
+from slosh_replay.replay import replay_bag, replay_table
+from slosh_replay.replay.result import accuracy_table, update_table
+from slosh_tables.motion_table import MotionTable
+
+MODEL = Model(Cylinder(0.05, 0.07)).spatial().nonlinear()
+ACCEL = "geometry_msgs/msg/AccelStamped"
+SURFACE = "slosh_msgs/msg/FreeSurface"
+
+needs_messages = pytest.mark.skipif(
+    find_interfaces("slosh_msgs") is None, reason="the interfaces are not built"
+)
+
+
+def motion_table() -> MotionTable:
+    """1 s still, 4 s of motion, 1 s still; the measured height is that of 3D-NL."""
+    t = np.arange(0.0, 6.0, 0.002)
+    swell = np.where((t > 1.0) & (t < 5.0), np.sin(np.pi * (t - 1.0) / 4.0) ** 2, 0.0)
+    waves = (4.0 * np.sin(13.0 * t), 3.0 * np.cos(11.0 * t), 2.0 * np.sin(9.0 * t))
+    acceleration = swell[:, None] * np.column_stack(waves)
+    response, _ = simulate(MODEL, Inputs(t, acceleration))
+    return MotionTable(t, acceleration, msh=response.msh)
+
+
+TABLE = motion_table()
+
+
+def write_bag(
+    folder: Path,
+    shift: float = 0.0,
+    facts: dict[str, str] | None = None,
+    *,
+    set_back: bool = False,
+) -> Path:
+    """The table as a bag: accelerations at 500 Hz, and images at 62.5 Hz on a shifted clock.
+
+    With `set_back` the accelerations' stamps jump back by 2 s in the middle.
+    """
+    definitions = Definitions()
+    entries = []
+    with BagWriter(folder, definitions, facts) as writer:
+        writer.add_topic("/slosh/accel", ACCEL)
+        writer.add_topic("/slosh/free_surface", SURFACE)
+        store = definitions.typestore
+        types = store.types
+
+        def header(stamp: int, frame: str):
+            time = types["builtin_interfaces/msg/Time"](sec=stamp // 10**9, nanosec=stamp % 10**9)
+            return types["std_msgs/msg/Header"](stamp=time, frame_id=frame)
+
+        vector = types["geometry_msgs/msg/Vector3"]
+        for t, (x, y, z) in zip(TABLE.t.tolist(), TABLE.acceleration.tolist(), strict=True):
+            stamp = 10**9 + round(t * 1e9)
+            accel = types["geometry_msgs/msg/Accel"](
+                linear=vector(x=x, y=y, z=z), angular=vector(x=0.0, y=0.0, z=0.0)
+            )
+            back = 2 * 10**9 if set_back and t > 3.0 else 0
+            message = types[ACCEL](header=header(stamp - back, "world"), accel=accel)
+            entries.append((stamp, "/slosh/accel", store.serialize_cdr(message, ACCEL)))
+        names = _float_fields(types[SURFACE])
+        none = np.empty(0, dtype=np.float32)
+        still = np.arange(-3.0, 0.0, 0.016) if shift else np.empty(0)
+        times = np.concatenate((still, TABLE.t[::8]))
+        heights = np.concatenate((np.zeros(still.size), TABLE.msh[::8]))
+        for t, height in zip(times.tolist(), heights.tolist(), strict=True):
+            stamp = 10**9 + round((t + shift) * 1e9)
+            values = {**dict.fromkeys(names, float("nan")), "msh": height}
+            message = types[SURFACE](
+                header=header(stamp, "container"), **values,
+                profile_azimuth=none, profile_height=none, peak_side=0, flags=0,
+            )  # fmt: skip
+            entries.append((stamp, "/slosh/free_surface", store.serialize_cdr(message, SURFACE)))
+        for stamp, topic, data in sorted(entries, key=lambda entry: entry[0]):
+            writer.write(topic, bytes(data), stamp)
+    return folder
+
+
+def _float_fields(surface: type) -> list[str]:
+    return [
+        name
+        for name, kind in surface.__annotations__.items()
+        if kind in (float, "float") and not name.isupper()
+    ]
+
+
+def by_name(result):
+    return {row.name: row for row in result.accuracy}
+
+
+def test_a_table_of_the_models_own_heights_agrees_with_that_model_alone():
+    rows = by_name(replay_table("own", TABLE, MODEL))
+    assert list(rows) == ["2D-L", "3D-L", "2D-NL", "3D-NL"]
+    assert rows["3D-NL"].sigma < 1e-7
+    assert rows["3D-NL"].epsilon == pytest.approx(0.0, abs=1e-6)
+    assert min(rows[name].sigma for name in ("2D-L", "3D-L", "2D-NL")) > 1e-4
+
+
+def test_a_single_outlier_moves_the_raw_peak_error_only():
+    msh = TABLE.msh.copy()
+    msh[1500] = 0.2
+    row = by_name(replay_table("spike", replace(TABLE, msh=msh), MODEL))["3D-NL"]
+    assert row.epsilon == pytest.approx(0.0, abs=1e-6)
+    assert row.epsilon_raw < -0.5
+
+
+def test_excesses_come_in_pairs_with_the_peak():
+    limit = 0.5 * float(TABLE.msh.max())
+    result = replay_table("limit", TABLE, MODEL, MonitorSettings(measured_limit=limit))
+    kinds = [int(event.kind) for event in result.events]
+    assert kinds[:2] == [0, 1]
+    assert max(event.peak for event in result.events) == pytest.approx(TABLE.msh.max())
+
+
+def test_json_has_every_number_and_no_nan():
+    result = replay_table("own", TABLE, MODEL)
+    document = json.loads(result.to_json(series=True))
+    assert document["accuracy"][3]["sigma"] == result.accuracy[3].sigma
+    assert len(document["series"]["3D-NL"]) == len(TABLE.t)
+
+
+def test_a_table_without_heights_is_refused():
+    with pytest.raises(SloshBagError, match="no measured heights"):
+        replay_table("none", replace(TABLE, msh=None), MODEL)
+
+
+@needs_messages
+def test_a_bag_with_one_clock_gives_the_same_as_its_table(tmp_path: Path):
+    result = replay_bag(write_bag(tmp_path / "bag"), MODEL)
+    row = by_name(result)["3D-NL"]
+    assert row.sigma < 1e-7
+    assert row.clock is None
+    assert result.counters["samples_used"] == len(TABLE.t)
+    assert result.counters["images"] == row.count == len(TABLE.t[::8])
+
+
+@needs_messages
+def test_unrelated_clocks_are_found(tmp_path: Path):
+    bag = write_bag(tmp_path / "bag", shift=7.25, facts={"clocks": "unrelated"})
+    row = by_name(replay_bag(bag, MODEL))["3D-NL"]
+    assert row.clock.offset == pytest.approx(7.25, abs=2e-3)
+    assert row.clock.unambiguous
+    assert row.sigma < 2e-4
+
+
+@needs_messages
+def test_replay_twice_gives_the_same_bits(tmp_path: Path):
+    bag = write_bag(tmp_path / "bag")
+    assert replay_bag(bag, MODEL).to_json(series=True) == replay_bag(bag, MODEL).to_json(
+        series=True
+    )
+
+
+@needs_messages
+def test_a_bag_whose_time_was_set_back_is_refused(tmp_path: Path):
+    with pytest.raises(SloshBagError, match=r"input go back at 4\.\d+ s"):
+        replay_bag(write_bag(tmp_path / "bag", set_back=True), MODEL)
+
+
+@needs_messages
+def test_a_bag_without_container_needs_a_model(tmp_path: Path):
+    with pytest.raises(SloshBagError, match="does not say which model or container"):
+        replay_bag(write_bag(tmp_path / "bag"))
+
+
+@needs_messages
+def test_an_empty_bag_is_refused(tmp_path: Path):
+    with BagWriter(tmp_path / "bag") as writer:
+        writer.add_topic("/slosh/free_surface", SURFACE)
+    with pytest.raises(SloshBagError, match="nothing drives the model"):
+        replay_bag(tmp_path / "bag", MODEL)
+
+
+def test_a_page_gets_its_table_between_the_marks(tmp_path: Path):
+    page = tmp_path / "page.md"
+    page.write_text("before\n<!-- table x -->\nold\n<!-- end x -->\nafter\n")
+    results = [replay_table("own", TABLE, MODEL)]
+    update_table(page, "x", results)
+    update_table(page, "x", results)
+    text = page.read_text()
+    assert text.startswith("before\n<!-- table x -->\n")
+    assert text.endswith("<!-- end x -->\nafter\n")
+    assert text.count(accuracy_table(results)) == 1
+    assert "old" not in text
+    with pytest.raises(SloshBagError, match="once each"):
+        update_table(page, "y", results)

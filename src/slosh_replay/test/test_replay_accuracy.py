@@ -1,0 +1,178 @@
+"""Which samples enter σ and ε, and which do not."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from slosh_bag.errors import SloshBagError
+from slosh_estimator.monitor_settings import MonitorSettings
+from slosh_estimator.sight import SATURATED
+from slosh_estimator.validity import EstimateFlag
+from slosh_metrics.metrics import mean_absolute_error, peak_error, rms_error
+from slosh_replay.recording.heights import Measurements
+from slosh_replay.replay.accuracy import judge
+from slosh_replay.replay.at_images import ModelHeights, at_images
+from slosh_replay.replay.conclusion import thinned
+from slosh_replay.replay.series import Series
+from slosh_replay.replay.unrelated import WholeRun, judge_unrelated
+
+STAMPS = np.arange(0, 1_000_000_000, 10_000_000, dtype=np.int64)
+HEIGHT = 0.02
+
+
+def series(measured, height=HEIGHT, flags=0, usable=True, motion=-1, block=64):
+    """Images at STAMPS or as many as there are heights."""
+    measured = np.atleast_1d(measured)
+    measured = np.broadcast_to(measured, max(len(measured), len(STAMPS)))
+    found = Series(1, block)
+    rows = np.zeros(len(measured), dtype=found.dtype)
+    rows["stamp"] = 10_000_000 * np.arange(len(measured))
+    rows["measured"], rows["flags"], rows["usable"] = measured, flags, usable
+    rows["heights"][:, 0], rows["motion"] = height, motion
+    found.append(rows)
+    return found
+
+
+def accuracy(rows: Series):
+    return judge(rows, ["3D-NL"]).models[0]
+
+
+def test_a_saturated_height_counts_only_above_the_estimate():
+    """It is a lower bound: below the estimate it contradicts nothing."""
+    heights = np.where(np.arange(len(STAMPS)) < 60, 0.005, 0.03)
+    row = accuracy(series(heights, flags=SATURATED))
+    assert row.count == 40
+    assert row.sigma == pytest.approx(0.01)
+
+
+def test_unknown_heights_do_not_count():
+    heights = np.where(np.arange(len(STAMPS)) < 30, np.nan, 0.01)
+    assert accuracy(series(heights)).count == 70
+
+
+def test_estimates_from_an_unknown_state_do_not_count():
+    judged = judge(series(0.01, usable=False), ["3D-NL"])
+    assert judged.models == ()
+    assert "state was not known" in judged.warning
+
+
+@pytest.mark.parametrize(
+    ("measured", "height", "text"),
+    [(np.nan, HEIGHT, "no image shows a height"), (0.01, np.nan, "do both sides use one clock")],
+)
+def test_why_nothing_counts_is_told(measured, height, text):
+    judged = judge(series(measured, height), ["3D-NL"])
+    assert judged.models == ()
+    assert text in judged.warning
+
+
+def test_what_counts_needs_no_warning():
+    assert judge(series(0.01), ["3D-NL"]).warning == ""
+
+
+def test_each_motion_is_judged_by_its_own_images():
+    motion = np.repeat([0, -1, 1], [40, 20, 40])
+    rows = series(0.01 + 0.01 * (motion == 1), motion=motion)
+    first, second = judge(rows, ["3D-NL"], [(0, 4 * 10**8), (6 * 10**8, 10**9)]).motions
+    assert (first.start, first.end) == pytest.approx((0.0, 0.4))
+    assert first.models[0].sigma == pytest.approx(0.01)
+    assert second.models[0].sigma == pytest.approx(0.0)
+    assert (first.peak, second.peak) == pytest.approx((0.01, 0.02))
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.sampled_from([1, 7, 64, 1000]))
+def test_blocks_give_what_the_whole_series_gives(seed: int, block: int):
+    random = np.random.default_rng(seed)
+    measured = 0.01 * np.sin(np.arange(300) / 9.0) + 1e-4 * random.standard_normal(300)
+    measured[random.random(300) < 0.1] = np.nan
+    model = 0.011 * np.sin(np.arange(300) / 9.0)
+    row = accuracy(series(measured, model, block=block))
+    assert row.sigma == pytest.approx(mean_absolute_error(measured, model), rel=1e-12)
+    assert row.rms == pytest.approx(rms_error(measured, model), rel=1e-12)
+    assert row.epsilon == pytest.approx(peak_error(measured, model), rel=1e-12)
+
+
+def test_a_spike_at_the_edge_of_a_block_is_found():
+    measured = 0.01 * np.sin(np.arange(300) / 9.0)
+    for place in (63, 64, 127):
+        spiked = measured.copy()
+        spiked[place] = 0.2
+        judged = judge(series(spiked, measured), ["3D-NL"])
+        assert judged.spikes == 1
+        assert judged.models[0].epsilon == pytest.approx(0.0)
+        assert judged.models[0].epsilon_raw < -0.9
+
+
+def test_a_long_series_keeps_its_extremes():
+    measured = 0.01 * np.sin(np.arange(5000) / 50.0)
+    measured[1234], measured[4000] = 0.5, -0.5
+    rows = thinned(series(measured), limit=200)
+    assert len(rows) < 400
+    assert rows["measured"].max() == 0.5
+    assert rows["measured"].min() == -0.5
+    assert (np.diff(rows["stamp"]) > 0).all()
+
+
+def estimates(stamps=STAMPS, flags=0):
+    count = len(stamps)
+    ramp = 1e-9 * stamps.astype(float)
+    return ModelHeights(
+        stamps, ramp[:, None], np.zeros(count), np.full(count, flags, dtype=np.int64)
+    )
+
+
+def test_estimates_are_interpolated_between_their_stamps():
+    found = at_images(estimates(), STAMPS[:-1] + 3_000_000)
+    np.testing.assert_allclose(found.heights[:, 0], 1e-9 * (STAMPS[:-1] + 3_000_000))
+    assert found.usable.all()
+
+
+def test_there_is_no_estimate_within_a_gap_or_outside():
+    stamps = np.concatenate((STAMPS[10:30], STAMPS[50:90]))
+    known = np.isfinite(at_images(estimates(stamps), STAMPS).heights[:, 0])
+    np.testing.assert_array_equal(np.flatnonzero(known), [*range(10, 30), *range(50, 90)])
+
+
+def test_an_unsettled_estimate_is_not_usable():
+    assert not at_images(estimates(flags=int(EstimateFlag.SETTLING)), STAMPS).usable.any()
+
+
+def whole(acceleration=3.0, shift=5.0, level=0.004):
+    t = np.arange(0.0, 12.0, 1 / 60)
+
+    def wave(x):
+        inside = (x > 0.0) & (x < 4.0)
+        return np.where(inside, 0.02 * np.sin(np.pi * x / 4.0) ** 2 * (2 + np.sin(7 * x)), 0.0)
+
+    stamps = np.arange(0, 4_000_000_000, 2_000_000, dtype=np.int64)
+    heights = np.repeat(wave(stamps * 1e-9)[:, None], 4, axis=1)
+    none = np.full(len(t), np.nan)
+    return WholeRun(
+        ("2D-L", "3D-L", "2D-NL", "3D-NL"),
+        ModelHeights(stamps, heights, np.zeros(len(stamps)), np.zeros(len(stamps), dtype=int)),
+        acceleration * np.outer(np.cos(3e-9 * np.pi * stamps), (1.0, 0.0, 0.0)),
+        Measurements(
+            np.rint(t * 1e9).astype(np.int64),
+            level + wave(t - shift),
+            np.zeros(len(t), dtype=np.int64),
+            none,
+            none,
+        ),
+    )
+
+
+def test_still_level_is_taken_off_where_the_clocks_are_unrelated():
+    result = judge_unrelated("run", "pose", whole(), MonitorSettings())
+    row = result.accuracy[0]
+    assert result.still.level == pytest.approx(0.004)
+    assert row.clock.offset == pytest.approx(5.0, abs=2e-3)
+    assert row.sigma < 2e-4
+
+
+def test_a_container_that_does_not_move_is_refused():
+    with pytest.raises(SloshBagError, match="does not move"):
+        judge_unrelated("run", "pose", whole(acceleration=0.0), MonitorSettings())

@@ -1,0 +1,141 @@
+"""The streaming core gives the same, message by message or all at once."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from slosh_bag.errors import SloshBagError
+from slosh_estimator.inputs import InputSettings
+from slosh_estimator.monitor_settings import MonitorSettings
+from slosh_model.containers import Cylinder
+from slosh_model.model import Model
+from slosh_replay.recording.heights import Measurements
+from slosh_replay.recording.inputs import InputReader
+from slosh_replay.replay.input_matching import InputMatcher
+from slosh_replay.replay.model_set import ModelSet
+from slosh_replay.replay.monitor_feed import MonitorFeed
+from slosh_replay.replay.series import Series
+from slosh_replay.replay.stream import Components, Outputs, ReplayStream
+from slosh_replay.replay.verification import Verifier
+
+MS = 1_000_000
+START = 10**18
+MODEL = Model(Cylinder(0.05, 0.07)).spatial().nonlinear()
+
+
+def inputs():
+    """500 Hz for six seconds; the container is jerked in the middle of an averaging bin."""
+    stamps = START + 2 * MS * np.arange(3000)
+    accelerations = np.zeros((3000, 3))
+    accelerations[(stamps >= START + 2025 * MS) & (stamps < START + 3500 * MS), 0] = 1.0
+    return stamps, accelerations
+
+
+def images():
+    stamps = START + 16 * MS * np.arange(370)
+    heights = 0.01 * np.sin(1e-8 * (stamps - START)) ** 2
+    unknown = np.full(len(stamps), np.nan)
+    return Measurements(stamps, heights, np.zeros(len(stamps), np.int64), unknown, unknown)
+
+
+def columns(stamps, accelerations):
+    seconds, nanoseconds = np.divmod(stamps, 10**9)
+    return {
+        "header.stamp.sec": seconds,
+        "header.stamp.nanosec": nanoseconds,
+        "header.frame_id": np.full(len(stamps), "world", dtype=object),
+        **{f"accel.linear.{axis}": accelerations[:, i] for i, axis in enumerate("xyz")},
+    }
+
+
+class Kept(Outputs):
+    """All that came out."""
+
+    def __init__(self):
+        self.stamps, self.rows, self.found = [], [], []
+
+    def estimates(self, estimates):
+        self.stamps += estimates.own.stamps.tolist()
+
+    def comparisons(self, comparisons):
+        self.rows += comparisons
+
+    def events(self, events):
+        self.found += events
+
+
+def replayed(step, estimates_until=6000, recorded=None):
+    """Series, outputs and comparisons of a run that is fed so many milliseconds at a time.
+
+    Args:
+        step: [ms].
+        estimates_until: from here on the recorder heard no estimates [ms].
+        recorded: comparisons that were recorded.
+    """
+    stamps, accelerations = inputs()
+    measured, out = images(), Kept()
+    with Series(4) as series:
+        components = Components(
+            ModelSet(MODEL), InputReader("accel", InputSettings()),
+            MonitorFeed(MonitorSettings(measured_limit=0.005)), series, matcher=InputMatcher(),
+            verifier=Verifier("estimate"), comparisons=Verifier("comparison"), outputs=out,
+        )  # fmt: skip
+        stream = ReplayStream("run", components)
+        for start in range(START, START + 6000 * MS, step * MS):
+            end = start + step * MS
+            rows = (stamps >= start) & (stamps < end)
+            stream.add_input(columns(stamps[rows], accelerations[rows]), end)
+            heard = rows & (stamps < START + estimates_until * MS)
+            counts = 1 + np.flatnonzero(heard)
+            components.matcher.add_recorded(stamps[heard], counts)
+            rows = (measured.stamps >= start) & (measured.stamps < end)
+            stream.add_measurements(measured.chosen(rows), end)
+            if recorded is not None:
+                near = (recorded[0] >= start) & (recorded[0] < end)
+                components.comparisons.add_recorded(
+                    recorded[0][near], {name: c[near] for name, c in recorded[1].items()}
+                )
+            stream.advance()
+        stream.advance(final=True)
+        return series.read(0, len(series)), out, components.comparisons.result()
+
+
+@pytest.mark.parametrize("estimates_until", [6000, 500])
+@pytest.mark.parametrize("step", [10, 130, 2600])
+def test_the_parts_in_which_a_recording_comes_do_not_matter(step, estimates_until):
+    whole, all_out, _ = replayed(6000, estimates_until)
+    series, out, _ = replayed(step, estimates_until)
+    for name in series.dtype.names:
+        np.testing.assert_array_equal(series[name], whole[name], name)
+    assert out.stamps == all_out.stamps
+    assert repr(out.rows) == repr(all_out.rows)
+    assert repr(out.found) == repr(all_out.found)
+    assert len(out.found) > 4
+    assert set(whole["motion"]) == {-1, 0}
+
+
+def test_comparisons_wait_for_their_estimates_before_they_are_missed():
+    _, out, _ = replayed(6000)
+    stamps = np.array([row.stamp_ns for row in out.rows])
+    fields = {
+        name: np.array([getattr(row, name) for row in out.rows])
+        for name in ("measured", "estimated_linear", "estimated_nonlinear")
+    }
+    found = replayed(10, recorded=(stamps, fields))[2]
+    assert (found.identical, found.missing, found.extra) == (370, 0, 0)
+
+
+def test_inputs_whose_stamps_go_back_are_refused():
+    stamps, accelerations = inputs()
+    with Series(4) as series:
+        components = Components(
+            ModelSet(MODEL), InputReader("accel", InputSettings()),
+            MonitorFeed(MonitorSettings()), series,
+        )  # fmt: skip
+        stream = ReplayStream("run", components)
+        stream.add_input(columns(stamps, accelerations), int(stamps[-1]))
+        stream.advance()
+        stream.add_input(columns(stamps[500:], accelerations[500:]), int(stamps[-1]))
+        with pytest.raises(SloshBagError, match="run: the stamps of the input go back"):
+            stream.advance()

@@ -1,0 +1,229 @@
+"""Recorded and replayed messages are compared by stamp and bits, in whatever parts they come."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from slosh_bag.errors import SloshBagError
+from slosh_estimator.estimator import Estimates
+from slosh_replay.replay.verification import (
+    Difference,
+    Verifier,
+    estimate_columns,
+    estimate_fields,
+)
+
+TOPIC = "/slosh/estimate"
+COUNT = 40
+
+
+def ulp(value: float, steps: int = 1) -> float:
+    return float((np.array([value]).view(np.int64) + steps).view(np.float64)[0])
+
+
+def columns(stamps, **changes):
+    """Two fields of numbers and one of flags; changes: {field: {stamp: value}}."""
+    found = {
+        "linear.msh": np.sin(stamps * 0.1),
+        "nonlinear.msh": np.cos(stamps * 0.1),
+        "flags": stamps % 3,
+    }
+    for field, values in changes.items():
+        name = field.replace("_msh", ".msh")
+        for stamp, value in values.items():
+            found[name] = np.where(stamps == stamp, value, found[name])
+    return found
+
+
+def pick(stamps, table, rows):
+    return stamps[rows], {name: column[rows] for name, column in table.items()}
+
+
+def compared(recorded, replayed):
+    """All at once."""
+    verifier = Verifier(TOPIC)
+    verifier.add_recorded(*recorded)
+    verifier.add_replayed(*replayed)
+    verifier.compare(final=True)
+    return verifier.result()
+
+
+STAMPS = np.arange(100, 100 + COUNT)
+
+
+def whole(**changes):
+    return STAMPS, columns(STAMPS, **changes)
+
+
+def test_equal_messages_are_exact():
+    found = compared(whole(), whole())
+    assert found.exact
+    assert found.within(0.0)
+    assert (found.recorded, found.identical, found.missing, found.extra) == (COUNT, COUNT, 0, 0)
+    assert found.lines() == (f"{TOPIC}: {COUNT} of {COUNT} messages bit for bit",)
+
+
+def test_missing_and_extra_messages_are_counted():
+    stamps, table = whole()
+    found = compared(pick(stamps, table, slice(5, None)), pick(stamps, table, slice(None, -3)))
+    assert (found.recorded, found.missing, found.extra) == (COUNT - 8, 3, 5)
+    assert not found.exact
+    assert not found.within(1.0)
+    assert "3 missing" in found.lines()[0]
+
+
+def test_extra_messages_alone_do_no_harm():
+    stamps, table = whole()
+    assert compared(pick(stamps, table, slice(5, None)), whole()).exact
+
+
+def test_nothing_recorded_is_not_exact():
+    assert not compared((STAMPS[:0], columns(STAMPS[:0])), whole()).exact
+
+
+def test_one_unit_in_the_last_place_is_seen_and_measured():
+    value = math.cos(11.0)
+    found = compared(whole(), whole(nonlinear_msh={110: ulp(value, 2)}))
+    assert found.identical == COUNT - 1
+    assert found.first == Difference(110, "nonlinear.msh", value, ulp(value, 2))
+    assert found.first.units_in_the_last_place == 2
+    assert found.largest == {"nonlinear.msh": abs(ulp(value, 2) - value)}
+    assert found.counts == {"nonlinear.msh": 1}
+    assert "(2 units in the last place)" in str(found.first)
+
+
+def test_units_count_across_zero():
+    assert Difference(0, "x", -5e-324, 5e-324).units_in_the_last_place == 2
+    assert Difference(0, "x", -0.0, 0.0).units_in_the_last_place == 0
+
+
+def test_the_sign_of_zero_is_a_difference_of_bits_alone():
+    found = compared(whole(linear_msh={120: 0.0}), whole(linear_msh={120: -0.0}))
+    assert found.identical == COUNT - 1
+    assert found.largest == {"linear.msh": 0.0}
+
+
+def test_nan_equals_itself_and_nothing_else(recwarn):
+    unknown = whole(linear_msh={110: np.nan})
+    assert compared(unknown, unknown).exact
+    found = compared(unknown, whole())
+    assert found.largest == {"linear.msh": math.inf}
+    assert not found.within(1e9)
+    endless = whole(linear_msh={110: np.inf})
+    assert compared(endless, endless).exact
+    assert compared(endless, whole(linear_msh={110: -np.inf})).largest["linear.msh"] == math.inf
+    assert not recwarn.list
+
+
+def test_flags_are_compared_too():
+    found = compared(whole(), whole(flags={130: 7}))
+    assert found.largest == {"flags": float(7 - 130 % 3)}
+
+
+def test_the_first_is_the_earliest_and_the_largest_is_by_field():
+    changes = {"linear_msh": {105: 9.0, 107: 3.0}, "nonlinear_msh": {104: 2.0}}
+    found = compared(whole(), whole(**changes))
+    assert (found.first.stamp_ns, found.first.field) == (104, "nonlinear.msh")
+    assert found.largest["linear.msh"] == pytest.approx(9.0 - math.sin(10.5))
+    assert found.counts == {"linear.msh": 2, "nonlinear.msh": 1}
+    assert found.identical == COUNT - 3
+    assert "largest difference: linear.msh" in "\n".join(found.lines())
+
+
+places = st.lists(st.integers(0, COUNT), max_size=6)
+some_stamps = st.dictionaries(st.sampled_from(STAMPS.tolist()), st.floats(-1, 1), max_size=4)
+
+
+@settings(max_examples=80, deadline=None)
+@given(
+    st.sets(st.integers(0, COUNT - 1), max_size=8), st.sets(st.integers(0, COUNT - 1), max_size=8),
+    some_stamps, some_stamps, places, places, st.integers(0, 2**32 - 1),
+)  # fmt: skip
+def test_parts_give_what_the_whole_gives(unheard, unmade, linear, nonlinear, cuts_a, cuts_b, seed):
+    stamps, table = whole()
+    recorded = pick(stamps, table, [i for i in range(COUNT) if i not in unheard])
+    other = columns(stamps, linear_msh=linear, nonlinear_msh=nonlinear)
+    replayed = pick(stamps, other, [i for i in range(COUNT) if i not in unmade])
+    verifier = Verifier(TOPIC)
+    sides = []
+    for add, (own, values), cuts in (
+        (verifier.add_recorded, recorded, cuts_a), (verifier.add_replayed, replayed, cuts_b)
+    ):  # fmt: skip
+        ends = [0, *sorted(cuts), len(own)]
+        sides.append([(add, pick(own, values, slice(a, b))) for a, b in pairwise(ends)])
+    random = np.random.default_rng(seed)
+    while any(sides):
+        side = sides[int(random.integers(2))] or sides[0] or sides[1]
+        add, part = side.pop(0)
+        add(*part)
+        if random.random() < 0.7:
+            verifier.compare()
+    verifier.compare(final=True)
+    assert verifier.result() == compared(recorded, replayed)
+
+
+def test_what_is_settled_is_not_kept():
+    """Recorded messages whose inputs were lost wait for nothing."""
+    stamps, table = whole()
+    verifier = Verifier(TOPIC)
+    verifier.add_recorded(stamps, table)
+    verifier.compare(int(stamps[29]))
+    assert verifier.result().missing == 30
+    verifier.add_replayed(*pick(stamps, table, slice(30, None)))
+    verifier.compare(final=True)
+    found = verifier.result()
+    assert (found.recorded, found.identical, found.missing, found.extra) == (10, 10, 30, 0)
+
+
+def test_what_is_settled_is_not_kept_after_one_side_went_silent_either():
+    stamps, table = whole()
+    verifier = Verifier(TOPIC)
+    verifier.add_recorded(stamps, table)
+    verifier.add_replayed(*pick(stamps, table, slice(5)))
+    verifier.compare(int(stamps[29]))
+    assert (verifier.result().recorded, verifier.result().missing) == (5, 25)
+
+
+def test_a_field_that_was_not_recorded_is_named():
+    stamps, table = whole()
+    less = {name: column for name, column in table.items() if name != "flags"}
+    with pytest.raises(SloshBagError, match="no field flags"):
+        compared((stamps, less), (stamps, table))
+
+
+def test_modes_that_were_not_recorded_are_not_compared():
+    stamps, table = whole()
+    nothing = np.full(COUNT, np.nan)
+    old = {**table, "linear.modal_position[1]": nothing, "linear.modal_position[2]": nothing}
+    new = {**table, "linear.modal_position[1]": nothing, "linear.modal_position[2]": nothing + 1}
+    new["linear.modal_position[2]"] = np.zeros(COUNT)
+    assert compared((stamps, old), (stamps, new)).exact
+    new["linear.modal_position[1]"] = np.zeros(COUNT)
+    assert not compared((stamps, old), (stamps, new)).exact
+
+
+@pytest.mark.parametrize("modes", [1, 2, 3])
+def test_every_number_of_an_estimate_has_a_column(modes):
+    rng = np.random.default_rng(0)
+    estimates = Estimates(
+        np.arange(5), rng.random((5, 2, 4)), rng.random((5, 2, modes, 4)), rng.random(5),
+        np.arange(5), rng.random((5, 3)), rng.random(5),
+    )  # fmt: skip
+    found = estimate_columns(estimates)
+    assert tuple(found) == estimate_fields(modes)
+    numbers = np.concatenate([column for name, column in found.items() if name != "flags"])
+    everything = [*estimates[1:4], *estimates[5:7]]
+    np.testing.assert_array_equal(
+        np.sort(numbers), np.sort(np.concatenate([part.ravel() for part in everything]))
+    )
+    mode = modes - 1
+    assert (
+        found[f"nonlinear.modal_velocity[{2 * mode + 1}]"] == estimates.modal[:, 1, mode, 3]
+    ).all()
+    assert (found["linear.azimuth"] == estimates.heights[:, 0, 1]).all()

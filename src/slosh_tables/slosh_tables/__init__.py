@@ -1,0 +1,12 @@
+"""Reads and writes tables of motions, in the forms that spreadsheets and scripts write."""
+
+from typing import TYPE_CHECKING
+
+from slosh_base.files.lazy_names import lazy_names
+
+if TYPE_CHECKING:
+    from slosh_tables.motion_table import MotionTable, read_motion_table, write_motion_table
+
+__all__ = ["MotionTable", "read_motion_table", "write_motion_table"]
+
+__getattr__ = lazy_names(__name__, dict.fromkeys(__all__, "motion_table"))

@@ -1,0 +1,259 @@
+"""Motion tables: a container's motion, and measured heights where there are any, as CSV.
+
+Columns: `t,ax,ay,az` [s, m/s²: container's origin, world frame, gravity excluded]; optional
+`x,y,z` (of the container's origin in the world, m, as in a plan: passed over), `qx,qy,qz,qw`
+(attitude, world ← container), `wx,wy,wz` (angular velocity, container's frame, rad/s), `msh` [m],
+`eta_000` … `eta_359` (height on the wall by azimuth in degrees from the
+container's +x, m) and `profile_X` (height of the surface seen from the side at X metres along the
+container's x axis, as in `profile_-0.0295`, m). A height that was not measured is `nan` or an
+empty cell. `.csv.gz` is compressed. Tables of other programs, with other names, units and marks
+between columns, are read by `text_table`, which tells what it assumed.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_base.files import new_text
+from slosh_base.files.errors import SloshFileError
+from slosh_model import for_notebooks
+from slosh_model.simulate import Inputs
+from slosh_tables.text_table.options import FOUND_OUT, TableOptions
+from slosh_tables.text_table.reading import TextTable, read_table
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+Array = NDArray[np.float64]
+
+SUFFIXES = (".csv", ".csv.gz")
+"""Of a motion table's file."""
+MOTION = ("t", "ax", "ay", "az")
+POSITION = ("x", "y", "z")
+ATTITUDE = ("qx", "qy", "qz", "qw")
+ANGULAR_VELOCITY = ("wx", "wy", "wz")
+MSH = "msh"
+ETA = "eta_"
+PROFILE = "profile_"
+CHOOSE = "columns of other names: --columns t=…,ax=… (others are not read then)"
+_BATCH = 10_000  # rows that are turned into text at a time
+
+
+def is_motion_table(path: Path) -> bool:
+    """Whether a path's name is a motion table's."""
+    return path.name.lower().endswith(SUFFIXES)
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class MotionTable:
+    """A motion and what was measured during it.
+
+    Attributes:
+        t: (N,) time [s], strictly increasing.
+        acceleration: (N, 3) of the container's origin, world frame, gravity excluded [m/s²].
+        attitude: (N, 4) quaternion x, y, z, w, world ← container; None: upright.
+        angular_velocity: (N, 3) in the container's frame [rad/s]; None: not given.
+        msh: (N,) measured maximum sloshing height [m], NaN where the camera has no sample.
+        eta_azimuth: (K,) azimuths of the measured wall heights from the container's +x [rad].
+        eta: (N, K) measured wall heights above the still level [m], NaN likewise.
+        profile_x: (I,) places of the measured profile from the container's middle along its x axis
+            [m], rising.
+        profile: (N, I) measured heights of the surface there, above the still level [m], NaN
+            likewise.
+    """
+
+    t: Array
+    acceleration: Array
+    attitude: Array | None = None
+    angular_velocity: Array | None = None
+    msh: Array | None = None
+    eta_azimuth: Array | None = None
+    eta: Array | None = None
+    profile_x: Array | None = None
+    profile: Array | None = None
+
+    @property
+    def measured(self) -> Array | None:
+        """(N,) measured maximum height [m]: `msh`, or the maximum of `eta` over the azimuth."""
+        if self.msh is not None or self.eta is None:
+            return self.msh
+        unknown = np.isnan(self.eta).all(axis=1)
+        filled = np.where(np.isnan(self.eta), -np.inf, self.eta).max(axis=1)
+        return np.where(unknown, np.nan, filled)
+
+    def __repr__(self) -> str:
+        heights = self.measured
+        found = "" if heights is None else f", {for_notebooks.peak(self.t, heights, 'measured')}"
+        return f"MotionTable({for_notebooks.span(self.t)}{found})"
+
+    def inputs(self) -> Inputs:
+        """The motion as `slosh_model.simulate` takes it.
+
+        Raises:
+            SloshModelError: it cannot be simulated; the text names the array and the row.
+        """
+        return Inputs(self.t, self.acceleration, self.attitude, self.angular_velocity)
+
+    def to_pandas(self) -> DataFrame:
+        """A table with the file's columns by time; its `to_csv` gives a motion table again.
+
+        Raises:
+            SloshFileError: a measured azimuth is no whole degree.
+            ImportError: pandas is not installed.
+        """
+        names, columns = _columns("this motion", self)
+        data = np.column_stack(columns)
+        return for_notebooks.table(self.t, dict(zip(names[1:], data.T[1:], strict=True)))
+
+
+def read_motion_table(path: str | Path, options: TableOptions = FOUND_OUT) -> MotionTable:
+    """Reads a motion table.
+
+    Args:
+        path: a text file; one whose name ends in .gz is unpacked.
+        options: what the user says of it, where it differs from what is written here.
+
+    Raises:
+        SloshFileError: the file is missing, empty or cut off, a column is missing, unknown or
+            twice, a value is no number, an input is not finite, time does not increase; one line
+            that names the file, the line and the column.
+    """
+    table = read_table(Path(path), _check_columns, options, may_be_blank=_is_height)
+    table.check_finite(_is_height)
+    table.check_time()
+    return _table(table)
+
+
+def write_motion_table(path: str | Path, table: MotionTable) -> None:
+    """Writes a motion table that `read_motion_table` reads back to the same bits.
+
+    Args:
+        path: the `.csv` or `.csv.gz` file to write.
+        table: the table.
+
+    Raises:
+        SloshFileError: a measured azimuth is no whole degree.
+        OSError: the file cannot be written; what was there is as it was.
+    """
+    path = Path(path)
+    names, columns = _columns(path, table)
+    data = np.column_stack(columns)
+    with new_text(path) as text:
+        writer = csv.writer(text, lineterminator="\n")
+        writer.writerow(names)
+        for start in range(0, len(data), _BATCH):
+            # The csv module writes floats by repr: to the same bits when read.
+            writer.writerows(data[start : start + _BATCH].tolist())
+
+
+def column_names(path: Path, table: MotionTable) -> list[str]:
+    """The names of a table's columns, in the order in which they are written.
+
+    Raises:
+        SloshFileError: a measured azimuth is no whole degree.
+    """
+    return _columns(path, table)[0]
+
+
+def eta_azimuths(names: Iterable[str]) -> Array:
+    """The azimuths [rad] of those names that are columns of wall heights, in rising order."""
+    degrees = sorted(float(name.removeprefix(ETA)) for name in names if _is_eta(name))
+    return np.radians(degrees)
+
+
+def _is_eta(name: str) -> bool:
+    digits = name.removeprefix(ETA)
+    return name.startswith(ETA) and len(digits) == 3 and digits.isdecimal() and int(digits) < 360
+
+
+def _is_height(name: str) -> bool:
+    return name == MSH or _is_eta(name) or _is_profile(name)
+
+
+def _is_profile(name: str) -> bool:
+    try:
+        return name.startswith(PROFILE) and math.isfinite(_place(name))
+    except ValueError:
+        return False
+
+
+def _place(name: str) -> float:
+    """A profile column's x [m]."""
+    return float(name.removeprefix(PROFILE))
+
+
+def _check_columns(path: Path, names: list[str]) -> None:
+    known = {*MOTION, *POSITION, *ATTITUDE, *ANGULAR_VELOCITY, MSH}
+    for name in names:
+        if names.count(name) > 1:
+            raise SloshFileError(f"{path}: line 1: column {name!r} stands twice")
+        if name not in known and not (_is_eta(name) or _is_profile(name)):
+            raise SloshFileError(
+                f"{path}: line 1: column {name!r} is unknown; known are {', '.join(MOTION)}, "
+                f"{', '.join(POSITION)}, "
+                f"{', '.join(ATTITUDE)}, {', '.join(ANGULAR_VELOCITY)}, {MSH}, eta_000 … eta_359, "
+                f"{PROFILE}X; {CHOOSE}"
+            )
+    for group in (MOTION, POSITION, ATTITUDE, ANGULAR_VELOCITY):
+        missing = [name for name in group if name not in names]
+        if missing and (group is MOTION or len(missing) < len(group)):
+            raise SloshFileError(
+                f"{path}: line 1: column {missing[0]!r} is missing; "
+                f"{', '.join(group)} belong together; {CHOOSE}"
+            )
+
+
+def _table(table: TextTable) -> MotionTable:
+    etas = tuple(sorted(name for name in table.names if _is_eta(name)))
+    places = tuple(sorted((name for name in table.names if _is_profile(name)), key=_place))
+    acceleration = table.group(MOTION[1:])
+    assert acceleration is not None  # the names were checked
+    return MotionTable(
+        t=table.column("t").copy(),
+        acceleration=acceleration,
+        attitude=table.group(ATTITUDE),
+        angular_velocity=table.group(ANGULAR_VELOCITY),
+        msh=table.column(MSH).copy() if MSH in table.names else None,
+        eta_azimuth=eta_azimuths(etas) if etas else None,
+        eta=table.group(etas) if etas else None,
+        profile_x=np.array([_place(name) for name in places]) if places else None,
+        profile=table.group(places) if places else None,
+    )
+
+
+def _columns(path: Path | str, table: MotionTable) -> tuple[list[str], list[Array]]:
+    names, columns = list(MOTION), [table.t, table.acceleration]
+    groups = ((ATTITUDE, table.attitude), (ANGULAR_VELOCITY, table.angular_velocity))
+    for group, values in groups:
+        if values is not None:
+            names += group
+            columns.append(values)
+    if table.msh is not None:
+        names.append(MSH)
+        columns.append(table.msh)
+    if table.eta is not None and table.eta_azimuth is not None:
+        names += _eta_names(path, table.eta_azimuth)
+        columns.append(table.eta)
+    if table.profile is not None and table.profile_x is not None:
+        names += [f"{PROFILE}{x!r}" for x in table.profile_x.tolist()]
+        columns.append(table.profile)
+    return names, columns
+
+
+def _eta_names(path: Path | str, azimuth: Array) -> list[str]:
+    degrees = np.degrees(azimuth)
+    whole = np.rint(degrees)
+    if np.abs(degrees - whole).max() > 1e-6:
+        raise SloshFileError(
+            f"{path}: eta at {degrees[np.argmax(np.abs(degrees - whole))]:.6g}° cannot be "
+            "written; the table holds whole degrees"
+        )
+    return [f"{ETA}{int(value) % 360:03d}" for value in whole]
