@@ -35,13 +35,13 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from process_memory import peak_memory
 
-import slosh_estimator
 from slosh_bag.bag_writer import BagWriter
 from slosh_bag.columns.cdr_columns import write_messages
 from slosh_bag.columns.cdr_layout import layout_of
 from slosh_bag.definitions import Definitions
 from slosh_base.compiled.arithmetic import arithmetic_fingerprint
 from slosh_base.compiled.compile_cache import sources_digest
+from slosh_estimator import SOURCES
 from slosh_estimator.estimator import Estimates, Estimator
 from slosh_estimator.monitor_settings import MonitorSettings
 from slosh_estimator.sample import Samples
@@ -171,7 +171,7 @@ class Packer:
             files = {"model": format_model(MODEL)} if node == "estimator" else {}
             message = self._store.types[kind](
                 header=self._header(), node=node, arithmetic=arithmetic_fingerprint(),
-                code=sources_digest(Path(slosh_estimator.__file__).parent),
+                code=sources_digest(*SOURCES),
                 document=yaml.safe_dump({"parameters": parameters, "files": files}),
             )  # fmt: skip
             data = bytes(self._store.serialize_cdr(message, kind))

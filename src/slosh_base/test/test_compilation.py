@@ -129,6 +129,20 @@ def test_every_edit_that_changes_the_code_changes_the_name(digests, old, new):
     assert digests(BASE)["top"] != digests(BASE.replace(old, new))["top"]
 
 
+def test_the_module_of_a_called_function_is_part_of_the_name(define):
+    """Kept code imports it: where the module has moved, the code could not be loaded."""
+    text = "@compiled\ndef part(x):\n    return x + 1.0\n"
+    caller = (
+        "from {} import part\n\n@entry_point(float64(float64))\ndef top(x):\n    return part(x)\n"
+    )
+    names = []
+    for module in ("moved_from", "moved_to"):
+        define(text, module)
+        compilation._NAMES.clear()
+        names.append(digest_of(define(caller.format(module), "always_the_same")))
+    assert names[0] != names[1]
+
+
 def test_the_options_that_all_functions_share_are_part_of_the_name(digests, monkeypatch):
     before = digests(BASE)
     monkeypatch.setattr(compilation, "OPTIONS", {"error_model": "python"})

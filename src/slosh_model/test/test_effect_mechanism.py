@@ -14,7 +14,7 @@ import slosh_base
 import slosh_model
 
 PACKAGE = Path(slosh_model.__file__).parent
-FILES = Path(slosh_base.files.__file__).parent.parent
+BASE = Path(slosh_base.__file__).parent.parent
 """Where the package below is found."""
 PAGE = Path(__file__).resolve().parents[3] / "docs" / "effects" / "adding.md"
 
@@ -272,7 +272,7 @@ def on_the_page(language: str) -> str:
 def run(root: Path, program: str, *words: str, **environment: str) -> str:
     surroundings = {
         "PATH": os.defpath,
-        "PYTHONPATH": os.pathsep.join([str(root), str(FILES)]),
+        "PYTHONPATH": os.pathsep.join([str(root), str(BASE)]),
         "XDG_CACHE_HOME": str(root / "cache"),
         "HOME": str(root),
         **environment,

@@ -1,51 +1,55 @@
-"""Messages of slosh_msgs to and from the immutable values of `slosh_msgs_py.values`.
+"""Messages filled by field names, each field of exactly the type that it declares.
 
 rclpy does not check field types by default: a NumPy float or an int in a float64 field goes out as
-garbage. `to_message` therefore converts every field to exactly the type that it declares.
+garbage.
 """
 
 from __future__ import annotations
 
 import array
-import dataclasses
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
-from slosh_msgs import msg as messages
-from slosh_msgs_py import values
 from slosh_msgs_py.errors import SloshMessageError
-from slosh_msgs_py.stamps import to_duration, to_nanoseconds, to_time
+from slosh_msgs_py.stamps import to_duration, to_time
 
 _NANOSECONDS = "_ns"
 _TYPECODES = {"double": "d", "float": "f"}
+_UNKNOWN = {"double": float("nan"), "float": float("nan")}
+"""Value of a field that is not given; other types keep the message's own default."""
 _FLOAT32 = 3.402823466e38
 """The greatest float32 that ROS's own check of a field admits."""
+Message = TypeVar("Message")
 
 
-def to_message(value: Any) -> Any:
-    """The message of a value.
+def filled(message_type: type[Message], /, **fields: Any) -> Message:
+    """A message of a type, with the fields that are given.
 
     Args:
-        value: one of the dataclasses of `slosh_msgs_py.values`.
+        message_type: the message's class.
+        fields: by the message's field names. `stamp_ns` and `frame_id` fill the header; another
+            name that ends in `_ns` fills the time or duration of that name [ns]. Numbers that are
+            not given are NaN, which the messages of slosh_msgs define as unknown.
 
     Raises:
-        SloshMessageError: no such message, or a field's value does not fit its type.
+        SloshMessageError: there is no such field, or a value does not fit its type.
     """
-    message_type = getattr(messages, type(value).__name__, None)
-    if message_type is None:
-        raise SloshMessageError(f"there is no message for {type(value).__name__}")
-    message = message_type()
-    types = message_type.get_fields_and_field_types()
-    for item in dataclasses.fields(value):
-        content = getattr(value, item.name)
+    message: Any = message_type()
+    types = message.get_fields_and_field_types()
+    for name in types.keys() - fields.keys():
+        if types[name] in _UNKNOWN:
+            setattr(message, name, _UNKNOWN[types[name]])
+    for name, content in fields.items():
         try:
-            _set(message, item.name, content, types)
+            _set(message, name, content, types)
+        except KeyError:
+            raise SloshMessageError(f"{message_type.__name__} has no field {name}") from None
         except (TypeError, ValueError, OverflowError) as error:
             raise SloshMessageError(
-                f"{type(value).__name__}.{item.name} = {content!r} does not fit: {error}"
+                f"{message_type.__name__}.{name} = {content!r} does not fit: {error}"
             ) from None
-    return message
+    return message  # type: ignore[no-any-return]
 
 
 def _set(message: Any, name: str, content: Any, types: dict[str, str]) -> None:
@@ -57,8 +61,6 @@ def _set(message: Any, name: str, content: Any, types: dict[str, str]) -> None:
         field = name.removesuffix(_NANOSECONDS)
         convert = to_duration if types[field].endswith("Duration") else to_time
         setattr(message, field, convert(content))
-    elif dataclasses.is_dataclass(content):
-        setattr(message, name, to_message(content))
     else:
         setattr(message, name, _plain(types[name], content))
 
@@ -96,34 +98,3 @@ def _integer(kind: str, content: Any) -> int:
     if number != content or not low <= number < high:
         raise ValueError(f"not in the range of {kind}")
     return number
-
-
-def from_message(message: Any) -> Any:
-    """The value of a message; its arrays are read-only copies.
-
-    Raises:
-        SloshMessageError: there is no value type for the message.
-    """
-    value_type = getattr(values, type(message).__name__, None)
-    if value_type is None:
-        raise SloshMessageError(f"there is no value for {type(message).__name__}")
-    return value_type(
-        **{item.name: _get(message, item.name) for item in dataclasses.fields(value_type)}
-    )
-
-
-def _get(message: Any, name: str) -> Any:
-    if name == "stamp_ns":
-        return to_nanoseconds(message.header.stamp)
-    if name == "frame_id":
-        return message.header.frame_id
-    if name.endswith(_NANOSECONDS):
-        return to_nanoseconds(getattr(message, name.removesuffix(_NANOSECONDS)))
-    content = getattr(message, name)
-    if isinstance(content, array.array | np.ndarray):
-        copy = np.array(content, dtype=np.float64)
-        copy.setflags(write=False)
-        return copy
-    if hasattr(content, "get_fields_and_field_types"):
-        return from_message(content)
-    return content

@@ -1,6 +1,5 @@
-"""Messages to values and back; times; images; QoS."""
+"""Messages filled by names; times; images; QoS."""
 
-import dataclasses
 import math
 
 import numpy as np
@@ -10,81 +9,37 @@ from hypothesis import strategies as st
 from rclpy.qos import QoSCompatibility, qos_check_compatible
 
 from slosh_base.files.nanoseconds import SECOND
-from slosh_msgs import msg as messages
-from slosh_msgs_py import conversions, images, qos, stamps, values
+from slosh_msgs.msg import FreeSurface, LimitEvent
+from slosh_msgs_py import images, qos, stamps
+from slosh_msgs_py.conversions import filled
 from slosh_msgs_py.errors import SloshMessageError
 
-KINDS = [
-    values.FreeSurface,
-    values.ModelEstimate,
-    values.SloshEstimate,
-    values.ExpectedReading,
-    values.SloshComparison,
-    values.MotionPrediction,
-    values.PredictionOutcome,
-    values.LimitEvent,
-]
-FLOAT32 = 3.402823466e38  # what ROS's own check admits; the greatest of all is a little more
-floats = st.floats(width=32).filter(lambda number: not FLOAT32 < abs(number) < math.inf)
-arrays = st.lists(floats, max_size=5).map(lambda numbers: np.array(numbers, dtype=np.float64))
 
-
-def field_strategy(kind, item):
-    default = getattr(kind(0), item.name) if kind is not values.ModelEstimate else None
-    if kind is values.ModelEstimate:
-        default = getattr(kind(), item.name)
-    if item.name.endswith("_ns"):
-        return st.integers(0, stamps.MAXIMUM)
-    if isinstance(default, bool):
-        return st.booleans()
-    if isinstance(default, float):
-        return floats
-    if isinstance(default, int):
-        return st.integers(0, 200)
-    if isinstance(default, str):
-        return st.text("abc äµ", max_size=8)
-    if isinstance(default, values.ModelEstimate):
-        return value_strategy(values.ModelEstimate)
-    if item.name == "acceleration":
-        return st.lists(floats, min_size=3, max_size=3).map(np.array)
-    return arrays
-
-
-def value_strategy(kind):
-    return st.builds(
-        kind, **{item.name: field_strategy(kind, item) for item in dataclasses.fields(kind)}
+def test_fields_are_filled_by_name_and_numbers_not_given_are_unknown():
+    message = filled(
+        LimitEvent,
+        stamp_ns=1_500_000_000,
+        frame_id="cup",
+        id=3,
+        kind=1,
+        limit=0.02,
+        peak_stamp_ns=2_000_000_001,
+        duration_ns=5,
+        description="too high",
     )
-
-
-def same(one, other):
-    if dataclasses.is_dataclass(one):
-        return all(
-            same(getattr(one, item.name), getattr(other, item.name))
-            for item in dataclasses.fields(one)
-        )
-    if isinstance(one, np.ndarray | float):
-        return np.array_equal(one, other, equal_nan=True)
-    return one == other
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_every_field_of_the_message_is_in_the_value(kind):
-    fields = set(getattr(messages, kind.__name__).get_fields_and_field_types())
-    named = {item.name.removesuffix("_ns") for item in dataclasses.fields(kind)}
-    if "header" in fields:
-        fields = fields - {"header"} | {"stamp", "frame_id"}
-    assert named == fields
-
-
-@given(st.one_of([value_strategy(kind) for kind in KINDS]))
-def test_round_trip(value):
-    assert same(conversions.from_message(conversions.to_message(value)), value)
+    assert stamps.to_nanoseconds(message.header.stamp) == 1_500_000_000
+    assert message.header.frame_id == "cup"
+    assert (message.id, message.kind, message.limit) == (3, 1, 0.02)
+    assert stamps.to_nanoseconds(message.peak_stamp) == 2_000_000_001
+    assert stamps.to_nanoseconds(message.duration) == 5
+    assert message.description == "too high"
+    assert math.isnan(message.peak)
 
 
 @pytest.mark.parametrize("number", [np.float32(1.5), np.int64(2), 3])
 def test_numbers_of_other_types_arrive_as_they_are(number):
     """rclpy would send an int or a NumPy float in a float64 field as garbage."""
-    message = conversions.to_message(values.FreeSurface(0, msh=number))
+    message = filled(FreeSurface, msh=number)
     assert type(message.msh) is float
     assert message.msh == number
 
@@ -94,23 +49,16 @@ def test_numbers_of_other_types_arrive_as_they_are(number):
 def test_a_number_too_great_for_its_field_is_refused_not_sent_as_infinity(field, number):
     content = number if field == "peak_u" else np.array([0.0, number])
     with pytest.raises(SloshMessageError, match=rf"FreeSurface\.{field} = .*range of float32"):
-        conversions.to_message(values.FreeSurface(0, **{field: content}))
+        filled(FreeSurface, **{field: content})
 
 
 def test_a_value_that_does_not_fit_is_named():
     with pytest.raises(SloshMessageError, match=r"FreeSurface\.peak_side = -1"):
-        conversions.to_message(values.FreeSurface(0, peak_side=-1))
+        filled(FreeSurface, peak_side=-1)
     with pytest.raises(SloshMessageError, match=r"FreeSurface\.msh = 'high'"):
-        conversions.to_message(values.FreeSurface(0, msh="high"))
-    with pytest.raises(SloshMessageError, match="there is no message for int"):
-        conversions.to_message(5)
-
-
-def test_values_arrays_cannot_be_changed():
-    message = messages.FreeSurface(profile_height=[1.0, 2.0])
-    value = conversions.from_message(message)
-    with pytest.raises(ValueError, match="read-only"):
-        value.profile_height[0] = 5.0
+        filled(FreeSurface, msh="high")
+    with pytest.raises(SloshMessageError, match="FreeSurface has no field height"):
+        filled(FreeSurface, height=5)
 
 
 @given(st.integers(0, stamps.MAXIMUM))

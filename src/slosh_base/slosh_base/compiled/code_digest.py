@@ -1,8 +1,8 @@
 """All that a compiled function's machine code comes from, as a short digest.
 
-That is its own code, the constants that it reads, the compiled functions that it calls, the
-options and what compiles it. Comments, docstrings, places of files and the order of hashes are no
-part of it. What may change unseen is refused.
+That is its own code, the constants that it reads, the compiled functions that it calls and their
+modules, the options and what compiles it. Comments, docstrings, places of files and the order of
+hashes are no part of it. What may change unseen is refused.
 """
 
 from __future__ import annotations
@@ -111,7 +111,8 @@ def _fact(value: Any) -> str:
     """A value as text, the same in every process."""
     function = written(value)
     if hasattr(function, DIGEST):
-        return str(getattr(function, DIGEST))
+        # Kept code imports the modules of the functions that it calls.
+        return f"{function.__module__} {getattr(function, DIGEST)}"
     if isinstance(value, (tuple, list)):
         return f"{type(value).__name__}[{', '.join(_fact(one) for one in value)}]"
     if isinstance(value, (set, frozenset)):

@@ -12,7 +12,8 @@ from std_msgs.msg import String
 
 from slosh_camera.optics.calibration import Calibration
 from slosh_msgs.msg import FreeSurface
-from slosh_msgs_py import conversions, qos, topics, values
+from slosh_msgs_py import qos, topics
+from slosh_msgs_py.conversions import filled
 
 Array = NDArray[np.float64]
 
@@ -83,13 +84,13 @@ def truth_message(stamp_ns: int, sh_x: float, sh_y: float) -> FreeSurface:
     """The exact heights as a measurement would state them."""
     azimuth = float(np.arctan2(sh_y, sh_x))
     height = float(np.hypot(sh_x, sh_y))
-    return conversions.to_message(
-        values.FreeSurface(
-            stamp_ns,
-            msh=height,
-            msh_stddev=0.0,
-            azimuth=azimuth,
-            fitted_msh=height,
-            fitted_azimuth=azimuth,
-        )
+    return filled(
+        FreeSurface,
+        stamp_ns=stamp_ns,
+        frame_id="container",
+        msh=height,
+        msh_stddev=0.0,
+        azimuth=azimuth,
+        fitted_msh=height,
+        fitted_azimuth=azimuth,
     )

@@ -26,7 +26,8 @@ from slosh_camera.nodes.frame_gaps import FrameGaps
 from slosh_camera.nodes.level_changes import LevelChanges
 from slosh_camera.nodes.newest_image import NewestImage
 from slosh_msgs.msg import FreeSurface
-from slosh_msgs_py import conversions, qos, topics, values
+from slosh_msgs_py import qos, topics
+from slosh_msgs_py.conversions import filled
 from slosh_msgs_py.images import image_bytes
 from slosh_msgs_py.node.diagnostics import ERROR, OK, STALE, WARN, Health
 from slosh_msgs_py.node.parameters import ParameterSpec, declare
@@ -38,7 +39,6 @@ from slosh_msgs_py.node.settings import SettingsPublisher
 from slosh_msgs_py.node.silence import SilentTopic
 from slosh_msgs_py.stamps import MAXIMUM, to_nanoseconds
 
-PACKAGE = Path(__file__).parents[1]
 MANY = 0.25
 """Where this share of the images is dropped between two reports, the node cannot keep pace."""
 PARAMETERS = (
@@ -74,7 +74,7 @@ class CameraNode(PreparedNode):
         self._is_raw = given["transport"] == "raw"
         self._image = topics.IMAGE if self._is_raw else topics.IMAGE_COMPRESSED
         settings = SettingsPublisher(
-            self, sources_digest(PACKAGE), arithmetic_fingerprint(), given,
+            self, sources_digest("slosh_camera"), arithmetic_fingerprint(), given,
             (self._image, topics.FREE_SURFACE),
         )  # fmt: skip
         settings.publish({"calibration": Path(given["calibration"]).read_text(encoding="utf-8")})
@@ -146,7 +146,7 @@ class CameraNode(PreparedNode):
         self._recent |= measurement.flags
         self._flags.update(measurement.flags)
         self._levels.add(measurement)
-        self._publisher.publish(conversions.to_message(to_value(measurement, self._frame)))
+        self._publisher.publish(surface_message(measurement, self._frame))
         self._report.counts["measurement"] += 1
         self._report.latency(int(self.get_clock().now().nanoseconds) - stamp_ns)
 
@@ -193,9 +193,10 @@ class CameraNode(PreparedNode):
         }
 
 
-def to_value(measurement: Measurement, frame: str) -> values.FreeSurface:
-    """A measurement as the message has it."""
-    return values.FreeSurface(
+def surface_message(measurement: Measurement, frame: str) -> FreeSurface:
+    """The message of a measurement."""
+    return filled(
+        FreeSurface,
         stamp_ns=measurement.stamp_ns,
         frame_id=frame,
         msh=measurement.msh,

@@ -22,7 +22,8 @@ from slosh_estimator.nodes.prediction_watch import PredictionWatch
 from slosh_estimator.readings import Reading, ReadingJoiner
 from slosh_estimator.sight import ClockWatch
 from slosh_msgs.msg import ExpectedReading, FreeSurface, LimitEvent, SloshComparison, SloshEstimate
-from slosh_msgs_py import conversions, qos, topics, values
+from slosh_msgs_py import qos, topics
+from slosh_msgs_py.conversions import filled
 from slosh_msgs_py.node.diagnostics import DiagnosticsReporter, Health
 from slosh_msgs_py.node.guarded import GuardedNode
 from slosh_msgs_py.node.parameters import ParameterSpec, declare
@@ -157,8 +158,8 @@ class MonitorNode(GuardedNode):
 
     def _publish(self, comparisons: list[Comparison]) -> None:
         for comparison in comparisons:
-            value = values.SloshComparison(frame_id=self._frame, **comparison._asdict())
-            self._comparisons.publish(conversions.to_message(value))
+            fields = comparison._asdict()
+            self._comparisons.publish(filled(SloshComparison, frame_id=self._frame, **fields))
             self._report.counts["comparison"] += 1
             if not comparison.measured_stale:
                 age = int(self.get_clock().now().nanoseconds) - comparison.stamp_ns
@@ -167,7 +168,7 @@ class MonitorNode(GuardedNode):
             self._announce(event)
 
     def _announce(self, event: Event) -> None:
-        self._events.publish(conversions.to_message(event_value(event, self._frame)))
+        self._events.publish(event_message(event, self._frame))
         self.get_logger().warning(f"limit {event.kind.name.lower()}: {event.description}")
 
     def _on_reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
@@ -197,9 +198,10 @@ class MonitorNode(GuardedNode):
         }
 
 
-def event_value(event: Event, frame: str) -> values.LimitEvent:
-    """An event as the message has it."""
-    return values.LimitEvent(
+def event_message(event: Event, frame: str) -> LimitEvent:
+    """The message of an event."""
+    return filled(
+        LimitEvent,
         stamp_ns=event.stamp_ns,
         frame_id=frame,
         id=event.id,

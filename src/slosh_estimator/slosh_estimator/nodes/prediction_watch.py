@@ -9,7 +9,8 @@ from rclpy.node import Node
 from slosh_estimator.agreement import MotionAgreement
 from slosh_estimator.prediction_record import Announced, PredictionRecord
 from slosh_msgs.msg import MotionPrediction, PredictionOutcome
-from slosh_msgs_py import conversions, qos, topics, values
+from slosh_msgs_py import qos, topics
+from slosh_msgs_py.conversions import filled
 from slosh_msgs_py.stamps import to_nanoseconds
 
 
@@ -40,8 +41,8 @@ class PredictionWatch:
         outcome = self._record.judge(motion)
         if outcome is None:
             return
-        value = values.PredictionOutcome(frame_id=self._frame, **outcome._asdict())
-        self._outcomes.publish(conversions.to_message(value))
+        message = filled(PredictionOutcome, frame_id=self._frame, **outcome._asdict())
+        self._outcomes.publish(message)
         self._node.get_logger().info(f"planned motion {outcome.id}: {outcome.description}")
 
     def facts(self) -> dict[str, Any]:

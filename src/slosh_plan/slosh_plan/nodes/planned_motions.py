@@ -13,7 +13,8 @@ from slosh_estimator.errors import SloshEstimatorError
 from slosh_model.model import Model
 from slosh_model.tilt import added_text
 from slosh_msgs.msg import MotionPrediction, PredictionOutcome
-from slosh_msgs_py import conversions, qos, topics, values
+from slosh_msgs_py import qos, topics
+from slosh_msgs_py.conversions import filled
 from slosh_msgs_py.node.diagnostics import WARN, Health
 from slosh_msgs_py.stamps import to_nanoseconds
 from slosh_plan import HeightLimits, LiquidState, Prediction
@@ -49,7 +50,7 @@ class PlannedMotions:
         self.limits = limits
         self._estimate = estimate
         self.count = 0
-        self._last: values.MotionPrediction | None = None
+        self._last: MotionPrediction | None = None
         self._record: Record | None = None
         self._predictions = node.create_publisher(MotionPrediction, topics.PREDICTION, qos.EVENT)
         node.create_subscription(
@@ -66,7 +67,8 @@ class PlannedMotions:
         last = self._last
         if last is None or last.state == MotionPrediction.KEPT:
             return None
-        since = (self._now() - max(last.start_ns, last.stamp_ns)) / SECOND
+        began = max(to_nanoseconds(last.start), to_nanoseconds(last.header.stamp))
+        since = (self._now() - began) / SECOND
         over = since > (0.0 if math.isnan(last.duration) else last.duration) + 5.0
         return None if over else (WARN, f"planned motion {last.id}: {last.description}")
 
@@ -86,20 +88,24 @@ class PlannedMotions:
     def _on_planned(self, data: bytes) -> None:
         self.count += 1
         try:
-            value = self._predicted(data)
+            message = self._predicted(data)
         except ValueError as error:
             if not type(error).__module__.startswith("slosh_"):
                 raise
-            value = values.MotionPrediction(
-                self._now(), self._frame, MotionPrediction.REFUSED, self.count,
+            message = filled(
+                MotionPrediction,
+                stamp_ns=self._now(),
+                frame_id=self._frame,
+                state=MotionPrediction.REFUSED,
+                id=self.count,
                 description=str(error),
-            )  # fmt: skip
-        self._last = value
-        self._predictions.publish(conversions.to_message(value))
-        if value.state != MotionPrediction.KEPT:
-            self._node.get_logger().warning(f"planned motion {value.id}: {value.description}")
+            )
+        self._last = message
+        self._predictions.publish(message)
+        if message.state != MotionPrediction.KEPT:
+            self._node.get_logger().warning(f"planned motion {message.id}: {message.description}")
 
-    def _predicted(self, data: bytes) -> values.MotionPrediction:
+    def _predicted(self, data: bytes) -> MotionPrediction:
         now = self._now()
         # Of this moment: while a long trajectory is unpacked the motion may begin.
         state, whence = self._state()
@@ -124,7 +130,7 @@ class PlannedMotions:
         added = added_text(self._model, motion.attitude)
         whence += f"; it {added}" if added else ""
         whence += "".join(f"; but {doubt}" for doubt in trajectory_doubts(motion))
-        return self._value(found, now, start_ns, state is not None, whence)
+        return self._message(found, now, start_ns, state is not None, whence)
 
     def _state(self) -> tuple[LiquidState | None, str]:
         """The liquid's state, and why it is taken to be at rest where it is."""
@@ -133,15 +139,30 @@ class PlannedMotions:
         except SloshEstimatorError as error:
             return None, f"; predicted from rest: {error}"
 
-    def _value(
+    def _message(
         self, found: Prediction, now: int, start_ns: int, live: bool, whence: str
-    ) -> values.MotionPrediction:
+    ) -> MotionPrediction:
         nonlinear, limits = found.nonlinear, found.limits
         said = warning(found) or f"the liquid will rise to {1e3 * found.upper:.1f} mm"
-        return values.MotionPrediction(
-            now, self._frame,
-            MotionPrediction.KEPT if found.kept else MotionPrediction.EXCEEDED,
-            self.count, start_ns, live, found.duration, nonlinear.peak, found.lower, found.upper,
-            nonlinear.peak_time, nonlinear.azimuth, nonlinear.residual, limits.height,
-            limits.residual, found.excess, found.residual_excess, int(found.flags), said + whence,
-        )  # fmt: skip
+        return filled(
+            MotionPrediction,
+            stamp_ns=now,
+            frame_id=self._frame,
+            state=MotionPrediction.KEPT if found.kept else MotionPrediction.EXCEEDED,
+            id=self.count,
+            start_ns=start_ns,
+            from_estimate=live,
+            duration=found.duration,
+            peak=nonlinear.peak,
+            peak_lower=found.lower,
+            peak_upper=found.upper,
+            peak_time=nonlinear.peak_time,
+            azimuth=nonlinear.azimuth,
+            residual=nonlinear.residual,
+            limit=limits.height,
+            residual_limit=limits.residual,
+            excess=found.excess,
+            residual_excess=found.residual_excess,
+            flags=int(found.flags),
+            description=said + whence,
+        )
