@@ -10,11 +10,11 @@ from hypothesis import strategies as st
 from slosh_report.alignment import (
     DISTINCT,
     despike,
-    estimate_clock_drift,
     estimate_clock_offset,
     find_onset,
     find_still_level,
 )
+from slosh_report.clock_drift import estimate_clock_drift
 from slosh_report.errors import SloshReportError
 
 MODEL_T = np.arange(0.0, 5.0, 0.002)

@@ -24,11 +24,11 @@ from slosh_estimator.monitor_settings import MonitorSettings
 from slosh_report.alignment import (
     ClockOffset,
     StillLevel,
-    estimate_clock_drift,
     estimate_clock_offset,
     find_still_level,
     onset_offset,
 )
+from slosh_report.clock_drift import estimate_clock_drift
 from slosh_report.errors import SloshReportError
 from slosh_report.motion_spans import motion_spans
 

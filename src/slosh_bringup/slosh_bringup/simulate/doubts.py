@@ -10,7 +10,6 @@ import numpy as np
 from slosh_bag.motion_table import MotionTable
 from slosh_bringup.errors import SloshBringupError
 from slosh_model.model import Model
-from slosh_report.input_faults import FaultKind, find_input_faults
 from slosh_report.table_checks import InputDoubt, motion_doubts
 
 IMPOSSIBLE = 1e6
@@ -47,9 +46,4 @@ def doubts(model: Model, motion: MotionTable) -> tuple[InputDoubt, ...]:
                 "Sample the motion more often"
             ),
         )
-    faults = find_input_faults(motion.t, motion.acceleration)
-    return (
-        *motion_doubts(motion.t, motion.acceleration, motion.attitude),
-        # Missing samples are named by their gap, with the length that the liquid allows.
-        *(InputDoubt(fault.text()) for fault in faults if fault.kind is not FaultKind.MISSING),
-    )
+    return motion_doubts(motion.t, motion.acceleration, motion.attitude)

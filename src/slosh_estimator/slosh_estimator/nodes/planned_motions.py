@@ -14,7 +14,7 @@ from slosh_estimator.nodes.newest_estimate import NewestEstimate
 from slosh_estimator.nodes.trajectory_messages import trajectory_of_points
 from slosh_files.nanoseconds import SECOND
 from slosh_model.model import Model
-from slosh_model.tilt import added_text
+from slosh_model.tilt import added_text, attitude_of
 from slosh_msgs.msg import MotionPrediction, PredictionOutcome
 from slosh_msgs_py import conversions, qos, topics, values
 from slosh_msgs_py.node.diagnostics import WARN, Health
@@ -121,7 +121,7 @@ class PlannedMotions:
         )  # fmt: skip
         if delay < 0.0:
             whence += f"; by its stamp it began {-delay:.2f} s ago"
-        added = added_text(self._model, motion.attitude)
+        added = added_text(self._model, attitude_of(motion))
         whence += f"; it {added}" if added else ""
         whence += "".join(f"; but {doubt}" for doubt in trajectory_doubts(motion))
         return self._value(found, now, start_ns, state is not None, whence)
