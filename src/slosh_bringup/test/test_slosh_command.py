@@ -380,14 +380,18 @@ def test_a_cell_file_points_relative_to_itself(tmp_path):
     assert "__ns:=/a" in commands["monitor"]
 
 
-def test_a_table_that_tilts_feels_gravity_and_says_so(capsys, tmp_path):
+@pytest.mark.parametrize("columns", ["qx,qy,qz,qw", "wx,wy,wz"])
+def test_a_table_that_tilts_feels_gravity_and_says_so(capsys, tmp_path, columns):
     """A cup that tips by 30 degrees within a second, where it stands: its surface stays level."""
     t = np.linspace(0.0, 1.0, 501)
     half = 0.25 * np.radians(30.0) * (1.0 - np.cos(2.0 * np.pi * t))
     zero = np.zeros_like(t)
-    rows = np.column_stack([t, zero, zero, zero, zero, np.sin(half), zero, np.cos(half)])
+    turn = [zero, np.sin(half), zero, np.cos(half)]
+    if columns.startswith("w"):  # from which the attitude follows, as the container begins upright
+        turn = [zero, 2.0 * np.gradient(half, t), zero]
+    rows = np.column_stack([t, zero, zero, zero, *turn])
     table = tmp_path / "tilt.csv"
-    np.savetxt(table, rows, "%.9f", ",", header="t,ax,ay,az,qx,qy,qz,qw", comments="")
+    np.savetxt(table, rows, "%.9f", ",", header=f"t,ax,ay,az,{columns}", comments="")
     _, facts, said = simulated(capsys, table)
     assert facts["peak"] > 0.8 * 0.05 * np.tan(np.radians(30.0))
     assert "note: " in said

@@ -31,7 +31,7 @@ from slosh_model.model import Model
 from slosh_model.model_file import read_model
 from slosh_model.model_text import format_model
 from slosh_model.simulate import Inputs
-from slosh_model.tilt import ignored_text, unfelt_tilt
+from slosh_model.tilt import attitude_of, ignored_text, unfelt_tilt
 from slosh_replay.recording import settings
 from slosh_replay.recording.cells import CellTopics
 from slosh_replay.recording.sources import recorded_starts
@@ -353,8 +353,9 @@ def read_all(
 
 def tell_ignored_tilt(base: Model, motions: Motions, tell: Tell) -> None:
     """Warns of motions whose tilt the model does not feel; the largest tilt is named."""
-    tilted = max(motions, key=lambda one: unfelt_tilt(base, one.inputs.attitude), default=None)
-    text = "" if tilted is None else ignored_text(base, tilted.inputs.attitude)
+    tilts = {one.name: unfelt_tilt(base, attitude_of(one.inputs)) for one in motions}
+    tilted = max(motions, key=lambda one: tilts[one.name], default=None)
+    text = "" if tilted is None else ignored_text(base, attitude_of(tilted.inputs))
     if tilted is not None and text:
         tell(InputDoubt(f"{tilted.name}: {text}", wrong=False))
 

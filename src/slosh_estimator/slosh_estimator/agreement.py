@@ -21,6 +21,7 @@ from slosh_estimator.azimuth import WaveOffset, wave_offset
 from slosh_estimator.rotation import Vector
 from slosh_estimator.wave_presence import Pair, PresenceWatch
 from slosh_metrics.alignment import despike
+from slosh_metrics.clock_drift import ClockWatch
 from slosh_metrics.input_checks.constancy import BIN_NS
 from slosh_metrics.metrics import rms_error
 from slosh_metrics.motion_spans import AFTER_NS, MotionFinder, MotionSpan
@@ -102,6 +103,7 @@ class MotionWatch:
         finished: motions that were judged.
         disagreeing: those of them that disagree.
         last: the newest of them; None: none.
+        clocks: how the heights' clock differs from the estimates'.
     """
 
     def __init__(self, limit: float = NAN) -> None:
@@ -111,6 +113,8 @@ class MotionWatch:
         self._presence = PresenceWatch()
         self.watch(limit)
         self._moving = MotionFinder()
+        self.clocks = ClockWatch()
+        self._origin: int | None = None
         self._pairs: deque[Pair] = deque()
         self._looked_ns = -(2**62)
         self._news: list[MotionAgreement] = []
@@ -126,7 +130,10 @@ class MotionWatch:
 
         It stands from the judgement that found it until a motion agrees.
         """
-        standing = self._standing.sentence if self._standing is not None else ""
+        standing = ""
+        if self._standing is not None:
+            clocks = self.clocks.is_sure and not self._standing.is_turned
+            standing = self.clocks.text() if clocks else self._standing.sentence
         return self._presence.warning or standing
 
     def reset(self) -> None:
@@ -139,6 +146,7 @@ class MotionWatch:
     def forget(self) -> None:
         """Drops the motion under way: its stamps mean nothing any more."""
         self._moving = MotionFinder()
+        self.clocks, self._origin = ClockWatch(), None
         self._pairs.clear()
         self._looked_ns = -(2**62)
         self._presence.forget()
@@ -217,6 +225,7 @@ class MotionWatch:
 
     def _judge(self, motion: MotionSpan) -> None:
         found = self._agreement(motion)
+        self._compare_clocks(motion)
         self._forget_pairs(motion.end_ns + AFTER_NS)
         if found is None:
             return
@@ -225,6 +234,18 @@ class MotionWatch:
         self.last = found
         self._standing = found if found.disagrees else None
         self._news.append(found)
+
+    def _compare_clocks(self, motion: MotionSpan) -> None:
+        if len(self._pairs) < LEAST:
+            return
+        if self._origin is None:
+            self._origin = motion.start_ns
+        stamps, measured, _, estimated, *_ = zip(*self._pairs, strict=True)
+        t = (np.array(stamps) - self._origin) / SECOND
+        span = (motion.start_ns - self._origin, motion.end_ns + AFTER_NS - self._origin)
+        self.clocks.add(
+            t, np.array(measured), np.array(estimated), (span[0] / SECOND, span[1] / SECOND)
+        )
 
     def _agreement(self, motion: MotionSpan) -> MotionAgreement | None:
         """How the pairs of a motion agree; None: there are too few."""

@@ -76,6 +76,8 @@ class ImuInput(CheckedInput):
         verdict = self.gate.judge(stamp_ns, force, now_ns, fault)
         if verdict not in (Verdict.USE, Verdict.RESTART):
             return None
+        # As the sensor gives them: what is clipped is so in its own axes.
+        self.check.faults.take(stamp_ns, force)
         restarted = verdict is Verdict.RESTART
         self.sampling.take(self.gate.interval_ns, restarted=restarted)
         self._rate_missing = rate is None

@@ -77,11 +77,15 @@ class Hysteresis:
 
 
 class LimitChange(NamedTuple):
-    """A limit [m] and its hysteresis that hold for later moments than this one [ns]."""
+    """A limit [m] and its hysteresis that hold for later moments than this one [ns].
+
+    `at_rim`: whether the limit is the container's rim.
+    """
 
     stamp_ns: int
     limit: float
     hysteresis: Hysteresis
+    at_rim: bool = False
 
 
 class LimitTracker:
@@ -91,10 +95,14 @@ class LimitTracker:
         source: the quantity.
         limit: [m]; NaN or infinite: nothing is watched.
         hysteresis: how an excess ends.
+        at_rim: whether the limit is the container's rim.
     """
 
-    def __init__(self, source: Source, limit: float, hysteresis: Hysteresis) -> None:
+    def __init__(
+        self, source: Source, limit: float, hysteresis: Hysteresis, at_rim: bool = False
+    ) -> None:
         self.source = source
+        self.at_rim = at_rim
         self.limit = _watched(limit)
         self.active = False
         self.identifier = 0
@@ -120,24 +128,32 @@ class LimitTracker:
             return None
         return self.close(self._below_since_ns, "back below the limit")
 
-    def change(self, stamp_ns: int, limit: float, hysteresis: Hysteresis) -> Event | None:
+    def change(
+        self, stamp_ns: int, limit: float, hysteresis: Hysteresis, at_rim: bool = False
+    ) -> Event | None:
         """Judges the next values by another limit; an excess of the old limit ends.
 
         Args:
             stamp_ns: the last moment that was judged by the old limit [ns].
-            limit, hysteresis: as above.
+            limit, hysteresis, at_rim: as above.
 
         Returns:
             the end of the excess; None: there was none, or the limit is the same.
         """
         limit, self._hysteresis = _watched(limit), hysteresis
         if limit == self.limit:
+            self.at_rim = at_rim
             return None
         event = self.close(
             max(stamp_ns, self._peak_ns), f"judged by a new limit of {1e3 * limit:.1f} mm"
         )
-        self.limit = limit
+        self.limit, self.at_rim = limit, at_rim
         return event
+
+    @property
+    def limit_text(self) -> str:
+        """What limits the quantity, with its value."""
+        return f"{'rim' if self.at_rim else 'limit'} {1e3 * self.limit:.1f} mm"
 
     def ignores(self, values: Iterable[float]) -> bool:
         """Whether values [m] that come next change nothing."""
@@ -199,7 +215,7 @@ class LimitTracker:
             Source.ESTIMATED: "estimated height",
             Source.DISAGREEMENT: "measured and estimated height differ:",
         }[self.source]
-        text = f"{name} {remark} (limit {1e3 * self.limit:.1f} mm, peak {1e3 * self._peak:.1f} mm)"
+        text = f"{name} {remark} ({self.limit_text}, peak {1e3 * self._peak:.1f} mm)"
         return Event(
             stamp_ns, self.identifier, kind, self.source, self.limit, self._peak, self._peak_ns,
             stamp_ns - self._start_ns, text,

@@ -88,7 +88,7 @@ class Monitor:
         self._silent_looks = 0
         self.obstruction = self.standstill = ""
         self._trackers = {
-            source: LimitTracker(source, limit, settings.hysteresis)
+            source: LimitTracker(source, limit, settings.hysteresis, settings.at_rim(source))
             for source, limit in settings.limits.items()
         }
         self._changes: dict[Source, deque[LimitChange]] = {source: deque() for source in Source}
@@ -112,7 +112,9 @@ class Monitor:
         self._sight.timeout = settings.timeout
         self.motions.watch(settings.disagreement_limit)
         for source, limit in settings.limits.items():
-            self._changes[source].append(LimitChange(stamp_ns, limit, settings.hysteresis))
+            self._changes[source].append(
+                LimitChange(stamp_ns, limit, settings.hysteresis, settings.at_rim(source))
+            )
         return stamp_ns
 
     def reset_accuracy(self) -> None:
@@ -257,6 +259,16 @@ class Monitor:
         )
         warned = near or self.too_slow or self.motions.warning
         return Condition.WARN if warned else Condition.OK
+
+    @property
+    def at_rim(self) -> str:
+        """That the liquid is above the rim, in words; empty: it is not, as far as is known."""
+        above = [
+            tracker.limit_text
+            for tracker in self._trackers.values()
+            if tracker.active and tracker.at_rim
+        ]
+        return f"the liquid is above the {above[0]}" if above else ""
 
     @property
     def too_slow(self) -> bool:

@@ -4,11 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
+
+import numpy as np
 
 from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.limits import Hysteresis, Source
+from slosh_model.model import Model
+
+RIM = "rim"
+"""Name of the rim's height among the recorded settings of the monitor."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,6 +29,8 @@ class MonitorSettings:
         buffer: how far back estimates are kept [s].
         max_gap: widest pair of estimates between which is interpolated [s].
         camera: whether there is one; without, the estimate alone is watched.
+        rim: height of the container's rim above the still level [m]; where it is lower than a
+            limit of the height, it holds instead. NaN: not known.
 
     Raises:
         SloshEstimatorError: a value does not fit.
@@ -37,6 +45,7 @@ class MonitorSettings:
     buffer: float = 2.0
     max_gap: float = 0.05
     camera: bool = True
+    rim: float = math.nan
 
     @classmethod
     def from_parameters(cls, parameters: Mapping[str, Any]) -> MonitorSettings:
@@ -56,16 +65,29 @@ class MonitorSettings:
             parameters["buffer"],
             # Recordings of before know of no cell without a camera.
             camera=parameters.get("camera", True),
+            # It is no parameter of the node, which learns it of the estimator's model.
+            rim=parameters.get(RIM, math.nan),
         )
 
     @property
     def limits(self) -> dict[Source, float]:
-        """The limit of each quantity that is watched [m]."""
+        """The limit of each quantity that is watched, no height's above the rim [m]."""
         return {
-            Source.MEASURED: self.measured_limit,
-            Source.ESTIMATED: self.estimated_limit,
+            # `fmin`: a limit that is not watched, and a rim that is not known, are NaN.
+            Source.MEASURED: float(np.fmin(self.measured_limit, self.rim)),
+            Source.ESTIMATED: float(np.fmin(self.estimated_limit, self.rim)),
             Source.DISAGREEMENT: self.disagreement_limit,
         }
+
+    def at_rim(self, source: Source) -> bool:
+        """Whether the rim limits a quantity, being lower than its limit."""
+        given = {Source.MEASURED: self.measured_limit, Source.ESTIMATED: self.estimated_limit}
+        return source in given and self.rim <= np.fmin(given[source], math.inf)
+
+    def under_rim(self, model: Model) -> MonitorSettings:
+        """The same with the rim of a model's container."""
+        freeboard = model.container.freeboard
+        return replace(self, rim=math.nan if freeboard is None else freeboard)
 
     def __post_init__(self) -> None:
         for name in ("timeout", "buffer", "max_gap", "warn_share"):

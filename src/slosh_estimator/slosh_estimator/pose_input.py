@@ -156,6 +156,8 @@ class PoseInput(CheckedInput):
                 break
             found += self._samples(*window, doubtful=doubtful)
             self._at += 1
+        for sample in found:
+            self.check.faults.take(sample.stamp_ns, (sample.ax, sample.ay, sample.az))
         return found
 
     @property

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import os
 import time
@@ -303,6 +304,36 @@ def test_the_monitor_says_that_two_clocks_are_not_one(
     assert status.message.startswith("BLIND")
     assert "nothing is compared; both must come from one clock" in status.message
     assert abs(float(status.message.split(" lie ")[1].split(" s ")[0]) - 100.0) < 5.0
+
+
+def test_the_monitor_learns_the_rim_of_the_estimator_and_holds_the_liquid_to_it(
+    start: Callable[..., Cell],
+) -> None:
+    cell = start()
+    cell.add(MonitorNode())
+    events = cell.collect(LimitEvent, topics.LIMIT_EVENT, qos.EVENT)
+    told = cell.collect(NodeSettings, topics.SETTINGS, qos.EVENT)
+    reports = cell.collect(DiagnosticArray, "/diagnostics")
+    estimates = cell.publisher(SloshEstimate, topics.ESTIMATE)
+    cup = "container: {shape: cylinder, radius: 0.05, fill_height: 0.07, rim_height: 0.08}"
+    document = json.dumps({"parameters": {}, "topics": {}, "files": {"model": cup}})
+    announced = cell.probe.create_publisher(NodeSettings, topics.SETTINGS, qos.EVENT)
+    announced.publish(NodeSettings(node="estimator", document=document))
+    cell.until(lambda: any("rim: 0.00999" in one.document for one in told))
+
+    def spills() -> bool:
+        estimate = SloshEstimate()
+        estimate.header.stamp = to_time(cell.now())
+        estimate.nonlinear.msh = 0.015  # above the rim, below the limit of 20 mm
+        estimates.publish(estimate)
+        return bool(events)
+
+    cell.until(spills)
+    assert events[0].limit == pytest.approx(0.01)
+    assert "(rim 10.0 mm" in events[0].description
+    cell.until(
+        lambda: spills() and any("above the rim 10.0 mm" in r.status[0].message for r in reports)
+    )
 
 
 def test_the_monitor_compares_reports_events_and_tells_which_side_is_silent(

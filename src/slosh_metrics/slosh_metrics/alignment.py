@@ -46,13 +46,6 @@ DISTINCT = 1.10
 OUTLIER_SHARE = 0.15
 """A single sample that stands out of both neighbours by this share of the peak is an outlier."""
 
-LEAST_COVERED = 20
-"""Fewer samples of a motion tell of no drift."""
-DRIFT_ROUNDS = 6
-"""Of the drift's least squares."""
-SURELY, LEAST_DRIFT, DRIFT_GAIN = 5.0, 5e-4, 0.3
-"""A drift is told where it is so many standard deviations, so large, and explains that share."""
-
 
 @dataclass(frozen=True, slots=True)
 class StillLevel:
@@ -93,36 +86,6 @@ class ClockOffset:
     unambiguous: bool
 
 
-@dataclass(frozen=True, slots=True)
-class ClockDrift:
-    """By how much one clock gains on another.
-
-    Attributes:
-        rate: what the measured clock gains per second of the model's [1].
-        stddev: its standard deviation [1].
-        gain: share of the residual's mean square that it explains beside an offset, in [0, 1].
-    """
-
-    rate: float
-    stddev: float
-    gain: float
-
-    @property
-    def seen(self) -> bool:
-        """Whether it is surely there, and more than a model's own errors look like."""
-        size = abs(self.rate)
-        return size > SURELY * self.stddev and size > LEAST_DRIFT and self.gain > DRIFT_GAIN
-
-    def text(self) -> str:
-        """What it is, in one line."""
-        which = "fast" if self.rate > 0.0 else "slow"
-        return (
-            f"the heights' clock runs {1e6 * abs(self.rate):.0f} ± {1e6 * self.stddev:.0f} ppm "
-            f"{which}: synchronise the clocks, or give the model the effect clock_drift "
-            f"(rate: {self.rate:.4f})"
-        )
-
-
 def find_still_level(t: Array, height: Array) -> StillLevel:
     """Level and noise from the quietest part before the highest height.
 
@@ -133,7 +96,7 @@ def find_still_level(t: Array, height: Array) -> StillLevel:
     Raises:
         SloshMetricsError: the record does not hold a quiet part before its highest point.
     """
-    t, height = _finite(t, height)
+    t, height = finite_series(t, height)
     peak = int(np.nanargmax(despike(height)))
     best: StillLevel | None = None
     for first in range(0, peak, 5):
@@ -196,7 +159,7 @@ def find_onset(t: Array, height: Array, threshold: float) -> float:
     Raises:
         SloshMetricsError: the threshold is never exceeded.
     """
-    t, height = _finite(t, height)
+    t, height = finite_series(t, height)
     above = np.abs(height) > threshold
     needed, window = SUSTAINED
     counts = np.convolve(above, np.ones(window), mode="valid")
@@ -245,6 +208,7 @@ def estimate_clock_offset(
     *,
     centre: float | None = None,
     search: float = SEARCH,
+    still: StillLevel | None = None,
 ) -> ClockOffset:
     """Offset of the measured clock against the model's.
 
@@ -255,15 +219,16 @@ def estimate_clock_offset(
         model: (M,) model heights above the still level [m].
         centre: centre of the search window [s]; None: from the onsets.
         search: half-width of the search window [s].
+        still: the measured still level; None: from the quietest part.
 
     Raises:
         SloshMetricsError: no quiet part, no motion, or no offset in the window at which the
             measured record covers the motion.
     """
-    still = find_still_level(t, height)
+    still = still or find_still_level(t, height)
     if centre is None:
         centre = onset_offset(t, height, model_t, model, still)
-    kept_t, raised = _finite(t, despike(height) - still.level)
+    kept_t, raised = finite_series(t, despike(height) - still.level)
     offsets = centre + np.arange(-search, search + STEP / 2.0, STEP)
     costs = np.array([_mean_square(kept_t, raised, model_t, model, tau) for tau in offsets])
     if not np.isfinite(costs).any():
@@ -289,47 +254,12 @@ def estimate_clock_offset(
     )
 
 
-def estimate_clock_drift(
-    t: Array, height: Array, model_t: Array, model: Array, offset: float
-) -> ClockDrift:
-    """Drift of the measured clock against the model's, by least squares about an offset.
+def finite_series(t: Array, height: Array) -> tuple[Array, Array]:
+    """The samples of a series that have a height.
 
-    Offset, drift and the heights' scale are fitted together, so that a wrong scale is none.
-
-    Args:
-        t: (N,) measured clock [s].
-        height: (N,) measured heights above the still level [m]; NaN: no sample.
-        model_t: (M,) model clock [s], spanning the motion to be compared.
-        model: (M,) model heights above the still level [m].
-        offset: measured clock minus model clock, as `estimate_clock_offset` finds it [s].
+    Raises:
+        SloshMetricsError: there are hardly any, or times and heights do not match.
     """
-    t, height = _finite(t, height)
-    covered = (t >= model_t[0] + offset) & (t <= model_t[-1] + offset)
-    t, height = t[covered] - offset, height[covered]
-    if len(t) < LEAST_COVERED:
-        return ClockDrift(0.0, math.inf, 0.0)
-    middle, slope = 0.5 * float(t[0] + t[-1]), np.gradient(model, model_t)
-    late = rate = 0.0
-    powers = []
-    for _ in range(DRIFT_ROUNDS):
-        moments = t - late - rate * (t - middle)
-        wave, rise = np.interp(moments, model_t, model), np.interp(moments, model_t, slope)
-        columns = np.column_stack([wave, -rise, -rise * (t - middle)])
-        solved, *_ = np.linalg.lstsq(columns, height, rcond=None)
-        scaled = solved[1:] / solved[0] if solved[0] > 0.0 else np.zeros(2)
-        plain, *_ = np.linalg.lstsq(columns[:, :2], height, rcond=None)
-        powers.append(float(np.mean((height - columns[:, :2] @ plain) ** 2)))
-        residual = height - columns @ solved
-        late, rate = late + float(scaled[0]), rate + float(scaled[1])
-    power = float(np.mean(residual**2))
-    correlation = float(np.mean(residual[1:] * residual[:-1])) / max(power, 1e-300)
-    together = (1.0 + min(max(correlation, 0.0), 0.99)) / (1.0 - min(max(correlation, 0.0), 0.99))
-    covariance = np.linalg.pinv(columns.T @ columns) * power * together
-    stddev = math.sqrt(max(float(covariance[2, 2]), 0.0)) / max(abs(float(solved[0])), 1e-9)
-    return ClockDrift(rate, stddev, 1.0 - power / max(powers[0], 1e-300))
-
-
-def _finite(t: Array, height: Array) -> tuple[Array, Array]:
     t, height = np.asarray(t, dtype=np.float64), np.asarray(height, dtype=np.float64)
     if t.shape != height.shape or t.ndim != 1:
         raise SloshMetricsError(f"time {t.shape} and heights {height.shape} do not match")
@@ -348,7 +278,8 @@ def _residual(t: Array, height: Array, model_t: Array, model: Array, offset: flo
 def _mean_square(t: Array, height: Array, model_t: Array, model: Array, offset: float) -> float:
     """Mean square of the residual; NaN where the motion is not covered."""
     residual = _residual(t, height, model_t, model, offset)
-    expected = (model_t[-1] - model_t[0]) / float(np.median(np.diff(t)))
+    # Where both are known at the same moments, what the model lacks is missing on both sides.
+    expected = min((model_t[-1] - model_t[0]) / float(np.median(np.diff(t))), len(model_t))
     if len(residual) < COVERAGE * expected:
         return float("nan")
     return float(np.mean(residual**2))

@@ -10,11 +10,11 @@ from hypothesis import strategies as st
 from slosh_metrics.alignment import (
     DISTINCT,
     despike,
-    estimate_clock_drift,
     estimate_clock_offset,
     find_onset,
     find_still_level,
 )
+from slosh_metrics.clock_drift import estimate_clock_drift
 from slosh_metrics.errors import SloshMetricsError
 
 MODEL_T = np.arange(0.0, 5.0, 0.002)

@@ -33,7 +33,7 @@ def pose_rows(
         return np.zeros(len(t)), np.zeros((0, POSE_COUNT))
     if attitude is None:
         assert angular_velocity is not None
-        attitude = _integrated(t, angular_velocity)
+        attitude = integrated(t, angular_velocity)
     quaternion = attitude / np.linalg.norm(attitude, axis=1, keepdims=True)
     if angular_velocity is None:
         angular_velocity = _rates(t, quaternion)
@@ -45,8 +45,8 @@ def pose_rows(
     return yaw, np.column_stack([quaternion, angular_velocity, change])
 
 
-def _integrated(t: Array, rate: Array) -> Array:
-    """Attitude from the angular velocity, each interval turned about its mean."""
+def integrated(t: Array, rate: Array) -> Array:
+    """Attitude (N, 4) from the angular velocity, each interval turned about its mean."""
     rotation = scipy.spatial.transform.Rotation
     turns = rotation.from_rotvec(0.5 * (rate[1:] + rate[:-1]) * np.diff(t)[:, np.newaxis])
     attitude = [rotation.identity()]

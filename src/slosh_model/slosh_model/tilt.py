@@ -3,16 +3,45 @@
 from __future__ import annotations
 
 import math
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from slosh_model.model import TILT, Model
+from slosh_model.pose import integrated
 
 Array = NDArray[np.float64]
 
 FELT = math.radians(0.5)
 """A motion that tilts by more than this [rad] is not answered without gravity's share."""
+
+
+class Turning(Protocol):
+    """A motion that may tell how its container is turned."""
+
+    @property
+    def t(self) -> Array:
+        """(N,) rising [s]."""
+
+    @property
+    def attitude(self) -> Array | None:
+        """(N, 4) quaternion x, y, z, w, world ← container; None: not given."""
+
+    @property
+    def angular_velocity(self) -> Array | None:
+        """(N, 3) in the container's frame [rad/s]; None: not given."""
+
+
+def attitude_of(motion: Turning) -> Array | None:
+    """The attitude in which the models see a motion: (N, 4) quaternion, world ← container.
+
+    Without a given one its angular velocity is integrated from upright; None: it stays upright.
+    """
+    rate = motion.angular_velocity
+    if motion.attitude is not None or rate is None or not rate[:, :2].any():
+        return motion.attitude
+    return integrated(motion.t, rate)
 
 
 def largest_tilt(attitude: Array | None) -> float:

@@ -13,7 +13,7 @@ from slosh_model.errors import SloshModelError
 from slosh_model.gaps import gap_text
 from slosh_model.model import Model
 from slosh_model.parameters import parameter_value, with_parameters
-from slosh_model.tilt import feeling
+from slosh_model.tilt import attitude_of, feeling
 from slosh_plan.errors import SloshPlanError
 from slosh_plan.heights import Extremes, all_extremes, usual_horizon
 from slosh_plan.limits import HeightLimits
@@ -187,8 +187,9 @@ def predict(
     check_gaps(model, given)
     found: dict[int, Prediction] = {}
     # Most motions are of one kind, and one run takes all of a kind.
-    for felt in dict.fromkeys(feeling(model, one.attitude) for one in given):
-        places = [at for at, one in enumerate(given) if feeling(model, one.attitude) == felt]
+    feels = [feeling(model, attitude_of(one)) for one in given]
+    for felt in dict.fromkeys(feels):
+        places = [at for at, one in enumerate(feels) if one == felt]
         answers = _predicted(felt, [given[at] for at in places], limits, state, horizon, error)
         found.update(zip(places, answers, strict=True))
     return [found[at] for at in range(len(given))]

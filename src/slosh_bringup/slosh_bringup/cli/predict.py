@@ -19,7 +19,7 @@ from slosh_bringup.cli.table_options import add_table_options, table_options
 from slosh_bringup.cli.teller import Teller
 from slosh_bringup.errors import SloshBringupError
 from slosh_model.model_file import read_model
-from slosh_model.tilt import added_text
+from slosh_model.tilt import added_text, attitude_of
 from slosh_plan import (
     HeightLimits,
     ModelError,
@@ -109,7 +109,7 @@ def run(arguments: argparse.Namespace) -> int:
     tell = Teller("predict")
     for motion in motions:
         tell.warn(motion.name, trajectory_doubts(motion))
-        added = added_text(model, motion.attitude)
+        added = added_text(model, attitude_of(motion))
         if added:
             print(plain_line(f"slosh predict: note: {motion.name}: {added}"), file=sys.stderr)
     found = predict(model, motions, limits=limits, horizon=arguments.horizon, error=error)

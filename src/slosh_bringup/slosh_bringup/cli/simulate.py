@@ -20,7 +20,7 @@ from slosh_model.gaps import gap_text
 from slosh_model.measure import predicted_heights
 from slosh_model.model_file import read_model
 from slosh_model.simulate import simulate
-from slosh_model.tilt import added_text, feeling
+from slosh_model.tilt import added_text, attitude_of, feeling
 from slosh_plan import HeightLimits
 from slosh_tables.motion_table import read_motion_table
 from slosh_tables.text_table.time_unit import check_span
@@ -76,10 +76,10 @@ def run(arguments: argparse.Namespace) -> int:
     check_span(arguments.motion, motion.t)
     check_possible(arguments.motion, motion)
     inputs = motion.inputs()
-    added = added_text(model, inputs.attitude)
+    added = added_text(model, attitude_of(inputs))
     if added:
         print(plain_line(f"slosh simulate: note: {arguments.motion}: {added}"), file=sys.stderr)
-    model = feeling(model, inputs.attitude)
+    model = feeling(model, attitude_of(inputs))
     response, _ = simulate(model, inputs)
     msh = predicted_heights(model, inputs, inputs.t)[:, 0]
     gaps = gap_text(motion.t, model)

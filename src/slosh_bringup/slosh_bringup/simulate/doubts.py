@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 
 from slosh_bringup.errors import SloshBringupError
-from slosh_metrics.input_checks.input_faults import FaultKind, find_input_faults
 from slosh_metrics.input_checks.table_checks import InputDoubt, motion_doubts
 from slosh_model.model import Model
 from slosh_tables.motion_table import MotionTable
@@ -47,9 +46,4 @@ def doubts(model: Model, motion: MotionTable) -> tuple[InputDoubt, ...]:
                 "Sample the motion more often"
             ),
         )
-    faults = find_input_faults(motion.t, motion.acceleration)
-    return (
-        *motion_doubts(motion.t, motion.acceleration, motion.attitude),
-        # Missing samples are named by their gap, with the length that the liquid allows.
-        *(InputDoubt(fault.text()) for fault in faults if fault.kind is not FaultKind.MISSING),
-    )
+    return motion_doubts(motion.t, motion.acceleration, motion.attitude)

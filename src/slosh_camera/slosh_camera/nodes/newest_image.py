@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 
 from slosh_msgs_py import qos
+from slosh_msgs_py.node.speakers import WithInfo
 
 
 class NewestImage:
@@ -46,7 +46,7 @@ class NewestImage:
         events = SubscriptionEventCallbacks(
             incompatible_qos=self._on_incompatible, use_default_callbacks=False
         )
-        callback = _WithInfo(self._on_image)
+        callback = WithInfo(self._on_image)
         return self._node.create_subscription(
             self._kind, self._topic, callback, profile, event_callbacks=events
         )
@@ -61,7 +61,7 @@ class NewestImage:
             self._node.destroy_subscription(reliable)
             self._last = None
 
-    def _on_image(self, message: Any, info: dict[str, Any]) -> None:
+    def _on_image(self, message: Any, info: Mapping[str, Any]) -> None:
         number = info.get("publication_sequence_number")
         if number is not None:
             # A publisher that starts anew counts from the beginning.
@@ -69,19 +69,3 @@ class NewestImage:
                 self.dropped += number - self._last - 1
             self._last = number
         self._use(message)
-
-
-class _WithInfo:
-    """Calls a function with message and info in every executor.
-
-    The executor finds out from the signature what a callback wants. rclpy's events executor then
-    hands over both as one pair, the others as two arguments.
-    """
-
-    def __init__(self, use: Callable[[Any, dict[str, Any]], None]) -> None:
-        self._use = use
-        self.__signature__ = inspect.signature(use)
-
-    def __call__(self, *given: Any) -> None:
-        message, info = given if len(given) == 2 else given[0]
-        self._use(message, info)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
 
@@ -22,7 +22,7 @@ from slosh_estimator.gate import DROPPED, GateSettings
 from slosh_estimator.imu_input import ImuInput
 from slosh_estimator.inputs import MESSAGE_TYPES, POSE_WINDOW, AnyInput, InputSettings
 from slosh_estimator.nodes.estimator_messages import fill, fill_reading, imu_sample
-from slosh_estimator.nodes.input_health import InputHealth, rate_facts
+from slosh_estimator.nodes.input_health import InputHealth, fault_facts, rate_facts
 from slosh_estimator.nodes.requested_model import requested_model
 from slosh_estimator.nodes.state_publisher import StatePublisher
 from slosh_estimator.pose_input import PoseInput
@@ -43,11 +43,13 @@ from slosh_msgs_py.node.readiness import READY, Progress
 from slosh_msgs_py.node.rivals import Rivals
 from slosh_msgs_py.node.run import run_node
 from slosh_msgs_py.node.settings import SettingsPublisher
+from slosh_msgs_py.node.speakers import SpeakerWatch, WithInfo
 from slosh_msgs_py.stamps import to_nanoseconds
 
 LATENCY_EVERY = 10
 """Messages per measured latency: enough for percentiles, and nothing to be felt."""
 ADDED = f"the effect {TILT} is added to the model: poses tell how the container tilts"
+_CONTESTED = int(EstimateFlag.INPUT_CONTESTED)
 _GATE = GateSettings()
 _dynamic = partial(ParameterSpec, read_only=False)
 PARAMETERS = (
@@ -123,6 +125,7 @@ class EstimatorNode(PreparedNode):
         )
         self._states = StatePublisher(self, values["container_frame"])
         self._flags = self._contested = 0
+        self._speakers = SpeakerWatch()
         self._watch(self._health, self._facts)
         self._get_ready(later=later)
 
@@ -165,7 +168,12 @@ class EstimatorNode(PreparedNode):
         return source
 
     def _listen(self, kind: type, topic: str, callback: Callable[[Any], None]) -> None:
-        self.create_subscription(kind, topic, callback, qos.STREAM_IN)
+        def heard(message: Any, info: Mapping[str, Any]) -> None:
+            number = info.get("publication_sequence_number")
+            self._speakers.take(number, info["received_timestamp"] or time.time_ns())
+            callback(message)
+
+        self.create_subscription(kind, topic, WithInfo(heard), qos.STREAM_IN)
 
     def _on_accel(self, source: AccelInput, message: AccelStamped) -> None:
         a, header = message.accel.linear, message.header
@@ -199,6 +207,8 @@ class EstimatorNode(PreparedNode):
         if last:  # what the reader remembers is behind all samples of the message
             self._states.look(input_ns, self._estimator, self._input)
         flags = estimate.flags | self._contested
+        if self._speakers.contested:
+            flags |= _CONTESTED
         self._flags |= flags
         gate = self._input.gate
         fill(self._message, estimate)
@@ -258,8 +268,11 @@ class EstimatorNode(PreparedNode):
 
     def _health(self) -> Health:
         fault = self._input_health.look(self._input.gate)
+        faults = self._input_health.faults(self._input)
         rivals = self._rivals.look()
-        self._contested = int(EstimateFlag.INPUT_CONTESTED) if rivals else 0
+        self._contested = _CONTESTED if rivals else 0
+        if self._speakers.contested and not rivals:
+            rivals = f"a second publisher on {self.resolve_topic_name(self._kind)}: one must stop"
         doubt = self._input.doubt
         wrong = doubt.text if doubt is not None and doubt.wrong else ""
         warning = rivals or wrong or self._input.warning()
@@ -269,8 +282,8 @@ class EstimatorNode(PreparedNode):
             return fault
         unfelt = self._unfelt or self._input.sampling.sentence()
         remark = unfelt or (doubt.text if doubt is not None else self._input.remark())
-        if remark:
-            return WARN, remark
+        if remark or faults:
+            return WARN, remark or faults
         if fault is not None:
             return fault
         flags, self._flags = self._flags, 0
@@ -288,6 +301,7 @@ class EstimatorNode(PreparedNode):
             "divergences": self._estimator.divergences,
             **self._input_health.facts(gate),
             **rate_facts(self._input),
+            **fault_facts(self._input),
         }
 
 

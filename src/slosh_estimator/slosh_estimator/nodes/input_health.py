@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from rclpy.node import Node
 
+from slosh_base.files.nanoseconds import SECOND
 from slosh_estimator.gate import DROPPED, SampleGate, Verdict
 from slosh_estimator.inputs import AnyInput
 from slosh_estimator.pose_input import PoseInput
 from slosh_estimator.sampling import gap_sentence
+from slosh_metrics.input_checks.input_faults import FaultKind
 from slosh_msgs_py.node.diagnostics import ERROR, STALE, WARN, Health
 from slosh_msgs_py.node.silence import SilentTopic
 
@@ -16,6 +18,10 @@ _HINTS = {
     Verdict.IMPOSSIBLE: ": inputs are in m/s^2, rad/s and m",
     Verdict.AHEAD: " by more than max_age, so of another clock",
 }
+
+
+TOLD_NS = 30 * SECOND
+"""So long after it was found a fault of the input is a warning; it stays among the facts."""
 
 
 class InputHealth:
@@ -32,10 +38,26 @@ class InputHealth:
         self._used = 0
         self._dropped = dict.fromkeys(DROPPED, 0)
         self._restarts = 0
+        self._faults: list[str] = []
+        self._faulty_since = 0
 
     def facts(self, gate: SampleGate) -> dict[str, str]:
         """What others may hear, and this node does not."""
         return self._topic.facts(gate.used + gate.dropped)
+
+    def faults(self, source: AnyInput) -> str:
+        """What sensor, driver or bus has newly done to the input, for a while; empty: nothing.
+
+        Args:
+            source: that reads the input.
+        """
+        watch = source.check.faults
+        watch.look()
+        texts = [one.text() for one in watch.faults if one.kind is not FaultKind.MISSING]
+        if texts and texts != self._faults:
+            self._faults, self._faulty_since = texts, source.gate.last_ns or 0
+        told = (source.gate.last_ns or 0) - self._faulty_since < TOLD_NS
+        return "; ".join(texts) if texts and told else ""
 
     def look(self, gate: SampleGate) -> Health | None:
         """What is wrong; None: nothing.
@@ -67,6 +89,12 @@ class InputHealth:
             f"no usable input for {self._topic.seconds:.0f} s: of {total} messages on "
             f"{self._topic.full_name} {dropped[worst]} are {worst.value}{_HINTS.get(worst, '')}"
         )
+
+
+def fault_facts(source: AnyInput) -> dict[str, str]:
+    """What sensor, driver or bus has done to the input since the start."""
+    texts = source.check.faults.texts()
+    return {"input faults": "; ".join(texts)} if texts else {}
 
 
 def rate_facts(source: AnyInput) -> dict[str, str]:

@@ -68,14 +68,19 @@ class MonitorHealth:
         condition = self._core.condition(now_ns)
         level = ERROR if condition is Condition.ERROR else STALE
         why = "; ".join(self._topics[topic].reason() for topic in silent)
-        return level, f"{condition.name}: no {' and no '.join(silent)}: {why}"
+        above = self._core.at_rim
+        return (
+            level,
+            f"{condition.name}: {above}{above and '; '}no {' and no '.join(silent)}: {why}",
+        )
 
     def _blindness(self, now_ns: int) -> Health | None:
         blindness = self._core.blindness(now_ns)
         if not blindness:
             return None
         exceeded = self._core.condition(now_ns) is Condition.ERROR
-        return ERROR, f"{'a limit is exceeded, and ' if exceeded else ''}BLIND: {blindness}"
+        what = self._core.at_rim or "a limit is exceeded"
+        return ERROR, f"{what}, and BLIND: {blindness}" if exceeded else f"BLIND: {blindness}"
 
     def _state(self, now_ns: int, mismatch: Health | None) -> Health:
         condition, disagreement = self._core.condition(now_ns), self._core.motions.warning
@@ -86,7 +91,11 @@ class MonitorHealth:
         alone = "" if self._core.settings.camera else "; no camera by choice"
         if condition is not Condition.OK:
             level = ERROR if condition is Condition.ERROR else WARN
-            return level, f"{condition.name}{alone}"
+            above = self._core.at_rim
+            return level, f"{condition.name}{above and ': '}{above}{alone}"
+        apart = self._core.motions.clocks.text()
+        if apart:
+            return WARN, apart
         return mismatch or (OK, f"{condition.name}{alone}")
 
     def _mismatch(self, measured: int) -> Health | None:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import sys
+from collections import ChainMap
 from functools import partial
 from typing import Any
 
@@ -16,12 +18,20 @@ from slosh_estimator.azimuth import Surfaces, measured_waves
 from slosh_estimator.comparison import Comparison, EstimatePoint, MeasuredPoint
 from slosh_estimator.limits import Event
 from slosh_estimator.monitor import Monitor
-from slosh_estimator.monitor_settings import MonitorSettings
+from slosh_estimator.monitor_settings import RIM, MonitorSettings
+from slosh_estimator.nodes.announced_model import announced_model
 from slosh_estimator.nodes.monitor_health import MonitorHealth
 from slosh_estimator.nodes.prediction_watch import PredictionWatch
 from slosh_estimator.readings import Reading, ReadingJoiner
 from slosh_estimator.sight import ClockWatch
-from slosh_msgs.msg import ExpectedReading, FreeSurface, LimitEvent, SloshComparison, SloshEstimate
+from slosh_msgs.msg import (
+    ExpectedReading,
+    FreeSurface,
+    LimitEvent,
+    NodeSettings,
+    SloshComparison,
+    SloshEstimate,
+)
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.conversions import filled
 from slosh_msgs_py.node.diagnostics import DiagnosticsReporter, Health
@@ -69,8 +79,10 @@ class MonitorNode(GuardedNode):
         self._frame = given["container_frame"]
         heard = (topics.ESTIMATE, topics.FREE_SURFACE) if given["camera"] else (topics.ESTIMATE,)
         names = (*heard, topics.COMPARISON, topics.LIMIT_EVENT)
+        self._rim: dict[str, float] = {}
+        known = ChainMap(self._rim, given)
         self._settings = SettingsPublisher(
-            self, sources_digest(*SOURCES), arithmetic_fingerprint(), given, names
+            self, sources_digest(*SOURCES), arithmetic_fingerprint(), known, names
         )
         self._settings.publish({})
         self._core = Monitor(MonitorSettings.from_parameters(given))
@@ -89,6 +101,7 @@ class MonitorNode(GuardedNode):
             self.create_subscription(
                 FreeSurface, topics.FREE_SURFACE, self._on_free_surface, qos.STREAM_IN
             )
+        self.create_subscription(NodeSettings, topics.SETTINGS, self._on_settings, qos.EVENT)
         self.create_service(Trigger, f"monitor/{topics.RESET}", self._on_reset)
         self._judge = MonitorHealth(self, self._core)
         self._predictions = PredictionWatch(self, self._frame)
@@ -97,8 +110,18 @@ class MonitorNode(GuardedNode):
         self.create_timer(CHECK_PERIOD, self._on_check, clock=self._steady)
 
     def _on_change(self, changed: tuple[str, ...]) -> None:
-        stamp_ns = self._core.change_settings(MonitorSettings.from_parameters(self._given))
-        self._settings.publish_change(changed, stamp_ns)
+        wanted = MonitorSettings.from_parameters({**self._given, **self._rim})
+        self._settings.publish_change(changed, self._core.change_settings(wanted))
+
+    def _on_settings(self, message: NodeSettings) -> None:
+        """The estimator tells its model, and by that where the rim is."""
+        model = announced_model(message)
+        if model is None:
+            return
+        wanted = self._core.settings.under_rim(model)
+        if self._rim.get(RIM) != wanted.rim and (self._rim or math.isfinite(wanted.rim)):
+            self._rim[RIM] = wanted.rim
+            self._on_change((RIM,))
 
     def _on_estimate(self, message: SloshEstimate) -> None:
         self._report.counts["estimate"] += 1
@@ -193,6 +216,8 @@ class MonitorNode(GuardedNode):
             "measurements without an estimate": core.unmatched,
             "estimates out of order": core.late_estimates,
             "estimates without an expected reading": self._joiner.lost,
+            **({"rim [mm]": f"{1e3 * core.settings.rim:.1f}"} if self._rim else {}),
+            **core.motions.clocks.facts(),
             **self._predictions.facts(),
             **self._judge.facts(self._report.counts),
         }

@@ -41,7 +41,7 @@ class ImuCheck(Check):
     MEMORY = 4 + 8 + 9 + FINDER_MEMORY
 
     def __init__(self, rotation: Matrix = IDENTITY) -> None:
-        super().__init__(rotation)
+        super().__init__(rotation, has_gravity=True)
         self._finder = ConstantFinder()
         self._yaw = 0.0
         self._last = -(2**62)

@@ -1,5 +1,7 @@
 """Checks what an input claims to be: gravity, units, frames and mountings, as samples come.
 
+Every check also watches for what sensors and drivers do to samples; see `input_faults`.
+
 The checks rest on what is physically possible. No motion changes the speed of a container by more
 than TOP_SPEED. So a constant that is found where the input hardly changes, and whose integral
 passes TOP_SPEED, is no acceleration: it is gravity, a unit, a tilt or a bias, and its size and
@@ -40,6 +42,7 @@ from slosh_metrics.input_checks.constant_meaning import (
     acceleration_doubt,
     attitude_doubt,
 )
+from slosh_metrics.input_checks.input_faults import FaultWatch
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -68,13 +71,16 @@ class Check(ABC):
         doubt: what is wrong now; None: nothing is known to be.
         doubtful: whether what follows from the input is wrong.
         raised: what was wrong at any time, the last of each kind.
+        faults: of the samples: clipped, frozen, missing. They are no part of the memory: what is
+            estimated does not depend on them.
     """
 
     WIDTH = 3
     MEMORY = 0
     """Numbers in the memory."""
 
-    def __init__(self, rotation: Matrix) -> None:
+    def __init__(self, rotation: Matrix, *, has_gravity: bool = False) -> None:
+        self.faults = FaultWatch(has_gravity=has_gravity)
         self.doubt: Doubt | None = None
         self.doubtful = False
         self.raised: dict[int, Doubt] = {}
@@ -98,6 +104,7 @@ class Check(ABC):
 
     def finish(self) -> None:
         """Takes what is left; no samples follow."""
+        self.faults.finish()
         closed = self._bins.close()
         if closed is not None:
             self._take(closed)
@@ -144,6 +151,7 @@ class AccelCheck(Check):
         """Takes a sample [m/s²]; returns whether it is doubtful."""
         if restarted:
             self._restart()
+        self.faults.take(stamp_ns, acceleration)
         closed = self._bins.add(stamp_ns, acceleration)
         if closed is not None:
             self._take(closed)
@@ -162,6 +170,7 @@ class AccelCheck(Check):
         found = np.zeros(len(stamps), dtype=bool)
         if not len(stamps):
             return found
+        self.faults.add(stamps, accelerations)
         edges = sorted({0, *np.flatnonzero(restarted).tolist(), len(stamps)})
         for start, end in pairwise(edges):
             if restarted[start]:

@@ -58,6 +58,10 @@ GAP, GAP_SAMPLES = 0.05, 5.0
 
 WINDOW_NS, OVERLAP_NS = 10 * SECOND, SECOND // 2
 """A stream is looked at in parts of this length, with so much of the part before."""
+MOST_FAULTS = 20
+"""More kinds, axes and values of clipping are not told apart."""
+MOST_TAKEN = 50_000
+"""Samples that are kept for a look that does not come."""
 
 
 class FaultKind(Enum):
@@ -126,15 +130,37 @@ def find_input_faults(t: Array, acceleration: Array) -> tuple[InputFault, ...]:
 class FaultWatch:
     """Takes an input in parts, as it comes, and tells the faults so far.
 
+    Args:
+        has_gravity: whether the samples are specific forces, which rest at gravity.
+
     Attributes:
         faults: each kind (and each clipped axis and value) once, with how often it occurred.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, *, has_gravity: bool = False) -> None:
         self.faults: list[InputFault] = []
+        self._has_gravity = has_gravity
+        self._taken: list[tuple[int, tuple[float, float, float]]] = []
         self._origin: int | None = None
         self._stamps = np.empty(0, dtype=np.int64)
         self._values = np.empty((0, 3))
+
+    def take(self, stamp_ns: int, acceleration: tuple[float, float, float]) -> None:
+        """Takes a sample [m/s²]; cheaply, as `look` does the work."""
+        self._taken.append((stamp_ns, acceleration))
+        if len(self._taken) >= MOST_TAKEN:
+            self.look()
+
+    def look(self) -> None:
+        """Looks at the samples that were taken, once they are a window."""
+        taken, self._taken = self._taken, []
+        if taken:
+            stamps, values = zip(*taken, strict=True)
+            self.add(np.array(stamps, dtype=np.int64), np.array(values))
+
+    def texts(self) -> list[str]:
+        """The faults so far, a sentence each."""
+        return [fault.text() for fault in self.faults]
 
     def add(self, stamps: NDArray[np.int64], accelerations: Array) -> None:
         """Takes samples.
@@ -150,12 +176,16 @@ class FaultWatch:
 
     def finish(self) -> None:
         """Looks at what has come and was not looked at; more may follow."""
+        if self._taken:
+            self.look()
         if not len(self._stamps):
             return
         if self._origin is None:
             self._origin = int(self._stamps[0])
-        for fault in find_input_faults((self._stamps - self._origin) / SECOND, self._values):
-            self._count(fault)
+        rest = np.median(self._values, axis=0) if self._has_gravity else np.zeros(3)
+        t = (self._stamps - self._origin) / SECOND
+        for fault in find_input_faults(t, self._values - rest):
+            self._count(fault._replace(value=fault.value + float(rest[fault.axis])))
         # A fault at the end is seen with what follows.
         kept = self._stamps > self._stamps[-1] - OVERLAP_NS
         self._stamps, self._values = self._stamps[kept], self._values[kept]
@@ -167,7 +197,8 @@ class FaultWatch:
                 if fault.start > known.start:
                     self.faults[index] = known._replace(times=known.times + fault.times)
                 return
-        self.faults.append(fault)
+        if len(self.faults) < MOST_FAULTS:
+            self.faults.append(fault)
 
 
 def _equal(one: InputFault, other: InputFault) -> bool:

@@ -16,6 +16,7 @@ from slosh_metrics.input_checks.constancy import MOST, TOLERANCE, TOP_SPEED, Bin
 from slosh_metrics.input_checks.constant_finder import DEPARTURE, REST
 from slosh_metrics.input_checks.constant_meaning import FINE, SIZE, Doubt, acceleration_doubt
 from slosh_metrics.input_checks.input_checks import AccelCheck, PoseCheck
+from slosh_metrics.input_checks.input_faults import FaultKind
 from slosh_model.constants import GRAVITY
 
 Array = NDArray[np.float64]
@@ -75,6 +76,8 @@ def motion_doubts(
     check.add_many(stamps, acceleration, np.zeros(len(t), dtype=bool))
     check.finish()
     found = [InputDoubt.of(doubt) for doubt in check.raised.values()]
+    # Missing samples are named by their gap, with the length that the liquid allows.
+    faults = [f.text() for f in check.faults.faults if f.kind is not FaultKind.MISSING]
     fastest = float(np.linalg.norm(acceleration, axis=1).max())
     if not found and fastest > UNLIKELY:
         found.append(
@@ -89,7 +92,7 @@ def motion_doubts(
     elif attitude is not None:
         rest = _first_rest(stamps, acceleration)
         found += _pose_doubts(stamps[:rest], np.zeros((rest, 3)), attitude[:rest])
-    return tuple(found)
+    return (*found, *map(InputDoubt, faults))
 
 
 def _pose_doubts(stamps: Integers, position: Array, attitude: Array | None) -> list[InputDoubt]:

@@ -11,7 +11,7 @@ from trajectory_msgs.msg import MultiDOFJointTrajectory
 from slosh_base.files.nanoseconds import SECOND
 from slosh_estimator.errors import SloshEstimatorError
 from slosh_model.model import Model
-from slosh_model.tilt import added_text
+from slosh_model.tilt import added_text, attitude_of
 from slosh_msgs.msg import MotionPrediction, PredictionOutcome
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.conversions import filled
@@ -127,7 +127,7 @@ class PlannedMotions:
         )  # fmt: skip
         if delay < 0.0:
             whence += f"; by its stamp it began {-delay:.2f} s ago"
-        added = added_text(self._model, motion.attitude)
+        added = added_text(self._model, attitude_of(motion))
         whence += f"; it {added}" if added else ""
         whence += "".join(f"; but {doubt}" for doubt in trajectory_doubts(motion))
         return self._message(found, now, start_ns, state is not None, whence)

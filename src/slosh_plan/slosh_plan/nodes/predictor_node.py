@@ -13,7 +13,7 @@ from slosh_estimator.nodes.requested_model import model_at
 from slosh_model.model import Model
 from slosh_model.model_file import read_model
 from slosh_model.model_text import format_model
-from slosh_model.tilt import added_text
+from slosh_model.tilt import added_text, attitude_of
 from slosh_msgs.srv import PredictSlosh
 from slosh_msgs_py import topics
 from slosh_msgs_py.node.diagnostics import OK, Health
@@ -136,7 +136,7 @@ class PredictorNode(PreparedNode):
             )  # fmt: skip
             predict_messages.fill_scales(response, scales)
         answer = "the limits are kept" if prediction.kept else "a limit is exceeded"
-        added = added_text(model, motion.attitude)
+        added = added_text(model, attitude_of(motion))
         answer += f"; it {added}" if added else ""
         return "; but ".join([answer, *trajectory_doubts(motion)])
 

@@ -92,6 +92,7 @@ class InputReader:
         self._used_before = self._dropped_before = self._gaps_before = 0
         self._slow = ""
         self._raised: dict[int, InputDoubt] = {}
+        self._faults: list[str] = []
         self._tilted: NDArray[np.float64] | None = None
 
     def _gate(self, settings: InputSettings) -> GateSettings:
@@ -113,6 +114,11 @@ class InputReader:
         found = {**self._raised, **self._raised_now()}
         remark = self._adapter.remark()
         return (*found.values(), *([InputDoubt(remark, wrong=False)] if remark else []))
+
+    @property
+    def faults(self) -> tuple[str, ...]:
+        """What sensor, driver or bus did to the input, a sentence each."""
+        return (*self._faults, *self._adapter.check.faults.texts())
 
     @property
     def refusal(self) -> str:
@@ -146,6 +152,8 @@ class InputReader:
         """
         if settings is not None:
             self._settings = settings._replace(gate=self._gate(settings))
+        self._adapter.check.faults.finish()
+        self._faults += self._adapter.check.faults.texts()
         self._raised |= self._raised_now()
         counters = self.counters
         self._used_before = counters["samples_used"]
@@ -199,6 +207,7 @@ class InputReader:
             else:
                 found += adapter.update(stamp, tuple(row[:3]), tuple(row[3:]), None, frame)
         self._slow = adapter.sampling.sentence() or self._slow
+        adapter.check.faults.look()
         samples = Samples.of(found)
         if samples.poses is not None and len(samples.poses):
             attitude = samples.poses[:, [QX, QY, QZ, QW]]

@@ -126,7 +126,7 @@ class MotionCollector:
     def notes(self) -> list[str]:
         """What a table cannot hold of it, one line each."""
         counters = self._reader.counters
-        notes: list[str] = [*self.doubts]
+        notes: list[str] = [*self.doubts, *self._reader.faults]
         if self._filter.count:
             notes.append(
                 f"{self._filter.count} samples of {self._kind} left out whose stamps lie "

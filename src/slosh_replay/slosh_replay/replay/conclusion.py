@@ -59,13 +59,16 @@ def conclude(
     if stream.unused:
         counters["not_used_live"] = stream.unused
     astray = _astray(stream.strays)
-    faults = [fault.text() for fault in stream.faults.faults]
     counters["unmatched_images"] = components.monitor.monitor.unmatched
     spans = stream.motions.spans
     names = components.models.names
     measured = components.monitor.monitor.settings.camera and len(components.series) > 0
     judged = judge(components.series, names, spans) if measured else Judgement()
     counters["spikes"] = judged.spikes
+    clocks = components.monitor.monitor.motions.clocks.text()
+    said = (
+        astray, *reader.doubts, *reader.faults, clocks, judged.warning, *reader.warnings()
+    )  # fmt: skip
     rows = thinned(components.series)
     return ReplayResult(
         name=name,
@@ -85,11 +88,7 @@ def conclude(
         model=components.models.model,
         limits=components.monitor.settings,
         limit_changes=components.monitor.changes,
-        warnings=tuple(
-            f"{name}: {line}"
-            for line in (astray, *reader.doubts, *faults, judged.warning, *reader.warnings())
-            if line
-        ),
+        warnings=tuple(f"{name}: {line}" for line in said if line),
     )
 
 

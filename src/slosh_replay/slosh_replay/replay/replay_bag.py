@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from itertools import chain
@@ -24,7 +25,7 @@ from slosh_estimator.sampling import modes_of
 from slosh_estimator.validity import attitude_warning
 from slosh_model.model import Model
 from slosh_model.model_text import format_model
-from slosh_model.tilt import ignored_text
+from slosh_model.tilt import attitude_of, ignored_text
 from slosh_replay.recording import inputs, settings
 from slosh_replay.recording.facts import (
     TABLE_COLUMNS,
@@ -90,6 +91,7 @@ def replay_bag(
     used = model or recorded or _noted_model(path, sources.facts)
     how = given or inputs.recorded_inputs(sources.starts, sources.facts)
     watched, limit_changes = (monitor, []) if monitor else _monitor_settings(sources)
+    watched, limit_changes = _with_rim(watched, limit_changes, used, told=model is None)
     if _is_turning_table(sources, used):
         return _replay_table_bag(path, reader, sources, used, watched, outputs)
     mixed = mixed_topics(sources.facts)
@@ -102,7 +104,12 @@ def replay_bag(
         whole = whole_run(path, batches, sources, input_reader, used)
         result = judge_unrelated(path.name, sources.input, whole, watched)
         counters = {**input_reader.counters, **result.counters}
-        told = [*input_reader.doubts, *input_reader.warnings(), *input_reader.ignored_tilt(used)]
+        told = [
+            *input_reader.doubts,
+            *input_reader.faults,
+            *input_reader.warnings(),
+            *input_reader.ignored_tilt(used),
+        ]
         rate = [f"{path}: {line}" for line in told]
         warnings = (*_warnings(path, reader, sources), *rate, *result.warnings)
         return replace(result, counters=counters, warnings=warnings, model=used)
@@ -134,9 +141,9 @@ def replay_bag(
         origin = _origin(started, recorded, used)
         result = conclude(path.name, sources.input, stream, components, origin)
     said = [attitude_warning(used, sources.kind), *input_reader.ignored_tilt(used)]
-    if "qx" in sources.facts.get(TABLE_COLUMNS, "").split(","):
+    if {"qx", "wx"} & set(sources.facts.get(TABLE_COLUMNS, "").split(",")):
         table = read_bag_table(path, TableSettings()).table
-        said.append(ignored_text(used, table.attitude))
+        said.append(ignored_text(used, attitude_of(table)))
     unfelt = [f"{path}: {line}" for line in said if line]
     warnings = (*_warnings(path, reader, sources), *unfelt, *result.warnings)
     return replace(result, warnings=warnings)
@@ -344,6 +351,21 @@ def _monitor_settings(
     """What the recorded monitor watched at first, and after the stamps of its changes [ns]."""
     meaning = MonitorSettings.from_parameters
     return settings.limits_over_time(sources.starts, "monitor", meaning) or (MonitorSettings(), [])
+
+
+def _with_rim(
+    first: MonitorSettings, changes: list[tuple[int, MonitorSettings]], model: Model, *, told: bool
+) -> tuple[MonitorSettings, list[tuple[int, MonitorSettings]]]:
+    """What is watched, with the rim that the recording tells, else with the model's.
+
+    Args:
+        first, changes: of the recording.
+        model: that is replayed with.
+        told: whether what the recording tells is of this model's container.
+    """
+    if told and any(math.isfinite(one.rim) for one in (first, *(one for _, one in changes))):
+        return first, changes
+    return first.under_rim(model), [(stamp, one.under_rim(model)) for stamp, one in changes]
 
 
 def _noted_model(path: Path, facts: Mapping[str, str]) -> Model:

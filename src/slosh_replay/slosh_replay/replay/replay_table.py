@@ -54,6 +54,11 @@ class TableReader(InputReader):
         """What is wrong with the table, a sentence each."""
         return self._doubts
 
+    @property
+    def faults(self) -> tuple[str, ...]:
+        """None beside the doubts of the whole table, which hold them."""
+        return ()
+
     def samples(
         self, stamps: Integers, columns: Mapping[str, NDArray[Any]], rows: NDArray[Any]
     ) -> Samples:
@@ -98,7 +103,7 @@ def replay_table(
         components = Components(
             ModelSet(model),
             TableReader(table),
-            MonitorFeed(monitor or MonitorSettings()),
+            MonitorFeed((monitor or MonitorSettings()).under_rim(model)),
             series,
             outputs=outputs or Outputs(),
         )

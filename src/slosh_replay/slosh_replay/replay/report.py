@@ -112,7 +112,7 @@ def _lasting_limit(result: ReplayResult) -> float:
     """The limit in the chart [m], without a camera that of the estimate; NaN: it changed."""
     watched = [result.limits] if result.limits else []
     watched += [settings for _, settings in result.limit_changes]
-    limits = {one.measured_limit if one.camera else one.estimated_limit for one in watched}
+    limits = {one.limits[Source.MEASURED if one.camera else Source.ESTIMATED] for one in watched}
     return limits.pop() if len(limits) == 1 else NAN
 
 

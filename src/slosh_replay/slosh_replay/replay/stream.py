@@ -23,7 +23,6 @@ from slosh_estimator.limits import Event
 from slosh_estimator.sampling import modes_of
 from slosh_estimator.validity import EstimateFlag
 from slosh_metrics.input_checks.constancy import BIN_NS
-from slosh_metrics.input_checks.input_faults import FaultWatch
 from slosh_metrics.motion_spans import MotionFinder
 from slosh_replay.recording.heights import Measurements
 from slosh_replay.recording.inputs import InputReader, stamps_of
@@ -110,7 +109,6 @@ class ReplayStream:
 
     Attributes:
         motions: those of the container so far.
-        faults: of the input so far.
         events: limit events so far.
         images: measurements so far.
         unused: inputs that the live estimator did not use.
@@ -120,7 +118,6 @@ class ReplayStream:
     def __init__(self, name: str, components: Components) -> None:
         self._components = components
         self.motions = MotionFinder()
-        self.faults = FaultWatch()
         self.events: list[Event] = []
         self.images = self.unused = 0
         self.untaken = ""
@@ -208,7 +205,6 @@ class ReplayStream:
         self._estimate(final)
         if final:
             self.motions.finish()
-            self.faults.finish()
         until = 2**62 if final else self._settled()
         self._release(until)
         if final:
@@ -356,7 +352,6 @@ class ReplayStream:
         self._components.outputs.estimates(answers)
         self._keep(answers.heights)
         self.motions.add(own.stamps, own.accelerations)
-        self.faults.add(own.stamps, own.accelerations)
 
     def _keep(self, new: ModelHeights) -> None:
         old = self._heights

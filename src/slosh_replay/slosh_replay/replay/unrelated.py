@@ -18,11 +18,11 @@ from slosh_estimator.monitor_settings import MonitorSettings
 from slosh_metrics.alignment import (
     ClockOffset,
     StillLevel,
-    estimate_clock_drift,
     estimate_clock_offset,
     find_still_level,
     onset_offset,
 )
+from slosh_metrics.clock_drift import estimate_clock_drift
 from slosh_metrics.motion_spans import motion_spans
 from slosh_replay.recording.heights import Measurements
 from slosh_replay.replay.accuracy import judge

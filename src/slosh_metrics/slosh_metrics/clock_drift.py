@@ -1,0 +1,285 @@
+"""Offset and drift of the heights' clock against the model's.
+
+One least squares lays a stretch of measured heights over the model's, with offset, drift and the
+heights' scale free. Within a single motion a drift looks like a frequency of the liquid that is
+not the model's. Over several motions it does not: the clocks' offset grows from one to the next,
+an error of the model is each time the same. `ClockWatch` follows the offsets of motion by motion.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_metrics.alignment import SEARCH, StillLevel, estimate_clock_offset, finite_series
+from slosh_metrics.errors import SloshMetricsError
+
+Array = NDArray[np.float64]
+
+LEAST_COVERED = 20
+"""Fewer samples of a motion tell of no drift."""
+DRIFT_ROUNDS = 6
+"""Of the drift's least squares."""
+SURELY, LEAST_DRIFT, DRIFT_GAIN = 5.0, 5e-4, 0.3
+"""A drift is told of one motion where it is so many standard deviations, so large, and explains
+that share; of several where it is so many standard deviations,"""
+FEW = 4.0
+"""more by this over the degrees of freedom, as few points know their own scatter badly,"""
+LEAST_GAIN = 0.005
+"""and where the offset has changed by so much [s]."""
+MODEL_ERROR = 0.002
+"""By so much a motion's offset may be wrong as the model is [s]."""
+LEAST_OFFSET = 0.015
+"""A constant offset that is told is at least so large [s]: shorter than from image to image."""
+ROUGH = 0.02
+"""A motion whose offset is known no better says nothing [s]."""
+LEAST_MOTIONS = 4
+"""So many give an offset that grows."""
+KEPT = 500
+"""Motions that are remembered: drifts change with the temperature."""
+NEAR = 0.3
+"""Half-width of the search where the offset is known of the motions before [s]."""
+
+
+@dataclass(frozen=True, slots=True)
+class ClockDrift:
+    """By how much one clock gains on another, within one motion.
+
+    Attributes:
+        rate: what the measured clock gains per second of the model's [1].
+        stddev: its standard deviation [1].
+        gain: share of the residual's mean square that it explains beside an offset, in [0, 1].
+    """
+
+    rate: float
+    stddev: float
+    gain: float
+
+    @property
+    def seen(self) -> bool:
+        """Whether it is surely there, and more than a model's own errors look like."""
+        size = abs(self.rate)
+        return size > SURELY * self.stddev and size > LEAST_DRIFT and self.gain > DRIFT_GAIN
+
+    def text(self) -> str:
+        """What it is, in one line."""
+        told = drift_text(self.rate, self.stddev)
+        return f"{told}; or the liquid's frequency is not the model's: compare further motions"
+
+
+class ClockLine(NamedTuple):
+    """How the offset between two clocks grows over several motions.
+
+    Attributes:
+        offset: measured clock minus model clock, at the newest motion [s].
+        offset_stddev: its standard deviation [s].
+        rate: by how much it grows per second [1]; NaN: not known.
+        rate_stddev: its standard deviation [1].
+        freedom: degrees of freedom of the fit.
+        span: from the first to the newest motion [s].
+    """
+
+    offset: float
+    offset_stddev: float
+    rate: float
+    rate_stddev: float
+    freedom: int
+    span: float
+
+    @property
+    def drifts(self) -> bool:
+        """Whether the offset surely grows."""
+        if self.freedom < LEAST_MOTIONS - 2:
+            return False
+        surely = SURELY * (1.0 + FEW / self.freedom)
+        size = abs(self.rate)
+        return size > surely * self.rate_stddev and size * self.span > LEAST_GAIN
+
+    @property
+    def is_apart(self) -> bool:
+        """Whether the clocks surely differ, as more than one motion tells."""
+        size = abs(self.offset)
+        return self.freedom >= 0 and size > SURELY * self.offset_stddev and size > LEAST_OFFSET
+
+
+def drift_text(rate: float, stddev: float) -> str:
+    """What a drift is and what helps, in one line."""
+    which = "fast" if rate > 0.0 else "slow"
+    return (
+        f"the heights' clock runs {1e6 * abs(rate):.0f} ± {1e6 * stddev:.0f} ppm {which}: "
+        f"synchronise the clocks, or give the model the effect clock_drift (rate: {rate:.4g})"
+    )
+
+
+class ClockWatch:
+    """Follows how the heights' clock differs from the estimates', motion by motion.
+
+    Attributes:
+        line: of the motions so far; None: no motion tells an offset.
+    """
+
+    def __init__(self) -> None:
+        self.line: ClockLine | None = None
+        self._best: ClockDrift | None = None
+        self._points: deque[tuple[float, float, float]] = deque(maxlen=KEPT)
+
+    def add(
+        self, t: Array, measured: Array, estimated: Array, motion: tuple[float, float]
+    ) -> None:
+        """Takes a motion.
+
+        Args:
+            t: (N,) moments, also before and behind the motion, from one origin for all [s].
+            measured: (N,) heights above the still level that are stamped so [m]; NaN: no sample.
+            estimated: (N,) heights that the model has at these moments [m].
+            motion: first and last moment of the motion, on the model's clock [s].
+        """
+        part = (t >= motion[0]) & (t <= motion[1])
+        if np.count_nonzero(part) < LEAST_COVERED:
+            return
+        model_t, model = t[part], estimated[part]
+        middle = 0.5 * float(model_t[0] + model_t[-1])
+        try:
+            found = estimate_clock_offset(
+                t, measured, model_t, model,
+                centre=self._foretold(middle), search=NEAR if self._points else SEARCH,
+                still=StillLevel(0.0, 0.0, float(t[0]), float(t[-1])),
+            )  # fmt: skip
+        except SloshMetricsError:
+            return
+        if not found.unambiguous or not found.stddev < ROUGH:
+            return
+        within = estimate_clock_drift(t, measured, model_t, model, found.offset)
+        if self._best is None or within.stddev < self._best.stddev:
+            self._best = within
+        self._points.append((middle, found.offset, found.stddev))
+        self.line = _line(np.array(self._points))
+
+    @property
+    def within(self) -> ClockDrift | None:
+        """The drift within the best known motion, as long as too few motions tell it.
+
+        None: none is seen, or the offsets of the motions contradict it.
+        """
+        line, best = self.line, self._best
+        if line is None or best is None or line.freedom >= LEAST_MOTIONS - 2 or not best.seen:
+            return None
+        (begin, first, one), *_, (end, last, other) = (self._points[0], *self._points)
+        error = math.hypot(one, other, MODEL_ERROR, best.stddev * (end - begin))
+        agrees = abs(last - first - best.rate * (end - begin)) < SURELY * error
+        return best if agrees else None
+
+    @property
+    def is_sure(self) -> bool:
+        """Whether offset or drift explain a disagreement, rather than the model."""
+        return self.line is not None and (self.line.drifts or self.line.is_apart)
+
+    def text(self) -> str:
+        """What is to be said of the clocks, in one line; empty: nothing is known to be wrong."""
+        line = self.line
+        if line is None:
+            return ""
+        if line.drifts:
+            return drift_text(line.rate, line.rate_stddev)
+        if self.within is not None:
+            return self.within.text()
+        if not line.is_apart:
+            return ""
+        which = "late" if line.offset > 0.0 else "early"
+        return (
+            f"the heights are stamped {1e3 * abs(line.offset):.0f} ± "
+            f"{1e3 * line.offset_stddev:.0f} ms {which}: synchronise the clocks, or give "
+            f"the model the effect time_offset (tau: {line.offset:.3f})"
+        )
+
+    def facts(self) -> dict[str, str]:
+        """Offset [ms] and drift [ppm] with their standard deviations, where they are sure."""
+        found: dict[str, str] = {}
+        line = self.line
+        if line is None:
+            return found
+        if line.is_apart:
+            found["clock offset [ms]"] = (
+                f"{1e3 * line.offset:.1f} ± {1e3 * line.offset_stddev:.1f}"
+            )
+        if line.drifts:
+            found["clock drift [ppm]"] = f"{1e6 * line.rate:.0f} ± {1e6 * line.rate_stddev:.0f}"
+        elif self.within is not None:
+            rate, stddev = self.within.rate, self.within.stddev
+            found["clock drift within a motion [ppm]"] = f"{1e6 * rate:.0f} ± {1e6 * stddev:.0f}"
+        return found
+
+    def _foretold(self, t: float) -> float:
+        """The offset at a moment, as the motions before tell it [s]."""
+        if self.line is None:
+            return 0.0
+        rate = self.line.rate if self.line.drifts else 0.0
+        return self.line.offset + rate * (t - self._points[-1][0])
+
+
+def _line(points: Array) -> ClockLine:
+    """The line through offsets: (N, 3) moment, offset and its standard deviation [s]."""
+    t, offset, stddev = points.T
+    weight = 1.0 / (stddev**2 + MODEL_ERROR**2)
+    since = t - t[-1]
+    if len(t) < LEAST_MOTIONS:
+        mean = float(np.average(offset, weights=weight))
+        scatter = max(float(np.average((offset - mean) ** 2, weights=weight)), 1.0 / weight.sum())
+        return ClockLine(
+            mean, math.sqrt(scatter), math.nan, math.inf, len(t) - 2, -float(since[0])
+        )
+    columns = np.column_stack([np.ones(len(t)), since])
+    covariance = np.linalg.pinv((columns * weight[:, None]).T @ columns)
+    solved = covariance @ (columns.T @ (weight * offset))
+    freedom = len(t) - 2
+    excess = float(weight @ (offset - columns @ solved) ** 2) / freedom
+    errors = np.sqrt(np.diag(covariance) * max(excess, 1.0))
+    return ClockLine(
+        float(solved[0]), float(errors[0]), float(solved[1]), float(errors[1]), freedom,
+        -float(since[0]),
+    )  # fmt: skip
+
+
+def estimate_clock_drift(
+    t: Array, height: Array, model_t: Array, model: Array, offset: float
+) -> ClockDrift:
+    """Drift of the measured clock against the model's, by least squares about an offset.
+
+    Offset, drift and the heights' scale are fitted together, so that a wrong scale is none.
+
+    Args:
+        t: (N,) measured clock [s].
+        height: (N,) measured heights above the still level [m]; NaN: no sample.
+        model_t: (M,) model clock [s], spanning the motion to be compared.
+        model: (M,) model heights above the still level [m].
+        offset: measured clock minus model clock, as `estimate_clock_offset` finds it [s].
+    """
+    t, height = finite_series(t, height)
+    covered = (t >= model_t[0] + offset) & (t <= model_t[-1] + offset)
+    t, height = t[covered] - offset, height[covered]
+    if len(t) < LEAST_COVERED:
+        return ClockDrift(0.0, math.inf, 0.0)
+    middle, slope = 0.5 * float(t[0] + t[-1]), np.gradient(model, model_t)
+    late = rate = 0.0
+    powers = []
+    for _ in range(DRIFT_ROUNDS):
+        moments = t - late - rate * (t - middle)
+        wave, rise = np.interp(moments, model_t, model), np.interp(moments, model_t, slope)
+        columns = np.column_stack([wave, -rise, -rise * (t - middle)])
+        solved, *_ = np.linalg.lstsq(columns, height, rcond=None)
+        scaled = solved[1:] / solved[0] if solved[0] > 0.0 else np.zeros(2)
+        plain, *_ = np.linalg.lstsq(columns[:, :2], height, rcond=None)
+        powers.append(float(np.mean((height - columns[:, :2] @ plain) ** 2)))
+        residual = height - columns @ solved
+        late, rate = late + float(scaled[0]), rate + float(scaled[1])
+    power = float(np.mean(residual**2))
+    correlation = float(np.mean(residual[1:] * residual[:-1])) / max(power, 1e-300)
+    together = (1.0 + min(max(correlation, 0.0), 0.99)) / (1.0 - min(max(correlation, 0.0), 0.99))
+    covariance = np.linalg.pinv(columns.T @ columns) * power * together
+    stddev = math.sqrt(max(float(covariance[2, 2]), 0.0)) / max(abs(float(solved[0])), 1e-9)
+    return ClockDrift(rate, stddev, 1.0 - power / max(powers[0], 1e-300))
