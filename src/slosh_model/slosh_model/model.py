@@ -10,7 +10,7 @@ from types import MappingProxyType
 from slosh_model.bessel import MAXIMUM_MODE
 from slosh_model.checks import within
 from slosh_model.constants import GRAVITY
-from slosh_model.containers import X_AXIS, Cylinder, Rectangle
+from slosh_model.containers import X_AXIS, Container
 from slosh_model.covariance import Covariance
 from slosh_model.effects.base import Effect, Parameters
 from slosh_model.effects.registry import BY_HOOK, find_effect
@@ -72,7 +72,7 @@ class Model:
         SloshModelError: an impossible value.
     """
 
-    container: Cylinder | Rectangle
+    container: Container
     liquid: Liquid = field(default_factory=Liquid)
     damping_ratio: float | None = None
     effects: tuple[EffectUse, ...] = ()
@@ -101,7 +101,7 @@ class Model:
         for index, name in enumerate(names):
             if name in names[:index]:
                 raise SloshModelError(f"effect {name!r} is listed twice", ("effects", index))
-            if not find_effect(name).fits(self.container.shape):
+            if not find_effect(name).fits(self.container.section):
                 raise SloshModelError(
                     f"effect {name!r} is not for a {self.container.shape}", ("effects", index)
                 )

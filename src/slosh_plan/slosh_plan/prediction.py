@@ -270,7 +270,7 @@ def check_start(model: Model, state: LiquidState | None, limits: HeightLimits) -
     x = y = 0.0
     for (gain, gain_y), mode in zip(gains, state.nonlinear, strict=True):
         x, y = x + gain * mode[0], y + gain_y * mode[1]
-    height = abs(x) + abs(y) if model.container.corner is not None else math.hypot(x, y)
+    height = float(model.container.msh(np.asarray(x), np.asarray(y)))
     if height > limits.height:
         raise SloshPlanError(
             f"the liquid stands {1e3 * height:.1f} mm high before the motion begins, above the "
