@@ -50,7 +50,7 @@ def test_the_liquid_in_it_moves_as_theory_says(model, same):
 def test_the_estimator_takes_it(model):
     estimator = Estimator(model)
     heights = [
-        estimator.update(Sample(int(t * SECOND), tuple(row))).nonlinear.msh
+        estimator.update(Sample(int(t * SECOND), *row)).nonlinear.msh
         for t, row in zip(T + 1.0, ACCELERATION.tolist(), strict=True)
     ]
     response, _ = simulate(model.nonlinear(), Inputs(T, ACCELERATION))
@@ -60,14 +60,13 @@ def test_the_estimator_takes_it(model):
 def test_a_table_is_replayed_with_it(model):
     response, _ = simulate(model.nonlinear(), Inputs(T, ACCELERATION))
     result = replay_table("tub", MotionTable(T, ACCELERATION, msh=response.msh), model)
-    (row,) = (row for row in result.accuracy if "NL" in row.name)
-    assert row.sigma < 1e-4
+    assert min(row.sigma for row in result.accuracy if "NL" in row.name) < 1e-4
 
 
 def test_slosh_simulate_takes_it(model, tmp_path, capsys):
     (tmp_path / "model.yaml").write_text(TEXT)
     table = tmp_path / "motion.csv"
-    write_motion_table(MotionTable(T, ACCELERATION), table)
+    write_motion_table(table, MotionTable(T, ACCELERATION))
     code = main(["simulate", str(tmp_path / "model.yaml"), str(table)])
     assert code == 0, capsys.readouterr()
     assert "mm" in capsys.readouterr().out

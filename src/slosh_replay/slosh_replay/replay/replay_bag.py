@@ -26,6 +26,7 @@ from slosh_estimator.validity import attitude_warning
 from slosh_model.model import Model
 from slosh_model.model_text import format_model
 from slosh_model.tilt import attitude_of, ignored_text
+from slosh_replay.recorded_run import RecordedRun
 from slosh_replay.recording import inputs, settings
 from slosh_replay.recording.facts import (
     TABLE_COLUMNS,
@@ -60,7 +61,7 @@ _COMPARISON_FIELDS = (*STAMP, "measured_stale", *COMPARED)
 
 
 def replay_bag(
-    path: str | Path,
+    path: str | Path | RecordedRun,
     model: Model | None = None,
     monitor: MonitorSettings | None = None,
     given: InputSettings | None = None,
@@ -70,7 +71,7 @@ def replay_bag(
     """Replays a bag.
 
     Args:
-        path: the bag's folder or MCAP file.
+        path: the bag's folder or MCAP file, or a recording that was opened already.
         model: to replay with; None: the one that the estimator had when it was recorded, or water
             in the container that the bag's metadata gives.
         monitor: limits that are watched; None: those of the recorded monitor.
@@ -81,8 +82,8 @@ def replay_bag(
     Raises:
         SloshBagError: no readable bag, no input in it, no model, or clocks that cannot be related.
     """
-    path = Path(path)
-    reader = BagReader(path)
+    run = path if isinstance(path, RecordedRun) else RecordedRun(path)
+    path, reader = run.path, run.reader
     sources = find_sources(path, reader, given.kind if given else None, cell)
     sources = _unmixed(sources)
     sources = sources._replace(starts=_heard_starts(reader, sources))
