@@ -67,6 +67,8 @@ def test_slosh_simulate_takes_it(model, tmp_path, capsys):
     (tmp_path / "model.yaml").write_text(TEXT)
     table = tmp_path / "motion.csv"
     write_motion_table(table, MotionTable(T, ACCELERATION))
-    code = main(["simulate", str(tmp_path / "model.yaml"), str(table)])
+    code = main(
+        ["simulate", str(tmp_path / "model.yaml"), str(table), "-o", str(tmp_path / "out.csv")]
+    )
     assert code == 0, capsys.readouterr()
     assert "mm" in capsys.readouterr().out
