@@ -9,6 +9,8 @@ from typing import Any
 from slosh_base.files.yaml_text import format_yaml
 from slosh_camera.calibrate.camera_file import parse_any_calibration
 from slosh_camera.optics.calibration import Calibration
+from slosh_estimator.monitor_settings import RIM
+from slosh_base.files.yaml_text import format_yaml
 from slosh_model.model import Model
 from slosh_model.model_text import parse_model
 from slosh_msgs_py import topics
@@ -119,7 +121,10 @@ def _limits(monitor: NodeStart) -> str:
         ("estimated", "estimated_limit"),
         ("disagreement", "disagreement_limit"),
     )
-    return ", ".join(f"{name} {1e3 * monitor.parameters[key]:g} mm" for name, key in named)
+    told = [f"{name} {1e3 * monitor.parameters[key]:g} mm" for name, key in named]
+    if RIM in monitor.parameters:
+        told.append(f"rim {1e3 * monitor.parameters[RIM]:.1f} mm")
+    return ", ".join(told)
 
 
 def _model(estimator: NodeStart) -> str:
