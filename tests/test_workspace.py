@@ -24,7 +24,7 @@ CHANGELOG = (ROOT / "CHANGELOG.md").read_text()
 LOCKS = ("ros", "runtime", "development")
 ORDER = (
     "slosh_files", "slosh_msgs", "slosh_msgs_py", "slosh_model", "slosh_camera", "slosh_report",
-    "slosh_plan", "slosh_estimator", "slosh_bag", "slosh_discovery", "slosh_bringup",
+    "slosh_plan", "slosh_estimator", "slosh_bag", "slosh_discovery", "slosh_bringup", "slosh",
 )  # fmt: skip
 """A package imports those before it alone."""
 ROSDEP = {
@@ -79,7 +79,7 @@ def imported(package):
     return names - sys.stdlib_module_names - {package.name} | UNSEEN.get(package.name, set())
 
 
-def test_all_eleven_packages_are_there():
+def test_all_twelve_packages_are_there():
     assert [package.name for package in PACKAGES] == sorted(ORDER)
 
 
