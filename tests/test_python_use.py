@@ -55,10 +55,10 @@ def test_the_environments_interpreter_finds_the_packages_by_itself(tmp_path):
     texts = [path.read_text(encoding="utf-8") for path in EXAMPLES]
     texts.append("\n".join(code_of(NOTEBOOK)).replace(";", ""))
     script = "\n".join(map(imports_of, texts)) + (
-        "\nimport rclpy, slosh, slosh_bringup, slosh_camera, slosh_plan, slosh_report"
+        "\nimport rclpy, slosh_bag, slosh_bringup, slosh_camera, slosh_discovery, slosh_report"
         "\nfrom slosh_msgs.msg import SloshEstimate\nprint(SloshEstimate().header.frame_id, 'in')"
     )
-    assert "slosh_discovery" in script
+    assert "import slosh\n" in script
     assert python(tmp_path, "-c", script) == " in\n"
 
 

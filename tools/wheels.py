@@ -22,7 +22,8 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 PROGRAM = "[console_scripts]\nslosh = slosh_bringup.cli.main:command\n"
 OWNER = "slosh"
-"""The package that brings the program."""
+"""The package that brings the program, and what is written into bags of the messages."""
+MESSAGES = ROOT / "src" / "slosh_msgs" / "msg"
 FIRST_DAY = (1980, 1, 1, 0, 0, 0)
 """Of files in an archive: the same bytes whenever they are built."""
 
@@ -72,8 +73,11 @@ def write_installable(wheel: Path, output: Path, brings_program: bool) -> None:
         kept = [line for line in lines if not is_program(line.split(",")[0])]
         files = {name: source.read(name) for name in names}
     if brings_program:
-        files[entry] = PROGRAM.encode()
-        kept.insert(-1, f"{entry},,\n")
+        data = record.replace(".dist-info/RECORD", ".data/data/share/slosh_msgs/msg")
+        added = {entry: PROGRAM.encode()}
+        added |= {f"{data}/{path.name}": path.read_bytes() for path in MESSAGES.glob("*.msg")}
+        files |= added
+        kept[-1:-1] = [f"{name},,\n" for name in sorted(added)]
     files[record] = "".join(kept).encode()
     with zipfile.ZipFile(output / wheel.name, "w", zipfile.ZIP_DEFLATED) as target:
         for name, content in files.items():

@@ -106,13 +106,11 @@ def predict(
         what looks wrong in a motion: gravity, units, axes.
     """
     used, limits = the_model(model), HeightLimits(limit, residual)
-    several = isinstance(motions, list | tuple)
-    given = [
-        _trajectory(motion, f"motions[{place}]" if several else "motions")
-        for place, motion in enumerate(motions if several else [motions])
-    ]
-    found = predict_trajectories(used, given, limits=limits)
-    return found if several else found[0]
+    if not isinstance(motions, list | tuple):
+        one = _trajectory(motions, "motions")
+        return predict_trajectories(used, one, limits=limits)[0]
+    given = [_trajectory(motion, f"motions[{place}]") for place, motion in enumerate(motions)]
+    return predict_trajectories(used, given, limits=limits)
 
 
 def plan(

@@ -129,6 +129,21 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         print("slosh: stopped", file=sys.stderr)
         return EXIT_FAILED
+    except ModuleNotFoundError as error:
+        if not _of_ros(error.name or ""):
+            raise
+        print(
+            f"slosh {name}: needs ROS 2 and the built workspace (no module {error.name!r} here): "
+            "run it in a checkout after `make setup`",
+            file=sys.stderr,
+        )
+        return EXIT_WRONG_INPUT
+
+
+def _of_ros(module: str) -> bool:
+    """Whether a module is one of ROS 2 or of its messages, which no wheel brings."""
+    name = module.partition(".")[0]
+    return name == "rclpy" or name.endswith(("_msgs", "_interfaces"))
 
 
 def _command_of(words: Sequence[str]) -> str | None:
