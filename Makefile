@@ -66,6 +66,7 @@ bench: setup
 
 tables: setup
 	@tools/run python tools/parameter_tables.py
+	@tools/run python tools/stranger.py --docs
 	@tools/run python tools/effect_pages.py
 	@tools/run python tools/accuracy_tables.py
 	@tools/run python tools/camera_accuracy.py --disturb --docs

@@ -41,7 +41,7 @@ def repository(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(sys, "argv", ["wheels", "-o", str(folder / "wheels")])
         assert build_wheels() == 0
-    base = Path(sys._base_executable)
+    base = Path(getattr(sys, "_base_executable", sys.executable))
     subprocess.run([base, "-m", "venv", folder / "venv"], check=True)
     # Libraries of others come from here: fetching them is not what is tried.
     (own,) = (folder / "venv" / "lib").glob("python3*/site-packages")

@@ -13,6 +13,7 @@ import sys
 import threading
 from collections.abc import Sequence
 from contextlib import nullcontext
+from pathlib import Path
 from typing import Any, TextIO, cast
 
 from slosh_bringup.cli.exchanged import check_order
@@ -211,7 +212,7 @@ def run_guarded(parsed: argparse.Namespace) -> int:
         return EXIT_DONE
     except OSError as error:
         where = f"{error.filename}: " if error.filename else ""
-        said = f"slosh {parsed.command}: {where}{error.strerror or error}"
+        said = f"slosh {parsed.command}: {where}{_reason(error)}"
         print(plain_line(said), file=sys.stderr)
         return EXIT_WRONG_INPUT
     except ValueError as error:
@@ -220,6 +221,15 @@ def run_guarded(parsed: argparse.Namespace) -> int:
             raise
         print(plain_line(f"slosh {parsed.command}: {error}"), file=sys.stderr)
         return EXIT_WRONG_INPUT
+
+
+def _reason(error: OSError) -> str:
+    """Why a file cannot be read or written."""
+    if isinstance(error, FileNotFoundError) and error.filename:
+        folder = Path(os.fsdecode(error.filename)).parent
+        if not folder.exists():
+            return f"there is no folder {folder}; make it first"
+    return str(error.strerror or error)
 
 
 def is_own(error: ValueError) -> bool:
