@@ -12,7 +12,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
-from typing import ClassVar, Self
+from typing import Any, ClassVar, NotRequired, Self, TypedDict, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,6 +35,25 @@ FIRST_ROOT = 1.84
 _SHAPES: dict[str, type[Container]] = {}
 SHAPES: Mapping[str, type[Container]] = MappingProxyType(_SHAPES)
 """Every kind of container by the name of its shape."""
+_PLANS = ({"diameter"}, {"radius"}, {"width", "depth"})
+
+
+class CupLengths(TypedDict):
+    """Inner lengths of a cup [m]: a diameter or a radius, or a width and a depth.
+
+    Attributes:
+        diameter, radius: of a round one.
+        width, depth: of a rectangular one, along its x and its y.
+        fill_height: of the liquid at rest, above the inner floor.
+        rim_height: of the rim, above the inner floor; left out: unknown.
+    """
+
+    diameter: NotRequired[float]
+    radius: NotRequired[float]
+    width: NotRequired[float]
+    depth: NotRequired[float]
+    fill_height: float
+    rim_height: NotRequired[float | None]
 
 
 class Container(ABC):
@@ -42,6 +61,9 @@ class Container(ABC):
 
     A new shape is a subclass in a module of its own: defined, it can be named in model.yaml.
     Callers ask its methods; none asks for its class.
+    >>> import slosh
+    >>> slosh.Container.of(diameter=0.08, fill_height=0.06, rim_height=0.11)
+    Cylinder(radius 40 mm, filled to 60 mm, rim at 110 mm)
 
     Attributes:
         fill_height: height h of the still liquid above the floor [m].
@@ -64,6 +86,40 @@ class Container(ABC):
     built_in: ClassVar[Mapping[str, Mapping[str, float]]]
     straight_alone: ClassVar[bool]
     validated: ClassVar[ValidityLimits]
+
+    @staticmethod
+    def of(**lengths: Unpack[CupLengths]) -> Cylinder | Rectangle:
+        """A container by its lengths.
+
+        Raises:
+            SloshModelError: a length that is missing, too much, unknown or impossible.
+        """
+        told: dict[str, Any] = {**lengths}
+        given = {name: value for name, value in told.items() if value is not None}
+        for name, value in given.items():
+            if name not in CupLengths.__annotations__:
+                known = ", ".join(CupLengths.__annotations__)
+                raise SloshModelError(f"{name} is no length of a cup (known: {known})")
+            if isinstance(value, bool) or not isinstance(value, int | float):
+                raise SloshModelError(f"{name} = {value!r} must be a number of metres")
+        if "fill_height" not in given:
+            raise SloshModelError("fill_height is missing: the height of the liquid at rest [m]")
+        heights = {
+            name: given.pop(name) for name in ("fill_height", "rim_height") if name in given
+        }
+        if set(given) not in _PLANS:
+            raise SloshModelError(
+                "a cup has a diameter, or a radius, or a width and a depth; given: "
+                + (" and ".join(given) or "nothing")
+            )
+        if "diameter" in given:
+            within("diameter", given["diameter"], "m", *(2.0 * size for size in DIMENSIONS))
+            given = {"radius": given["diameter"] / 2.0}
+        return SHAPES["cylinder" if "radius" in given else "rectangle"](**given, **heights)
+
+    def __repr__(self) -> str:
+        rim = "" if self.rim_height is None else f", rim at {1e3 * self.rim_height:g} mm"
+        return f"{type(self).__name__}({self.described}{rim})"
 
     @abstractmethod
     def root(self, n: int) -> float:
@@ -169,7 +225,7 @@ class Container(ABC):
             )
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class Cylinder(Container):
     """An upright circular cylinder.
 
@@ -255,7 +311,7 @@ class Cylinder(Container):
         return 0.92 * viscous * (1.0 + 0.318 * inverse_sinh * (1.0 + (1.0 - ratio) * inverse_cosh))
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class Rectangle(Container):
     """An upright container of rectangular cross-section.
 

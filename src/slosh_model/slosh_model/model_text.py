@@ -45,6 +45,8 @@ def parse_model(text: str, source: str = "model.yaml") -> Model:
         document = parse_yaml(text, source, LONGEST)
     except YamlError as error:
         raise SloshModelError(str(error)) from None
+    if document.value is None:
+        raise SloshModelError(f"{source}: is empty; `slosh new` writes a model.yaml to begin with")
     try:
         return _model(_mapping(document.value, ()))
     except SloshModelError as error:
@@ -150,6 +152,8 @@ def _effects(section: Any) -> tuple[EffectUse, ...]:
 
 
 def _effect(item: Any, path: KeyPath) -> EffectUse:
+    if isinstance(item, str):
+        raise _refusal(path, item, f"must be a mapping; did you mean - name: {item:.60}?")
     entry = _mapping(item, path)
     if not isinstance(entry.get("name"), str):
         raise SloshModelError(f"{dotted(path)}.name is missing or no text", (*path, "name"))
@@ -196,7 +200,7 @@ def _refuse_unknown(
 def _number(value: Any, path: KeyPath) -> float:
     """A finite number."""
     if isinstance(value, bool) or not isinstance(value, (int, float)):
-        raise _refusal(path, value, "must be a number")
+        raise _refusal(path, value, "must be a number, in SI units and without the unit")
     try:
         number = float(value)
     except OverflowError:

@@ -21,7 +21,7 @@ from slosh_model.effects.registry import (
     SLOTS,
 )
 from slosh_model.errors import SloshModelError
-from slosh_model.for_notebooks import height_axes, peak, span, table
+from slosh_model.for_notebooks import Shown, height_axes, peak, span, table
 from slosh_model.interpolation import columns_at
 from slosh_model.layout import MODAL, RUN, back_to_rest, divided, new_store
 from slosh_model.model import VERTICAL, Model
@@ -149,7 +149,7 @@ class State:
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Response:
+class Response(Shown):
     """The liquid's answer, one entry per input sample.
 
     Attributes:
@@ -196,7 +196,8 @@ class Response:
             ImportError: pandas is not installed.
         """
         names = ("msh", "azimuth", "sh_x", "sh_y")
-        return table(self.t, {name: getattr(self, name) for name in names})
+        columns = {name: getattr(self, name) for name in names}
+        return table(self.t, columns, units={"azimuth": "rad"})
 
     def plot(self, axes: Axes | None = None, **line: Any) -> Axes:
         """Draws the maximum sloshing height over time.

@@ -100,7 +100,7 @@ class ModelAnswer:
     settling_time: float
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class Prediction:
     """What is predicted of a motion.
 
@@ -124,6 +124,14 @@ class Prediction:
     residual_upper: float
     limits: HeightLimits
     flags: MotionFlag
+
+    def __repr__(self) -> str:
+        answer = self.nonlinear
+        kept = "kept" if self.kept else "not kept"
+        return (
+            f"Prediction({self.name}: {self.duration:.3f} s, peak {1e3 * answer.peak:.1f} mm at "
+            f"{answer.peak_time:.3f} s, afterwards {1e3 * answer.residual:.1f} mm, {kept})"
+        )
 
     @property
     def excess(self) -> float:
