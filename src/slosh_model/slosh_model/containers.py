@@ -31,7 +31,6 @@ X_AXIS, Y_AXIS = 0, 1
 # The formula's own rounding of the first root of J1'.
 FIRST_ROOT = 1.84
 
-
 _SHAPES: dict[str, type[Container]] = {}
 SHAPES: Mapping[str, type[Container]] = MappingProxyType(_SHAPES)
 """Every kind of container by the name of its shape."""
@@ -61,6 +60,7 @@ class Container(ABC):
 
     A new shape is a subclass in a module of its own: defined, it can be named in model.yaml.
     Callers ask its methods; none asks for its class.
+
     >>> import slosh
     >>> slosh.Container.of(diameter=0.08, fill_height=0.06, rim_height=0.11)
     Cylinder(radius 40 mm, filled to 60 mm, rim at 110 mm)
@@ -115,7 +115,8 @@ class Container(ABC):
         if "diameter" in given:
             within("diameter", given["diameter"], "m", *(2.0 * size for size in DIMENSIONS))
             given = {"radius": given["diameter"] / 2.0}
-        return SHAPES["cylinder" if "radius" in given else "rectangle"](**given, **heights)
+        kind: type[Cylinder | Rectangle] = Cylinder if "radius" in given else Rectangle
+        return kind(**given, **heights)
 
     def __repr__(self) -> str:
         rim = "" if self.rim_height is None else f", rim at {1e3 * self.rim_height:g} mm"
