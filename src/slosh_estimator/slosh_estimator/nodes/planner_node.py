@@ -45,7 +45,9 @@ PARAMETERS = (
         "time_limit", TIME_LIMIT, "of an action's search where its goal has none [s]",
         (0.1, LONGEST),
     ),
-    ParameterSpec("service_time_limit", 5.0, "of the service, from request to reply [s]", (0.1, 60.0)),
+    ParameterSpec(
+        "service_time_limit", 5.0, "of the service, from request to reply [s]", (0.1, 60.0)
+    ),
 )  # fmt: skip
 REPLY = 0.2
 """Of the service's time is kept for its reply,"""
