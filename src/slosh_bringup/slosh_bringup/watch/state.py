@@ -14,8 +14,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 from slosh_bringup.cell_watch import SILENT, NodeReport
-from slosh_bringup.watch.verdict import SILENCE, judge
 from slosh_bringup.processes import NODES
+from slosh_bringup.watch.verdict import SILENCE, judge
 from slosh_files.nanoseconds import SECOND
 from slosh_report.json_values import plain
 
