@@ -57,6 +57,7 @@ class Task:
         expected: what the replay must give; None: nothing.
         unstated: there is a manifest, and it does not name the bag.
         figures: whether all figures are told.
+        estimator: which, from 1, where several are mixed on one topic.
     """
 
     bag: Path
@@ -67,6 +68,7 @@ class Task:
     expected: Expectation | None = None
     unstated: bool = False
     figures: bool = False
+    estimator: int = 1
 
     def absolute(self) -> Task:
         """The same with paths that do not hang on the working directory."""
@@ -123,11 +125,13 @@ def replay_task(task: Task) -> Replayed:
     run = RecordedRun(task.bag)
     model = read_model(task.model) if task.model else None
     if task.output is None:
-        result = replay_bag(run, model, cell=task.cell)
+        result = replay_bag(run, model, cell=task.cell, estimator=task.estimator)
     else:
         _check_pages(task.output / task.name)
         with new_bag(task.output / task.name) as outputs:
-            result = replay_bag(run, model, outputs=outputs, cell=task.cell)
+            result = replay_bag(
+                run, model, outputs=outputs, cell=task.cell, estimator=task.estimator
+            )
     result = replace(result, name=task.name)
     checked = _checked(result, task)
     if task.output is not None:
