@@ -5,7 +5,6 @@ from pathlib import Path
 
 import matplotlib.pyplot as plt
 
-from slosh_replay import replay_bag
 import slosh
 
 BAGS = Path(__file__).resolve().parent.parent / "bags"

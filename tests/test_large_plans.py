@@ -61,7 +61,7 @@ def large_trajectory(count: int) -> bytes:
 def predictor(tmp_path: Path) -> Iterator[psutil.Process]:
     (tmp_path / "model.yaml").write_text(MODEL)
     process = subprocess.Popen([
-        sys.executable, "-m", "slosh_estimator.nodes.predictor_node", "--ros-args", "-r",
+        sys.executable, "-m", "slosh_plan.nodes.predictor_node", "--ros-args", "-r",
         "__ns:=/large", "-p", f"model:={tmp_path / 'model.yaml'}",
     ])  # fmt: skip
     yield psutil.Process(process.pid)

@@ -28,8 +28,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from slosh_base.files import write_text
 from slosh_bringup.cli.main import main as slosh
-from slosh_files import write_text
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGE = ROOT / "docs" / "mistakes.md"

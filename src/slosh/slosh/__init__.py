@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 from typing import TYPE_CHECKING, Any
 
-from slosh_files.lazy_names import lazy_names
+from slosh_base.files.lazy_names import lazy_names
 
 if TYPE_CHECKING:
     from slosh.finding_out import discover, identify, replay

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING
 
 from slosh.given import measured_motions, the_model
 from slosh_bag.reader import BagReader
-from slosh_bag.replay.replay_bag import replay_bag
-from slosh_bag.replay.result import ReplayResult
 from slosh_discovery.discover.finding import Finding
 from slosh_discovery.discover.workflow import discover as discover_motions
 from slosh_discovery.identify.parameters import DEFAULT
 from slosh_discovery.identify.result import Identification
 from slosh_discovery.identify.workflow import identify as identify_motions
+from slosh_replay.replay.replay_bag import replay_bag
+from slosh_replay.replay.result import ReplayResult
 
 if TYPE_CHECKING:
     from slosh.given import DataLike, ModelLike, Several

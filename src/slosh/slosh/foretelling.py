@@ -11,9 +11,6 @@ from typing import TYPE_CHECKING, overload
 import numpy as np
 
 from slosh.given import as_file, the_model
-from slosh_bag.motion_table import read_motion_table
-from slosh_bag.path_table import read_path_table
-from slosh_bag.trajectory_table import read_trajectory
 from slosh_bringup.simulate.doubts import check_possible, doubts
 from slosh_model.gaps import gap_text
 from slosh_model.simulate import Inputs, Response
@@ -28,7 +25,10 @@ from slosh_plan.planning.plan import plan as plan_path
 from slosh_plan.planning.waypoints import Waypoints
 from slosh_plan.prediction import Prediction
 from slosh_plan.prediction import predict as predict_trajectories
+from slosh_plan.tables.path_table import read_path_table
+from slosh_plan.tables.trajectory_table import read_trajectory
 from slosh_plan.trajectory import Trajectory
+from slosh_tables.motion_table import read_motion_table
 
 if TYPE_CHECKING:
     from slosh.given import ModelLike, MotionLike, PathLike, Several

@@ -13,7 +13,6 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
 
-from slosh_bag.motion_table import MotionTable, write_motion_table
 from slosh_bag.reader import BagReader
 from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_discovery.discover_data import read_motions
@@ -21,6 +20,7 @@ from slosh_model.model import Model
 from slosh_model.model_file import read_model
 from slosh_model.simulate import Inputs
 from slosh_plan.trajectory import Trajectory
+from slosh_tables.motion_table import MotionTable, write_motion_table
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike

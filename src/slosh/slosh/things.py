@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any, Self
 from numpy.typing import ArrayLike
 
 from slosh_bag.interchange.export import export_targets, export_topics
-from slosh_bag.motion_table import MotionTable, read_motion_table, write_motion_table
 from slosh_bag.reader import BagReader
 from slosh_model.containers import Container
 from slosh_model.for_notebooks import height_axes, needed
 from slosh_model.model import Model
 from slosh_model.simulate import Inputs
+from slosh_tables.motion_table import MotionTable, read_motion_table, write_motion_table
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

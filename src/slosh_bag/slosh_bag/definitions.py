@@ -11,7 +11,7 @@ from rosbags.typesys.store import Typestore
 
 from slosh_bag.errors import SloshBagError
 from slosh_bag.message_types import parts_of, read_types
-from slosh_files.installed import shared_folder
+from slosh_base.files.installed import shared_folder
 
 
 class Definitions:

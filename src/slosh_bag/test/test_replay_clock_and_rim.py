@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from slosh_bag.motion_table import MotionTable
-from slosh_bag.replay.replay_table import replay_table
 from slosh_model.containers import Cylinder
 from slosh_model.model import Model
 from slosh_model.simulate import Inputs, simulate
+from slosh_replay.replay.replay_table import replay_table
+from slosh_tables.motion_table import MotionTable
 
 MODEL = Model(Cylinder(0.05, 0.07), damping_ratio=0.02).spatial().nonlinear()
 

@@ -18,8 +18,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import NamedTuple
 
+from slosh_base.files.installed import shared_folder
 from slosh_bringup.errors import SloshBringupError
-from slosh_files.installed import shared_folder
 from slosh_msgs_py.node.lifeline import Lifelines
 from slosh_msgs_py.node.network import network_environment
 

@@ -11,8 +11,8 @@ from collections import deque
 from collections.abc import Iterator, Sequence
 from itertools import islice
 
+from slosh_base.files.nanoseconds import SECOND
 from slosh_estimator.comparison import Expected, MeasuredPoint
-from slosh_files.nanoseconds import SECOND
 
 WINDOW_NS = SECOND // 2
 """Images of so much time at most are looked at [ns]: some periods of a wave."""

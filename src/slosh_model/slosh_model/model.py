@@ -12,12 +12,7 @@ from typing import Unpack
 from slosh_model.bessel import MAXIMUM_MODE
 from slosh_model.checks import within
 from slosh_model.constants import GRAVITY
-from slosh_model.containers import X_AXIS, Container
-from slosh_model.containers import X_AXIS
-from slosh_model.containers import Container
-from slosh_model.containers import CupLengths
-from slosh_model.containers import Cylinder
-from slosh_model.containers import Rectangle
+from slosh_model.containers import X_AXIS, Container, CupLengths
 from slosh_model.covariance import Covariance
 from slosh_model.effects.base import Effect, Parameters
 from slosh_model.effects.registry import BY_HOOK, find_effect

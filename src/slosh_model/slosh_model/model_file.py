@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from slosh_base.files.errors import TextFileError
-from slosh_base.files.text_file import read_text
 from slosh_base.files import write_text
 from slosh_base.files.errors import TextFileError
 from slosh_base.files.text_file import read_text

@@ -23,9 +23,6 @@ from trajectory_msgs.msg import (  # noqa: E402
     MultiDOFJointTrajectoryPoint,
 )
 
-from slosh_plan.nodes import planner_node
-from slosh_plan.nodes.planner_node import THREADS
-from slosh_plan.nodes.planner_node import PlannerNode
 from slosh_model import Inputs, simulate  # noqa: E402
 from slosh_model.model_text import parse_model  # noqa: E402
 from slosh_msgs.action import PlanMotion  # noqa: E402
@@ -33,6 +30,7 @@ from slosh_msgs.msg import MotionPlan, PlanRequest, SloshEstimate  # noqa: E402
 from slosh_msgs.srv import PlanMotion as PlanMotionService  # noqa: E402
 from slosh_msgs_py import qos, topics  # noqa: E402
 from slosh_msgs_py.stamps import to_duration, to_nanoseconds, to_time  # noqa: E402
+from slosh_plan.nodes import planner_node  # noqa: E402
 from slosh_plan.nodes.planner_node import THREADS, PlannerNode  # noqa: E402
 from slosh_plan.planning import optimise  # noqa: E402
 

@@ -10,7 +10,6 @@ from slosh_base.files.yaml_text import format_yaml
 from slosh_camera.calibrate.camera_file import parse_any_calibration
 from slosh_camera.optics.calibration import Calibration
 from slosh_estimator.monitor_settings import RIM
-from slosh_base.files.yaml_text import format_yaml
 from slosh_model.model import Model
 from slosh_model.model_text import parse_model
 from slosh_msgs_py import topics

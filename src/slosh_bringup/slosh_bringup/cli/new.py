@@ -17,12 +17,7 @@ from slosh_bringup.live.cell_setup import NAMESPACE
 from slosh_bringup.new_cup.cup import NewCup
 from slosh_bringup.new_cup.files import next_steps, texts_of
 from slosh_bringup.new_cup.units import QUANTITIES
-from slosh_base.files import check_free
-from slosh_base.files import new_folder
-from slosh_base.files import write_text
-from slosh_base.files.plain_text import plain_line
-from slosh_model.liquid import LIQUIDS
-from slosh_model.liquid import Liquid
+from slosh_model.liquid import LIQUIDS, Liquid
 
 _TYPES = {"kg/m3": DENSITY, "m2/s": VISCOSITY}
 _IMAGE_SIZE = "1280x720"

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from functools import cache
 from typing import NamedTuple
 
-from slosh_files.installed import shared_folder
+from slosh_base.files.installed import shared_folder
 
 OWNERS: Mapping[str, str] = {
     "FreeSurface": "flag of a measurement",

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from slosh_base.files.nearest import did_you_mean
 from slosh_discovery.discover.explanation import plausible
 from slosh_discovery.errors import SloshDiscoveryError
-from slosh_files.nearest import did_you_mean
 from slosh_model.effects.base import Parameter
 from slosh_model.effects.registry import EFFECTS
 from slosh_model.errors import SloshModelError

@@ -12,15 +12,14 @@ from trajectory_msgs.msg import MultiDOFJointTrajectory, MultiDOFJointTrajectory
 
 from slosh_base.files.nanoseconds import SECOND
 from slosh_estimator.errors import SloshEstimatorError
-from slosh_plan.nodes.predict_messages import given
-from slosh_plan.nodes.trajectory_messages import poses_of
-from slosh_plan.nodes.trajectory_messages import read_points
-from slosh_base.files.nanoseconds import SECOND
 from slosh_msgs.msg import MotionPlan
 from slosh_msgs_py.stamps import to_duration
 from slosh_plan import Trajectory
 from slosh_plan.nodes.predict_messages import given
-from slosh_plan.nodes.trajectory_messages import attitude_of, positions_of, times_of
+from slosh_plan.nodes.trajectory_messages import (
+    poses_of,
+    read_points,
+)
 from slosh_plan.planning.execution import Execution, execution_of
 from slosh_plan.planning.limits import ACCELERATION, JERK, PlanLimits
 from slosh_plan.planning.plan import Plan

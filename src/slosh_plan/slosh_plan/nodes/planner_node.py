@@ -26,12 +26,11 @@ from slosh_msgs_py.node.prepared import PreparedNode
 from slosh_msgs_py.node.readiness import Progress
 from slosh_msgs_py.node.run import run_node
 from slosh_msgs_py.node.settings import SettingsPublisher
+from slosh_msgs_py.point_arrays import action_with_point_arrays, service_with_point_arrays
 from slosh_plan.nodes import plan_messages
 from slosh_plan.nodes.goal_feedback import GoalFeedback
 from slosh_plan.nodes.newest_estimate import NewestEstimate
 from slosh_plan.nodes.predict_messages import given
-from slosh_msgs_py.point_arrays import action_with_point_arrays
-from slosh_msgs_py.point_arrays import service_with_point_arrays
 from slosh_plan.planning.from_state import check_plan_from, check_state
 from slosh_plan.planning.path import path_through
 from slosh_plan.planning.plan import TIME_LIMIT, plan

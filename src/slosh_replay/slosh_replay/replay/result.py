@@ -17,11 +17,7 @@ from slosh_base.files import write_text
 from slosh_estimator.limits import Event
 from slosh_estimator.monitor_settings import MonitorSettings
 from slosh_metrics.alignment import ClockOffset, StillLevel
-from slosh_model.for_notebooks import height_axes, table
-from slosh_base.files import write_text
-from slosh_model.for_notebooks import Shown
-from slosh_model.for_notebooks import height_axes
-from slosh_model.for_notebooks import table
+from slosh_model.for_notebooks import Shown, height_axes, table
 from slosh_model.model import Model
 from slosh_replay.replay.verification import Verification
 from slosh_report.json_values import plain
