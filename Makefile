@@ -22,12 +22,12 @@ help:
 	@echo "make demo      set up, run the simulated cell with all nodes, record, report"
 	@echo "make test      set up, run the tests"
 	@echo "make test-all  the long suites too"
-	@echo "make coverage  which lines the tests run, to docs/coverage.md"
+	@echo "make coverage  which lines the tests run, to docs/results/coverage.md"
 	@echo "make lint      formatting, style, types, import rules"
 	@echo "make bench     the measurements behind each claim of speed"
 	@echo "make docs      the documentation, to docs/_build/html"
 	@echo "make tables    write the tables in docs/ anew, measuring what they state"
-	@echo "make study     the packaging study: 1,530 experiments, models, limits; to docs/packaging_study.md"
+	@echo "make study     the packaging study: 1,530 experiments, models, limits; to docs/results/packaging_study.md"
 	@echo "make clean     remove everything that setup made"
 
 setup:

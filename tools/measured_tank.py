@@ -2,7 +2,7 @@
 
 The wave at a wall of a tank 1.73 m wide in forced sway (Faltinsen, Rognebakke, Lukovsky, Timokha,
 J. Fluid Mech. 407, 2000), from SLOSH_SHARED_DATA or ../shared/data. Writes the tables of
-docs/measured_tank.md, and into out/measured_tank the files that the page's commands read.
+docs/results/measured_tank.md, and into out/measured_tank the files that the page's commands read.
 
     tools/run python tools/measured_tank.py
 """
@@ -38,7 +38,7 @@ from slosh_model.simulate import Inputs
 Array = NDArray[np.float64]
 
 ROOT = Path(__file__).resolve().parent.parent
-PAGE = ROOT / "docs" / "measured_tank.md"
+PAGE = ROOT / "docs" / "results" / "measured_tank.md"
 FILES = ROOT / "out" / "measured_tank"
 DATA = Path(os.environ.get("SLOSH_SHARED_DATA", ROOT.parent / "shared" / "data"))
 WIDTH, FILL_HEIGHT = 1.73, 0.6  # m
