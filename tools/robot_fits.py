@@ -4,7 +4,7 @@
 
 The discovery chooses between effects; here they are given, so that the table of
 docs/results/discovery_findings.md shows what a choice would gain. A run is predicted with the
-parameters fitted to all other runs; its clock's offset and still level are its own, as in the discovery.
+parameters fitted to all other runs; its clock offset and still level are fitted for each run.
 """
 
 from __future__ import annotations

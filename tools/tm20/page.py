@@ -27,12 +27,12 @@ the only motion law tried that gives the paper's speed limits of the straight li
 """
 
 
-WHY = """The second mode, which is bound to the first, sets the limit: its error grows with the fourth
-power of the speed, that of linear theory with the second. This explains the sharp bend in the
-paper. Linear theory alone gives limits three or four steps too high. Surface tension changes
-the limits by at most one step. The study's truth omits it, because the measured frequencies do
-not show the increase of 0.6 to 2.3 % that it would cause. Below the bend the error is that of
-the measurement, 0.14 mm.
+WHY = """The second mode, which is bound to the first, sets the limit: its error grows with the
+fourth power of the speed, that of linear theory with the second. This explains the sharp bend
+in the paper. Linear theory alone gives limits three or four steps too high. Surface tension
+changes the limits by at most one step. The study's truth omits it, because the measured
+frequencies do not show the increase of 0.6 to 2.3 % that it would cause. Below the bend the
+error is that of the measurement, 0.14 mm.
 """
 
 
