@@ -66,8 +66,8 @@ def page(study: Study, images: str) -> str:
 
 def _models(study: Study) -> str:
     head = _head(
-        "geometry", "ω₀ [rad/s]", "TM20", "off", "eq. (20)", "off", "ζ", "TM20", "p g/ω₀²",
-        "n_max [1/min]", "TM20", "max SEOE, other motion [deg]", "TM20",
+        "geometry", "ω₀ [rad/s]", "TM20", "deviation", "eq. (20)", "deviation", "ζ", "TM20",
+        "p g/ω₀²", "n_max [1/min]", "TM20", "max SEOE, other motion [deg]", "TM20",
     )  # fmt: skip
     return head + "".join(_model_row(g, study.findings[g.number]) for g in GEOMETRIES)
 
@@ -136,7 +136,7 @@ def _limits(study: Study) -> str:
     ]
     rows.append(
         _row(
-            "the study, all of it",
+            "complete study",
             *(f"{study.findings[g.number].validity.fastest}" for g in GEOMETRIES),
             ", ".join(_error_at_limit(study.findings[g.number], g) for g in GEOMETRIES),
         )
@@ -152,7 +152,7 @@ def _error_at_limit(found: Findings, geometry: Geometry) -> str:
 def _camera(study: Study) -> str:
     text = "Side views rendered with noise and blur, measured by the camera's detector.\n\n"
     head = _head(
-        "geometry", "images", "θ up to [deg]", "θ off, RMS [deg]", "profile off, RMS [mm]"
+        "geometry", "images", "θ up to [deg]", "θ error, RMS [deg]", "profile error, RMS [mm]"
     )
     rows = []
     for geometry in GEOMETRIES:
