@@ -28,7 +28,7 @@ TITLES = {
     "pairs": "two missing effects: both right, nothing else",
     "none": "nothing missing: verdict `none`",
     "outside": "not in the list: `unexplained`, or the nearest name without certainty",
-    "wrong_parameter": "a wrong parameter beside a missing effect: both found",
+    "wrong_parameter": "a wrong parameter and a missing effect: both found",
 }
 
 
