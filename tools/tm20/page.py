@@ -12,27 +12,20 @@ from slosh_model.constants import GRAVITY
 
 HEAD = """# Packaging study (TM20) on synthetic measurements
 
-Six rectangular containers of water, 67 mm deep, on a linear drive: stroke 100 mm back and
-forth, motion during 40 % of the cycle, {speeds} speeds from 12 to 60 cycles a minute,
-{experiments:,} experiments. Troll and Majschak (Appl. Sci. 10, 2020, 1859; TM20) measured
-them. Here the truth is [potential flow](../physics.md) to the third order, with the paper's
-damping ratios. The measurement errors are those of edges found to a whole pixel: 0.1 mm for
-each point, 0.1 mm for the whole profile, 1 mrad for its slope. Repetitions differ by 0.3 mm in
-fill height, 3 % in damping and 0.1 mm of residual wave. Repetitions with a breaking wave are
-excluded. Line fit, identification and indices are those of `slosh identify`. `make study`
-writes this page; it resumes an interrupted run.
-
-The paper shows its "acceleration pulse" only in a figure. The study uses `harmonic` instead,
-the only motion law tried that gives the paper's speed limits of the straight line (below).
+Six rectangular containers of water, 67 mm deep, on a linear drive: stroke 100 mm, motion during
+40 % of the cycle, {speeds} speeds from 12 to 60 cycles a minute, {experiments:,} experiments.
+Troll and Majschak (Appl. Sci. 10, 2020, 1859; TM20) measured them. Here the truth is
+[potential flow](../physics.md) to the third order with the paper's damping ratios. Measurement
+errors: 0.1 mm for each point, 0.1 mm for the whole profile, 1 mrad for its slope; repetitions
+differ by 0.3 mm in fill height, 3 % in damping and 0.1 mm of residual wave. Repetitions with a
+breaking wave are excluded. The motion law is `harmonic`, the only one tried that gives the
+paper's speed limits (below). `make study` writes this page; it resumes an interrupted run.
 """
 
 
-WHY = """The second mode, which is bound to the first, sets the limit: its error grows with the
-fourth power of the speed, that of linear theory with the second. This explains the sharp bend
-in the paper. Linear theory alone gives limits three or four steps too high. Surface tension
-changes the limits by at most one step. The study's truth omits it, because the measured
-frequencies do not show the increase of 0.6 to 2.3 % that it would cause. Below the bend the
-error is that of the measurement, 0.14 mm.
+WHY = """The second mode, bound to the first, sets the limit: its error grows with the fourth power of
+the speed, that of linear theory with the second. The study omits surface tension, because the
+measured frequencies do not show the increase of 0.6 to 2.3 % that it would cause.
 """
 
 
