@@ -23,9 +23,9 @@ paper's speed limits (below). `make study` writes this page; it resumes an inter
 """
 
 
-WHY = """The second mode, bound to the first, sets the limit: its error grows with the fourth power of
-the speed, that of linear theory with the second. The study omits surface tension, because the
-measured frequencies do not show the increase of 0.6 to 2.3 % that it would cause.
+WHY = """The second mode, bound to the first, sets the limit: its error grows with the fourth
+power of the speed, that of linear theory with the second. The study omits surface tension,
+because the measured frequencies do not show the increase of 0.6 to 2.3 % that it would cause.
 """
 
 
