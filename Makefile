@@ -16,12 +16,13 @@ export OPENBLAS_NUM_THREADS ?= 1
 export OPENCV_FOR_THREADS_NUM ?= 1
 PYTEST := tools/run python -m pytest -n $(WORKERS) --no-loadscope-reorder
 
-.PHONY: help setup demo test test-all keeping-pace the-others lint bench docs tables study coverage wheels clean
+.PHONY: help setup demo test test-all validation keeping-pace the-others lint bench docs tables study coverage wheels clean
 
 help:
 	@echo "make demo      set up, run the simulated cell with all nodes, record, report"
 	@echo "make test      set up, run the tests"
 	@echo "make test-all  the long suites too"
+	@echo "make validation  the tests of studies, blind suites and long runs"
 	@echo "make coverage  which lines the tests run, to docs/results/coverage.md"
 	@echo "make lint      formatting, style, types, import rules"
 	@echo "make bench     the measurements behind each claim of speed"
@@ -42,7 +43,10 @@ test: setup
 	@$(MAKE) --no-print-directory --jobs=2 SELECT='$(SELECT)' keeping-pace the-others
 
 test-all: setup
-	@$(MAKE) --no-print-directory --jobs=1 SELECT=--hypothesis-profile=search the-others keeping-pace
+	@$(MAKE) --no-print-directory --jobs=1 SELECT=--hypothesis-profile=search the-others keeping-pace validation
+
+validation: setup
+	@nice -n 5 $(PYTEST) $(SELECT) validation
 
 keeping-pace:
 	@tools/run python -m pytest $(SELECT) $(REAL_TIME)
@@ -69,11 +73,11 @@ tables: setup
 	@tools/run python tools/stranger.py --docs
 	@tools/run python tools/effect_pages.py
 	@tools/run python tools/accuracy_tables.py
-	@tools/run python tools/camera_accuracy.py --disturb --docs
-	@tools/run python tools/side_view_tables.py --docs
+	@tools/run python validation/studies/camera_accuracy.py --disturb --docs
+	@tools/run python validation/studies/side_view_tables.py --docs
 
 study: setup
-	@tools/run python tools/packaging_study.py --docs
+	@tools/run python validation/studies/packaging_study.py --docs
 
 docs: setup
 	@tools/run sphinx-build -W --keep-going -q -b html docs docs/_build/html

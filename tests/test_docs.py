@@ -25,7 +25,7 @@ DEMO = Path("out/demo")
 # What scripts leave where they are started.
 SCRIPTS = {
     "tools/stand_in.py": ("pictures", "still.png", "footage"),
-    "tools/measured_tank.py": ("out/measured_tank",),
+    "validation/studies/measured_tank.py": ("out/measured_tank",),
 }
 # Pages that are typed one after the other; all others stand alone.
 TUTORIAL = [ROOT / "docs" / "start" / f"{name}.md" for name in ("cup", "camera", "robot")]

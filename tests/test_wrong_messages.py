@@ -32,7 +32,7 @@ from slosh_msgs.msg import SloshEstimate  # noqa: E402
 from slosh_msgs.srv import LoadModel, PredictSlosh  # noqa: E402
 from slosh_msgs_py import qos, topics  # noqa: E402
 from tests.adversary import MODEL, Robot, nodes_and_robot  # noqa: E402
-from tests.long_cell import resident  # noqa: E402
+from validation.long_runs.long_cell import resident  # noqa: E402
 
 OK, BLIND = 0, 4
 WARN, ERROR, STALE = 1, 2, 3

@@ -29,7 +29,7 @@ from slosh_camera.optics.pose import Pose
 
 Image = NDArray[np.uint8]
 
-ROOT = Path(__file__).resolve().parent.parent
+ROOT = Path(__file__).resolve().parents[1]
 _SIDES = {"front": PeakSide.FRONT, "rear": PeakSide.REAR}
 # Two modes and, where the truth has them, the second-order parts that sharpen a crest.
 _WAVES = (("A1", "phi", 1), ("A2", "phi2", 1), ("A20", "phi", 0), ("A22", "phi", 2))

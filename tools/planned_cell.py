@@ -50,7 +50,7 @@ from slosh_plan.planning.waypoints import Waypoints
 
 Array = NDArray[np.float64]
 
-PAGE = Path(__file__).resolve().parent.parent / "docs" / "plan.md"
+PAGE = Path(__file__).resolve().parents[1] / "docs" / "plan.md"
 BEGIN, END = "<!-- cell -->", "<!-- end of cell -->"
 NAMES = ("l3", "e3", "c3", "p2p")
 LIMITS = PlanLimits(0.015, 0.002, 9.5, 74.0)

@@ -8,8 +8,12 @@ import sys
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
-SCRIPTS = ("tools", "tools/scenes", "benchmarks")
-TESTS = ("src/*/test/*.py", "tests/**/*.py")
+SCRIPTS = ("tools", "tools/scenes", "benchmarks", "validation/studies")
+TESTS = (
+    "src/*/test/*.py",
+    "tests/**/*.py",
+    *(f"validation/{name}/*.py" for name in ("blind", "long_runs", "peers", "test_peers")),
+)
 
 
 def main() -> int:

@@ -46,7 +46,7 @@ _LEVEL_ERROR = 0.12
 _BASE_ERROR = 0.0015
 _MERGED = 0.3
 # The claimed covariance takes curves' own errors for so many times larger than the fit does: walls
-# of unequal thickness, menisci and what they mirror (tools/calibration_accuracy.py).
+# of unequal thickness, menisci and what they mirror (validation/studies/calibration_accuracy.py).
 _CLAIMED = 2.0
 # Search to both sides of a predicted curve, as a share of the container's width, and at least.
 _ROUGH = ((0.045, 8.0), (0.045, 8.0), (0.03, 6.0))

@@ -142,7 +142,7 @@ def _changing(one: Fit, index: int, shape: Array, *, between: bool) -> _Changing
     others, _ = np.linalg.qr(one.jacobian)
     columns = shape * one.jacobian[:, index : index + 1]
     columns = columns - others @ (others.T @ columns)
-    steps: Array = np.linalg.lstsq(columns, one.residual, rcond=1e-6)[0]
+    steps = np.asarray(np.linalg.lstsq(columns, one.residual, rcond=1e-6)[0], dtype=np.float64)
     left = one.residual - columns @ steps
     return _Changing(one, index, between, steps, columns.T @ columns, left)
 

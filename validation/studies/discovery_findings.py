@@ -1,0 +1,249 @@
+"""Measure the tables of docs/results/discovery_findings.md: results on known data.
+
+    tools/run python validation/studies/discovery_findings.py [dl22] [cfd] [untilted] [tilted]
+
+`dl22` simulates the motions of Di Leva et al. (2022) with the 3D-NL model; `cfd` and the runs of
+AntiSloshing are looked for in SLOSH_SHARED_DATA or ../shared/data. All four without arguments.
+"""
+
+from __future__ import annotations
+
+import itertools
+import os
+import sys
+import tempfile
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from cylinder_waves import CylinderWaves
+
+from slosh_bringup.cell.motions import make_motion
+from slosh_discovery.discover import Finding, MeasuredMotion, discover
+from slosh_discovery.discover.finding import FoundEffect, Role
+from slosh_discovery.discover_data import read_motions
+from slosh_discovery.discovery_report.words import marked
+from slosh_model import Cylinder, Inputs, Model, predicted_heights
+from slosh_replay.tables.antisloshing import import_antisloshing
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGE = ROOT / "docs" / "results" / "discovery_findings.md"
+DATA = Path(os.environ.get("SLOSH_SHARED_DATA", ROOT.parent / "shared" / "data"))
+NOISE, CAMERA_RATE, DWELL = 3e-4, 60.0, 2.0
+READ_AT = 0.95  # of the radius: where the heights of the motions by CFD were read
+DL22_FIT = ("l3-2.5", "e3-2.5", "c3-2.5")
+DL22_HELD_OUT = ("l3-4.5", "e3-4.5", "c3-4.5")
+DECAY = 0.0075  # damping ratio of a free decay in the set-up of the motions by CFD
+CUP = Cylinder(0.05, 0.07)
+ROBOT_CUP = Cylinder(0.049, 0.078)
+USES = {Role.FIT: "fit", Role.HOLDOUT: "held out"}
+WORDS = {Role.FIT: "fitted", Role.HOLDOUT: "held-out"}
+UNTILTED_FIT = (
+    "LE_2D_0m_4.8s_900deg", "LE_3D_0m_5s_900deg", "RD_2D_0.3m_6.3s_720deg",
+    "RD_3D_0.3m_6.5s_720deg", "TRD_2D_0.3m_2.2s_270deg", "TRD_3D_0.3m_2.9s_270deg",
+)  # fmt: skip
+TILTED_FIT = ("Tilt_LE_2D_0m_6.5s_20deg", "Tilt_RD_2D_0.3m_7s_30deg", "Tilt_TRD_2D_0.3m_3s_30deg")
+
+
+def main() -> int:
+    """Fills the tables that are asked for."""
+    wanted = sys.argv[1:] or ["dl22", "cfd", "untilted", "tilted"]
+    for name in wanted:
+        for table, text in {"dl22": dl22, "cfd": cfd, "untilted": untilted, "tilted": tilted}[
+            name
+        ]():
+            fill(table, text)
+            print(f"{table}\n{text}", flush=True)
+    return 0
+
+
+def dl22() -> Iterable[tuple[str, str]]:
+    """The 3D-NL model's heights with noise; the base is 2D-L."""
+    truth = Model(CUP).spatial().nonlinear()
+    fit, held_out = (
+        [dl22_motion(truth, name, seed) for seed, name in enumerate(names, start=start)]
+        for start, names in ((0, DL22_FIT), (10, DL22_HELD_OUT))
+    )
+    yield "dl22", described(discover(fit, Model(CUP), held_out))
+
+
+def dl22_motion(truth: Model, name: str, seed: int) -> MeasuredMotion:
+    """One of their motions, with a dwell, as a camera sees it."""
+    motion = make_motion(name, 500.0)
+    still = np.arange(1, round(DWELL * 500.0) + 1) / 500.0
+    t = np.concatenate([motion.t, motion.t[-1] + still])
+    acceleration = np.vstack([motion.acceleration, np.zeros((len(still), 3))])
+    inputs = Inputs(t, acceleration)
+    times = np.arange(0.0, t[-1], 1.0 / CAMERA_RATE)
+    noise = NOISE * np.random.default_rng(seed).normal(size=len(times))
+    return MeasuredMotion(
+        name, inputs, times, msh=predicted_heights(truth, inputs, times)[:, 0] + noise
+    )
+
+
+def cfd() -> Iterable[tuple[str, str]]:
+    """Each of the two motions held out in turn, and both fitted, for two bases."""
+    one, other = (read_motions(DATA / "cfd" / f"{name}.csv.gz") for name in ("e1", "l1"))
+    for base in (Model(CUP), Model(CUP).spatial().nonlinear()):
+        yield f"cfd_e1 {base.name}", described(discover(one, base, other))
+        yield f"cfd_l1 {base.name}", described(discover(other, base, one))
+    yield "cfd_decay 3D-NL", described(discover(one, replace(base, damping_ratio=DECAY), other))
+    both = discover([*one, *other], base)
+    yield "cfd_both 3D-NL", described(both)
+    yield "flow", flow_table(base, both.model)
+
+
+def flow_table(base: Model, found: Model) -> str:
+    """Both models on motions that no discovery saw, solved by potential flow."""
+    lines = [
+        "| motion | highest | ε before | ε after | rms before | rms after |",
+        "|---|--:|--:|--:|--:|--:|",
+    ]
+    azimuths = np.radians(np.arange(0.0, 360.0, 10.0))
+    for name, share in itertools.product(("l", "e", "c"), (0.7, 1.0)):
+        inputs = flow_motion(name, share)
+        waves = CylinderWaves(
+            CUP.radius, CUP.fill_height, order=3, angular=5, damping_ratio=0.0075,
+            tension=7.2e-5, shortest=9.0, held_back=8.0,
+        )  # fmt: skip
+        amplitudes = waves.simulate(inputs.t, inputs.acceleration[:, :2])
+        truth = waves.heights(amplitudes, azimuths, READ_AT)
+        cells = [f"{name} × {share:g}", f"{1e3 * truth.max():.1f}"]
+        heights = [predicted_heights(model, inputs, inputs.t, azimuths) for model in (base, found)]
+        cells += [f"{1e2 * (one.max() / truth.max() - 1.0):+.1f}" for one in heights]
+        cells += [f"{1e3 * np.sqrt(np.mean((one - truth) ** 2)):.2f}" for one in heights]
+        lines.append(f"| {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+def flow_motion(name: str, share: float) -> Inputs:
+    """A planar motion of Di Leva et al. with a dwell, a share of its acceleration."""
+    motion = make_motion(name, 200.0)
+    still = np.arange(1, round(DWELL * 200.0) + 1) / 200.0
+    acceleration = np.vstack([share * motion.acceleration, np.zeros((len(still), 3))])
+    return Inputs(np.concatenate([motion.t, motion.t[-1] + still]), acceleration)
+
+
+def untilted() -> Iterable[tuple[str, str]]:
+    """The runs without tilt, base 2D-NL; half of them held out."""
+    yield "untilted", described(robot_runs(UNTILTED_FIT, "", Model(ROBOT_CUP).nonlinear()))
+
+
+def tilted() -> Iterable[tuple[str, str]]:
+    """The runs with tilt, base 3D-NL blind to the attitude; half of them held out."""
+    base = Model(ROBOT_CUP).nonlinear().spatial()
+    yield "tilted", described(robot_runs(TILTED_FIT, "Tilt", base))
+
+
+def robot_runs(names: Sequence[str], prefix: str, base: Model) -> Finding:
+    """Discovers from some runs of a kind; the others of the kind are held out.
+
+    The runs along one path were measured together, with one set-up of cameras and cup.
+    """
+    runs = runs_of_kind(prefix)
+    fit = [motion for name in names for motion in runs[name]]
+    rest = [motion for name, motions in runs.items() if name not in names for motion in motions]
+    return discover(fit, base, rest)
+
+
+def runs_of_kind(prefix: str) -> dict[str, list[MeasuredMotion]]:
+    """The tilted runs (prefix "Tilt") or the others (""), by name, each path's runs a group."""
+    with tempfile.TemporaryDirectory() as folder:
+        bags = sorted(import_antisloshing(DATA / "antisloshing", Path(folder)))
+        return {
+            bag.name: [replace(one, group=path_of(bag.name)) for one in read_motions(bag)]
+            for bag in bags
+            if bag.name.startswith("Tilt") == bool(prefix)
+        }
+
+
+def path_of(run: str) -> str:
+    """LE, RD or TRD."""
+    return run.removeprefix("Tilt_").partition("_")[0]
+
+
+def described(finding: Finding) -> str:
+    """A finding as Markdown."""
+    effects = [
+        f"`{effect.name}` ({_fitted(effect)}; confidence {effect.confidence:.2f}"
+        + (f"; or {', '.join(effect.alternatives)}" if effect.alternatives else "")
+        + ")"
+        for effect in finding.effects
+    ]
+    gap = finding.gap
+    lines = [
+        f"Verdict `{finding.verdict.value}`: {', '.join(effects) or 'no effect'}.",
+        "",
+        "| explanation | probability | rms fit | rms left out |",
+        "|---|--:|--:|--:|",
+    ]
+    tried = [candidate for candidate in finding.candidates if not candidate.reason]
+    lines += [
+        f"| {' + '.join(marked(row.effects, row.per_group)) or 'the base'} | "
+        f"{row.probability:.3f} | "
+        f"{1e3 * row.fit_rms:.2f} | {1e3 * row.holdout_rms:.2f} |"
+        for row in tried[:5]
+    ]
+    lines += [
+        "",
+        "| motion | used for | σ before | σ after | ε before | ε after | rms before | rms after |",
+        "|---|---|--:|--:|--:|--:|--:|--:|",
+    ]
+    for case in finding.motions:
+        before, after = case.before, case.after
+        lines.append(
+            f"| {case.motion.name} | {USES[case.role]} | "
+            f"{1e3 * before.sigma:.2f} | {1e3 * after.sigma:.2f} | "
+            f"{1e2 * before.epsilon:+.1f} | {1e2 * after.epsilon:+.1f} | "
+            f"{1e3 * before.rms:.2f} | {1e3 * after.rms:.2f} |"
+        )
+    lines.append(_mean_row(finding))
+    lines += [
+        "",
+        f"Heights in mm, ε in %. Of the removable gap {1e2 * gap.closed:.0f} % is closed on "
+        f"the {WORDS[judged_by(finding)]} motions.",
+    ]
+    return "\n".join(lines)
+
+
+def judged_by(finding: Finding) -> Role:
+    """The motions that count: those held out, if there are any."""
+    held = any(case.role is Role.HOLDOUT for case in finding.motions)
+    return Role.HOLDOUT if held else Role.FIT
+
+
+def _mean_row(finding: Finding) -> str:
+    held = [case for case in finding.motions if case.role is judged_by(finding)]
+    cells = [
+        f"{1e3 * np.mean([case.before.sigma for case in held]):.2f}",
+        f"{1e3 * np.mean([case.after.sigma for case in held]):.2f}",
+        f"{1e2 * np.mean([abs(case.before.epsilon) for case in held]):.1f}",
+        f"{1e2 * np.mean([abs(case.after.epsilon) for case in held]):.1f}",
+    ]
+    return f"| **mean, size of ε** | {USES[judged_by(finding)]} | {' | '.join(cells)} | | |"
+
+
+def _fitted(effect: FoundEffect) -> str:
+    """The parameters, those of each group after its name."""
+    if not effect.by_group:
+        return _values(effect.parameters)
+    return "; ".join(
+        f"{group}: {_values(fitted.parameters)}" for group, fitted in effect.by_group.items()
+    )
+
+
+def _values(parameters: Mapping[str, float]) -> str:
+    return ", ".join(f"{name} {value:.4g}" for name, value in parameters.items()) or "–"
+
+
+def fill(table: str, text: str) -> None:
+    """Replaces a table of the page."""
+    start, end = f"<!-- table {table} -->", f"<!-- end {table} -->"
+    head, rest = PAGE.read_text(encoding="utf-8").split(start)
+    _, tail = rest.split(end)
+    PAGE.write_text(f"{head}{start}\n\n{text}\n\n{end}{tail}", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,6 @@
+"""Importing this makes the modules in `tools` importable, which studies share with the tests."""
+
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tools"))
