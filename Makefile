@@ -16,18 +16,19 @@ export OPENBLAS_NUM_THREADS ?= 1
 export OPENCV_FOR_THREADS_NUM ?= 1
 PYTEST := tools/run python -m pytest -n $(WORKERS) --no-loadscope-reorder
 
-.PHONY: help setup demo test test-all keeping-pace the-others lint bench docs tables study coverage clean
+.PHONY: help setup demo test test-all keeping-pace the-others lint bench docs tables study coverage wheels clean
 
 help:
 	@echo "make demo      set up, run the simulated cell with all nodes, record, report"
 	@echo "make test      set up, run the tests"
 	@echo "make test-all  the long suites too"
-	@echo "make coverage  which lines the tests run, to docs/coverage.md"
+	@echo "make coverage  which lines the tests run, to docs/results/coverage.md"
 	@echo "make lint      formatting, style, types, import rules"
 	@echo "make bench     the measurements behind each claim of speed"
 	@echo "make docs      the documentation, to docs/_build/html"
 	@echo "make tables    write the tables in docs/ anew, measuring what they state"
-	@echo "make study     the packaging study: 1,530 experiments, models, limits; to docs/packaging_study.md"
+	@echo "make study     the packaging study: 1,530 experiments, models, limits; to docs/results/packaging_study.md"
+	@echo "make wheels    wheels of all packages, to out/wheels, for a CI without this checkout"
 	@echo "make clean     remove everything that setup made"
 
 setup:
@@ -65,6 +66,7 @@ bench: setup
 
 tables: setup
 	@tools/run python tools/parameter_tables.py
+	@tools/run python tools/stranger.py --docs
 	@tools/run python tools/effect_pages.py
 	@tools/run python tools/accuracy_tables.py
 	@tools/run python tools/camera_accuracy.py --disturb --docs
@@ -76,6 +78,9 @@ study: setup
 docs: setup
 	@tools/run sphinx-build -W --keep-going -q -b html docs docs/_build/html
 	@echo "docs/_build/html/index.html"
+
+wheels: setup
+	@tools/run python tools/wheels.py -o out/wheels
 
 clean:
 	rm -rf .venv out docs/_build ros2_ws/build ros2_ws/install ros2_ws/log

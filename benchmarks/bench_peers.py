@@ -1,4 +1,4 @@
-"""Other methods on the blind cases, beside the discovery; fills docs/peers.md.
+"""Other methods on the blind cases, beside the discovery; fills docs/results/peers.md.
 
     tools/run pip install -r requirements/peers.txt
     tools/run python benchmarks/bench_peers.py --docs
@@ -19,7 +19,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
 
-PAGE = ROOT / "docs" / "peers.md"
+PAGE = ROOT / "docs" / "results" / "peers.md"
 NEEDED = ("pysindy", "cvxpy", "jax")
 
 
@@ -52,7 +52,7 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--rounds", type=int, default=3, help="of 13 effects and 3 of nothing")
     parser.add_argument("--networks", type=int, default=13, help="cases of the network")
     parser.add_argument("--known", action="store_true", help="run nothing, tell what is there")
-    parser.add_argument("--docs", action="store_true", help="write docs/peers.md")
+    parser.add_argument("--docs", action="store_true", help="write docs/results/peers.md")
     return parser.parse_args()
 
 

@@ -1,14 +1,14 @@
 """What a linear model lacks to explain a recording, checked on another: discovery.png."""
 
+from pathlib import Path
+
 import matplotlib.pyplot as plt
 
-from slosh_discovery.discover import discover
-from slosh_discovery.discover_data import read_motions
-from slosh_model import Cylinder, Model
+import slosh
 
-base = Model(Cylinder(radius=0.05, fill_height=0.07, rim_height=0.135)).spatial()
-fit, unseen = read_motions("bags/c3"), read_motions("bags/e3")
-finding = discover(fit, base, unseen)
+BAGS = Path(__file__).resolve().parent.parent / "bags"
+base = slosh.Model.from_cup(diameter=0.1, fill_height=0.07, rim_height=0.135).linear()
+finding = slosh.discover(BAGS / "c3", base, holdout=BAGS / "e3")
 print(finding)
 for effect in finding.effects:
     print(effect.name, dict(effect.parameters))

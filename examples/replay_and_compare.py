@@ -1,13 +1,14 @@
 """Replays a recording with two models and lays them beside the camera: replay.png."""
 
 import sys
+from pathlib import Path
 
 import matplotlib.pyplot as plt
 
-from slosh_replay import replay_bag
+import slosh
 
-bag = sys.argv[1] if len(sys.argv) > 1 else "bags/c3"
-result = replay_bag(bag)
+BAGS = Path(__file__).resolve().parent.parent / "bags"
+result = slosh.replay(sys.argv[1] if len(sys.argv) > 1 else BAGS / "c3")
 print(result)
 for accuracy in result.accuracy:
     print(f"{accuracy.name}: σ {1e3 * accuracy.sigma:.2f} mm, ε {accuracy.epsilon:+.1%}")

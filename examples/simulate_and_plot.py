@@ -3,17 +3,17 @@
 import matplotlib.pyplot as plt
 import numpy as np
 
-from slosh_model import Cylinder, Inputs, Model, simulate
+import slosh
 from slosh_model.motion_profiles import quintic
 
 t = np.arange(0.0, 3.0, 0.001)
 share = quintic(np.clip(t / 1.2, 0.0, 1.0))[2] * (t < 1.2) / 1.2**2  # of the way, per s²
-motion = Inputs(t, np.outer(0.4 * share, [1.0, 0.0, 0.0]))
+motion = slosh.Motion(t, np.outer(0.4 * share, [1.0, 0.0, 0.0]))
 
-cup = Model(Cylinder(radius=0.05, fill_height=0.07)).spatial()
+cup = slosh.Model.from_cup(diameter=0.1, fill_height=0.07)
 axes = None
-for model in (cup, cup.nonlinear()):
-    response, _ = simulate(model, motion)
+for model in (cup.linear(), cup):
+    response = slosh.simulate(model, motion)
     print(model.name, response)
     axes = response.plot(axes, label=model.name)
 axes.legend()

@@ -3,8 +3,10 @@
     tools/run python -m tests.soak [--minutes 10] [-o out/soak]
 
 The simulated cell plays a robot; a stranger on the same machine sends, every half minute, one of
-the messages that ended or misled an earlier version. In the end: what each node's memory did, what
-the bag replays to, and how often the monitor was blind.
+the messages that ended or misled an earlier version, or stops the recorder for a moment. In the
+end: what each node's memory did, what the bag replays to, how often the monitor was blind, how far
+estimate and measurement were apart where it said OK, and whether the losses that the recorder
+tells are those that the estimates' own numbers show.
 """
 
 from __future__ import annotations
@@ -13,14 +15,17 @@ import argparse
 import itertools
 import math
 import os
+import signal
 import subprocess
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
+import numpy as np
 import rclpy
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import AccelStamped
 from rclpy.node import Node
 from sensor_msgs.msg import Image
@@ -28,15 +33,17 @@ from std_srvs.srv import Trigger
 
 from slosh_bag.reader import BagReader
 from slosh_bringup.processes import node_environment
-from slosh_msgs.msg import FreeSurface, SloshComparison
+from slosh_msgs.msg import FreeSurface, PredictionOutcome, SloshComparison
 from slosh_msgs.srv import LoadModel
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.node.domain import own_domain
 from slosh_msgs_py.stamps import to_time
 from slosh_replay.replay import replay_bag
+from tests.live_processes import nodes_of
 from tests.long_cell import long_cell, sizes
 
 EVERY = 30.0  # s
+PORT = 8798  # of the page
 SAMPLED = 5.0  # s; how often memory is looked at
 ALIASES = "a0: &a0 [1, 1]\n" + "".join(
     f"a{n}: &a{n} [*a{n - 1}, *a{n - 1}]\n" for n in range(1, 40)
@@ -47,8 +54,8 @@ CUP = "container: {shape: cylinder, radius: %s, fill_height: 0.07}\n"
 class Stranger:
     """Sends what a cell must bear."""
 
-    def __init__(self, node: Node) -> None:
-        self._node = node
+    def __init__(self, node: Node, recorder: int | None = None) -> None:
+        self._node, self._recorder = node, recorder
         self._accel = node.create_publisher(AccelStamped, topics.ACCEL, qos.STREAM_OUT)
         self._surface = node.create_publisher(FreeSurface, topics.FREE_SURFACE, qos.STREAM_OUT)
         self._image = node.create_publisher(Image, topics.IMAGE, qos.STREAM_OUT)
@@ -68,7 +75,54 @@ class Stranger:
             ("a measurement of the year 2038", lambda: self._measure(2**31 - 1)),
             ("a reset in motion", lambda: self._reset.call_async(Trigger.Request())),
             ("a sample 5 s ahead", lambda: self._sample(0.0, 5.0)),
+            ("a height of 1e308 m", lambda: self._measure(time.time_ns() // 10**9, 1e308)),
+            ("the recorder stopped for 0.3 s, five times", self._stop_recorder),
+            ("2000 names of nodes in the diagnostics", self._names),
+            ("a second source of accelerations for a second", self._rival),
+            ("one image 30 times in a second", self._old_images),
+            ("an outcome of a prediction that cannot be", self._outcome),
         ]
+
+    def _stop_recorder(self) -> None:
+        if self._recorder is None:
+            return
+        for _ in range(5):
+            os.kill(self._recorder, signal.SIGSTOP)
+            time.sleep(0.3)
+            os.kill(self._recorder, signal.SIGCONT)
+            time.sleep(0.2)
+
+    def _names(self) -> None:
+        publisher = self._node.create_publisher(DiagnosticArray, "/diagnostics", qos.DIAGNOSTICS)
+        for number in range(2000):
+            status = DiagnosticStatus(name=f"/slosh/stranger_{number}: health", message="well")
+            message = DiagnosticArray(status=[status])
+            message.header.stamp = to_time(time.time_ns())
+            publisher.publish(message)
+            time.sleep(0.001)
+
+    def _rival(self) -> None:
+        for _ in range(200):
+            self._sample(0.0)
+            time.sleep(0.005)
+
+    def _old_images(self) -> None:
+        seen: list[Image] = []
+        taken = self._node.create_subscription(Image, topics.IMAGE, seen.append, qos.STREAM_IN)
+        deadline = time.monotonic() + 5.0
+        while not seen and time.monotonic() < deadline:
+            rclpy.spin_once(self._node, timeout_sec=0.1)
+        for image in seen[:1] * 30:
+            image.header.stamp = to_time(time.time_ns())
+            self._image.publish(image)
+            time.sleep(0.03)
+        self._node.destroy_subscription(taken)
+
+    def _outcome(self) -> None:
+        publisher = self._node.create_publisher(
+            PredictionOutcome, topics.PREDICTION_OUTCOME, qos.EVENT
+        )
+        publisher.publish(PredictionOutcome(count=9, sigma=1e9, epsilon=-7.0))
 
     def _sample(self, ax: float, ahead: float = 0.0) -> None:
         message = AccelStamped()
@@ -77,8 +131,8 @@ class Stranger:
         message.accel.linear.x = ax
         self._accel.publish(message)
 
-    def _measure(self, second: int) -> None:
-        message = FreeSurface(msh=0.001)
+    def _measure(self, second: int, msh: float = 0.001) -> None:
+        message = FreeSurface(msh=msh)
         message.header.stamp.sec = second
         self._surface.publish(message)
 
@@ -109,24 +163,33 @@ def soak(seconds: float, output: Path) -> int:
     """See main."""
     robot = {"motion": "l", "repeat": "100", "fps": "15.0"}
     # Ten minutes are replayed in the end, on a machine with load.
-    with long_cell(output, robot, patience=600.0) as cell:
-        ended, memory, states, sent = attack(cell.process, seconds)
+    with long_cell(output, robot, 600.0, ["--watch", str(PORT)]) as cell:
+        ended, memory, states, sent, apart = attack(cell.process, seconds)
+    print(f"OK at most {1e3 * apart:.1f} mm apart")
     return report(output, ended, cell.code, memory, states, sent)
 
 
 def attack(
     cell: subprocess.Popen[bytes], seconds: float
-) -> tuple[bool, dict[str, list[float]], Counter[int], Counter[str]]:
-    """Attacks for so long [s]; whether the cell ended, memory by node, states, attacks."""
+) -> tuple[bool, dict[str, list[float]], Counter[int], Counter[str], float]:
+    """Attacks for so long [s].
+
+    Returns:
+        whether the cell ended; memory by node [MB]; states; attacks; how far the sides were apart
+        at most where the state was OK [m].
+    """
     rclpy.init()
     node = rclpy.create_node("stranger", namespace="/slosh")
     states: Counter[int] = Counter()
-    node.create_subscription(
-        SloshComparison,
-        topics.COMPARISON,
-        lambda message: states.update([message.state]),
-        qos.STREAM_IN,
-    )
+    apart = 0.0
+
+    def compare(message: SloshComparison) -> None:
+        nonlocal apart
+        states.update([message.state])
+        if message.state == SloshComparison.STATE_OK and math.isfinite(message.residual_nonlinear):
+            apart = max(apart, abs(message.residual_nonlinear))
+
+    node.create_subscription(SloshComparison, topics.COMPARISON, compare, qos.STREAM_IN)
     sent: Counter[str] = Counter()
     memory: dict[str, list[float]] = {}
     begun, end = time.monotonic(), time.monotonic() + seconds
@@ -140,20 +203,20 @@ def attack(
                 memory.setdefault(name, []).append(size)
         if time.monotonic() >= due:
             due += EVERY
-            sent[visit(next(order))] += 1
+            sent[visit(next(order), nodes_of(cell.pid))] += 1
     ended = cell.poll() is not None
     node.destroy_node()
     rclpy.shutdown()
-    return ended, memory, states, sent
+    return ended, memory, states, sent, apart
 
 
-def visit(number: int) -> str:
+def visit(number: int, nodes: Mapping[str, int]) -> str:
     """A stranger comes, sends and goes; returns what it sent.
 
     Two publishers for longer than seconds would make the monitor blind, as they should.
     """
     node = rclpy.create_node("stranger_once", namespace="/slosh")
-    stranger = Stranger(node)
+    stranger = Stranger(node, nodes.get("recorder"))
     name, send = stranger.attacks[number % len(stranger.attacks)]
     for _ in range(10):
         rclpy.spin_once(node, timeout_sec=0.1)
@@ -192,9 +255,23 @@ def report(
     exact = verification is not None and verification.exact
     for line in verification.lines() if verification else ("no estimates",):
         print(line)
-    lost = BagReader(bag).metadata().get("messages_lost", "0")
-    print(f"messages lost {lost}; the cell ended by itself: {ended}; exit code {code}")
-    return int(ended or grown or not exact or code != 0)
+    lost = int(BagReader(bag).metadata().get("messages_lost", "0"))
+    missing = missing_estimates(bag)
+    print(f"messages lost {lost}, of which estimates at least {missing} by their own numbers")
+    print(f"the cell ended by itself: {ended}; exit code {code}")
+    return int(ended or grown or not exact or missing > lost or code != int(lost > 0))
+
+
+def missing_estimates(bag: Path) -> int:
+    """Estimates that were published and are not in the bag: each numbers its inputs."""
+    reader = BagReader(bag)
+    topic = f"/slosh/{topics.ESTIMATE}"
+    used = np.concatenate([
+        reader.columns(block, ["samples_used"])["samples_used"].astype(np.int64)
+        for block in reader.blocks([topic])
+    ])  # fmt: skip
+    steps = np.diff(used)
+    return int((steps[steps > 1] - 1).sum())
 
 
 if __name__ == "__main__":

@@ -18,6 +18,7 @@ from slosh_bringup.processes import config_folder
 from slosh_bringup.watch.recording import Recording
 from slosh_msgs.msg import SloshEstimate
 from slosh_replay.in_force import in_force, last_starts
+from slosh_replay.recorded_run import RecordedRun
 from slosh_replay.replay import replay_bag
 from slosh_tables.motion_table import MotionTable, write_motion_table
 from tests.live_processes import PATIENCE, live_process, recorded, robot
@@ -101,7 +102,7 @@ def test_a_file_with_two_parameters_keeps_the_limits_and_the_cell_says_so(
     assert kept["estimator"]["parameters"]["max_gap"] == 0.04
     assert kept["estimator"]["topics"]["accel"] == "/slosh/accel"
     assert "radius" in kept["estimator"]["files"]["model"]
-    recorded = in_force(last_starts(folder / "bag"))
+    recorded = in_force(last_starts(RecordedRun(folder / "bag")))
     assert recorded == result["in_force"]
     for label, text in recorded.items():
         assert f"{label:<20}{text}" in running.said

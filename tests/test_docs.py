@@ -5,7 +5,7 @@ import re
 from pathlib import Path
 
 import pytest
-from pages.commands import command_lines, words_of
+from pages.commands import blocks_of, command_lines, not_said, words_of
 
 from slosh_bringup.cli.main import COMMANDS, build_parser, main
 
@@ -130,6 +130,32 @@ def test_commands_can_be_typed_as_they_stand(pages, capsys):
             except (SystemExit, AssertionError) as error:
                 told = capsys.readouterr().err.splitlines()[-1:] or error
                 pytest.fail(f"{page.name}:{command.line}: {command.text}: {told}")
+
+
+def test_the_readme_is_short_and_each_command_in_its_lines_can_be_typed():
+    page = ROOT / "README.md"
+    text = page.read_text(encoding="utf-8")
+    assert len(text.split()) <= 800
+    reader = Reader()
+    for command in command_lines(page):
+        reader.take(words_of(command.text))
+    inline = re.findall(r"`((?:slosh|make) [a-z][^`]*)`", text)
+    assert len([command for command in inline if command.startswith("slosh")]) >= 5
+    for command in inline:
+        reader.take(words_of(command))
+
+
+def test_the_readmes_cup_gets_the_answer_that_stands_there(tmp_path, monkeypatch, capsys):
+    page = ROOT / "README.md"
+    monkeypatch.chdir(tmp_path)
+    (block,) = [block for block in blocks_of(page) if block.shown]
+    for command in block.commands:
+        assert main(words_of(command.text)[1:]) == 0
+    assert not not_said(block.shown, capsys.readouterr().out)
+    (program,) = re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), re.S)
+    exec(compile(program, str(page), "exec"), {})
+    assert "Prediction(move.csv: 3.000 s, peak 5.9 mm" in capsys.readouterr().out
+    assert main(["predict", "cup/model.yaml", "fast.csv", "--limit", "0.01"]) == 0
 
 
 def runnable():

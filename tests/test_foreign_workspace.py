@@ -40,7 +40,7 @@ def workspace(tmp_path_factory):
         text=True,
     )
     assert done.returncode == 0, done.stdout + done.stderr
-    assert "Summary: 11 packages finished" in done.stdout
+    assert "Summary: 12 packages finished" in done.stdout
     return folder / "lïnk to it", environment
 
 

@@ -40,14 +40,6 @@ def python(folder, *words):
     return done.stdout
 
 
-@pytest.fixture
-def folder(tmp_path):
-    """A folder of one's own beside the project's data."""
-    for name in ("bags", "src"):
-        (tmp_path / name).symlink_to(ROOT / name)
-    return tmp_path
-
-
 def code_of(notebook):
     cells = json.loads(notebook.read_text(encoding="utf-8"))["cells"]
     return ["".join(cell["source"]) for cell in cells if cell["cell_type"] == "code"]
@@ -64,10 +56,10 @@ def test_the_environments_interpreter_finds_the_packages_by_itself(tmp_path):
     texts = [path.read_text(encoding="utf-8") for path in EXAMPLES]
     texts.append("\n".join(code_of(NOTEBOOK)).replace(";", ""))
     script = "\n".join(map(imports_of, texts)) + (
-        "\nimport rclpy, slosh_bringup, slosh_camera, slosh_plan, slosh_report"
+        "\nimport rclpy, slosh_bag, slosh_bringup, slosh_camera, slosh_discovery, slosh_report"
         "\nfrom slosh_msgs.msg import SloshEstimate\nprint(SloshEstimate().header.frame_id, 'in')"
     )
-    assert "slosh_discovery" in script
+    assert "import slosh\n" in script
     assert python(tmp_path, "-c", script) == " in\n"
 
 
@@ -87,11 +79,11 @@ def test_an_example_is_short(path):
         ),
     ],
 )  # fmt: skip
-def test_an_example_runs(folder, name, picture, words):
-    told = python(folder, ROOT / "examples" / f"{name}.py")
+def test_an_example_runs_in_any_folder(tmp_path, name, picture, words):
+    told = python(tmp_path, ROOT / "examples" / f"{name}.py")
     for word in words:
         assert word in told
-    assert (folder / picture).read_bytes().startswith(b"\x89PNG")
+    assert (tmp_path / picture).read_bytes().startswith(b"\x89PNG")
 
 
 def test_each_example_is_run():
@@ -101,11 +93,13 @@ def test_each_example_is_run():
 
 
 @pytest.mark.long
-def test_the_notebook_runs_in_the_projects_folder_and_in_its_own(folder):
+def test_the_notebook_runs_in_the_projects_folder_and_in_its_own(tmp_path):
+    for name in ("bags", "src"):
+        (tmp_path / name).symlink_to(ROOT / name)
     cells = [text.rstrip(";") for text in code_of(NOTEBOOK)]
     cells.append("print(repr(response), repr(replayed), repr(finding), sep='\\n')")
-    (folder / "examples").mkdir()
-    for place in (folder, folder / "examples"):
+    (tmp_path / "examples").mkdir()
+    for place in (tmp_path, tmp_path / "examples"):
         told = python(place, "-c", "\n".join(cells))
         kept = NOTEBOOK.read_text(encoding="utf-8")
         for line in told.splitlines():

@@ -25,7 +25,7 @@ LOCKS = ("ros", "runtime", "development")
 ORDER = (
     "slosh_base", "slosh_msgs", "slosh_msgs_py", "slosh_model", "slosh_metrics", "slosh_tables",
     "slosh_camera", "slosh_report", "slosh_bag", "slosh_estimator", "slosh_plan", "slosh_replay",
-    "slosh_discovery", "slosh_bringup",
+    "slosh_discovery", "slosh_bringup", "slosh",
 )  # fmt: skip
 """A package imports those before it alone."""
 ROSDEP = {
@@ -80,7 +80,7 @@ def imported(package):
     return names - sys.stdlib_module_names - {package.name} | UNSEEN.get(package.name, set())
 
 
-def test_all_eleven_packages_are_there():
+def test_all_twelve_packages_are_there():
     assert [package.name for package in PACKAGES] == sorted(ORDER)
 
 

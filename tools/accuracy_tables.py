@@ -3,8 +3,8 @@
     tools/run python tools/accuracy_tables.py [cell] [measured]
 
 `cell` runs the simulated cell with every motion, live over DDS (some minutes), and fills
-docs/accuracy.md. `measured` replays the public measurements and the CFD motions, which it looks
-for in SLOSH_SHARED_DATA or ../shared/data, and fills docs/measurements.md.
+docs/results/accuracy.md. `measured` replays the public measurements and the CFD motions from
+SLOSH_SHARED_DATA or ../shared/data, and fills docs/results/measurements.md.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from slosh_replay.tables.antisloshing import import_antisloshing
 from slosh_tables.motion_table import read_motion_table
 
 ROOT = Path(__file__).resolve().parent.parent
-PAGE = ROOT / "docs" / "accuracy.md"
+PAGE = ROOT / "docs" / "results" / "accuracy.md"
 START, END = "<!-- table cell -->", "<!-- end cell -->"
 HEAD = (
     "| motion | camera / truth σ | ε | 3D-NL / truth σ | ε | 3D-NL / camera σ | ε | "
@@ -81,7 +81,7 @@ def cell_row(name: str, figures: dict[str, Any]) -> str:
 def measured_tables() -> None:
     """Replays what others measured and computed."""
     data = Path(os.environ.get("SLOSH_SHARED_DATA", ROOT.parent / "shared" / "data"))
-    page = ROOT / "docs" / "measurements.md"
+    page = ROOT / "docs" / "results" / "measurements.md"
     with tempfile.TemporaryDirectory() as folder:
         bags = import_antisloshing(data / "antisloshing", Path(folder))
         results = [replay_bag(bag) for bag in bags]

@@ -1,4 +1,4 @@
-"""Runs blind cases through the discovery and fills docs/discovery_scores.md.
+"""Runs blind cases through the discovery and fills docs/results/discovery_scores.md.
 
     tools/run python tools/blind_tables.py --kind all --count 44 --seed 1 --docs
 
@@ -27,7 +27,7 @@ from tests.blind.dirt import DIRT, Dirt, noisy_inputs  # noqa: E402
 from tests.blind.score import Row, judge, run_case  # noqa: E402
 from tests.blind.tables import TABLES, share  # noqa: E402
 
-PAGE = ROOT / "docs" / "discovery_scores.md"
+PAGE = ROOT / "docs" / "results" / "discovery_scores.md"
 Job = tuple[str, int, int, str | None, Dirt | None]
 
 
@@ -76,7 +76,7 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--noisy", action="store_true", help="what an accelerometer does, too")
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--folder", help="of the answers (out/blind, out/blind_dirty)")
-    parser.add_argument("--docs", action="store_true", help="write docs/discovery_scores.md")
+    parser.add_argument("--docs", action="store_true", help="write the tables in docs/")
     return parser.parse_args()
 
 

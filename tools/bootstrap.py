@@ -304,7 +304,7 @@ def compiled_inputs() -> list[bytes]:
 def compile_functions() -> None:
     """Compiles all functions that run compiled, so that no node has to wait for them later."""
     # To bytecode first: where Python may write nothing, each process would do it anew.
-    to_bytecode((ROOT / "src").glob("*/slosh_*"))
+    to_bytecode((ROOT / "src").glob("*/slosh*"))
     # What computes knows nothing of ROS 2, and does without the built workspace.
     packages = ":".join(str(path.parent) for path in (ROOT / "src").glob("slosh_*/setup.py"))
     command = [str(VENV / "bin/python"), "-m", "slosh_bringup.compiling"]

@@ -27,7 +27,8 @@ from slosh_camera.calibrate.warning_words import warnings_of
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.optics.cup import CupView, Wall
 
-PAGE = Path(__file__).resolve().parent.parent / "docs" / "calibration.md"
+ROOT = Path(__file__).resolve().parent.parent
+PAGE = ROOT / "docs" / "results" / "calibration_accuracy.md"
 HEAD = (
     "| still | front wall, largest | mean | claimed σ | rear wall, largest | mean | claimed σ | "
     "distance | pitch | residual | z | warned |"

@@ -52,7 +52,7 @@ from slosh_camera.detection.drawing import draw_measurement
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.optics.calibration import Calibration
 
-PAGE = ROOT / "docs" / "accuracy.md"
+PAGE = ROOT / "docs" / "results" / "accuracy.md"
 TOTAL = "**total**"
 # Numbered scenes of even number are for tuning, those of odd number to report.
 HALVES = ("**even**", "**odd**")

@@ -1,4 +1,4 @@
-"""Measures which lines the quick tests run, their processes' too, and writes docs/coverage.md.
+"""Measure the line coverage of the quick tests and write docs/results/coverage.md.
 
     make coverage
     tools/run python tools/coverage_table.py [PYTEST ARGUMENT ...]
@@ -21,7 +21,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 WORK = ROOT / "out" / "coverage"
-PAGE = ROOT / "docs" / "coverage.md"
+PAGE = ROOT / "docs" / "results" / "coverage.md"
 QUICK = (
     "-m",
     "not long",
@@ -31,11 +31,11 @@ QUICK = (
     "--ignore=tests/real_time",
     "tests",
 )
-HEAD = """# Coverage
+HEAD = """# Test coverage
 
-Lines of each package that `make test` runs, but for what must keep pace with a robot, in its own
-processes and in those that it starts; written by `make coverage`. Compiled functions are left out:
-no line of machine code is seen. What a test kills takes with it what it ran.
+Line coverage of each package by `make test`, without `tests/real_time`, including the processes
+that the tests start. `make coverage` writes the table. Compiled functions are excluded, because
+coverage does not see machine code. Lines run by a process that a test kills are not counted.
 
 """
 

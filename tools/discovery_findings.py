@@ -1,4 +1,4 @@
-"""Measures anew the tables of docs/discovery_findings.md: what the discovery finds in known data.
+"""Measure the tables of docs/results/discovery_findings.md: results on known data.
 
     tools/run python tools/discovery_findings.py [dl22] [cfd] [untilted] [tilted]
 
@@ -28,7 +28,7 @@ from slosh_model import Cylinder, Inputs, Model, predicted_heights
 from slosh_replay.tables.antisloshing import import_antisloshing
 
 ROOT = Path(__file__).resolve().parent.parent
-PAGE = ROOT / "docs" / "discovery_findings.md"
+PAGE = ROOT / "docs" / "results" / "discovery_findings.md"
 DATA = Path(os.environ.get("SLOSH_SHARED_DATA", ROOT.parent / "shared" / "data"))
 NOISE, CAMERA_RATE, DWELL = 3e-4, 60.0, 2.0
 READ_AT = 0.95  # of the radius: where the heights of the motions by CFD were read

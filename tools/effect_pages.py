@@ -103,6 +103,8 @@ SCENES = {
     "visible_arc": Scene({"centre": 0.0, "width": 2.0}),
     "yaw_coupling": Scene({"kappa": 0.4}, motion="turning"),
 }
+CONTAINERS = {"round": "cylinder", "rectangular": "rectangle"}
+"""Of each cross-section, how its container is called on a page."""
 
 
 def main() -> int:
@@ -142,7 +144,7 @@ def part(effect: Effect) -> str:
     blocks = [
         f"$${effect.equation}$$",
         f"Acts on: {stages}. Source: {effect.source}.",
-        " ".join(f"Only for a {shape}." for shape in effect.shapes),
+        f"Only for a {CONTAINERS[effect.section]}." if effect.section else "",
         parameter_table(effect),
         f"```yaml\n{use(effect)}\n```",
         f"![Heights with and without {effect.name}, and the difference]({effect.name}.svg)",
@@ -207,7 +209,7 @@ def caption(name: str) -> str:
 
 def container(name: str) -> Cylinder | Rectangle:
     """The cup, or the tank where the effect is for a rectangle."""
-    return CUP if EFFECTS[name].fits(CUP.shape) else TANK
+    return CUP if EFFECTS[name].fits(CUP.section) else TANK
 
 
 def described(name: str) -> str:

@@ -47,7 +47,7 @@ STRENGTHS: dict[str, dict[str, float]] = {
 
 def in_fitting_container(model: Model, name: str) -> Model:
     """The model, or the same in a rectangle where the effect is for one."""
-    if EFFECTS[name].fits(model.container.shape):
+    if EFFECTS[name].fits(model.container.section):
         return model
     tank = Rectangle(0.1, 0.08, model.container.fill_height)
     return replace(model.linear(), container=tank, limits=tank.validated)

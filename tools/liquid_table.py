@@ -1,4 +1,4 @@
-"""Which liquids the detector measures: the table and the pictures of docs/liquids.md.
+"""Write the table and the pictures of docs/results/liquids.md: which liquids are measured.
 
 tools/run python tools/scenes/render.py liquids --no-masks -o out/liquids
 tools/run python tools/liquid_table.py out/liquids --docs
@@ -22,7 +22,7 @@ from slosh_camera.cylinder.detector import FreeSurfaceDetector
 from slosh_camera.detection.drawing import draw_measurement
 from slosh_camera.errors import SloshCameraError
 
-PAGE = ROOT / "docs" / "liquids.md"
+PAGE = ROOT / "docs" / "results" / "liquids.md"
 SHEET = ROOT / "docs" / "images" / "liquids.jpg"
 HEAD = (
     "| | | verdict | heights | RMS [mm] | largest [mm] | within 2σ | median σ [mm] | silent |\n"

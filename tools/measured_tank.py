@@ -2,7 +2,7 @@
 
 The wave at a wall of a tank 1.73 m wide in forced sway (Faltinsen, Rognebakke, Lukovsky, Timokha,
 J. Fluid Mech. 407, 2000), from SLOSH_SHARED_DATA or ../shared/data. Writes the tables of
-docs/measured_tank.md, and into out/measured_tank the files that the page's commands read.
+docs/results/measured_tank.md, and into out/measured_tank the files that the page's commands read.
 
     tools/run python tools/measured_tank.py
 """
@@ -38,7 +38,7 @@ from slosh_model.simulate import Inputs
 Array = NDArray[np.float64]
 
 ROOT = Path(__file__).resolve().parent.parent
-PAGE = ROOT / "docs" / "measured_tank.md"
+PAGE = ROOT / "docs" / "results" / "measured_tank.md"
 FILES = ROOT / "out" / "measured_tank"
 DATA = Path(os.environ.get("SLOSH_SHARED_DATA", ROOT.parent / "shared" / "data"))
 WIDTH, FILL_HEIGHT = 1.73, 0.6  # m
@@ -235,7 +235,7 @@ def found_gap(record: Record) -> str:
     text = f"Verdict `{finding.verdict.value}`: {effects}.\n\n"
     text += "| explanation | probability | RMS on the first 5 s [mm] |\n|---|--:|--:|\n"
     for row in [row for row in finding.candidates if not row.reason][:5]:
-        name = " + ".join(f"`{effect}`" for effect in row.effects) or "M2 as it is"
+        name = " + ".join(f"`{effect}`" for effect in row.effects) or "M2 unchanged"
         text += f"| {name} | {row.probability:.3f} | {1e3 * row.fit_rms:.1f} |\n"
     return text
 
@@ -272,15 +272,15 @@ def told() -> str:
     text = f"Verdict `{document['verdict']}`: {effects}.\n\n"
     text += "| explanation | probability | RMS [mm] | RMS left out [mm] |\n|---|--:|--:|--:|\n"
     for row in [row for row in document["candidates"] if not row["reason"]][:6]:
-        name = " + ".join(f"`{effect}`" for effect in row["effects"]) or "the model as it is"
+        name = " + ".join(f"`{effect}`" for effect in row["effects"]) or "base model"
         text += (
             f"| {name} | {row['probability']:.3f} | {1e3 * row['fit_rms']:.1f} | "
             f"{millimetres(row['holdout_rms'])} |\n"
         )
     before, after = (document["gap"][when]["holdout"] for when in ("before", "after"))
     return text + (
-        f"\nOn the five seconds after: {millimetres(before)} mm before, "
-        f"{millimetres(after)} mm with the model that goes out.\n"
+        f"\nOn the second half: {millimetres(before)} mm with the base model, "
+        f"{millimetres(after)} mm with the exported model.\n"
     )
 
 

@@ -30,7 +30,8 @@ from slosh_bringup.many_files import map_files
 Item = TypeVar("Item")
 Value = TypeVar("Value")
 ROOT = Path(__file__).resolve().parents[1]
-DOCS = ROOT / "docs" / "packaging_study.md"
+DOCS = ROOT / "docs" / "results" / "packaging_study.md"
+IMAGES = ROOT / "docs" / "images"
 SAMPLES = tuple((geometry.number, 36) for geometry in GEOMETRIES)
 """Experiments that go through the whole camera."""
 
@@ -122,12 +123,12 @@ def main() -> int:
         print(f"study: {error}", file=sys.stderr)
         return 2
     target = DOCS if arguments.docs else arguments.output / "study.md"
-    images = target.parent / ("images" if arguments.docs else ".")
+    images = IMAGES if arguments.docs else arguments.output
     for name, drawing in draw_all(study).items():
         with NewFile(images / name) as file, file.open() as stream:
             stream.write(drawing.encode())
     with NewFile(target) as file, file.open() as stream:
-        stream.write(page(study, "images/" if arguments.docs else "").encode())
+        stream.write(page(study, "../images/" if arguments.docs else "").encode())
     say(f"{target}")
     return 0
 

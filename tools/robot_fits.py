@@ -3,8 +3,8 @@
     tools/run python tools/robot_fits.py [--docs]
 
 The discovery chooses between effects; here they are given, so that the table of
-docs/discovery_findings.md says what a choice would be worth. A run is foretold by the parameters
-that all other runs have; its clock's offset and still level are its own, as in the discovery.
+docs/results/discovery_findings.md shows what a choice would gain. A run is predicted with the
+parameters fitted to all other runs; its clock offset and still level are fitted for each run.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ def main() -> int:
     base = Model(ROBOT_CUP).nonlinear().spatial().with_effect("gravity_tilt")
     runs = [prepare(motion) for motions in runs_of_kind("Tilt").values() for motion in motions]
     lines = [
-        "| beside `gravity_tilt` and `lever_arm` | σ of the fit to all six | σ foretold |",
+        "| with `gravity_tilt` and `lever_arm` | σ of the fit to all six | σ predicted |",
         "|---|--:|--:|",
     ]
     for words, wanted in SETS.items():

@@ -32,7 +32,11 @@ setup(
         (f"share/{PACKAGE}", ["package.xml"]),
     ],
     install_requires=["setuptools", "numpy>=1.26", "scipy"],
-    extras_require={"plan": ["casadi"], "page": ["jinja2", "matplotlib"]},
+    extras_require={
+        "notebook": ["matplotlib", "pandas"],
+        "plan": ["casadi"],
+        "page": ["jinja2", "matplotlib"],
+    },
     zip_safe=False,
     maintainer="Slosh Monitor maintainers",
     maintainer_email="slosh-monitor@users.noreply.github.com",

@@ -152,6 +152,7 @@ def _coefficients(truth: Truth, elapsed: Array, session_time: float) -> Array:
         since = session_time + elapsed
         start, time = (truth.value("damping_drift", key, 1.0) for key in ("start", "time"))
         ratios *= (start * np.exp(-since / time))[:, np.newaxis]
+    ratios *= truth.growth("damping_growth", session_time, elapsed)[:, np.newaxis]
     damping = 2.0 * ratios * np.sqrt(squared)
     curvature = squared / theory.GRAVITY * float(truth.has("surface_nonlinearity"))
     return np.asarray(np.stack([squared, damping, curvature], axis=-1).reshape(-1, 6))

@@ -69,7 +69,27 @@ def _cubic(random: Random, _: Truth) -> dict[str, float]:
     return {"beta": beta, "axis": random.uniform(0.0, np.pi)}
 
 
+def changing(least: float, most: float, settled: float) -> Draw:
+    """A size that grows or falls by a factor within that range, in each motion or all along.
+
+    Args:
+        least, most: the factor from the first to the last, or its inverse.
+        settled: the size is right at a time up to this share of the way.
+    """
+
+    def draw(random: Random, _: Truth) -> dict[str, float]:
+        rise = sign(random) * random.uniform(np.log(least), np.log(most))
+        start = float(np.exp(-rise * random.uniform(0.0, settled)))
+        if random.random() < 0.5:
+            return {"motion": rise / MOTION, "start": start}
+        return {"session": rise / SESSION, "start": start}
+
+    return draw
+
+
 PLAIN = Need()
+MOTION, SESSION = 5.0, 120.0
+"""About how long a motion lasts, and several with pauses [s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,6 +156,8 @@ OUTSIDE: Mapping[str, Hidden] = {
     "cubic_spring": Hidden(_cubic),
     "coriolis": Hidden(either_side(0.0, 0.2, 3.0, "rate")),
     "accel_compression": Hidden(uniform(gamma=(0.003, 0.0065))),
+    "damping_growth": Hidden(changing(1.5, 5.0, 1.0)),
+    "gain_drift": Hidden(changing(1.1, 1.6, 1.0), own_level=True),
 }
 """What no listed effect is."""
 
@@ -144,5 +166,7 @@ NEAREST: Mapping[str, frozenset[str]] = {
     "cubic_spring": frozenset({"surface_nonlinearity", "anisotropic_stiffness"}),
     "coriolis": frozenset({"yaw_coupling", "anisotropic_stiffness"}),
     "accel_compression": frozenset({"accel_gain", "height_scale", "surface_nonlinearity"}),
+    "damping_growth": frozenset({"damping_mismatch", "amplitude_damping"}),
+    "gain_drift": frozenset({"accel_gain", "height_scale"}),
 }
 """The listed effects that are physically nearest."""

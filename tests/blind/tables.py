@@ -28,7 +28,7 @@ TITLES = {
     "pairs": "two missing effects: both right, nothing else",
     "none": "nothing missing: verdict `none`",
     "outside": "not in the list: `unexplained`, or the nearest name without certainty",
-    "wrong_parameter": "a wrong parameter beside a missing effect: both found",
+    "wrong_parameter": "a wrong parameter and a missing effect: both found",
 }
 
 
@@ -91,7 +91,7 @@ def overview(rows: Sequence[Row]) -> str:
         ),
         ("weaker than 3 noises: right name or set", "-", share(weak, right)),
         (
-            "weaker than 3 noises: said to be nothing",
+            "weaker than 3 noises: verdict `none`",
             "-",
             share(weak, lambda row: row["verdict"] == "none"),
         ),
@@ -123,7 +123,7 @@ def by_effect(rows: Sequence[Row]) -> str:
                 ", ".join(confused) or "-",
             )
         )
-    head = ("effect", "right", "by a set", "gap closed", "pairs with it", "other names said")
+    head = ("effect", "right", "by a set", "gap closed", "pairs with it", "other named effects")
     return table(head, lines)
 
 
@@ -147,7 +147,7 @@ def by_outside(rows: Sequence[Row]) -> str:
                 share(own, lambda row: row["misled"]),
             )
         )
-    return table(("hidden", "right", "verdicts", "names said", "misled"), lines)
+    return table(("hidden", "right", "verdicts", "named effects", "misled"), lines)
 
 
 def by_group(rows: Sequence[Row], title: str, groups: Sequence[tuple[str, Judge]]) -> str:
@@ -208,7 +208,7 @@ def reliability(rows: Sequence[Row]) -> str:
                 str(len(others)),
             )
         )
-    head = ("confidence", "mean", "right", "names said outside the list")
+    head = ("confidence", "mean", "right", "names given outside the list")
     return table(head, lines)
 
 

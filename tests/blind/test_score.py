@@ -124,7 +124,7 @@ def test_tables_have_counts_and_leave_weak_cases_apart():
     rows = [json.loads(json.dumps(line)) for line in rows]
     text = tables.overview(rows)
     assert "| ≥ 95 % | 50 % (1/2) |" in text
-    assert "| weaker than 3 noises: said to be nothing | - | 100 % (1/1) |" in text
+    assert "| weaker than 3 noises: verdict `none` | - | 100 % (1/1) |" in text
     assert "| `second_mode` | 50 % (1/2) | 0 % (0/2) | 95 % | - | fill_loss |" in (
         tables.by_effect(rows)
     )

@@ -58,7 +58,8 @@ def heights(
         session_time: time since the session began at the motion's start [s].
     """
     wave = simulate(truth, inputs, session_time)
-    return sensor.measure(truth, wave.t, wave.height, wave.heading, wave.level, times, azimuths)
+    seen = sensor.measure(truth, wave.t, wave.height, wave.heading, wave.level, times, azimuths)
+    return seen * truth.growth("gain_drift", session_time, times - inputs.t[0])[:, np.newaxis]
 
 
 def simulate(truth: Truth, inputs: Inputs, session_time: float = 0.0) -> Wave:

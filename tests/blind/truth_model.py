@@ -5,10 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
+import numpy as np
+from numpy.typing import NDArray
+
 from slosh_model.containers import Cylinder
 from slosh_model.liquid import Liquid
 from slosh_model.model import EffectUse, Model
 
+Array = NDArray[np.float64]
 Parameters = Mapping[str, float]
 
 OUTSIDE = (
@@ -16,6 +20,8 @@ OUTSIDE = (
     "cubic_spring",
     "coriolis",
     "accel_compression",
+    "damping_growth",
+    "gain_drift",
 )
 """What the truth can do and no listed effect does."""
 
@@ -46,6 +52,12 @@ class Truth:
     def value(self, effect: str, parameter: str, neutral: float) -> float:
         """A parameter's value; neutral where the effect does not act."""
         return self.effects.get(effect, {}).get(parameter, neutral)
+
+    def growth(self, effect: str, session_time: float, elapsed: Array) -> Array:
+        """By which factor an effect has grown since the session, or each motion, began."""
+        by_session, by_motion = (self.value(effect, key, 0.0) for key in ("session", "motion"))
+        exponent = by_session * (session_time + elapsed) + by_motion * elapsed
+        return np.asarray(self.value(effect, "start", 1.0) * np.exp(exponent))
 
     def plus(self, effect: str, parameters: Parameters) -> Truth:
         """The same with one more effect."""

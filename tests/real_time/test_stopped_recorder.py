@@ -10,6 +10,7 @@ import pytest
 
 from slosh_bag.reader import BagReader
 from slosh_bringup.live.run_data import read_run
+from slosh_replay.recorded_run import RecordedRun
 from tests.live_processes import live_process, until
 
 TIMES, PAUSE, BETWEEN = 4, 2.5, 0.5
@@ -40,7 +41,7 @@ def run(tmp_path_factory):
 
 def test_what_is_lost_is_one_count_everywhere_and_fails_the_run(run):
     folder, code, said = run
-    data = read_run(folder / "bag")
+    data = read_run(RecordedRun(folder / "bag"))
     lost = sum(data.lost().values())
     assert lost > 0, "nothing was lost: the recorder was stopped too shortly"
     assert code == 1
@@ -56,7 +57,7 @@ def test_what_is_lost_is_one_count_everywhere_and_fails_the_run(run):
 
 def test_the_count_is_what_the_bag_lacks(run):
     """The simulated cell tells how much it has published."""
-    data = read_run(run[0] / "bag")
+    data = read_run(RecordedRun(run[0] / "bag"))
     if not data.published:
         pytest.skip("the cell's summary, a single message, was lost with the others")
     for topic in (INPUT, "/slosh/imu", "/slosh/pose", "/slosh/cell/truth"):

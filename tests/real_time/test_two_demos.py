@@ -1,6 +1,7 @@
 """Two demonstrations at once in one shell, which has set a DDS domain: they do not meet."""
 
 from slosh_bringup.live.run_data import read_run
+from slosh_replay.recorded_run import RecordedRun
 from slosh_replay.replay import replay_bag
 from tests.live_processes import live_process
 
@@ -16,7 +17,7 @@ def test_each_has_a_domain_of_its_own(tmp_path):
         codes = [run.end() for run in (one, other)]
     assert sum(MOVED in run.said for run in (one, other)) == 1
     for name, run, code in zip("ab", (one, other), codes, strict=True):
-        data = read_run(tmp_path / name / "latest" / "bag")
+        data = read_run(RecordedRun(tmp_path / name / "latest" / "bag"))
         assert not data.mixed
         assert code == int(bool(sum(data.lost().values()))), run.said
-        assert replay_bag(data.bag).verification.exact
+        assert replay_bag(data.run).verification.exact

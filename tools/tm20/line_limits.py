@@ -58,7 +58,7 @@ TRUTHS = (
     Truth("second order", order=2),
     WHOLE,
     replace(WHOLE, name="the same, surface tension of water", tension=WATER),
-    replace(WHOLE, name="the same, edges off by 0.15 mm", noise=0.15e-3),
+    replace(WHOLE, name="the same, edge error 0.15 mm", noise=0.15e-3),
     *(replace(WHOLE, name=f"the same, {law}", law=law) for law in LAWS if law != WHOLE.law),
 )
 

@@ -10,28 +10,22 @@ from tm20.evaluation import Findings, Study
 
 from slosh_model.constants import GRAVITY
 
-HEAD = """# TM20's packaging study, on synthetic measurements
+HEAD = """# Packaging study (TM20) on synthetic measurements
 
-Six rectangular containers of water, 67 mm deep, on a linear drive: 100 mm to and fro, 40 % of the
-cycle in motion, {speeds} speeds from 12 to 60 cycles a minute, {experiments:,} experiments.
-Troll and Majschak (Appl. Sci. 10, 2020, 1859) measured them; here their truth is
-[potential flow](physics.md) to the third order. Measured is what edges found to a whole pixel
-give: 0.1 mm of each point, 0.1 mm of the whole profile, 1 mrad of its slope. Between repetitions
-the fill varies by 0.3 mm, the damping by 3 %, and 0.1 mm of an earlier wave is left; one whose
-wave breaks is left out. Damping ratios are the paper's. Line fit, identification and indices are
-those of `slosh identify`. Written by `make study`; an interrupted run goes on.
-
-The paper shows its "acceleration pulse" in a figure alone. `harmonic` stands in for it: it is the
-only law of those tried by which the straight line ends where the paper found its end; see below.
+Six rectangular containers of water, 67 mm deep, on a linear drive: stroke 100 mm, motion during
+40 % of the cycle, {speeds} speeds from 12 to 60 cycles a minute, {experiments:,} experiments.
+Troll and Majschak (Appl. Sci. 10, 2020, 1859; TM20) measured them. Here the truth is
+[potential flow](../physics.md) to the third order with the paper's damping ratios. Measurement
+errors: 0.1 mm for each point, 0.1 mm for the whole profile, 1 mrad for its slope; repetitions
+differ by 0.3 mm in fill height, 3 % in damping and 0.1 mm of residual wave. Repetitions with a
+breaking wave are excluded. The motion law is `harmonic`, the only one tried that gives the
+paper's speed limits (below). `make study` writes this page; it resumes an interrupted run.
 """
 
 
-WHY = """Linear theory alone lets the surface be a line up to speeds three or four steps too high.
-What ends it is the second mode that is bound to the first: the error grows with the fourth power
-of the speed where linear theory's grows with the second, which is the paper's sharp bend. Surface
-tension changes the limits by a step at most; it is left out of the study's truth, as the measured
-frequencies show none of the 0.6 to 2.3 % by which it would raise them. What the error is below the
-bend is the measurement's: 0.14 mm here.
+WHY = """The second mode, bound to the first, sets the limit: its error grows with the fourth
+power of the speed, that of linear theory with the second. The study omits surface tension,
+because the measured frequencies do not show the increase of 0.6 to 2.3 % that it would cause.
 """
 
 
@@ -44,20 +38,20 @@ def page(study: Study, images: str) -> str:
     """
     parts = [
         HEAD.format(speeds=len(SPEEDS), experiments=study.experiments),
-        "## Models and limits (Table 4)\n",
+        "## Models and speed limits (Table 4)\n",
         _models(study),
         f"![Identified parameters by width]({images}study_parameters.svg)\n",
-        "## Strategies (Table 3): greatest SEOE [deg], study / TM20\n",
+        "## Identification strategies (Table 3): maximum SEOE [deg], study / TM20\n",
         _strategies(study),
         f"![SEOE by speed]({images}study_seoe.svg)\n",
         "## Residual vibration (Table 5): study / TM20 [mm]\n",
         _residuals(study),
         f"![Effective heights by speed]({images}study_residual.svg)\n",
-        "## Up to which speed the surface is a line (Figure 7)\n",
+        "## Speed limit of the straight line (Figure 7)\n",
         f"![Line errors by speed]({images}study_line_error.svg)\n",
         _limits(study),
         WHY,
-        "## Through the whole camera\n",
+        "## Measurement by the camera detector\n",
         _camera(study),
     ]
     return "\n".join(parts)
@@ -65,8 +59,8 @@ def page(study: Study, images: str) -> str:
 
 def _models(study: Study) -> str:
     head = _head(
-        "geometry", "ω₀ [rad/s]", "TM20", "off", "eq. (20)", "off", "ζ", "TM20", "p g/ω₀²",
-        "n_max [1/min]", "TM20", "max SEOE, other motion [deg]", "TM20",
+        "geometry", "ω₀ [rad/s]", "TM20", "deviation", "eq. (20)", "deviation", "ζ", "TM20",
+        "p g/ω₀²", "n_max [1/min]", "TM20", "max SEOE, other motion [deg]", "TM20",
     )  # fmt: skip
     return head + "".join(_model_row(g, study.findings[g.number]) for g in GEOMETRIES)
 
@@ -135,7 +129,7 @@ def _limits(study: Study) -> str:
     ]
     rows.append(
         _row(
-            "the study, all of it",
+            "complete study",
             *(f"{study.findings[g.number].validity.fastest}" for g in GEOMETRIES),
             ", ".join(_error_at_limit(study.findings[g.number], g) for g in GEOMETRIES),
         )
@@ -149,9 +143,9 @@ def _error_at_limit(found: Findings, geometry: Geometry) -> str:
 
 
 def _camera(study: Study) -> str:
-    text = "Rendered from the side with noise and blur, measured by the camera's detector.\n\n"
+    text = "Side views rendered with noise and blur, measured by the camera's detector.\n\n"
     head = _head(
-        "geometry", "images", "θ up to [deg]", "θ off, RMS [deg]", "profile off, RMS [mm]"
+        "geometry", "images", "θ up to [deg]", "θ error, RMS [deg]", "profile error, RMS [mm]"
     )
     rows = []
     for geometry in GEOMETRIES:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +11,7 @@ from rosbags.typesys.store import Typestore
 
 from slosh_bag.errors import SloshBagError
 from slosh_bag.message_types import parts_of, read_types
+from slosh_base.files.installed import shared_folder
 
 
 class Definitions:
@@ -84,9 +84,6 @@ def _read(message_type: str) -> dict[str, Any]:
 
 
 def find_interfaces(package: str) -> Path | None:
-    """Where a package's .msg files are installed; None: nowhere on AMENT_PREFIX_PATH."""
-    for prefix in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep):
-        folder = Path(prefix) / "share" / package / "msg"
-        if prefix and folder.is_dir():
-            return folder
-    return None
+    """Where a package's .msg files are installed; None: nowhere."""
+    share = shared_folder(package)
+    return share / "msg" if share is not None and (share / "msg").is_dir() else None

@@ -29,6 +29,7 @@ from slosh_bag.mcap_files.mcap_index import Index, Window, indexed_chunks, read_
 from slosh_bag.mcap_files.mcap_merge import Span, gathered, in_log_order
 from slosh_bag.mcap_files.mcap_summary import Summary, read_summary
 from slosh_bag.mcap_files.mcap_walk import McapWalk, is_in_order
+from slosh_bag.mcap_files.shared_file import shared_files
 from slosh_base.files.nanoseconds import SECOND
 
 __all__ = [
@@ -107,7 +108,8 @@ class BagReader:
     def __init__(self, path: str | Path) -> None:
         path = Path(path)
         self.warnings: list[str] = []
-        self.files, odd = ordered_files(path)
+        files, odd = ordered_files(path)
+        self.files = shared_files(files)
         self.path = bag_folder(path)
         self._warn(odd)
         self._types = BagTypes()

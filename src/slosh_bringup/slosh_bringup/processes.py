@@ -18,8 +18,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import NamedTuple
 
-from ament_index_python.packages import get_package_share_directory
-
+from slosh_base.files.installed import shared_folder
 from slosh_bringup.errors import SloshBringupError
 from slosh_msgs_py.node.lifeline import Lifelines
 from slosh_msgs_py.node.network import network_environment
@@ -102,8 +101,15 @@ def node_environment(domain_id: int | None = None) -> dict[str, str]:
 
 
 def config_folder() -> Path:
-    """Where the installed package keeps its parameters, models and calibrations."""
-    return Path(get_package_share_directory("slosh_bringup")) / "config"
+    """Where the installed package keeps its parameters, models and calibrations.
+
+    Raises:
+        SloshBringupError: it is not installed.
+    """
+    folder = shared_folder("slosh_bringup")
+    if folder is None:
+        raise SloshBringupError("slosh_bringup is not installed here: run `make setup`")
+    return folder / "config"
 
 
 class NodeGroup:

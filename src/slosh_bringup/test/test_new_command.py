@@ -11,12 +11,12 @@ from slosh_bringup.cli.main import build_parser, main
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.live.cell_setup import read_setup
 from slosh_bringup.live.run import check_files
-from slosh_bringup.new_cup.cup import LIQUIDS
 from slosh_camera.calibrate.camera_file import read_any_calibration
 from slosh_camera.calibrate.intrinsics import read_known_camera
 from slosh_camera.errors import SloshCameraError
 from slosh_model.containers import Cylinder, Rectangle
 from slosh_model.liquid import Liquid
+from slosh_model.model import Model
 from slosh_model.model_file import read_model
 
 ROUND = ["--diameter", "0.08", "--fill-height", "0.06"]
@@ -51,8 +51,9 @@ def test_the_model_is_read(folder):
     assert main(["new", str(folder), *ROUND, *WHOLE, "--liquid", "milk"]) == 0
     model = read_model(folder / "model.yaml")
     assert model.container == Cylinder(radius=0.04, fill_height=0.06, rim_height=0.11)
-    assert model.liquid == Liquid(LIQUIDS["milk"].density, LIQUIDS["milk"].viscosity)
     assert [use.name for use in model.effects] == ["vertical_acceleration", "surface_nonlinearity"]
+    lengths = {"diameter": 0.08, "fill_height": 0.06, "rim_height": 0.11}
+    assert model == Model.from_cup(**lengths, liquid="milk")
 
 
 def test_the_model_of_a_rectangle_is_read(folder):

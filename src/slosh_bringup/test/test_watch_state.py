@@ -157,6 +157,15 @@ class TestFrames:
         assert len(texts) == KEPT_EVENTS
         assert texts[0] == "event 99"
 
+    def test_a_flood_of_names_of_nodes_leaves_those_of_the_cell(self):
+        state = WatchState()
+        for number in range(20_000):
+            state.take_report(NodeReport(f"stranger_{number}", OK, "well", {}), 0.0)
+        state.take_report(NodeReport("camera", OK, "measuring", {}), 0.0)
+        text = state.frame(0.0)
+        assert len(text) < 10_000
+        assert '"camera"' in text
+
     def test_what_changes_slowly_comes_once_a_second(self):
         state = WatchState()
         state.take_parameters("monitor", {"measured_limit": 0.02, "disagreement_limit": "no"})

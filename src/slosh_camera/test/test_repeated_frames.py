@@ -57,3 +57,35 @@ def test_a_driver_that_hands_out_old_images_in_turn_is_frozen(order):
     # An image of its own ends it.
     assert not frames.is_repeat(changed(FIRST, (9, 9)))
     assert not frames.is_repeat(images["a"])
+
+
+def of_camera(count, shape=(64, 40)):
+    """Images of one scene with the noise of a camera."""
+    random = np.random.default_rng(7)
+    return [random.integers(90, 110, shape, dtype=np.uint8) for _ in range(count)]
+
+
+@pytest.mark.parametrize("cut", [12, 32, 50])
+@pytest.mark.parametrize("lower", [True, False])
+@pytest.mark.parametrize("age", [1, 5])
+def test_a_part_that_is_of_an_old_image_is_frozen(cut, lower, age):
+    frames, images = RepeatedFrames(), of_camera(20)
+    assert not any(frames.is_repeat(image) for image in images)
+    old, new = images[-age], of_camera(21)[-1]
+    torn = np.vstack([new[:cut], old[cut:]] if lower else [old[:cut], new[cut:]])
+    assert frames.is_repeat(torn)
+    # As long as it stays there, though all that is remembered shows it.
+    for image in of_camera(40)[21:]:
+        part = slice(cut, None) if lower else slice(0, cut)
+        image[part] = old[part]
+        assert frames.is_repeat(image)
+    assert not frames.is_repeat(of_camera(41)[-1])
+
+
+def test_a_picture_without_noise_may_stand_still_in_parts():
+    frames = RepeatedFrames()
+    for k, image in enumerate(of_camera(60)):
+        image[:24] = 200  # what is drawn, or coded as unchanged
+        if k % 20 > 12:
+            image[24:40] = 200
+        assert not frames.is_repeat(image)

@@ -93,6 +93,24 @@ class Prepared:
     notes: tuple[str, ...]
 
 
+MANY, MOST = 100_000, 500_000
+"""Measured samples with which a search takes minutes; more than MOST take hours and gigabytes."""
+
+
+def check_size(motions: Sequence[MeasuredMotion], tell: Tell) -> None:
+    """Tells that a search will take long.
+
+    Raises:
+        SloshDiscoveryError: longer than anybody waits.
+    """
+    count = sum(len(motion.t) for motion in motions)
+    remedy = "100 heights a second are enough, others may be empty; or take fewer motions"
+    if count > MOST:
+        raise SloshDiscoveryError(f"{count} measured samples are more than {MOST}: {remedy}")
+    if count > MANY:
+        tell(f"{count} measured samples: the search takes minutes; {remedy}")
+
+
 def prepare(request: Request, tell: Tell) -> Prepared:
     """Reads the model and the motions.
 
@@ -123,6 +141,7 @@ def prepare(request: Request, tell: Tell) -> Prepared:
         note(f"the first {request.most} of {len(fit)} motions are used")
         fit = fit[: request.most]
     check_apart(fit, holdout)
+    check_size((*fit, *holdout), note)
     if not holdout and len(fit) >= HELD_OUT:
         fit, holdout = part(fit)
         whose = " of each group" if request.groups else ""

@@ -26,7 +26,7 @@ from slosh_discovery.identification_report import (
     identification_json,
     render_identification,
 )
-from slosh_discovery.identify.parameters import DEFAULT
+from slosh_discovery.identify.parameters import DEFAULT, free_parameters
 from slosh_discovery.identify.result import Identification, Strategy
 from slosh_model.model import Model
 from slosh_model.model_file import read_model
@@ -102,6 +102,7 @@ def prepare(request: Request, tell: Tell) -> Prepared:
             usable.
     """
     base = recorded_model(request.data[0]) if request.model is None else read_model(request.model)
+    free_parameters(base, request.names)  # before the data are read, which takes longer
     notes: list[str] = []
 
     def note(line: str) -> None:

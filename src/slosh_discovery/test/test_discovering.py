@@ -13,7 +13,10 @@ from slosh_discovery.discover.finding import WorstMoment
 from slosh_discovery.discover_data import read_motions
 from slosh_discovery.discover_frames import worst_frames
 from slosh_discovery.discovering import (
+    MANY,
+    MOST,
     Request,
+    check_size,
     grouped,
     next_commands,
     part,
@@ -85,6 +88,18 @@ def test_every_motion_is_either_fitted_or_held_out():
     fit, holdout = part(motions)
     assert len(fit) == 6
     assert holdout == motions[2::3]
+
+
+def test_a_search_that_takes_long_is_told_and_one_without_an_end_refused():
+    told = []
+    one = example_motion("run", 1)
+    few = MANY // len(one.t)
+    check_size([one] * few, told.append)
+    assert not told
+    check_size([one] * (few + 1), told.append)
+    assert "the search takes minutes" in told[0]
+    with pytest.raises(SloshDiscoveryError, match=f"more than {MOST}: 100 heights a second"):
+        check_size([one] * (MOST // len(one.t) + 1), told.append)
 
 
 def test_a_table_tells_no_model(tmp_path):

@@ -116,6 +116,7 @@ def test_what_is_left_of_the_true_model_is_white(noise):
 
 @pytest.mark.parametrize(("rate", "noise", "errors"), [
     (1000.0, 0.02, {}), (250.0, 0.05, {}), (125.0, 0.02, {"quantum": 0.04}),
+    (250.0, 0.02, {"bias": 0.05}), (250.0, 0.0, {"bias": 0.05}),
 ])  # fmt: skip
 def test_nothing_is_named_where_only_the_input_is_noisy(rate, noise, errors):
     motions = [seen(BASE, seed, rate, noise, **errors) for seed in range(3)]

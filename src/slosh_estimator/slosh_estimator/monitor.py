@@ -24,8 +24,10 @@ from slosh_estimator.comparison import (
 )
 from slosh_estimator.limits import Event, LimitChange, LimitTracker, Source
 from slosh_estimator.monitor_settings import MonitorSettings
+from slosh_estimator.repeated_heights import RepeatedHeights
 from slosh_estimator.sample import SECONDS
 from slosh_estimator.sight import (
+    FROZEN,
     HIGHEST,
     SATURATED,
     UNUSABLE,
@@ -84,6 +86,7 @@ class Monitor:
         self._last_measured = self._last_estimate_msh = NAN
         self._measured_stamp = 0
         self._sight = Sight(settings.timeout)
+        self._pictures = RepeatedHeights()
         self._met = False  # a measurement was compared since the last look at the clock
         self._silent_looks = 0
         self.obstruction = self.standstill = ""
@@ -422,6 +425,8 @@ class Monitor:
         linear, nonlinear, flags, _ = expected
         if image:
             self._met = True
+            if self._pictures.look(measured, expected):
+                measured = measured._replace(flags=measured.flags | FROZEN)
             found = obstacle(measured.msh, measured.flags, nonlinear, flags)
             self._sight.look(now_ns, found)
             if not found:

@@ -36,6 +36,7 @@ class SurfaceFlag(IntFlag):
 
 # Plain numbers: they are compared with every sample's flags.
 SATURATED = int(SurfaceFlag.SATURATED)
+FROZEN = int(SurfaceFlag.FROZEN)
 UNUSABLE = int(SurfaceFlag.NOT_FOUND | SurfaceFlag.BAD_IMAGE)
 HIGHEST = 10.0
 """No container is higher [m]: a measured height beyond it is none, whoever publishes it."""
@@ -49,7 +50,7 @@ _MEASURED = {
         "the images cannot be decoded, or do not show the container (BAD_IMAGE)"
     ),
     SurfaceFlag.NOT_FOUND: "the camera finds no liquid (NOT_FOUND): is its lens covered?",
-    SurfaceFlag.FROZEN: "the camera repeats one image again and again (FROZEN)",
+    SurfaceFlag.FROZEN: "the camera repeats one image or a few again and again (FROZEN)",
 }
 _ESTIMATED = {
     EstimateFlag.INPUT_CONTESTED: "several publishers speak on the estimator's input",

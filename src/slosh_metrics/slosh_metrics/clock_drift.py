@@ -139,6 +139,9 @@ class ClockWatch:
             estimated: (N,) heights that the model has at these moments [m].
             motion: first and last moment of the motion, on the model's clock [s].
         """
+        # Of images with one stamp the first; those whose stamps go back show another time.
+        kept = t > np.concatenate([[-math.inf], np.maximum.accumulate(t)[:-1]])
+        t, measured, estimated = t[kept], measured[kept], estimated[kept]
         part = (t >= motion[0]) & (t <= motion[1])
         if np.count_nonzero(part) < LEAST_COVERED:
             return

@@ -72,3 +72,13 @@ def test_what_shows_no_wave_or_is_not_covered_says_nothing() -> None:
     watch.add(t, np.full_like(t, np.nan), wave(t - 1.0, 19.0), (1.0, 3.0))
     watch.add(t[:10], wave(t[:10], 19.0), wave(t[:10], 19.0), (0.0, 1.0))
     assert (watch.line, watch.facts(), watch.text()) == (None, {}, "")
+
+
+def test_images_with_one_stamp_or_out_of_order_do_no_harm() -> None:
+    watch = ClockWatch()
+    t = np.repeat(np.arange(-2.0, 5.0, 0.02), 2)
+    t[100] -= 1.0
+    for _ in range(2):
+        watch.add(t, wave(t - 0.03, 19.0), wave(t, 19.0), (0.0, 3.0))
+    assert watch.facts()["clock offset [ms]"].startswith("30.")
+    watch.add(np.zeros(30), np.zeros(30), np.zeros(30), (0.0, 3.0))

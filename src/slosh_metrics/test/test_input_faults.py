@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from honest_inputs import honest_input
 
 from slosh_metrics.input_checks.input_faults import FaultKind, FaultWatch, find_input_faults
 
@@ -112,3 +113,40 @@ def test_a_stream_tells_the_faults_of_its_parts_once():
     assert frozen.start == pytest.approx(12.0, abs=0.01)
     assert (clipped.kind, clipped.axis, clipped.value) == (FaultKind.CLIPPED, 1, 2.0)
     assert clipped.times > 3
+
+
+@pytest.mark.parametrize("kind", ["acceleration", "force"])
+@pytest.mark.parametrize("bits", [None, 16])
+def test_honest_inputs_are_neither_clipped_nor_frozen(kind, bits):
+    """Robots that move and rest; also in the steps of a sensor whose range they just fit."""
+    told = []
+    for seed in range(2000, 2030):
+        source = honest_input(seed)
+        values = getattr(source, kind)
+        if bits is not None:
+            step = 1.02 * np.abs(values).max() / 2.0 ** (bits - 1)
+            values = step * np.round(values / step)
+        watch = FaultWatch(has_gravity=kind == "force")
+        for part in np.array_split(np.arange(len(values)), len(values) // 40):
+            watch.add(source.stamps[part], values[part])
+        watch.finish()
+        told += [one.text() for one in watch.faults if one.kind is not FaultKind.MISSING]
+    assert told == []
+
+
+def test_a_planned_motion_without_noise_has_no_faults():
+    for seed in range(2000, 2030):
+        source = honest_input(seed)
+        t = (source.stamps - source.stamps[0]) * 1e-9
+        assert [k for k in kinds(source.true, t) if k is not FaultKind.MISSING] == [], seed
+
+
+def test_a_clipped_force_is_told_with_gravity_in_it():
+    force = noisy(SMOOTH) + np.array([0.0, 0.0, 9.81])
+    watch = FaultWatch(has_gravity=True)
+    stamps = np.rint(1e9 * T).astype(np.int64)
+    for stamp, row in zip(stamps.tolist(), force.clip(max=10.3).tolist(), strict=True):
+        watch.take(stamp, tuple(row))
+    watch.finish()
+    (fault,) = watch.faults
+    assert (fault.kind, fault.axis, fault.value) == (FaultKind.CLIPPED, 2, pytest.approx(10.3))

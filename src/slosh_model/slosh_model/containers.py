@@ -12,7 +12,10 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
-from typing import ClassVar, Self
+from typing import Any, ClassVar, NotRequired, Self, TypedDict, Unpack
+
+import numpy as np
+from numpy.typing import NDArray
 
 from slosh_model.bessel import bessel_derivative_root, check_mode
 from slosh_model.checks import within
@@ -20,19 +23,53 @@ from slosh_model.constants import GRAVITY
 from slosh_model.errors import SloshModelError
 from slosh_model.limits import ValidityLimits
 
+Array = NDArray[np.float64]
+ROUND, RECTANGULAR = "round", "rectangular"
+"""Cross-sections: which effects have a meaning depends on them, and how heights add up."""
 DIMENSIONS = (1e-4, 10.0)  # m; any other value is a unit mistaken for another
 X_AXIS, Y_AXIS = 0, 1
 # The formula's own rounding of the first root of J1'.
 FIRST_ROOT = 1.84
 
+_SHAPES: dict[str, type[Container]] = {}
+SHAPES: Mapping[str, type[Container]] = MappingProxyType(_SHAPES)
+"""Every kind of container by the name of its shape."""
+_PLANS = ({"diameter"}, {"radius"}, {"width", "depth"})
+
+
+class CupLengths(TypedDict):
+    """Inner lengths of a cup [m]: a diameter or a radius, or a width and a depth.
+
+    Attributes:
+        diameter, radius: of a round one.
+        width, depth: of a rectangular one, along its x and its y.
+        fill_height: of the liquid at rest, above the inner floor.
+        rim_height: of the rim, above the inner floor; left out: unknown.
+    """
+
+    diameter: NotRequired[float]
+    radius: NotRequired[float]
+    width: NotRequired[float]
+    depth: NotRequired[float]
+    fill_height: float
+    rim_height: NotRequired[float | None]
+
 
 class Container(ABC):
     """What the models need to know of a container.
+
+    A new shape is a subclass in a module of its own: defined, it can be named in model.yaml.
+    Callers ask its methods; none asks for its class.
+
+    >>> import slosh
+    >>> slosh.Container.of(diameter=0.08, fill_height=0.06, rim_height=0.11)
+    Cylinder(radius 40 mm, filled to 60 mm, rim at 110 mm)
 
     Attributes:
         fill_height: height h of the still liquid above the floor [m].
         rim_height: height of the rim above the floor [m]; None: unknown.
         shape: its name, as in model.yaml.
+        section: its cross-section, ROUND or RECTANGULAR.
         nonlinear_effect: the effect that makes its linear model the nonlinear one.
         built_in: effects that its shape has by itself, with their parameters.
         straight_alone: whether the surface of its linear model is straight with one mode only:
@@ -44,10 +81,46 @@ class Container(ABC):
     fill_height: float
     rim_height: float | None
     shape: ClassVar[str]
+    section: ClassVar[str]
     nonlinear_effect: ClassVar[str]
     built_in: ClassVar[Mapping[str, Mapping[str, float]]]
     straight_alone: ClassVar[bool]
     validated: ClassVar[ValidityLimits]
+
+    @staticmethod
+    def of(**lengths: Unpack[CupLengths]) -> Cylinder | Rectangle:
+        """A container by its lengths.
+
+        Raises:
+            SloshModelError: a length that is missing, too much, unknown or impossible.
+        """
+        told: dict[str, Any] = {**lengths}
+        given = {name: value for name, value in told.items() if value is not None}
+        for name, value in given.items():
+            if name not in CupLengths.__annotations__:
+                known = ", ".join(CupLengths.__annotations__)
+                raise SloshModelError(f"{name} is no length of a cup (known: {known})")
+            if isinstance(value, bool) or not isinstance(value, int | float):
+                raise SloshModelError(f"{name} = {value!r} must be a number of metres")
+        if "fill_height" not in given:
+            raise SloshModelError("fill_height is missing: the height of the liquid at rest [m]")
+        heights = {
+            name: given.pop(name) for name in ("fill_height", "rim_height") if name in given
+        }
+        if set(given) not in _PLANS:
+            raise SloshModelError(
+                "a cup has a diameter, or a radius, or a width and a depth; given: "
+                + (" and ".join(given) or "nothing")
+            )
+        if "diameter" in given:
+            within("diameter", given["diameter"], "m", *(2.0 * size for size in DIMENSIONS))
+            given = {"radius": given["diameter"] / 2.0}
+        kind: type[Cylinder | Rectangle] = Cylinder if "radius" in given else Rectangle
+        return kind(**given, **heights)
+
+    def __repr__(self) -> str:
+        rim = "" if self.rim_height is None else f", rim at {1e3 * self.rim_height:g} mm"
+        return f"{type(self).__name__}({self.described}{rim})"
 
     @abstractmethod
     def root(self, n: int) -> float:
@@ -64,8 +137,13 @@ class Container(ABC):
 
     @property
     @abstractmethod
-    def corner(self) -> tuple[float, float] | None:
-        """Place of the corner between +x and +y [m]; None: it is round."""
+    def size(self) -> float:
+        """The dimension on which its waves depend most [m]."""
+
+    @property
+    @abstractmethod
+    def size_name(self) -> str:
+        """What `size` is, for people."""
 
     @property
     @abstractmethod
@@ -91,6 +169,35 @@ class Container(ABC):
     @abstractmethod
     def damping_ratio(self, kinematic_viscosity: float) -> float:
         """ζ₁ from the viscosity ν [m²/s] where none was measured."""
+
+    def __init_subclass__(cls) -> None:
+        if "shape" in cls.__dict__:
+            _SHAPES[cls.shape] = cls
+
+    @property
+    def cornered(self) -> bool:
+        """Whether the heights along x and y add up in a corner of the wall."""
+        return self.section == RECTANGULAR
+
+    def msh(self, sh_x: Array, sh_y: Array) -> Array:
+        """Maximum sloshing height over the wall [m] (DL22, Table 2).
+
+        Args:
+            sh_x, sh_y: heights on the wall at +x and +y, of equal shapes [m].
+        """
+        if self.cornered:
+            return np.abs(sh_x) + np.abs(sh_y)
+        return np.hypot(sh_x, sh_y)
+
+    def azimuth(self, sh_x: Array, sh_y: Array) -> Array:
+        """Azimuth of the maximum [rad], in (-π, π] (DL22, eq. (26)).
+
+        In a rectangle that of its corner, or of a side's middle where all of it is as high.
+        """
+        if self.cornered:
+            reach_x, reach_y = self.reaches
+            return np.arctan2(reach_y * np.sign(sh_y), reach_x * np.sign(sh_x))
+        return np.arctan2(sh_y, sh_x)
 
     @property
     def freeboard(self) -> float | None:
@@ -119,7 +226,7 @@ class Container(ABC):
             )
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class Cylinder(Container):
     """An upright circular cylinder.
 
@@ -133,6 +240,7 @@ class Cylinder(Container):
     """
 
     shape: ClassVar[str] = "cylinder"
+    section: ClassVar[str] = ROUND
     nonlinear_effect: ClassVar[str] = "surface_nonlinearity"
     built_in: ClassVar[Mapping[str, Mapping[str, float]]] = MappingProxyType({})
     straight_alone: ClassVar[bool] = False
@@ -161,9 +269,14 @@ class Cylinder(Container):
         return f"radius {1e3 * self.radius:g} mm, filled to {1e3 * self.fill_height:g} mm"
 
     @property
-    def corner(self) -> None:
-        """None: it is round."""
-        return None
+    def size(self) -> float:
+        """The radius [m]."""
+        return self.radius
+
+    @property
+    def size_name(self) -> str:
+        """Its name."""
+        return "radius"
 
     def mass_ratio(self, n: int, axis: int = X_AXIS) -> float:
         """mₙ/m_F, the share of the liquid's mass that sloshes in mode n (DL22, eq. (4))."""
@@ -199,7 +312,7 @@ class Cylinder(Container):
         return 0.92 * viscous * (1.0 + 0.318 * inverse_sinh * (1.0 + (1.0 - ratio) * inverse_cosh))
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class Rectangle(Container):
     """An upright container of rectangular cross-section.
 
@@ -216,6 +329,7 @@ class Rectangle(Container):
     """
 
     shape: ClassVar[str] = "rectangle"
+    section: ClassVar[str] = RECTANGULAR
     nonlinear_effect: ClassVar[str] = "pendulum_nonlinearity"
     built_in: ClassVar[Mapping[str, Mapping[str, float]]] = MappingProxyType(
         {"yaw_coupling": MappingProxyType({"kappa": 1.0})}
@@ -254,9 +368,14 @@ class Rectangle(Container):
         return f"{sides}, filled to {1e3 * self.fill_height:g} mm"
 
     @property
-    def corner(self) -> tuple[float, float]:
-        """Half the width and half the depth [m]."""
-        return self.reaches
+    def size(self) -> float:
+        """The width [m]."""
+        return self.width
+
+    @property
+    def size_name(self) -> str:
+        """Its name."""
+        return "width"
 
     def mass_ratio(self, n: int, axis: int = X_AXIS) -> float:
         """mₙ/m_F = 2 R tanh(ξₙ h/R)/(ξₙ³ h) (Ibrahim 2005, ch. 5; Dodge 2000, ch. 3)."""
@@ -285,9 +404,3 @@ class Rectangle(Container):
         floor = 2.0 * k * self.fill_height * 2.0 * decay / (1.0 - decay**2)
         layers = floor / (2.0 * self.fill_height) + (1.0 - floor) / along + 1.0 / across
         return math.sqrt(kinematic_viscosity / (2.0 * omega)) * layers
-
-
-SHAPES: Mapping[str, type[Cylinder] | type[Rectangle]] = MappingProxyType(
-    {kind.shape: kind for kind in (Cylinder, Rectangle)}
-)
-"""Every kind of container by the name of its shape."""

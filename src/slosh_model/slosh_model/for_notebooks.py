@@ -6,7 +6,9 @@ pandas and matplotlib are loaded here alone, when somebody asks: a model and a n
 from __future__ import annotations
 
 from collections.abc import Mapping
+from html import escape
 from importlib import import_module
+from io import StringIO
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,11 +19,18 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 Array = NDArray[np.float64]
+UNITS = "units"
+"""Of a table's columns, among its `attrs`."""
+
+
+def counted(number: int, what: str) -> str:
+    """For example "1 sample" or "12 samples"."""
+    return f"{number} {what}{'s' * (number != 1)}"
 
 
 def span(t: Array) -> str:
     """For example "1500 samples, 0 … 1.499 s"."""
-    count = f"{len(t)} sample{'s' * (len(t) != 1)}"
+    count = counted(len(t), "sample")
     return f"{count}, {t[0]:.6g} … {t[-1]:.6g} s" if len(t) else count
 
 
@@ -33,19 +42,68 @@ def peak(t: Array, heights: Array, what: str) -> str:
     return f"{what} up to {1e3 * heights[top]:.1f} mm at {t[top]:.6g} s"
 
 
-def table(rows: Any, columns: Mapping[str, Any], index: str = "t") -> DataFrame:
-    """A pandas table.
+class Shown:
+    """What a result can show of itself: `to_xarray` of its table, its line and chart in a page.
+
+    What has a `plot` shows it, too.
+    """
+
+    __slots__ = ()
+
+    if TYPE_CHECKING:
+
+        def to_pandas(self) -> DataFrame: ...  # noqa: D102
+
+    def to_xarray(self) -> Any:
+        """The table of `to_pandas` as an xarray Dataset, each variable with its unit.
+
+        Raises:
+            ImportError: xarray or pandas is not installed.
+        """
+        needed("xarray", "a dataset")
+        frame = self.to_pandas()
+        dataset = frame.to_xarray()
+        for name, unit in frame.attrs.get(UNITS, {}).items():
+            dataset[name].attrs["units"] = unit
+        return dataset
+
+    def _repr_html_(self) -> str:
+        """The line, and the chart where matplotlib draws it, as a notebook shows them."""
+        line = f"<p><code>{escape(repr(self))}</code></p>"
+        plot = getattr(self, "plot", None)
+        try:
+            return line if plot is None else line + _svg(plot().figure)
+        except ImportError:
+            return line
+
+
+def _svg(figure: Any) -> str:
+    pyplot = import_module("matplotlib.pyplot")
+    text = StringIO()
+    figure.savefig(text, format="svg")
+    pyplot.close(figure)
+    return "".join(text.getvalue().partition("<svg")[1:])
+
+
+def table(
+    rows: Any, columns: Mapping[str, Any], index: str = "t", units: Mapping[str, str] | None = None
+) -> DataFrame:
+    """A pandas table; its `attrs["units"]` tells units by column.
 
     Args:
         rows: its index: the time [s], where nothing else is said.
         columns: by name.
         index: the index's name.
+        units: of columns that are no heights [m].
 
     Raises:
         ImportError: pandas is not installed.
     """
-    pandas = _needed("pandas", "a table")
-    return pandas.DataFrame(dict(columns), index=pandas.Index(rows, name=index))
+    pandas = needed("pandas", "a table")
+    frame = pandas.DataFrame(dict(columns), index=pandas.Index(rows, name=index))
+    told = {**({"t": "s"} if index == "t" else {}), **dict.fromkeys(columns, "m"), **(units or {})}
+    frame.attrs[UNITS] = told
+    return frame
 
 
 def height_axes(axes: Axes | None, title: str = "") -> Axes:
@@ -59,7 +117,7 @@ def height_axes(axes: Axes | None, title: str = "") -> Axes:
         ImportError: matplotlib is not installed.
     """
     if axes is None:
-        pyplot = _needed("matplotlib.pyplot", "a chart")
+        pyplot = needed("matplotlib.pyplot", "a chart")
         axes = pyplot.subplots(figsize=(7.5, 3.2), layout="constrained")[1]
     axes.set(xlabel="time [s]", ylabel="height [mm]")
     if title:
@@ -67,7 +125,12 @@ def height_axes(axes: Axes | None, title: str = "") -> Axes:
     return axes
 
 
-def _needed(name: str, what: str) -> Any:
+def needed(name: str, what: str) -> Any:
+    """An optional module.
+
+    Raises:
+        ImportError: its library is not installed; the line says how it is.
+    """
     library = name.partition(".")[0]
     try:
         return import_module(name)

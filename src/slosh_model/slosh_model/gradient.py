@@ -124,7 +124,7 @@ def check_covered(model: Model) -> None:
 def _by_heights(response: Response) -> Array:
     """(N, 2) derivative of the MSH by the heights at +x and +y; 0 where the liquid is at rest."""
     heights = np.column_stack([response.sh_x, response.sh_y])
-    if response.corner is not None:
+    if response.container is not None and response.container.cornered:
         return np.sign(heights)
     size = response.msh[:, None]
     return np.divide(heights, size, out=np.zeros_like(heights), where=size > 0.0)

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 
 from slosh_model.checks import within
+from slosh_model.errors import SloshModelError
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,3 +25,26 @@ class Liquid:
     def __post_init__(self) -> None:
         within("liquid.density", self.density, "kg/m³", 1.0, 3e4)
         within("liquid.kinematic_viscosity", self.kinematic_viscosity, "m²/s", 1e-9, 1.0)
+
+
+LIQUIDS: Mapping[str, Liquid] = MappingProxyType(
+    {
+        "water": Liquid(),
+        "milk": Liquid(1030.0, 2.0e-6),
+        "oil": Liquid(920.0, 7.0e-5),
+        "ethanol": Liquid(789.0, 1.5e-6),
+        "glycerine": Liquid(1261.0, 1.12e-3),
+    }
+)
+"""Liquids at 20 °C by name; oil is of sunflowers."""
+
+
+def liquid_named(name: str) -> Liquid:
+    """A liquid of LIQUIDS.
+
+    Raises:
+        SloshModelError: there is none of that name.
+    """
+    if name not in LIQUIDS:
+        raise SloshModelError(f"liquid = {name!r} (known: {', '.join(LIQUIDS)})", ("liquid",))
+    return LIQUIDS[name]

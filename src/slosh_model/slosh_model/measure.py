@@ -41,7 +41,7 @@ def measured_heights(
     started = 0.0 if rest is None else float(response.t[0]) - rest
     places = np.array([np.nan]) if azimuths is None else np.atleast_1d(np.asarray(azimuths))
     heights = np.column_stack([response.sh_x, response.sh_y])
-    reaches, cornered = np.array(model.container.reaches), model.container.corner is not None
+    reaches, cornered = np.array(model.container.reaches), model.container.cornered
     parameters, fill = _read_with(model)
     read = np.empty((len(places), len(response.t)))
     for azimuth, row in zip(places.tolist(), read, strict=True):

@@ -5,18 +5,20 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from types import MappingProxyType
+from typing import Unpack
 
 from slosh_model.bessel import MAXIMUM_MODE
 from slosh_model.checks import within
 from slosh_model.constants import GRAVITY
-from slosh_model.containers import X_AXIS, Cylinder, Rectangle
+from slosh_model.containers import X_AXIS, Container, CupLengths
 from slosh_model.covariance import Covariance
 from slosh_model.effects.base import Effect, Parameters
 from slosh_model.effects.registry import BY_HOOK, find_effect
 from slosh_model.errors import SloshModelError
 from slosh_model.limits import ValidityLimits
-from slosh_model.liquid import Liquid
+from slosh_model.liquid import Liquid, liquid_named
 from slosh_model.modes import Mode
 
 VERTICAL = "vertical_acceleration"
@@ -53,9 +55,13 @@ class EffectUse:
         return EffectUse, (self.name, dict(self.parameters))
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class Model:
     """A model of sloshing; without effects the planar linear one (2D-L).
+
+    >>> import slosh
+    >>> slosh.Model.from_cup(diameter=0.08, fill_height=0.06, rim_height=0.11)
+    Model(3D-NL, radius 40 mm, filled to 60 mm, 3.369 Hz, damping ratio 0.00603)
 
     Attributes:
         container: the container.
@@ -72,7 +78,7 @@ class Model:
         SloshModelError: an impossible value.
     """
 
-    container: Cylinder | Rectangle
+    container: Container
     liquid: Liquid = field(default_factory=Liquid)
     damping_ratio: float | None = None
     effects: tuple[EffectUse, ...] = ()
@@ -101,7 +107,7 @@ class Model:
         for index, name in enumerate(names):
             if name in names[:index]:
                 raise SloshModelError(f"effect {name!r} is listed twice", ("effects", index))
-            if not find_effect(name).fits(self.container.shape):
+            if not find_effect(name).fits(self.container.section):
                 raise SloshModelError(
                     f"effect {name!r} is not for a {self.container.shape}", ("effects", index)
                 )
@@ -116,6 +122,51 @@ class Model:
                 f"the damping ratio would be {modes[0].damping_ratio:.3g}: liquid that viscous, "
                 "in a container that small, does not slosh"
             )
+
+    @classmethod
+    def from_cup(cls, *, liquid: str | Liquid = "water", **lengths: Unpack[CupLengths]) -> Model:
+        """The model of a new cup, as `slosh new` writes it.
+
+        Args:
+            liquid: a name of LIQUIDS, or density and viscosity.
+            lengths: inner lengths [m]; see `Container.of`.
+
+        Raises:
+            SloshModelError: no cup, or no such liquid.
+        """
+        filled = liquid if isinstance(liquid, Liquid) else liquid_named(liquid)
+        model = cls(Container.of(**lengths), filled).spatial()
+        # A rectangle's nonlinear effect is for steep surfaces, and not a better model below them.
+        return model.nonlinear() if model.container.corner is None else model
+
+    @classmethod
+    def load(cls, path: str | Path) -> Model:
+        """The model in a `model.yaml`; see `read_model`."""
+        from slosh_model.model_file import read_model  # it reads YAML, which a model does without
+
+        return read_model(path)
+
+    def save(self, path: str | Path) -> None:
+        """Writes a `model.yaml` that `load` reads back to an equal model.
+
+        Raises:
+            OSError: the file cannot be written; what was there is as it was.
+        """
+        from slosh_model.model_file import write_model
+
+        write_model(path, self)
+
+    def __repr__(self) -> str:
+        mode = self.mode_constants()[0]
+        return (
+            f"Model({self.name}, {self.container.described}, {self.natural_frequency_hz:.4g} Hz, "
+            f"damping ratio {mode.damping_ratio:.3g})"
+        )
+
+    @property
+    def natural_frequency_hz(self) -> float:
+        """ω/2π of the first mode with every effect [Hz]."""
+        return self.mode_constants()[0].natural_frequency / math.tau
 
     @property
     def name(self) -> str:

@@ -1,14 +1,15 @@
-"""Reads a `model.yaml`."""
+"""Reads and writes a `model.yaml`."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
+from slosh_base.files import write_text
 from slosh_base.files.errors import TextFileError
 from slosh_base.files.text_file import read_text
 from slosh_model.errors import ModelFileError
 from slosh_model.model import Model
-from slosh_model.model_text import LONGEST, parse_model
+from slosh_model.model_text import LONGEST, format_model, parse_model
 
 
 def read_model(path: str | Path) -> Model:
@@ -25,3 +26,12 @@ def read_model(path: str | Path) -> Model:
     except TextFileError as error:
         raise ModelFileError(str(error)) from None
     return parse_model(text, str(path))
+
+
+def write_model(path: str | Path, model: Model) -> None:
+    """Writes a model that `read_model` reads back to an equal one.
+
+    Raises:
+        OSError: the file cannot be written; what was there is as it was.
+    """
+    write_text(Path(path), format_model(model))

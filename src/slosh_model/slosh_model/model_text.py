@@ -8,13 +8,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import MISSING, fields
-from typing import Any
+from typing import Any, cast
 
 from slosh_base.files.errors import YamlError
 from slosh_base.files.nearest import did_you_mean
 from slosh_base.files.yaml_document import KeyPath, dotted, parse_yaml, shown
 from slosh_base.files.yaml_text import format_yaml
-from slosh_model.containers import SHAPES, Cylinder, Rectangle
+from slosh_model.containers import SHAPES, Container, Cylinder
 from slosh_model.covariance import Covariance
 from slosh_model.errors import SloshModelError
 from slosh_model.limits import ValidityLimits
@@ -45,6 +45,8 @@ def parse_model(text: str, source: str = "model.yaml") -> Model:
         document = parse_yaml(text, source, LONGEST)
     except YamlError as error:
         raise SloshModelError(str(error)) from None
+    if document.value is None:
+        raise SloshModelError(f"{source}: is empty; `slosh new` writes a model.yaml to begin with")
     try:
         return _model(_mapping(document.value, ()))
     except SloshModelError as error:
@@ -127,18 +129,18 @@ def _covariance(section: Any) -> Covariance | None:
     return Covariance(tuple(names), matrix)
 
 
-def _container(section: Mapping[str, Any]) -> Cylinder | Rectangle:
+def _container(section: Mapping[str, Any]) -> Container:
     shape = section.get("shape", Cylinder.shape)
     kind = SHAPES.get(shape) if isinstance(shape, str) else None
     if kind is None:
         raise _refusal(("container", "shape"), shape, f"(known: {', '.join(SHAPES)})")
-    names = tuple(item.name for item in fields(kind))
+    names = tuple(item.name for item in fields(cast(Any, kind)))
     _refuse_unknown(section, ("shape", *names), ("container",))
-    for item in fields(kind):
+    for item in fields(cast(Any, kind)):
         if item.default is MISSING and item.name not in section:
             raise SloshModelError(f"key 'container.{item.name}' is missing", ("container",))
     dimensions = {key: value for key, value in section.items() if key != "shape"}
-    container: Cylinder | Rectangle = _numbers(kind, dimensions, ("container",), also=("shape",))
+    container: Container = _numbers(kind, dimensions, ("container",), also=("shape",))
     return container
 
 
@@ -150,6 +152,8 @@ def _effects(section: Any) -> tuple[EffectUse, ...]:
 
 
 def _effect(item: Any, path: KeyPath) -> EffectUse:
+    if isinstance(item, str):
+        raise _refusal(path, item, f"must be a mapping; did you mean - name: {item:.60}?")
     entry = _mapping(item, path)
     if not isinstance(entry.get("name"), str):
         raise SloshModelError(f"{dotted(path)}.name is missing or no text", (*path, "name"))
@@ -163,7 +167,7 @@ def _effect(item: Any, path: KeyPath) -> EffectUse:
 def _numbers(kind: Any, section: Any, path: KeyPath, also: tuple[str, ...] = ()) -> Any:
     """A dataclass of numbers from a mapping."""
     mapping = _mapping(section, path)
-    _refuse_unknown(mapping, tuple(item.name for item in fields(kind)), path, also)
+    _refuse_unknown(mapping, tuple(item.name for item in fields(cast(Any, kind))), path, also)
     return kind(**{key: _number(value, (*path, key)) for key, value in mapping.items()})
 
 
@@ -196,7 +200,7 @@ def _refuse_unknown(
 def _number(value: Any, path: KeyPath) -> float:
     """A finite number."""
     if isinstance(value, bool) or not isinstance(value, (int, float)):
-        raise _refusal(path, value, "must be a number")
+        raise _refusal(path, value, "must be a number, in SI units and without the unit")
     try:
         number = float(value)
     except OverflowError:

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, replace
 
 from slosh_model.constants import GRAVITY
-from slosh_model.containers import X_AXIS, Cylinder, Rectangle
+from slosh_model.containers import X_AXIS, Container
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,7 +23,7 @@ class Mode:
     """
 
     number: int
-    container: Cylinder | Rectangle
+    container: Container
     damping_ratio: float
     frequency_factor: float = 1.0
     axis: int = X_AXIS

@@ -53,7 +53,7 @@ def reference_models() -> Iterator[Model]:
     for model in REFERENCES:
         every = model
         for effect in _effects("drive", "modulation", "term", "static_share"):
-            if effect.fits(model.container.shape):
+            if effect.fits(model.container.section):
                 every = every.with_effect(effect.name, **example_parameters(effect))
         yield model
         yield every
@@ -108,12 +108,12 @@ def _check_read_many() -> None:
     t = reference_motion().t
     heights = 0.01 * np.column_stack([np.sin(60 * t), np.cos(45 * t)])
     for model, effect in product(REFERENCES, _effects("reading")):
-        if not effect.fits(model.container.shape):
+        if not effect.fits(model.container.section):
             continue
         parameters = effect_parameters(
             model.with_effect(effect.name, **example_parameters(effect))
         )
-        reaches, cornered = np.array(model.container.reaches), model.container.corner is not None
+        reaches, cornered = np.array(model.container.reaches), model.container.cornered
         fill = model.container.fill_height
         for azimuth in (np.nan, 0.4):
             memory, read = np.zeros(max(READING_MEMORY_COUNT, 1)), np.zeros(len(t))

@@ -14,14 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_model import kernel
-from slosh_model.containers import X_AXIS, Y_AXIS
+from slosh_model.containers import X_AXIS, Y_AXIS, Container
 from slosh_model.effects.registry import (
     EFFECTS,
     PARAMETER_COUNT,
     SLOTS,
 )
 from slosh_model.errors import SloshModelError
-from slosh_model.for_notebooks import height_axes, peak, span, table
+from slosh_model.for_notebooks import Shown, height_axes, peak, span, table
 from slosh_model.interpolation import columns_at
 from slosh_model.layout import MODAL, RUN, back_to_rest, divided, new_store
 from slosh_model.model import VERTICAL, Model
@@ -149,7 +149,7 @@ class State:
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Response:
+class Response(Shown):
     """The liquid's answer, one entry per input sample.
 
     Attributes:
@@ -157,14 +157,14 @@ class Response:
         sh_x, sh_y: (N,) signed height on the wall at the container's +x and +y [m].
         modal: (N, modes, 4) x, y, vx, vy in axes that do not yaw, or in those of a rectangle
             [m, m/s].
-        corner: place of the wall's corner between +x and +y [m]; None: it is round.
+        container: whose wall it is; None: a round one.
     """
 
     t: Array
     sh_x: Array
     sh_y: Array
     modal: Array
-    corner: tuple[float, float] | None = None
+    container: Container | None = None
 
     @property
     def msh(self) -> Array:
@@ -172,9 +172,9 @@ class Response:
 
         Of the liquid itself: what a sensor reads of it is `slosh_model.measure`.
         """
-        if self.corner is not None:
-            return np.abs(self.sh_x) + np.abs(self.sh_y)
-        return np.hypot(self.sh_x, self.sh_y)
+        if self.container is None:
+            return np.hypot(self.sh_x, self.sh_y)
+        return self.container.msh(self.sh_x, self.sh_y)
 
     @property
     def azimuth(self) -> Array:
@@ -182,10 +182,9 @@ class Response:
 
         In a rectangle that of its corner, or of a side's middle where all of it is as high.
         """
-        x, y = self.sh_x, self.sh_y
-        if self.corner is not None:
-            x, y = self.corner[0] * np.sign(x), self.corner[1] * np.sign(y)
-        return np.arctan2(y, x)
+        if self.container is None:
+            return np.arctan2(self.sh_y, self.sh_x)
+        return self.container.azimuth(self.sh_x, self.sh_y)
 
     def __repr__(self) -> str:
         return f"Response({span(self.t)}, {peak(self.t, self.msh, 'height')})"
@@ -197,7 +196,8 @@ class Response:
             ImportError: pandas is not installed.
         """
         names = ("msh", "azimuth", "sh_x", "sh_y")
-        return table(self.t, {name: getattr(self, name) for name in names})
+        columns = {name: getattr(self, name) for name in names}
+        return table(self.t, columns, units={"azimuth": "rad"})
 
     def plot(self, axes: Axes | None = None, **line: Any) -> Axes:
         """Draws the maximum sloshing height over time.
@@ -284,8 +284,8 @@ class Simulator:
             )
         for array in (heights, history):
             array.setflags(write=False)
-        corner = self.model.container.corner
-        response = Response(inputs.t, heights[:, 0], heights[:, 1], history, corner)
+        container = self.model.container
+        response = Response(inputs.t, heights[:, 0], heights[:, 1], history, container)
         return response, self._state(float(inputs.t[-1]))
 
     def start(self, state: State | None, start: float) -> None:
@@ -359,7 +359,7 @@ def store_of(model: Model, max_step: float = MAXIMUM_STEP) -> Array:
     store = new_store(len(constants))
     run, modes = divided(store)
     run["max_step"] = float(max_step)
-    run["cornered"] = float(model.container.corner is not None)
+    run["cornered"] = float(model.container.cornered)
     run["static_height"], run["static_height_y"] = (
         model.static_height(constants, axis) for axis in (X_AXIS, Y_AXIS)
     )

@@ -105,7 +105,7 @@ def rectangle_surface(model: Model, modal: ArrayLike, x: ArrayLike, y: ArrayLike
     Raises:
         SloshModelError: the container is another one.
     """
-    if model.container.corner is None:
+    if not model.container.cornered:
         raise SloshModelError(f"the surface of a rectangle, of a {model.container.shape}'s model")
     states, modes = np.asarray(modal, dtype=np.float64), model.mode_constants()
     places = np.broadcast_arrays(x, y)
@@ -178,7 +178,8 @@ def sloshing_height(response: Response, acceleration: ArrayLike) -> tuple[str, A
         along its axes only, or 'MSH' with the maximum over the wall (N,) [m].
     """
     axis = motion_axis(acceleration)
-    if axis is None or (response.corner is not None and axis not in (0.0, math.pi / 2.0)):
+    cornered = response.container is not None and response.container.cornered
+    if axis is None or (cornered and axis not in (0.0, math.pi / 2.0)):
         return "MSH", response.msh
     return "SH", math.cos(axis) * response.sh_x + math.sin(axis) * response.sh_y
 

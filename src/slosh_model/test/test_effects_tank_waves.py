@@ -21,6 +21,8 @@ TIMES = np.arange(0.0, 3.0, STEP)
 RAMP = np.minimum(TIMES, 1.0)
 PUSH_X, PUSH_Y = 0.06 * RAMP * np.sin(15.0 * TIMES), 0.05 * RAMP * np.cos(17.0 * TIMES)
 DAMPING = 0.03
+NO_MODES = np.zeros((len(TIMES), 1, 4))
+TANK = Rectangle(WIDTH, DEPTH, 0.05)
 
 # bound_modes
 
@@ -28,7 +30,11 @@ DAMPING = 0.03
 def bound(fill, wall_x, wall_y, azimuths):
     """What the effect adds to the heights, of first modes that are this high at the walls."""
     liquid = Response(
-        TIMES, wall_x, wall_y, np.zeros((len(TIMES), 1, 4)), corner=(WIDTH / 2, DEPTH / 2)
+        TIMES,
+        wall_x,
+        wall_y,
+        np.zeros((len(TIMES), 1, 4)),
+        container=Rectangle(WIDTH, DEPTH, 0.05),
     )
     plain = Model(Rectangle(WIDTH, DEPTH, fill), damping_ratio=0.02)
     model = plain.with_effect("bound_modes", damping_ratio=DAMPING)
@@ -118,7 +124,9 @@ def test_waves_along_both_axes_drive_one_that_is_high_at_two_corners(fill):
 def test_the_maximum_is_that_over_the_whole_wall():
     turn = np.random.default_rng(5)
     slow = [np.interp(TIMES, TIMES[::60], turn.normal(0.0, 0.012, 25)) for _ in "xy"]
-    liquid = Response(TIMES, *slow, np.zeros((len(TIMES), 1, 4)), corner=(WIDTH / 2, DEPTH / 2))
+    liquid = Response(
+        TIMES, *slow, np.zeros((len(TIMES), 1, 4)), container=Rectangle(WIDTH, DEPTH, 0.05)
+    )
     model = Model(Rectangle(WIDTH, DEPTH, 0.07)).with_effect("bound_modes", kappa=3.0)
     corner = math.atan2(DEPTH, WIDTH)
     turns = np.linspace(0.0, 2.0 * math.pi, 720, endpoint=False)

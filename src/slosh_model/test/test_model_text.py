@@ -9,7 +9,7 @@ import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from slosh_model.containers import Cylinder, Rectangle
+from slosh_model.containers import SHAPES, Cylinder, Rectangle
 from slosh_model.covariance import covariance_of
 from slosh_model.effects.registry import EFFECTS
 from slosh_model.errors import SloshModelError
@@ -103,7 +103,7 @@ def test_no_effect_is_the_planar_linear_model():
 def effect_uses(draw, shape):
     """Effects of a container with parameters anywhere within their bounds."""
     uses = []
-    fitting = [name for name, effect in EFFECTS.items() if effect.fits(shape)]
+    fitting = [name for name, effect in EFFECTS.items() if effect.fits(SHAPES[shape].section)]
     for name in draw(st.lists(st.sampled_from(fitting), unique=True)):
         values = {
             parameter.name: draw(

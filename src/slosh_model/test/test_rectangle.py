@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from slosh_model.batch import wall_heights
 from slosh_model.constants import GRAVITY
-from slosh_model.containers import X_AXIS, Y_AXIS, Cylinder, Rectangle
+from slosh_model.containers import SHAPES, X_AXIS, Y_AXIS, Cylinder, Rectangle
 from slosh_model.effects.registry import EFFECTS
 from slosh_model.errors import SloshModelError
 from slosh_model.measure import measured_heights, predicted_heights
@@ -53,7 +53,7 @@ def constant(ax, ay=0.0, az=0.0):
 
 
 def fitting(shape="rectangle"):
-    return [effect for effect in EFFECTS.values() if effect.fits(shape)]
+    return [effect for effect in EFFECTS.values() if effect.fits(SHAPES[shape].section)]
 
 
 # ---- constants

@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_model.batch import wall_heights
+from slosh_model.containers import Container
 from slosh_model.errors import SloshModelError
 from slosh_model.model import Model
-from slosh_model.simulate import MAXIMUM_STEP, Inputs, Response
+from slosh_model.simulate import MAXIMUM_STEP, Inputs
 from slosh_plan.errors import SloshPlanError
 from slosh_plan.start import begun
 
@@ -20,7 +21,6 @@ Array = NDArray[np.float64]
 
 PERIODS = 3.0
 """Usual horizon after a motion, in periods of the first mode: what follows is lower."""
-_NO_MODES = np.empty((0, 0, 4))
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,13 +72,13 @@ def all_extremes(
     Raises:
         SloshPlanError: the state of another model.
     """
-    period, corner = first_period(model), model.container.corner
+    period = first_period(model)
     try:
         found = _heights(model, inputs, modal, max_step)
     except SloshModelError as error:
         raise SloshPlanError(str(error)) from None
     return [
-        _extremes(motion.t, heights, end, period, corner)
+        _extremes(motion.t, heights, end, period, model.container)
         for motion, heights, end in zip(inputs, found, ends, strict=True)
     ]
 
@@ -100,25 +100,23 @@ def _heights(
     return [answers[place] for place in range(len(inputs))]
 
 
-def msh_of(t: Array, heights: Array, corner: tuple[float, float] | None) -> Array:
-    """(N,) MSH of heights (N, 2) at +x and +y [m]; see `Response`."""
-    return Response(t, heights[:, 0], heights[:, 1], _NO_MODES, corner).msh
+def msh_of(container: Container, heights: Array) -> Array:
+    """(N,) MSH of heights (N, 2) at +x and +y [m]."""
+    return container.msh(heights[:, 0], heights[:, 1])
 
 
 def _extremes(
-    t: Array, heights: Array, end: float, period: float, corner: tuple[float, float] | None
+    t: Array, heights: Array, end: float, period: float, container: Container
 ) -> Extremes:
-    msh = msh_of(t, heights, corner)
+    msh = msh_of(container, heights)
     if not math.isfinite(float(msh.sum())):
         lost = float(t[int(np.argmin(np.isfinite(msh)))])
         return Extremes(math.inf, lost, math.nan, math.inf, math.inf)
     top = int(np.argmax(msh))
-    x, y = heights[top]
-    if corner is not None:
-        x, y = corner[0] * np.sign(x), corner[1] * np.sign(y)
+    azimuth = float(container.azimuth(heights[top, 0], heights[top, 1]))
     after = int(np.searchsorted(t, end, side="left"))
     tail = int(np.searchsorted(t, max(end, t[-1] - period), side="left"))
     return Extremes(
-        float(msh[top]), float(t[top]), math.atan2(y, x), float(msh[after:].max()),
+        float(msh[top]), float(t[top]), azimuth, float(msh[after:].max()),
         float(msh[tail:].max()),
     )  # fmt: skip

@@ -100,7 +100,7 @@ class ModelAnswer:
     settling_time: float
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class Prediction:
     """What is predicted of a motion.
 
@@ -124,6 +124,14 @@ class Prediction:
     residual_upper: float
     limits: HeightLimits
     flags: MotionFlag
+
+    def __repr__(self) -> str:
+        answer = self.nonlinear
+        kept = "kept" if self.kept else "not kept"
+        return (
+            f"Prediction({self.name}: {self.duration:.3f} s, peak {1e3 * answer.peak:.1f} mm at "
+            f"{answer.peak_time:.3f} s, afterwards {1e3 * answer.residual:.1f} mm, {kept})"
+        )
 
     @property
     def excess(self) -> float:
@@ -270,7 +278,7 @@ def check_start(model: Model, state: LiquidState | None, limits: HeightLimits) -
     x = y = 0.0
     for (gain, gain_y), mode in zip(gains, state.nonlinear, strict=True):
         x, y = x + gain * mode[0], y + gain_y * mode[1]
-    height = abs(x) + abs(y) if model.container.corner is not None else math.hypot(x, y)
+    height = float(model.container.msh(np.asarray(x), np.asarray(y)))
     if height > limits.height:
         raise SloshPlanError(
             f"the liquid stands {1e3 * height:.1f} mm high before the motion begins, above the "

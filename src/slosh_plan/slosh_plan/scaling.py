@@ -280,7 +280,7 @@ def _bound(model: Model, trajectory: Trajectory, limits: HeightLimits) -> float 
     ends = np.zeros((1, 2))
     change = np.abs(np.diff(trajectory.acceleration[:, :2], axis=0, prepend=ends, append=ends))
     variation = change.sum(axis=0)
-    if model.container.corner is None:
+    if not model.container.cornered:
         variation = np.array([np.hypot(change[:, 0], change[:, 1]).sum(), 0.0])
     height = float(variation @ np.array(reach))
     return math.sqrt(max(2.0 * height / limits.height, height / limits.residual))

@@ -30,6 +30,7 @@ from slosh_msgs.msg import MotionPlan, PlanRequest, SloshEstimate  # noqa: E402
 from slosh_msgs.srv import PlanMotion as PlanMotionService  # noqa: E402
 from slosh_msgs_py import qos, topics  # noqa: E402
 from slosh_msgs_py.stamps import to_duration, to_nanoseconds, to_time  # noqa: E402
+from slosh_plan.nodes import planner_node  # noqa: E402
 from slosh_plan.nodes.planner_node import THREADS, PlannerNode  # noqa: E402
 from slosh_plan.planning import optimise  # noqa: E402
 
@@ -164,6 +165,20 @@ def test_the_service_gives_back_the_trajectory_with_new_times(cell: Cell) -> Non
     assert answer.plan.trajectory.header.frame_id == "world"
     assert len(answer.plan.waypoints) == len(LINE)
     check_motion(answer.plan, LINE)
+
+
+def test_what_the_service_cannot_give_in_its_time_is_refused(
+    cell: Cell, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    places = np.zeros((5_001, 3))
+    places[:, 0] = np.linspace(0.0, 0.3, len(places))
+    answer = cell.ask(request(places))
+    assert "5001 points are more than 5000: take fewer waypoints" in answer.message
+    monkeypatch.setattr(planner_node, "MOST_ROWS", 100)
+    answer = cell.ask(request(time_limit=0.5))
+    assert not answer.success
+    assert "gives back 100 points, one per millisecond" in answer.message
+    assert "the action plan_motion" in answer.message
 
 
 def test_the_attitude_goes_back_as_it_came(cell: Cell) -> None:

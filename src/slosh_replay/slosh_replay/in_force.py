@@ -4,18 +4,17 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable, Mapping
-from pathlib import Path
 from typing import Any
 
-from slosh_bag.reader import BagReader
 from slosh_base.files.yaml_text import format_yaml
 from slosh_camera.calibrate.camera_file import parse_any_calibration
 from slosh_camera.optics.calibration import Calibration
+from slosh_estimator.monitor_settings import RIM
 from slosh_model.model import Model
 from slosh_model.model_text import parse_model
 from slosh_msgs_py import topics
+from slosh_replay.recorded_run import RecordedRun
 from slosh_replay.recording.settings import NodeStart, after, last_of_each
-from slosh_replay.recording.sources import recorded_starts
 
 _FIELDS = ("parameters", "topics", "files", "code", "arithmetic")
 
@@ -25,13 +24,13 @@ Starts = Mapping[str, NodeStart]
 """The last start of each node, by its name."""
 
 
-def last_starts(bag: Path) -> dict[str, NodeStart]:
+def last_starts(run: RecordedRun) -> dict[str, NodeStart]:
     """What the nodes of a recorded cell worked with; empty where the bag does not tell.
 
     Raises:
         SloshBagError: the bag or what a node says in it cannot be read.
     """
-    return last_of_each(recorded_starts(BagReader(bag)))
+    return last_of_each(run.starts)
 
 
 def in_force(starts: Starts) -> dict[str, str]:
@@ -48,11 +47,11 @@ def in_force(starts: Starts) -> dict[str, str]:
     return {label: text for label, text in rows.items() if text}
 
 
-def parameter_changes(bag: Path, zero_ns: int) -> tuple[str, ...]:
+def parameter_changes(run: RecordedRun, zero_ns: int) -> tuple[str, ...]:
     """The parameters that changed while a recorded node went on, one line each.
 
     Args:
-        bag: the recording.
+        run: the recording.
         zero_ns: the stamp from which times are told [ns].
 
     Raises:
@@ -60,7 +59,7 @@ def parameter_changes(bag: Path, zero_ns: int) -> tuple[str, ...]:
     """
     lines: list[str] = []
     known: dict[str, NodeStart] = {}
-    for start in recorded_starts(BagReader(bag)):
+    for start in run.starts:
         before = known.get(start.node)
         earlier = before.parameters if before is not None else start.parameters
         for name in start.changed if before else ():
@@ -121,7 +120,10 @@ def _limits(monitor: NodeStart) -> str:
         ("estimated", "estimated_limit"),
         ("disagreement", "disagreement_limit"),
     )
-    return ", ".join(f"{name} {1e3 * monitor.parameters[key]:g} mm" for name, key in named)
+    told = [f"{name} {1e3 * monitor.parameters[key]:g} mm" for name, key in named]
+    if RIM in monitor.parameters:
+        told.append(f"rim {1e3 * monitor.parameters[RIM]:.1f} mm")
+    return ", ".join(told)
 
 
 def _model(estimator: NodeStart) -> str:

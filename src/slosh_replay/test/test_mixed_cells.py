@@ -32,14 +32,14 @@ def shifted(message, by_ns):
 
 
 def part(name, ends=ENDS):
-    found = [m for m in BagReader(BAGS / name).messages() if m.topic.endswith(ends)]
+    found = [m for m in BagReader(BAGS / name).messages() if m.topic.endswith(tuple(ends))]
     return found, found[0].log_ns
 
 
-def mix(folder, lead_ns, ends=ENDS, facts=()):
-    """The bag c, and the bag e as of another cell that began later."""
+def mix(folder, lead_ns, ends=ENDS, facts=(), left_out="nothing"):
+    """The bag c, and the bag e as of another cell that began later, less one of its topics."""
     first, begin = part("c")
-    second, other = part("e", ends)
+    second, other = part("e", [end for end in ends if end != left_out])
     both = first + [shifted(message, begin - other + lead_ns) for message in second]
     with BagWriter(folder) as writer:
         for name, value in facts:
@@ -51,8 +51,16 @@ def mix(folder, lead_ns, ends=ENDS, facts=()):
 
 
 @pytest.mark.parametrize("lead", [0.0, 0.35, 1.0, 2.6, -0.4, -1.5])
-def test_two_cells_without_a_note_are_recognised_by_their_stamps(tmp_path, lead):
+def test_two_cells_without_a_note_are_recognised_by_their_estimates(tmp_path, lead):
     bag = mix(tmp_path / "bag", round(lead * 1e9) + 333_000)
+    for number in (1, 2):
+        found = replay_bag(bag, estimator=number)
+        assert found.verification.recorded == found.verification.identical
+        assert any("mixed on /slosh/accel, /slosh/estimate" in line for line in found.warnings)
+
+
+def test_two_cells_of_which_only_one_tells_its_settings_are_refused(tmp_path):
+    bag = mix(tmp_path / "bag", 32_500_333_000, left_out="/settings")
     with pytest.raises(SloshBagError, match=r"go back \d+ times, .* several publishers"):
         replay_bag(bag)
 
@@ -79,6 +87,15 @@ def test_of_two_cells_the_estimator_that_came_first_is_replayed_by_itself(tmp_pa
     first = "e" if lead < 1.3 else "c"  # the one whose first estimate was recorded earlier
     recorded = BagReader(BAGS / first).topics()["/slosh/estimate"].count
     check(found, pytest.approx(recorded, abs=1))
+    # The other one, too.
+    other = "ce".replace(first, "")
+    recorded = BagReader(BAGS / other).topics()["/slosh/estimate"].count
+    found = replay_bag(bag, estimator=2)
+    check(found, pytest.approx(recorded, abs=1))
+    assert any("of 2 estimators on /slosh/estimate the replayed one is 2" in line
+               for line in found.warnings)  # fmt: skip
+    with pytest.raises(SloshBagError, match="estimator 3 of 2: there is no such one"):
+        replay_bag(bag, estimator=3)
 
 
 def test_of_two_estimators_on_one_input_the_first_is_replayed(tmp_path):

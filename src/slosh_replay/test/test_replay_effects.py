@@ -67,7 +67,7 @@ def sigma(result, model: Model) -> float:
 
 def test_every_effect_is_tried() -> None:
     assert set(ADDED) | NONLINEAR | OF_RECTANGLES == set(EFFECTS)
-    assert all("cylinder" not in EFFECTS[name].shapes for name in OF_RECTANGLES)
+    assert all(EFFECTS[name].section == "rectangular" for name in OF_RECTANGLES)
 
 
 @pytest.mark.parametrize("name", ADDED)

@@ -53,7 +53,7 @@ def is_motion_table(path: Path) -> bool:
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class MotionTable:
+class MotionTable(for_notebooks.Shown):
     """A motion and what was measured during it.
 
     Attributes:
@@ -90,9 +90,11 @@ class MotionTable:
         return np.where(unknown, np.nan, filled)
 
     def __repr__(self) -> str:
+        strongest = float(np.linalg.norm(self.acceleration, axis=1).max(initial=0.0))
+        told = f"{for_notebooks.span(self.t)}, acceleration up to {strongest:.3g} m/s²"
         heights = self.measured
         found = "" if heights is None else f", {for_notebooks.peak(self.t, heights, 'measured')}"
-        return f"MotionTable({for_notebooks.span(self.t)}{found})"
+        return f"{type(self).__name__}({told}{found})"
 
     def inputs(self) -> Inputs:
         """The motion as `slosh_model.simulate` takes it.
@@ -111,7 +113,13 @@ class MotionTable:
         """
         names, columns = _columns("this motion", self)
         data = np.column_stack(columns)
-        return for_notebooks.table(self.t, dict(zip(names[1:], data.T[1:], strict=True)))
+        units = {**dict.fromkeys(MOTION[1:], "m/s²"), **dict.fromkeys(ATTITUDE, "1")}
+        units |= dict.fromkeys(ANGULAR_VELOCITY, "rad/s")
+        return for_notebooks.table(
+            self.t,
+            dict(zip(names[1:], data.T[1:], strict=True)),
+            units={name: unit for name, unit in units.items() if name in names},
+        )
 
 
 def read_motion_table(path: str | Path, options: TableOptions = FOUND_OUT) -> MotionTable:

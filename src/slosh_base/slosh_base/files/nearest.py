@@ -5,6 +5,8 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable
 
+CUTOFF = 0.7
+"""Share of a name that must be alike: below it, what is proposed is another thing."""
 _LONGEST = 200
 """Characters of a name that is looked up: comparing longer ones takes time for nothing."""
 
@@ -15,7 +17,7 @@ def nearest(name: str, known: Iterable[str]) -> str | None:
     Upper and lower case, `-` and `_` count as the same.
     """
     plain = {_plain(one): one for one in known}
-    found = difflib.get_close_matches(_plain(name)[:_LONGEST], plain, 1)
+    found = difflib.get_close_matches(_plain(name)[:_LONGEST], plain, 1, CUTOFF)
     return plain[found[0]] if found else None
 
 

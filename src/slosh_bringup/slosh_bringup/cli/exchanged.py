@@ -11,19 +11,20 @@ MODEL = (".yaml", ".yml")
 TABLE = (".csv", ".csv.gz", ".txt", ".tsv")
 AFTER_MODEL = ("motion", "path", "trajectories")
 """Arguments that name tables and follow MODEL."""
+OTHERS = ("model.yaml", "cell.yaml", "camera.yaml")
+"""Files of a cell by their usual names."""
 
 
 def check_order(arguments: argparse.Namespace) -> None:
-    """Refuses a table as MODEL, and a model where a table is needed.
+    """Refuses a table, a folder or another YAML file as MODEL, a model or a recording as a table.
 
     Raises:
-        SloshBringupError: with the command as it is meant, where both are exchanged.
+        SloshBringupError: with the command as it is meant, where two are exchanged.
     """
+    _check_kinds(arguments)
     model = getattr(arguments, "model", None)
     for name in AFTER_MODEL:
-        given = getattr(arguments, name, None)
-        tables = given if isinstance(given, list) else [given]
-        found = [one for one in tables if isinstance(one, Path) and _ends(one, MODEL)]
+        found = [one for one in _paths(arguments, name) if _ends(one, MODEL)]
         if not found or not isinstance(model, Path):
             continue
         if _ends(model, TABLE):
@@ -37,6 +38,35 @@ def check_order(arguments: argparse.Namespace) -> None:
         )
     if isinstance(model, Path) and _ends(model, TABLE):
         raise SloshBringupError(f"{model}: a table where MODEL belongs, a model.yaml")
+
+
+def _check_kinds(arguments: argparse.Namespace) -> None:
+    """Refuses folders where files belong, and the files of a cell in each other's place."""
+    for model in filter(Path.is_dir, _paths(arguments, "model")):
+        inside = model / "model.yaml"
+        meant = f"; did you mean {inside}?" if inside.is_file() else ""
+        raise SloshBringupError(f"{model}: a folder where MODEL belongs, a model.yaml{meant}")
+    for name, usual in (("model", "model.yaml"), ("config", "cell.yaml")):
+        for path in _paths(arguments, name):
+            if path.name in OTHERS and path.name != usual:
+                inside = path.with_name(usual)
+                meant = f"; did you mean {inside}?" if inside.is_file() else ""
+                belongs = f"where {name.upper()} belongs, a {usual}"
+                raise SloshBringupError(f"{path}: another file of a cell {belongs}{meant}")
+    for name in AFTER_MODEL:
+        for table in filter(Path.is_dir, _paths(arguments, name)):
+            raise SloshBringupError(
+                f"{table}: a folder where {_shown(name)} belongs, a table; a recording's is "
+                f"written by slosh export {table} --motion -o motion.csv"
+            )
+
+
+def _paths(arguments: argparse.Namespace, name: str) -> list[Path]:
+    """The paths that an argument gives."""
+    given = getattr(arguments, name, None)
+    return [
+        one for one in (given if isinstance(given, list) else [given]) if isinstance(one, Path)
+    ]
 
 
 def _ends(path: Path, endings: tuple[str, ...]) -> bool:

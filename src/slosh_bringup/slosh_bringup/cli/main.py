@@ -13,6 +13,7 @@ import sys
 import threading
 from collections.abc import Sequence
 from contextlib import nullcontext
+from pathlib import Path
 from typing import Any, TextIO, cast
 
 from slosh_base.files.plain_text import PlainStream, plain_line
@@ -129,6 +130,21 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         print("slosh: stopped", file=sys.stderr)
         return EXIT_FAILED
+    except ModuleNotFoundError as error:
+        if not _of_ros(error.name or ""):
+            raise
+        print(
+            f"slosh {name}: needs ROS 2 and the built workspace (no module {error.name!r} here): "
+            "run it in a checkout after `make setup`",
+            file=sys.stderr,
+        )
+        return EXIT_WRONG_INPUT
+
+
+def _of_ros(module: str) -> bool:
+    """Whether a module is one of ROS 2 or of its messages, which no wheel brings."""
+    name = module.partition(".")[0]
+    return name == "rclpy" or name.endswith(("_msgs", "_interfaces"))
 
 
 def _command_of(words: Sequence[str]) -> str | None:
@@ -196,7 +212,7 @@ def run_guarded(parsed: argparse.Namespace) -> int:
         return EXIT_DONE
     except OSError as error:
         where = f"{error.filename}: " if error.filename else ""
-        said = f"slosh {parsed.command}: {where}{error.strerror or error}"
+        said = f"slosh {parsed.command}: {where}{_reason(error)}"
         print(plain_line(said), file=sys.stderr)
         return EXIT_WRONG_INPUT
     except ValueError as error:
@@ -205,6 +221,15 @@ def run_guarded(parsed: argparse.Namespace) -> int:
             raise
         print(plain_line(f"slosh {parsed.command}: {error}"), file=sys.stderr)
         return EXIT_WRONG_INPUT
+
+
+def _reason(error: OSError) -> str:
+    """Why a file cannot be read or written."""
+    if isinstance(error, FileNotFoundError) and error.filename:
+        folder = Path(os.fsdecode(error.filename)).parent
+        if not folder.exists():
+            return f"there is no folder {folder}; make it first"
+    return str(error.strerror or error)
 
 
 def is_own(error: ValueError) -> bool:

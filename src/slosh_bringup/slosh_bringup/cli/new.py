@@ -14,9 +14,10 @@ from slosh_bringup.cli.parser import old_name
 from slosh_bringup.cli.quantities import DENSITY, VISCOSITY, length
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.live.cell_setup import NAMESPACE
-from slosh_bringup.new_cup.cup import LIQUIDS, LiquidKind, NewCup
+from slosh_bringup.new_cup.cup import NewCup
 from slosh_bringup.new_cup.files import next_steps, texts_of
 from slosh_bringup.new_cup.units import QUANTITIES
+from slosh_model.liquid import LIQUIDS, Liquid
 
 _TYPES = {"kg/m3": DENSITY, "m2/s": VISCOSITY}
 _IMAGE_SIZE = "1280x720"
@@ -83,8 +84,8 @@ def _cup(arguments: argparse.Namespace) -> NewCup:
     _check_shape(given)
     size = _image_size(arguments.image_size)
     known = LIQUIDS[arguments.liquid]
-    liquid = LiquidKind(
-        given.get("density", known.density), given.get("viscosity", known.viscosity)
+    liquid = Liquid(
+        given.get("density", known.density), given.get("viscosity", known.kinematic_viscosity)
     )
     if sys.stdin.isatty():
         _ask_for_missing(given)

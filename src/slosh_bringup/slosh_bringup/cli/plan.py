@@ -21,7 +21,14 @@ from slosh_model import Model
 from slosh_model.model_file import read_model
 from slosh_plan import ModelError
 from slosh_plan.doubts import path_doubts
-from slosh_plan.planning.limits import ACCELERATION, JERK, TILT_ACCELERATION, TILT_RATE, PlanLimits
+from slosh_plan.planning.limits import (
+    ACCELERATION,
+    JERK,
+    RESIDUAL,
+    TILT_ACCELERATION,
+    TILT_RATE,
+    PlanLimits,
+)
 from slosh_plan.planning.path import path_through
 from slosh_plan.planning.plan import TIME_LIMIT, NoSafeMotionError, Plan, plan, tilting
 from slosh_plan.planning.tolerance import ERRORS, USUAL, Tolerance, frequency_tolerance
@@ -34,9 +41,6 @@ the same columns and ax,ay,az, at 1 kHz, from rest to rest: a motion table. It p
 within 0.1 mm; where the line between them turns by more than 60 degrees, it stops. Exit code 1: no
 motion keeps the limits, or units or attitude of the path look wrong."""
 EXIT_NONE = 1
-RESIDUAL = 0.5
-"""Height after the end as a share of the limit, where it is not given: a wave as high as the limit
-leaves nothing for the next motion."""
 PAGE, DOCUMENT = "report.html", "plan.json"
 
 

@@ -52,6 +52,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     old_name(parser, cell, "--cell")
     parser.add_argument(
+        "--estimator", type=int, default=1, metavar="N",
+        help="which estimator, where several were mixed on one topic; 1 gave the first estimate",
+    )  # fmt: skip
+    parser.add_argument(
         "-o", "--output", type=Path,
         help="gets a page, the figures and a bag of outputs per bag, and index.html over all",
     )  # fmt: skip
@@ -116,7 +120,7 @@ def make_tasks(stated: Sequence[StatedBag], arguments: argparse.Namespace) -> li
         unstated = bag.unstated and expected is not None
         task = Task(
             bag.path, name, model, arguments.cell, arguments.output, expected, unstated,
-            arguments.json,
+            arguments.json, arguments.estimator,
         )  # fmt: skip
         # A cluster's workers have working directories of their own.
         tasks.append(task.absolute() if arguments.scheduler else task)

@@ -92,18 +92,17 @@ def open_source(
     return _video_source(path, rate)
 
 
-def frames_at(path: Path, stamps: Collection[int]) -> dict[int, SourceFrame]:
+def frames_at(reader: BagReader, stamps: Collection[int]) -> dict[int, SourceFrame]:
     """Images of a bag's first image topic, by their stamps.
 
     Args:
-        path: the bag.
+        reader: of the bag.
         stamps: of those that are wanted [ns]; what is not there is left out.
 
     Raises:
         SloshBagError: a damaged bag, or one without images.
     """
-    reader = BagReader(path)
-    topic = _image_topic(path, reader)[0]
+    topic = _image_topic(reader.path, reader)[0]
     windows = [(stamp - _BEFORE, stamp + _AFTER) for stamp in stamps]
     nearby = chain.from_iterable(map(messages_of, reader.look_up([topic], windows)))
     found = _with_stamps(reader, nearby, stamps)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from slosh_bringup.explain.plain_equation import plain_equation
+from slosh_model.containers import SHAPES
 from slosh_model.effects.base import Effect, Parameter
 
 _MARGIN = 12
@@ -15,7 +16,7 @@ def explain_effect(effect: Effect) -> str:
         ("equation", plain_equation(effect.equation)),
         *(("parameter", parameter_words(parameter)) for parameter in effect.parameters),
         ("source", in_unicode(effect.source)),
-        ("containers", ", ".join(effect.shapes) or "of every shape"),
+        ("containers", _containers(effect)),
         *([("belongs to", _owner(effect))] if effect.parameters else []),
         *([("needs", "a motion that tells the attitude")] if effect.needs_rotation else []),
         ("model.yaml", _use(effect)),
@@ -77,3 +78,9 @@ def _use(effect: Effect) -> str:
     given = [parameter.name for parameter in effect.parameters if parameter.default is None]
     values = ", ".join([f"name: {effect.name}", *(f"{name}: …" for name in given)])
     return f"effects: [{{{values}}}]"
+
+
+def _containers(effect: Effect) -> str:
+    """Shapes of the containers for which an effect has a meaning."""
+    fitting = [name for name, kind in SHAPES.items() if effect.fits(kind.section)]
+    return "of every shape" if len(fitting) == len(SHAPES) else ", ".join(fitting)

@@ -5,10 +5,9 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from functools import cache
-from pathlib import Path
 from typing import NamedTuple
 
-from ament_index_python.packages import get_package_share_directory
+from slosh_base.files.installed import shared_folder
 
 OWNERS: Mapping[str, str] = {
     "FreeSurface": "flag of a measurement",
@@ -36,8 +35,11 @@ class Flag(NamedTuple):
 
 @cache
 def flags() -> tuple[Flag, ...]:
-    """All of them, message by message, in the order of their values."""
-    folder = Path(get_package_share_directory("slosh_msgs")) / "msg"
+    """All of them, message by message, in the order of their values; none without the messages."""
+    share = shared_folder("slosh_msgs")
+    if share is None:
+        return ()
+    folder = share / "msg"
     return tuple(
         Flag(found["name"], message, found["meaning"])
         for message in OWNERS

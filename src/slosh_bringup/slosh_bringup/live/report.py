@@ -23,6 +23,7 @@ from slosh_bringup.live.slowness import slowness
 from slosh_bringup.replay.frames import bag_topics
 from slosh_bringup.replay.page import make_report
 from slosh_replay.in_force import in_force, last_starts
+from slosh_replay.recorded_run import RecordedRun
 from slosh_replay.replay import ReplayResult, replay_bag
 from slosh_replay.replay.report import Surroundings
 from slosh_report.run_report import (
@@ -129,7 +130,8 @@ def _evaluated(
     bag: Path, title: str, problems: tuple[str, ...], began: bool
 ) -> tuple[LiveResult, RunReport]:
     try:
-        data, starts = read_run(bag), last_starts(bag)
+        run = RecordedRun(bag)
+        data, starts = read_run(run), last_starts(run)
     except SloshBagError as error:
         unread = (f"nothing was recorded: {error}",) if began else ()
         result = LiveResult(reasons=(*problems, *unread))
@@ -143,23 +145,23 @@ def _evaluated(
         reasons = (*problems, *missing) if missing or not began else ()
     result = LiveResult(figures, None, reasons, problems, in_force(starts), failures)
     try:
-        replayed = replay_bag(bag)
+        replayed = replay_bag(run)
     except SloshBagError as error:
         if not reasons:  # they tell that nothing drove the models
             result = replace(result, warnings=(*problems, f"not replayed: {error}"))
         return result, _recorded_report(title, data, result)
-    return replace(result, replayed=replayed), _replayed_report(title, bag, result, replayed)
+    return replace(result, replayed=replayed), _replayed_report(title, run, result, replayed)
 
 
 def _replayed_report(
-    title: str, bag: Path, result: LiveResult, replayed: ReplayResult
+    title: str, run: RecordedRun, result: LiveResult, replayed: ReplayResult
 ) -> RunReport:
     """The page of the replay, with what only the live run tells."""
     around = Surroundings(title=title, facts=_facts(result))
     if result.figures is not None:
         figures = (latency_figure(result.figures),)
         around = replace(around, key_figures=figures)
-    report = make_report(bag, replayed, around)
+    report = make_report(run, replayed, around)
     told = tuple(result.failures)
     warnings = (*result.warnings, *(line for line in report.warnings if not line.endswith(told)))
     return replace(report, warnings=warnings, status=_status(result, report.status))
@@ -179,7 +181,7 @@ def _recorded_report(title: str, data: RunData | None, result: LiveResult) -> Ru
         nonlinear=columns["estimated_nonlinear"][order],
         status=_status(result, Status()),
         facts=_facts(result),
-        topics=bag_topics(data.bag, float(t[-1]) if len(t) else 0.0) if data else (),
+        topics=bag_topics(data.run, float(t[-1]) if len(t) else 0.0) if data else (),
         warnings=(*result.warnings, *(data.warnings if data else ())),
     )
 

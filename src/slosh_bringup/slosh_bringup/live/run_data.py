@@ -5,13 +5,13 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from slosh_bag.reader import BagReader, TopicInfo, stamp_ns
+from slosh_bag.reader import TopicInfo, stamp_ns
+from slosh_replay.recorded_run import RecordedRun
 from slosh_replay.recording.facts import lost_messages, shared_topics_line
 
 Array = NDArray[np.float64]
@@ -46,7 +46,7 @@ class RunData:
     """A recorded run.
 
     Attributes:
-        bag: the bag.
+        run: the recording.
         stamps: (N,) of the compared images [ns].
         columns: the fields of SloshComparison by name, (N,) each.
         truth_stamps, truth: (M,) the simulated cell's exact heights [ns], [m]; none on a robot.
@@ -61,7 +61,7 @@ class RunData:
         mixed: what the recorder noted of several publishers on topics of one; empty: nothing.
     """
 
-    bag: Path
+    run: RecordedRun
     stamps: NDArray[np.int64]
     columns: Mapping[str, Array]
     truth_stamps: NDArray[np.int64]
@@ -117,14 +117,13 @@ class _Gathered:
     models: tuple[str, str] = ("L", "NL")
 
 
-def read_run(bag: Path) -> RunData:
+def read_run(run: RecordedRun) -> RunData:
     """Reads a recorded run.
 
     Raises:
         SloshBagError: there is no readable bag.
     """
-    reader = BagReader(bag)
-    topics, facts = reader.topics(), reader.metadata()
+    reader, topics, facts = run.reader, run.topics, run.facts
     gathered = _Gathered()
     takers = {topic: taker for topic in topics if (taker := _taker(topic)) is not None}
     seen_estimate = False
@@ -136,7 +135,7 @@ def read_run(bag: Path) -> RunData:
         takers[message.topic](gathered, reader.decode(message))
     table = np.array(gathered.rows, dtype=np.float64).reshape(-1, len(_COLUMNS))
     return RunData(
-        bag=bag,
+        run=run,
         stamps=np.array(gathered.stamps, dtype=np.int64),
         columns={name: table[:, i] for i, name in enumerate(_COLUMNS)},
         truth_stamps=np.array([stamp for stamp, _ in gathered.truth], dtype=np.int64),

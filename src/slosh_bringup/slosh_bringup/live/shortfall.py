@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -64,7 +63,7 @@ def _input(data: RunData, starts: Starts) -> str:
     if _count(data.topics, _own(data, "estimate", ESTIMATE)):
         return ""
     reasons = _named(facts, "dropped: ")
-    age = _seen(data.bag, topic).age if recorded else float("nan")
+    age = _seen(data.run.reader, topic).age if recorded else float("nan")
     old = f"; their stamps lie {age:.1f} s behind this machine's clock" if age > LATE else ""
     return (
         f"{came} messages came on {topic}, and none could be used{reasons and f': {reasons}'}{old}"
@@ -79,7 +78,7 @@ def _images(data: RunData, starts: Starts) -> str:
     surface = _own(data, "free_surface", SURFACE)
     if not came and not _count(data.topics, surface):
         return f"no image came on {topic}"
-    measured, flags = _surfaces(data.bag, surface)
+    measured, flags = _surfaces(data.run.reader, surface)
     if not measured:
         return f"{came} images came on {topic}, and none was measured in time"
     if not (flags & UNUSABLE == 0).any():
@@ -95,7 +94,7 @@ def _images(data: RunData, starts: Starts) -> str:
 def _apart(data: RunData) -> str:
     """Both sides have spoken, and not of the same moments."""
     measured, estimated = (
-        _seen(data.bag, _own(data, name, kind))
+        _seen(data.run.reader, _own(data, name, kind))
         for name, kind in (("free_surface", SURFACE), ("estimate", ESTIMATE))
     )
     ahead = (measured.stamps.min() - estimated.stamps.max()) * 1e-9
@@ -133,8 +132,7 @@ def _count(known: Mapping[str, TopicInfo], topic: str) -> int:
     return (known[topic].count or 0) if topic in known else 0
 
 
-def _seen(bag: Path, topic: str) -> Seen:
-    reader = BagReader(bag)
+def _seen(reader: BagReader, topic: str) -> Seen:
     stamps, logs = [np.empty(0, dtype=np.int64)], [np.empty(0, dtype=np.int64)]
     for block in reader.blocks([topic]):
         stamps.append(stamps_of(reader.columns(block, STAMP)))
@@ -144,9 +142,8 @@ def _seen(bag: Path, topic: str) -> Seen:
     return Seen(found, age)
 
 
-def _surfaces(bag: Path, topic: str) -> tuple[int, NDArray[np.int64]]:
+def _surfaces(reader: BagReader, topic: str) -> tuple[int, NDArray[np.int64]]:
     """How many images were measured, and their flags."""
-    reader = BagReader(bag)
     flags = [
         reader.columns(block, ("flags",))["flags"].astype(np.int64)
         for block in (reader.blocks([topic]) if topic else ())

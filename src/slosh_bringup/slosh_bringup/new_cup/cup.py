@@ -4,33 +4,14 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from typing import cast
 
 from slosh_bringup.errors import SloshBringupError
+from slosh_model.containers import CupLengths
+from slosh_model.liquid import Liquid
+from slosh_model.model import Model
 
 _NAMESPACE = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
-
-
-@dataclass(frozen=True, slots=True)
-class LiquidKind:
-    """A liquid at 20 °C.
-
-    Attributes:
-        density: [kg/m³].
-        viscosity: kinematic [m²/s].
-    """
-
-    density: float
-    viscosity: float
-
-
-LIQUIDS = {
-    "water": LiquidKind(998.2, 1.0e-6),
-    "milk": LiquidKind(1030.0, 2.0e-6),
-    "oil": LiquidKind(920.0, 7.0e-5),
-    "ethanol": LiquidKind(789.0, 1.5e-6),
-    "glycerine": LiquidKind(1261.0, 1.12e-3),
-}
-"""By name; oil is of sunflowers."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +31,7 @@ class NewCup:
 
     lengths: dict[str, float]
     fill_height: float
-    liquid: LiquidKind
+    liquid: Liquid
     rim_height: float | None
     wall: float | None
     namespace: str
@@ -68,6 +49,12 @@ class NewCup:
             raise SloshBringupError(
                 f"namespace = {self.namespace!r}: must be names after slashes, such as /slosh"
             )
+
+    @property
+    def model(self) -> Model:
+        """The model that a new cup begins with."""
+        heights = {"fill_height": self.fill_height, "rim_height": self.rim_height}
+        return Model.from_cup(liquid=self.liquid, **cast(CupLengths, {**self.lengths, **heights}))
 
     @property
     def is_round(self) -> bool:

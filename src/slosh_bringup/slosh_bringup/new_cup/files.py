@@ -6,6 +6,8 @@ import shlex
 from pathlib import Path
 
 from slosh_bringup.new_cup.cup import NewCup
+from slosh_model.effects.registry import find_effect
+from slosh_model.model import EffectUse
 
 MODEL, CELL, CAMERA = "model.yaml", "cell.yaml", "camera.yaml"
 
@@ -70,26 +72,30 @@ def _container(cup: NewCup, *, wall: bool) -> str:
 
 
 def _model(cup: NewCup) -> str:
-    nonlinear = (
-        "  - name: surface_nonlinearity  # the surface is no plane where waves are high\n"
-        "    alpha: 0.58\n"
-        if cup.is_round
-        else "  # - name: pendulum_nonlinearity  # where the surface tilts far\n"
-    )
+    effects = "".join(_effect(use) for use in cup.model.effects)
+    liquid = cup.liquid
+    if not cup.is_round:
+        effects += "  # - name: pendulum_nonlinearity  # where the surface tilts far\n"
     return f"""\
 # The container and its liquid: what estimator, replay, planning and discovery work with.
 # All values are in SI units; every key is explained in docs/files.md.
 container:
 {_container(cup, wall=False)}
 liquid:
-  density: {cup.liquid.density!r}  # [kg/m3]
-  kinematic_viscosity: {cup.liquid.viscosity!r}  # [m2/s]; water 1e-6, milk 2e-6, oil 7e-5
+  density: {liquid.density!r}  # [kg/m3]
+  kinematic_viscosity: {liquid.kinematic_viscosity!r}  # [m2/s]; water 1e-6, milk 2e-6, oil 7e-5
 # auto: by formula. `slosh identify` measures it; it says how long waves last.
 damping_ratio: auto
 # What is added to the planar linear model; `slosh discover` finds what is missing.
 effects:
-  - name: vertical_acceleration
-{nonlinear}"""
+{effects}"""
+
+
+def _effect(use: EffectUse) -> str:
+    """An effect's lines."""
+    lines = [f"  - name: {use.name}  # {find_effect(use.name).title}"]
+    lines += [f"    {name}: {value!r}" for name, value in use.parameters.items()]
+    return "\n".join(lines) + "\n"
 
 
 def _cell(cup: NewCup, folder: Path) -> str:

@@ -11,7 +11,6 @@ import cv2
 import numpy as np
 
 from slosh_bag.errors import SloshBagError
-from slosh_bag.reader import BagReader
 from slosh_bringup.detect.frame import SourceFrame
 from slosh_bringup.detect.source import frames_at
 from slosh_camera.calibrate.camera_file import parse_any_calibration
@@ -19,8 +18,8 @@ from slosh_camera.detection.drawing import draw_measurement
 from slosh_camera.detection.learnt import learnt_detector
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.optics.calibration import AnyCalibration
+from slosh_replay.recorded_run import RecordedRun
 from slosh_replay.recording import settings
-from slosh_replay.recording.sources import recorded_starts
 from slosh_replay.replay.report import report_start, shown_models
 from slosh_replay.replay.result import ReplayResult
 from slosh_report.run_report import Frame, Topic
@@ -28,11 +27,11 @@ from slosh_report.run_report import Frame, Topic
 JPEG_QUALITY = 85
 
 
-def bag_topics(bag: Path, seconds: float) -> tuple[Topic, ...]:
+def bag_topics(run: RecordedRun, seconds: float) -> tuple[Topic, ...]:
     """The topics of a bag with their mean rates.
 
     Args:
-        bag: the bag.
+        run: the recording.
         seconds: length of the run [s].
     """
     return tuple(
@@ -42,20 +41,20 @@ def bag_topics(bag: Path, seconds: float) -> tuple[Topic, ...]:
             info.count or 0,
             (info.count or 0) / seconds if seconds > 0.0 else math.nan,
         )
-        for name, info in sorted(BagReader(bag).topics().items())
+        for name, info in sorted(run.topics.items())
     )
 
 
-def bag_calibration(bag: Path) -> AnyCalibration | None:
+def bag_calibration(run: RecordedRun) -> AnyCalibration | None:
     """The calibration that the recorded camera node worked with; None: the bag does not tell."""
-    started = settings.latest(recorded_starts(BagReader(bag)), "camera")
+    started = settings.latest(run.starts, "camera")
     text = started.files.get("calibration") if started else None
     if started is None or text is None:
         return None
     # The bag holds the file's text; its still image lies where the node found it, if anywhere.
     folder = Path(str(started.parameters.get("calibration", ""))).parent
     try:
-        calibration = parse_any_calibration(text, f"{bag}: the recorded calibration", folder)
+        calibration = parse_any_calibration(text, f"{run.path}: the recorded calibration", folder)
     except SloshCameraError:
         return None
     still = calibration.still_image
@@ -64,32 +63,32 @@ def bag_calibration(bag: Path) -> AnyCalibration | None:
     return replace(calibration, still_image=None)
 
 
-def bag_pictures(bag: Path, result: ReplayResult) -> tuple[Frame, ...]:
+def bag_pictures(run: RecordedRun, result: ReplayResult) -> tuple[Frame, ...]:
     """Images with the detected line: the first, the highest, those farthest from the model.
 
     None where the bag holds no images or does not say how its camera looks at the container.
     """
     wanted = moments(result)
     found = []
-    for label, (jpeg, height) in pictures_at(bag, wanted).items():
+    for label, (jpeg, height) in pictures_at(run, wanted).items():
         second = (wanted[label] - report_start(result)) * 1e-9
         caption = f"{label}: {second:.2f} s, {1e3 * height:.1f} mm"
         found.append(Frame(jpeg, caption, time=second))
     return tuple(found)
 
 
-def pictures_at(bag: Path, wanted: Mapping[str, int]) -> dict[str, tuple[bytes, float]]:
+def pictures_at(run: RecordedRun, wanted: Mapping[str, int]) -> dict[str, tuple[bytes, float]]:
     """Images with the detected line as JPEG, and the heights in them [m], by label.
 
     Args:
-        bag: where they are.
+        run: where they are.
         wanted: stamps by label [ns]; what is not there is left out.
     """
-    calibration = bag_calibration(bag)
+    calibration = bag_calibration(run)
     if calibration is None or not wanted:
         return {}
     try:
-        images = frames_at(bag, set(wanted.values()))
+        images = frames_at(run.reader, set(wanted.values()))
     except SloshBagError:
         return {}
     if not images:

@@ -12,6 +12,7 @@ from slosh_base.files import write_text
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.replay.frames import bag_pictures, bag_topics
 from slosh_replay.in_force import described, in_force, last_starts, parameter_changes
+from slosh_replay.recorded_run import RecordedRun
 from slosh_replay.recording.predictions import predicted_motions
 from slosh_replay.replay import ReplayResult
 from slosh_replay.replay.checking import Checked
@@ -19,20 +20,22 @@ from slosh_replay.replay.report import Surroundings, replay_report, report_start
 from slosh_report.run_report import Fact, RunReport, render_report, report_document
 
 
-def write_page(folder: Path, bag: Path, result: ReplayResult, checked: Checked | None) -> None:
+def write_page(
+    folder: Path, run: RecordedRun, result: ReplayResult, checked: Checked | None
+) -> None:
     """Writes FOLDER/<name>.html and FOLDER/<name>.json.
 
     Args:
         folder: of the results.
-        bag: where the images and the topics are.
+        run: where the images and the topics are.
         result: the replay.
         checked: against what was expected.
 
     Raises:
         SloshBringupError: a file cannot be written.
     """
-    around = Surroundings(checked=checked, facts=_facts(bag, result))
-    report = make_report(bag, result, around)
+    around = Surroundings(checked=checked, facts=_facts(run, result))
+    report = make_report(run, result, around)
     try:
         folder.mkdir(parents=True, exist_ok=True)
         write_text(folder / f"{result.name}.html", render_report(report))
@@ -41,10 +44,10 @@ def write_page(folder: Path, bag: Path, result: ReplayResult, checked: Checked |
         raise SloshBringupError(f"{error.filename or folder}: {error.strerror}") from None
 
 
-def _facts(bag: Path, result: ReplayResult) -> tuple[Fact, ...]:
+def _facts(run: RecordedRun, result: ReplayResult) -> tuple[Fact, ...]:
     """When and with what it was recorded, and with what replayed; the same each time."""
     start = datetime.fromtimestamp(1e-9 * report_start(result), UTC)
-    facts = {"recorded": f"{start:%Y-%m-%d %H:%M:%S} UTC", **in_force(last_starts(bag))}
+    facts = {"recorded": f"{start:%Y-%m-%d %H:%M:%S} UTC", **in_force(last_starts(run))}
     if result.model is not None:
         facts["model"] = described(result.model)
     facts["replayed by"] = f"slosh {version('slosh_bringup')}"
@@ -57,18 +60,19 @@ def figures(report: RunReport, result: ReplayResult) -> str:
     return json.dumps(document, indent=2, allow_nan=False) + "\n"
 
 
-def make_report(bag: Path, result: ReplayResult, around: Surroundings) -> RunReport:
+def make_report(run: RecordedRun, result: ReplayResult, around: Surroundings) -> RunReport:
     """What the page of a replay shows, with the bag's own images, predictions and topics.
 
     Args:
-        bag: where these are.
+        run: where these are.
         result: the replay.
         around: what else the page shows.
     """
     planned = [
-        Fact(f"planned motion {motion.id}", motion.sentence) for motion in predicted_motions(bag)
+        Fact(f"planned motion {motion.id}", motion.sentence)
+        for motion in predicted_motions(run.reader)
     ]
-    notes = parameter_changes(bag, report_start(result))
+    notes = parameter_changes(run, report_start(result))
     around = replace(around, facts=(*around.facts, *planned), notes=(*around.notes, *notes))
-    pictures, topics = bag_pictures(bag, result), bag_topics(bag, result.seconds)
+    pictures, topics = bag_pictures(run, result), bag_topics(run, result.seconds)
     return replay_report(result, replace(around, frames=pictures, topics=topics))

@@ -23,6 +23,7 @@ from slosh_base.files import is_unfinished, new_folder
 from slosh_bringup.errors import SloshBringupError
 from slosh_model.model_file import read_model
 from slosh_replay.manifest import Expectation
+from slosh_replay.recorded_run import RecordedRun
 from slosh_replay.replay import ReplayResult, replay_bag
 from slosh_replay.replay.checking import (
     Checked,
@@ -56,6 +57,7 @@ class Task:
         expected: what the replay must give; None: nothing.
         unstated: there is a manifest, and it does not name the bag.
         figures: whether all figures are told.
+        estimator: which, from 1, where several are mixed on one topic.
     """
 
     bag: Path
@@ -66,6 +68,7 @@ class Task:
     expected: Expectation | None = None
     unstated: bool = False
     figures: bool = False
+    estimator: int = 1
 
     def absolute(self) -> Task:
         """The same with paths that do not hang on the working directory."""
@@ -119,20 +122,23 @@ def replay_task(task: Task) -> Replayed:
         SloshBringupError: a result cannot be written.
     """
     started = time.perf_counter()
+    run = RecordedRun(task.bag)
     model = read_model(task.model) if task.model else None
     if task.output is None:
-        result = replay_bag(task.bag, model, cell=task.cell)
+        result = replay_bag(run, model, cell=task.cell, estimator=task.estimator)
     else:
         _check_pages(task.output / task.name)
         with new_bag(task.output / task.name) as outputs:
-            result = replay_bag(task.bag, model, outputs=outputs, cell=task.cell)
+            result = replay_bag(
+                run, model, outputs=outputs, cell=task.cell, estimator=task.estimator
+            )
     result = replace(result, name=task.name)
     checked = _checked(result, task)
     if task.output is not None:
         # What draws takes longer to load than many a bag to replay.
         from slosh_bringup.replay.page import write_page
 
-        write_page(task.output, task.bag, result, checked)
+        write_page(task.output, run, result, checked)
     found = result.verification
     return Replayed(
         task.name,

@@ -74,7 +74,7 @@ class Recording:
             return None
         stamp_ns = hearing.stamp_ns(surface)
         try:
-            found = frames_at(self._bag, [stamp_ns]).get(stamp_ns)
+            found = frames_at(BagReader(self._bag), [stamp_ns]).get(stamp_ns)
             camera = self._listener.camera
             return camera.picture(found.image(), stamp_ns, surface) if found else None
         except (SloshBagError, SloshBringupError, SloshCameraError):

@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 
 from slosh_base.files.nanoseconds import SECOND
 from slosh_bringup.cell_watch import SILENT, NodeReport
+from slosh_bringup.processes import NODES
 from slosh_bringup.watch.verdict import SILENCE, judge
 from slosh_report.json_values import plain
 
@@ -22,6 +23,8 @@ PERIOD = 0.1
 """Time between two frames [s]."""
 KEPT_EVENTS, SLOW = 20, 10
 """Events that are shown; every so manieth frame holds events and nodes."""
+MOST_NODES = 40
+"""Nodes that are shown, and those of a cell whatever comes: each frame names them all."""
 ALONE = SILENCE
 """After so long without a comparison the estimate is drawn by itself [s]."""
 BACKWARDS = 3.0
@@ -155,7 +158,10 @@ class WatchState:
                 self._limits[name] = float(value)
 
     def take_report(self, report: NodeReport, now: float) -> None:
-        """Takes what a node says of its health."""
+        """Takes what a node says of its health; of too many names only those of a cell's nodes."""
+        known = report.node in self._nodes or report.node in NODES
+        if not known and len(self._nodes) >= MOST_NODES:
+            return
         self._nodes[report.node] = (report, now)
 
     def frame(self, now: float) -> str:

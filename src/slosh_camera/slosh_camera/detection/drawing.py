@@ -8,7 +8,6 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from slosh_camera.detection.outline import fitted_line, levels, outline, scale_places
 from slosh_camera.images.colour import to_colour
 from slosh_camera.images.lettering import WHITE, letter_size, put_text, text_width
 from slosh_camera.measurement import Flag, Measurement, PeakSide
@@ -161,7 +160,7 @@ def captions(measurement: Measurement) -> list[str]:
 def _draw_marks(canvas: _Canvas, calibration: AnyCalibration, measurement: Measurement) -> None:
     view = calibration.view
     _draw_scale(canvas, view)
-    fitted = fitted_line(view, measurement)
+    fitted = view.fitted_line(measurement)
     for first in range(0, len(fitted), _DASH):
         canvas.line(fitted[first : first + _DASH // 2 + 1], FITTED)
     on_front = _on_front(view, measurement)
@@ -177,11 +176,11 @@ def _draw_marks(canvas: _Canvas, calibration: AnyCalibration, measurement: Measu
 
 def _draw_scale(canvas: _Canvas, view: CupView | BoxView) -> None:
     """Height scale along the right edge of the container, every 10 mm, still level marked."""
-    floor, top = levels(view)
+    floor, top = view.levels()
     ticks = np.arange(int(np.ceil(floor / _TICK)), int(np.floor(top / _TICK)) + 1)
     heights = np.asarray(_TICK * ticks, dtype=np.float64)
     unit = canvas.size / canvas.zoom
-    pixels = scale_places(view, heights) + np.array([_GAP * unit, 0.0])
+    pixels = view.scale_places(heights) + np.array([_GAP * unit, 0.0])
     if not np.all(np.isfinite(pixels)):
         return
     canvas.line(pixels, _SCALE)
@@ -197,11 +196,9 @@ def _draw_scale(canvas: _Canvas, view: CupView | BoxView) -> None:
 def _on_front(view: CupView | BoxView, measurement: Measurement) -> NDArray[np.bool_]:
     """Which of the line's pixels lie on the wall that faces the camera."""
     azimuth = measurement.profile_azimuth
-    if isinstance(view, BoxView) or len(azimuth) != len(measurement.edge_pixels):
+    if len(azimuth) != len(measurement.edge_pixels):
         return np.ones(len(measurement.edge_pixels), dtype=np.bool_)
-    middle = view.camera_azimuth
-    half = abs(_wrapped(np.asarray(view.tangent_azimuths()[0]) - middle))
-    return np.asarray(np.abs(_wrapped(azimuth - middle)) <= half + 1e-9)
+    return view.on_front(azimuth)
 
 
 def _surroundings(
@@ -215,7 +212,7 @@ def _surroundings(
         aspect: width / height that is aimed at, as far as the image goes.
     """
     height, width = image.shape[:2]
-    ends = outline(view)
+    ends = view.outline()
     if not np.any(np.isfinite(ends)):
         return 0, 0, width, height
     low, high = np.nanmin(ends, axis=0), np.nanmax(ends, axis=0)
@@ -233,10 +230,6 @@ def _whole_parts(points: FloatArray) -> list[FloatArray]:
     known = np.all(np.isfinite(points), axis=1)
     cuts = np.flatnonzero(np.diff(known)) + 1
     return [part for part in np.split(points, cuts) if len(part) > 1 and np.isfinite(part[0, 0])]
-
-
-def _wrapped(angle: FloatArray) -> FloatArray:
-    return np.asarray(np.arctan2(np.sin(angle), np.cos(angle)), dtype=np.float64)
 
 
 def _millimetres(height: float) -> str:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from slosh_camera.errors import SloshCameraError
+from slosh_camera.measurement import Measurement
 from slosh_camera.optics.camera import PinholeCamera
 from slosh_camera.optics.container import Container
 from slosh_camera.optics.pose import Pose
@@ -23,6 +24,7 @@ FloatArray = NDArray[np.float64]
 # Newton's method on a concave increasing function converges from below in a handful of steps.
 _NEWTON_STEPS = 20
 _TOLERANCE = 1e-14
+_FITTED_POINTS = 80
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,6 +151,35 @@ class BoxView:
         x, z = self.on_face(pixels)
         slope_x, slope_z = self._slopes(pixels)
         return x + slope_x * depth, z + slope_z * depth
+
+    def levels(self) -> tuple[float, float]:
+        """Heights of floor and rim above the still level [m].
+
+        Of an unknown rim a height stands in that leaves room for most waves.
+        """
+        return -self.box.fill_height, self.box.rim_level or 0.5 * self.box.width
+
+    def outline(self) -> FloatArray:
+        """Pixels (N, 2) of floor and rim on the front face."""
+        half = 0.5 * self.box.width
+        return np.vstack([self.project_face([-half, half], level) for level in self.levels()])
+
+    def scale_places(self, heights: FloatArray) -> FloatArray:
+        """Pixels (N, 2) of heights (N,) [m] on the face's right edge."""
+        return self.project_face(0.5 * self.box.width, heights)
+
+    def fitted_line(self, measurement: Measurement) -> FloatArray:
+        """Pixels (N, 2) of the straight line that was fitted; empty where none was."""
+        slope, half = np.tan(measurement.slope_angle), 0.5 * self.box.width
+        rest = measurement.profile_height - slope * measurement.profile_x
+        if not np.any(np.isfinite(rest)):
+            return np.empty((0, 2))
+        x = np.linspace(-half, half, _FITTED_POINTS)
+        return self.project_face(x, np.nanmean(rest) + slope * x)
+
+    def on_front(self, azimuth: FloatArray) -> NDArray[np.bool_]:
+        """All: a side view shows the front face alone."""
+        return np.ones(len(azimuth), dtype=np.bool_)
 
     def height_per_pixel(self, pixel: ArrayLike) -> float:
         """Footprint of one pixel row on the face [m/px]; NaN where the ray misses it."""

@@ -15,12 +15,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from slosh_camera.errors import SloshCameraError
+from slosh_camera.measurement import Measurement
 from slosh_camera.optics.camera import PinholeCamera
 from slosh_camera.optics.container import Container
 from slosh_camera.optics.pose import Pose
 from slosh_camera.optics.refraction import GlassWall, WallTrace
 
 FloatArray = NDArray[np.float64]
+
+_AROUND = 73
+_FITTED_POINTS = 241
 
 
 class Wall(Enum):
@@ -179,8 +183,48 @@ class CupView:
         wrapped = np.arctan2(np.sin(ends), np.cos(ends))
         return float(wrapped[0]), float(wrapped[1])
 
+    def levels(self) -> tuple[float, float]:
+        """Heights of floor and rim above the still level [m].
+
+        Of an unknown rim a height stands in that leaves room for most waves.
+        """
+        return -self.cup.fill_height, self.cup.rim_level or self.cup.radius
+
+    def outline(self) -> FloatArray:
+        """Pixels (N, 2) of floor and rim; NaN where the camera cannot see."""
+        around = np.linspace(-np.pi, np.pi, _AROUND)
+        return np.vstack([self.project_wall(around, level) for level in self.levels()])
+
+    def scale_places(self, heights: FloatArray) -> FloatArray:
+        """Pixels (N, 2) of heights (N,) [m] on the right outer edge, which nothing refracts."""
+        points = self.wall_points(self.tangent_azimuths()[1], heights)
+        points[:, :2] *= 1.0 + self.cup.wall_thickness / self.cup.radius
+        return self.project(points)
+
+    def fitted_line(self, measurement: Measurement) -> FloatArray:
+        """Pixels (N, 2) of the surface that was fitted; empty where none was.
+
+        On the wall every mode of one azimuthal wave is a cosine.
+        """
+        height, azimuth = measurement.fitted_msh, measurement.fitted_azimuth
+        if not (np.isfinite(height) and np.isfinite(azimuth)):
+            return np.empty((0, 2))
+        around = self.camera_azimuth + np.linspace(-np.pi, np.pi, _FITTED_POINTS)
+        return self.project_wall(around, height * np.cos(around - azimuth))
+
+    def on_front(self, azimuth: FloatArray) -> NDArray[np.bool_]:
+        """Which azimuths (N,) [rad] of the wall face the camera."""
+        half = abs(_wrapped(np.asarray(self.tangent_azimuths()[0]) - self.camera_azimuth))
+        found: NDArray[np.bool_] = np.abs(_wrapped(azimuth - self.camera_azimuth)) <= half + 1e-9
+        return found
+
     def height_per_pixel(self, pixel: ArrayLike, wall: Wall) -> float:
         """Footprint of one pixel row on the wall [m/px]; NaN where the ray misses the wall."""
         u, v = np.asarray(pixel, dtype=np.float64)
         _, height = self.on_wall([[u, v - 0.5], [u, v + 0.5]], wall)
         return float(abs(height[1] - height[0]))
+
+
+def _wrapped(angle: FloatArray) -> FloatArray:
+    """The same angle in (-π, π]."""
+    return np.asarray(np.arctan2(np.sin(angle), np.cos(angle)), dtype=np.float64)

@@ -77,7 +77,7 @@ def find_campaigns(
     found = [
         grouping(normal_equations(one, name, motions, temperature), name)
         for name, effect in EFFECTS.items()
-        if _tells(effect) and effect.fits(one.explanation.base.container.shape)
+        if _tells(effect) and effect.fits(one.explanation.base.container.section)
     ]
     best = max(found, key=lambda campaigns: campaigns.gain)
     return best if best.gain > CLEAR_GAIN and len(best.members) > 1 else None

@@ -21,6 +21,7 @@ from slosh_model.containers import X_AXIS, Y_AXIS
 from slosh_model.interpolation import columns_at
 from slosh_model.measure import measured_heights, reading_clock
 from slosh_model.model import Model
+from slosh_model.modes import Mode
 from slosh_model.simulate import Response
 
 Array = NDArray[np.float64]
@@ -57,11 +58,9 @@ def with_input_noise(
     for axis in (X_AXIS, Y_AXIS):
         modes = model.mode_constants()
         for mode, gain in zip(modes, model.height_gains(modes, axis), strict=True):
-            one = mode.along(axis)
-            factor = math.sqrt(noise.density) * gain * answer_columns(
-                moments - start, one.natural_frequency, one.damping_ratio,
-                tolerated / (noise.density * gain**2),
-            )  # fmt: skip
+            factor = gain * _columns(
+                noise, mode.along(axis), axis, moments - start, tolerated / gain**2
+            )
             if factor.shape[1]:
                 read = read_directions(motion, model, moments) if read is None else read
                 parts.append(read[:, :, axis, np.newaxis] * factor[:, np.newaxis, :])
@@ -69,6 +68,36 @@ def with_input_noise(
         return replace(motion, driven=None, blur=None)
     driven = np.concatenate(parts, axis=2)
     return replace(motion, driven=driven, blur=_blur(motion, model, moments, driven))
+
+
+def _columns(noise: InputNoise, mode: Mode, axis: int, t: Array, tolerated: float) -> Array:
+    """(M, R) columns of a mode's answer along an axis [m], without what is hardly seen.
+
+    Beside the noise the model feels from the first sample on the constant at rest, which may be a
+    bias.
+    """
+    columns = np.empty((len(t), 0))
+    if noise.density > 0.0:
+        answer = answer_columns(
+            t, mode.natural_frequency, mode.damping_ratio, tolerated / noise.density
+        )
+        columns = math.sqrt(noise.density) * answer
+    frequency = mode.natural_frequency
+    step = 1.0 - _released(t, frequency, mode.damping_ratio)
+    lasting = noise.constant[axis] / frequency**2 * step
+    return np.column_stack([columns, lasting]) if np.max(lasting**2) > tolerated else columns
+
+
+def _released(t: Array, frequency: float, damping: float) -> Array:
+    """(M,) q at times of q̈ + 2ζω q̇ + ω² q = 0, released at rest from 1 at 0."""
+    decay, swing = _decay_and_swing(frequency, damping)
+    t = np.maximum(t, 0.0)
+    return np.asarray(np.exp(-decay * t) * (np.cos(swing * t) + decay / swing * np.sin(swing * t)))
+
+
+def _decay_and_swing(frequency: float, damping: float) -> tuple[float, float]:
+    decay = max(min(damping, 0.99), LEAST_DAMPING) * frequency
+    return decay, math.sqrt(frequency**2 - decay**2)
 
 
 def _blur(motion: PreparedMotion, model: Model, moments: Array, driven: Array) -> Array | None:
@@ -116,8 +145,7 @@ def answer_covariance(t: Array, other: Array | float, frequency: float, damping:
     ∫ h(t - s) h(t' - s) ds from 0 to the earlier time, with the impulse response
     h(τ) = exp(-σ τ) sin(ν τ)/ν, σ = ζ ω, ν² = ω² - σ², and w of unit density.
     """
-    decay = max(min(damping, 0.99), LEAST_DAMPING) * frequency
-    swing = math.sqrt(frequency**2 - decay**2)
+    decay, swing = _decay_and_swing(frequency, damping)
     t, other = np.maximum(t, 0.0), np.maximum(other, 0.0)
     apart, both = np.abs(t - other), t + other
     pole = decay - 1j * swing
@@ -148,7 +176,7 @@ def read_directions(motion: PreparedMotion, model: Model, moments: Array) -> Arr
     if motion.azimuths is None:
         flat = np.linalg.norm(found, axis=2) < FLAT
         found[flat] = (1.0, 0.0)
-    if model.container.corner is not None or not len(inputs.poses):
+    if model.container.cornered or not len(inputs.poses):
         return found
     yaw = np.interp(moments, inputs.t, inputs.yaws)[:, np.newaxis]
     x, y = found[..., 0], found[..., 1]

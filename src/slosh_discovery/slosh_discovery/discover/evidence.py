@@ -95,10 +95,17 @@ def log_prior(fit: Fit) -> float:
 
 def temperature_of(fit: Fit, motions: Sequence[PreparedMotion]) -> float:
     """χ² per sample of a fit, times the number of samples whose residuals go together."""
-    count = len(fit.residual) - len(fit.vector)
-    series = residual_series(fit.residual, motions)
+    return residual_temperature(fit.residual, len(fit.vector), motions)
+
+
+def residual_temperature(
+    residual: Array, parameters: int, motions: Sequence[PreparedMotion]
+) -> float:
+    """The same of what a number of fitted parameters leaves."""
+    count = len(residual) - parameters
+    series = residual_series(residual, motions)
     together = correlation_length(series) * columns_together(series)
-    return max(fit.chi_square / max(count, 1), 1e-12) * together
+    return max(float(residual @ residual) / max(count, 1), 1e-12) * together
 
 
 def columns_together(series: Sequence[Array]) -> float:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_discovery.discover.motion import MeasuredMotion
-from slosh_model.for_notebooks import height_axes, table
+from slosh_model.for_notebooks import Shown, counted, height_axes, table
 from slosh_model.model import Model
 from slosh_model.simulate import Inputs
 
@@ -280,7 +280,7 @@ class Proposal:
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Finding:
+class Finding(Shown):
     """Everything that a discovery found.
 
     Attributes:
@@ -329,7 +329,9 @@ class Finding:
         if math.isfinite(gap.holdout_before):
             held = f"{1e3 * gap.holdout_before:.2f} → {1e3 * gap.holdout_after:.2f} mm"
             told += f", held out {held}"
-        return f"Finding({self.verdict.value}{named}, {told}, {len(self.motions)} motions)"
+        return (
+            f"Finding({self.verdict.value}{named}, {told}, {counted(len(self.motions), 'motion')})"
+        )
 
     def to_pandas(self) -> DataFrame:
         """A table of the explanations that were fitted, the likeliest first.
@@ -346,6 +348,7 @@ class Finding:
             [" + ".join(row.effects) for row in fitted],
             {name: [getattr(row, name) for row in fitted] for name in columns},
             index="effects",
+            units={"probability": "1", "evidence": "1"},
         )
 
     def plot(self, motion: int = 0, axes: Axes | None = None) -> Axes:

@@ -58,16 +58,19 @@ class InputNoise:
         stddev: of one sample [m/s²].
         rate: samples per second [Hz].
         quantum: step to which the values are rounded [m/s²]; 0: none is seen.
+        constant: horizontal part that is seen at rest [m/s²]: gravity's share where the container
+            leans, which the liquid feels, or a bias, which it does not.
     """
 
     density: float
     stddev: float
     rate: float
     quantum: float = 0.0
+    constant: tuple[float, float] = (0.0, 0.0)
 
 
 def estimate_input_noise(inputs: Inputs) -> InputNoise | None:
-    """The noise of an acceleration's horizontal part; None: it has none."""
+    """The noise of an acceleration's horizontal part; None: it has none, nor a constant."""
     if len(inputs.t) < 2 * LEAST_SAMPLES:
         return None
     spacing = float(np.median(np.diff(inputs.t)))
@@ -75,10 +78,23 @@ def estimate_input_noise(inputs: Inputs) -> InputNoise | None:
     stddev = _white(inputs, columns)
     quantum = max(_quantum(column) for column in columns)
     stddev = max(stddev, quantum / math.sqrt(12.0))
+    constant = _constant(inputs)
     if stddev < LEAST_NOISE:
-        return None
+        known = math.hypot(*constant) < LEAST_NOISE
+        return None if known else InputNoise(0.0, 0.0, 1.0 / spacing, quantum, constant)
     density = stddev**2 * spacing
-    return InputNoise(density * _colour(inputs, density), stddev, 1.0 / spacing, quantum)
+    density *= _colour(inputs, density)
+    return InputNoise(density, stddev, 1.0 / spacing, quantum, constant)
+
+
+def _constant(inputs: Inputs) -> tuple[float, float]:
+    """What both horizontal axes show at rest [m/s²]; the median: a motion may begin slowly."""
+    still = resting(inputs, MARGIN)
+    still = still if still.any() else resting(inputs)
+    if np.count_nonzero(still) < 2 * LEAST_SAMPLES:
+        return 0.0, 0.0
+    x, y = np.median(inputs.acceleration[still, :2], axis=0).tolist()
+    return x, y
 
 
 def resting(inputs: Inputs, margin: float = 0.0) -> Mask:

@@ -76,6 +76,8 @@ def judgement_remarks(judgement: Judgement) -> tuple[str, ...]:
             "What the likeliest explanation gains is less than the sensor's own standard "
             "deviation: nobody could see it, and nothing is added."
         )
+    elif judgement.change is not None:
+        remarks.append(judgement.change.text())
     elif judgement.trust < 1.0:
         remarks.append(
             "The best explanation leaves more than noise: something else is at work, too, or its "

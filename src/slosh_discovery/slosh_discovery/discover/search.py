@@ -279,7 +279,7 @@ class Search:
         return (False, True) if _may_differ(explanation, name) else (False,)
 
     def _may_join(self, name: str, explanation: Explanation) -> bool:
-        fits = EFFECTS[name].fits(explanation.base.container.shape)
+        fits = EFFECTS[name].fits(explanation.base.container.section)
         if name in explanation.effects or not fits:
             return False
         # What the base has already can only be fitted anew.

@@ -24,6 +24,7 @@ from slosh_discovery.discover.fitting import Fit
 from slosh_discovery.discover.noise import removable
 from slosh_discovery.discover.problem import PreparedMotion, claimed_noise
 from slosh_discovery.discover.search import Leftover, Pool, leftover
+from slosh_discovery.discover.steadiness import Change, change_with_time
 
 Array = NDArray[np.float64]
 
@@ -69,6 +70,7 @@ class Judgement:
         unseen: whether the measured heights hardly move while the base says that the liquid does.
         elsewhere: another frequency at which the liquid swings: another container's.
         hidden: whether the best explanation's gain is less than the sensor claims of its noise.
+        change: how the best explanation would have to change with time; it is none, then.
     """
 
     verdict: Verdict
@@ -83,6 +85,7 @@ class Judgement:
     unseen: bool
     hidden: bool = False
     elsewhere: OtherFrequency | None = None
+    change: Change | None = None
 
 
 def judge(pool: Pool, motions: Sequence[PreparedMotion]) -> Judgement:
@@ -120,9 +123,10 @@ def judge(pool: Pool, motions: Sequence[PreparedMotion]) -> Judgement:
     likely = sum(share for one, share in ranked if effects <= set(one.explanation.effects))
     likely = likely if effects else ranked[0][1]
     elsewhere = None if unseen or after.adequate else other_frequency(base, motions)
+    change = change_with_time(pool, motions, temperature) if effects else None
     verdict, added = (
         _verdict(likely, before, after)
-        if effects and not hidden and elsewhere is None
+        if effects and not hidden and elsewhere is None and change is None
         else (_without_effects(before), False)
     )
     names = best.explanation.effects if added else ()
@@ -142,6 +146,7 @@ def judge(pool: Pool, motions: Sequence[PreparedMotion]) -> Judgement:
         unseen=unseen,
         hidden=hidden,
         elsewhere=elsewhere,
+        change=change,
     )
 
 

@@ -120,11 +120,11 @@ def geometry_chart(
         name: of the chart.
     """
     own = first_mode(found.overall, quantity)
-    rows = [(size_of(found.base), own.value, own.error)]
+    rows = [(found.base.container.size, own.value, own.error)]
     rows += [
-        (size_of(one.model), *(one.frequency if quantity == FREQUENCY else one.damping))
+        (one.model.container.size, *(one.frequency if quantity == FREQUENCY else one.damping))
         for one in beside
-        if size_label(one.model) == size_label(found.base)
+        if one.model.container.size_name == found.base.container.size_name
     ]
     with style(name):
         figure = canvas(size)
@@ -137,20 +137,9 @@ def geometry_chart(
                 marker="o", markersize=5.0, capsize=CAP, linewidth=1.3,
             )  # fmt: skip
         axes.set_ylim(bottom=0.0 if quantity == DAMPING else None)
-        axes.set_xlabel(f"{size_label(found.base)} [mm]")
+        axes.set_xlabel(f"{found.base.container.size_name} [mm]")
         axes.set_ylabel("natural frequency [rad/s]" if quantity == FREQUENCY else "damping ratio")
         return svg_text(figure, name)
-
-
-def size_of(model: Model) -> float:
-    """What a container's waves depend on most: its radius or its width [m]."""
-    reach = model.container.reaches[0]
-    return reach if model.container.corner is None else 2.0 * reach
-
-
-def size_label(model: Model) -> str:
-    """What `size_of` is."""
-    return "radius" if model.container.corner is None else "width"
 
 
 def _curve(model: Model, quantity: str, sizes: Sequence[float]) -> tuple[Array, Array]:
@@ -163,7 +152,7 @@ def _curve(model: Model, quantity: str, sizes: Sequence[float]) -> tuple[Array, 
         else (lambda one: one.mode_constants()[0].damping_ratio)
     )
     values = []
-    for factor in (grid / size_of(model)).tolist():
+    for factor in (grid / model.container.size).tolist():
         try:
             values.append(of(replace(bare, container=bare.container.widened(factor))))
         except SloshModelError:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from slosh_base.files.nearest import did_you_mean
 from slosh_discovery.discover.explanation import plausible
 from slosh_discovery.errors import SloshDiscoveryError
 from slosh_model.effects.base import Parameter
@@ -111,8 +112,13 @@ def _effect_parameter(model: Model, name: str) -> FreeParameter:
     parameter = next((entry for entry in parameters if entry.name == wanted), None)
     if parameter is None or parameter.choices is not None:
         known = [*ALIASES, *DEFAULT, FILL_HEIGHT, "EFFECT.PARAMETER of docs/effects"]
+        every = [
+            *known[:-1],
+            *(f"{one}.{p.name}" for one in EFFECTS for p in EFFECTS[one].parameters),
+        ]
         raise SloshDiscoveryError(
             f"--fit {name!r:.60}: no such parameter (known: {', '.join(known)})"
+            + did_you_mean(name, every)
         )
     low, high = plausible(parameter)
     start = _values(model, effect)[wanted]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +13,12 @@ from slosh_discovery.discover.colour import Colour
 from slosh_discovery.identify.information import Unidentified
 from slosh_discovery.identify.trials import OperatingPoint
 from slosh_discovery.identify.validity import LineLimit
+from slosh_model.for_notebooks import Shown, counted, height_axes, table
 from slosh_model.model import Model
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from pandas import DataFrame
 
 Array = NDArray[np.float64]
 
@@ -160,8 +166,8 @@ class DwellVibration:
     simulated: float
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Identification:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Identification(Shown):
     """What was found.
 
     Attributes:
@@ -185,3 +191,49 @@ class Identification:
     line: LineLimit | None
     dwell: tuple[DwellVibration, ...]
     remarks: tuple[str, ...]
+
+    @property
+    def model(self) -> Model:
+        """The model of all motions, with its covariance."""
+        return self.overall.model
+
+    def __repr__(self) -> str:
+        found = ", ".join(
+            f"{one.name} {one.value:.4g} ± {one.error:.1g} {one.unit}".removesuffix(" 1")
+            for one in self.overall.parameters
+        )
+        return (
+            f"Identification({found}, f {self.model.natural_frequency_hz:.4g} Hz, "
+            f"rms {1e3 * self.overall.seoe:.2f} mm, {counted(len(self.motions), 'motion')})"
+        )
+
+    def to_pandas(self) -> DataFrame:
+        """A table of the parameters: `before`, `value`, `error`, `lower`, `upper`, `unit`.
+
+        Raises:
+            ImportError: pandas is not installed.
+        """
+        rows = (*self.overall.parameters, *self.overall.derived)
+        columns = ("before", "value", "error", "lower", "upper", "unit")
+        return table(
+            [row.name for row in rows],
+            {name: [getattr(row, name) for row in rows] for name in columns},
+            index="parameter",
+            units=dict.fromkeys(columns, "as in the column unit"),
+        )
+
+    def plot(self, motion: int = 0, axes: Axes | None = None) -> Axes:
+        """Draws the highest measured height of a motion, and the identified model's.
+
+        Args:
+            motion: which of `motions`.
+            axes: matplotlib's; None: of a new figure.
+        """
+        one = self.motions[motion]
+        axes = height_axes(axes, one.name)
+        axes.plot(
+            one.t, 1e3 * one.measured.max(axis=1), ".", color="black", ms=3, label="measured"
+        )
+        axes.plot(one.t, 1e3 * one.after.max(axis=1), label="identified")
+        axes.legend()
+        return axes

@@ -36,11 +36,17 @@ FLAT_SAMPLES = 4
 """A top of fewer equal samples is no flat one."""
 BESIDE = 4
 """Different values on either side from which the missing part is foretold."""
-CAP = 0.03
+CAP = 0.05
 """Of the axis's range, by which what is foretold exceeds a clipped top."""
-STRAIGHT, ARRIVING = 1e-3, 2.5
+STRAIGHT, ARRIVING = 1e-3, 2.2
 """A ramp whose slope falls by less than this share of itself per sample is a planned one; one that
 would rise by less than so many times what is left to the top arrives at a planned plateau."""
+QUANTA = 12.0
+"""Of rounded values a bend of fewer steps is not known."""
+EVERYWHERE = 0.7
+"""Of all samples at least these differ from the one before where noise is in them."""
+FINE = 20.0
+"""Third differences of so many steps are of noise above four: equal values in a row are rare."""
 ROUGH = 1.0
 """Third differences of noise exceed this share of its second ones, those of a smooth series do
 not."""
@@ -51,6 +57,8 @@ FREEZE, FREEZE_SAMPLES = 0.04, 5
 """A freeze is at least as long [s], and as many samples."""
 HELD = 3.0
 """A repetition is none that is not so many times the usual one: the input is held."""
+LEAP = 1.0
+"""A freeze that began at rest ends with a change of more than this [m/s²]."""
 JUMP = 3.0
 """After a freeze values jump by so many times what they change beside it in a sample at most."""
 GAP, GAP_SAMPLES = 0.05, 5.0
@@ -216,13 +224,16 @@ def _clipped(t: Array, acceleration: Array) -> Iterator[InputFault]:
         low, high = float(values.min()), float(values.max())
         if max(high, -low) < MOVING:
             continue
+        quantum = _step(values)
         for extreme, sign in ((high, 1.0), (low, -1.0)):
-            at = values == extreme
+            if sign * extreme < MOVING:  # where it rests, it is not clipped
+                continue
+            at = np.abs(values - extreme) <= EXACT * (high - low)
             runs = [
                 (start, end)
                 for start, end in _runs(at)
                 if end - start >= FLAT_SAMPLES
-                and (rough or _goes_on(sign * values, start, end, CAP * (high - low)))
+                and (rough or _goes_on(sign * values, start, end, CAP * (high - low), quantum))
             ]
             if runs:
                 (start, end), count = runs[0], len(runs)
@@ -231,31 +242,36 @@ def _clipped(t: Array, acceleration: Array) -> Iterator[InputFault]:
                 )
 
 
-def _goes_on(values: Array, start: int, end: int, least: float) -> bool:
+def _goes_on(values: Array, start: int, end: int, least: float, quantum: float) -> bool:
     """Whether values on either side foretell more than a flat top, by at least so much."""
     before, after = values[max(start - BESIDE, 0) : start], values[end : end + BESIDE][::-1]
     if len(before) < BESIDE or len(after) < BESIDE:
         return False
-    return all(_cut_off(side, float(values[start]), least) for side in (before, after))
+    return all(_cut_off(side, float(values[start]), least, quantum) for side in (before, after))
 
 
-def _cut_off(values: Array, top: float, least: float) -> bool:
+def _cut_off(values: Array, top: float, least: float, quantum: float) -> bool:
     """Whether values (BESIDE,) rise along a bend whose apex lies clearly above the top."""
     first, middle, last = np.diff(values).tolist()
     bend = middle - last
     # The value next to the top may lie between a ramp's last one and the top.
-    if not (last > 0.0 and min(first - middle, bend) > STRAIGHT * first):
+    known = max(STRAIGHT * first, QUANTA * quantum)
+    if not (last > 0.0 and min(first - middle, bend) > known):
         return False
-    rise, left = last * last / (2.0 * bend), top - float(values[-1])
+    # `last` is the slope half a sample before the last value, from where the apex is foretold.
+    slope, left = max(last - 0.5 * bend, 0.0), top - float(values[-1])
+    rise = slope * slope / (2.0 * bend)
     return bool(rise > ARRIVING * left and rise - left > least)
 
 
 def _is_rough(values: Array) -> bool:
     """Whether a sensor's noise is in all values (N, A): then equal ones in a row are no chance."""
-    if any(_is_rounded(column) for column in values.T):
+    if any(_is_coarse(column) for column in values.T):
         return False
     first, second, third = (np.linalg.norm(np.diff(values, n, axis=0), axis=1) for n in (1, 2, 3))
     moving = first[2:] > 0.0
+    if np.count_nonzero(moving) < EVERYWHERE * len(moving):
+        return False
     # Not what the rounding of numbers leaves of a ramp.
     changing = moving & (np.minimum(second[1:], second[:-1]) > EXACT * np.abs(values).max())
     if np.count_nonzero(changing) < max(LEAST_SAMPLES, 0.5 * np.count_nonzero(moving)):
@@ -263,14 +279,20 @@ def _is_rough(values: Array) -> bool:
     return bool(np.median(third[changing]) > ROUGH * np.median(second[1:][changing]))
 
 
-def _is_rounded(values: Array) -> bool:
-    """Whether all values are multiples of a step: then equal ones are no wonder."""
+def _is_coarse(values: Array) -> bool:
+    """Whether values are multiples of a step that hide noise: equal ones are no wonder."""
+    step = _step(values)
+    return step > 0.0 and not float(np.median(np.abs(np.diff(values, 3)))) > FINE * step
+
+
+def _step(values: Array) -> float:
+    """The step of which all values are multiples; 0: there is none."""
     levels = np.unique(values)
     step = float(np.diff(levels).min(initial=np.inf))
     if not EXACT * float(np.abs(levels).max()) < step < np.inf:
-        return False
+        return 0.0
     ratios = (levels - levels[0]) / step
-    return bool(np.abs(ratios - np.round(ratios)).max() < ROUNDED)
+    return step if np.abs(ratios - np.round(ratios)).max() < ROUNDED else 0.0
 
 
 def _frozen(t: Array, acceleration: Array) -> list[tuple[float, float]]:
@@ -280,7 +302,7 @@ def _frozen(t: Array, acceleration: Array) -> list[tuple[float, float]]:
     moving = [
         (start, end)
         for start, end in runs
-        if np.linalg.norm(acceleration[start]) > MOVING or _jump(steps, start, end) > MOVING
+        if np.linalg.norm(acceleration[start]) > MOVING or _jump(steps, start, end) > LEAP
     ]
     lengths = [end - start for start, end in moving]
     single = np.count_nonzero(steps > 0.0)
@@ -294,7 +316,10 @@ def _frozen(t: Array, acceleration: Array) -> list[tuple[float, float]]:
         if rough:
             found.append((float(t[start]), float(t[end - 1])))
             continue
-        beside = np.concatenate([steps[max(start - BESIDE, 0) : start], steps[end : end + BESIDE]])
+        after = steps[end : end + BESIDE]
+        if np.count_nonzero(after) < len(after):  # a planned step, to what stays as it is again
+            continue
+        beside = np.concatenate([steps[max(start - BESIDE, 0) : start], after])
         if steps[start - 1] > 0.0 and _jump(steps, start, end) > JUMP * float(beside.max()):
             found.append((float(t[start]), float(t[end - 1])))
     return found

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from slosh_model.constants import GRAVITY
+from slosh_model.containers import RECTANGULAR
 from slosh_model.effects.base import Effect, Parameter, Stage, compiled
 from slosh_model.indices import FILL, FREQUENCY, FREQUENCY_RATIO, RADIUS, RADIUS_Y, XI, X, Y
 
@@ -63,7 +64,7 @@ EFFECT = Effect(
         "third order of a standing wave in liquid of finite depth: Tadjbakhsh & Keller, J. Fluid "
         "Mech. 8, 1960; Faltinsen & Timokha 2009, ch. 8; the first mode along each axis by itself"
     ),
-    shapes=("rectangle",),
+    section=RECTANGULAR,
     parameters=(
         Parameter(
             name="kappa",

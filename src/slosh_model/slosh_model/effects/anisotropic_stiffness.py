@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from slosh_model.containers import ROUND
 from slosh_model.effects.base import Effect, Parameter, Stage, compiled
 from slosh_model.indices import FREQUENCY, TURN, X, Y
 
@@ -30,7 +31,7 @@ EFFECT = Effect(
         r"\quad u = (\cos\varphi, \sin\varphi),\ v \perp u"
     ),
     source="elliptic and slightly oval tanks: Ibrahim 2005, ch. 2",
-    shapes=("cylinder",),
+    section=ROUND,
     parameters=(
         Parameter(
             name="e",

@@ -112,7 +112,7 @@ class Effect:
             be others after they were set up anew; else to the liquid and the container.
         odds: how likely it is before any data, relative to any other effect; a discovery names
             what has small odds only where nothing else is plausible.
-        shapes: of the containers for which it has a meaning; empty: of all.
+        section: cross-section of the containers for which it has a meaning; empty: of all.
         drive: changes what drives the liquid (INPUT).
         drive_memory: length of its memory.
         modes: replaces the modes before anything else is computed (DYNAMICS, HEIGHT).
@@ -138,7 +138,7 @@ class Effect:
     needs_rotation: bool = False
     of_rig: bool = False
     odds: float = 1.0
-    shapes: tuple[str, ...] = ()
+    section: str = ""
     drive: Drive | None = None
     drive_memory: int = 0
     modes: Callable[[tuple[Mode, ...], Parameters], tuple[Mode, ...]] | None = None
@@ -151,9 +151,9 @@ class Effect:
     delay: Callable[[Parameters], float] | None = None
     drift: Callable[[Parameters], float] | None = None
 
-    def fits(self, shape: str) -> bool:
-        """Whether it has a meaning for a container of that shape."""
-        return not self.shapes or shape in self.shapes
+    def fits(self, section: str) -> bool:
+        """Whether it has a meaning for a container of that cross-section."""
+        return self.section in ("", section)
 
     def complete(self, given: Parameters) -> dict[str, float]:
         """All parameters in order: the given ones, checked, and the defaults.

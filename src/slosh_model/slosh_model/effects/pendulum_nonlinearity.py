@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from slosh_model.constants import GRAVITY
+from slosh_model.containers import RECTANGULAR
 from slosh_model.effects.base import Effect, Stage, compiled
 from slosh_model.indices import AX, AY, DAMPING, FREQUENCY, FREQUENCY_RATIO, VX, VY, X, Y
 
@@ -48,6 +49,6 @@ EFFECT = Effect(
         r" - \frac{\omega^2}{g}\,a\cos\theta,\quad \theta = \omega^2 q/g"
     ),
     source="TM20, eq. (6) with g/l = ω² and d/m_P = 2ζω; along each axis of the container",
-    shapes=("rectangle",),
+    section=RECTANGULAR,
     term=_term,
 )

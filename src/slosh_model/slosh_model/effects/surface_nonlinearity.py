@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from slosh_model.containers import ROUND
 from slosh_model.effects.base import Effect, Parameter, Parameters, Stage, compiled
 from slosh_model.indices import CURVATURE, DAMPING, FREQUENCY, RADIUS
 from slosh_model.modes import Mode
@@ -44,7 +45,7 @@ EFFECT = Effect(
         r" + \omega^2\alpha\lVert\bar q\rVert^2 q"
     ),
     source="DL22, eqs. (5)-(11), (19), (24), (30); Bauer 1966",
-    shapes=("cylinder",),
+    section=ROUND,
     parameters=(
         Parameter(
             name="alpha",

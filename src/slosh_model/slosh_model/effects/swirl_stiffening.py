@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from slosh_model.containers import ROUND
 from slosh_model.effects.base import Effect, Parameter, Stage, compiled
 from slosh_model.indices import RADIUS
 
@@ -29,7 +30,7 @@ EFFECT = Effect(
         "2016; the default opens the nonlinear surface's gap between the two to theirs in deep "
         "liquid"
     ),
-    shapes=("cylinder",),
+    section=ROUND,
     parameters=(
         Parameter(
             name="gamma",

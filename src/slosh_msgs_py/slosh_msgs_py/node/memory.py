@@ -5,6 +5,11 @@ from __future__ import annotations
 import ctypes
 import gc
 
+from rclpy.node import Node
+
+LARGE = 10_000
+"""Points of a message whose memory is given back to the system after it."""
+
 
 def give_back_memory() -> None:
     """Gives memory that is free in the process back to the system.
@@ -16,3 +21,24 @@ def give_back_memory() -> None:
     trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
     if trim is not None:
         trim(0)
+
+
+class LargeMessages:
+    """Gives what large messages have taken back to the system, once they are answered.
+
+    Args:
+        node: whose messages they are.
+    """
+
+    def __init__(self, node: Node) -> None:
+        self._was_large = False
+        node.create_timer(1.0, self._give_back)
+
+    def add(self, points: int) -> None:
+        """A message with so many points is served."""
+        self._was_large |= points > LARGE
+
+    def _give_back(self) -> None:
+        if self._was_large:
+            self._was_large = False
+            give_back_memory()

@@ -16,7 +16,10 @@ from slosh_msgs.msg import MotionPlan
 from slosh_msgs_py.stamps import to_duration
 from slosh_plan import Trajectory
 from slosh_plan.nodes.predict_messages import given
-from slosh_plan.nodes.trajectory_messages import attitude_of, positions_of, times_of
+from slosh_plan.nodes.trajectory_messages import (
+    poses_of,
+    read_points,
+)
 from slosh_plan.planning.execution import Execution, execution_of
 from slosh_plan.planning.limits import ACCELERATION, JERK, PlanLimits
 from slosh_plan.planning.plan import Plan
@@ -25,6 +28,8 @@ from slosh_plan.planning.waypoints import TURNED, Waypoints
 Array = NDArray[np.float64]
 
 NAME = "the path"
+MOST_WAYPOINTS = 5_000
+"""Each is looked for on the plan: within a second or two."""
 
 
 def waypoints_of(request: Any) -> Waypoints:
@@ -34,13 +39,13 @@ def waypoints_of(request: Any) -> Waypoints:
         SloshEstimatorError, SloshPlanError: there is none, or it cannot be one.
     """
     points = request.trajectory.points
-    if not points:
+    if not len(points):
         raise SloshEstimatorError("give a path: a trajectory with at least 2 points")
-    if not all(point.transforms for point in points):
+    read = read_points(points, MOST_WAYPOINTS, "take fewer waypoints: the path is smooth between")
+    t, (position, attitude) = read.t, poses_of(read)
+    if position is None:
         raise SloshEstimatorError(f"{NAME}: each point needs a transform")
-    position, attitude = positions_of(points), attitude_of(points)
     # The same checks as of a motion that is predicted: of times, too.
-    t = times_of(points)
     Trajectory(t, np.zeros_like(position), attitude, None, position, NAME)
     return Waypoints(t, position, None if attitude is None else _kept(attitude))
 

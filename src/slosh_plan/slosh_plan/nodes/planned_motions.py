@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 
 from rclpy.node import Node
-from rclpy.serialization import deserialize_message
 from trajectory_msgs.msg import MultiDOFJointTrajectory
 
 from slosh_base.files.nanoseconds import SECOND
@@ -16,15 +15,20 @@ from slosh_msgs.msg import MotionPrediction, PredictionOutcome
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.conversions import filled
 from slosh_msgs_py.node.diagnostics import WARN, Health
+from slosh_msgs_py.node.memory import LargeMessages
+from slosh_msgs_py.point_arrays import unpacked
 from slosh_msgs_py.stamps import to_nanoseconds
 from slosh_plan import HeightLimits, LiquidState, Prediction
 from slosh_plan.doubts import trajectory_doubts
 from slosh_plan.look_ahead import Record, error_of, look_ahead, warning
 from slosh_plan.nodes.newest_estimate import NewestEstimate
 from slosh_plan.nodes.trajectory_messages import trajectory_of_points
+from slosh_plan.trajectory import MOST_POINTS
 
 MOST_BYTES = 50_000_000
 """Of a message: 200,000 points with poses, velocities and accelerations have 35 MB."""
+POINT_BYTES = 80
+"""Of a point with a pose."""
 NAME = "the planned motion"
 
 
@@ -41,12 +45,14 @@ class PlannedMotions:
     Attributes:
         limits: that the next motions are to keep.
         count: trajectories so far.
+        large: gives back the memory of large messages.
     """
 
     def __init__(
         self, node: Node, model: Model, limits: HeightLimits, estimate: NewestEstimate, frame: str
     ) -> None:
         self._node, self._model, self._frame = node, model, frame
+        self.large = LargeMessages(node)
         self.limits = limits
         self._estimate = estimate
         self.count = 0
@@ -87,6 +93,7 @@ class PlannedMotions:
 
     def _on_planned(self, data: bytes) -> None:
         self.count += 1
+        self.large.add(len(data) // POINT_BYTES)
         try:
             message = self._predicted(data)
         except ValueError as error:
@@ -113,7 +120,7 @@ class PlannedMotions:
             raise SloshEstimatorError(
                 f"{NAME}: {1e-6 * len(data):.0f} MB are more than {1e-6 * MOST_BYTES:.0f} MB"
             )
-        message = deserialize_message(data, MultiDOFJointTrajectory)
+        message = unpacked(data, MultiDOFJointTrajectory, MOST_POINTS)
         motion = trajectory_of_points(message.points, NAME)
         start_ns = to_nanoseconds(message.header.stamp)
         delay = (start_ns - now) / SECOND if start_ns else 0.0

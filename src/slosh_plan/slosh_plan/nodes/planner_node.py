@@ -20,11 +20,13 @@ from slosh_model.model_text import format_model
 from slosh_msgs import action, srv
 from slosh_msgs_py import topics
 from slosh_msgs_py.node.diagnostics import OK, Health
+from slosh_msgs_py.node.memory import LargeMessages
 from slosh_msgs_py.node.parameters import ParameterSpec, declare
 from slosh_msgs_py.node.prepared import PreparedNode
 from slosh_msgs_py.node.readiness import Progress
 from slosh_msgs_py.node.run import run_node
 from slosh_msgs_py.node.settings import SettingsPublisher
+from slosh_msgs_py.point_arrays import action_with_point_arrays, service_with_point_arrays
 from slosh_plan.nodes import plan_messages
 from slosh_plan.nodes.goal_feedback import GoalFeedback
 from slosh_plan.nodes.newest_estimate import NewestEstimate
@@ -42,8 +44,14 @@ PARAMETERS = (
         "time_limit", TIME_LIMIT, "of an action's search where its goal has none [s]",
         (0.1, LONGEST),
     ),
-    ParameterSpec("service_time_limit", 5.0, "longest search of the service [s]", (0.1, 60.0)),
+    ParameterSpec(
+        "service_time_limit", 5.0, "of the service, from request to reply [s]", (0.1, 60.0)
+    ),
 )  # fmt: skip
+REPLY = 0.2
+"""Of the service's time is kept for its reply,"""
+MOST_ROWS = 20_000
+"""which holds a point each millisecond of the motion: so many are written within a second."""
 THREADS = 4
 """The service and the action wait for their plans; diagnostics and cancelling go on."""
 CLOSING = 5.0
@@ -80,12 +88,16 @@ class PlannerNode(PreparedNode):
         """Answers from now on."""
         self._settings.publish({"model": format_model(self._model)})
         self._estimate = NewestEstimate(self)
+        self._large = LargeMessages(self)
+        paths = (("request", "trajectory"),)
+        service = service_with_point_arrays(srv.PlanMotion, paths, plan_messages.MOST_WAYPOINTS)
         self.create_service(
-            srv.PlanMotion, topics.PLAN, self._on_plan,
+            service, topics.PLAN, self._on_plan,
             callback_group=MutuallyExclusiveCallbackGroup(),
         )  # fmt: skip
         self._action = ActionServer(
-            self, action.PlanMotion, topics.PLAN_MOTION, self._on_goal,
+            self, action_with_point_arrays(action.PlanMotion, paths, plan_messages.MOST_WAYPOINTS),
+            topics.PLAN_MOTION, self._on_goal,
             cancel_callback=lambda _: CancelResponse.ACCEPT,
             callback_group=ReentrantCallbackGroup(),
         )  # fmt: skip
@@ -103,12 +115,13 @@ class PlannerNode(PreparedNode):
     ) -> srv.PlanMotion.Response:
         self._report.counts["plan"] += 1
         longest = self._values["service_time_limit"]
+        longest *= 1.0 - REPLY
         end = time.monotonic() + longest
 
         def stopped() -> bool:
             return time.monotonic() > end or self._closing.is_set()
 
-        self._answer(message.request, response, longest, Watch(stopped=stopped))
+        self._answer(message.request, response, longest, Watch(stopped=stopped), MOST_ROWS)
         return response
 
     def _on_goal(self, goal: Any) -> action.PlanMotion.Result:
@@ -128,13 +141,16 @@ class PlannerNode(PreparedNode):
             goal.abort()
         return result
 
-    def _answer(self, request: Any, answer: Any, longest: float, watch: Watch) -> None:
-        """Plans; writes success, message and plan."""
+    def _answer(
+        self, request: Any, answer: Any, longest: float, watch: Watch, most: int | None = None
+    ) -> None:
+        """Plans; writes success, message and plan, whose motion has `most` rows at most."""
+        self._large.add(len(request.trajectory.points))
         try:
             if not self._busy.acquire(blocking=False):
                 raise SloshEstimatorError("another plan is under way: ask again when it is done")
             try:
-                answer.plan, answer.message = self._planned(request, longest, watch)
+                answer.plan, answer.message = self._planned(request, longest, watch, most)
                 answer.success = True
             finally:
                 self._busy.release()
@@ -144,7 +160,9 @@ class PlannerNode(PreparedNode):
             self._refused += 1
             answer.success, answer.message = False, str(error)
 
-    def _planned(self, request: Any, longest: float, watch: Watch) -> tuple[Any, str]:
+    def _planned(
+        self, request: Any, longest: float, watch: Watch, most: int | None
+    ) -> tuple[Any, str]:
         """The plan's message and a sentence."""
         path = request.model_path
         model = model_at(path, self.get_logger().warning, topics.PLAN) if path else self._model
@@ -159,9 +177,17 @@ class PlannerNode(PreparedNode):
             time_limit=min(given(request.time_limit, self._values["time_limit"]), longest),
             watch=watch,
         )  # fmt: skip
+        motion = answer.found.motion
+        self._large.add(len(motion.t))
+        if most is not None and len(motion.t) > most:
+            raise SloshEstimatorError(
+                f"the fastest safe motion that was found lasts {motion.duration:.3g} s; the "
+                f"service gives back {most} points, one per millisecond: send the goal to the "
+                f"action {topics.PLAN_MOTION}, or cut the path"
+            )
         if request.from_estimate:
             check_plan_from(model, answer, waypoints.attitude, self._estimate.state())
-        duration = f"{answer.found.motion.duration:.3f} s"
+        duration = f"{motion.duration:.3f} s"
         words = "optimal time law" if not answer.reason else f"{answer.method}: {answer.reason}"
         return plan_messages.plan_message(answer, request, waypoints), f"{duration}, {words}"
 

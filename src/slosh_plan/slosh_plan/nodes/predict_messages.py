@@ -30,18 +30,18 @@ def trajectory_of(request: Any, arm: Arm | None) -> Trajectory:
         SloshEstimatorError, SloshPlanError: there is none, or it cannot be one.
     """
     points, joints = request.trajectory.points, request.joint_trajectory
-    if sum(map(bool, (len(request.time), points, joints.points))) != 1:
+    if sum(map(bool, map(len, (request.time, points, joints.points)))) != 1:
         raise SloshEstimatorError(
             "give the motion either as time and acceleration or a trajectory or a joint_trajectory"
         )
-    if joints.points:
+    if len(joints.points):
         if arm is None:
             raise SloshEstimatorError(
                 "the robot of the joint_trajectory is not known: start the predictor with the "
                 "parameters urdf and tool_frame"
             )
         return trajectory_of_joints(joints, arm, NAME)
-    if points:
+    if len(points):
         return trajectory_of_points(points, NAME)
     count = len(request.time)
     columns = []

@@ -17,12 +17,12 @@ from slosh_model.tilt import added_text, attitude_of
 from slosh_msgs.srv import PredictSlosh
 from slosh_msgs_py import topics
 from slosh_msgs_py.node.diagnostics import OK, Health
-from slosh_msgs_py.node.memory import give_back_memory
 from slosh_msgs_py.node.parameters import ParameterSpec, declare
 from slosh_msgs_py.node.prepared import PreparedNode
 from slosh_msgs_py.node.readiness import READY, Progress
 from slosh_msgs_py.node.run import run_node
 from slosh_msgs_py.node.settings import SettingsPublisher
+from slosh_msgs_py.point_arrays import service_with_point_arrays
 from slosh_plan import HeightLimits, predict, safe_scales
 from slosh_plan.doubts import trajectory_doubts
 from slosh_plan.nodes import predict_messages
@@ -30,12 +30,11 @@ from slosh_plan.nodes.newest_estimate import NewestEstimate
 from slosh_plan.nodes.planned_motions import PlannedMotions
 from slosh_plan.robot_file import read_arm
 from slosh_plan.scaling import COUNT
+from slosh_plan.trajectory import MOST_POINTS
 
 SOURCES = ("slosh_plan", "slosh_model")
 MOST_SAMPLES = 10_000_000
 """Of all time scales of a request: about a second, in which nothing else is answered."""
-LARGE = 10_000
-"""Points of a request whose memory is given back to the system after it."""
 PARAMETERS = (
     ParameterSpec("model", "", "model file of the container and its liquid (model.yaml)"),
     ParameterSpec("scales", COUNT, "time scales that a request looks at", (10, 10_000)),
@@ -87,9 +86,10 @@ class PredictorNode(PreparedNode):
         self._planned = PlannedMotions(
             self, self._model, self._limits(), self._estimate, self._values["container_frame"]
         )
-        self.create_service(PredictSlosh, topics.PREDICT, self._on_predict)
-        self._was_large = False
-        self.create_timer(1.0, self._give_back)
+        service = service_with_point_arrays(
+            PredictSlosh, (("trajectory",), ("joint_trajectory",)), MOST_POINTS
+        )
+        self.create_service(service, topics.PREDICT, self._on_predict)
 
     def _limits(self) -> HeightLimits:
         return HeightLimits(*(self._values[name] or math.inf for name in LIMITS))
@@ -104,7 +104,7 @@ class PredictorNode(PreparedNode):
     ) -> PredictSlosh.Response:
         self._report.counts["request"] += 1
         points = (request.time, request.trajectory.points, request.joint_trajectory.points)
-        self._was_large |= max(map(len, points)) > LARGE
+        self._planned.large.add(max(map(len, points)))
         predict_messages.fill_unknown(response)
         try:
             response.message = self._answer(request, response)
@@ -139,12 +139,6 @@ class PredictorNode(PreparedNode):
         added = added_text(model, attitude_of(motion))
         answer += f"; it {added}" if added else ""
         return "; but ".join([answer, *trajectory_doubts(motion)])
-
-    def _give_back(self) -> None:
-        """Gives what a large request has taken back to the system, once it is answered."""
-        if self._was_large:
-            self._was_large = False
-            give_back_memory()
 
     def _model_of(self, path: str) -> Model:
         if not path:

@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from slosh_estimator.errors import SloshEstimatorError
+from slosh_msgs_py.point_arrays import PointArrays, arrays_of
 from slosh_plan import Trajectory
 from slosh_plan.consistency import check_consistent
 from slosh_plan.joints import Arm
 from slosh_plan.trajectory import MOST_POINTS
 
 Array = NDArray[np.float64]
+Points = PointArrays | Sequence[Any]
 
 
-def trajectory_of_points(points: Any, name: str) -> Trajectory:
+def trajectory_of_points(points: Points, name: str) -> Trajectory:
     """The motion of a trajectory's points: by accelerations where all have one, else by poses.
 
     Raises:
@@ -24,29 +27,52 @@ def trajectory_of_points(points: Any, name: str) -> Trajectory:
     """
     if not len(points):
         raise SloshEstimatorError(f"{name} is empty: a trajectory needs at least two points")
-    t = times_of(points)
-    placed = all(point.transforms for point in points)
-    attitude = attitude_of(points) if placed else None
-    position = positions_of(points) if placed else None
-    acceleration = _linear_of(points, "accelerations")
+    read = read_points(points)
+    position, attitude = poses_of(read)
+    velocity, acceleration = _linear_of(read, "velocities"), _linear_of(read, "accelerations")
     if acceleration is not None:
-        found = Trajectory(t, acceleration, attitude, position=position, name=name)
+        found = Trajectory(read.t, acceleration, attitude, position=position, name=name)
     elif position is not None:
-        found = Trajectory.from_poses(t, position, attitude, name)
+        found = Trajectory.from_poses(read.t, position, attitude, name)
     else:
         raise SloshEstimatorError(
             "the trajectory's points need a transform each, or an acceleration each"
         )
-    check_consistent(name, t, position, _linear_of(points, "velocities"), acceleration)
+    check_consistent(name, read.t, position, velocity, acceleration)
     return found
 
 
-def _linear_of(points: Any, field: str) -> Array | None:
+def read_points(
+    points: Points, most: int = MOST_POINTS, remedy: str = "cut the motion or thin it out"
+) -> PointArrays:
+    """The points as arrays.
+
+    Raises:
+        SloshEstimatorError: there are more than `most`.
+    """
+    if len(points) > most:
+        raise SloshEstimatorError(f"{len(points)} points are more than {most}: {remedy}")
+    return arrays_of(points, most)
+
+
+def poses_of(points: PointArrays) -> tuple[Array | None, Array | None]:
+    """(N, 3) positions [m] and (N, 4) attitudes; None where points lack a transform.
+
+    The attitude is None, too, where the container stands unturned throughout. A rotation of zeros
+    is upright.
+    """
+    poses = points.values["transforms"]
+    if poses is None:
+        return None, None
+    attitude = poses[:, 3:].copy()
+    attitude[~attitude.any(axis=1), 3] = 1.0
+    return poses[:, :3], attitude if attitude[:, :3].any() else None
+
+
+def _linear_of(points: PointArrays, field: str) -> Array | None:
     """(N, 3) linear part of each point's velocity or acceleration; None: not all have one."""
-    if not all(getattr(point, field) for point in points):
-        return None
-    linear = [getattr(point, field)[0].linear for point in points]
-    return np.array([(one.x, one.y, one.z) for one in linear])
+    twists = points.values[field]
+    return None if twists is None else twists[:, :3]
 
 
 def trajectory_of_joints(message: Any, arm: Arm, name: str) -> Trajectory:
@@ -57,46 +83,18 @@ def trajectory_of_joints(message: Any, arm: Arm, name: str) -> Trajectory:
     Raises:
         SloshEstimatorError, SloshPlanError: it cannot be one.
     """
-    points, joints = message.points, list(message.joint_names)
+    joints, read = list(message.joint_names), read_points(message.points)
     columns: list[Array] = []
     for what in ("positions", "velocities", "accelerations"):
-        rows = [getattr(point, what) for point in points]
-        if columns and not all(len(row) for row in rows):
+        sizes, values = read.sizes[what], read.values[what]
+        if columns and not sizes.all():
             break
-        for number, row in enumerate(rows):
-            if len(row) != len(joints):
-                raise SloshEstimatorError(
-                    f"{name}: point {number} has {len(row)} {what} for {len(joints)} joints"
-                )
-        columns.append(np.array(rows))
+        wrong = np.flatnonzero(sizes != len(joints))
+        if len(wrong):
+            raise SloshEstimatorError(
+                f"{name}: point {wrong[0]} has {sizes[wrong[0]]} {what} for {len(joints)} joints"
+            )
+        columns.append(np.empty((len(sizes), 0)) if values is None else values)
     position, velocity, acceleration = [*columns, None, None][:3]
     assert position is not None
-    return arm.motion(times_of(points), joints, position, velocity, acceleration, name)
-
-
-def times_of(points: Any) -> Array:
-    """(N,) times of points from the trajectory's start [s].
-
-    Raises:
-        SloshEstimatorError: there are too many.
-    """
-    if len(points) > MOST_POINTS:
-        raise SloshEstimatorError(f"{len(points)} points are more than {MOST_POINTS}")
-    return np.array([p.time_from_start.sec + 1e-9 * p.time_from_start.nanosec for p in points])
-
-
-def positions_of(points: Any) -> Array:
-    """(N, 3) of points that have a transform [m]."""
-    shifts = [point.transforms[0].translation for point in points]
-    return np.array([(p.x, p.y, p.z) for p in shifts])
-
-
-def attitude_of(points: Any) -> Array | None:
-    """(N, 4) of points that have a transform; None where the container stands unturned throughout.
-
-    A rotation of zeros is upright.
-    """
-    turns = [point.transforms[0].rotation for point in points]
-    attitude = np.array([(q.x, q.y, q.z, q.w) for q in turns])
-    attitude[~attitude.any(axis=1), 3] = 1.0
-    return attitude if attitude[:, :3].any() else None
+    return arm.motion(read.t, joints, position, velocity, acceleration, name)

@@ -89,11 +89,11 @@ def height_band(model: Model, found: Checked, attitude: Array | None) -> Array |
     acceleration[: len(found.motion.t)] = found.motion.acceleration
     t = STEP * np.arange(len(found.msh), dtype=np.float64)
     turned = attitudes(found.motion, attitude, len(t))
-    inputs, corner = Inputs(t, acceleration, turned), model.container.corner
+    inputs = Inputs(t, acceleration, turned)
     below, above = np.zeros((2, len(t)))
     for pair in variants:
         both = wall_heights(list(pair), [inputs, inputs])
-        change = np.stack([msh_of(t, heights, corner) for heights in both]) - found.msh
+        change = np.stack([msh_of(model.container, heights) for heights in both]) - found.msh
         below += np.minimum(change.min(axis=0), 0.0) ** 2
         above += np.maximum(change.max(axis=0), 0.0) ** 2
     return np.stack([np.maximum(found.msh - np.sqrt(below), 0.0), found.msh + np.sqrt(above)])

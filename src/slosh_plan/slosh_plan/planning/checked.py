@@ -149,8 +149,7 @@ def attitudes(motion: Motion, attitude: Array | None, rows: int) -> Array | None
 
 
 def _checked(model: Model, motion: Motion, heights: Array) -> Checked:
-    t: Array = motion.step * np.arange(len(heights), dtype=np.float64)
-    msh = msh_of(t, heights, model.container.corner)
+    msh = msh_of(model.container, heights)
     msh = np.where(np.isfinite(msh), msh, np.inf)
     steps = np.linalg.norm(np.diff(motion.acceleration, axis=0), axis=1)
     peak, residual = float(msh.max()), float(msh[len(motion.t) - 1 :].max())

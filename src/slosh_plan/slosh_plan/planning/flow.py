@@ -118,6 +118,6 @@ def flow_of(model: Model) -> Flow:
         radius=mode.reach,
         alpha=0.0 if curved is None else curved["alpha"],
         pendulum="pendulum_nonlinearity" in acting,
-        cornered=model.container.corner is not None,
+        cornered=model.container.cornered,
         vertical=VERTICAL in acting,
     )

@@ -12,6 +12,9 @@ from slosh_plan.limits import HeightLimits
 _VALID = ValidityLimits()
 ACCELERATION, JERK = _VALID.acceleration, _VALID.jerk
 """Up to which DL22's models were validated [m/s², m/s³]."""
+RESIDUAL = 0.5
+"""Height after the end as a share of the limit, where it is not given: a wave as high as the limit
+leaves nothing for the next motion."""
 TILT_RATE, TILT_ACCELERATION = math.radians(120.0), math.radians(1200.0)
 LARGEST_TILT = math.radians(45.0)
 LARGEST = 1e6

@@ -10,11 +10,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from slosh_model import Model
+from slosh_model.for_notebooks import Shown, height_axes, table
 from slosh_plan.errors import SloshPlanError
 from slosh_plan.planning import optimise
 from slosh_plan.planning.checked import Checked, Checker, attitudes, horizon
@@ -26,6 +28,10 @@ from slosh_plan.planning.search import OptimalSearch
 from slosh_plan.planning.time_law import Motion
 from slosh_plan.prediction import ModelError, predict
 from slosh_plan.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from pandas import DataFrame
 
 Array = NDArray[np.float64]
 
@@ -40,8 +46,8 @@ class NoSafeMotionError(SloshPlanError):
     """No motion along the path keeps the limits."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Plan:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Plan(Shown):
     """A motion that keeps every limit.
 
     Attributes:
@@ -57,6 +63,7 @@ class Plan:
         scaled: the fastest known law.
         path: along which.
         seconds: that the planning took [s].
+        attitude: (4,) that the container keeps; None: not turned.
     """
 
     found: Checked
@@ -69,6 +76,42 @@ class Plan:
     scaled: Scaled
     path: Path
     seconds: float
+    attitude: Array | None = None
+
+    def __repr__(self) -> str:
+        found = self.found
+        return (
+            f"Plan({found.motion.duration:.3f} s, {self.method} law, "
+            f"height {1e3 * found.peak:.2f} of {1e3 * self.limits.height:g} mm, "
+            f"afterwards {1e3 * found.residual:.2f} of {1e3 * self.limits.residual:g} mm)"
+        )
+
+    def to_pandas(self) -> DataFrame:
+        """The motion table by time: `x`, `y`, `z` [m], the attitude if any, `ax`, `ay`, `az`.
+
+        Raises:
+            ImportError: pandas is not installed.
+        """
+        motion = self.found.motion
+        columns = dict(zip(("x", "y", "z"), motion.position.T, strict=True))
+        turned = attitudes(motion, self.attitude, len(motion.t))
+        turns = (
+            {} if turned is None else dict(zip(("qx", "qy", "qz", "qw"), turned.T, strict=True))
+        )
+        acceleration = dict(zip(("ax", "ay", "az"), motion.acceleration.T, strict=True))
+        units = {**dict.fromkeys(turns, "1"), **dict.fromkeys(acceleration, "m/s²")}
+        return table(np.round(motion.t, 6), {**columns, **turns, **acceleration}, units=units)
+
+    def plot(self, axes: Axes | None = None) -> Axes:
+        """Draws the height over time, until the liquid is still again.
+
+        Args:
+            axes: matplotlib's; None: of a new figure.
+        """
+        axes = height_axes(axes)
+        heights = self.found.msh
+        axes.plot(self.found.motion.step * np.arange(len(heights)), 1e3 * heights)
+        return axes
 
 
 def plan(
@@ -125,7 +168,9 @@ def plan(
         best, reason = search.run()
     method = scaled.law if best is scaled.found else "optimal"
     upper = (best.upper, best.residual_upper) if error else _upper(model, best.motion, attitude)
-    return Plan(best, limits, margin, error, method, reason, upper, scaled, path, watch.elapsed)
+    return Plan(
+        best, limits, margin, error, method, reason, upper, scaled, path, watch.elapsed, attitude
+    )
 
 
 def tilting(model: Model, limits: PlanLimits) -> Model:

@@ -51,9 +51,9 @@ def shared_topics_line(facts: Mapping[str, str]) -> str:
     named = ", ".join(_with_nodes(topic, nodes.get(topic)) for topic in topics.split(","))
     return (
         f"several publishers were mixed on {named}, as where two cells share a namespace: only "
-        "estimates are told apart, by their counters, and those of the first estimator are "
-        "replayed as far as its inputs are known; stop one publisher, or give it another "
-        "namespace or ROS_DOMAIN_ID"
+        "estimates are told apart, by their counters, and those of one estimator are replayed as "
+        "far as its inputs are known (the first, or as `slosh replay --estimator` says); stop one "
+        "publisher, or give it another namespace or ROS_DOMAIN_ID"
     )
 
 

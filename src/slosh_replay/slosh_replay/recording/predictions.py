@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Final, NamedTuple
 
 from slosh_bag.reader import BagReader
@@ -37,13 +36,12 @@ class PredictedMotion(NamedTuple):
         return heights if self.counted else f"{heights}; not the motion that was planned"
 
 
-def predicted_motions(bag: Path) -> tuple[PredictedMotion, ...]:
-    """The planned motions of a bag's first cell, in their order.
+def predicted_motions(reader: BagReader) -> tuple[PredictedMotion, ...]:
+    """The planned motions of a recording's first cell, in their order.
 
     Raises:
         SloshBagError: the bag cannot be read.
     """
-    reader = BagReader(bag)
     topic = CellTopics(reader.topics()).topic(TOPIC, MESSAGE_TYPE)
     if topic is None:
         return ()

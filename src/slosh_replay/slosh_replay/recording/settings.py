@@ -100,6 +100,28 @@ def heard(
     )
 
 
+def of_process(
+    starts: Sequence[NodeStart], node: str, number: int, count: int
+) -> tuple[NodeStart, ...]:
+    """The starts without those of a node's other processes, where as many are known as there are.
+
+    Args:
+        starts: in the order of the recording.
+        node: which.
+        number: of its processes, from 1, in the order of their starts.
+        count: how many of them ran side by side.
+    """
+    own = [place for place, start in enumerate(starts) if start.node == node]
+    begun = [place for place in own if starts[place].is_process]
+    if len(begun) != count:
+        return tuple(starts)
+    return tuple(
+        start
+        for place, start in enumerate(starts)
+        if place not in own or place == begun[number - 1]
+    )
+
+
 def latest(starts: Sequence[NodeStart], node: str) -> NodeStart | None:
     """What a node last worked with; None: the recording does not tell."""
     return last_of_each(starts).get(node)

@@ -54,13 +54,27 @@ class _Estimator(NamedTuple):
 
 
 class OneEstimator:
-    """Follows the estimator whose estimate came first; its later starts are not followed."""
+    """Follows one estimator; its later starts are not followed.
 
-    def __init__(self) -> None:
+    Args:
+        number: which, from 1, in the order of their first estimates.
+
+    Attributes:
+        turns: how often the estimates went on from one estimator to another; once at a restart.
+    """
+
+    def __init__(self, number: int = 1) -> None:
+        self._number = number
+        self.turns = self._last = 0
         self._known: list[_Estimator] = []
 
+    @property
+    def count(self) -> int:
+        """Estimators so far that gave more than one estimate."""
+        return sum(one.period_ns > 0 for one in self._known)
+
     def mask(self, stamps: Integers, used: Integers) -> NDArray[np.bool_]:
-        """Which of the next estimates are those of the first estimator.
+        """Which of the next estimates are those of the estimator.
 
         Args:
             stamps: (N,) of estimates [ns], in the order of the recording.
@@ -70,8 +84,10 @@ class OneEstimator:
             (N,).
         """
         pairs = zip(used.tolist(), stamps.tolist(), strict=True)
-        own = [self._take(one, stamp_ns) == 0 for one, stamp_ns in pairs]
-        return np.array(own, dtype=np.bool_)
+        of = np.array([self._take(one, stamp_ns) for one, stamp_ns in pairs], dtype=np.int64)
+        self.turns += int(np.count_nonzero(np.diff(of, prepend=self._last)))
+        self._last = int(of[-1]) if len(of) else self._last
+        return np.asarray(of == self._number - 1)
 
     def _take(self, used: int, stamp_ns: int) -> int:
         """The number of the estimator that an estimate continues best, or that begins with it."""

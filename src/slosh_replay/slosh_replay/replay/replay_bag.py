@@ -16,6 +16,7 @@ from slosh_bag.columns.cdr_columns import ColumnReader
 from slosh_bag.errors import SloshBagError
 from slosh_bag.mcap_files.chunks import MessageBlock
 from slosh_bag.reader import BagReader
+from slosh_bag.recorder import SEVERAL
 from slosh_base.compiled.arithmetic import arithmetic_fingerprint
 from slosh_base.compiled.compile_cache import sources_digest
 from slosh_estimator import SOURCES
@@ -26,6 +27,7 @@ from slosh_estimator.validity import attitude_warning
 from slosh_model.model import Model
 from slosh_model.model_text import format_model
 from slosh_model.tilt import attitude_of, ignored_text
+from slosh_replay.recorded_run import RecordedRun
 from slosh_replay.recording import inputs, settings
 from slosh_replay.recording.facts import (
     TABLE_COLUMNS,
@@ -56,36 +58,48 @@ from slosh_replay.replay.unrelated import WholeRun, judge_unrelated
 from slosh_replay.replay.verification import COMPARED, Verifier, estimate_fields
 from slosh_replay.tables.bag_table import TableSettings, read_bag_table
 
+TURNS = 10
+"""Turns of the estimates per process of an estimator: more are of several at once."""
 _COMPARISON_FIELDS = (*STAMP, "measured_stale", *COMPARED)
 
 
 def replay_bag(
-    path: str | Path,
+    path: str | Path | RecordedRun,
     model: Model | None = None,
     monitor: MonitorSettings | None = None,
     given: InputSettings | None = None,
     outputs: Outputs | None = None,
     cell: str | None = None,
+    estimator: int = 1,
 ) -> ReplayResult:
     """Replays a bag.
 
     Args:
-        path: the bag's folder or MCAP file.
+        path: the bag's folder or MCAP file, or a recording that was opened already.
         model: to replay with; None: the one that the estimator had when it was recorded, or water
             in the container that the bag's metadata gives.
         monitor: limits that are watched; None: those of the recorded monitor.
         given: how the input is read; None: as the recorded estimator did.
         outputs: receives estimates, comparisons and events as they come.
         cell: namespace of the topics; None: the bag's only or first cell.
+        estimator: which, from 1, where several were mixed on one topic; by their first estimates.
 
     Raises:
-        SloshBagError: no readable bag, no input in it, no model, or clocks that cannot be related.
+        SloshBagError: no readable bag, no input in it, no model, no such estimator, or clocks that
+            cannot be related.
     """
-    path = Path(path)
-    reader = BagReader(path)
+    run = path if isinstance(path, RecordedRun) else RecordedRun(path)
+    path, reader = run.path, run.reader
     sources = find_sources(path, reader, given.kind if given else None, cell)
+    sources, several = _estimators(reader, sources)
     sources = _unmixed(sources)
     sources = sources._replace(starts=_heard_starts(reader, sources))
+    mixed = mixed_topics(sources.facts)
+    if not 1 <= estimator <= max(several, 1):
+        raise SloshBagError(f"{path}: estimator {estimator} of {several}: there is no such one")
+    if several > 1:
+        own = settings.of_process(sources.starts, "estimator", estimator, several)
+        sources = sources._replace(starts=own)
     started = settings.first(sources.starts, "estimator")
     recorded = settings.model_of(started) if started else None
     used = model or recorded or _noted_model(path, sources.facts)
@@ -94,7 +108,6 @@ def replay_bag(
     watched, limit_changes = _with_rim(watched, limit_changes, used, told=model is None)
     if _is_turning_table(sources, used):
         return _replay_table_bag(path, reader, sources, used, watched, outputs)
-    mixed = mixed_topics(sources.facts)
     matcher = None
     if sources.estimate and sources.kind != "pose":
         matcher = InputMatcher(mixed={sources.input, sources.estimate} <= mixed)
@@ -132,10 +145,10 @@ def replay_bag(
             outputs=outputs or Outputs(),
         )
         stream = ReplayStream(str(path), components)
-        estimator = OneEstimator() if sources.estimate in mixed else None
+        one = OneEstimator(estimator) if sources.estimate in mixed else None
         for chunk in feed(reader, sources, modes=len(used.mode_constants())):
             for batch in chunk:
-                _hand_over(batch, sources, stream, estimator)
+                _hand_over(batch, sources, stream, one)
             stream.advance()
         stream.advance(final=True)
         origin = _origin(started, recorded, used)
@@ -144,6 +157,10 @@ def replay_bag(
     if {"qx", "wx"} & set(sources.facts.get(TABLE_COLUMNS, "").split(",")):
         table = read_bag_table(path, TableSettings()).table
         said.append(ignored_text(used, attitude_of(table)))
+    if several > 1:
+        said.append(
+            f"of {several} estimators on {sources.estimate} the replayed one is {estimator}"
+        )
     unfelt = [f"{path}: {line}" for line in said if line]
     warnings = (*_warnings(path, reader, sources), *unfelt, *result.warnings)
     return replace(result, warnings=warnings)
@@ -167,6 +184,30 @@ def _heard_starts(reader: BagReader, sources: Sources) -> tuple[NodeStart, ...]:
     recorded = [block.log_ns for block in reader.blocks([sources.estimate])]
     published = np.sort(np.concatenate([np.empty(0, np.int64), *recorded]))
     return settings.heard(sources.starts, "estimator", published)
+
+
+def _estimators(reader: BagReader, sources: Sources) -> tuple[Sources, int]:
+    """The sources, and how many estimators are mixed on their topic.
+
+    Other recorders note nothing; there the estimates themselves tell.
+    """
+    if sources.estimate is None:
+        return sources, 1
+    noted = sources.estimate in mixed_topics(sources.facts)
+    processes = sum(start.node == "estimator" and start.is_process for start in sources.starts)
+    if not noted and processes < 2:
+        return sources, 1
+    known = OneEstimator()
+    for block in reader.blocks([sources.estimate]):
+        columns = reader.columns(block, (*STAMP, "samples_used"))
+        known.mask(stamps_of(columns), columns["samples_used"].astype(np.int64))
+    if noted:
+        return sources, known.count
+    # Processes that take the place of others take one turn each.
+    if known.turns < TURNS * processes:
+        return sources, 1
+    told = ",".join((sources.input, sources.estimate))
+    return sources._replace(facts={**sources.facts, SEVERAL: told}), known.count
 
 
 def _is_turning_table(sources: Sources, model: Model) -> bool:

@@ -17,7 +17,7 @@ from slosh_base.files import write_text
 from slosh_estimator.limits import Event
 from slosh_estimator.monitor_settings import MonitorSettings
 from slosh_metrics.alignment import ClockOffset, StillLevel
-from slosh_model.for_notebooks import height_axes, table
+from slosh_model.for_notebooks import Shown, height_axes, table
 from slosh_model.model import Model
 from slosh_replay.replay.verification import Verification
 from slosh_report.json_values import plain
@@ -81,7 +81,7 @@ class MotionAccuracy:
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class ReplayResult:
+class ReplayResult(Shown):
     """A replayed run.
 
     The series are whole for runs up to some minutes; of a longer one they hold the extremes.
@@ -158,7 +158,8 @@ class ReplayResult:
         columns = {"stamp": self.stamps, "measured": self.measured, **self.heights}
         if len(self.flags) == len(self.stamps):
             columns["flags"] = self.flags
-        return table(self._since_start, columns)
+        units = {"stamp": "ns", **({"flags": "1"} if "flags" in columns else {})}
+        return table(self._since_start, columns, units=units)
 
     def plot(self, axes: Axes | None = None) -> Axes:
         """Draws the measured and the models' heights over the time since the first image.

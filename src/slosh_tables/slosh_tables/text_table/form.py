@@ -190,7 +190,9 @@ def _separator(sample: Sequence[str]) -> tuple[str, int]:
     """
     for before in range(min(len(sample) - 1, _BEFORE) + 1):
         found = _parts(sample[before:])
-        if found and not (before and all(map(_is_value, _one(sample[before], found)))):
+        # A line with a number is a row, and one with a text among numbers is a mistake in a row.
+        cells = _one(sample[before], found or ",")
+        if found and not (before and any(_NUMBER.fullmatch(cell.strip()) for cell in cells)):
             return found, before
     most = max(("\t", ";", "|", ","), key=lambda one: sample[0].count(one))
     if sample[0].count(most) == 0 and len(sample[0].split()) > 1:

@@ -1,0 +1,22 @@
+"""What the tests of this package share."""
+
+from pathlib import Path
+
+import matplotlib as mpl
+import pytest
+
+from slosh_bringup.cli.main import main
+
+mpl.use("Agg")
+ROOT = Path(__file__).resolve().parents[3]
+CUP = ["--diameter", "0.08", "--fill-height", "0.06", "--rim-height", "0.11"]
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """The folder that the page 'my cup' leads to, and the recordings; commands are typed in it."""
+    (tmp_path / "bags").symlink_to(ROOT / "bags")
+    monkeypatch.chdir(tmp_path)
+    assert main(["new", "cup", *CUP]) == 0
+    assert main(["motion", "quintic", "--speed", "20", "--stroke", "0.3", "-o", "move.csv"]) == 0
+    return tmp_path

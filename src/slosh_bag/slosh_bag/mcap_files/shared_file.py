@@ -1,0 +1,92 @@
+"""Files of a bag that are opened once, however many parts of a reader read them."""
+
+from __future__ import annotations
+
+import io
+import os
+import weakref
+from collections import deque
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any, BinaryIO, cast
+
+_BUFFER = 1 << 20
+_KEPT_OPEN = 8
+"""Files of a bag that stay open between two readings; a split bag may have thousands."""
+
+
+class SharedFile(type(Path())):  # type: ignore[misc]
+    """A path whose readings share one open file, each with a position of its own.
+
+    So all parts of a reader read the same file, even where its name is given to another one
+    meanwhile.
+    """
+
+    _recent: deque[_Descriptor]
+    _descriptor: weakref.ref[_Descriptor] | None = None
+
+    def open(self, mode: str = "r", *others: Any, **named: Any) -> BinaryIO:  # type: ignore[override]
+        """A stream for `mode` "rb"; other modes open the file as any path does."""
+        if mode != "rb" or others or named:
+            return cast("BinaryIO", super().open(mode, *others, **named))
+        descriptor = self._descriptor() if self._descriptor else None
+        if descriptor is None:
+            descriptor = _Descriptor(self)
+            self._descriptor = weakref.ref(descriptor)
+        if descriptor not in self._recent:
+            self._recent.append(descriptor)
+        return cast("BinaryIO", io.BufferedReader(_View(descriptor), _BUFFER))
+
+
+def shared_files(paths: Iterable[Path]) -> list[Path]:
+    """The files of one reader; they are closed with it and the streams of them."""
+    recent: deque[_Descriptor] = deque(maxlen=_KEPT_OPEN)
+    files = [SharedFile(path) for path in paths]
+    for file in files:
+        file._recent = recent
+    return files
+
+
+class _Descriptor:
+    """An open file, closed when nothing refers to it."""
+
+    def __init__(self, path: Path) -> None:
+        self.number = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+        weakref.finalize(self, os.close, self.number)
+
+
+class _View(io.RawIOBase):
+    """Reads an open file at a position of its own."""
+
+    def __init__(self, descriptor: _Descriptor) -> None:
+        self._descriptor, self._at = descriptor, 0
+
+    def readable(self) -> bool:
+        """Yes."""
+        return True
+
+    def seekable(self) -> bool:
+        """Yes."""
+        return True
+
+    def tell(self) -> int:
+        """The position [bytes]."""
+        return self._at
+
+    def seek(self, offset: int, whence: int = os.SEEK_SET) -> int:
+        """Sets the position; returns it."""
+        start = {
+            os.SEEK_SET: 0,
+            os.SEEK_CUR: self._at,
+            os.SEEK_END: os.fstat(self._descriptor.number).st_size if whence == os.SEEK_END else 0,
+        }[whence]
+        if start + offset < 0:
+            raise OSError(f"position {start + offset} lies before the file's start")
+        self._at = start + offset
+        return self._at
+
+    def readinto(self, buffer: Any) -> int:
+        """Fills a buffer; returns the number of bytes."""
+        count = os.preadv(self._descriptor.number, [buffer], self._at)
+        self._at += count
+        return count

@@ -1,0 +1,43 @@
+"""A replay tells when related clocks drift, and holds the liquid to the rim of its model."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from slosh_model.containers import Cylinder
+from slosh_model.model import Model
+from slosh_model.simulate import Inputs, simulate
+from slosh_replay.replay.replay_table import replay_table
+from slosh_tables.motion_table import MotionTable
+
+MODEL = Model(Cylinder(0.05, 0.07), damping_ratio=0.02).spatial().nonlinear()
+
+
+@pytest.mark.parametrize("rate", [0.0, 0.0004, -0.003])
+def test_a_drift_of_the_heights_clock_is_a_warning_in_ppm(rate: float) -> None:
+    t = np.arange(0.0, 66.0, 0.01)
+    since = (t - 2.0) % 8.0
+    swell = np.where((since < 2.0) & (t > 2.0), np.sin(0.5 * np.pi * since) ** 2, 0.0)
+    moved = swell[:, None] * np.array([1.8, 0.9, 0.0]) * np.sin(13.0 * since)[:, None]
+    seen = simulate(MODEL, Inputs(t, moved))[0].msh
+    read = np.interp(t / (1.0 + rate), t, seen) + np.random.default_rng(2).normal(0, 5e-5, len(t))
+    read[1::2] = np.nan  # images at 50 Hz
+    found = replay_table("table", MotionTable(t, moved, msh=read), MODEL).warnings
+    told = [line for line in found if "ppm" in line]
+    assert len(told) == (rate != 0.0)
+    if told:
+        value, _, error = told[0].split(" runs ")[1].split()[:3]
+        assert float(value) == pytest.approx(1e6 * abs(rate), abs=4.0 * float(error))
+        assert ("fast" in told[0]) == (rate > 0.0)
+
+
+def test_a_replay_holds_the_liquid_to_the_rim_of_its_model() -> None:
+    low = Model(Cylinder(0.05, 0.07, rim_height=0.075), damping_ratio=0.02).spatial().nonlinear()
+    t = np.arange(0.0, 6.0, 0.01)
+    moved = np.where((t > 1.0) & (t < 3.0), np.sin(14.0 * t), 0.0)[:, None] * np.array([2.0, 0, 0])
+    seen = simulate(MODEL, Inputs(t, moved))[0].msh
+    events = replay_table("table", MotionTable(t, moved, msh=seen), low).events
+    assert events
+    assert all("(rim 5.0 mm" in event.description for event in events)
+    assert replay_table("table", MotionTable(t, moved, msh=seen), MODEL).events == ()

@@ -1,0 +1,173 @@
+"""Whether something that changes with time explains more than any effect of constant size.
+
+An effect of the list has one size. Damping that changes while a liquid warms, or a sensor whose
+gain creeps, is something else, and some effects of constant size can make something of it. So
+each explanation has a rival in which one of its parameters is another in each motion, or grows or
+falls within them. The fit's derivatives tell how the heights answer to that: split by motions, or
+multiplied with the time since a motion's middle.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_discovery.discover.evidence import (
+    EFFECT_PRIOR,
+    log_evidence,
+    residual_temperature,
+)
+from slosh_discovery.discover.fitting import Fit
+from slosh_discovery.discover.problem import PreparedMotion
+from slosh_discovery.discover.search import Pool, leftover
+
+Array = NDArray[np.float64]
+
+TAKEN = 1.0 / 3.0
+"""A change takes away at least this share of what a constant parameter leaves beside noise,"""
+LEAST_CHANGE = 0.1
+"""and is at least so large beside the effect, as root mean squares of what they do to heights;
+less is within what an effect's own equation has wrong."""
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """A parameter that would have to change.
+
+    Attributes:
+        effect, parameter: whose it is.
+        between: whether it differs from motion to motion; else it grows or falls within them.
+        first, last: from where to where it would go, as far as a straight line tells; from motion
+            to motion the least and the largest.
+    """
+
+    effect: str
+    parameter: str
+    between: bool
+    first: float
+    last: float
+
+    def text(self) -> str:
+        """What is seen, in a sentence."""
+        when = "from motion to motion" if self.between else "with time within the motions"
+        return (
+            f"Something changes {when}: the {self.parameter} of {self.effect} from about "
+            f"{self.first:.3g} to {self.last:.3g} explains more than any effect of constant size. "
+            "No effect of the list does that, and none is added."
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Changing:
+    """A fit with one parameter that changes.
+
+    Attributes:
+        one: the fit with constant parameters.
+        index: which parameter changes.
+        between: whether it differs from motion to motion.
+        steps: of the parameter along each shape.
+        information: of the steps.
+        residual: what is left.
+    """
+
+    one: Fit
+    index: int
+    between: bool
+    steps: Array
+    information: Array
+    residual: Array
+
+    @property
+    def gain(self) -> float:
+        """By how much it lowers χ²."""
+        return self.one.chi_square - float(self.residual @ self.residual)
+
+    def log_evidence(self, temperature: float) -> float:
+        """As of a constant one, with one more thing at work."""
+        spread = self.one.explanation.spreads[self.index]
+        information = np.eye(len(self.steps)) + self.information * spread**2 / temperature
+        occam = 0.5 * float(np.linalg.slogdet(information)[1])
+        more = 0.5 * self.gain / temperature - occam + math.log(EFFECT_PRIOR)
+        return log_evidence(self.one, temperature) + more
+
+    def change(self) -> Change:
+        """In words."""
+        free = self.one.explanation.free[self.index]
+        value, bounds = self.one.vector[self.index], (free.parameter.lower, free.parameter.upper)
+        # The residual falls where the parameter goes the other way.
+        if self.between:
+            values = np.sort(value - (self.steps - self.steps.mean()))[[0, -1]]
+        else:
+            values = value - self.steps[0] * np.array([-1.0, 1.0])
+        first, last = np.clip(values, *bounds).tolist()
+        return Change(free.effect.name, free.parameter.name, self.between, first, last)
+
+
+def change_with_time(
+    pool: Pool, motions: Sequence[PreparedMotion], temperature: float
+) -> Change | None:
+    """What changes, where that is likelier than any explanation whose parameters are constant.
+
+    Args:
+        pool: the explanations.
+        motions: the data.
+        temperature: of the data; see `evidence`.
+    """
+    shapes = [(False, _by_time(motions)[:, np.newaxis])]
+    shapes += [(True, _by_motion(motions))] if len(motions) > 1 else []
+    tried = [
+        _changing(one, index, shape, between=between)
+        for one in pool.fits.values()
+        for index in range(len(one.vector))
+        for between, shape in shapes
+    ]
+    if not tried:
+        return None
+    least = min(tried, key=lambda each: float(each.residual @ each.residual))
+    parameters = len(least.one.vector) + len(least.steps)
+    temperature = min(temperature, residual_temperature(least.residual, parameters, motions))
+    best = max(tried, key=lambda each: each.log_evidence(temperature))
+    constant = max(log_evidence(one, temperature) for one in pool.fits.values())
+    if best.log_evidence(temperature) <= constant or not _matters(best, pool, motions):
+        return None
+    return best.change()
+
+
+def _changing(one: Fit, index: int, shape: Array, *, between: bool) -> _Changing:
+    """A fit whose parameter changes as far as its derivatives tell, the other ones following."""
+    others, _ = np.linalg.qr(one.jacobian)
+    columns = shape * one.jacobian[:, index : index + 1]
+    columns = columns - others @ (others.T @ columns)
+    steps: Array = np.linalg.lstsq(columns, one.residual, rcond=1e-6)[0]
+    left = one.residual - columns @ steps
+    return _Changing(one, index, between, steps, columns.T @ columns, left)
+
+
+def _matters(best: _Changing, pool: Pool, motions: Sequence[PreparedMotion]) -> bool:
+    """Whether it is a good part of what a constant one leaves, and of what the effect does."""
+    one, count = best.one, len(best.residual)
+    name = one.explanation.free[best.index].effect.name
+    without = pool.find(one.explanation.without(name)) or pool.base
+    whole = max(without.chi_square - one.chi_square, 0.0) + best.gain
+    beside_noise = max(leftover(one, motions).mean_square, 0.0)
+    return best.gain > max(TAKEN * count * beside_noise, LEAST_CHANGE**2 * whole)
+
+
+def _by_motion(motions: Sequence[PreparedMotion]) -> Array:
+    """(N, motions) 1 in a motion's own samples."""
+    sizes = [int(motion.kept.sum()) for motion in motions]
+    return np.repeat(np.eye(len(motions)), sizes, axis=0)
+
+
+def _by_time(motions: Sequence[PreparedMotion]) -> Array:
+    """(N,) from -1 at a motion's first sample to 1 at its last."""
+    parts = []
+    for motion in motions:
+        middle, half = 0.5 * (motion.t[0] + motion.t[-1]), 0.5 * (motion.t[-1] - motion.t[0])
+        since = (motion.t - middle) / half
+        parts.append(np.broadcast_to(since[:, np.newaxis], motion.kept.shape)[motion.kept])
+    return np.concatenate(parts)

@@ -1,0 +1,50 @@
+"""A recording with what is asked of it more than once: made once, and passed on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cached_property
+from pathlib import Path
+
+from slosh_bag.reader import BagReader, TopicInfo
+from slosh_replay.recording.cells import CellTopics
+from slosh_replay.recording.settings import NodeStart
+from slosh_replay.recording.sources import recorded_starts
+
+
+class RecordedRun:
+    """A finished recording of a cell.
+
+    Args:
+        path: the bag's folder or MCAP file.
+
+    Attributes:
+        path: as given.
+        reader: the one reader of it.
+
+    Raises:
+        SloshBagError: there is no readable bag.
+
+    >>> run = RecordedRun("bags/c3")
+    >>> run.topics["/slosh/estimate"].message_type
+    'slosh_msgs/msg/SloshEstimate'
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        self.path = Path(path)
+        self.reader = BagReader(path)
+
+    @cached_property
+    def topics(self) -> Mapping[str, TopicInfo]:
+        """Type and number of messages by topic."""
+        return self.reader.topics()
+
+    @cached_property
+    def facts(self) -> Mapping[str, str]:
+        """What its writer noted about the whole recording."""
+        return self.reader.metadata()
+
+    @cached_property
+    def starts(self) -> tuple[NodeStart, ...]:
+        """The starts of the nodes of its first cell."""
+        return tuple(recorded_starts(self.reader, CellTopics(self.topics)))

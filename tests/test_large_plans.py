@@ -1,0 +1,149 @@
+"""Planned motions of very many points, told to a predictor in a process of its own."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import psutil
+import pytest
+
+rclpy = pytest.importorskip("rclpy", reason="ROS 2 is not installed")
+
+from geometry_msgs.msg import Transform  # noqa: E402
+from rclpy.node import Node  # noqa: E402
+from rclpy.serialization import deserialize_message, serialize_message  # noqa: E402
+from trajectory_msgs.msg import (  # noqa: E402
+    JointTrajectory,
+    JointTrajectoryPoint,
+    MultiDOFJointTrajectory,
+)
+
+from slosh_model.motion_profiles import quintic  # noqa: E402
+from slosh_msgs import srv  # noqa: E402
+from slosh_msgs.msg import MotionPrediction  # noqa: E402
+from slosh_msgs_py import qos, topics  # noqa: E402
+from slosh_msgs_py.point_arrays import arrays_of, service_with_point_arrays  # noqa: E402
+from tests.live_processes import until  # noqa: E402
+
+MODEL = "container: {shape: cylinder, radius: 0.05, fill_height: 0.07}\ndamping_ratio: auto\n"
+MOST = 200_000
+POINT = np.dtype([
+    ("count", "<u4"), ("_", "<u4"), ("place", "<f8", 3), ("turn", "<f8", 4), ("speeds", "<u4"),
+    ("__", "<u4"), ("speed", "<f8", 6), ("changes", "<u4"), ("___", "<u4"), ("change", "<f8", 6),
+    ("sec", "<i4"), ("nanosec", "<u4"),
+])  # fmt: skip
+SECONDS, PEAK = 6.0, 500e6
+"""Of the processor, on a machine that is busy with other things; they were 14 to 17 [s]."""
+
+
+def large_trajectory(count: int) -> bytes:
+    """A motion of 0.4 m with a point each millisecond, as it goes over the wire."""
+    rows = np.zeros(count, POINT)
+    t = np.arange(count) * 1_000_000
+    rows["sec"], rows["nanosec"] = t // 10**9, t % 10**9
+    share = np.linspace(0.0, 1.0, count)
+    place, rate, change = quintic(share)
+    lasts = 1e-3 * (count - 1)
+    rows["count"] = rows["speeds"] = rows["changes"] = 1
+    rows["turn"][:, 3] = 1.0
+    for name, values in (("place", place), ("speed", rate / lasts), ("change", change / lasts**2)):
+        rows[name][:, 0] = 0.4 * values
+    head = serialize_message(MultiDOFJointTrajectory(joint_names=["cup"]))
+    assert (len(head) - 4) % 8 == 0, "a point begins where a double may lie"
+    return head[:-4] + np.uint32(count).tobytes() + rows.tobytes()
+
+
+@pytest.fixture
+def predictor(tmp_path: Path) -> Iterator[psutil.Process]:
+    (tmp_path / "model.yaml").write_text(MODEL)
+    process = subprocess.Popen([
+        sys.executable, "-m", "slosh_plan.nodes.predictor_node", "--ros-args", "-r",
+        "__ns:=/large", "-p", f"model:={tmp_path / 'model.yaml'}",
+    ])  # fmt: skip
+    yield psutil.Process(process.pid)
+    process.terminate()
+    process.wait(30)
+
+
+@pytest.fixture
+def probe() -> Iterator[Node]:
+    rclpy.init()
+    node = Node("probe", namespace="/large")
+    yield node
+    node.destroy_node()
+    rclpy.try_shutdown()
+
+
+def test_200000_points_are_predicted_within_bounds(predictor: psutil.Process, probe: Node) -> None:
+    heard: list[MotionPrediction] = []
+    probe.create_subscription(MotionPrediction, topics.PREDICTION, heard.append, qos.EVENT)
+    publisher = probe.create_publisher(
+        MultiDOFJointTrajectory, topics.PLANNED_TRAJECTORY, qos.DIAGNOSTICS
+    )
+    until(lambda: publisher.get_subscription_count(), "the predictor")
+
+    def told(data: bytes) -> MotionPrediction:
+        known = len(heard)
+        publisher.publish(data)
+        until(lambda: rclpy.spin_once(probe, timeout_sec=0.1) or len(heard) > known, "an answer")
+        return heard[-1]
+
+    assert told(large_trajectory(1_000)).state == MotionPrediction.KEPT
+    before = predictor.memory_info().rss
+    took = sum(predictor.cpu_times()[:2])
+    answer = told(large_trajectory(MOST))
+    assert answer.state == MotionPrediction.KEPT, answer.description
+    assert sum(predictor.cpu_times()[:2]) - took < SECONDS
+    assert peak_of(predictor) < PEAK
+    until(lambda: predictor.memory_info().rss < before + 80e6, "memory that is given back")
+    refused = told(large_trajectory(MOST + 1))
+    assert refused.state == MotionPrediction.REFUSED
+    assert "200001 points are more than 200000" in refused.description
+
+
+def test_point_arrays_are_what_the_messages_say() -> None:
+    data = large_trajectory(3)
+    message = deserialize_message(data, MultiDOFJointTrajectory)
+    message.points[1].velocities = []
+    message.points[2].transforms += [Transform(), Transform()]
+    message.points[2].transforms[0].translation.y = 7.0
+    read = arrays_of(message.points, MOST)
+    assert read.t.tolist() == [0.0, 0.001, 0.002]
+    assert read.values["velocities"] is None
+    assert read.sizes["transforms"].tolist() == [1, 1, 3]
+    assert read.values["transforms"][2].tolist() == [0.4, 7.0, 0.0, 0.0, 0.0, 0.0, 1.0]
+    assert read.values["accelerations"].shape == (3, 6)
+    assert len(arrays_of(message.points, 2)) == 3
+    assert len(arrays_of(message.points, 2).t) == 0
+
+
+def test_other_fields_of_a_request_come_as_they_are() -> None:
+    made = srv.PredictSlosh.Request(model_path="a" * 99, limit=3.0, sigma=4.0, time=[1.0, 2.0])
+    made.trajectory.points = deserialize_message(
+        large_trajectory(2), MultiDOFJointTrajectory
+    ).points
+    made.joint_trajectory = JointTrajectory(
+        joint_names=["a", "b"],
+        points=[JointTrajectoryPoint(positions=[0.5, k]) for k in (1.0, 2.0)],
+    )
+    paths = (("trajectory",), ("joint_trajectory",))
+    service = service_with_point_arrays(srv.PredictSlosh, paths, MOST)
+    read = deserialize_message(serialize_message(made), service.Request)
+    assert (read.model_path, read.limit, read.sigma) == ("a" * 99, 3.0, 4.0)
+    assert list(read.time) == [1.0, 2.0]
+    assert list(read.joint_trajectory.joint_names) == ["a", "b"]
+    assert read.joint_trajectory.points.values["positions"].tolist() == [[0.5, 1.0], [0.5, 2.0]]
+    assert read.trajectory.points.t.tolist() == [0.0, 0.001]
+
+
+def peak_of(process: psutil.Process) -> int:
+    """The most memory that a process had [bytes]."""
+    (line,) = [
+        line for line in Path(f"/proc/{process.pid}/status").read_text().splitlines()
+        if line.startswith("VmHWM")
+    ]  # fmt: skip
+    return int(line.split()[1]) * 1024

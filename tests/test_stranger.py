@@ -1,0 +1,58 @@
+"""A stranger's mistakes: each answer is right, or one line with the remedy."""
+
+import pytest
+import stranger
+
+NORMAL = 4
+"""Of so many mistakes one is tried in each run; all of them in the long suite."""
+
+
+@pytest.fixture(scope="module")
+def mistakes(tmp_path_factory):
+    """The folder in which the mistakes are made, and all of them."""
+    folder = tmp_path_factory.mktemp("stranger")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        yield folder, stranger.prepare(folder)
+
+
+def wrong(folder, mistakes):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        marks = {one.words: stranger.rated(one, stranger.typed(one.words)) for one in mistakes}
+    return {words: mark for words, mark in marks.items() if mark not in ("right", "remedy")}
+
+
+def test_there_are_as_many_as_the_page_says(mistakes):
+    kinds = [one.kind for one in mistakes[1]]
+    assert {kind: kinds.count(kind) for kind in kinds} == {
+        "motion table": 28, "model.yaml": 9, "command line": 100,
+    }  # fmt: skip
+    page = stranger.PAGE.read_text(encoding="utf-8")
+    assert page.count("| wrong |") == 1  # the heading of the first table
+    assert all(one.name in page for one in mistakes[1])
+
+
+def test_a_quarter_of_the_answers_is_right_or_has_the_remedy(mistakes):
+    folder, every = mistakes
+    assert wrong(folder, every[::NORMAL]) == {}
+
+
+@pytest.mark.long
+def test_every_answer_is_right_or_has_the_remedy(mistakes):
+    assert wrong(*mistakes) == {}
+
+
+@pytest.mark.parametrize(
+    ("code", "errors", "mark"),
+    [
+        (2, ["slosh simulate: a.csv: line 4: fill the cell"], "remedy"),
+        (2, ["slosh simulate: a.csv: cannot"], "wrong: no 'fill'"),
+        (2, ["fill the cell", "and more"], "wrong: 2 lines"),
+        (1, ["fill the cell"], "wrong: exit code 1 for 2"),
+        (-1, ["Traceback (most recent call last):"], "wrong: a traceback"),
+    ],
+)
+def test_what_is_no_remedy_is_rated_wrong(code, errors, mark):
+    mistake = stranger.Mistake("motion table", "an empty cell", "simulate", 2, "fill")
+    assert stranger.rated(mistake, stranger.Answer(code, "", errors, 0.0)).startswith(mark)

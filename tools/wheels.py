@@ -1,0 +1,93 @@
+"""Builds the wheels of all Python packages, for a machine or a CI without this checkout.
+
+    tools/run python tools/wheels.py [-o FOLDER]
+
+They are for replay, planning and analysis, where ROS is not installed: nodes come with the
+workspace.
+Of the programs a wheel brings `slosh` alone; names such as `watch` would hide the system's own.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+import zipfile
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+PROGRAM = "[console_scripts]\nslosh = slosh_bringup.cli.main:command\n"
+OWNER = "slosh"
+"""The package that brings the program, and what is written into bags of the messages."""
+MESSAGES = ROOT / "src" / "slosh_msgs" / "msg"
+FIRST_DAY = (1980, 1, 1, 0, 0, 0)
+"""Of files in an archive: the same bytes whenever they are built."""
+
+
+def main() -> int:
+    """Builds them; prints the line that installs them."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("-o", "--output", type=Path, default=ROOT / "out" / "wheels")
+    output: Path = parser.parse_args().output
+    output.mkdir(parents=True, exist_ok=True)
+    for old in output.glob("slosh*.whl"):
+        old.unlink()
+    packages = sorted(path.parent for path in (ROOT / "src").glob("*/setup.py"))
+    with tempfile.TemporaryDirectory() as name:
+        for package in packages:
+            write_installable(built(package, Path(name)), output, package.name == OWNER)
+    print(f"{len(packages)} wheels in {output}; to install them: pip install {output}/*.whl")
+    return 0
+
+
+def built(package: Path, room: Path) -> Path:
+    """A package's wheel, built from a copy: setuptools writes beside what it builds."""
+    copy = room / package.name
+    shutil.copytree(package, copy, ignore=shutil.ignore_patterns("test", "__pycache__", "build"))
+    command = [
+        sys.executable,
+        "-m",
+        "pip",
+        "wheel",
+        "--quiet",
+        "--no-deps",
+        "--no-build-isolation",
+    ]
+    command += ["--disable-pip-version-check", "--wheel-dir", str(room / "built"), str(copy)]
+    subprocess.run(command, check=True, env={**os.environ, "PIP_NO_INDEX": "1"})
+    (wheel,) = (room / "built").glob(f"{package.name}-*.whl")
+    return wheel
+
+
+def write_installable(wheel: Path, output: Path, brings_program: bool) -> None:
+    """Writes a wheel anew: without the nodes' programs, of which ROS takes care."""
+    with zipfile.ZipFile(wheel) as source:
+        names = [name for name in source.namelist() if not is_program(name)]
+        record = next(name for name in names if name.endswith(".dist-info/RECORD"))
+        lines = source.read(record).decode().splitlines(keepends=True)
+        entry = record.replace("RECORD", "entry_points.txt")
+        kept = [line for line in lines if not is_program(line.split(",")[0])]
+        files = {name: source.read(name) for name in names}
+    if brings_program:
+        data = record.replace(".dist-info/RECORD", ".data/data/share/slosh_msgs/msg")
+        added = {entry: PROGRAM.encode()}
+        added |= {f"{data}/{path.name}": path.read_bytes() for path in MESSAGES.glob("*.msg")}
+        files |= added
+        kept[-1:-1] = [f"{name},,\n" for name in sorted(added)]
+    files[record] = "".join(kept).encode()
+    with zipfile.ZipFile(output / wheel.name, "w", zipfile.ZIP_DEFLATED) as target:
+        for name, content in files.items():
+            target.writestr(zipfile.ZipInfo(name, FIRST_DAY), content, zipfile.ZIP_DEFLATED)
+
+
+def is_program(name: str) -> bool:
+    """Whether a file of a wheel starts something."""
+    return re.search(r"\.dist-info/entry_points\.txt$|\.data/data/bin/", name) is not None
+
+
+if __name__ == "__main__":
+    sys.exit(main())
