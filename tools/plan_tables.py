@@ -243,7 +243,7 @@ def main() -> int:
     if arguments.docs:
         before, _, rest = PAGE.read_text(encoding="utf-8").partition(BEGIN)
         after = rest.partition(END)[2]
-        text = f"{before}{BEGIN}\n## How fast\n\n{table(rows)}{END}{after}"
+        text = f"{before}{BEGIN}\n## Durations\n\n{table(rows)}{END}{after}"
         PAGE.write_text(text, encoding="utf-8")
     return 0
 
