@@ -221,7 +221,7 @@ def line(one: Played) -> str:
 def table(rows: list[Played]) -> str:
     """All rows."""
     lines = [
-        "| path | planned [s] | law | told before [s] | predicted [mm] | estimated [mm] | "
+        "| path | planned [s] | law | announced before [s] | predicted [mm] | estimated [mm] | "
         "measured [mm] | truth [mm] | measured - predicted [mm] |",
         "|---|--:|---|--:|--:|--:|--:|--:|--:|",
     ]

@@ -250,10 +250,10 @@ def page(rows: list[tuple[Mistake, Answer, str]]) -> str:
     """The table of all mistakes."""
     kinds = list(dict.fromkeys(mistake.kind for mistake, _, _ in rows))
     lines = [
-        "# A stranger's hour", "",
-        "What a newcomer types wrong, and what comes of it: the *right* number or doubt, or one "
+        "# Answers to mistakes", "",
+        "Typical mistakes and the answers of the commands: the *right* number or warning, or one "
         "line with the *remedy* and exit code 2. Command lines are shown without `slosh`.",
-        "Written by `tools/run python tools/stranger.py --docs`, and tried by the tests.", "",
+        "Written by `tools/run python tools/stranger.py --docs`, and checked by the tests.", "",
         "| | mistakes | right | remedy | wrong |", "|---|--:|--:|--:|--:|",
     ]  # fmt: skip
     for kind in kinds:

@@ -1,16 +1,16 @@
 # %% [markdown]
-# # Ask before you move, step by step
+# # Prediction, step by step
 #
-# A cup of water is to be carried 40 cm. How high does the water rise, how fast may it go, and what
-# does an optimiser of one's own make of it? This needs no ROS:
+# A cup of water is carried 40 cm: the height of the water, the fastest safe duration, and an
+# optimisation with SciPy. This needs no ROS:
 #
 # ```
 # pip install ./src/slosh_model ./src/slosh_base ./src/slosh_plan matplotlib
 # ```
 #
-# `slosh_model` alone simulates, and tells gradients; `slosh_base` is needed to read model.yaml.
+# `slosh_model` simulates and computes gradients; it needs `slosh_base`.
 #
-# ## Propose
+# ## Candidates
 #
 # The cup: 50 mm radius, water to 70 mm, the nonlinear model in three dimensions. The motion: the
 # quintic polynomial, in three durations.
@@ -35,9 +35,9 @@ def carried(duration, distance=0.4):
 candidates = [carried(duration) for duration in (0.8, 1.0, 1.3)]
 
 # %% [markdown]
-# ## Predict
+# ## Prediction
 #
-# How high does it rise, and what is left when the cup has stopped?
+# The highest height, and the height after the motion:
 
 # %%
 limits = HeightLimits(height=0.015, residual=0.002)
@@ -60,9 +60,9 @@ axes.set(xlabel="time [s]", ylabel="height [mm]")
 axes.legend()
 
 # %% [markdown]
-# ## How fast may it go?
+# ## Safe durations
 #
-# Not simply *slower is safer*: what is left after the end comes and goes with the duration.
+# Slower is not always safer: the residual wave oscillates with the duration.
 
 # %%
 found = safe_scales(cup, carried(1.0), limits)
@@ -82,9 +82,9 @@ axes.set(xlabel="duration [s]", ylabel="height [mm]", ylim=(0.0, 40.0))
 axes.legend()
 
 # %% [markdown]
-# ## Accept
+# ## Selection
 #
-# The fastest that keeps both limits:
+# The fastest motion that keeps both limits:
 
 # %%
 fastest = found.islands[0][0] if found.islands else found.safe_from
@@ -95,7 +95,7 @@ print(f"{accepted.duration:.3f} s, {1e3 * answer.nonlinear.peak:.1f} mm, kept: {
 # %% [markdown]
 # ## Two copies, half a period apart
 #
-# The shaper ZV ([others](shape.md)) leaves hardly any wave: the two copies' waves cancel.
+# The waves of the two copies of the ZV filter ([others](shape.md)) nearly cancel.
 
 # %%
 from slosh_plan.shaping.filters import Damped, zero_vibration
@@ -111,11 +111,11 @@ print(
 )
 
 # %% [markdown]
-# ## An optimiser of one's own
+# ## Your own optimiser
 #
-# `peak_gradient` tells how the highest height changes with every sample of the acceleration, by
-# the adjoint of the simulation's own steps. Here SciPy bends the polynomial, in the same 0.8 s,
-# until the water rises least. The maximum has kinks, so the smooth maximum is what is lowered.
+# `peak_gradient` gives the derivative of the highest height by every sample of the acceleration
+# (adjoint of the simulation). Here SciPy changes the polynomial, in the same 0.8 s, to minimise
+# the height. The maximum is not smooth, so the smooth maximum is minimised.
 
 # %%
 from scipy.optimize import minimize
@@ -150,6 +150,6 @@ axes.set(xlabel="time [s]", ylabel="height [mm]")
 axes.legend()
 
 # %% [markdown]
-# Covered are the linear and the nonlinear model of a cylinder, the linear one of a rectangle, in
-# two and three dimensions, with all effects that change the modes alone; another one is refused by
-# its name. With limits, along a path and to the optimum: [`slosh plan`](plan.md).
+# Supported are the linear and the nonlinear model of a cylinder and the linear one of a rectangle,
+# in two and three dimensions, with effects that change only the modes; others are refused by
+# name. For limits and paths use [`slosh plan`](plan.md).

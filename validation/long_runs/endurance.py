@@ -1,6 +1,6 @@
 """Half an hour of a cell whose nodes are killed in turn, with viewers at its page: what is lost?
 
-    tools/run python -m validation.long_runs.endurance [--minutes 30] [--viewers 2] [-o out/endurance]
+    tools/run python -m validation.long_runs.endurance [--minutes 30] [-o OUT]
 
 The simulated robot sends accelerations at 1 kHz and images at 60 per second. Each minute one node
 is killed, and started again by the cell. In the end: gaps in what was recorded, and whether the

@@ -1,6 +1,6 @@
 """Measures the camera's accuracy on rendered sequences with exact truth.
 
-    tools/run python validation/studies/camera_accuracy.py [FOLDER ...] [--disturb] [--docs] [--check] ...
+    tools/run python validation/studies/camera_accuracy.py [FOLDER ...] [--disturb] [--docs]
 
 Without folders it takes those of the shared data (SLOSH_SHARED_DATA or ../shared/data). A folder
 holds frame_*.jpg, calib.jpg and truth.json as described in the shared data's rendered/README.md,

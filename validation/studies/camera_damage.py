@@ -1,6 +1,6 @@
 """Damaged files, and pictures that do not fit: how many give a wrong height without a flag.
 
-    tools/run python validation/studies/camera_damage.py [--data ../shared/data/rendered] [--half 1] [--each 10]
+    tools/run python validation/studies/camera_damage.py [--data DIR] [--half 1]
 
 Frames of even number are the half to develop with (0), those of odd number the half to judge by
 (1). Random numbers come from the name of the damage and the frame: each run does the same.

@@ -1,6 +1,6 @@
 """Measures how fast planned motions are, and fills the table in docs/plan.md.
 
-    tools/run python validation/studies/plan_tables.py ROWS.jsonl [--paths 20] [--seconds 30] [--docs]
+    tools/run python validation/studies/plan_tables.py ROWS.jsonl [--paths 20] [--docs]
 
 For DL22's spatial motions, a straight line of 0.4 m and random smooth paths, in three containers,
 at three limits: the time of the optimal law, of DL22's law and of the best of known laws, all
@@ -243,7 +243,7 @@ def main() -> int:
     if arguments.docs:
         before, _, rest = PAGE.read_text(encoding="utf-8").partition(BEGIN)
         after = rest.partition(END)[2]
-        text = f"{before}{BEGIN}\n## How fast\n\n{table(rows)}{END}{after}"
+        text = f"{before}{BEGIN}\n## Durations\n\n{table(rows)}{END}{after}"
         PAGE.write_text(text, encoding="utf-8")
     return 0
 

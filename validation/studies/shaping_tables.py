@@ -193,8 +193,8 @@ def main() -> int:
                 continue
             print(rows[-1], flush=True)
     text = (
-        f"{BEGIN}\n{table(rows)}\nWhat the theory says a filter leaves of the linear model's wave "
-        f"by the error of its frequency:\n\n{robustness()}{END}"
+        f"{BEGIN}\n{table(rows)}\nTheoretical residual of the linear model's wave, "
+        f"by the error of the frequency:\n\n{robustness()}{END}"
     )
     print(text)
     if arguments.docs:
