@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Any
 from slosh_base.files.lazy_names import lazy_names
 
 if TYPE_CHECKING:
-    from slosh.finding_out import discover, identify, replay
-    from slosh.foretelling import plan, predict, simulate
-    from slosh.things import Container, Model, Motion, Recording
+    from slosh.data import Container, Model, Motion, Recording
+    from slosh.evaluation import discover, identify, replay
+    from slosh.simulation import plan, predict, simulate
 
 __all__ = [
     "Container",
@@ -37,9 +37,9 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 _loaded = lazy_names(
     __name__,
     {
-        **dict.fromkeys(("Container", "Model", "Motion", "Recording"), "things"),
-        **dict.fromkeys(("plan", "predict", "simulate"), "foretelling"),
-        **dict.fromkeys(("discover", "identify", "replay"), "finding_out"),
+        **dict.fromkeys(("Container", "Model", "Motion", "Recording"), "data"),
+        **dict.fromkeys(("plan", "predict", "simulate"), "simulation"),
+        **dict.fromkeys(("discover", "identify", "replay"), "evaluation"),
     },
 )
 

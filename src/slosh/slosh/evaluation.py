@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from slosh.given import measured_motions, the_model
+from slosh.arguments import measured_motions, the_model
 from slosh_bag.reader import BagReader
 from slosh_discovery.discover.finding import Finding
 from slosh_discovery.discover.workflow import discover as discover_motions
@@ -18,7 +18,7 @@ from slosh_replay.replay.replay_bag import replay_bag
 from slosh_replay.replay.result import ReplayResult
 
 if TYPE_CHECKING:
-    from slosh.given import DataLike, ModelLike, Several
+    from slosh.arguments import DataLike, ModelLike, Several
 
 
 def replay(

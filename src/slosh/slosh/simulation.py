@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, overload
 
 import numpy as np
 
-from slosh.given import as_file, the_model
+from slosh.arguments import as_file, the_model
 from slosh_bringup.simulate.doubts import check_possible, doubts
 from slosh_model.gaps import gap_text
 from slosh_model.simulate import Inputs, Response
@@ -31,7 +31,7 @@ from slosh_plan.trajectory import Trajectory
 from slosh_tables.motion_table import read_motion_table
 
 if TYPE_CHECKING:
-    from slosh.given import ModelLike, MotionLike, PathLike, Several
+    from slosh.arguments import ModelLike, MotionLike, PathLike, Several
 
 
 def simulate(model: ModelLike, motion: MotionLike) -> Response:
