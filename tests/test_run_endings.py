@@ -78,7 +78,7 @@ def test_a_second_signal_ends_the_report_at_once(demo):
     assert running.end() == 1
     assert_finished(folder / "bag")
     assert reports(folder) == set()
-    assert "no report, as asked" in running.said
+    assert "report skipped" in running.said
     assert "Traceback" not in running.said
 
 
