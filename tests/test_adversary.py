@@ -180,7 +180,7 @@ class TestBlind:
     @pytest.mark.parametrize("gravity", [0.0, 1.0])
     def test_a_sensor_without_gravity(self, inertial: Robot, gravity: float) -> None:
         inertial.gravity = gravity
-        inertial.until(lambda: is_blind(inertial, "cannot mean what it says"), "blindness")
+        inertial.until(lambda: is_blind(inertial, "is not plausible"), "blindness")
         inertial.until(lambda: inertial.health["estimator"][0] == ERROR, "the reason")
         inertial.gravity = GRAVITY
 

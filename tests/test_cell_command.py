@@ -138,8 +138,8 @@ def test_a_cell_without_input_says_so_and_ends_with_a_report(domain, tmp_path, w
         running.process.terminate()
         assert running.end() == 1
     reasons = [
-        "no message came on /arm/acceleration, which drives the models",
-        "no image came on /slosh/camera/image_raw",
+        "no messages received on /arm/acceleration, the input of the models",
+        "no images received on /slosh/camera/image_raw",
     ]
     assert f"slosh cell: nothing was measured, because {'; '.join(reasons)}" in running.said
     assert "Traceback" not in running.said
@@ -166,13 +166,13 @@ def test_a_recording_that_is_played_without_its_clock_is_recognised(domain, tmp_
         ]
         with subprocess.Popen(play, stderr=subprocess.DEVNULL) as player:
             try:
-                stale = "are stale: older than max_age by their stamps"
+                stale = "are stale: their stamps are older than max_age"
                 running.wait_for(lambda: stale in running.said, stale)
                 running.process.terminate()
                 assert running.end() == 1
             finally:
                 player.terminate()
-    assert "messages came on /slosh/accel, and none could be used: stale " in running.said
+    assert "messages received on /slosh/accel, but none could be used: stale " in running.said
     assert "s behind this machine's clock" in running.said
 
 
@@ -273,7 +273,7 @@ def test_a_cell_without_a_camera_is_a_whole_cell(domain, tmp_path, said):
     with live_process(*words, output=tmp_path / "words") as running:
         running.wait_for_nodes(3)
         with robot(domain, **simulated, motion=str(push_beyond_the_limit(tmp_path))):
-            exceeded = "monitor: ERROR; no camera by choice"
+            exceeded = "monitor: ERROR; no camera configured"
             running.wait_for(lambda: exceeded in running.said, exceeded)
         running.process.send_signal(signal.SIGINT)
         assert running.end() == 0, running.said
@@ -294,4 +294,4 @@ def test_a_cell_without_a_camera_is_a_whole_cell(domain, tmp_path, said):
     assert np.isfinite(replayed.heights["3D-NL"]).all()
     frames = [json.loads(frame) for frame in Recording(folder / "bag").frames]
     assert {"safe", "limit exceeded"} <= {frame["verdict"] for frame in frames}
-    assert "estimated below its limit; no camera by choice" in {one["reason"] for one in frames}
+    assert "estimated below its limit; no camera configured" in {one["reason"] for one in frames}

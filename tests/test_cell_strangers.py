@@ -139,7 +139,7 @@ def test_a_strangers_words_are_one_plain_line_and_end_nothing(cell: Cell) -> Non
 def test_a_second_cell_is_told_and_has_a_folder_of_its_own(cell: Cell, tmp_path: Path) -> None:
     words = ("cell", "--config", str(cell.file), "-o", str(cell.output))
     with live_process(*words, output=tmp_path / "words") as second:
-        line = "run in /slosh, too: the two mix their messages"
+        line = "run in /slosh, too: their messages are mixed"
         for one in (second, cell.process):
             one.wait_for(lambda one=one: line in one.said, line)
         second.process.send_signal(signal.SIGINT)

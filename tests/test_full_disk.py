@@ -166,12 +166,12 @@ def test_the_node_lives_on_and_says_so_in_the_diagnostics(node, domain, tmp_path
         limit(0)
         publish(1)
         until(lambda: last(DiagnosticStatus.ERROR, "nothing has been written"), "ERROR", spin)
-        for part in (str(bag / "bag_0.mcap"), "MB free", "make room"):
+        for part in (str(bag / "bag_0.mcap"), "MB free", "free some space"):
             assert part in heard[-1].message
         publish(2)
         until(lambda: facts()["queue"] == "2", "both messages to wait", spin)
         limit(resource.RLIM_INFINITY)
-        until(lambda: last(DiagnosticStatus.WARN, "goes on in bag_"), "the new file", spin)
+        until(lambda: last(DiagnosticStatus.WARN, "resumed in bag_"), "the new file", spin)
         assert "0 messages were lost" in heard[-1].message
         publish(3)
         until(lambda: facts()["messages"] == "4", "the last message", spin)

@@ -143,7 +143,7 @@ def test_poses_of_a_robot_give_the_true_heights_over_dds(
     assert not any(one.flags & EstimateFlag.INPUT_TOO_SLOW for one in listener.estimates)
     assert float(values["gain at mode 1"]) == pytest.approx(0.99, abs=0.01)
     assert float(values["input rate [Hz]"]) == pytest.approx(rate, rel=0.05)
-    assert 50 < float(values["delay by the pose window [ms]"]) < 75
+    assert 50 < float(values["delay of the pose window [ms]"]) < 75
 
 
 def test_a_slow_input_is_named_with_a_remedy(tmp_path: Path, domain: int) -> None:
@@ -161,8 +161,8 @@ def test_a_slow_input_is_named_with_a_remedy(tmp_path: Path, domain: int) -> Non
         said = listener.health[1]
     assert listener.estimates[-1].flags == EstimateFlag.INPUT_TOO_SLOW
     assert said == (
-        "accelerations come at 25 Hz: 0.94 of mode 1 (3.4 Hz) passes, and the estimate is too "
-        "low; publish at 40 Hz or more, or use a faster sensor"
+        "accelerations arrive at 25 Hz: the gain at mode 1 (3.4 Hz) is 0.94, and the estimate is "
+        "too low; publish at 40 Hz or more, or use a faster sensor"
     )
 
 
@@ -181,4 +181,4 @@ def test_poses_that_are_all_gaps_are_named(tmp_path: Path, domain: int) -> None:
 
         listener.until(named, "the cause")
     assert listener.estimates == []
-    assert listener.health[1].startswith("samples come every 52 ms, and max_gap is 50 ms")
+    assert listener.health[1].startswith("samples arrive every 52 ms, but max_gap is 50 ms")

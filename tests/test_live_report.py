@@ -39,31 +39,31 @@ def live_bag(*without, **attributes):
     [
         (
             live_bag("accel", "estimate", "free_surface"),
-            ["no message came on /slosh/accel, which drives", "no image came on camera/image_raw"],
+            ["no messages received on /slosh/accel", "no images received on camera/image_raw"],
         ),
-        (live_bag("free_surface"), ["no image came on camera/image_raw"]),
+        (live_bag("free_surface"), ["no images received on camera/image_raw"]),
         (
             live_bag("accel", "estimate"),
-            ["no message came on /slosh/accel, which drives the models"],
+            ["no messages received on /slosh/accel, the input of the models"],
         ),
-        (live_bag("estimate"), ["2500 messages came on /slosh/accel, and none could be used"]),
+        (live_bag("estimate"), ["2500 messages received on /slosh/accel, but none could be used"]),
         (
             live_bag(image_flags=Flag.NOT_FOUND),
             ["no free surface was found in any of 313 images on camera/image_raw: NOT_FOUND 313"],
         ),
         (
             live_bag(image_ahead=100_000 * MS),
-            ["the stamps of the images lie 95.0 s ahead of those of the input: both must come"],
+            ["the stamps of the images are 95.0 s ahead of those of the input: both must use"],
         ),
         (
             live_bag(image_ahead=-100_000 * MS),
-            ["the stamps of the images lie 95.0 s behind those of the input: both must come"],
+            ["the stamps of the images are 95.0 s behind those of the input: both must use"],
         ),
         (
             live_bag(image_lag=lambda index: 3_000 * MS),
             ["313 heights were measured, most of them 3.0 s after their images: too late"],
         ),
-        (live_bag(), ["313 heights were measured and estimated, and the monitor compared none"]),
+        (live_bag(), ["313 heights were measured and estimated, but the monitor compared none"]),
     ],
 )
 def test_a_run_without_measurements_says_why(tmp_path, bag, reasons):
@@ -85,7 +85,7 @@ def test_old_stamps_are_named(tmp_path):
     hour = 3_600_000 * MS
     bag.entries = lambda seconds: [(log + hour, *rest) for log, *rest in entries(seconds)]
     found, *_ = results(tmp_path, bag)
-    assert found.reasons[0].endswith("their stamps lie 3600.0 s behind this machine's clock")
+    assert found.reasons[0].endswith("their stamps are 3600.0 s behind this machine's clock")
 
 
 def test_no_bag_at_all_is_a_report_too(tmp_path):

@@ -92,8 +92,9 @@ def test_a_window_that_is_too_long_is_told() -> None:
     reader = pose_reader(0.4)
     for stamp, place in zip(*Poses(125).of(move), strict=True):
         reader.update(stamp, place, LEVEL)
-    assert reader.sampling.sentence().startswith("poses come at 125 Hz: 0.")
-    assert "of mode 1 (3.4 Hz) passes, and the estimate is too low" in reader.sampling.sentence()
+    sentence = reader.sampling.sentence()
+    assert sentence.startswith("poses arrive at 125 Hz: the gain at mode 1 (3.4 Hz) is 0.")
+    assert ", and the estimate is too low" in sentence
 
 
 @pytest.mark.parametrize(("rate", "slow"), [(18, True), (30, True), (50, False), (100, False)])

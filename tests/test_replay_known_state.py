@@ -62,7 +62,7 @@ def test_the_rate_of_an_input_that_is_too_slow_is_part_of_the_state(kind, tmp_pa
     result = replay_bag(live.write(tmp_path / "bag"))
     found = result.verification
     assert found.exact, found.lines()
-    assert any("come at 25 Hz" in line for line in result.warnings)
+    assert any("arrive at 25 Hz" in line for line in result.warnings)
 
 
 @pytest.mark.parametrize("model", [TANK, REMEMBERING], ids=["tank", "remembering"])

@@ -78,7 +78,7 @@ def test_a_second_signal_ends_the_report_at_once(demo):
     assert running.end() == 1
     assert_finished(folder / "bag")
     assert reports(folder) == set()
-    assert "no report, as asked" in running.said
+    assert "report skipped" in running.said
     assert "Traceback" not in running.said
 
 
@@ -138,7 +138,7 @@ def test_the_nodes_of_a_killed_command_end_and_the_recorder_last(demo):
     assert_gone(nodes)
     assert_finished(folder / "bag")
     for log in (folder / "logs").glob("*.log"):
-        assert "the process that started this node has ended" in log.read_text(), log.name
+        assert "parent process exited" in log.read_text(), log.name
 
 
 def first_nodes(process):

@@ -133,7 +133,7 @@ def test_what_is_no_link_but_called_latest_stays(tmp_path, what):
     mine.write_text("precious")
     run = new_run(tmp_path, NOW, told.append)
     assert run.is_dir()
-    assert told == [f"{latest}: is no link and stays as it is"]
+    assert told == [f"{latest}: is not a link and is left unchanged"]
     assert mine.read_text() == "precious"
     assert sorted(tmp_path.iterdir()) == [run, latest]
 

@@ -86,8 +86,8 @@ def stranger(domain: int) -> Iterator[Node]:
     [
         (3.4e8, "are stamped in the future by more than max_age"),
         pytest.param(1.0, "are stamped in the future by more than max_age", marks=LONG),
-        (-1.0, "are stale: older than max_age"),
-        pytest.param(-1e9, "are stale: older than max_age", marks=LONG),
+        (-1.0, "are stale: their stamps are older than max_age"),
+        pytest.param(-1e9, "are stale: their stamps are older than max_age", marks=LONG),
     ],
 )
 def test_accelerations_of_another_time_are_dropped_and_told(
@@ -107,7 +107,7 @@ def test_a_topic_in_another_type_is_told(robot: Robot, domain: int) -> None:
     with stranger(domain) as other:
         for topic in (topics.ACCEL, topics.FREE_SURFACE):
             other.create_publisher(Imu, topic, qos.STREAM_OUT)
-        said = "is published as sensor_msgs/msg/Imu, too, which is not heard"
+        said = "is also published as sensor_msgs/msg/Imu, which is not received"
 
         def told() -> bool:
             return all(said in robot.health[name][1] for name in ("estimator", "monitor"))
@@ -121,7 +121,7 @@ def test_a_reader_that_asks_for_too_much_is_named(robot: Robot, domain: int) -> 
     with stranger(domain) as other:
         asked = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         other.create_subscription(SloshEstimate, topics.ESTIMATE, print, asked)
-        said = "/slosh/estimate: /slosh/stranger hears nothing, its QoS does not fit"
+        said = "/slosh/estimate: /slosh/stranger receives nothing, its QoS is incompatible"
         robot.until(lambda: said in robot.health["estimator"][1], said)
         assert robot.health["estimator"][0] == WARN
     wait_until_well(robot)
@@ -220,7 +220,7 @@ def test_simulated_time_that_is_absent_or_goes_back(tmp_path: Path, domain: int)
             said = [robot.health.get(name, (OK, "")) for name in own]
             return all(level == STALE and words in sentence for level, sentence in said)
 
-        robot.until(lambda: all_say("simulated time stands still"), "the missing clock")
+        robot.until(lambda: all_say("simulated time does not advance"), "the missing clock")
         assert not robot.estimates
         robot.simulates(time.time_ns)
         robot.until(lambda: robot.comparisons, "comparisons")
@@ -231,4 +231,4 @@ def test_simulated_time_that_is_absent_or_goes_back(tmp_path: Path, domain: int)
         wait_until_well(robot)
         assert time.monotonic() - since < WELL_AGAIN
         robot.simulates(None)
-        robot.until(lambda: all_say("simulated time stands still"), "the clock that stopped")
+        robot.until(lambda: all_say("simulated time does not advance"), "the clock that stopped")

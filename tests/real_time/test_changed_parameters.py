@@ -208,7 +208,7 @@ def test_a_recording_with_changes_replays_bit_for_bit(recorded):
     assert {limit for source, _, _, limit, *_ in live if source == Source.ESTIMATED} == {
         settings.estimated_limit for _, settings in result.limit_changes[:2]
     }
-    assert any("judged by a new limit" in words for *_, words in live)
+    assert any("limit changed to" in words for *_, words in live)
 
 
 def test_the_report_tells_which_parameters_changed_when(recorded):

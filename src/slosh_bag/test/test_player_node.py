@@ -287,7 +287,7 @@ def test_nobody_listening_is_told_and_does_not_stop_it(tmp_path):
         make_plan(PlayRequest(write_bag(tmp_path / "bag", "/x", 0.05))), subscribers=0
     )
     assert thread.count == 51
-    assert warnings == ["0 subscribers after 0.0 s: playing all the same"]
+    assert warnings == ["0 subscribers after 0.0 s: playback starts anyway"]
 
 
 def test_a_damaged_bag_ends_it_with_one_line(tmp_path):

@@ -27,8 +27,8 @@ def test_topics_that_are_not_of_one_are_named():
         RecorderStatus(**FINE), {}, 0, {}, False, ["/slosh/estimate"], {"/slosh/accel": "a/msg/B"}
     )
     assert level == WARN
-    assert "several publishers speak on /slosh/estimate: another cell" in sentence
-    assert "/slosh/accel is published as a/msg/B, too, of which nothing is recorded" in sentence
+    assert "several publishers on /slosh/estimate: is another cell" in sentence
+    assert "/slosh/accel is also published as a/msg/B, which is not recorded" in sentence
 
 
 def test_all_is_well():
@@ -43,8 +43,9 @@ def test_a_full_disk_is_an_error_with_path_space_and_remedy():
     )  # fmt: skip
     assert level == ERROR
     for part in (
-        "for 12 s", "/data/run/run_1.mcap: No space left on device", "3 MB free", "make room",
-        "400 messages wait, 7 are lost",
+        "for 12 s", "/data/run/run_1.mcap: No space left on device", "3 MB free",
+        "free some space",
+        "400 messages are waiting, 7 are lost",
     ):  # fmt: skip
         assert part in sentence
 
@@ -52,7 +53,7 @@ def test_a_full_disk_is_an_error_with_path_space_and_remedy():
 def test_what_was_lost_on_a_full_disk_is_told_afterwards():
     level, sentence = said(interruptions=1, unkept=7, lost_meanwhile=7)
     assert level == WARN
-    assert "goes on in run_1.mcap" in sentence
+    assert "resumed in run_1.mcap" in sentence
     assert "7 messages were lost" in sentence
 
 
@@ -88,7 +89,7 @@ def test_everything_is_said_the_worst_first():
     assert level == ERROR
     assert sentence == (
         "1 messages lost: the disk is too slow; "
-        "no publisher any more: /accel (for 12 s), /image (for 3 s); "
+        "publisher lost: /accel (for 12 s), /image (for 3 s); "
         "4 messages lost on the way, before they got here; "
         "1 topics are not recorded, such as /odd: odd_msgs is not installed here"
     )
@@ -107,7 +108,7 @@ def test_the_rate_of_each_topic_is_told_the_largest_first():
 def test_what_is_left_out_is_told_with_the_reason():
     choice = Choice({}, {"/cell/raw": "excluded"}, tuple(f"/plc/{n}" for n in range(12)))
     assert left_out_text(choice) == (
-        "/cell/raw: excluded; 12 not of this cell, which the parameter topics can add: "
+        "/cell/raw: excluded; 12 outside this cell, which the parameter topics can add: "
         "/plc/0, /plc/1, /plc/2, /plc/3, /plc/4, /plc/5, /plc/6, /plc/7, /plc/8, /plc/9, ..."
     )
     assert left_out_text(Choice()) == ""

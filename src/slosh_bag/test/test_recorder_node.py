@@ -185,7 +185,7 @@ def test_a_lost_publisher_is_named_and_recorded_again_when_it_is_back(graph):
     graph.until(lambda: graph.recorder._absent())
     level, sentence = graph.recorder._health()
     assert (level, list(graph.recorder._absent())) == (WARN, [topic])
-    assert re.search(rf"no publisher any more: {topic} \(for \d+ s\)", sentence)
+    assert re.search(rf"publisher lost: {topic} \(for \d+ s\)", sentence)
     assert other.topic_name not in sentence
     assert graph.recorder._facts()["topics without a publisher"] == topic
     second = graph.publisher(Header, "header", BEST_EFFORT)
@@ -228,7 +228,7 @@ def test_two_that_speak_where_one_may_are_told_and_noted(graph):
         graph.until(lambda n=number: graph.recorded("surface") == n + 1)
     level, sentence = graph.recorder._health()
     assert level == WARN
-    assert f"several publishers speak on {topic}" in sentence
+    assert f"several publishers on {topic}" in sentence
     assert "several" not in graph.recorder._health()[1]
     graph.finish()
     line = shared_topics_line(BagReader(graph.folder).metadata())

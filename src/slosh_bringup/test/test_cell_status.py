@@ -30,7 +30,7 @@ def test_without_a_camera_the_estimate_is_told_with_its_limit(status):
 def test_silence_is_told_in_place_of_old_heights(status):
     status.take_comparison(0.0123, float("nan"), 0, 5.0)
     assert "estimated – of" in status.line(5.1)
-    assert status.line(9.0).startswith("BLIND · the monitor has been silent for 4 s")
+    assert status.line(9.0).startswith("BLIND · no message from the monitor for 4 s")
 
 
 @pytest.mark.parametrize(

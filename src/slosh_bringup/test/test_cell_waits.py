@@ -81,7 +81,9 @@ def test_it_waits_for_a_node_that_gets_ready_and_tells_for_whom(table, domain):
 
     def told():
         words = [s for array in said for s in array.status if s.name == "/cell"]
-        return any("waits to play push.csv" in s.message and "camera" in s.message for s in words)
+        return any(
+            "waiting to play push.csv" in s.message and "camera" in s.message for s in words
+        )
 
     try:
         with start(table, domain, "wait_for:=camera", "readers:=0", "patience:=20.0") as process:

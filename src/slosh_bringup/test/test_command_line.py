@@ -93,14 +93,14 @@ def complaint(capsys, *words):
         ("export --topic /a bag", "missing: BAG (an option of several values, --topic,"),
         (
             "simulate a.csv m.yaml -o b.csv",
-            "MODEL and MOTION are exchanged: slosh simulate m.yaml a.csv",
+            "MODEL and MOTION are exchanged; type: slosh simulate m.yaml a.csv",
         ),
         (
             "predict a.csv m.yaml",
-            "MODEL and TRAJECTORY are exchanged: slosh predict m.yaml a.csv",
+            "MODEL and TRAJECTORY are exchanged; type: slosh predict m.yaml a.csv",
         ),
-        ("predict m.yaml a.csv n.yaml", "n.yaml: a model where TRAJECTORY belongs"),
-        ("discover bag --model a.csv -o c", "a.csv: a table where MODEL belongs"),
+        ("predict m.yaml a.csv n.yaml", "n.yaml: is a model, but TRAJECTORY must be a table"),
+        ("discover bag --model a.csv -o c", "a.csv: is a table, but MODEL must be a model.yaml"),
     ],
 )
 def test_a_mistake_is_one_line_with_the_remedy(capsys, tmp_path, monkeypatch, typed, said):

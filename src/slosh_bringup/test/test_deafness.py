@@ -130,8 +130,9 @@ def test_a_node_that_hears_nothing_of_a_topic_is_started_again(listener, tmp_pat
             supervision.look(began=True, silences={"monitor": 0.0})
             time.sleep(0.02)
     context.try_shutdown()
-    assert told[0] == f"node monitor hears nothing on {TOPIC}, though others do: it is killed"
-    assert told[1].endswith("it is started again")
+    deaf = f"node monitor receives nothing on {TOPIC}, although other nodes do: it is killed"
+    assert told[0] == deaf
+    assert told[1].endswith("it is restarted")
 
 
 def test_nothing_is_imported_for_a_name_from_the_network(listener):

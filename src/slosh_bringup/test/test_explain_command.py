@@ -85,4 +85,4 @@ def test_alone_it_lists_everything(capsys):
 def test_an_unknown_name_is_one_line_with_the_nearest(name, told, capsys):
     assert main(["explain", name]) == 2
     (line,) = capsys.readouterr().err.splitlines()
-    assert line == f"slosh explain: '{name}' is no effect and no flag; {told}"
+    assert line == f"slosh explain: '{name}' is neither an effect nor a flag; {told}"

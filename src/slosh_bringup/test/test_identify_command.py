@@ -179,7 +179,7 @@ def test_wrong_input_is_refused_in_one_line(shop, tmp_path, capsys, change, matc
 
 def test_without_a_model_it_asks_for_one(shop, tmp_path, capsys):
     line = fails_with(capsys, "identify", shop / "runs", "-o", tmp_path / "o")
-    assert "no model: give one (--model)" in line
+    assert "no model: give --model" in line
 
 
 def test_the_same_data_give_the_same_files(shop, tmp_path):

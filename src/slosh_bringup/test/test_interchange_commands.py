@@ -136,7 +136,7 @@ def test_what_export_cannot_do_is_one_line(bag: Path, tmp_path: Path, capsys):
     for words, expected in (
         (["--topic", "acel", "-o", out], "no topic 'acel'; there are /slosh/accel, /slosh/free"),
         (["-o", out], "is one file for 2 topics; name a folder, or one of /slosh/accel"),
-        ([], "say where to: -o"),
+        ([], "-o is missing: give"),
         (["--motion", "-o", tmp_path / "m.parquet"], "a motion table is .csv or .csv.gz"),
         (["--motion", "-o", tmp_path / "there.csv"], "there.csv: exists already"),
         (["--motion", "--measured", "truth", "-o", out], "no topic 'truth'"),

@@ -55,7 +55,7 @@ def test_cycles_axis_and_ratio(tmp_path, capsys):
         (["--rate", "5"], "--rate 5: must be at least 12.5 Hz"),
         (["--rate", "nan"], "--rate nan"),
         (["--cycles", "0"], "--cycles 0: must be at least 1"),
-        (["--rate", "1e7"], "rows are more than 10000000"),
+        (["--rate", "1e7"], "rows exceed the maximum of 10000000"),
         (["--ratio", "0"], "ratio = 0.0 must lie in [0.01, 1]"),
         (["--stroke", "-100"], "stroke = -100.0 m must lie in"),
         (["--speed", "0"], "speed = 0.0 1/min"),
@@ -74,4 +74,4 @@ def test_another_law_and_another_kind_of_file_are_refused(tmp_path, capsys):
     assert main(words(tmp_path / "a.csv", profile="jump")) == 2
     assert "'jump' is not one of quintic" in capsys.readouterr().err
     assert main(words(tmp_path / "a.txt")) == 2
-    assert "a motion table ends in .csv" in capsys.readouterr().err
+    assert "a motion table must end in .csv" in capsys.readouterr().err

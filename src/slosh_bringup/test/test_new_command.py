@@ -121,7 +121,7 @@ def test_the_next_commands_are_told_with_the_cups_numbers(folder, capsys):
     assert f"slosh cell --config '{folder}/cell.yaml'" in told
     assert "note" not in told
     assert main(["new", str(folder.with_name("b")), *ROUND]) == 0
-    assert "note: the wall's thickness is not told" in capsys.readouterr().out
+    assert "note: no wall thickness given" in capsys.readouterr().out
 
 
 def test_a_folder_that_holds_something_is_refused(folder, capsys):
@@ -144,10 +144,13 @@ def test_a_folder_that_holds_something_is_refused(folder, capsys):
         (["--radius", "nan"], "radius = nan m: must be 0.002 to 2 m"),
         ([*ROUND, "--rim-height", "0.05"], "rim_height = 0.05 m: must lie above the liquid"),
         ([*ROUND, "--radius", "0.04"], "--radius and --diameter: give one of them"),
-        ([*ROUND, "--depth", "0.04"], "a cup is round or rectangular"),
+        ([*ROUND, "--depth", "0.04"], "the container is round or rectangular"),
         ([*ROUND, "--namespace", "slosh"], "namespace = 'slosh': must be names after slashes"),
         ([*ROUND, "--image-size", "big"], "--image-size: 'big' is not WIDTHxHEIGHT"),
-        (["--radius", "0.04"], "--fill-height: needed, and there is no terminal to ask on"),
+        (
+            ["--radius", "0.04"],
+            "--fill-height: required; the command can ask for values only on a terminal",
+        ),
         (["--width", "0.04"], "--depth, --fill-height: needed"),
         ([], "--radius, --diameter or --width and --depth, --fill-height: needed"),
     ],
@@ -178,7 +181,7 @@ def test_a_terminal_is_asked_for_a_rectangle(folder, monkeypatch):
 
 def test_answers_that_end_are_one_line(folder, capsys, monkeypatch):
     monkeypatch.setattr("sys.stdin", Terminal("\n"))
-    assert "the answers ended; give the options instead" in refused(folder, [], capsys)
+    assert "no more input: give the values as options" in refused(folder, [], capsys)
 
 
 @pytest.mark.parametrize(

@@ -133,7 +133,7 @@ def test_the_error_of_results_is_kept_off_the_limits(slosh_plan, tmp_path):
     assert facts["peak"] + facts["error_margin"] == pytest.approx(facts["upper"])
     assert facts["upper"] <= 0.015
     _, out, _, _ = slosh_plan(LINE, *options, "--sigma", "0.0002", "--epsilon", "0.05")
-    assert "kept for the model's error (σ 0.2 mm, ε 5 %" in out
+    assert "reserved for the model's error (σ 0.2 mm, ε 5 %" in out
 
 
 @pytest.mark.parametrize(
@@ -142,7 +142,7 @@ def test_the_error_of_results_is_kept_off_the_limits(slosh_plan, tmp_path):
         ("{}", (), "tells no error of 3D-NL"),
         ("[1", (), "is no JSON"),
         ('{"agreements": [{"name": "3D-NL", "sigma": null}]}', (), "sigma of 3D-NL is None"),
-        (json.dumps(RAN), ("--sigma", "0.1"), "give one or the other"),
+        (json.dumps(RAN), ("--sigma", "0.1"), "do not give --sigma or --epsilon as well"),
         (None, (), "No such file"),
     ],
 )

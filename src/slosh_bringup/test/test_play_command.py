@@ -90,7 +90,7 @@ def test_it_plays_to_the_end_with_a_bar(start):
 
 def test_an_interrupt_tells_how_far_it_came(start):
     process, words = start("--wait", "0", "--rate", "0.01")
-    wait_for(words, "playing all the same")
+    wait_for(words, "playback starts anyway")
     os.killpg(process.pid, signal.SIGINT)
     assert process.wait(PATIENCE) == 0
     assert "play bag: 0%" in words.read_text()
@@ -107,7 +107,7 @@ def wait_for(words, text):
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGHUP])
 def test_an_interrupt_ends_it_without_a_traceback(start, number):
     process, words = start("--wait", "0", "--loop")
-    wait_for(words, "playing all the same")
+    wait_for(words, "playback starts anyway")
     os.killpg(process.pid, number)
     assert process.wait(PATIENCE) == 0
     told = words.read_text()

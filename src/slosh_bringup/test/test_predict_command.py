@@ -126,7 +126,9 @@ def test_motions_of_joints_by_a_robots_description(capsys, tmp_path):
 def test_a_robot_needs_its_tool_frame(capsys, tmp_path):
     motion = line(tmp_path / "a.csv")
     assert main(["predict", MODEL, motion, "--urdf", "robot.urdf"]) == 2
-    assert capsys.readouterr().err.strip().endswith("--urdf and --tool-frame belong together")
+    assert (
+        capsys.readouterr().err.strip().endswith("--urdf and --tool-frame must be given together")
+    )
 
 
 def test_a_table_whose_accelerations_contradict_its_positions_is_refused(capsys, tmp_path):

@@ -71,7 +71,7 @@ def test_the_attitude_is_kept(slosh_shape):
     ("table", "options", "text"),
     [
         ("t,ax,ay,az\n0,0,0,0\n1,1,0,0\n", ("--filter", "zv"), "end at a speed of 0.5 m/s"),
-        (POSES, ("--filter", "polynomial", "--per-axis"), "is a law along the path"),
+        (POSES, ("--filter", "polynomial", "--per-axis"), "a time law along the path"),
         (
             "t,x,y,z\n0,0,0,0\n0.05,0.1,0,0\n0.1,0.2,0,0\n", ("--filter", "polynomial"),
             "has no residual-free polynomial",

@@ -37,7 +37,7 @@ def test_a_node_that_hangs_is_killed_and_started_again(cell):
     assert supervision.look(began=True, silences=silences) is None
     look_until_it_runs_again(group, supervision, before)
     hangs, again = told
-    assert hangs == "node monitor runs and has said nothing for 31 s: it is killed"
+    assert hangs == "node monitor runs but has sent no diagnostics for 31 s: it is killed"
     assert again.startswith("node monitor ended with exit code -9: Killed")
     assert again.endswith("it is started again")
     assert supervision.problems == told

@@ -65,7 +65,7 @@ class TestVerdict:
     def test_without_a_camera_by_choice_the_estimate_makes_the_verdict(self):
         verdict, reason = judge(0, 0.1, alone=True)
         assert verdict is Verdict.SAFE
-        assert reason == "estimated below its limit; no camera by choice"
+        assert reason == "estimated below its limit; no camera configured"
 
     def test_who_is_silent_is_named(self):
         assert "the camera" in judge(3, 0.1, ("the camera",)).reason

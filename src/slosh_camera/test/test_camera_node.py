@@ -191,7 +191,7 @@ def test_a_driver_that_speaks_of_another_lens_is_told(make_rig, picture):
         status, _ = rig.report(lambda status, _, words=words: words in status.message)
         if words:
             assert status.level == DiagnosticStatus.WARN
-            assert "calibrate anew" in status.message
+            assert "calibrate again" in status.message
 
 
 def test_a_compressed_image_is_measured(make_rig, picture):
@@ -283,7 +283,7 @@ def test_the_newest_image_is_measured_and_the_others_give_way(
     status, values = rig.report(lambda status, values: values.get("measurement total") == "2")
     assert values["dropped images"] == "4"
     assert status.level == DiagnosticStatus.WARN
-    assert "they come faster than they can be measured" in status.message
+    assert "they arrive faster than they can be measured" in status.message
 
 
 def test_images_offered_as_best_effort_are_read(make_rig, picture):

@@ -131,8 +131,8 @@ class AccelInput(CheckedInput):
         """What is worth a look; None: nothing."""
         if self._arm:
             return (
-                "sensor_to_origin is not accounted for: the input accel tells no rotation; "
-                "use the input imu or pose"
+                "sensor_to_origin has no effect: the input accel contains no rotation; use "
+                "the input imu or pose"
             )
         return None
 

@@ -220,7 +220,7 @@ class Estimator:
         checks = self._checks[MOVING_CHECKS:]
         if len(state.checks) != len(checks):
             raise SloshEstimatorError(
-                f"a state with {len(state.checks)} numbers of checks, not {len(checks)}"
+                f"saved state with {len(state.checks)} check values, must have {len(checks)}"
             )
         before = moving_part(self._linear.store)
         try:

@@ -28,9 +28,9 @@ class Verdict(Enum):
     REPEATED = "repeated"
     DISORDERED = "out of order"
     NOT_FINITE = "not finite"
-    IMPOSSIBLE = "beyond what can be"
-    APART = "stamped apart from those around them"
-    JUMP = "a jump that no arm can make"
+    IMPOSSIBLE = "out of physical range"
+    APART = "isolated in time"
+    JUMP = "jumps above max_jump"
     WRONG_FRAME = "wrong frame"
 
     # Each sample is counted by its verdict, and Enum's own hash is a function in Python.

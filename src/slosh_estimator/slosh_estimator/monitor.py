@@ -192,11 +192,13 @@ class Monitor:
             self._started_at = now_ns
         measured_stale, estimate_stale = self.silent_sides(now_ns)
         if estimate_stale:
-            self._close(Source.ESTIMATED, self._last_stamp(), "the estimate fell silent")
+            self._close(Source.ESTIMATED, self._last_stamp(), "estimates stopped")
         if measured_stale:
-            self._close(Source.MEASURED, self._last_stamp(), "the camera fell silent")
+            self._close(Source.MEASURED, self._last_stamp(), "measurements stopped")
         if measured_stale or estimate_stale:
-            self._close(Source.DISAGREEMENT, self._last_stamp(), "a side fell silent")
+            self._close(
+                Source.DISAGREEMENT, self._last_stamp(), "estimates or measurements stopped"
+            )
         comparisons = []
         while estimate_stale and self._waiting and self._waiting[0].is_over(now_ns):
             comparisons.append(self._without_estimate(now_ns))
@@ -368,7 +370,7 @@ class Monitor:
         self._waiting.clear()
         self.motions.forget()
         for source in Source:
-            self._close(source, stamp_ns, "time was set back")
+            self._close(source, stamp_ns, "time jumped back")
             self._change_limit(source, _NEVER)
 
     def _ready(self, now_ns: int) -> Iterator[Comparison]:

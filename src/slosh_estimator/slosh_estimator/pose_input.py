@@ -96,7 +96,7 @@ class PoseInput(CheckedInput):
                 f"window = {window!r} must be odd and at least {MINIMUM_WINDOW}"
             )
         if not 0.0 <= window < math.inf:
-            raise SloshEstimatorError(f"window = {window!r} s must be 0.0 or a length of time")
+            raise SloshEstimatorError(f"window = {window!r} s must be 0.0 or a positive duration")
         self.gate = SampleGate(settings)
         remedy = "set pose_window to 0.0" if window else "use the input accel or imu"
         self.sampling = Sampling("poses", self._gain, remedy)
@@ -192,7 +192,9 @@ class PoseInput(CheckedInput):
             begin = 3 + MEMORY
             rows = len(memory) - begin
             if rows < (_NUMBERS + 1) * MINIMUM_WINDOW or rows % (_NUMBERS + 1):
-                raise SloshEstimatorError(f"an input's memory of {len(memory)} numbers: no poses'")
+                raise SloshEstimatorError(
+                    f"saved state of a pose input with {len(memory)} values: wrong number"
+                )
             self._at, self._misfit = round(memory[0]), (memory[1], memory[2])
             self.sampling.take_up(memory[3:begin])
             self._poses.fill(stamp_ns, memory[begin:])
@@ -207,8 +209,8 @@ class PoseInput(CheckedInput):
             return self.refusal()
         if self.jumps:
             return (
-                f"{self.jumps} jumps of more than {MAXIMUM_SPEED:g} m/s in the pose: a tracker "
-                "that jumps, or positions that are not in m"
+                f"{self.jumps} jumps of more than {MAXIMUM_SPEED:g} m/s in the pose: check the "
+                "tracker, and that positions are in m"
             )
         return None
 
@@ -219,8 +221,10 @@ class PoseInput(CheckedInput):
             and self._other_frame is not None
             and not self.gate.counts[Verdict.WRONG_FRAME]
         ):
-            named = f"in the frame {self._other_frame!r}" if self._other_frame else "without frame"
-            return f"poses {named} are taken as those in the world's frame, z up"
+            named = (
+                f"in the frame {self._other_frame!r}" if self._other_frame else ("without a frame")
+            )
+            return f"poses {named} are assumed to be in the world's frame, z up"
         return None
 
     def refusal(self) -> str | None:
@@ -229,7 +233,7 @@ class PoseInput(CheckedInput):
             return None
         return (
             f"poses in the frame {self._other_frame!r} are dropped: publish them in "
-            f"{self._frame!r}, or set world_frame to theirs if its z axis points up"
+            f"{self._frame!r}, or set world_frame to their frame if its z axis points up"
         )
 
     def _strange(self, frame: str) -> bool:

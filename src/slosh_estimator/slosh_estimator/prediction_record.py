@@ -130,8 +130,8 @@ class PredictionRecord:
         words = (
             f"predicted {1e3 * prediction.peak:.1f} mm, measured {1e3 * motion.peak:.1f} mm"
             if counted
-            else f"the motion lasted {lasted:.1f} s, planned were {prediction.duration:.1f} s: "
-            "not the planned one"
+            else f"the motion lasted {lasted:.1f} s instead of {prediction.duration:.1f} s: "
+            "not the planned motion"
         )
         self.last = Outcome(
             motion.end_ns, prediction.id, motion.start_ns, prediction.peak, motion.estimated_peak,

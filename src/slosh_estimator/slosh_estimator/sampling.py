@@ -28,7 +28,9 @@ Gain = Callable[[float, float], float]
 
 CARRIED = (0.97, 1.03)
 """Gains between which an input carries a mode."""
-TOO_SLOW = "the estimator's input is too slow for a sloshing mode: its heights are wrong"
+TOO_SLOW = (
+    "the rate of the estimator's input is too low for a sloshing mode: its heights are wrong"
+)
 BLOCK = 32
 """So many intervals tell the rate anew."""
 MEMORY = BLOCK + 2
@@ -186,9 +188,9 @@ class Sampling:
         rate = self._sufficient_rate()
         publish = f"publish at {rate:d} Hz or more, or " if rate else ""
         return (
-            f"{self._noun} come at {1.0 / self.seconds:.3g} Hz: {gain:.2f} of mode {number} "
-            f"({frequency / math.tau:.1f} Hz) passes, and the estimate is too "
-            f"{'low' if gain < 1.0 else 'high'}; {publish}{self._remedy}"
+            f"{self._noun} arrive at {1.0 / self.seconds:.3g} Hz: the gain at mode {number} "
+            f"({frequency / math.tau:.1f} Hz) is {gain:.2f}, and the estimate is too "
+            f"{('low' if gain < 1.0 else 'high')}; {publish}{self._remedy}"
         )
 
     @property
@@ -234,9 +236,9 @@ def gap_sentence(gate: SampleGate, used: int, restarts: int) -> str:
         return ""
     apart, limit = gate.gap_ns * SECONDS, gate.max_gap_ns * SECONDS
     return (
-        f"samples come every {1e3 * apart:.0f} ms, and max_gap is {1e3 * limit:.0f} ms: each "
-        "starts anew, as after a gap, and nothing is estimated; "
-        f"set max_gap to {2.0 * apart:.2g} s, or publish at {math.ceil(1.5 / limit)} Hz or more"
+        f"samples arrive every {1000.0 * apart:.0f} ms, but max_gap is {1000.0 * limit:.0f} "
+        "ms: each sample counts as a restart after a gap, and nothing is estimated; set "
+        f"max_gap to {2.0 * apart:.2g} s, or publish at {math.ceil(1.5 / limit)} Hz or more"
     )
 
 

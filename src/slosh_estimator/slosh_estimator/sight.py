@@ -49,15 +49,15 @@ _MEASURED = {
     SurfaceFlag.BAD_IMAGE: (
         "the images cannot be decoded, or do not show the container (BAD_IMAGE)"
     ),
-    SurfaceFlag.NOT_FOUND: "the camera finds no liquid (NOT_FOUND): is its lens covered?",
-    SurfaceFlag.FROZEN: "the camera repeats one image or a few again and again (FROZEN)",
+    SurfaceFlag.NOT_FOUND: "the camera detects no liquid (NOT_FOUND): is its lens covered?",
+    SurfaceFlag.FROZEN: "the camera repeats the same image, or a few of them (FROZEN)",
 }
 _ESTIMATED = {
-    EstimateFlag.INPUT_CONTESTED: "several publishers speak on the estimator's input",
-    EstimateFlag.INPUT_DOUBTFUL: "the estimator's sensor cannot mean what it says",
+    EstimateFlag.INPUT_CONTESTED: "several publishers send the estimator's input",
+    EstimateFlag.INPUT_DOUBTFUL: "the estimator's input is not plausible",
     EstimateFlag.DIVERGED: "the model has left the physical range (DIVERGED)",
     EstimateFlag.AFTER_GAP: "the estimator's input had a gap (AFTER_GAP)",
-    EstimateFlag.SETTLING: "the estimator does not know the liquid's state yet (SETTLING)",
+    EstimateFlag.SETTLING: "the estimator has not converged to the liquid's state yet (SETTLING)",
 }
 _SHOWN_NOTHING = int(functools.reduce(operator.or_, _MEASURED))
 UNSOUND = int(functools.reduce(operator.or_, _ESTIMATED))
@@ -86,7 +86,7 @@ def estimate_obstacle(estimate: float, estimate_flags: int) -> str:
     for bit, reason in _ESTIMATED.items():
         if estimate_flags & int(bit):
             return reason
-    return "" if math.isfinite(estimate) else "no estimate belongs to the moment of the image"
+    return "" if math.isfinite(estimate) else "no estimate for the time of the image"
 
 
 def judged(
@@ -114,9 +114,9 @@ def clocks_apart(measured_ns: int, estimated_ns: int) -> str:
     if abs(apart) <= FAR:
         return ""
     return (
-        f"the stamps of the measurements lie {abs(apart):.3f} s "
-        f"{'ahead of' if apart > 0.0 else 'behind'} those of the estimates: nothing is "
-        "compared; both must come from one clock"
+        f"the stamps of the measurements are {abs(apart):.3f} s "
+        f"{('ahead of' if apart > 0.0 else 'behind')} those of the estimates: nothing is "
+        "compared; both must use the same clock"
     )
 
 
@@ -144,8 +144,8 @@ class ClockWatch:
         if self._moved_ns is not None and seconds < STANDS:
             return ""
         return (
-            f"simulated time stands still for {seconds:.1f} s: use_sim_time is set, and no /clock "
-            "goes on"
+            f"simulated time does not advance for {seconds:.1f} s: use_sim_time is set, but no "
+            "advancing /clock is received"
         )
 
 

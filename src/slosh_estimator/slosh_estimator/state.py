@@ -27,7 +27,7 @@ def remembered(memory: Sequence[float], count: int, rate: int = 0) -> Sequence[f
     """
     if len(memory) not in (count, count + rate):
         raise SloshEstimatorError(
-            f"an input's memory of {len(memory)} numbers, not {count + rate}"
+            f"saved state of an input with {len(memory)} values, must have {count + rate}"
         )
     return memory
 

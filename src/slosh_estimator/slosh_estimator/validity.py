@@ -47,8 +47,8 @@ def attitude_warning(model: Model, kind: str) -> str:
     turning = [use.name for use in model.effects if EFFECTS[use.name].needs_rotation]
     if kind != "accel" or not turning:
         return ""
-    do, need = ("does", "needs") if len(turning) == 1 else ("do", "need")
+    have, need = ("has", "needs") if len(turning) == 1 else ("have", "need")
     return (
-        f"{', '.join(turning)} {do} nothing with the input 'accel', which tells no attitude: "
-        f"{need} the input 'pose' or 'imu'"
+        f"{', '.join(turning)} {have} no effect with the input 'accel', which contains no "
+        f"attitude: {need} the input 'pose' or 'imu'"
     )

@@ -119,8 +119,8 @@ class PresenceWatch:
             self.warning = _not_expected(measured, estimated, none=told < NOTHING * seen)
         elif told > seen and told >= SUSTAINED * before[1]:
             self.warning = (
-                f"the model expects a wave of {_crest(estimated):.1f} mm while the camera sees "
-                "none: does it see the container that moves, and send new images?"
+                f"the model expects a wave of {_crest(estimated):.1f} mm, but the camera sees "
+                "none: check that it sees the moving container and sends new images"
             )
 
 
@@ -139,7 +139,7 @@ def in_view(expected: Waves, axis: Array) -> Waves:
 def _not_expected(measured: Array, estimated: Array, *, none: bool) -> str:
     sees = f"the camera sees a wave of {_crest(measured):.1f} mm while the"
     if none:
-        return f"{sees} estimator's input shows no motion: is the accelerometer dead?"
+        return f"{sees} estimator's input shows no motion: check the accelerometer"
     return (
         f"{sees} model expects {_crest(estimated):.1f} mm: check the accelerometer's unit and "
         "range, and the model's container"

@@ -265,7 +265,7 @@ def test_a_turned_accelerometer_gives_the_same_bits_one_by_one_and_in_blocks() -
     assert one.memory == many.memory
     turned = Rotation.from_euler("xyz", (MOUNT.roll, MOUNT.pitch, MOUNT.yaw)).apply(values)
     assert together.accelerations == pytest.approx(turned, abs=1e-12)
-    assert "sensor_to_origin is not accounted for" in str(one.remark())
+    assert "sensor_to_origin has no effect" in str(one.remark())
 
 
 def test_poses_in_a_frame_that_is_not_the_worlds_are_dropped_and_named() -> None:
@@ -277,4 +277,4 @@ def test_poses_in_a_frame_that_is_not_the_worlds_are_dropped_and_named() -> None
     assert poses.warning() is None  # told once, until there are more
     free = PoseInput(GATE, 5, frame="world", any_frame=True)
     free.update(0, (0.0, 0.0, 0.0), LEVEL, None, "base")
-    assert "'base' are taken as those in the world's frame" in str(free.remark())
+    assert "'base' are assumed to be in the world's frame" in str(free.remark())

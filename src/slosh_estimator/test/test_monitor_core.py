@@ -389,7 +389,7 @@ def both_speak(
         ({"shift": -10_000}, "10.0.0 s behind those of the estimates"),
         ({"shift": 10_000}, "(9.99|10.0)0 s ahead of those of the estimates"),
         ({"estimate_flags": int(EstimateFlag.SETTLING)}, "SETTLING"),
-        ({"estimate_flags": int(EstimateFlag.INPUT_DOUBTFUL)}, "sensor cannot mean what it says"),
+        ({"estimate_flags": int(EstimateFlag.INPUT_DOUBTFUL)}, "input is not plausible"),
         ({"estimate_flags": int(EstimateFlag.INPUT_CONTESTED)}, "several publishers"),
     ],
 )
@@ -459,7 +459,7 @@ def test_an_excess_ends_with_the_old_limit_and_begins_with_the_new_one() -> None
     assert (start.kind, start.id, start.limit) == (Kind.START, 1, 0.01)
     assert (end.kind, end.id, end.limit, end.stamp_ns) == (Kind.END, 1, 0.01, 200 * MS)
     assert (end.peak, end.duration_ns) == (0.018, 100 * MS)
-    assert "judged by a new limit of 15.0 mm after 0.10 s" in end.description
+    assert "limit changed to 15.0 mm after 0.10 s" in end.description
     assert (again.kind, again.id, again.limit, again.stamp_ns) == (
         Kind.START, 2, 0.015, 210 * MS,
     )  # fmt: skip
@@ -532,12 +532,12 @@ def test_a_simulated_clock_stands_until_it_has_moved_and_when_it_does_no_more() 
     watch = ClockWatch()
     second = 1000 * MS
     for at in range(0, 3000, 100):
-        assert "use_sim_time is set, and no /clock goes on" in watch.look(at * MS, 0)
+        assert "use_sim_time is set, but no advancing /clock" in watch.look(at * MS, 0)
     for at in range(3000, 5000, 100):
         assert watch.look(at * MS, 7 * second + at * MS) == ""
     told = [watch.look(at * MS, 12 * second) for at in range(5000, 6100, 100)]
     assert told[0] == ""
-    assert "stands still for 1.0 s" in told[-1]
+    assert "does not advance for 1.0 s" in told[-1]
     assert watch.look(6200 * MS, 0) == ""  # set back: it moves
 
 
@@ -567,4 +567,4 @@ def test_without_a_camera_a_doubtful_estimate_is_blind() -> None:
         estimate(monitor, 50 * k, 0.001, int(EstimateFlag.INPUT_DOUBTFUL))
         found += monitor.check(50 * k * MS)
     assert found[-1].state is Condition.BLIND
-    assert "cannot mean what it says" in monitor.blindness(1000 * MS)
+    assert "is not plausible" in monitor.blindness(1000 * MS)

@@ -68,7 +68,7 @@ def test_another_motion_is_not_counted():
     assert not outcome.counted
     assert outcome.count == 0
     assert math.isnan(outcome.sigma)
-    assert outcome.description.startswith("the motion lasted 2.0 s, planned were 5.0 s")
+    assert outcome.description.startswith("the motion lasted 2.0 s instead of 5.0 s")
 
 
 def test_a_prediction_waits_for_its_own_moment():

@@ -131,8 +131,8 @@ def test_many_at_once_and_one_by_one_are_judged_alike(
 def test_what_is_not_carried_is_said_with_a_remedy() -> None:
     assert told([10 * MS] * 8).sentence() == ""
     assert told([50 * MS] * 8).sentence() == (
-        "samples come at 20 Hz: 0.91 of mode 1 (3.3 Hz) passes, and the estimate is too low; "
-        "publish at 35 Hz or more, or use a faster sensor"
+        "samples arrive at 20 Hz: the gain at mode 1 (3.3 Hz) is 0.91, and the estimate is too "
+        "low; publish at 35 Hz or more, or use a faster sensor"
     )
     third = told([20 * MS] * 8, ((1, 21.0), (2, 36.0), (3, 45.0)))
     assert "0.96 of mode 2 (5.7 Hz) passes" in third.sentence()
@@ -182,8 +182,8 @@ def test_samples_that_are_all_gaps_are_named(confirms: bool) -> None:
         sample = imu.update(k * 52 * MS, (0.0, 0.0, GRAVITY), (0.0, 0.0, 0.0))
     gate = imu.gate
     assert gap_sentence(gate, gate.used, gate.counts[Verdict.RESTART]) == (
-        "samples come every 52 ms, and max_gap is 50 ms: each starts anew, as after a gap, and "
-        "nothing is estimated; set max_gap to 0.1 s, or publish at 30 Hz or more"
+        "samples arrive every 52 ms, but max_gap is 50 ms: each sample counts as a restart "
+        "after a gap, and nothing is estimated; set max_gap to 0.1 s, or publish at 30 Hz or more"
     )
     assert imu.sampling.slow
     assert sample is None or sample.slow

@@ -59,8 +59,8 @@ class Role(Enum):
     INPUT = "the robot, its planner or its camera: what the cell's nodes read"
     ANSWER = "the cell's nodes: what they compute"
     SETTING = "the cell's nodes: what they work with"
-    SIMULATION = "the simulated cell, beside the inputs"
-    TABLE = "nobody: in bags that are made of motion tables"
+    SIMULATION = "the simulated cell, in addition to the inputs"
+    TABLE = "no node; only in bags made from motion tables"
     SHARED = "the whole graph"
 
 

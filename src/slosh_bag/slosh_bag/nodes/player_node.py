@@ -33,21 +33,23 @@ from slosh_msgs_py.node.run import EXIT_WRONG_INPUT, run_node
 
 PARAMETERS = (
     ParameterSpec("bag", "", "folder of the bag, or an MCAP file"),
-    ParameterSpec("rate", 1.0, "seconds of the bag per second", RATES),
-    ParameterSpec("start", 0.0, "how far from the bag's beginning to start [s]", (0.0, 1e9)),
-    ParameterSpec("duration", 0.0, "how much to play [s]; 0: to the end", (0.0, 1e9)),
-    ParameterSpec("loop", False, "begin anew at the end, until it is stopped"),
+    ParameterSpec("rate", 1.0, "playback speed factor", RATES),
+    ParameterSpec("start", 0.0, "start this long after the bag's beginning [s]", (0.0, 1e9)),
+    ParameterSpec("duration", 0.0, "duration to play [s]; 0: to the end", (0.0, 1e9)),
+    ParameterSpec("loop", False, "restart at the end, until the node is stopped"),
     ParameterSpec("topics", ".*", "regular expression of the topics to play"),
-    ParameterSpec("exclude", "", "regular expression of those to leave out; empty: none"),
-    ParameterSpec("inputs", False, "only what the robot, its planner and its camera publish"),
+    ParameterSpec("exclude", "", "regular expression of the topics to skip; empty: none"),
+    ParameterSpec("inputs", False, "play only what the robot, its planner and its camera publish"),
     ParameterSpec(
         "clock", 0.0,
-        "/clock messages per second; 0: one for all messages of a millisecond, 100 in pauses",
+        "rate of /clock messages [Hz]; 0: one for all messages of a millisecond, 100 Hz in pauses",
         (0.0, CLOCK_RATES[1]),
     ),
-    ParameterSpec("into", "", "namespace for the cell's topics; empty: where they were"),
-    ParameterSpec("subscribers", 0, "start once so many have subscribed; 0: any", (0, 1000)),
-    ParameterSpec("patience", 10.0, "start anyway after so long [s]", (0.0, 3600.0)),
+    ParameterSpec("into", "", "namespace for the cell's topics; empty: as recorded"),
+    ParameterSpec("subscribers", 0, "number of subscribers to wait for before the start; 0: "
+                                    "any", (0, 1000)),
+    ParameterSpec("patience", 10.0, "longest wait for subscribers [s]; playback then starts "
+                                    "without them", (0.0, 3600.0)),
 )  # fmt: skip
 
 
@@ -79,7 +81,7 @@ class PlayerNode(GuardedNode):
         """Ends the thread and tells how it went."""
         self._thread.stop()
         count, latest = self._thread.count, 1e-6 * self._thread.latest_ns
-        self.get_logger().info(f"{count} messages played, the latest {latest:.1f} ms late")
+        self.get_logger().info(f"{count} messages played, up to {latest:.1f} ms late")
 
     @property
     def finished(self) -> bool:

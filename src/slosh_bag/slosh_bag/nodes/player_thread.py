@@ -113,7 +113,7 @@ class PlayerThread:
             if there >= max(wanted, 1) and now - settled >= SETTLE:
                 return
             if now - began >= patience:
-                self._warn(f"{there} subscribers after {patience:.1f} s: playing all the same")
+                self._warn(f"{there} subscribers after {patience:.1f} s: playback starts anyway")
                 return
 
     def _subscribers(self) -> int:

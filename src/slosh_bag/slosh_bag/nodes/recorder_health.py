@@ -50,7 +50,7 @@ def left_out_text(choice: Choice) -> str:
         names = ", ".join(choice.others[:MOST_NAMED])
         more = ", ..." if len(choice.others) > MOST_NAMED else ""
         parts.append(
-            f"{len(choice.others)} not of this cell, which the parameter topics can add: "
+            f"{len(choice.others)} outside this cell, which the parameter topics can add: "
             f"{names}{more}"
         )
     return "; ".join(parts)
@@ -79,16 +79,17 @@ def findings(
     errors, warnings = _errors(status), _warnings(status)
     if absent:
         names = ", ".join(f"{topic} (for {since:.0f} s)" for topic, since in absent.items())
-        warnings.append(f"no publisher any more: {names}")
+        warnings.append(f"publisher lost: {names}")
     if lost_on_the_way:
-        warnings.append(f"{lost_on_the_way} messages lost on the way, before they got here")
+        warnings.append(f"{lost_on_the_way} messages lost before they reached the recorder")
     if shared:
         warnings.append(
-            f"several publishers speak on {', '.join(shared)}: another cell in this namespace? "
-            "What is recorded of them does not replay; stop one or give it another namespace"
+            f"several publishers on {', '.join(shared)}: is another cell in this namespace? "
+            "Their recorded messages cannot be replayed; stop one cell or give it another "
+            "namespace"
         )
     for topic, kind in (other_types or {}).items():
-        warnings.append(f"{topic} is published as {kind}, too, of which nothing is recorded")
+        warnings.append(f"{topic} is also published as {kind}, which is not recorded")
     if left_out:
         topic, reason = next(iter(left_out.items()))
         warnings.append(f"{len(left_out)} topics are not recorded, such as {topic}: {reason}")
@@ -104,8 +105,8 @@ def _errors(status: RecorderStatus) -> list[str]:
     if status.failure:
         found.append(
             f"nothing has been written for {status.since:.0f} s: {status.failure}; "
-            f"{1e-6 * status.free:.0f} MB free: make room, and it goes on by itself; "
-            f"{status.waiting} messages wait, {status.lost_meanwhile} are lost"
+            f"{1e-06 * status.free:.0f} MB free: free some space, and recording resumes; "
+            f"{status.waiting} messages are waiting, {status.lost_meanwhile} are lost"
         )
     slow = status.unkept - status.lost_meanwhile
     if slow:
@@ -122,7 +123,7 @@ def _warnings(status: RecorderStatus) -> list[str]:
         )
     if status.interruptions and not status.failure:
         found.append(
-            f"recording goes on in {status.path.name}: nothing could be written "
-            f"{status.interruptions} times, {status.lost_meanwhile} messages were lost meanwhile"
+            f"recording resumed in {status.path.name}: writing failed {status.interruptions} "
+            f"times, {status.lost_meanwhile} messages were lost meanwhile"
         )
     return found

@@ -40,7 +40,7 @@ PARAMETERS = (
     ParameterSpec(
         "topics",
         "",
-        "regular expression of topics to record beside the cell's own; '.*': all there are",
+        "regular expression of further topics to record; '.*': all topics",
     ),
     ParameterSpec(
         "exclude",
@@ -51,18 +51,18 @@ PARAMETERS = (
     ParameterSpec(
         "raw_images",
         False,
-        "record raw images also where compressed ones are recorded",
+        "record raw images even where compressed ones are recorded",
     ),
     ParameterSpec(
         "max_bag_size",
         4_000_000_000,
-        "a file of this size is followed by the next one [bytes]; 0: never",
+        "size after which a new file begins [bytes]; 0: never",
         bounds=(0, 10**15),
     ),
     ParameterSpec(
         "max_bag_duration",
         0,
-        "time after which the next file begins [s]; 0: never",
+        "time after which a new file begins [s]; 0: never",
         bounds=(0, 10**9),
     ),
 )
@@ -121,7 +121,7 @@ class RecorderNode(GuardedNode):
         total = sum(status.written.values())
         self.get_logger().info(f"{total} messages in {status.path.parent}, {status.lost} lost")
         if status.lost:
-            self.failure = f"{status.lost} messages are lost, which the bag notes: {_why(status)}"
+            self.failure = f"{status.lost} messages are lost (noted in the bag): {_why(status)}"
 
     def _discover(self) -> None:
         now = time.monotonic()
@@ -152,7 +152,7 @@ class RecorderNode(GuardedNode):
         entry.settle()
         self._missed[topic] += entry.lost
         self.destroy_subscription(entry.subscription)
-        self.get_logger().info(f"{topic} is not recorded any more: {reason}")
+        self.get_logger().info(f"{topic} is no longer recorded: {reason}")
 
     def _add(self, topic: str, type_name: str, now: float) -> None:
         try:
@@ -244,8 +244,8 @@ class RecorderNode(GuardedNode):
             "messages": sum(status.written.values()),
             "bytes": status.size,
             "lost": status.lost,
-            "lost while nothing could be written": status.lost_meanwhile,
-            "lost on the way": status.missed,
+            "lost during write failures": status.lost_meanwhile,
+            "lost before recording": status.missed,
             "queue": status.waiting,
             "queue maximum": status.highest,
             "oldest unwritten message [s]": f"{status.age:.2f}",

@@ -110,7 +110,7 @@ class TopicInput:
         if not publishers:
             if self.silent_since is None:
                 self.silent_since = now
-                return "no publisher any more"
+                return "publisher lost"
             return ""
         back, self.silent_since = self.silent_since is not None, None
         wish = wanted(self.profile, publishers, self._known)
@@ -119,7 +119,7 @@ class TopicInput:
             self._node.destroy_subscription(self.subscription)
             self.profile = wish
             self.subscription = self._subscribe()
-            return "the publishers offer something else; subscribed anew"
+            return "the publishers' QoS has changed; subscribed again"
         return "has a publisher again" if back else ""
 
     def take(self, give: Callable[[Received], None]) -> None:

@@ -48,9 +48,9 @@ from slosh_report.json_values import plain
 
 _CUP_KEYS = tuple(entry.name for entry in fields(Cup))
 _DOUBTS = (
-    ("--focal-error", "PERCENT", PERCENT, "the focal length or of --fov"),
-    ("--wall-error", "M", ERROR, "the wall's thickness"),
-    ("--fill-error", "M", ERROR, "the fill height"),
+    ("--focal-error", "PERCENT", PERCENT, "the focal length or the field of view [percent]"),
+    ("--wall-error", "M", ERROR, "the wall's thickness [m]"),
+    ("--fill-error", "M", ERROR, "the fill height [m]"),
 )
 _NUMBERS = tuple(entry.name for entry in fields(CameraPlace))
 _SENSE = (
@@ -74,67 +74,96 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     camera.add_argument(
         "--fov", type=angle(3.15, 180.0), metavar="DEG",
-        help="horizontal field of view of an ideal lens (default: by the picture's EXIF)",
+        help="horizontal field of view [deg] of a lens without distortion (default: from the "
+        "picture's EXIF)",
     )  # fmt: skip
-    cup = parser.add_argument_group("container [m]; what --camera's file holds is the default")
-    cup.add_argument("--radius", type=length(2.0), metavar="M", help="inner radius")
-    cup.add_argument("--fill-height", type=length(4.0), metavar="M", help="of the liquid at rest")
+    cup = parser.add_argument_group("container (defaults: values in the --camera file)")
+    cup.add_argument("--radius", type=length(2.0), metavar="M", help="inner radius [m]")
+    cup.add_argument(
+        "--fill-height",
+        type=length(4.0),
+        metavar="M",
+        help="height of the liquid at rest above the inner floor [m]",
+    )
     wall = cup.add_argument(
         "--wall",
         dest="wall_thickness",
         type=length(0.05),
         metavar="M",
-        help="thickness; default 0",
+        help="thickness of the wall [m] (default 0)",
     )
     old_name(parser, wall, "--wall-thickness")
-    cup.add_argument("--rim-height", type=length(4.0), metavar="M", help="above the inner floor")
-    cup.add_argument("--wall-refractive-index", type=float, metavar="N", help="default 1.49")
+    cup.add_argument(
+        "--rim-height",
+        type=length(4.0),
+        metavar="M",
+        help="height of the rim above the inner floor [m]",
+    )
+    cup.add_argument(
+        "--wall-refractive-index",
+        type=float,
+        metavar="N",
+        help="refractive index of the wall (default 1.49)",
+    )
     cup.add_argument(
         "--azimuth", type=angle(), default=-90.0, metavar="DEG",
-        help="where the camera stands about the container, from its +x towards +y (default -90)",
+        help="direction of the camera seen from the container's axis, from its +x towards +y "
+        "[deg] (default -90)",
     )  # fmt: skip
-    doubt = parser.add_argument_group("standard errors of what is told; default 0: it is known")
+    doubt = parser.add_argument_group("standard errors of the inputs (default 0: exact)")
     for option, unit, kind, what in _DOUBTS:
         doubt.add_argument(
             option,
             type=kind,
             default=0.0,
             metavar=unit,
-            help=f"of {what}, which is estimated then",
+            help=f"standard error of {what}; if above 0, the value is estimated too (default 0)",
         )
     parser.add_argument(
         "--distance", type=length(10.0), metavar="M",
-        help="of the camera from the container's axis, to a tenth: tells alike poses apart",
+        help="approximate distance of the camera from the container's axis [m], within 10 "
+        "percent; chooses between ambiguous poses",
     )  # fmt: skip
     parser.add_argument(
         "--level", nargs=2, type=float, metavar=("U", "V"),
-        help="a pixel on the still level's front line, where printed rings look like levels",
+        help="pixel on the front line of the still level; needed where printed rings look "
+        "like levels",
     )  # fmt: skip
     board = parser.add_argument_group("board of markers")
-    board.add_argument("--board", metavar="BOARD", help=f"{FORMAT}, in m; see docs/calibration.md")
+    board.add_argument(
+        "--board",
+        metavar="BOARD",
+        help=f"board with markers: {FORMAT}, lengths in m; see docs/calibration.md",
+    )
     board.add_argument(
         "--board-place", nargs=6, type=float, metavar=("X", "Y", "Z", "YAW", "PITCH", "ROLL"),
-        help="pose of the board in the container's frame [m, deg]; without it the board lies face "
-        "up on the plane on which the container stands",
+        help="pose of the board in the container's frame [m, deg] (default: the board lies "
+        "face up on the plane on which the container stands)",
     )  # fmt: skip
     board.add_argument(
         "--base-thickness", type=length(0.05), default=0.0, metavar="M",
-        help="of the container's floor, where a board lies beside it (default 0)",
+        help="thickness of the container's floor [m], for a board that lies next to the "
+        "container (default 0)",
     )  # fmt: skip
-    scale = parser.add_argument_group("side view by its scale alone, without a pose")
+    scale = parser.add_argument_group("side view calibrated by its scale only, without a pose")
     scale.add_argument(
         "--scale", nargs=4, type=float, metavar=("U1", "V1", "U2", "V2"),
-        help="pixels of the still level's left and right end",
+        help="pixels of the left and the right end of the still level",
     )  # fmt: skip
     scale.add_argument(
         "--length",
         type=length(4.0),
         metavar="M",
-        help="between the two (default twice the radius)",
+        help="distance between the two --scale points [m] (default: twice the radius)",
     )
-    parser.add_argument("-o", "--output", type=Path, required=True, help="camera.yaml to write")
     parser.add_argument(
-        "--picture", type=Path, metavar="OUT.png", help="the pose drawn over the image"
+        "-o", "--output", type=Path, required=True, help="name of the camera.yaml to write"
+    )
+    parser.add_argument(
+        "--picture",
+        type=Path,
+        metavar="OUT.png",
+        help="image to write: the pose drawn over the input image",
     )
     parser.add_argument("--json", action="store_true", help="print the result as JSON")
 

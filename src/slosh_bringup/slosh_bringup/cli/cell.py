@@ -13,10 +13,11 @@ from slosh_bringup.live.run import LiveRun
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declares the subcommand's options."""
-    parser.add_argument("--config", type=Path, required=True, help="cell file, see docs/robot.md")
+    parser.add_argument("--config", type=Path, required=True, help="cell file; see docs/robot.md")
     parser.add_argument(
         "-o", "--output", type=Path, default=Path("out/cell"),
-        help="gets a dated folder for each run, and the link latest to the newest one",
+        help="folder for results; each run gets a dated subfolder, and the link latest points "
+        "to the newest one (default %(default)s)",
     )  # fmt: skip
     parser.add_argument("--json", action="store_true", help="print the figures as JSON")
     add_watch(parser)

@@ -23,13 +23,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declares the subcommand's options."""
     parser.add_argument(
         "--motion", default="c3",
-        help=f"a motion table (.csv, .csv.gz), or one of {', '.join(sorted(MOTIONS))}",
+        help="motion to play: a motion table (.csv, .csv.gz), or one of "
+        f"{', '.join(sorted(MOTIONS))} (default %(default)s)",
     )  # fmt: skip
     parser.add_argument(
         "-o", "--output", type=Path, default=Path("out/demo"),
-        help="gets a dated folder for each run, and the link latest to the newest one",
+        help="folder for results; each run gets a dated subfolder, and the link latest points "
+        "to the newest one (default %(default)s)",
     )  # fmt: skip
-    parser.add_argument("--repeat", type=int, default=1, help="how often the motion is played")
+    parser.add_argument(
+        "--repeat",
+        type=int,
+        default=1,
+        help="number of times that the motion is played (default %(default)s)",
+    )
     parser.add_argument("--json", action="store_true", help="print the figures as JSON")
     add_watch(parser)
 

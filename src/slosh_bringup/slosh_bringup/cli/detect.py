@@ -44,25 +44,47 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "source", nargs="+", help="video, folder of images, image(s), 'pattern*.png' or bag"
     )
     parser.add_argument("--camera", type=Path, required=True, help="camera.yaml")
-    parser.add_argument("-o", "--output", type=Path, required=True, help="table [s, m, rad, px]")
     parser.add_argument(
-        "--still", type=Path, metavar="IMAGE", help="image of the liquid at rest to learn from"
+        "-o",
+        "--output",
+        type=Path,
+        required=True,
+        help="table of heights to write [s, m, rad, px]",
     )
-    parser.add_argument("--video", type=Path, metavar="OUT.mp4", help="all images with marks")
-    parser.add_argument("--strip", type=Path, metavar="OUT.png", help="a sheet of some of them")
+    parser.add_argument(
+        "--still",
+        type=Path,
+        metavar="IMAGE",
+        help="image of the liquid at rest, used as reference",
+    )
+    parser.add_argument(
+        "--video",
+        type=Path,
+        metavar="OUT.mp4",
+        help="video to write: all images with the measured marks",
+    )
+    parser.add_argument(
+        "--strip",
+        type=Path,
+        metavar="OUT.png",
+        help="contact sheet to write: a selection of images with marks",
+    )
     parser.add_argument(
         "--worst", nargs="+", metavar=("OUT.png", "N"),
-        help=f"a sheet of the N most doubtful ones (default {WORST_LENGTH}), the worst first",
+        help="contact sheet to write: the N images with the largest uncertainty, the worst "
+        f"first (default N: {WORST_LENGTH})",
     )  # fmt: skip
     parser.add_argument(
         "--rate", type=RATE, metavar="HZ",
-        help="images per second of files or a video "
-        f"(default {FOLDER_RATE:g}; of a video as it says)",
+        help=f"images per second (default: {FOLDER_RATE:g} for image files, the video's own "
+        "rate for a video)",
     )  # fmt: skip
     parser.add_argument(
-        "--topic", metavar="TOPIC", help="topic of a bag whose images are measured"
+        "--topic", metavar="TOPIC", help="image topic to measure, for a bag with several"
     )
-    parser.add_argument("--jobs", type=int, metavar="N", help="processes (default: all cores)")
+    parser.add_argument(
+        "--jobs", type=int, metavar="N", help="number of processes (default: one per core)"
+    )
     parser.add_argument("--json", action="store_true", help="print the summary as JSON")
 
 

@@ -36,32 +36,40 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument(
         "--model", type=Path,
-        help="model.yaml that disagrees; with --from-bag by default the one that was recorded",
+        help="model.yaml to examine (default with --from-bag: the recorded model)",
     )  # fmt: skip
     parser.add_argument(
         "--holdout", type=Path, nargs="+", action="extend", metavar="DATA", default=[],
-        help="motions that the fit does not see; without it every third of three or more",
+        help="motions that are used for validation only, not for the fit (default: every "
+        "third motion, if there are three or more)",
     )  # fmt: skip
     parser.add_argument(
         "--group", action="append", metavar="NAME=PATTERN", default=[],
-        help="motions of one set-up of sensors and rig: those whose name, or whose DATA, matches "
-        "PATTERN (* and ?); several --group of one NAME add up",
+        help="motions of one set-up of sensors and rig: those whose name or DATA matches "
+        "PATTERN (wildcards * and ?); several --group with the same NAME are combined",
     )  # fmt: skip
     parser.add_argument(
         "--from-bag", action="store_true",
-        help="DATA are recording days: the motions in which the live estimate was off most "
-        "come first",
+        help="read DATA as recordings of whole days; the motions with the largest errors of "
+        "the live estimate are used first",
     )  # fmt: skip
     parser.add_argument(
-        "--motions", type=int, metavar="N", help="use at most N motions of DATA, the first ones"
+        "--motions",
+        type=int,
+        metavar="N",
+        help="use at most N motions of DATA, the first ones (default: all)",
     )
-    parser.add_argument("--jobs", type=int, metavar="N", help="threads; without it one per core")
+    parser.add_argument(
+        "--jobs", type=int, metavar="N", help="number of threads (default: one per core)"
+    )
     parser.add_argument(
         "-o", "--output", type=Path, required=True,
-        help="new or empty; gets model.yaml (and model_NAME.yaml of groups), discovery.json, "
-        "report.html, separating motions",
+        help="folder for results, new or empty: model.yaml (and model_NAME.yaml for groups), "
+        "discovery.json, report.html, separating motions",
     )  # fmt: skip
-    parser.add_argument("--json", action="store_true", help="print discovery.json, not the text")
+    parser.add_argument(
+        "--json", action="store_true", help="print discovery.json instead of the text"
+    )
     add_table_options(parser)
 
 
@@ -98,7 +106,7 @@ def make_request(arguments: argparse.Namespace) -> Request:
         SloshBringupError: they do not fit together.
     """
     if arguments.model is None and not arguments.from_bag:
-        raise SloshBringupError("no model: give one (--model), or --from-bag for the recorded one")
+        raise SloshBringupError("no model: give --model, or --from-bag to use the recorded one")
     for name in ("jobs", "motions"):
         value = getattr(arguments, name)
         if value is not None and value < 1:

@@ -29,15 +29,15 @@ def check_order(arguments: argparse.Namespace) -> None:
             continue
         if _ends(model, TABLE):
             raise SloshBringupError(
-                f"MODEL and {_shown(name)} are exchanged: slosh {arguments.command} "
+                f"MODEL and {_shown(name)} are exchanged; type: slosh {arguments.command} "
                 f"{found[0]} {model}"
             )
         raise SloshBringupError(
-            f"{found[0]}: a model where {_shown(name)} belongs, a table; MODEL is the first "
-            "argument alone"
+            f"{found[0]}: is a model, but {_shown(name)} must be a table; only the first "
+            "argument is a MODEL"
         )
     if isinstance(model, Path) and _ends(model, TABLE):
-        raise SloshBringupError(f"{model}: a table where MODEL belongs, a model.yaml")
+        raise SloshBringupError(f"{model}: is a table, but MODEL must be a model.yaml")
 
 
 def _check_kinds(arguments: argparse.Namespace) -> None:

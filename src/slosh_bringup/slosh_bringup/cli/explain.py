@@ -20,7 +20,7 @@ _NEAR, _ALIKE = 3, 0.6
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declares the subcommand's options."""
     parser.add_argument(
-        "name", nargs="?", help="an effect, a flag or a state; without it all are listed"
+        "name", nargs="?", help="name of an effect, a flag or a state (default: list all)"
     )
     parser.add_argument("--json", action="store_true", help="print names and meanings as JSON")
 
@@ -74,7 +74,7 @@ def _one(name: str) -> str:
     if found:
         lines = [f"{flag.name}: {flag.kind}\n{flag.meaning}" for flag in found]
         return "\n".join([*lines, f"pages       {_FLAG_PAGES}"])
-    raise SloshBringupError(f"{name!r:.60} is no effect and no flag; {_nearest(name)}")
+    raise SloshBringupError(f"{name!r:.60} is neither an effect nor a flag; {_nearest(name)}")
 
 
 def _nearest(name: str) -> str:

@@ -24,34 +24,49 @@ from slosh_tables.motion_table import SUFFIXES, is_motion_table, write_motion_ta
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declares the subcommand's options."""
-    parser.add_argument("bag", type=Path, metavar="BAG", help="bag's folder, or MCAP file")
+    parser.add_argument("bag", type=Path, metavar="BAG", help="folder of the bag, or MCAP file")
     parser.add_argument(
-        "-o", "--output", type=Path, help="FILE.csv, FILE.csv.gz, FILE.parquet, or a folder"
+        "-o",
+        "--output",
+        type=Path,
+        help="output: FILE.csv, FILE.csv.gz, FILE.parquet, or a folder",
     )
     parser.add_argument("--overwrite", action="store_true", help="replace existing files")
     what = parser.add_mutually_exclusive_group()
-    what.add_argument("--list", action="store_true", help="topics, types and numbers of messages")
-    what.add_argument("--motion", action="store_true", help="one motion table, t,ax,ay,az,…")
+    what.add_argument(
+        "--list", action="store_true", help="list topics, types and numbers of messages"
+    )
+    what.add_argument(
+        "--motion", action="store_true", help="export the motion as one table t,ax,ay,az,…"
+    )
     topics = what.add_argument(
         "--topic", dest="topics", nargs="+", action="extend", default=[],
-        metavar="TOPIC", help="only these topics, one file each",
+        metavar="TOPIC", help="export only these topics, one file each",
     )  # fmt: skip
     old_name(parser, topics, "--topics")
     parser.add_argument(
-        "--format", choices=["csv", "parquet"], default="parquet", help="of the files in a folder"
+        "--format",
+        choices=["csv", "parquet"],
+        default="parquet",
+        help="format of the files in a folder (default %(default)s)",
     )
-    parser.add_argument("--json", action="store_true", help="with --list: as JSON")
+    parser.add_argument("--json", action="store_true", help="print the --list output as JSON")
     motion = parser.add_argument_group("motion table")
     motion.add_argument(
         "--input",
         choices=list(MESSAGE_TYPES),
-        help="what tells the motion; without it as recorded",
+        help="source of the motion (default: as recorded)",
     )
     motion.add_argument(
-        "--measured", metavar="TOPIC", help=f"of the heights: free_surface, or {NO_HEIGHTS}"
+        "--measured",
+        metavar="TOPIC",
+        help="topic of the measured heights (default: "
+        f"free_surface), or {NO_HEIGHTS} for no heights",
     )
     motion.add_argument(
-        "--absolute", action="store_true", help="t is the stamp, not the time since the start"
+        "--absolute",
+        action="store_true",
+        help="write t as the time stamp (default: time since the start)",
     )
 
 
@@ -61,7 +76,9 @@ def run(arguments: argparse.Namespace) -> int:
         print(listing(BagReader(arguments.bag).topics(), as_json=arguments.json))
         return 0
     if arguments.output is None:
-        raise SloshBringupError("say where to: -o FILE.csv, FILE.parquet or a folder; or --list")
+        raise SloshBringupError(
+            "-o is missing: give FILE.csv, FILE.parquet or a folder; or use --list"
+        )
     return export_motion(arguments) if arguments.motion else export_tables(arguments)
 
 
@@ -81,7 +98,7 @@ def export_motion(arguments: argparse.Namespace) -> int:
     """Writes the motion table."""
     output: Path = arguments.output
     if not is_motion_table(output):
-        raise SloshBringupError(f"{output}: a motion table is {' or '.join(SUFFIXES)}")
+        raise SloshBringupError(f"{output}: a motion table must be named {' or '.join(SUFFIXES)}")
     check_apart([output], files_of(arguments.bag))
     check_targets([output], overwrite=arguments.overwrite)
     settings = TableSettings(

@@ -28,43 +28,45 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument(
         "--model", type=Path,
-        help="model.yaml to start from; with --from-bag by default the one that was recorded",
+        help="model.yaml to start from (default with --from-bag: the recorded model)",
     )  # fmt: skip
     parser.add_argument(
         "--strategy", choices=[strategy.value for strategy in Strategy],
         default=Strategy.MOSM.value,
-        help="mosm: one model for all operating points (default); sosm: one for each beside it",
+        help="mosm: one model for all operating points (default); sosm: also one model for "
+        "each operating point",
     )  # fmt: skip
     parser.add_argument(
         "--fit", metavar="NAME,…", default=",".join(DEFAULT),
-        help="parameters: natural_frequency, damping_ratio, p (TM20's M2), fill_height, "
-        "EFFECT.PARAMETER (default: %(default)s)",
+        help="parameters to identify: natural_frequency, damping_ratio, p (TM20's M2), "
+        "fill_height, EFFECT.PARAMETER (default: %(default)s)",
     )  # fmt: skip
     parser.add_argument(
         "--holdout", type=Path, nargs="+", action="extend", metavar="DATA", default=[],
-        help="motions that the fit does not see",
+        help="motions that are used for validation only, not for the fit",
     )  # fmt: skip
     parser.add_argument(
-        "--from-bag", action="store_true", help="DATA are recordings, with their model"
+        "--from-bag", action="store_true", help="read DATA as recordings and use their model"
     )
     parser.add_argument(
         "--ratio", type=FRACTION, default=0.4, metavar="B",
-        help="share of a cycle in which the container moves, to tell speeds by (default: 0.4)",
+        help="share of a cycle in which the container moves; used to compute the operating "
+        "speed (default: 0.4)",
     )  # fmt: skip
     parser.add_argument(
         "--tolerance", type=length(0.1), default=0.0005, metavar="M",
-        help="greatest distance of a profile from a straight line (default: 0.0005 m)",
+        help="largest distance of a profile from a straight line [m] (default: 0.0005)",
     )  # fmt: skip
     parser.add_argument(
         "--beside", type=Path, nargs="+", action="extend", metavar="DIR", default=[],
-        help="results for other containers, to be shown with this one",
+        help="result folders of other containers, shown in the same report",
     )  # fmt: skip
     parser.add_argument(
         "-o", "--output", type=Path, required=True,
-        help="new or empty; gets model.yaml, identification.json, report.html",
+        help="folder for results, new or empty: model.yaml, identification.json, report.html",
     )  # fmt: skip
     parser.add_argument(
-        "--json", action="store_true", help="print identification.json, not the text"
+        "--json", action="store_true", help="print identification.json instead of the text"
     )
     add_table_options(parser)
 
@@ -100,7 +102,7 @@ def make_request(arguments: argparse.Namespace) -> Request:
         SloshBringupError: they do not fit together.
     """
     if arguments.model is None and not arguments.from_bag:
-        raise SloshBringupError("no model: give one (--model), or --from-bag for the recorded one")
+        raise SloshBringupError("no model: give --model, or --from-bag to use the recorded one")
     if not 0.0 < arguments.ratio <= 1.0:
         raise SloshBringupError(f"--ratio {arguments.ratio:g}: must lie in (0, 1]")
     if not (math.isfinite(arguments.tolerance) and arguments.tolerance > 0.0):

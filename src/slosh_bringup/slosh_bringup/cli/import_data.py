@@ -27,33 +27,45 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declares the kinds of data and the options of each."""
     kinds = parser.add_subparsers(dest="kind", metavar="KIND", required=True)
 
-    data_set = kinds.add_parser("antisloshing", help="the AntiSloshing measurements")
-    data_set.add_argument("folder", type=Path, help="the data set: holds heights/ and poses/")
+    data_set = kinds.add_parser("antisloshing", help="the public AntiSloshing measurements")
+    data_set.add_argument(
+        "folder", type=Path, help="folder of the data set, with heights/ and poses/"
+    )
     data_set.set_defaults(read=import_runs)
 
     table = kinds.add_parser("table", help="motion tables, .csv or .csv.gz")
-    table.add_argument("sources", type=Path, nargs="+", metavar="FILE", help="motion table")
+    table.add_argument(
+        "sources", type=Path, nargs="+", metavar="FILE", help="motion table (.csv, .csv.gz)"
+    )
     add_table_options(table)
     table.set_defaults(read=import_tables)
 
     rosbag = kinds.add_parser("rosbag", help="ROS 1 bags, rosbag2's SQLite and MCAP files")
     rosbag.add_argument(
-        "sources", type=Path, nargs="+", metavar="BAG", help=".bag, .db3, .mcap or folder"
+        "sources",
+        type=Path,
+        nargs="+",
+        metavar="BAG",
+        help="bag to convert: .bag, .db3, .mcap or folder",
     )
     topics = rosbag.add_argument(
         "--topic", dest="topics", nargs="+", action="extend", default=[],
-        metavar="TOPIC", help="only these topics",
+        metavar="TOPIC", help="convert only these topics (default: all)",
     )  # fmt: skip
     old_name(rosbag, topics, "--topics")
     rosbag.add_argument(
         "--rename", nargs="+", action="extend", default=[], metavar="OLD=NEW",
-        help="new names of topics, e.g. /imu/data=/slosh/imu",
+        help="rename topics, e.g. /imu/data=/slosh/imu",
     )  # fmt: skip
     rosbag.set_defaults(read=import_rosbags)
 
     for kind in (data_set, table, rosbag):
         kind.add_argument(
-            "-o", "--output", type=Path, required=True, help="folder; gets one bag per source"
+            "-o",
+            "--output",
+            type=Path,
+            required=True,
+            help="folder for the bags, one bag per source",
         )
         kind.add_argument("--json", action="store_true", help="print the bags as JSON")
 

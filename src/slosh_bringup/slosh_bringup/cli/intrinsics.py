@@ -33,25 +33,36 @@ _PICTURES, _SHEETS = (".png", ".jpg", ".jpeg"), (".pdf", ".svg")
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declares the subcommand's options."""
-    parser.add_argument("images", nargs="*", type=Path, help="pictures of the board, or folders")
+    parser.add_argument(
+        "images", nargs="*", type=Path, help="pictures of the board, or folders of pictures"
+    )
     parser.add_argument(
         "--board", required=True, metavar="BOARD",
-        help=f"{CHESSBOARD_FORMAT} inner corners of a chessboard, or {FORMAT}, in m",
+        help=f"board: {CHESSBOARD_FORMAT} inner corners of a chessboard, or {FORMAT}, lengths "
+        "in m",
     )  # fmt: skip
     parser.add_argument(
-        "--square", type=length(1.0), metavar="M", help="side of a chessboard's square"
+        "--square", type=length(1.0), metavar="M", help="side of a chessboard's square [m]"
     )
-    parser.add_argument("-o", "--output", type=Path, help="ost.yaml to write")
+    parser.add_argument("-o", "--output", type=Path, help="name of the ost.yaml to write")
     parser.add_argument(
         "--lens", choices=tuple(COEFFICIENTS), default=PLUMB_BOB,
         help="distortion model to fit; equidistant for a fisheye lens (default plumb_bob)",
     )  # fmt: skip
-    parser.add_argument("--name", default="camera", help="of the camera (default camera)")
     parser.add_argument(
-        "--picture", type=Path, metavar="OUT.png", help="all corners with their errors, enlarged"
+        "--name", default="camera", help="name of the camera in the file (default camera)"
     )
     parser.add_argument(
-        "--print-board", type=Path, metavar="OUT.pdf", help="the board to scale (.pdf or .svg)"
+        "--picture",
+        type=Path,
+        metavar="OUT.png",
+        help="image to write: all corners with their errors, magnified",
+    )
+    parser.add_argument(
+        "--print-board",
+        type=Path,
+        metavar="OUT.pdf",
+        help="write a sheet with the board to scale (.pdf or .svg)",
     )
     parser.add_argument("--json", action="store_true", help="print the result as JSON")
 
@@ -74,9 +85,9 @@ def run(arguments: argparse.Namespace) -> int:
 def _check_asked(arguments: argparse.Namespace) -> None:
     """Refuses options that do not go together."""
     if arguments.images and arguments.output is None:
-        raise SloshBringupError("-o: is needed with pictures")
+        raise SloshBringupError("-o: is required with pictures")
     if not arguments.images and (arguments.output is not None or arguments.print_board is None):
-        raise SloshBringupError("pictures: none are given")
+        raise SloshBringupError("pictures: at least one is required")
     if arguments.picture is not None and not arguments.images:
         raise SloshBringupError("--picture: needs pictures of the board")
 

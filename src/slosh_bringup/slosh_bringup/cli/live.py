@@ -30,13 +30,13 @@ def add_watch(parser: argparse.ArgumentParser) -> None:
     """Declares the option of who wants to look on."""
     parser.add_argument(
         "--watch", nargs="?", type=_port, const=PORT, metavar="PORT",
-        help=f"serve the operator's page to this machine on a port ({PORT})",
+        help=f"serve the operator's page on this machine (default PORT: {PORT})",
     )  # fmt: skip
 
 
 def _port(text: str) -> int:
     if not (text.isascii() and text.isdigit() and 1 <= int(text) <= 65535):
-        raise argparse.ArgumentTypeError(f"{text!r} is no port from 1 to 65535")
+        raise argparse.ArgumentTypeError(f"{text!r} is not a port from 1 to 65535")
     return int(text)
 
 
@@ -106,8 +106,8 @@ def run_live(
     problems = tuple(filter(None, (outcome.problem,)))
     with stop.finishing(lambda: _leave(run)):
         why = f"{stop.reason}, " if stop.reason else ""
-        again = "; once more: without it" if stop.reason else ""
-        screen.tell(f"{why}all nodes have ended: writing the report{again}")
+        again = "; press Ctrl-C again to skip it" if stop.reason else ""
+        screen.tell(f"{why}all nodes have ended; writing the report{again}")
         report = make_live_report(run.folder / BAG, run.title, problems, began=outcome.began)
     report.write(run.folder)
     result = report.result
@@ -128,7 +128,7 @@ def _check_port(port: int | None) -> None:
 def _leave(run: LiveRun) -> NoReturn:
     """Ends the process without a report; nothing has begun to write into the run's folder."""
     line = (
-        f"slosh {run.command}: no report, as asked; the recording is whole: "
+        f"slosh {run.command}: report skipped; the recording is complete; to write the report: "
         f"slosh replay {run.folder / BAG} -o {run.folder}\n"
     )
     # Not through sys.stderr, which the signal may have found in the midst of a write.

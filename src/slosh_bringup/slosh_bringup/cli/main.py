@@ -26,48 +26,51 @@ from slosh_bringup.stop_request import StopRequest
 # In the order in which the help shows them.
 GROUPS: dict[str, dict[str, str]] = {
     "start": {
-        "doctor": "what works here, what is missing, how to mend it",
-        "demo": "the simulated cell, all nodes, record, report",
-        "new": "commented model.yaml, cell.yaml, camera.yaml for one's own cup",
-        "explain": "what an effect or a flag means, with equation, parameters and source",
+        "doctor": "check the installation and suggest fixes",
+        "demo": "run the simulated cell with all nodes, record it and write a report",
+        "new": "write commented model.yaml, cell.yaml and camera.yaml for your own container",
+        "explain": "explain an effect or a flag: meaning, equation, parameters and source",
     },
     "motions": {
-        "simulate": "open-loop prediction of a motion table",
-        "predict": "peak heights of candidate motions, and how fast they may be run",
-        "plan": "the fastest motion along a path that keeps the liquid below a limit",
-        "shape": "a motion that leaves no wave of the liquid's frequency, by a filter",
-        "motion": "a packaging machine's motion as a motion table",
+        "simulate": "predict the liquid's heights for a motion table (open loop)",
+        "predict": "predict the peak heights of candidate motions and their safe time scales",
+        "plan": "plan the fastest motion along a path that keeps the liquid below a height limit",
+        "shape": "filter a motion so that it leaves no residual wave of the liquid's frequency",
+        "motion": "write a packaging machine's motion as a motion table",
     },
     "camera": {
-        "intrinsics": "a camera's intrinsic parameters from pictures of a board",
-        "calibrate": "camera.yaml from an image of the liquid at rest",
-        "detect": "heights from a video, a folder of images or a bag",
+        "intrinsics": "calibrate a camera's intrinsic parameters from pictures of a board",
+        "calibrate": "find the camera's pose from an image of the liquid at rest; write "
+        "camera.yaml",
+        "detect": "measure heights in a video, a folder of images or a bag",
     },
     "robot": {
-        "cell": "all nodes on a real robot's topics, until Ctrl-C",
-        "watch": "the operator's page, of a running cell or of a recording",
+        "cell": "run all nodes on a real robot's topics until Ctrl-C",
+        "watch": "serve the operator's page of a running cell or of a recording",
     },
     "recordings": {
-        "replay": "the estimator's and the monitor's cores over bags",
-        "play": "a bag over DDS with /clock, for live nodes",
-        "import": "motion tables, foreign bags and public measured data to bags",
-        "export": "a bag's topics as CSV or Parquet, or its motion as a table",
-        "recover": "a finished bag of what is whole in an unfinished or damaged one",
+        "replay": "run the estimator and the monitor again on recorded bags",
+        "play": "publish a bag over DDS with /clock, for live nodes",
+        "import": "convert motion tables, other bags and public measured data to bags",
+        "export": "export a bag's topics as CSV or Parquet, or its motion as a table",
+        "recover": "recover the intact messages of an unfinished or damaged bag",
     },
     "models from measurements": {
-        "identify": "a model's parameters from measured motions",
-        "discover": "where model and measurement disagree, and the missing effect",
+        "identify": "identify a model's parameters from measured motions",
+        "discover": "find where model and measurement disagree, and the effect that is missing",
     },
 }
 COMMANDS = {name: text for group in GROUPS.values() for name, text in group.items()}
 LIVE = ("demo", "cell")
 
 HELP = "help"
-USAGE = """usage: slosh COMMAND ...
-
-Sees, estimates and records sloshing in a robot's container."""
-END = """slosh help COMMAND: a command's options; -V, --version: the version.
-Lengths, times and angles may carry a unit: 0.01, 10mm, 300ms, 5deg."""
+USAGE = (
+    "usage: slosh COMMAND ...\n\nMeasures, estimates and records sloshing in a robot's container."
+)
+END = (
+    "slosh help COMMAND shows the options of a command; -V or --version shows the "
+    "version.\nLengths, times and angles accept a unit: 0.01, 10mm, 300ms, 5deg."
+)
 
 EXIT_DONE, EXIT_FAILED = 0, 1
 _MOMENT = 0.02  # s

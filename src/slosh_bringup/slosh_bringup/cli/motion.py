@@ -36,19 +36,27 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--speed", type=SPEED, required=True, metavar="N", help="operating speed n [1/min]"
     )
     parser.add_argument(
-        "--stroke", type=length(10.0), required=True, metavar="S", help="way of a cycle [m]"
+        "--stroke", type=length(10.0), required=True, metavar="S", help="stroke per cycle [m]"
     )
     parser.add_argument(
         "--ratio", type=float, default=0.4, metavar="B",
         help="share of the cycle in which the container moves (default: 0.4)",
     )  # fmt: skip
     parser.add_argument(
-        "--rate", type=RATE, default=1000.0, metavar="HZ", help="rows a second (default: 1000)"
+        "--rate",
+        type=RATE,
+        default=1000.0,
+        metavar="HZ",
+        help="rows per second [Hz] (default: 1000)",
     )
-    parser.add_argument("--cycles", type=int, default=1, metavar="K", help="default: 1")
-    parser.add_argument("--axis", choices=AXES, default="x", help="of the motion (default: x)")
     parser.add_argument(
-        "-o", "--output", type=Path, required=True, help="motion table (.csv, .csv.gz)"
+        "--cycles", type=int, default=1, metavar="K", help="number of cycles (default: 1)"
+    )
+    parser.add_argument(
+        "--axis", choices=AXES, default="x", help="direction of the motion (default: x)"
+    )
+    parser.add_argument(
+        "-o", "--output", type=Path, required=True, help="motion table to write (.csv, .csv.gz)"
     )
     parser.add_argument("--json", action="store_true", help="print the summary as JSON")
 
@@ -56,7 +64,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Writes the table; prints times and peaks."""
     if not is_motion_table(arguments.output):
-        raise SloshBringupError(f"{arguments.output}: a motion table ends in {SUFFIXES[0]}")
+        raise SloshBringupError(f"{arguments.output}: a motion table must end in {SUFFIXES[0]}")
     cycle = Cycle(
         arguments.profile.replace("-", "_"), arguments.speed, arguments.stroke, arguments.ratio
     )
@@ -88,7 +96,7 @@ def motion_table(cycle: Cycle, rate: float, cycles: int, axis: str) -> MotionTab
     intervals = math.ceil(cycles * cycle.cycle_time * rate - 1e-6)
     if intervals >= MOST_ROWS:
         raise SloshBringupError(
-            f"{intervals + 1} rows are more than {MOST_ROWS}: lower --rate or --cycles"
+            f"{intervals + 1} rows exceed the maximum of {MOST_ROWS}: lower --rate or --cycles"
         )
     t = np.arange(intervals + 1) / rate
     acceleration = np.zeros((len(t), 3))

@@ -28,31 +28,42 @@ _PATIENCE = 5
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declares the subcommand's options."""
-    parser.add_argument("folder", type=Path, metavar="DIR", help="new or empty")
-    cup = parser.add_argument_group("container [m]; on a terminal what is missing is asked for")
+    parser.add_argument(
+        "folder", type=Path, metavar="DIR", help="folder for the files, new or empty"
+    )
+    cup = parser.add_argument_group(
+        "container (on a terminal, the command asks for missing values)"
+    )
     for name in ("radius", "diameter", "width", "depth", "fill_height", "rim_height", "wall"):
         words = QUANTITIES[name].words
         option = f"--{name.replace('_', '-')}"
-        action = cup.add_argument(option, type=length(), metavar="M", help=words)
+        action = cup.add_argument(option, type=length(), metavar="M", help=f"{words} [m]")
         if name == "wall":
             old_name(parser, action, "--wall-thickness")
     liquid = parser.add_argument_group("liquid")
-    liquid.add_argument("--liquid", choices=LIQUIDS, default="water", help="default water")
-    liquid.add_argument("--density", type=DENSITY, metavar="KG/M3", help="of another liquid")
     liquid.add_argument(
-        "--viscosity", type=VISCOSITY, metavar="M2/S", help="kinematic, of another liquid"
+        "--liquid", choices=LIQUIDS, default="water", help="kind of liquid (default water)"
+    )
+    liquid.add_argument(
+        "--density", type=DENSITY, metavar="KG/M3", help="density of another liquid [kg/m³]"
+    )
+    liquid.add_argument(
+        "--viscosity",
+        type=VISCOSITY,
+        metavar="M2/S",
+        help="kinematic viscosity of another liquid [m²/s]",
     )
     parser.add_argument(
-        "--namespace", default=NAMESPACE, help=f"of the nodes (default {NAMESPACE})"
+        "--namespace", default=NAMESPACE, help=f"namespace of the nodes (default {NAMESPACE})"
     )
     parser.add_argument(
         "--no-camera", action="store_true",
-        help="a cell without a camera: the estimate alone is watched",
+        help="describe a cell without a camera; only the estimate is monitored",
     )  # fmt: skip
     parser.add_argument("--json", action="store_true", help="print files and next steps as JSON")
     parser.add_argument(
         "--image-size", default=_IMAGE_SIZE, metavar="WxH",
-        help=f"of the camera's images [px] (default {_IMAGE_SIZE})",
+        help=f"size of the camera's images [px] (default {_IMAGE_SIZE})",
     )  # fmt: skip
 
 
@@ -70,7 +81,7 @@ def run(arguments: argparse.Namespace) -> int:
         return 0
     print(*map(plain_line, files), sep="\n")
     if cup.wall is None and cup.camera:
-        print("note: the wall's thickness is not told, 0 is taken; the camera needs it: --wall")
+        print("note: no wall thickness given, 0 is used; the camera needs it: --wall")
     print("next:", *next_steps(cup, folder), sep="\n  ")
     return 0
 
@@ -92,7 +103,7 @@ def _cup(arguments: argparse.Namespace) -> NewCup:
     missing = _missing(given)
     if missing:
         raise SloshBringupError(
-            f"{', '.join(missing)}: needed, and there is no terminal to ask on"
+            f"{', '.join(missing)}: required; the command can ask for values only on a terminal"
         )
     return NewCup(
         _lengths(given), given["fill_height"], liquid, given.get("rim_height"),
@@ -107,7 +118,8 @@ def _check_shape(given: dict[str, float]) -> None:
     cylinder, rectangle = {"radius", "diameter"} & given.keys(), {"width", "depth"} & given.keys()
     if cylinder and rectangle:
         raise SloshBringupError(
-            f"--{min(cylinder)} and --{max(rectangle)}: a cup is round or rectangular; give one"
+            f"--{min(cylinder)} and --{max(rectangle)}: the container is round or rectangular; "
+            "give only one"
         )
 
 
@@ -147,7 +159,9 @@ def _answer(question: str, answers: tuple[str, ...]) -> str:
         word = _line(question)
         if word in answers:
             return word
-    raise SloshBringupError(f"{question.strip()}: no answer of {', '.join(answers[1:])}")
+    raise SloshBringupError(
+        f"{question.strip()}: none of the answers was {', '.join(answers[1:])}"
+    )
 
 
 def _ask(given: dict[str, float], name: str, *, optional: bool = False) -> None:
@@ -168,14 +182,14 @@ def _ask(given: dict[str, float], name: str, *, optional: bool = False) -> None:
             print(error)
         else:
             return
-    raise SloshBringupError(f"--{name.replace('_', '-')}: no usable answer")
+    raise SloshBringupError(f"--{name.replace('_', '-')}: no valid answer")
 
 
 def _line(question: str) -> str:
     try:
         return input(question).strip()
     except EOFError:
-        raise SloshBringupError("the answers ended; give the options instead") from None
+        raise SloshBringupError("no more input: give the values as options") from None
 
 
 def _image_size(text: str) -> tuple[int, int]:

@@ -66,7 +66,7 @@ class SloshParser(argparse.ArgumentParser):
     def _refuse_extras(self, extras: list[str]) -> None:
         words = " ".join(extras)
         kind = "unknown option" if extras[0].startswith("-") else "too many arguments:"
-        self.error(f"{kind} {words:.120}; {self._help} shows what it takes")
+        self.error(f"{kind} {words:.120}; {self._help} lists the arguments")
 
     def _worded(self, message: str) -> str:
         """The message of argparse in the words of this command."""

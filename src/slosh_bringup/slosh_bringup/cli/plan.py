@@ -36,10 +36,10 @@ from slosh_plan.planning.waypoints import Waypoints
 from slosh_plan.tables.path_table import read_path_table, write_plan_table
 
 EPILOG = """PATH is a table of waypoints, t,x,y,z[,qx,qy,qz,qw]: positions of the container's
-origin in the world's axes [s, m]; its times are a proposal that the plan replaces. The answer has
-the same columns and ax,ay,az, at 1 kHz, from rest to rest: a motion table. It passes all waypoints
-within 0.1 mm; where the line between them turns by more than 60 degrees, it stops. Exit code 1: no
-motion keeps the limits, or units or attitude of the path look wrong."""
+origin in the world's axes [s, m]; the plan replaces its times. The output is a motion table with
+the same columns and ax,ay,az, at 1 kHz, from rest to rest. The motion passes all waypoints within
+0.1 mm; it stops where the line between them turns by more than 60 degrees. Exit code 1: no motion
+keeps the limits, or units or attitude of the path look wrong."""
 EXIT_NONE = 1
 PAGE, DOCUMENT = "report.html", "plan.json"
 
@@ -51,63 +51,73 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("model", type=Path, help="model.yaml")
     parser.add_argument("path", type=Path, help="waypoints: t,x,y,z[,qx,qy,qz,qw] (.csv)")
     parser.add_argument(
-        "--limit", type=HEIGHT, required=True, metavar="M", help="height of the liquid [m]"
+        "--limit",
+        type=HEIGHT,
+        required=True,
+        metavar="M",
+        help="largest height of the liquid during the motion [m]",
     )
     parser.add_argument(
         "--residual", type=HEIGHT, metavar="M",
-        help="height after the motion's end [m] (default: half of --limit)",
+        help="largest height of the liquid after the motion's end [m] (default: half of --limit)",
     )  # fmt: skip
     parser.add_argument(
         "--max-acceleration",
         type=quantities.ACCELERATION,
         default=ACCELERATION,
         metavar="A",
-        help="[m/s²] (default: %(default)g)",
+        help="largest acceleration [m/s²] (default: %(default)g)",
     )
     parser.add_argument(
         "--max-jerk",
         type=quantities.JERK,
         default=JERK,
         metavar="J",
-        help="[m/s³] (default: %(default)g)",
+        help="largest jerk [m/s³] (default: %(default)g)",
     )
     parser.add_argument(
         "--max-tilt", type=angle(), default=0.0, metavar="DEG",
-        help="of the container from upright [deg] (default: 0, it keeps its attitude)",
+        help="largest tilt of the container from upright [deg] (default: 0, constant attitude)",
     )  # fmt: skip
     parser.add_argument(
         "--max-tilt-rate", type=float, default=math.degrees(TILT_RATE), metavar="R",
-        help="[deg/s] (default: %(default)g)",
+        help="largest tilt rate [deg/s] (default: %(default)g)",
     )  # fmt: skip
     parser.add_argument(
         "--max-tilt-acceleration", type=float, default=math.degrees(TILT_ACCELERATION),
-        metavar="R", help="[deg/s²] (default: %(default)g)",
+        metavar="R", help="largest tilt acceleration [deg/s²] (default: %(default)g)",
     )  # fmt: skip
     parser.add_argument(
         "--margin", type=HEIGHT, default=0.0, metavar="M",
-        help="by which the heights stay below their limits [m] (default: 0)",
+        help="distance that the heights keep from their limits [m] (default: 0)",
     )  # fmt: skip
     parser.add_argument(
         "--sigma", type=ERROR, metavar="M",
-        help="the model's mean absolute error, as slosh replay tells it [m]: the interval's upper "
-        "end keeps the limits",
+        help="mean absolute error of the model, as reported by slosh replay [m]; the upper "
+        "end of the height's interval then stays below the limits",
     )  # fmt: skip
     parser.add_argument(
         "--epsilon", type=FRACTION, metavar="E",
-        help="the same with its relative error of the maximum, as a fraction",
+        help="relative error of the maximum, as reported by slosh replay, as a fraction; used "
+        "like --sigma",
     )  # fmt: skip
     parser.add_argument(
         "--error", type=Path, nargs="+", action="extend", metavar="RESULT.json",
-        help="both from results of slosh replay -o, demo or cell; the largest count",
+        help="read sigma and epsilon from results of slosh replay -o, demo or cell; the "
+        "largest values are used",
     )  # fmt: skip
     parser.add_argument(
         "--time-limit", type=time(3600.0), default=TIME_LIMIT, metavar="S",
-        help=f"after which the search ends with what it has [s] (default: {TIME_LIMIT:g})",
+        help="time after which the search stops and returns the best motion so far [s] "
+        f"(default: {TIME_LIMIT:g})",
     )  # fmt: skip
-    parser.add_argument("-o", "--output", type=Path, required=True, help="motion table (.csv)")
+    parser.add_argument(
+        "-o", "--output", type=Path, required=True, help="motion table to write (.csv)"
+    )
     parser.add_argument(
         "--report", type=Path, metavar="DIR",
-        help="new or empty; gets report.html, the plan as a picture, and plan.json",
+        help="folder for the report, new or empty: report.html shows the plan, plan.json "
+        "holds its values",
     )  # fmt: skip
     parser.add_argument("--json", action="store_true", help="print the summary as JSON")
     add_table_options(parser)
@@ -116,7 +126,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Plans and writes the motion; prints what it reaches."""
     if arguments.output.suffix != ".csv":
-        raise SloshBringupError(f"{arguments.output}: a motion table ends in .csv")
+        raise SloshBringupError(f"{arguments.output}: a motion table must end in .csv")
     check_apart([arguments.output], [arguments.model, arguments.path, *(arguments.error or [])])
     if arguments.report is not None:
         check_free(arguments.report)
@@ -164,7 +174,9 @@ def model_error(arguments: argparse.Namespace, model: str) -> ModelError | None:
     given = arguments.sigma, arguments.epsilon
     if arguments.error:
         if given != (None, None):
-            raise SloshBringupError("--error: tells sigma and epsilon; give one or the other")
+            raise SloshBringupError(
+                "--error: gives sigma and epsilon; do not give --sigma or --epsilon as well"
+            )
         return read_model_error(arguments.error, model)
     return None if given == (None, None) else ModelError(*(value or 0.0 for value in given))
 
@@ -265,14 +277,15 @@ def tilted(answer: Plan) -> list[str]:
 def interval(answer: Plan) -> str:
     """What the model's error and its covariance make of the heights."""
     if answer.upper is None:
-        return "the model tells no covariance of its parameters: no interval"
+        return "the model has no covariance of its parameters: no interval"
     (peak, residual), found, error = answer.upper, answer.found, answer.error
     if error is not None:
         return (
-            f"of the limits {1e3 * (peak - found.peak):.2f} mm, after the end "
-            f"{1e3 * (residual - found.residual):.2f} mm are kept for the model's error (σ "
-            f"{1e3 * error.sigma:.3g} mm, ε {100.0 * error.epsilon:.3g} %, its covariance; 95 %): "
-            f"up to {1e3 * peak:.2f} mm, after the end {1e3 * residual:.2f} mm"
+            f"{1000.0 * (peak - found.peak):.2f} mm of the limit, and "
+            f"{1000.0 * (residual - found.residual):.2f} mm of the limit after the end, are "
+            f"reserved for the model's error (σ {1000.0 * error.sigma:.3g} mm, ε "
+            f"{100.0 * error.epsilon:.3g} %, its covariance; 95 %): up to {1000.0 * peak:.2f} "
+            f"mm, after the end {1000.0 * residual:.2f} mm"
         )
     limits = answer.limits
     missing = max(peak - limits.height, residual - limits.residual)
@@ -293,7 +306,7 @@ def tolerance(borne: Tolerance) -> str:
         said = f"an error of {100.0 * ERRORS[0]:g} % already exceeds a limit"
     else:
         said = f"the limits hold for errors of up to {100.0 * borne.error:g} %"
-    advice = "" if borne.error >= USUAL else "; --margin or --sigma keep room for it"
+    advice = "" if borne.error >= USUAL else "; --margin or --sigma leave room for it"
     return f"{usual}, {after}: {said}{advice}"
 
 

@@ -17,39 +17,63 @@ from slosh_bringup.stop_request import READER_GONE, forget_readers
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declares the subcommand's options."""
-    parser.add_argument("bag", type=Path, metavar="BAG", help="bag, or MCAP file")
-    parser.add_argument("--rate", type=float, default=1.0, metavar="R", help="0.01 to 1000")
+    parser.add_argument("bag", type=Path, metavar="BAG", help="folder of the bag, or MCAP file")
     parser.add_argument(
-        "--start", type=time(), default=0.0, metavar="S", help="from the bag's beginning [s]"
+        "--rate",
+        type=float,
+        default=1.0,
+        metavar="R",
+        help="playback speed factor, 0.01 to 1000 (default 1)",
     )
     parser.add_argument(
-        "--duration", type=time(), default=0.0, metavar="S", help="how much of it [s]"
+        "--start",
+        type=time(),
+        default=0.0,
+        metavar="S",
+        help="start S seconds after the bag's beginning (default 0)",
     )
-    parser.add_argument("--loop", action="store_true", help="begin anew at the end, until Ctrl-C")
-    parser.add_argument("--topics", default=".*", metavar="REGEX", help="only these")
-    parser.add_argument("--exclude", default="", metavar="REGEX", help="all but these")
+    parser.add_argument(
+        "--duration",
+        type=time(),
+        default=0.0,
+        metavar="S",
+        help="play only S seconds (default: to the end)",
+    )
+    parser.add_argument("--loop", action="store_true", help="restart at the end, until Ctrl-C")
+    parser.add_argument(
+        "--topics",
+        default=".*",
+        metavar="REGEX",
+        help="play only topics that match REGEX (default: all)",
+    )
+    parser.add_argument(
+        "--exclude", default="", metavar="REGEX", help="skip topics that match REGEX"
+    )
     parser.add_argument(
         "--inputs", action="store_true",
-        help="only what the robot, its planner and its camera publish: accel, imu, pose, "
+        help="play only what the robot, its planner and its camera publish: accel, imu, pose, "
         "camera/..., planned_trajectory",
     )  # fmt: skip
     parser.add_argument(
         "--clock", type=RATE, default=0.0, metavar="HZ",
-        help="/clock messages per second (default: with the messages, 100 in pauses)",
+        help="rate of /clock messages [Hz] (default: one per message, 100 Hz in pauses)",
     )  # fmt: skip
     parser.add_argument(
-        "--namespace", default="", metavar="NS", help="where the cell's topics go (default: as is)"
+        "--namespace",
+        default="",
+        metavar="NS",
+        help="publish the cell's topics in namespace NS (default: as recorded)",
     )
     parser.add_argument(
         "--subscribers", type=int, default=0, metavar="N",
-        help="start once so many have subscribed (default: any)",
+        help="wait for N subscribers before the start (default: any)",
     )  # fmt: skip
     parser.add_argument(
         "--wait",
         type=time(3600.0),
         default=10.0,
         metavar="S",
-        help="start anyway after so long (10 s)",
+        help="longest wait for subscribers [s]; playback then starts without them (default 10)",
     )
 
 

@@ -45,12 +45,13 @@ COLUMNS = (
     "peak_time", "azimuth", "residual_linear", "residual_nonlinear", "settling_time", "excess",
     "residual_excess", "flags", "time_scale",
 )  # fmt: skip
-EPILOG = """peak and after are of the NL model, L beside them: the greatest height over the wall
-above the still level during the motion, and after its end. With the model's error (--sigma,
---epsilon, or the covariance in model.yaml) the peak has an interval, whose upper end counts.
-safe from: multiple of the duration from which on every slower run keeps the limits.
+EPILOG = """peak and after: largest height at the wall above the still level during the motion and
+after its end, by the nonlinear model; L: the same peak by the linear model. With the model's error
+(--sigma, --epsilon, or the covariance in model.yaml) the peak has an interval; its upper end must
+keep the limit. safe from: every run that is slower than this multiple of the duration keeps the
+limits.
 
-The rim, where model.yaml gives rim_height, is a limit of the height, too: the lower one holds.
+If model.yaml gives rim_height, the rim limits the height, too: the lower limit applies.
 
 exit code: 0, 1 where a limit or the rim is exceeded or units or axes look wrong, 2 for wrong
 input"""
@@ -63,36 +64,42 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("model", type=Path, help="model.yaml")
     parser.add_argument(
         "trajectories", type=Path, nargs="+", metavar="TRAJECTORY",
-        help="motion table t,ax,ay,az[,...], or poses t,x,y,z[,qx,qy,qz,qw] (.csv, .csv.gz)",
+        help="trajectory: motion table t,ax,ay,az[,...] or poses t,x,y,z[,qx,qy,qz,qw] (.csv, "
+        ".csv.gz)",
     )  # fmt: skip
     for name, kind, unit, text in (
-        ("limit", HEIGHT, "M", "greatest height above the still level [m]"),
-        ("residual", HEIGHT, "M", "greatest height after the motion's end [m]"),
+        ("limit", HEIGHT, "M", "largest height above the still level during the motion [m]"),
+        ("residual", HEIGHT, "M", "largest height after the motion's end [m]"),
         (
             "horizon",
             time(600.0),
             "S",
-            "how long after the end [s] (default: three periods of the liquid)",
+            "time after the motion's end that is predicted too [s] (default: three periods of "
+            "the liquid)",
         ),
     ):
         parser.add_argument(f"--{name}", type=kind, metavar=unit, help=text)
     parser.add_argument(
         "--sigma", type=ERROR, default=0.0, metavar="M",
-        help="the model's mean absolute error, as slosh replay tells it [m]",
+        help="mean absolute error of the model, as reported by slosh replay [m] (default 0)",
     )  # fmt: skip
     parser.add_argument(
         "--epsilon", type=FRACTION, default=0.0, metavar="E",
-        help="the model's relative error of the maximum, as a fraction",
+        help="relative error of the model's maximum, as a fraction (default 0)",
     )  # fmt: skip
     parser.add_argument(
         "--urdf", type=Path, metavar="FILE",
-        help="robot's description: TRAJECTORY is then a table of t and its joints [s, rad, m]",
+        help="URDF file of the robot; TRAJECTORY is then a table of t and its joints [s, rad, m]",
     )  # fmt: skip
     parser.add_argument(
-        "--tool-frame", metavar="LINK", help="the robot's link that is the container"
+        "--tool-frame",
+        metavar="LINK",
+        help="link of the robot that holds the container; needed with --urdf",
     )
-    parser.add_argument("-o", "--output", type=Path, metavar="TABLE.csv", help="table of answers")
-    parser.add_argument("--json", action="store_true", help="print the answers as JSON")
+    parser.add_argument(
+        "-o", "--output", type=Path, metavar="TABLE.csv", help="table of results to write"
+    )
+    parser.add_argument("--json", action="store_true", help="print the results as JSON")
     add_table_options(parser)
 
 
@@ -134,7 +141,7 @@ def run(arguments: argparse.Namespace) -> int:
 def read_motions(arguments: argparse.Namespace) -> list[Trajectory]:
     """The motions in the files: of the container, or with --urdf of a robot's joints."""
     if (arguments.urdf is None) != (arguments.tool_frame is None):
-        raise SloshBringupError("--urdf and --tool-frame belong together")
+        raise SloshBringupError("--urdf and --tool-frame must be given together")
     options = table_options(arguments)
     if arguments.urdf is None:
         return [read_trajectory(path, options) for path in arguments.trajectories]

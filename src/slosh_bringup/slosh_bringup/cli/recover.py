@@ -19,14 +19,14 @@ from slosh_report.text_table import aligned
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declares the subcommand's options."""
-    parser.add_argument("bag", type=Path, metavar="BAG", help="bag's folder, or MCAP file")
+    parser.add_argument("bag", type=Path, metavar="BAG", help="folder of the bag, or MCAP file")
     parser.add_argument(
-        "-o", "--output", type=Path, required=True, help="new bag's folder, new or empty"
+        "-o", "--output", type=Path, required=True, help="folder of the new bag, new or empty"
     )
     parser.add_argument(
         "--split",
         action="store_true",
-        help="cut a whole bag where the input's time was set back: a new bag for each stretch",
+        help="split an intact bag where the input's time stamps jump back: one new bag per part",
     )
     parser.add_argument("--json", action="store_true", help="print what was recovered as JSON")
 

@@ -43,12 +43,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declares the subcommand's options."""
     parser.add_argument(
         "bags", type=Path, nargs="+", metavar="BAG",
-        help="bag, or folder of bags; with a manifest.yaml in it, those that it names",
+        help="bag or folder of bags; if the folder has a manifest.yaml, only the bags that it "
+        "lists",
     )  # fmt: skip
-    parser.add_argument("--model", type=Path, help="model.yaml; without it the recorded model")
+    parser.add_argument(
+        "--model", type=Path, help="model.yaml to use (default: the recorded model)"
+    )
     cell = parser.add_argument(
         "--namespace", dest="cell", metavar="NAMESPACE",
-        help="which cell of a bag that holds several, e.g. /slosh",
+        help="namespace of the cell, for a bag that holds several, e.g. /slosh",
     )  # fmt: skip
     old_name(parser, cell, "--cell")
     parser.add_argument(
@@ -57,25 +60,33 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument(
         "-o", "--output", type=Path,
-        help="gets a page, the figures and a bag of outputs per bag, and index.html over all",
+        help="folder for results: a page, the figures and a bag of outputs for each bag, and "
+        "index.html for all",
     )  # fmt: skip
     parser.add_argument("--json", action="store_true", help="print the figures as JSON")
     aim = parser.add_mutually_exclusive_group()
     aim.add_argument(
         "--check", action="store_true",
-        help="exit 1 unless each bag gives what its manifest.yaml states or, without one, its "
-        "own estimates again, bit for bit",
+        help="exit with 1 unless each bag gives the results in its manifest.yaml or, without "
+        "one, reproduces its recorded estimates bit for bit",
     )  # fmt: skip
     aim.add_argument(
         "--write-manifest", action="store_true",
-        help="state in manifest.yaml what the replays give now; what each bag shows, and "
-        "tolerances, are kept",
+        help="write the results of this replay to manifest.yaml; descriptions of the bags and "
+        "tolerances are kept",
     )  # fmt: skip
-    parser.add_argument("--junit", type=Path, metavar="FILE", help="the checks as JUnit XML")
     parser.add_argument(
-        "--jobs", type=int, help="processes; without it one per core, and one for small bags"
+        "--junit",
+        type=Path,
+        metavar="FILE",
+        help="file for the results of the checks, as JUnit XML",
     )
-    parser.add_argument("--scheduler", metavar="ADDRESS", help="of a Dask cluster to run on")
+    parser.add_argument(
+        "--jobs", type=int, help="number of processes (default: one per core; one for small bags)"
+    )
+    parser.add_argument(
+        "--scheduler", metavar="ADDRESS", help="address of a Dask cluster on which the replays run"
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:

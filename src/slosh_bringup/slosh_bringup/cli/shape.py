@@ -38,10 +38,11 @@ Array = NDArray[np.float64]
 
 TURNED = 1e-3
 """By how much a quaternion's components may differ along a motion that does not turn."""
-EPILOG = """zv, zvd: two or three copies of the motion, half a period of the liquid apart;
-exponential, average: its average over one period; polynomial: another time law along the same
-path, in the same time. All are for the first mode's frequency and damping. The filters work along
-the path's length, which keeps the path; with --per-axis in x, y and z, which bends it."""
+EPILOG = """zv, zvd: sum of two or three copies of the motion, half a period of the liquid apart;
+exponential, average: average of the motion over one period; polynomial: another time law along the
+same path, in the same time. All use the frequency and damping of the first mode. The filters act
+on the distance along the path and keep the path; with --per-axis they act on x, y and z and bend
+it."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -51,15 +52,23 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("model", type=Path, help="model.yaml")
     parser.add_argument(
         "motion", type=Path,
-        help="from rest to rest: motion table t,ax,ay,az[,...] or poses t,x,y,z[,qx,qy,qz,qw]",
+        help="motion from rest to rest: motion table t,ax,ay,az[,...] or poses "
+        "t,x,y,z[,qx,qy,qz,qw]",
     )  # fmt: skip
     parser.add_argument(
-        "--filter", choices=[*FILTERS, POLYNOMIAL], required=True, help="how it is shaped"
+        "--filter",
+        choices=[*FILTERS, POLYNOMIAL],
+        required=True,
+        help="filter to apply; see below",
     )
     parser.add_argument(
-        "--per-axis", action="store_true", help="in x, y and z, not along the path"
+        "--per-axis",
+        action="store_true",
+        help="filter x, y and z separately instead of the distance along the path",
     )
-    parser.add_argument("-o", "--output", type=Path, required=True, help="motion table (.csv)")
+    parser.add_argument(
+        "-o", "--output", type=Path, required=True, help="motion table to write (.csv)"
+    )
     parser.add_argument("--json", action="store_true", help="print the summary as JSON")
     add_table_options(parser)
 
@@ -67,9 +76,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Shapes and writes the motion; prints what it reaches, before and after."""
     if arguments.output.suffix != ".csv":
-        raise SloshBringupError(f"{arguments.output}: a motion table ends in .csv")
+        raise SloshBringupError(f"{arguments.output}: a motion table must end in .csv")
     if arguments.per_axis and arguments.filter == POLYNOMIAL:
-        raise SloshBringupError("--per-axis: the polynomial is a law along the path")
+        raise SloshBringupError(
+            "--per-axis: not possible with --filter polynomial, a time law along the path"
+        )
     check_apart([arguments.output], [arguments.model, arguments.motion])
     model = read_model(arguments.model)
     trajectory = read_trajectory(arguments.motion, table_options(arguments))
@@ -121,7 +132,8 @@ def kept_attitude(trajectory: Trajectory) -> Array | None:
         turning = turning or float(np.ptp(attitude, axis=0).max()) > TURNED
     if turning:
         raise SloshBringupError(
-            f"{trajectory.name}: the container turns: shaped are motions that keep its attitude"
+            f"{trajectory.name}: the container turns; only motions with a constant attitude "
+            "can be shaped"
         )
     return None if attitude is None else attitude[0]
 

@@ -29,16 +29,16 @@ PICTURES = (".png", ".svg")
 EXIT_KEPT, EXIT_NOT_KEPT = 0, 1
 EPILOG = """columns of the table:
   t           the motion's samples [s]
-  msh         maximum height over the wall as a sensor would read it: with every effect of the
+  msh         maximum height at the wall as a sensor would read it: with all effects of the
               model, also those on the measurement (offset, scale, delay, ...) [m]
-  azimuth     of the liquid's own maximum, from the container's +x [rad]
+  azimuth     direction of the liquid's own maximum, from the container's +x [rad]
   sh_x, sh_y  the liquid's own signed height at the container's +x and +y [m]
 
-Without effects on the measurement msh is the length of (sh_x, sh_y); in a rectangle the sum of
-their sizes, the height of its corner.
+Without effects on the measurement, msh is the length of the vector (sh_x, sh_y). In a rectangle
+it is the sum of their absolute values: the height at the corner.
 
-The answer says whether the motion stays within what the model was validated for, and below the
-limit (--limit) and the rim (where model.yaml tells rim_height).
+The output states whether the motion stays within the range for which the model was validated,
+below the limit (--limit) and below the rim (if model.yaml gives rim_height).
 
 exit code: 0, 1 where the limit or the rim is exceeded, units or axes look wrong or samples are
 missing, 2 for wrong input"""
@@ -52,13 +52,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("motion", type=Path, help="motion table: t,ax,ay,az[,...] (.csv, .csv.gz)")
     parser.add_argument(
         "-o", "--output", type=Path, required=True,
-        help="table of heights [m, rad]: .csv, .csv.gz, .parquet, or - for standard output",
+        help="table of heights to write [m, rad]: .csv, .csv.gz, .parquet, or - for standard "
+        "output",
     )  # fmt: skip
     parser.add_argument(
-        "--limit", type=HEIGHT, metavar="M", help="greatest height above the still level [m]"
+        "--limit",
+        type=HEIGHT,
+        metavar="M",
+        help="largest allowed height above the still level [m]",
     )
-    parser.add_argument("--plot", type=Path, metavar="OUT.png", help="picture (.png, .svg)")
-    parser.add_argument("--json", action="store_true", help="print the answer as JSON")
+    parser.add_argument(
+        "--plot", type=Path, metavar="OUT.png", help="picture of the result to write (.png, .svg)"
+    )
+    parser.add_argument("--json", action="store_true", help="print the result as JSON")
     add_table_options(parser)
 
 
@@ -68,7 +74,7 @@ def run(arguments: argparse.Namespace) -> int:
     check_apart([arguments.output, plot], [arguments.model, arguments.motion])
     output = output_path(arguments.output)
     if plot is not None and plot.suffix not in PICTURES:
-        raise SloshBringupError(f"{plot}: a picture is {' or '.join(PICTURES)}")
+        raise SloshBringupError(f"{plot}: a picture must end in {' or '.join(PICTURES)}")
     if arguments.limit is not None:
         HeightLimits(arguments.limit)  # refuses what is no height
     model = read_model(arguments.model)

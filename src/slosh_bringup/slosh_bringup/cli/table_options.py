@@ -14,15 +14,16 @@ from slosh_tables.text_table.units import TIME
 
 def add_table_options(parser: argparse.ArgumentParser) -> None:
     """Declares --columns, --time-unit, --decimal and --separator."""
-    group = parser.add_argument_group("reading of tables (found out where not given)")
+    group = parser.add_argument_group("format of the tables (default: detected)")
     group.add_argument(
         "--columns", action="append", default=[], metavar="NAME=COLUMN,…",
-        help="columns by the table's names or numbers, e.g. t=Time,ax=acc_x; others are not read",
+        help="columns to read, by the table's names or numbers, e.g. t=Time,ax=acc_x; other "
+        "columns are ignored",
     )  # fmt: skip
-    group.add_argument("--time-unit", choices=list(TIME), help="of the time column")
-    group.add_argument("--decimal", choices=[".", ","], help="decimal point or comma")
+    group.add_argument("--time-unit", choices=list(TIME), help="unit of the time column")
+    group.add_argument("--decimal", choices=[".", ","], help="decimal separator of the numbers")
     group.add_argument(
-        "--separator", choices=[",", ";", "|", "tab", "space"], help="between columns"
+        "--separator", choices=[",", ";", "|", "tab", "space"], help="separator between columns"
     )
 
 

@@ -17,15 +17,22 @@ from slosh_bringup.watch import HOST, PORT
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declares the subcommand's options."""
     parser.add_argument(
-        "bag", nargs="?", type=Path, help="a recording; without one a running cell is watched"
+        "bag", nargs="?", type=Path, help="recording to show (default: a running cell)"
     )
-    parser.add_argument("--port", type=int, default=PORT, help="of the page; 0: any (%(default)s)")
+    parser.add_argument(
+        "--port",
+        type=int,
+        default=PORT,
+        help="port of the page; 0 chooses a free one (default %(default)s)",
+    )
     parser.add_argument(
         "--host", default=HOST,
-        help="address on which the page is served (%(default)s: this machine alone); 0.0.0.0: on "
-        "all, its address then holds a token",
+        help="address on which the page is served (default %(default)s: this machine only); "
+        "with 0.0.0.0, on all addresses, the page's URL contains a token",
     )  # fmt: skip
-    parser.add_argument("--namespace", default=NAMESPACE, help="of the cell (%(default)s)")
+    parser.add_argument(
+        "--namespace", default=NAMESPACE, help="namespace of the cell (default %(default)s)"
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -112,7 +112,7 @@ def _has_camera(source: YamlDocument) -> bool:
 def _file(source: YamlDocument, key: str, default: Path | None = None) -> Path:
     value = source.value.get(key, default)
     if not isinstance(value, str | Path) or "\0" in str(value):
-        raise SloshBringupError(f"{source.where(key)}: key {key!r} is missing or no path")
+        raise SloshBringupError(f"{source.where(key)}: key {key!r} is missing or not a path")
     path = Path(source.source).parent / value
     try:
         there = path.is_file()

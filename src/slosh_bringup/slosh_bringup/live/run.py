@@ -106,10 +106,10 @@ def run_nodes(run: LiveRun, screen: Screen, stop: StopRequest) -> Outcome:
         given = {"host": HOST, "port": str(run.watch)}
         setup = run.setup
         processes.append(NodeProcess("watch", [setup.parameters], given, setup.remap))
-        ready += f", the page of it on http://{HOST}:{run.watch}/"
+        ready += f", operator's page: http://{HOST}:{run.watch}/"
     if run.simulated is not None:
         processes.append(run.simulated)
-        ready += ", the motion begins"
+        ready += ", the motion starts"
     names = [process.name for process in processes]
     watch = LiveWatch(run.folder / SETTINGS, names, screen, ready)
     namespace, remap = run.setup.namespace, run.setup.remap
@@ -127,7 +127,7 @@ def run_nodes(run: LiveRun, screen: Screen, stop: StopRequest) -> Outcome:
         supervision = Supervision(group, processes, watch.tell, others)
         freed = remove_leftovers()
         if freed > _WORTH_TELLING:
-            watch.tell(f"{1e-6 * freed:.0f} MB of shared memory freed that killed nodes had left")
+            watch.tell(f"freed {1e-06 * freed:.0f} MB of shared memory left by killed nodes")
         for process in processes:
             group.start(process)
             others.started(process.name, time.monotonic())
@@ -178,9 +178,9 @@ def _tell_of_another(running: Sequence[str], namespace: str, watch: LiveWatch) -
     """Tells of another cell, whose messages mix with those of this one."""
     if running:
         watch.tell(
-            f"another cell's {', '.join(running)} run in {namespace}, too: the two mix their "
-            "messages, and no recording of them replays; stop one or give it another namespace (a "
-            "killed one is forgotten after half a minute)"
+            f"another cell's {', '.join(running)} run in {namespace}, too: their messages are "
+            "mixed, and recordings of them cannot be replayed; stop one cell or give it "
+            "another namespace (a killed cell disappears after half a minute)"
         )
 
 
@@ -195,5 +195,5 @@ def _outcome(
         problem = f"the run was stopped ({stop.reason}) before all nodes were ready"
         return Outcome(f"{problem}: {watch.waits_for}", 1, began=False)
     if watch.given_up:
-        return Outcome(f"not all nodes got ready: {watch.given_up}", 1, began=False)
+        return Outcome(f"not all nodes became ready: {watch.given_up}", 1, began=False)
     return Outcome()  # the motion is over: it began, whatever was heard here

@@ -42,7 +42,7 @@ def new_run(output: Path, now: datetime, tell: Callable[[str], object]) -> Path:
 
 def _point(link: Path, run: Path, tell: Callable[[str], object]) -> None:
     if link.exists() and not link.is_symlink():
-        tell(f"{link}: is no link and stays as it is")
+        tell(f"{link}: is not a link and is left unchanged")
         return
     try:
         new_link(link, Path(run.name))

@@ -60,7 +60,9 @@ class RunResult:
     def lost_line(self) -> str:
         """The lost messages in one line; empty: none is lost."""
         total = sum(self.lost.values())
-        return f"{total} messages are lost: the bag lacks them{_which(self.lost)}" if total else ""
+        return (
+            f"{total} messages are lost and missing in the bag{_which(self.lost)}" if total else ""
+        )
 
     @property
     def compared(self) -> int:

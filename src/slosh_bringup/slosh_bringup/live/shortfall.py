@@ -59,14 +59,15 @@ def _input(data: RunData, starts: Starts) -> str:
     recorded = _count(data.topics, topic)
     came = max(int(facts.get("input total", 0)), recorded)
     if not came:
-        return f"no message came on {topic}, which drives the models"
+        return f"no messages received on {topic}, the input of the models"
     if _count(data.topics, _own(data, "estimate", ESTIMATE)):
         return ""
     reasons = _named(facts, "dropped: ")
     age = _seen(data.run.reader, topic).age if recorded else float("nan")
-    old = f"; their stamps lie {age:.1f} s behind this machine's clock" if age > LATE else ""
+    old = f"; their stamps are {age:.1f} s behind this machine's clock" if age > LATE else ""
     return (
-        f"{came} messages came on {topic}, and none could be used{reasons and f': {reasons}'}{old}"
+        f"{came} messages received on {topic}, but none could be "
+        f"used{reasons and f': {reasons}'}{old}"
     )
 
 
@@ -77,10 +78,10 @@ def _images(data: RunData, starts: Starts) -> str:
     came = max(int(facts.get("image total", 0)), _count(data.topics, topic))
     surface = _own(data, "free_surface", SURFACE)
     if not came and not _count(data.topics, surface):
-        return f"no image came on {topic}"
+        return f"no images received on {topic}"
     measured, flags = _surfaces(data.run.reader, surface)
     if not measured:
-        return f"{came} images came on {topic}, and none was measured in time"
+        return f"{came} images received on {topic}, but none was measured in time"
     if not (flags & UNUSABLE == 0).any():
         names = ", ".join(
             f"{flag.name} {count}"
@@ -102,14 +103,14 @@ def _apart(data: RunData) -> str:
     if max(ahead, behind) > 0.0:
         way = "ahead of" if ahead > 0.0 else "behind"
         return (
-            f"the stamps of the images lie {max(ahead, behind):.1f} s {way} those of the input: "
-            "both must come from one clock"
+            f"the stamps of the images are {max(ahead, behind):.1f} s {way} those of the "
+            "input: both must use the same clock"
         )
     count = len(measured.stamps)
     if measured.age > LATE:
         late = f"{measured.age:.1f} s after their images"
         return f"{count} heights were measured, most of them {late}: too late to be compared"
-    return f"{count} heights were measured and estimated, and the monitor compared none of them"
+    return f"{count} heights were measured and estimated, but the monitor compared none of them"
 
 
 def _named(facts: Mapping[str, str], prefix: str) -> str:

@@ -71,14 +71,14 @@ class Supervision:
         recent = sum(now - at < WITHIN for at in self._ends[end.name])
         self._group.forget(end.name)
         if recent > ATTEMPTS:
-            self._say(f"{end.text}; for the {recent}th time: the cell goes on without it")
+            self._say(f"{end.text}; for the {recent}th time: the cell continues without it")
             return None
         process = restarted(self._processes[end.name], len(self._ends[end.name]))
         self._group.start(process)
         self._started[process.name] = now
         self._others.started(process.name, now)
         where = f", recording to {process.parameters['output']}" if end.name == LAST else ""
-        self._say(f"{end.text}; it is started again{where}")
+        self._say(f"{end.text}; it is restarted{where}")
         return None
 
     def end_deaf(self, deaf: Mapping[str, str]) -> None:
@@ -89,7 +89,10 @@ class Supervision:
         """
         for name, topic in deaf.items():
             if self._group.kill(name):
-                self._say(f"node {name} hears nothing on {topic}, though others do: it is killed")
+                self._say(
+                    f"node {name} receives nothing on {topic}, although other nodes do: "
+                    "it is killed"
+                )
 
     def _end_hanging(self, silences: Mapping[str, float], now: float) -> None:
         """Kills what hangs; where nobody at all is heard, it is the listener who does not hear."""
@@ -100,7 +103,9 @@ class Supervision:
             if mute > HANGS and self._group.kill(name):
                 # It counts from here, however long the end takes.
                 self._started[name] = now
-                self._say(f"node {name} runs and has said nothing for {mute:.0f} s: it is killed")
+                self._say(
+                    f"node {name} runs but has sent no diagnostics for {mute:.0f} s: it is killed"
+                )
 
     def _say(self, line: str) -> None:
         self.problems.append(line)

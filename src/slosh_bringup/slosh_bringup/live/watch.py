@@ -151,14 +151,17 @@ class LiveWatch:
             return
         self._began = time.monotonic()
         self._health = CellWatch(self._nodes, self._began)
-        self._screen.tell("in force:")
+        self._screen.tell("parameters in effect:")
         for line in in_force_lines(self._starts):
             self._screen.tell(f"  {line}")
         self._tell([self._ready])
         if self._wait.unrecorded:
             names = ", ".join(self._wait.unrecorded)
             self._tell(
-                [f"the recorder has not heard the settings of {names}: the bag will not replay"]
+                [
+                    f"the recorder has not received the settings of {names}: the bag cannot be "
+                    "replayed"
+                ]
             )
 
     def _tell(self, lines: Sequence[str]) -> None:

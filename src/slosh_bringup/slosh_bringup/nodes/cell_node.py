@@ -46,21 +46,40 @@ LATE = 0.1  # s; a sample that is later than that tells of a machine that is too
 LINGER = 1.0  # s; the last messages are delivered before the process ends
 PARAMETERS = (
     ParameterSpec("motion", "c3", "motion by name, or a motion table (.csv, .csv.gz)"),
-    ParameterSpec("model", "", "model file of the truth liquid; empty: the shipped one"),
-    ParameterSpec("calibration", "", "camera.yaml of the drawn camera; empty: the shipped one"),
-    ParameterSpec("rate", 1000.0, "samples of accel per second", (10.0, 1000.0)),
-    ParameterSpec("imu_every", 5, "one imu sample for so many of accel; 0: none", (0, 1000)),
-    ParameterSpec("fps", 60.0, "images per second", (1.0, 240.0)),
+    ParameterSpec("model", "", "model file of the truth liquid; empty: the included one"),
+    ParameterSpec("calibration", "", "camera.yaml of the drawn camera; empty: the included one"),
+    ParameterSpec("rate", 1000.0, "rate of accel [Hz]", (10.0, 1000.0)),
+    ParameterSpec("imu_every", 5, "number of accel samples per imu sample; 0: no imu", (0, 1000)),
+    ParameterSpec("fps", 60.0, "rate of the images [Hz]", (1.0, 240.0)),
     ParameterSpec("raw", True, "publish camera/image_raw"),
     ParameterSpec("compressed", True, "publish camera/image_raw/compressed"),
-    ParameterSpec("acceleration_noise", 0.02, "standard deviation [m/s^2]", (0.0, 10.0)),
-    ParameterSpec("image_noise", 2.5, "standard deviation, of 255", (0.0, 50.0)),
-    ParameterSpec("seed", 1, "of all noise", (0, 2**31 - 1)),
-    ParameterSpec("repeat", 1, "how often the motion is played", REPEATS),
-    ParameterSpec("wait_for", "", "names of nodes that must be ready before it starts, by commas"),
-    ParameterSpec("readers", 2, "start once so many nodes read each topic; 0: now", (0, 100)),
     ParameterSpec(
-        "patience", PATIENCE, "end after so long without news of who is awaited [s]", (0.0, 3600.0)
+        "acceleration_noise",
+        0.02,
+        "standard deviation of the acceleration noise [m/s^2]",
+        (0.0, 10.0),
+    ),
+    ParameterSpec(
+        "image_noise", 2.5, "standard deviation of the image noise, of 255", (0.0, 50.0)
+    ),
+    ParameterSpec("seed", 1, "seed of all noise", (0, 2**31 - 1)),
+    ParameterSpec("repeat", 1, "number of times that the motion is played", REPEATS),
+    ParameterSpec(
+        "wait_for",
+        "",
+        "names of nodes that must be ready before the motion starts, separated by commas",
+    ),
+    ParameterSpec(
+        "readers",
+        2,
+        "number of nodes that must read each topic before the motion starts; 0: start at once",
+        (0, 100),
+    ),
+    ParameterSpec(
+        "patience",
+        PATIENCE,
+        "time without news from awaited nodes after which the node ends [s]",
+        (0.0, 3600.0),
     ),
 )
 
@@ -125,10 +144,12 @@ class CellNode(PreparedNode):
     def _health(self) -> Health:
         what = f"{self._motion.name}, {self._motion.duration:.1f} s"
         if not self._playing:
-            return OK, f"waits to play {what}, for {self._others.waits_for}"
+            return OK, f"waiting to play {what}: {self._others.waits_for}"
         if self._latest > LATE:
-            return WARN, f"plays {what}, up to {self._latest:.1f} s late: this machine is too slow"
-        return OK, f"plays {what}"
+            return WARN, (
+                f"playing {what}, up to {self._latest:.1f} s late: this machine is too slow"
+            )
+        return OK, f"playing {what}"
 
     def _facts(self) -> dict[str, Any]:
         late = f"{1e3 * self._latest:.0f}"

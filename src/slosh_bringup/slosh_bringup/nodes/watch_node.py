@@ -47,8 +47,8 @@ PICTURE_EVERY = 3
 BATCH = 2000
 """Most messages of a topic that are taken at once."""
 PARAMETERS = (
-    ParameterSpec("host", HOST, "address on which the page is served; 0.0.0.0: on all"),
-    ParameterSpec("port", PORT, "its port; 0: any that is free", (0, 65535)),
+    ParameterSpec("host", HOST, "address on which the page is served; 0.0.0.0: all addresses"),
+    ParameterSpec("port", PORT, "port of the page; 0: any free port", (0, 65535)),
 )
 
 
@@ -198,7 +198,7 @@ class WatchNode(GuardedNode):
             hearing.hear_start(self._state, self._camera, start)
 
     def _health(self) -> Health:
-        return OK, f"serves {self._hub.viewers} viewers on {self.access.host}:{self.access.port}"
+        return OK, f"serving {self._hub.viewers} viewers on {self.access.host}:{self.access.port}"
 
     def _facts(self) -> dict[str, Any]:
         return {"viewers": self._hub.viewers, "frames": self._frames}

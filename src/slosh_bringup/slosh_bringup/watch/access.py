@@ -62,16 +62,16 @@ class Access:
         """
         host = headers.get("host", "").lower()
         if not self._is_named(host):
-            return f"this page is not called {host[:100]!r}"
+            return f"unknown host name: {host[:100]!r}"
         origin = headers.get("origin")
         if origin is not None and origin.lower() != f"http://{host}":
-            return "pages of other origins get nothing"
+            return "requests from other origins are refused"
         if data and headers.get("sec-fetch-site", "none") not in ("none", "same-origin"):
-            return "pages of other sites get nothing"
+            return "requests from other sites are refused"
         if data and self.token:
             given = parse_qs(query).get(TOKEN, [""])[0]
             if not hmac.compare_digest(given.encode(), self.token.encode()):
-                return "the address lacks the token that was printed when the page was started"
+                return "the URL lacks the token that was printed when the page was started"
         return ""
 
     def _is_named(self, host: str) -> bool:

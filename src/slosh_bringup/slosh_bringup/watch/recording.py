@@ -97,8 +97,8 @@ class _Listener:
         self._names = {topic: name for topic, name in found.items() if topic is not None}
         if not HEIGHTS.keys() & set(self._names.values()):
             raise SloshBringupError(
-                f"{bag}: nothing of a cell is in this recording (no comparison, free_surface or "
-                "estimate); `slosh replay` makes them of a robot's topics"
+                f"{bag}: no cell data in this recording (no comparison, free_surface or "
+                "estimate); `slosh replay` computes them from a robot's topics"
             )
 
     def frames(self) -> Iterator[tuple[str, Any]]:

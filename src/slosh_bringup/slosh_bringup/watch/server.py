@@ -79,7 +79,7 @@ def live_app(hub: Hub, access: Access) -> Guard:
 
     async def watch(socket: WebSocket) -> None:
         if hub.viewers >= VIEWERS:
-            await socket.close(REFUSED, f"{VIEWERS} viewers look already")
+            await socket.close(REFUSED, f"{VIEWERS} viewers are connected, which is the maximum")
             return
         await socket.accept()
         hub.viewers += 1

@@ -50,22 +50,22 @@ def judge(
         disagree: camera and model disagree.
     """
     if state is None:
-        return Judgement(Verdict.BLIND, "no comparison has come yet: is the monitor running?")
+        return Judgement(Verdict.BLIND, "no comparison received yet: is the monitor running?")
     if age > SILENCE:
-        return Judgement(Verdict.BLIND, f"the monitor has been silent for {age:.0f} s")
+        return Judgement(Verdict.BLIND, f"no message from the monitor for {age:.0f} s")
     if state == ERROR or exceeded:
         return Judgement(Verdict.EXCEEDED, exceeded or "a limit is exceeded")
     if state == STALE:
-        return Judgement(Verdict.BLIND, f"nothing comes of {' and '.join(stale) or 'one side'}")
+        return Judgement(Verdict.BLIND, f"no messages from {' and '.join(stale) or 'one side'}")
     if state == BLIND:
         what = "the estimate" if alone else "measurement and estimate"
         return Judgement(Verdict.BLIND, f"{what} cannot be {'trusted' if alone else 'compared'}")
     if state == WARN and disagree:
-        return Judgement(Verdict.DISAGREE, "camera and model disagree: see what the monitor says")
+        return Judgement(Verdict.DISAGREE, "camera and model disagree: see the monitor's message")
     if state == WARN:
         return Judgement(Verdict.NEAR, "a limit is near, or was exceeded a moment ago")
     if state == OK and alone:
-        return Judgement(Verdict.SAFE, "estimated below its limit; no camera by choice")
+        return Judgement(Verdict.SAFE, "estimated below its limit; no camera configured")
     if state == OK:
         return Judgement(Verdict.SAFE, "measured and estimated below their limits")
-    return Judgement(Verdict.BLIND, f"the monitor is in state {state}, which is not known here")
+    return Judgement(Verdict.BLIND, f"unknown state {state} of the monitor")

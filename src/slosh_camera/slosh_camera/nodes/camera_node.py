@@ -46,14 +46,14 @@ PARAMETERS = (
     ParameterSpec(
         "still_image",
         "",
-        "image of the liquid at rest to learn from; empty: the one that camera.yaml names",
+        "image of the liquid at rest, used as reference; empty: the one in camera.yaml",
     ),
-    ParameterSpec("transport", "raw", "which images to read", choices=("raw", "compressed")),
+    ParameterSpec("transport", "raw", "kind of images to read", choices=("raw", "compressed")),
     ParameterSpec("container_frame", "container", "the container's frame, on all output"),
     ParameterSpec(
         "frame_rate",
         0.0,
-        "images per second of the camera, to count missing ones [Hz]; 0: learn it from the stamps",
+        "image rate of the camera, to count missing images [Hz]; 0: determined from the stamps",
         (0.0, 1000.0),
     ),
 )
@@ -133,7 +133,7 @@ class CameraNode(PreparedNode):
         if not 0 <= stamp_ns <= MAXIMUM:
             self._refused += 1
             self._recent |= Flag.BAD_IMAGE
-            self._complain(f"image: stamp of {stamp_ns} ns is no time; check the camera's driver")
+            self._complain(f"image: invalid stamp of {stamp_ns} ns; check the camera's driver")
             return
         self._gaps.add(stamp_ns)
         try:
@@ -175,8 +175,8 @@ class CameraNode(PreparedNode):
             return WARN, f"measuring, with flags: {names}"
         if dropped > MANY * (measured + dropped):
             return WARN, (
-                f"measuring {measured} of {measured + dropped} images: they come faster than they "
-                "can be measured; let the camera send fewer, or smaller ones"
+                f"measuring {measured} of {measured + dropped} images: they arrive faster than "
+                "they can be measured; reduce the camera's image rate or size"
             )
         return OK, "measuring"
 

@@ -51,8 +51,10 @@ def contradiction(
                 break
         if not told and lens is not None:
             told = _other_lens(camera, width, height, k, lens)
-    remedy = "calibrate anew with this camera as it is set, or mend what its driver is told"
-    return f"camera_info says {told}: {remedy}" if told else ""
+    remedy = (
+        "calibrate again with the camera's present settings, or correct the driver's configuration"
+    )
+    return f"camera_info gives {told}: {remedy}" if told else ""
 
 
 def _other_lens(
@@ -67,7 +69,7 @@ def _other_lens(
     try:
         driver = camera_from_info(k, coefficients, width, height, model)
     except SloshCameraError:
-        return f"a lens {model!r} with {len(coefficients)} coefficients, which is not known here"
+        return f"a lens {model!r} with {len(coefficients)} coefficients, which is not supported"
     across, down = np.meshgrid(
         np.linspace(0.0, width - 1, _GRID), np.linspace(0, height - 1, _GRID)
     )

@@ -48,13 +48,13 @@ from slosh_msgs_py.stamps import to_nanoseconds
 
 LATENCY_EVERY = 10
 """Messages per measured latency: enough for percentiles, and nothing to be felt."""
-ADDED = f"the effect {TILT} is added to the model: poses tell how the container tilts"
+ADDED = f"the effect {TILT} is added to the model: the poses contain the container's tilt"
 _CONTESTED = int(EstimateFlag.INPUT_CONTESTED)
 _GATE = GateSettings()
 _dynamic = partial(ParameterSpec, read_only=False)
 PARAMETERS = (
     ParameterSpec("model", "", "model file of the container and its liquid (model.yaml)"),
-    ParameterSpec("input", "accel", "what drives the models", choices=tuple(MESSAGE_TYPES)),
+    ParameterSpec("input", "accel", "input that drives the models", choices=tuple(MESSAGE_TYPES)),
     ParameterSpec(
         "world_frame", "world", "frame of poses, and of accelerations along the world's axes; z up"
     ),
@@ -64,32 +64,35 @@ PARAMETERS = (
     ),
     _dynamic(
         "max_age", _GATE.max_age,
-        "how far a sample's stamp may lie before or after its arrival [s]", (1e-3, 3600.0),
+        "largest difference between a sample's stamp and its arrival [s]", (1e-3, 3600.0),
     ),
     _dynamic(
         "max_jump", _GATE.max_jump,
         "largest change of an axis' acceleration between two samples [m/s^2]", (0.1, 1e4),
     ),
     ParameterSpec(
-        "starts_at_rest", True, "whether the liquid is still when the node starts; else it settles"
+        "starts_at_rest", True,
+        "true: the liquid is at rest when the node starts; false: the estimate has to settle",
     ),
     ParameterSpec(
         "sensor_rotation", [0.0, 0.0, 0.0],
-        "container <- sensor or tool: roll, pitch, yaw about fixed axes [rad]", (-6.3, 6.3),
+        "rotation container <- sensor or tool: roll, pitch, yaw about fixed axes [rad]",
+        (-6.3, 6.3),
         length=3,
     ),
     ParameterSpec(
         "sensor_to_origin", [0.0, 0.0, 0.0],
-        "from sensor or tool to the centre of the still surface, in the container's axes [m]",
+        "vector from sensor or tool to the centre of the still surface, in the container's "
+        "axes [m]",
         (-5.0, 5.0), length=3,
     ),
     ParameterSpec(
-        "check_input", True, "whether gravity, units and attitude of the input are checked"
+        "check_input", True, "check gravity, units and attitude of the input"
     ),
     ParameterSpec(
         "pose_window", POSE_WINDOW,
-        "length of the window in which poses are differentiated; estimates come half of it late; "
-        "0.0: the longest that carries the model's modes [s]", (0.0, 2.0),
+        "length of the window in which poses are differentiated [s]; estimates are delayed by "
+        "half of it; 0.0: the longest window that preserves the model's modes", (0.0, 2.0),
     ),
 )  # fmt: skip
 DYNAMIC = tuple(spec.name for spec in PARAMETERS if not spec.read_only)
@@ -272,7 +275,9 @@ class EstimatorNode(PreparedNode):
         rivals = self._rivals.look()
         self._contested = _CONTESTED if rivals else 0
         if self._speakers.contested and not rivals:
-            rivals = f"a second publisher on {self.resolve_topic_name(self._kind)}: one must stop"
+            rivals = (
+                f"a second publisher on {self.resolve_topic_name(self._kind)}: stop one of them"
+            )
         doubt = self._input.doubt
         wrong = doubt.text if doubt is not None and doubt.wrong else ""
         warning = rivals or wrong or self._input.warning()

@@ -14,9 +14,10 @@ from slosh_msgs_py.node.diagnostics import ERROR, STALE, WARN, Health
 from slosh_msgs_py.node.silence import SilentTopic
 
 _HINTS = {
-    Verdict.STALE: ": older than max_age by their stamps, so late or of another clock",
-    Verdict.IMPOSSIBLE: ": inputs are in m/s^2, rad/s and m",
-    Verdict.AHEAD: " by more than max_age, so of another clock",
+    Verdict.STALE: ": their stamps are older than max_age, so they are late or stamped by "
+    "another clock",
+    Verdict.IMPOSSIBLE: ": inputs must be in m/s^2, rad/s and m",
+    Verdict.AHEAD: " by more than max_age, so by another clock",
 }
 
 
@@ -106,5 +107,5 @@ def rate_facts(source: AnyInput) -> dict[str, str]:
     for number, gain in sampling.gains().items():
         found[f"gain at mode {number}"] = f"{gain:.3f}"
     if isinstance(source, PoseInput):
-        found["delay by the pose window [ms]"] = f"{1e3 * source.delay:.0f}"
+        found["delay of the pose window [ms]"] = f"{1e3 * source.delay:.0f}"
     return found

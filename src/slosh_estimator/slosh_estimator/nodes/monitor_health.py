@@ -85,10 +85,10 @@ class MonitorHealth:
     def _state(self, now_ns: int, mismatch: Health | None) -> Health:
         condition, disagreement = self._core.condition(now_ns), self._core.motions.warning
         if condition is Condition.WARN and self._core.too_slow:
-            return WARN, f"WARN: {TOO_SLOW}; the estimator's diagnostics say what helps"
+            return WARN, f"WARN: {TOO_SLOW}; see the estimator's diagnostics"
         if condition is Condition.WARN and disagreement:
             return WARN, disagreement
-        alone = "" if self._core.settings.camera else "; no camera by choice"
+        alone = "" if self._core.settings.camera else "; no camera configured"
         if condition is not Condition.OK:
             level = ERROR if condition is Condition.ERROR else WARN
             above = self._core.at_rim
@@ -105,4 +105,4 @@ class MonitorHealth:
         failed, self._unmatched = unmatched - self._unmatched, unmatched
         if not failed or 2 * failed < came:
             return None
-        return WARN, f"{failed} of {came} measurements find no estimate of their moment"
+        return WARN, f"{failed} of {came} measurements have no estimate at their time"

@@ -49,21 +49,22 @@ PARAMETERS = (
     _dynamic("estimated_limit", 0.02, "limit of the NL model's height [m]", (0.0, 10.0)),
     _dynamic("disagreement_limit", 0.01, "limit of |measured - NL| [m]", (0.0, 10.0)),
     _dynamic(
-        "warn_share", _DEFAULT.warn_share, "share of a limit from which the state is WARN",
+        "warn_share", _DEFAULT.warn_share, "share of a limit above which the state is WARN",
         (0.01, 1.0),
     ),
     _dynamic(
-        "release", _DEFAULT.hysteresis.release, "share of a limit below which an excess ends",
+        "release", _DEFAULT.hysteresis.release, "share of a limit below which an exceedance ends",
         (0.01, 1.0),
     ),
     _dynamic(
         "hold", _DEFAULT.hysteresis.hold_ns / 1e9,
-        "how long the value stays there before it ends [s]", (0.0, 60.0),
+        "time that the value must stay there before the exceedance ends [s]", (0.0, 60.0),
     ),
-    _dynamic("timeout", _DEFAULT.timeout, "a side silent for longer is stale [s]", (0.05, 0.4)),
-    ParameterSpec("buffer", _DEFAULT.buffer, "how far back estimates are kept [s]", (0.1, 60.0)),
+    _dynamic("timeout", _DEFAULT.timeout, "time without messages after which an input is "
+                                          "stale [s]", (0.05, 0.4)),
+    ParameterSpec("buffer", _DEFAULT.buffer, "time for which estimates are kept [s]", (0.1, 60.0)),
     ParameterSpec("container_frame", "container", "the container's frame, on all output"),
-    ParameterSpec("camera", True, "false: there is no camera; the estimate alone is watched"),
+    ParameterSpec("camera", True, "false: there is no camera; only the estimate is monitored"),
 )  # fmt: skip
 DYNAMIC = tuple(spec.name for spec in PARAMETERS if not spec.read_only)
 
@@ -197,7 +198,7 @@ class MonitorNode(GuardedNode):
     def _on_reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self._core.reset_accuracy()
         self._predictions.reset()
-        response.success, response.message = True, "sigma and epsilon start anew"
+        response.success, response.message = True, "sigma and epsilon are reset"
         return response
 
     def _health(self) -> Health:

@@ -48,5 +48,5 @@ def model_at(path: str, tell: Callable[[str], object], service: str) -> Model:
     except SloshModelError as error:
         tell(f"{service}: {error}")
         raise SloshEstimatorError(
-            f"{path}: no model; the node's log tells the line and the key"
+            f"{path}: not a valid model; see the node's log for the line and the key"
         ) from None

@@ -24,7 +24,9 @@ OK, WARN, ERROR, STALE = (
 PERIOD = 1.0
 _KEPT = 2000  # latencies that the percentiles look back on
 _LONGEST = 60 * SECOND  # ns
-NO_CLOCK = "simulated time stands still: use_sim_time is set, and no /clock goes on"
+NO_CLOCK = (
+    "simulated time does not advance: use_sim_time is set, but no advancing /clock is received"
+)
 
 Health = tuple[bytes, str]
 
@@ -105,7 +107,7 @@ class DiagnosticsReporter:
             pairs["latency median [ms]"] = f"{1e3 * median:.2f}"
             pairs["latency maximum [ms]"] = f"{1e3 * greatest:.2f}"
         if self._other_clock:
-            pairs["stamps of another clock"] = self._other_clock
+            pairs["stamps from another clock"] = self._other_clock
         pairs.update(self._facts())
         if self._node.faults.total:
             pairs["messages that could not be handled"] = self._node.faults.total

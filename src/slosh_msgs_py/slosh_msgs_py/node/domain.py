@@ -41,8 +41,8 @@ def own_domain() -> Iterator[int]:
                 yield number
                 return
     raise SloshMessageError(
-        f"no DDS domain from {DOMAINS[0]} to {DOMAINS[-1]} is free here: end a run, "
-        "or share one's domain by ROS_DOMAIN_ID"
+        f"no DDS domain from {DOMAINS[0]} to {DOMAINS[-1]} is free on this machine: stop "
+        "another run, or set ROS_DOMAIN_ID to share its domain"
     )
 
 

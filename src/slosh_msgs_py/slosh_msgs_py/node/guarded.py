@@ -57,7 +57,7 @@ class Faults:
         count = self._counts[self._last]
         if str(count).strip("0") == "1":
             # The error's own words may quote what a stranger sent; they stay in this log.
-            self._tell(f"{self._last}: {str(error)[:200]} ({count} so far); the node goes on")
+            self._tell(f"{self._last}: {str(error)[:200]} ({count} so far); the node continues")
         return self._last
 
     def news(self) -> str:

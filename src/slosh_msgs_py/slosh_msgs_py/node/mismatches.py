@@ -59,11 +59,14 @@ class Mismatches:
     def look(self) -> str:
         """Who is not heard or does not hear, why and what to do, in a line; empty: nobody."""
         unheard = _lines(
-            self._read, self._node.get_publishers_info_by_topic, "is not heard",
+            self._read, self._node.get_publishers_info_by_topic, "cannot be received",
             lambda own, other: _reason(other, own),
         )  # fmt: skip
         deaf = _lines(
-            self._published, self._node.get_subscriptions_info_by_topic, "hears nothing", _reason
+            self._published,
+            self._node.get_subscriptions_info_by_topic,
+            "receives nothing",
+            _reason,
         )
         return "; ".join([*unheard, *deaf])
 
@@ -109,7 +112,7 @@ def _told(end: TopicEndpointInfo) -> QoSProfile:
 
 
 def _line(topic: str, end: TopicEndpointInfo, what: str, why: str) -> str:
-    return f"{topic}: {node_of(end)} {what}, its QoS does not fit: {why}; change it there"
+    return f"{topic}: {node_of(end)} {what}, its QoS is incompatible: {why}; change it there"
 
 
 def _reason(offered: QoSProfile, asked: QoSProfile) -> str:

@@ -195,7 +195,9 @@ def _name_unknown(node: Node) -> None:
     """
     for name in _given(node):
         if not node.has_parameter(name) and not name.startswith("qos_overrides."):
-            node.get_logger().warning(f"parameter {name} is unknown to this node: it does nothing")
+            node.get_logger().warning(
+                f"parameter {name} is unknown to this node and has no effect"
+            )
 
 
 def _declare_one(node: Node, spec: ParameterSpec) -> Any:

@@ -10,7 +10,7 @@ STATE: Final = "state"
 STARTING: Final = "starting"
 COMPILING: Final = "compiling"
 READY: Final = "ready"
-RECORDED: Final = "settings of"
+RECORDED: Final = "recorded settings of"
 """The key of the recorder's diagnostics that lists the nodes whose settings are in the bag."""
 
 Progress = Callable[[str], None]

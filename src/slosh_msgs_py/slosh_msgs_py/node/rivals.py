@@ -65,4 +65,4 @@ class Rivals:
         if now - self._since < (AGAIN if len(speakers) > 1 else FORGOTTEN):
             return ""
         named = ", ".join(speakers.elements())
-        return f"{speakers.total()} publishers on {name}: {named}; all but one must stop"
+        return f"{speakers.total()} publishers on {name}: {named}; stop all but one"

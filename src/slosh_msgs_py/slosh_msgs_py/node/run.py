@@ -92,7 +92,10 @@ def run_node(
         while not (stop.requested or finished(node) or hearing.is_lost()):
             _spin_once(node, executor)
         if hearing.lost:
-            node.failure = "another process has its shared-memory port: it hears nothing, and ends"
+            node.failure = (
+                "its shared-memory port was taken over by another process; no messages can be "
+                "received, exiting"
+            )
     close = getattr(node, "close", None)
     if close is not None:
         close()
@@ -155,7 +158,7 @@ def initialise(arguments: Sequence[str] | None) -> None:
         reason = " ".join(str(error).split()).split(", at /")[0]
         reason = reason.removeprefix("failed to initialize rcl: ")
         if "log directory" in reason:
-            reason += "; name one that can be written by ROS_LOG_DIR"
+            reason += "; set ROS_LOG_DIR to a writable folder"
         raise SloshMessageError(f"ROS cannot start: {reason}") from None
 
 
@@ -166,7 +169,7 @@ def make_heard(factory: Callable[[], _Node]) -> _Node:
     for _ in range(ATTEMPTS):
         if not is_deaf():
             break
-        print("shared memory port still taken by a killed process; again", file=sys.stderr)
+        print("shared-memory port still taken by a killed process; trying again", file=sys.stderr)
         first.destroy_node()
         time.sleep(PAUSE)
         first = _participant()
@@ -219,9 +222,7 @@ class _StopFlag:
         """The process that started this one has ended, and said nothing."""
         self.requested = True
         with contextlib.suppress(OSError):  # it may have been the reader
-            print(
-                "the process that started this node has ended: so does the node", file=sys.stderr
-            )
+            print("parent process exited; shutting down", file=sys.stderr)
 
     def _set(self, number: int, frame: FrameType | None) -> None:
         self.requested = True

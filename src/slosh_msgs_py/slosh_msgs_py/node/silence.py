@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 if TYPE_CHECKING:  # who reads what nodes say needs no middleware
     from rclpy.node import Node
 
-UNHEARD: Final = "hears nothing on"
+UNHEARD: Final = "no messages on"
 """Fact of a node that has heard nothing on a topic for LONG, though somebody publishes it: the
 topic and its type."""
 LONG: Final = 5.0
@@ -60,12 +60,12 @@ class SilentTopic:
         name = self.full_name
         types = self._types()
         if not types:
-            return f"nobody publishes {name}"
+            return f"{name} has no publisher"
         if self._type_name not in types:
-            return f"{name} is published as {types[0]}, it must be {self._type_name}"
+            return f"{name} is published as {types[0]}, but must be {self._type_name}"
         others = sorted({*types} - {self._type_name})
-        strange = f"; it is published as {others[0]}, too, which is not heard" if others else ""
-        return f"the publisher of {name} is silent{strange}"
+        strange = f"; it is also published as {others[0]}, which is not received" if others else ""
+        return f"the publisher of {name} sends no messages{strange}"
 
     def _types(self) -> list[str]:
         """Of what its publishers send."""
