@@ -35,7 +35,6 @@ from slosh_bringup.cell.renderer import CupRenderer
 from slosh_bringup.processes import config_folder
 from slosh_camera.calibrate.camera_file import read_calibration
 from slosh_camera.detection.detectors import detector_for
-from slosh_camera.detection.outline import outline
 from slosh_camera.images.colour import to_gray
 from slosh_camera.images.decoding import read_image
 from slosh_camera.optics.calibration import Calibration
@@ -130,7 +129,7 @@ def rendered(kind: str, count: int) -> tuple[Calibration, list[Image]]:
 
 def region(calibration: Calibration) -> tuple[slice, slice]:
     """Rows and columns of the box around the container in the image."""
-    pixels = outline(calibration.view)
+    pixels = calibration.view.outline()
     low, high = np.floor(np.nanmin(pixels, axis=0)), np.ceil(np.nanmax(pixels, axis=0))
     left, top = (max(int(value), 0) for value in low)
     return slice(top, min(int(high[1]) + 1, HEIGHT)), slice(left, min(int(high[0]) + 1, WIDTH))

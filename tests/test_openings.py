@@ -1,5 +1,6 @@
 """A recording is opened once: one reader for the replay and its page."""
 
+import os
 from pathlib import Path
 
 import pytest
@@ -18,7 +19,7 @@ def counts(monkeypatch):
     """Readers made and times that a recorded MCAP file was opened."""
     found = {"readers": 0, "openings": 0}
     made = BagReader.__init__
-    path_open, system_open = Path.open, shared_file.os.open
+    path_open, system_open = Path.open, os.open
 
     def make(reader, path):
         found["readers"] += 1
@@ -36,7 +37,7 @@ def counts(monkeypatch):
 
     monkeypatch.setattr(BagReader, "__init__", make)
     monkeypatch.setattr(Path, "open", by_path)
-    monkeypatch.setattr(shared_file.os, "open", by_system)
+    monkeypatch.setattr(os, "open", by_system)
     return found
 
 

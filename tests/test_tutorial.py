@@ -49,7 +49,7 @@ def robot(terminal, camera):
 
 
 def test_my_cup_tells_how_high_the_liquid_rises(cup):
-    assert read_model(cup / "cup" / "model.yaml").container.radius == 0.04
+    assert read_model(cup / "cup" / "model.yaml").container.size == 0.04
     heights = np.genfromtxt(cup / "heights.csv", delimiter=",", names=True)
     assert 0.003 < heights["msh"].max() < 0.02
     assert cv2.imread(str(cup / "heights.png")) is not None

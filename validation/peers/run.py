@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from peers import rows
+from validation.peers import rows
 from validation.peers.ask import ask_discovery, ask_regressions
 from validation.peers.chosen import SEED, TUNING_SEED, Job, jobs, name_of
 from validation.peers.residual_network import ask_network

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-from peers import rows
+from validation.peers import rows
 from validation.peers.chosen import NOISES, Job, case_of, name_of
 from validation.peers.library import names
 from validation.peers.oracle import oracle

@@ -128,7 +128,7 @@ def test_the_truths_surface_stays_level_in_a_tilted_container():
     share = 2.0 / (xi**2 - 1.0)
     rest = np.mean(truth.sh_y[40000:])
     # Rolled about +x, the wall at +y rises: the liquid there stands lower on it.
-    assert rest == pytest.approx(-share * TRUTH.container.radius * np.tan(tilt), rel=0.01)
+    assert rest == pytest.approx(-share * TRUTH.container.size * np.tan(tilt), rel=0.01)
     assert truth.sh_x == pytest.approx(np.zeros(len(motion.t)), abs=1e-12)
 
 

@@ -140,7 +140,7 @@ def test_variants_change_one_thing_and_keep_to_the_bounds():
     model = MODEL.with_effect("fill_loss", rate=0.05).with_effect("height_scale", gain=1.0)
     variants = list(variants_of(model))
     assert len(variants) == 4  # radius, damping, rate and gain; fixed_zero is a choice
-    assert variants[0].container.radius > model.container.radius
+    assert variants[0].container.size > model.container.size
     assert variants[1].mode_constants()[0].damping_ratio > model.mode_constants()[0].damping_ratio
     assert variants[2].effects[0].parameters["rate"] < 0.05
     assert variants[3].effects[1].parameters["gain"] != 1.0

@@ -12,7 +12,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
-from typing import Any, ClassVar, NotRequired, Self, TypedDict, Unpack
+from typing import Any, ClassVar, NotRequired, Self, TypedDict, Unpack, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -173,6 +173,11 @@ class Container(ABC):
     def __init_subclass__(cls) -> None:
         if "shape" in cls.__dict__:
             _SHAPES[cls.shape] = cls
+
+    def filled_to(self, fill_height: float, rim_height: float | None) -> Self:
+        """The same container with other heights of liquid and rim above the floor [m]."""
+        changed: Self = replace(cast(Any, self), fill_height=fill_height, rim_height=rim_height)
+        return changed
 
     @property
     def cornered(self) -> bool:

@@ -137,7 +137,7 @@ class Model:
         filled = liquid if isinstance(liquid, Liquid) else liquid_named(liquid)
         model = cls(Container.of(**lengths), filled).spatial()
         # A rectangle's nonlinear effect is for steep surfaces, and not a better model below them.
-        return model.nonlinear() if model.container.corner is None else model
+        return model if model.container.cornered else model.nonlinear()
 
     @classmethod
     def load(cls, path: str | Path) -> Model:

@@ -50,7 +50,9 @@ def with_parameters(model: Model, values: Mapping[str, float]) -> Model:
         elif name == FREQUENCY:
             model = replace(model, natural_frequency=value)
         elif name == FILL_HEIGHT:
-            model = replace(model, container=replace(model.container, fill_height=value))
+            model = replace(
+                model, container=model.container.filled_to(value, model.container.rim_height)
+            )
         else:
             effect, _, parameter = name.partition(".")
             effects.setdefault(effect, dict(present.get(effect, {})))[parameter] = value

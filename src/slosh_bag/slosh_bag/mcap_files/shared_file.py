@@ -6,7 +6,7 @@ import io
 import os
 import weakref
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, BinaryIO, cast
 
@@ -25,7 +25,7 @@ class SharedFile(type(Path())):  # type: ignore[misc]
     _recent: deque[_Descriptor]
     _descriptor: weakref.ref[_Descriptor] | None = None
 
-    def open(self, mode: str = "r", *others: Any, **named: Any) -> BinaryIO:  # type: ignore[override]
+    def open(self, mode: str = "r", *others: Any, **named: Any) -> BinaryIO:
         """A stream for `mode` "rb"; other modes open the file as any path does."""
         if mode != "rb" or others or named:
             return cast("BinaryIO", super().open(mode, *others, **named))
@@ -38,7 +38,7 @@ class SharedFile(type(Path())):  # type: ignore[misc]
         return cast("BinaryIO", io.BufferedReader(_View(descriptor), _BUFFER))
 
 
-def shared_files(paths: Iterable[Path]) -> list[Path]:
+def shared_files(paths: Iterable[Path]) -> Sequence[Path]:
     """The files of one reader; they are closed with it and the streams of them."""
     recent: deque[_Descriptor] = deque(maxlen=_KEPT_OPEN)
     files = [SharedFile(path) for path in paths]

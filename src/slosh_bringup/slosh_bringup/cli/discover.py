@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from slosh_base.files import new_folder
@@ -24,6 +24,7 @@ from slosh_discovery.discovering import (
     write_results,
 )
 from slosh_discovery.discovery_report import discovery_text
+from slosh_replay.recorded_run import RecordedRun
 
 GROUP_NAME = re.compile(r"[\w-]{1,40}")
 
@@ -89,7 +90,7 @@ def run(arguments: argparse.Namespace) -> int:
                 prepared.fit, prepared.base, prepared.holdout,
                 progress=progress, threads=arguments.jobs,
             )  # fmt: skip
-        report = make_report(request, prepared, finding, pictures_at)
+        report = make_report(request, prepared, finding, _pictures)
         document = write_results(folder, report)
     if arguments.json:
         print(document, end="")
@@ -133,3 +134,7 @@ def groups_of(options: Sequence[str]) -> dict[str, tuple[str, ...]]:
             )
         groups[name] = (*groups.get(name, ()), pattern)
     return groups
+
+
+def _pictures(bag: Path, stamps: Mapping[str, int]) -> dict[str, tuple[bytes, float]]:
+    return pictures_at(RecordedRun(bag), stamps)

@@ -14,7 +14,6 @@ from slosh_discovery.identification_report.charts import (
     geometry_chart,
     heights_chart,
     residual_chart,
-    size_label,
     speed_chart,
 )
 from slosh_discovery.identification_report.data import IdentificationReport
@@ -52,7 +51,7 @@ def render_identification(report: IdentificationReport) -> str:
         charts=_charts(report, drawn, len(speeds) > 1),
         seen=[_seen(document, index) for index in drawn],
         by_speed=len(speeds) > 1,
-        size=size_label(found.base),
+        size=found.base.container.size_name,
         model_lines=_changes(document["base"]["text"], document["overall"]["model"]["text"]),
     )
 

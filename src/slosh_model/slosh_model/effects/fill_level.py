@@ -11,9 +11,7 @@ from slosh_model.modes import Mode
 def _modes(modes: tuple[Mode, ...], parameters: Parameters) -> tuple[Mode, ...]:
     container = modes[0].container
     # Where the rim is does not matter to the modes.
-    filled = replace(
-        container, fill_height=container.fill_height + parameters["delta"], rim_height=None
-    )
+    filled = container.filled_to(container.fill_height + parameters["delta"], None)
     return tuple(replace(mode, container=filled) for mode in modes)
 
 
