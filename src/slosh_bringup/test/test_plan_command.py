@@ -233,3 +233,19 @@ def test_a_folder_that_holds_something_is_refused_before_the_search(slosh_plan, 
     assert (code, out, err.count("\n")) == (2, "", 1)
     assert "report: exists already" in err
     assert not table.exists()
+
+
+def test_a_straight_path_needs_no_file(tmp_path, capsys):
+    model = tmp_path / "model.yaml"
+    model.write_text(MODEL)
+    words = ["plan", str(model), "--straight", "400mm", "--limit", "15mm", "--time-limit", "5"]
+    assert main(words) == 0
+    out = capsys.readouterr().out
+    assert "path 0.400 m, no stop" in out
+    assert "not written (-o FILE.csv)" in out
+    assert main([*words, "-o", str(tmp_path / "out.csv")]) == 0
+    position = read_motion_table(tmp_path / "out.csv").position
+    assert position[-1] == pytest.approx([0.4, 0.0, 0.0], abs=1e-4)
+    for wrong in (words[:2] + words[4:], [*words, str(tmp_path / "path.csv")]):
+        assert main(wrong) == 2
+        assert "give either a PATH or --straight" in capsys.readouterr().err

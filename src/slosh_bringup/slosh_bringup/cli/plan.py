@@ -9,6 +9,8 @@ import sys
 from contextlib import ExitStack
 from pathlib import Path
 
+import numpy as np
+
 from slosh_base.files import check_apart, check_free, new_folder, write_text
 from slosh_base.files.plain_text import plain_line
 from slosh_bringup.cli import quantities
@@ -49,7 +51,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.epilog = EPILOG
     parser.add_argument("model", type=Path, help="model.yaml")
-    parser.add_argument("path", type=Path, help="waypoints: t,x,y,z[,qx,qy,qz,qw] (.csv)")
+    parser.add_argument(
+        "path", type=Path, nargs="?", help="waypoints: t,x,y,z[,qx,qy,qz,qw] (.csv)"
+    )
+    parser.add_argument(
+        "--straight",
+        type=quantities.length(10.0),
+        metavar="M",
+        help="length of a straight horizontal path, instead of PATH [m]",
+    )
     parser.add_argument(
         "--limit",
         type=HEIGHT,
@@ -111,9 +121,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="time after which the search stops and returns the best motion so far [s] "
         f"(default: {TIME_LIMIT:g})",
     )  # fmt: skip
-    parser.add_argument(
-        "-o", "--output", type=Path, required=True, help="motion table to write (.csv)"
-    )
+    parser.add_argument("-o", "--output", type=Path, help="motion table to write (.csv)")
     parser.add_argument(
         "--report", type=Path, metavar="DIR",
         help="folder for the report, new or empty: report.html shows the plan, plan.json "
@@ -125,16 +133,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Plans and writes the motion; prints what it reaches."""
-    if arguments.output.suffix != ".csv":
-        raise SloshBringupError(f"{arguments.output}: a motion table must end in .csv")
-    check_apart([arguments.output], [arguments.model, arguments.path, *(arguments.error or [])])
+    if arguments.output is not None:
+        if arguments.output.suffix != ".csv":
+            raise SloshBringupError(f"{arguments.output}: a motion table must end in .csv")
+        given = (arguments.model, arguments.path, *(arguments.error or []))
+        check_apart([arguments.output], [path for path in given if path is not None])
     if arguments.report is not None:
         check_free(arguments.report)
     limits = plan_limits(arguments)
     model = read_model(arguments.model)
-    waypoints = read_path_table(arguments.path, table_options(arguments))
+    waypoints, name = wanted_path(arguments)
     tell = Teller("plan")
-    tell.warn(arguments.path, path_doubts(waypoints))
+    tell.warn(name, path_doubts(waypoints))
     try:
         answer = plan(
             model, path_through(waypoints.position), limits, attitude=waypoints.attitude,
@@ -142,9 +152,9 @@ def run(arguments: argparse.Namespace) -> int:
             time_limit=arguments.time_limit,
         )  # fmt: skip
     except NoSafeMotionError as error:
-        print(plain_line(f"slosh plan: {arguments.path}: {error}"), file=sys.stderr)
+        print(plain_line(f"slosh plan: {name}: {error}"), file=sys.stderr)
         return EXIT_NONE
-    write_results(arguments, model, answer, waypoints)
+    write_results(arguments, model, answer, waypoints, name)
     borne = frequency_tolerance(
         tilting(model, limits), answer.found.motion, answer.limits, waypoints.attitude
     )
@@ -155,6 +165,17 @@ def run(arguments: argparse.Namespace) -> int:
     )
     print(text)
     return tell.exit_code
+
+
+def wanted_path(arguments: argparse.Namespace) -> tuple[Waypoints, str]:
+    """The path from the file or of --straight, and its name."""
+    if (arguments.path is None) == (arguments.straight is None):
+        raise SloshBringupError("give either a PATH or --straight with its length in metres")
+    if arguments.path is not None:
+        waypoints = read_path_table(arguments.path, table_options(arguments))
+        return waypoints, str(arguments.path)
+    ends = np.array([[0.0, 0.0, 0.0], [arguments.straight, 0.0, 0.0]])
+    return Waypoints(np.array([0.0, 1.0]), ends, None), f"straight {arguments.straight:g} m"
 
 
 def plan_limits(arguments: argparse.Namespace) -> PlanLimits:
@@ -182,9 +203,9 @@ def model_error(arguments: argparse.Namespace, model: str) -> ModelError | None:
 
 
 def write_results(
-    arguments: argparse.Namespace, model: Model, answer: Plan, waypoints: Waypoints
+    arguments: argparse.Namespace, model: Model, answer: Plan, waypoints: Waypoints, name: str
 ) -> None:
-    """Writes the motion and, where it is asked for, the plan's page; both or neither."""
+    """Writes the motion and the plan's page where they are asked for; both or neither."""
     with ExitStack() as stack:
         if arguments.report is not None:
             # It loads the templates: a plan without a page does without.
@@ -192,12 +213,13 @@ def write_results(
             from slosh_plan.plan_report.making import make_report
             from slosh_plan.plan_report.page import render_plan
 
-            subtitle = f"{arguments.path} with {arguments.model} ({model.name})"
+            subtitle = f"{name} with {arguments.model} ({model.name})"
             report = make_report(model, answer, waypoints, subtitle)
             folder = stack.enter_context(new_folder(arguments.report))
             write_text(folder / PAGE, render_plan(report))
             write_text(folder / DOCUMENT, plan_json(report))
-        write_plan_table(arguments.output, answer.found.motion, waypoints.attitude)
+        if arguments.output is not None:
+            write_plan_table(arguments.output, answer.found.motion, waypoints.attitude)
 
 
 def facts(answer: Plan, borne: Tolerance) -> dict[str, object]:
@@ -234,10 +256,12 @@ def facts(answer: Plan, borne: Tolerance) -> dict[str, object]:
     }
 
 
-def summary(answer: Plan, output: Path, borne: Tolerance) -> str:
+def summary(answer: Plan, output: Path | None, borne: Tolerance) -> str:
     """The plan in some lines."""
     found, limits = answer.found, answer.limits
     duration = found.motion.duration
+    count = len(found.motion.t)
+    rows = f"{count} rows in {plain_line(output)}" if output else "not written (-o FILE.csv)"
     other = f"{answer.scaled.found.motion.duration:.3f} s by the {answer.scaled.law} law"
     lines = [
         f"{duration:.3f} s, optimal time law ({other}, scaled)"
@@ -255,7 +279,7 @@ def summary(answer: Plan, output: Path, borne: Tolerance) -> str:
         *tilted(answer),
         f"path {answer.path.length:.3f} m, {_stops(len(answer.path.legs) - 1)}, up to "
         f"{1e3 * answer.path.departure:.2f} mm from straight lines between the waypoints",
-        f"{len(found.motion.t)} rows in {plain_line(output)}, planned in {answer.seconds:.1f} s",
+        f"{rows}, planned in {answer.seconds:.1f} s",
     ]
     return "\n".join(lines)
 
