@@ -138,6 +138,7 @@ def test_a_folder_that_holds_something_is_refused(folder, capsys):
         (["--radius", "5"], "radius = 5 m: did you mean 0.05 (5 cm)?"),
         (["--diameter", "120"], "diameter = 120 m: did you mean 0.12 (120 mm)?"),
         ([*ROUND, "--wall", "2"], "wall = 2 m: did you mean 0.002 (2 mm)?"),
+        ([*ROUND, "--density", "1030"], "--density: the viscosity of this liquid is missing"),
         ([*ROUND, "--density", "1.03"], "density = 1.03 kg/m3: did you mean 1030 (1.03 g/cm3)?"),
         ([*ROUND, "--viscosity", "1"], "viscosity = 1 m2/s: did you mean 1e-06 (1 mm2/s)?"),
         ([*ROUND, "--rim-height", "-1"], "rim_height = -1 m: must be 0.002 to 4 m"),
@@ -151,8 +152,8 @@ def test_a_folder_that_holds_something_is_refused(folder, capsys):
             ["--radius", "0.04"],
             "--fill-height: required; the command can ask for values only on a terminal",
         ),
-        (["--width", "0.04"], "--depth, --fill-height: needed"),
-        ([], "--radius, --diameter or --width and --depth, --fill-height: needed"),
+        (["--width", "0.04"], "--depth, --fill-height: required"),
+        ([], "--radius, --diameter or --width and --depth, --fill-height: required"),
     ],
 )
 def test_what_cannot_be_is_one_line(folder, capsys, monkeypatch, words, said):
@@ -199,3 +200,10 @@ def test_each_printed_command_can_be_typed(folder, capsys, monkeypatch, tmp_path
         if "--print-board" in words:
             assert main(words) == 0
             assert (tmp_path / "board.pdf").is_file()
+
+
+def test_a_density_with_a_named_liquid_takes_its_viscosity(tmp_path):
+    folder = tmp_path / "cup"
+    assert main(["new", str(folder), *ROUND, "--density", "1330", "--liquid", "syrup"]) == 0
+    liquid = read_model(folder / "model.yaml").liquid
+    assert (liquid.density, liquid.kinematic_viscosity) == (1330.0, 1.12e-4)

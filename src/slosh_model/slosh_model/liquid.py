@@ -30,13 +30,20 @@ class Liquid:
 LIQUIDS: Mapping[str, Liquid] = MappingProxyType(
     {
         "water": Liquid(),
+        "coffee": Liquid(1000.0, 1.03e-6),
+        "juice": Liquid(1046.0, 1.4e-6),
         "milk": Liquid(1030.0, 2.0e-6),
         "oil": Liquid(920.0, 7.0e-5),
         "ethanol": Liquid(789.0, 1.5e-6),
+        "syrup": Liquid(1316.0, 1.12e-4),
         "glycerine": Liquid(1261.0, 1.12e-3),
     }
 )
-"""Liquids at 20 °C by name; oil is of sunflowers."""
+"""Liquids at 20 °C by name.
+
+Oil is of sunflowers; coffee is black, with 1 % of solids; juice and syrup are solutions of 12 %
+and 65 % of sucrose: pulp makes a juice thicker.
+"""
 
 
 def liquid_named(name: str) -> Liquid:

@@ -24,6 +24,7 @@ _IMAGE_SIZE = "1280x720"
 _MOST_PIXELS = 20_000
 # How often a question is asked before the answers are taken for something else.
 _PATIENCE = 5
+_LIQUID = "water"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -41,9 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         if name == "wall":
             old_name(parser, action, "--wall-thickness")
     liquid = parser.add_argument_group("liquid")
-    liquid.add_argument(
-        "--liquid", choices=LIQUIDS, default="water", help="kind of liquid (default water)"
-    )
+    liquid.add_argument("--liquid", choices=LIQUIDS, help=f"kind of liquid (default {_LIQUID})")
     liquid.add_argument(
         "--density", type=DENSITY, metavar="KG/M3", help="density of another liquid [kg/m³]"
     )
@@ -93,8 +92,9 @@ def _cup(arguments: argparse.Namespace) -> NewCup:
         if getattr(arguments, name) is not None
     }
     _check_shape(given)
+    _check_liquid(given, arguments.liquid)
     size = _image_size(arguments.image_size)
-    known = LIQUIDS[arguments.liquid]
+    known = LIQUIDS[arguments.liquid or _LIQUID]
     liquid = Liquid(
         given.get("density", known.density), given.get("viscosity", known.kinematic_viscosity)
     )
@@ -109,6 +109,23 @@ def _cup(arguments: argparse.Namespace) -> NewCup:
         _lengths(given), given["fill_height"], liquid, given.get("rim_height"),
         given.get("wall"), arguments.namespace, size, not arguments.no_camera,
     )  # fmt: skip
+
+
+def _check_liquid(given: dict[str, float], named: str | None) -> None:
+    """Asks for the viscosity of a liquid of which the density alone is given.
+
+    Raises:
+        SloshBringupError: it is not given.
+    """
+    if "density" not in given or "viscosity" in given or named is not None:
+        return
+    if sys.stdin.isatty():
+        _ask(given, "viscosity")
+    if "viscosity" not in given:
+        raise SloshBringupError(
+            "--density: the viscosity of this liquid is missing; give --viscosity [m²/s] (water "
+            "1e-6, syrup 1e-4) or the nearest --liquid"
+        )
 
 
 def _check_shape(given: dict[str, float]) -> None:
