@@ -152,7 +152,7 @@ def _effects(section: Any) -> tuple[EffectUse, ...]:
 def _effect(item: Any, path: KeyPath) -> EffectUse:
     entry = _mapping(item, path)
     if not isinstance(entry.get("name"), str):
-        raise SloshModelError(f"{dotted(path)}.name is missing or no text", (*path, "name"))
+        raise SloshModelError(f"{dotted(path)}.name is missing or not a text", (*path, "name"))
     given = {key: _number(value, (*path, key)) for key, value in entry.items() if key != "name"}
     try:
         return EffectUse(entry["name"], given)

@@ -562,9 +562,7 @@ def test_a_home_that_cannot_be_written_is_named_with_the_way_out():
     )  # fmt: skip
     assert done.returncode == 2
     line = done.stderr.strip().splitlines()[-1]
-    assert re.search(
-        r"ROS cannot start: .*'/proc/\.ros/log'.*; set ROS_LOG_DIR to a .*$", line
-    )
+    assert re.search(r"ROS cannot start: .*'/proc/\.ros/log'.*; set ROS_LOG_DIR to a .*$", line)
 
 
 def test_an_unknown_executor_is_named(monkeypatch):
