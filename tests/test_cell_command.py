@@ -129,9 +129,9 @@ def test_a_cell_without_input_says_so_and_ends_with_a_report(domain, tmp_path, w
     with cell(tmp_path, path) as running:
         for said in (
             "estimator: no usable input for ",
-            "nobody publishes /arm/acceleration",
+            "/arm/acceleration has no publisher",
             "camera: no image for ",
-            "nobody publishes /slosh/camera/image_raw",
+            "/slosh/camera/image_raw has no publisher",
             "monitor: STALE: no free_surface and no estimate",
         ):
             running.wait_for(lambda said=said: said in running.said, said)
@@ -152,7 +152,7 @@ def test_a_recording_that_is_played_without_its_clock_is_recognised(domain, tmp_
     """Its stamps are those of the day when it was recorded."""
     path = write_cell()
     with cell(tmp_path, path) as running:
-        running.wait_for(lambda: "nobody publishes /slosh/accel" in running.said, "the estimator")
+        running.wait_for(lambda: "/slosh/accel has no publisher" in running.said, "the estimator")
         play = [
             sys.executable,
             "-m",
@@ -199,7 +199,7 @@ def test_a_cell_goes_on_when_its_nodes_are_killed(domain, tmp_path, write_cell):
         assert end in running.said
         assert end in (folder / "report.html").read_text()
         assert end in json.loads((folder / "result.json").read_text())["problems"][0]
-    assert f"it is started again, recording to {folder.resolve() / 'bag_2'}" in running.said
+    assert f"it is restarted, recording to {folder.resolve() / 'bag_2'}" in running.said
     assert estimates_of(folder / "bag")[0].flags & SETTLING == 0
     assert holds(folder / "bag_2", SETTLING)
     verification = replay_bag(folder / "bag").verification
@@ -214,7 +214,7 @@ def test_a_node_that_was_stopped_and_goes_on_is_told_and_settles(domain, tmp_pat
         estimator = running.nodes()["estimator"]
         os.kill(estimator, signal.SIGSTOP)
         running.wait_for(lambda: "no estimate" in running.said, "the monitor's word")
-        running.wait_for(lambda: "estimator: has said nothing for" in running.said, "silence")
+        running.wait_for(lambda: "estimator: no diagnostics for" in running.said, "silence")
         os.kill(estimator, signal.SIGCONT)
         running.wait_for(lambda: SETTLES in running.said, SETTLES)
         running.process.terminate()
@@ -278,14 +278,14 @@ def test_a_cell_without_a_camera_is_a_whole_cell(domain, tmp_path, said):
         running.process.send_signal(signal.SIGINT)
         assert running.end() == 0, running.said
     assert running.nodes().keys() == {"recorder", "estimator", "monitor"}
-    assert "camera              none, by choice: the estimate alone is watched" in running.said
+    assert "camera              none configured: only the estimate is monitored" in running.said
     assert "nothing was measured" not in running.said
     assert "no image" not in running.said
     result = json.loads((folder / "result.json").read_text())
     assert result["nothing_because"] == []
     assert result["events"]
     page = (folder / "report.html").read_text()
-    assert "there is nothing to judge the models by" not in page
+    assert "there is nothing to compare the models with" not in page
     assert "highest estimated" in page
     replayed = replay_bag(folder / "bag")
     assert replayed.verification.exact, replayed.verification.lines()

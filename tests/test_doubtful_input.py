@@ -61,7 +61,7 @@ def test_poses_in_another_frame_are_refused_and_the_remedy_is_told(
 ) -> None:
     with nodes_and_robot(tmp_path, domain, kind=topics.POSE) as (_, robot):
         robot.frame = ""
-        robot.until(lambda: says(robot, WARN, "poses without frame"), "a remark")
+        robot.until(lambda: says(robot, WARN, "poses without a frame"), "a remark")
         robot.frame = "camera_optical"
         robot.until(
             lambda: says(robot, ERROR, "'camera_optical' are dropped: publish them in 'world'"),

@@ -99,13 +99,13 @@ def test_the_simulated_cell_waits_for_those_that_are_started(described, argument
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        ({"camera": "maybe"}, "camera:=maybe: true or false is needed"),
+        ({"camera": "maybe"}, "camera:=maybe: must be true or false"),
         ({"input": "imuu"}, "estimator: input = 'imuu' must be one of accel, imu, pose"),
         ({"remap": "{imuu: /arm/imu}"}, "remap: no such topic: 'imuu' (known: accel, imu,"),
         ({"remap": "[imu"}, "remap:=[imu: launch arguments:"),
         ({"remap": "imu:=/arm/imu"}, "remap must map topic names to topic names"),
         ({"namespace": "slosh"}, "namespace = 'slosh' must start with a slash"),
-        ({"urdf": "arm.urdf"}, "urdf:=, tool_frame:= and predict:=true belong together"),
+        ({"urdf": "arm.urdf"}, "urdf:=, tool_frame:= and predict:=true must be given together"),
         ({"model": "none.yaml"}, "none.yaml: No such file or directory"),
         ({"calibration": "none.yaml"}, "none.yaml: cannot be read: No such file or directory"),
         ({"parameters": "none.yaml"}, "none.yaml: No such file or directory"),
@@ -136,7 +136,7 @@ def test_a_node_that_ends_again_and_again_is_started_later_each_time(monkeypatch
     first, *others = ended(cell, "estimator", -9, [0.0, 2.0, 5.0, 12.0, 25.0, 45.0])
     assert [first.delay, *(one.delay for one in others)] == [1, 2, 4, 8, 16, LONGEST_PAUSE]
     assert first.process.parameters["starts_at_rest"] == "false"
-    assert first.text == "node estimator ended with exit code -9; it is started again in 1 s"
+    assert first.text == "node estimator ended with exit code -9; it is restarted in 1 s"
     assert cell.ended("estimator", -9, 1000.0).delay == 1.0
     assert cell.ended("monitor", 1, 1000.0).delay == 1.0
 

@@ -175,24 +175,24 @@ def test_an_output_that_is_an_input_is_refused(own, tmp_path, monkeypatch, capsy
     ("line", "refused"),
     [
         ("replay SHOP/recording -o SHOP", "SHOP/recording: is the input"),
-        ("replay SHOP/recording -o SHOP/recording", "lies in the input SHOP/recording"),
+        ("replay SHOP/recording -o SHOP/recording", "is inside the input SHOP/recording"),
         (
             "replay SHOP/recording --model SHOP/full/recording.json -o SHOP/full",
             "SHOP/full/recording.json: is the input",
         ),
         ("export SHOP/bag -o SHOP/bag", "SHOP/bag: is the input"),
-        ("export SHOP/bag -o SHOP/bag/new", "lies in the input SHOP/bag"),
+        ("export SHOP/bag -o SHOP/bag/new", "is inside the input SHOP/bag"),
         ("recover SHOP/bag -o SHOP/bag", "SHOP/bag: is the input"),
-        ("recover SHOP/bag -o SHOP/bag/new", "lies in the input SHOP/bag"),
+        ("recover SHOP/bag -o SHOP/bag/new", "is inside the input SHOP/bag"),
         ("recover SHOP/bag/bag_0.mcap -o SHOP/bag", "SHOP/bag: exists already"),
         ("import rosbag SHOP/bag -o SHOP", "SHOP/bag: exists already"),
-        ("import rosbag SHOP/bag -o SHOP/bag", "lies in the input SHOP/bag"),
+        ("import rosbag SHOP/bag -o SHOP/bag", "is inside the input SHOP/bag"),
         ("import rosbag SHOP/bag/bag_0.mcap SHOP/bag -o SHOP", "SHOP/bag: exists already"),
         ("import antisloshing SHOP/measured -o SHOP/full", "SHOP/full/B: exists already"),
         ("discover SHOP/motion.csv --model SHOP/model.yaml -o SHOP", "SHOP: exists already"),
         ("identify SHOP/motion.csv --model SHOP/model.yaml -o SHOP", "SHOP: exists already"),
         ("new SHOP --radius 0.05 --fill-height 0.07", "SHOP: exists already"),
-        ("discover SHOP/recording --from-bag -o SHOP/recording/new", "lies in the input"),
+        ("discover SHOP/recording --from-bag -o SHOP/recording/new", "is inside the input"),
         (
             "plan SHOP/model.yaml SHOP/path.csv --limit 0.02 -o SHOP/new.csv --report SHOP",
             "SHOP: exists already",
@@ -220,7 +220,7 @@ def test_two_outputs_are_not_one_file(own, tmp_path, capsys):
     ):
         words = words_of(line, own, OUT=tmp_path / "out.png", NEW=tmp_path / "new.csv")
         assert main(words) == 2
-        assert "out.png: is named for two outputs" in capsys.readouterr().err
+        assert "out.png: is given for two outputs" in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == [own]
 
 
@@ -231,7 +231,7 @@ def test_replays_pages_do_not_replace_a_strangers(own, tmp_path, capsys):
     page.write_text("mine")
     line = words_of("replay SHOP/recording -o OUT", own, OUT=place)
     assert main(line) == 2
-    assert f"{page}: is of no replay" in capsys.readouterr().err
+    assert f"{page}: is not from a replay" in capsys.readouterr().err
     assert contents(place) == {page: b"mine"}
     page.unlink()
     assert main(line) == main(line) == 0

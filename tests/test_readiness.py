@@ -99,16 +99,13 @@ def test_a_node_that_never_gets_ready_ends_the_run_with_its_name(tmp_path):
         camera = running.nodes()["camera"]
         os.kill(camera, signal.SIGSTOP)
         deadline = time.monotonic() + PATIENCE
-        while "waiting for camera (not heard of yet)" not in running.said:
+        while "waiting for camera (no diagnostics received yet)" not in running.said:
             assert time.monotonic() < deadline, running.said
             time.sleep(0.05)
         assert running.process.wait(PATIENCE) == 1
         said = running.said
-    assert (
-        "nothing was measured, because not all nodes became ready: camera has not been heard"
-        in said
-    )
-    assert "camera has not been heard of for 6" in (folder / "report.html").read_text()
+    assert "nothing was measured, because not all nodes became ready: camera has sent no" in said
+    assert "camera has sent no diagnostics for 6" in (folder / "report.html").read_text()
     assert not recorded_motion(folder / "bag")
 
 

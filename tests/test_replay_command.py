@@ -164,7 +164,7 @@ def test_a_manifest_that_names_no_bag_passes_no_check(bags, capsys):
     (bags / "manifest.yaml").write_text("bags: {}")
     code, _, errors = replay(capsys, bags, "--check")
     assert code == 1
-    assert "slosh replay: a: the manifest does not name this bag" in errors
+    assert "slosh replay: a: the manifest does not list this bag" in errors
     assert replay(capsys, bags, "--write-manifest")[0] == 0
     assert replay(capsys, bags, "--check")[0] == 0
 
@@ -185,7 +185,7 @@ def test_a_bag_that_lacks_and_one_that_is_not_named_fail(bags, capsys):
     assert table(out)["d"][-1] == "FAILED"
     assert errors == [
         f"slosh replay: {bags / 'c'}: no such file or folder",
-        "slosh replay: d: the manifest does not name this bag",
+        "slosh replay: d: the manifest does not list this bag",
         "2 of 4 bags as expected",
     ]
     assert replay(capsys, bags)[0] == 0  # nothing is to be checked

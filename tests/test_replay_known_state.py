@@ -88,7 +88,7 @@ def test_inputs_that_are_lacking_cost_the_time_to_the_next_state(tmp_path):
     live.unheard = range(1130, 1140)
     found = replay_bag(live.write(tmp_path / "bag")).verification
     assert found.exact, found.lines()
-    why = "behind inputs that the recording lacks, until the next known state"
+    why = "after inputs that are missing in the recording, until the next known state"
     assert found.unchecked == {why: 1250 - 1129}
     assert found.recorded == 2500 - (1250 - 1129)
 
@@ -128,7 +128,7 @@ def test_a_state_of_another_number_of_modes_is_not_taken_up(tmp_path):
     folder = live.write(tmp_path / "bag")
     found = replay_bag(folder, MODEL).verification
     assert not found.exact
-    assert "the recorded state cannot be taken up" in "\n".join(found.lines())
+    assert "the recorded state cannot be restored" in "\n".join(found.lines())
 
 
 def test_the_recorder_may_hear_a_new_estimator_late(tmp_path):

@@ -201,7 +201,7 @@ def test_without_settings_a_model_is_needed_and_the_estimates_are_followed(live,
     live.unused, live.restarts = {700, 701}, {1300}
     live.topics = {"accel", "estimate", "free_surface"}
     bag = live.write(tmp_path / "bag")
-    with pytest.raises(SloshBagError, match="does not say which model or container"):
+    with pytest.raises(SloshBagError, match="contains no model or container"):
         replay_bag(bag)
     result = replay_bag(bag, MODEL, MonitorSettings(measured_limit=0.006))
     assert result.verification.exact
@@ -219,7 +219,7 @@ def test_the_bags_facts_give_a_container(live, tmp_path):
 
 def test_only_images_are_refused(live, tmp_path):
     live.topics = {"estimate", "free_surface", "settings"}
-    with pytest.raises(SloshBagError, match=r"holds no message of accel; nothing drives"):
+    with pytest.raises(SloshBagError, match=r"holds no message of accel; the model has no input"):
         replay_bag(live.write(tmp_path / "bag"))
 
 
@@ -229,7 +229,7 @@ def test_a_camera_that_saw_nothing_is_told_and_the_rest_is_replayed(live, tmp_pa
     assert result.verification.exact
     assert result.accuracy == ()
     (warning,) = result.warnings
-    assert warning.startswith("bag: no image shows a height")
+    assert warning.startswith("bag: no image has a usable height")
 
 
 def test_a_recording_that_begins_late_says_why_it_differs(live, tmp_path):
@@ -244,7 +244,7 @@ def test_a_recording_that_begins_late_says_why_it_differs(live, tmp_path):
     found = replay_bag(tmp_path / "bag").verification
     assert not found.exact
     assert not found.missing
-    assert any("when the estimator had used 1001 inputs" in line for line in found.lines())
+    assert any("after the estimator had used 1001 inputs" in line for line in found.lines())
 
 
 def test_a_recorder_that_was_there_first_changes_nothing(live, tmp_path):
@@ -269,7 +269,7 @@ def test_inputs_that_the_recorder_lost_are_said_to_be_missing(live, tmp_path):
                 writer.write(message.topic, message.data, message.log_ns)
     found = replay_bag(tmp_path / "bag").verification
     assert found.missing == 3
-    assert any("no usable input is in the recording" in line for line in found.lines())
+    assert any("the recording has no usable input" in line for line in found.lines())
 
 
 def cells(tmp_path, **namespaces):

@@ -122,7 +122,9 @@ def test_a_page_that_is_no_index_is_left_alone(replayed, tmp_path, capsys):
     (tmp_path / "index.html").write_text("mine")
     bags = replayed.parent / "bags"
     assert main(["replay", str(bags), "-o", str(tmp_path)]) == 2
-    assert "index.html: is no replay's index; choose another folder" in capsys.readouterr().err
+    assert (
+        "index.html: is not an index of replays; choose another folder" in capsys.readouterr().err
+    )
     assert (tmp_path / "index.html").read_text() == "mine"
     assert main(["replay", str(bags), "-o", str(replayed)]) == 0
     assert main(["replay", str(bags), "-o", str(replayed)]) == 0

@@ -197,7 +197,7 @@ def test_what_is_no_regular_file_is_refused_at_once(folder, kind, place, tmp_pat
     ("added", "said"),
     [
         ("\nsame: 1\nsame: 2\n", "same: given twice"),
-        ("\n\tx: 1\n", "a tab stands here"),
+        ("\n\tx: 1\n", "there is a tab here"),
         ("\nx: " + "[" * 60 + "]" * 60, "it has more than 50 levels"),
         ("\nx: *nothing\n", "refers to itself or to nothing"),
     ],

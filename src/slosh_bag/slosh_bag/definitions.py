@@ -57,7 +57,7 @@ class Definitions:
             if name not in self.typestore.fielddefs and name not in found:
                 found.update(_read(name))
                 if name not in found:  # such as 'std_msgs/Header', ROS 1's form of the name
-                    raise SloshBagError(f"{name!r} is no name of a ROS 2 type")
+                    raise SloshBagError(f"{name!r} is not the name of a ROS 2 type")
                 wanted += [part for part, _ in parts_of(found[name][1])]
         if found:
             self.typestore.register(found)

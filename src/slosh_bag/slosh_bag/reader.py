@@ -230,8 +230,8 @@ class BagReader:
                 yield block
         if windows is None and missing:
             raise SloshBagError(
-                f"{file}: its index leads to {missing} messages of {', '.join(topics)} fewer than "
-                "its summary counts; `slosh recover` writes a new bag with a new index"
+                f"{file}: its index lacks {missing} messages of {', '.join(topics)} that its "
+                "summary counts; `slosh recover` writes a new bag with a new index"
             )
 
     def _blocks_of(self, file: Path, topics: Collection[str] | None) -> Iterator[MessageBlock]:
@@ -291,7 +291,7 @@ class BagReader:
             return store.deserialize_cdr(message.data, message.message_type)
         except (*DAMAGE, AssertionError) as error:
             raise SloshBagError(
-                f"{self.path}: {message.topic} at {message.log_ns} ns is no "
+                f"{self.path}: {message.topic} at {message.log_ns} ns is not a valid "
                 f"{message.message_type}: {_reason(error)}"
             ) from None
 

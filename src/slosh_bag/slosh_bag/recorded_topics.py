@@ -158,5 +158,5 @@ def _pattern(name: str, text: str) -> re.Pattern[str] | None:
         return re.compile(text) if text else None
     except re.error as error:
         raise SloshBagError(
-            f"parameter {name} = {text!r}: no regular expression: {error}"
+            f"parameter {name} = {text!r}: not a regular expression: {error}"
         ) from None

@@ -123,7 +123,7 @@ def recover_bag(path: Path, folder: Path, progress: Progress = lambda size: None
     if len(files) == 1:
         check_no_other(files[0])
         if not files[0].stat().st_size:
-            raise SloshBagError(f"{files[0]}: the file is empty; copy it anew")
+            raise SloshBagError(f"{files[0]}: the file is empty; copy it again")
     check_outside(folder, [path])
     with new_folder(folder) as room:
         copy = _Copy(room, _facts(path, files, notes), notes, _profile(files[0]))

@@ -314,7 +314,7 @@ def strings(tmp_path: Path) -> BagReader:
 def test_names_may_be_short_and_wrong_ones_are_told(strings: BagReader, tmp_path: Path):
     for name in ("/a/words", "a/words", "words"):
         assert list(export_targets(strings.path, strings, [name], tmp_path)) == ["/a/words"]
-    with pytest.raises(SloshBagError, match="holds no topic 'wods'; there are /a/words"):
+    with pytest.raises(SloshBagError, match="has no topic 'wods'; its topics: /a/words"):
         export_targets(strings.path, strings, ["wods"], tmp_path)
 
 

@@ -160,7 +160,7 @@ def test_what_does_not_fit_is_named(settings, said):
 
 
 def test_a_time_that_ros_cannot_say_is_told():
-    with pytest.raises(SloshBagError, match="no time after the year 2038"):
+    with pytest.raises(SloshBagError, match="ROS times end in the year 2038"):
         Playback((0, 2**31 * SECOND), PlaybackSettings())
 
 
@@ -256,11 +256,13 @@ def test_topics_are_chosen(bag):
     assert chosen(bag, topics="accel|imu") == {"/slosh/accel", "/slosh/imu"}
     assert chosen(bag, topics="^/slosh", exclude="e") == {"/slosh/imu"}
     assert chosen(bag, inputs=True) == {"/slosh/accel", "/slosh/imu", "/slosh/camera/image_raw"}
-    with pytest.raises(SloshBagError, match=r"bag: nothing to play: none of .* \(/clock, /diag"):
+    with pytest.raises(
+        SloshBagError, match=r"bag: nothing to play: no topic is selected \(topics: /clock, /diag"
+    ):
         chosen(bag, topics="/nothing")
-    with pytest.raises(SloshBagError, match=r"topics = '\(': no regular expression"):
+    with pytest.raises(SloshBagError, match=r"topics = '\(': not a regular expression"):
         chosen(bag, topics="(")
-    with pytest.raises(SloshBagError, match="namespace = 'a b': no name that ROS allows"):
+    with pytest.raises(SloshBagError, match="namespace = 'a b': not a valid ROS name"):
         chosen(bag, namespace="a b")
 
 
@@ -334,7 +336,7 @@ def test_a_type_that_is_another_here_is_not_played_as_if_it_were_the_same(bag, t
         "/a", BagTopic("other_msgs/msg/Thing", "float64 x", "cdr")
     )
     assert "are json, not cdr" in refusal("/a", BagTopic(ACCEL, text, "json"))
-    assert "no name" in refusal("/a-b", BagTopic(ACCEL, text, "cdr"))
+    assert "not a valid ROS name" in refusal("/a-b", BagTopic(ACCEL, text, "cdr"))
     for damaged in ("", "no definition at all $", text.replace("MSG: std_msgs", "MSG: gone")):
         assert refusal("/a", BagTopic(ACCEL, damaged, "cdr"))
 
@@ -345,7 +347,7 @@ def test_topics_that_cannot_be_sent_are_left_out_with_one_warning(bag):
     assert len(plan.warnings) == 1
     assert ACCEL in plan.warnings[0]
     assert {s.message.topic for s in messages_of(plan.steps())} == set(plan.topics)
-    with pytest.raises(SloshBagError, match="nothing to play: not installed here: "):
+    with pytest.raises(SloshBagError, match="nothing to play: types not installed here: "):
         without(plan, list(plan.topics))
 
 

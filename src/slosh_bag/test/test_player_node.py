@@ -222,7 +222,7 @@ def test_types_that_are_not_installed_are_left_out(graph, prefix, tmp_path, monk
     rest, kinds = playable(plan)
     assert list(rest.topics) == list(kinds) == [f"{prefix}/accel"]
     assert rest.warnings == [
-        f"{prefix}/limit_event: not played, not installed here: slosh_msgs/msg/LimitEvent"
+        f"{prefix}/limit_event: not played, types not installed here: slosh_msgs/msg/LimitEvent"
     ]
 
 

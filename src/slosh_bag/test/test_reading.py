@@ -245,7 +245,7 @@ def test_a_split_that_is_gone_is_told(tmp_path):
     (folder / "bag_1.mcap").unlink()
     reader = BagReader(folder)
     assert numbers(reader) == [*range(10), *range(20, 30)]
-    assert reader.warnings == [f"{folder}/metadata.yaml: names 'bag_1.mcap', which is not there"]
+    assert reader.warnings == [f"{folder}/metadata.yaml: lists 'bag_1.mcap', which does not exist"]
 
 
 @pytest.mark.parametrize(
@@ -422,7 +422,9 @@ def test_damage_in_the_middle_is_an_error_that_says_where(tmp_path, finished):
     with pytest.raises(SloshBagError) as caught:
         list(reader.messages())
     assert str(caught.value).startswith(f"{file}: damaged at byte {start}: a chunk ")
-    assert str(caught.value).endswith("; `slosh recover` writes a new bag of all that is whole")
+    assert str(caught.value).endswith(
+        "; `slosh recover` writes a new bag with all intact messages"
+    )
 
 
 def test_zeros_at_the_end_after_a_power_cut_are_a_lost_end(tmp_path):

@@ -90,7 +90,7 @@ def test_everything_is_said_the_worst_first():
     assert sentence == (
         "1 messages lost: the disk is too slow; "
         "publisher lost: /accel (for 12 s), /image (for 3 s); "
-        "4 messages lost on the way, before they got here; "
+        "4 messages lost before they reached the recorder; "
         "1 topics are not recorded, such as /odd: odd_msgs is not installed here"
     )
 

@@ -217,7 +217,7 @@ KINDS = {
     "sqlite": (b"SQLite format 3\0" + bytes(50), "an SQLite file.*slosh import rosbag"),
     "ros1": (b"#ROSBAG V2.0\n\x45\0\0\0", "a ROS 1 bag; slosh import rosbag"),
     "tar": (b"a" * 257 + b"ustar\0", "a tar file; unpack it first"),
-    "zeros": (bytes(5000), "a file of zeros; its copy was cut off"),
+    "zeros": (bytes(5000), "a file of zeros; the copy was interrupted"),
     "nothing": (b"", "the file is empty"),
     "json": (b'{"a": 1}', "a text file"),
 }
@@ -274,7 +274,7 @@ def test_the_only_bag_in_a_folder_is_meant(bag, tmp_path):
     inner = bag.rename(tmp_path / "all" / "bag")
     reader = BagReader(tmp_path / "all")
     assert len(list(reader.messages())) == 50
-    assert any("the bag bag in it is read" in line for line in reader.warnings)
+    assert any("reading the bag bag in it" in line for line in reader.warnings)
     assert recover_bag(tmp_path / "all", tmp_path / "new").counts == {"/header": 50}
     recover_bag(inner, tmp_path / "all" / "other")
     with pytest.raises(SloshBagError, match="holds 2 bags; name one of them: bag, other"):

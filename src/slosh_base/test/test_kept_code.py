@@ -188,7 +188,7 @@ def test_damaged_code_is_thrown_away_with_a_warning_and_compiled_anew(with_code,
     assert process.result() == {"answers": ANSWERS, "loaded": [], "compiled": NAMES}
     assert len(process.err.splitlines()) == len(damages)
     for name, path in kept(with_code).items():
-        assert f"throwaway.{name}: compiled anew, {path} is damaged: " in process.err
+        assert f"throwaway.{name}: compiled again, {path} is damaged: " in process.err
         assert len(path.read_bytes()) == pytest.approx(len(whole[path]), rel=0.1)
 
 
@@ -292,7 +292,7 @@ def test_a_full_disk_costs_a_warning_and_nothing_else(folder, monkeypatch):
     full = "import resource\nresource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))"
     process = Process(folder, full)
     assert process.result() == {"answers": ANSWERS, "loaded": [], "compiled": NAMES}
-    assert process.err.count("compiled, but not kept: ") == 3
+    assert process.err.count("compiled, but not cached: ") == 3
     assert not [
         path
         for path in (folder.parent / "cache").rglob("*")

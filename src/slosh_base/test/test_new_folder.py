@@ -93,7 +93,7 @@ def test_a_file_is_no_folder(tmp_path):
     for path in (file, file / "below"):
         with pytest.raises(SloshFileError, match="file: is no folder"):
             new_folder(path).__enter__()
-    with pytest.raises(SloshFileError, match="is no folder"):
+    with pytest.raises(SloshFileError, match="is not a folder"):
         check_free(file)
     check_free(tmp_path / "none")
     assert file.read_text() == "mine"
@@ -177,10 +177,10 @@ def test_two_outputs_are_two_files(tmp_path, monkeypatch):
     paths = names_of_one_file(tmp_path)
     for first in paths:
         for second in paths:
-            with pytest.raises(SloshFileError, match="named for two outputs"):
+            with pytest.raises(SloshFileError, match="given for two outputs"):
                 check_apart([first, second], [])
     new = tmp_path / "new.csv"
-    with pytest.raises(SloshFileError, match="named for two outputs"):
+    with pytest.raises(SloshFileError, match="given for two outputs"):
         check_apart([new, new.relative_to(tmp_path)], [])
 
 
@@ -194,7 +194,7 @@ def test_a_folder_lies_outside_of_the_inputs(tmp_path):
     bag.mkdir()
     (tmp_path / "link").symlink_to(bag)
     for output in (bag / "new", bag / "a" / "b", tmp_path / "link" / "new"):
-        with pytest.raises(SloshFileError, match="lies in the input"):
+        with pytest.raises(SloshFileError, match="is inside the input"):
             check_outside(output, [bag])
     for output in (bag, tmp_path / "link"):
         with pytest.raises(SloshFileError, match="is the input; choose another"):

@@ -68,7 +68,7 @@ class CellWatch:
         if kind != before or kind == heard.told:
             return []
         heard.told = kind
-        return [f"{report.node}: {report.sentence if kind else f'well again: {report.sentence}'}"]
+        return [f"{report.node}: {report.sentence if kind else f'OK again: {report.sentence}'}"]
 
     def silences(self, now: float) -> dict[str, float]:
         """For how long each node has said nothing [s]."""
@@ -84,7 +84,7 @@ class CellWatch:
         for node, heard in self._heard.items():
             if not heard.silent and now - heard.at > SILENT:
                 heard.silent = True
-                lines.append(f"{node}: has said nothing for {now - heard.at:.0f} s")
+                lines.append(f"{node}: no diagnostics for {now - heard.at:.0f} s")
         return lines
 
 

@@ -55,8 +55,8 @@ def load_everything(tell: Callable[[Progress], None] | None = None) -> str:
     seconds = load_all(tell)
     made = f"{waiting} of them compiled now, " if waiting else ""
     return (
-        f"{len(entry_points())} functions do what their sources say, {made}"
-        f"{seconds:.1f} s, in {cache_folder()}"
+        f"{len(entry_points())} compiled functions agree with their sources, "
+        f"{made}{seconds:.1f} s, in {cache_folder()}"
     )
 
 
@@ -83,8 +83,8 @@ def compile_missing() -> None:
             list(executor.map(_compile, packages))
         except BrokenProcessPool:
             raise SloshModelError(
-                "a compiling process was ended from outside, perhaps for want of memory; "
-                "start again, what is done is kept"
+                "a compiling process was killed, perhaps for lack of memory; start again, "
+                "finished functions are kept"
             ) from None
 
 

@@ -68,8 +68,8 @@ ARGUMENTS = (
     Argument("urdf", "", "robot description, for predictions of joint motions"),
     Argument("tool_frame", "", "link of the robot that carries the container"),
     Argument("plan", "false", "plan motions: the service plan, the action plan_motion"),
-    Argument("watch", "false", f"serve the operator's page to this machine, on port {PORT}"),
-    Argument("simulate", "false", "play a motion instead of listening to a robot"),
+    Argument("watch", "false", f"serve the operator's page on this machine, port {PORT}"),
+    Argument("simulate", "false", "play a motion instead of reading a robot's topics"),
     Argument("motion", "c3", "motion of the simulated cell: a name or a motion table"),
 )
 
@@ -144,21 +144,21 @@ class LaunchedCell:
             return None
         if code == EXIT_WRONG_INPUT:
             raise SloshBringupError(
-                f"node {name} refuses its parameters or files (exit code {code}); its last line "
-                "above says which. All nodes are stopped"
+                f"node {name} refuses its parameters or files (exit code {code}); see its last "
+                "line above. All nodes are stopped"
             )
         ends = self._ends.setdefault(name, [])
         ends.append(now)
         delay = pause(sum(now - at < SETTLED for at in ends))
         process = restarted(self._first[name], len(ends))
         where = f", recording to {process.parameters['output']}" if name == LAST else ""
-        text = f"node {name} ended with exit code {code}; it is started again in {delay:g} s"
+        text = f"node {name} ended with exit code {code}; it is restarted in {delay:g} s"
         return Restart(process, delay, text + where)
 
     def _flag(self, name: str) -> bool:
         text = self._given[name].lower()
         if text not in ("true", "1", "false", "0"):
-            raise SloshBringupError(f"{name}:={self._given[name]}: true or false is needed")
+            raise SloshBringupError(f"{name}:={self._given[name]}: must be true or false")
         return text in ("true", "1")
 
     def _setup(self) -> CellSetup:
@@ -203,7 +203,9 @@ class LaunchedCell:
         model = {"model": str(setup.model)}
         robot = {name: self._given[name] for name in ("urdf", "tool_frame") if self._given[name]}
         if len(robot) == 1 or (robot and not self._flag("predict")):
-            raise SloshBringupError("urdf:=, tool_frame:= and predict:=true belong together")
+            raise SloshBringupError(
+                "urdf:=, tool_frame:= and predict:=true must be given together"
+            )
         if robot:
             robot["urdf"] = str(Path(robot["urdf"]).absolute())
         own = {"predict": ("predictor", model | robot), "watch": ("watch", {})}

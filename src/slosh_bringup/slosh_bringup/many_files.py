@@ -45,7 +45,7 @@ _SETTINGS: dict[str, Any] = {
     "distributed.admin.log-length": 100,
     "distributed.admin.low-level-log-length": 100,
 }
-KILLED = "the process that worked on it was killed, by a signal or for lack of memory"
+KILLED = "its process was killed, by a signal or for lack of memory"
 
 
 @dataclass(frozen=True, slots=True)
@@ -197,7 +197,7 @@ class _Farm(Generic[Item, Value]):
             return index, item, None
         except CancelledError:
             raise SloshBringupError(
-                "the scheduler has gone; what was not done is not done"
+                "lost the Dask scheduler; the remaining items were not processed"
             ) from None
         except Exception as error:
             # A worker that cannot import the function, a value that cannot be pickled.
@@ -290,7 +290,7 @@ def _connect(scheduler: str) -> Client:
         why = " ".join(str(error).split()) or f"no answer within {CONNECT_TIMEOUT:.0f} s"
         raise SloshBringupError(f"scheduler {scheduler}: cannot be reached: {why}") from None
     except Exception:
-        raise SloshBringupError(f"scheduler {scheduler}: what answers is no scheduler") from None
+        raise SloshBringupError(f"scheduler {scheduler}: is not a Dask scheduler") from None
     if not workers:
         raise SloshBringupError(f"scheduler {scheduler}: has no workers")
     return Client(scheduler, timeout=CONNECT_TIMEOUT, set_as_default=False)

@@ -29,8 +29,8 @@ def read_model_error(paths: Sequence[Path], model: str) -> ModelError:
         rows = [row for name, row in _accuracies(_document(path)) if name == model]
         if not rows:
             raise SloshBringupError(
-                f"{path}: tells no error of {model}: --error takes NAME.json of slosh replay -o, "
-                "or result.json of slosh demo or cell"
+                f"{path}: contains no accuracy figures for model {model}: --error takes "
+                "NAME.json of slosh replay -o, or result.json of slosh demo or cell"
             )
         for row in rows:
             sigma = max(sigma, _number(path, row, "sigma"))
@@ -46,7 +46,7 @@ def _document(path: Path) -> Any:
     except OSError as error:
         raise SloshBringupError(f"{path}: {error.strerror}") from None
     except (ValueError, RecursionError):
-        raise SloshBringupError(f"{path}: is no JSON") from None
+        raise SloshBringupError(f"{path}: is not JSON") from None
 
 
 def _accuracies(document: Any) -> Iterator[tuple[str, dict[str, Any]]]:
@@ -63,5 +63,5 @@ def _accuracies(document: Any) -> Iterator[tuple[str, dict[str, Any]]]:
 def _number(path: Path, row: dict[str, Any], key: str) -> float:
     value = row.get(key)
     if not isinstance(value, int | float):
-        raise SloshBringupError(f"{path}: {key} of {row['name']} is {value!r:.40}, no number")
+        raise SloshBringupError(f"{path}: {key} of {row['name']} is {value!r:.40}, not a number")
     return float(value)

@@ -57,7 +57,7 @@ def check_parameter_file(path: Path, namespace: str) -> None:
         if not reached:
             raise SloshBringupError(
                 f"{path}:{line}: {brief(pattern)}: no such node (known: {', '.join(nodes)}; "
-                "/**/NAME fits in every namespace)"
+                "/**/NAME matches every namespace)"
             )
         if any(parameter in GIVEN_ELSEWHERE.get(name, ()) for name in reached):
             raise SloshBringupError(
@@ -104,8 +104,8 @@ def _of_parameters(path: Path, node: yaml.Node, pattern: str, prefix: str) -> It
             item.tag for item in value.value
         }:
             raise SloshBringupError(
-                f"{path}:{_line(key)}: {brief(key.value)}: ROS takes no list of integers and "
-                "floats; write 0.0 for 0"
+                f"{path}:{_line(key)}: {brief(key.value)}: ROS does not accept a list of "
+                "integers and floats; write 0.0 for 0"
             )
         if isinstance(value, yaml.MappingNode):
             yield from _of_parameters(path, value, pattern, f"{prefix}{key.value}.")

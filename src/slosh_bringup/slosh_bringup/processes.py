@@ -227,4 +227,4 @@ def stop_processes(processes: Mapping[str, subprocess.Popen[bytes]]) -> dict[str
 def last_line(log: Path) -> str:
     """The last line that a node printed."""
     lines = [line for line in log.read_text(errors="replace").splitlines() if line.strip()]
-    return lines[-1].strip() if lines else "it printed nothing"
+    return lines[-1].strip() if lines else "no output"

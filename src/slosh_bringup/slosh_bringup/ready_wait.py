@@ -20,7 +20,7 @@ RECORDING = 15.0
 
 A busy machine's middleware takes three seconds, and as long again for each message it lost [s].
 """
-UNHEARD = "not heard of yet"
+UNHEARD = "no diagnostics received yet"
 _INCOMPLETE = "incomplete"
 
 
@@ -58,7 +58,7 @@ class ReadyWait:
         if RECORDED in report.facts and self._is_incomplete(report, now):
             state, said = (
                 _INCOMPLETE,
-                f"has not heard the settings of {', '.join(self.unrecorded)}",
+                f"has not received the settings of {', '.join(self.unrecorded)}",
             )
         before = self._words.get(report.node)
         same = before is not None and (before.state, before.sentence) == (state, said)
@@ -94,9 +94,9 @@ class ReadyWait:
             word = self._words[node]
             if now - word.last > self._patience:
                 said = f": {word.sentence}" if word.state else ""
-                return f"{node} has not been heard of for {now - word.last:.0f} s{said}"
+                return f"{node} has sent no diagnostics for {now - word.last:.0f} s{said}"
             if now - word.first > STUCK * self._patience:
-                return f"{node} has said for {now - word.first:.0f} s: {word.sentence}"
+                return f"{node} has reported for {now - word.first:.0f} s: {word.sentence}"
         return ""
 
 

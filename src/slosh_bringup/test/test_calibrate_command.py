@@ -228,7 +228,8 @@ def test_a_wrong_fill_height_is_noticed_at_the_floor(capsys, tmp_path, still, in
     words = ["calibrate", still, "--camera", intrinsics, *container, *GLASS, "-o", output]
     assert main([str(word) for word in words]) == 0
     assert (
-        "warning: the floor's edge is not where the dimensions put it" in capsys.readouterr().out
+        "warning: the floor's edge is not where the dimensions predict it"
+        in capsys.readouterr().out
     )
 
 
@@ -303,5 +304,5 @@ def test_board_at_a_known_place(capsys, tmp_path, intrinsics):
     assert facts["board_residual"] < 0.5
     assert facts["residual"] is None
     board_alone, no_liquid = facts["warnings"][-2:]
-    assert "nothing checks the board's place" in board_alone
-    assert "shows no whole liquid line" in no_liquid
+    assert "nothing checks the board's pose" in board_alone
+    assert "shows no complete liquid line" in no_liquid

@@ -50,7 +50,7 @@ def start(table, domain, *parameters):
     [
         (
             ("wait_for:=camera,monitor", "patience:=1.0"),
-            r"^cell: nothing is played: camera has not been heard of for \d+ s$",
+            r"^cell: nothing is played: camera has sent no diagnostics for \d+ s$",
         ),
         (
             ("wait_for:=''", "readers:=1", "patience:=1.0"),

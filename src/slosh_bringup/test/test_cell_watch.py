@@ -41,10 +41,10 @@ def test_a_node_that_says_nothing_is_named_once():
     watch = CellWatch(["camera", "monitor"], 0.0)
     assert watch.take(NodeReport("monitor", OK, "fine", {}), 3.0) == []
     assert watch.look(SILENT - 0.1) == []
-    assert watch.look(SILENT + 0.1) == ["camera: has said nothing for 5 s"]
+    assert watch.look(SILENT + 0.1) == ["camera: no diagnostics for 5 s"]
     assert watch.look(SILENT + 0.2) == []
     assert watch.take(NodeReport("camera", OK, "fine", {}), 7.0) == []
-    assert watch.look(3.0 + SILENT + 0.1) == ["monitor: has said nothing for 5 s"]
+    assert watch.look(3.0 + SILENT + 0.1) == ["monitor: no diagnostics for 5 s"]
 
 
 def test_strangers_are_not_heard():

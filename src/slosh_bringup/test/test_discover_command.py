@@ -284,7 +284,7 @@ def test_a_model_must_come_from_somewhere(capsys, discovery, tables, tmp_path):
     output = tmp_path / "o"
     assert "--model" in fails_with(capsys, tables[0], "-o", output)
     line = fails_with(capsys, "--from-bag", tables[0], "-o", output)
-    assert "does not say which model ran" in line
+    assert "contains no model" in line
 
 
 def test_what_is_wrong_is_one_line(capsys, discovery, tables, tmp_path):

@@ -31,11 +31,11 @@ def test_an_effect_is_told_whole_and_without_latex(name, capsys):
 
 def test_a_parameter_is_told_with_unit_range_and_default(capsys):
     assert "; 0 … 5, default 0.58, usually 0 … 2" in explained("surface_nonlinearity", capsys)
-    assert "rad, must be given, 0 does nothing, usually 0 ± 0.04" in explained(
+    assert "rad, must be given, 0 has no effect, usually 0 ± 0.04" in explained(
         "static-tilt", capsys
     )
     assert "0 or 1, default 1" in explained("static_tilt", capsys)
-    assert "needs       a motion that tells the attitude" in explained("lever_arm", capsys)
+    assert "needs       a motion with attitude" in explained("lever_arm", capsys)
     assert "containers  rectangle" in explained("pendulum_nonlinearity", capsys)
 
 

@@ -126,8 +126,8 @@ def test_what_the_motions_do_not_tell_is_said_with_the_motion_that_would(tmp_pat
         main(["identify", str(run), "--model", str(model), "--fit", fit, "-o", str(output)]) == 0
     )
     printed = capsys.readouterr().out
-    assert "These motions cannot tell height_scale.gain from accel_gain.gain" in printed
-    assert "These motions tell nothing of yaw_coupling.kappa" in printed
+    assert "These motions cannot distinguish height_scale.gain from accel_gain.gain" in printed
+    assert "These motions do not determine yaw_coupling.kappa" in printed
     document = json.loads((output / "identification.json").read_text())
     helped = next(h for h in document["overall"]["held"] if h["name"] == "yaw_coupling.kappa")
     assert "yaw" in helped["help"]
@@ -144,7 +144,7 @@ def test_bags_are_read_as_tables_are_with_their_model(shop, tmp_path, capsys):
     assert found.natural_frequency == pytest.approx(24.0, abs=0.1)
     capsys.readouterr()
     line = fails_with(capsys, "identify", bag, "--from-bag", "-o", tmp_path / "o")
-    assert "does not say which model ran" in line
+    assert "contains no model" in line
 
 
 def test_earlier_results_are_shown_beside(shop, tmp_path, capsys):
@@ -157,7 +157,7 @@ def test_earlier_results_are_shown_beside(shop, tmp_path, capsys):
     capsys.readouterr()
     (first / "identification.json").write_text("{}")
     line = fails_with(capsys, *words(shop, tmp_path / "third", "--beside", first))
-    assert "is no identification of slosh identify" in line
+    assert "is not a result of slosh identify" in line
 
 
 @pytest.mark.parametrize(

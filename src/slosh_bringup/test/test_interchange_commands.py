@@ -134,15 +134,21 @@ def test_what_export_cannot_do_is_one_line(bag: Path, tmp_path: Path, capsys):
     before = set(tmp_path.iterdir())
     out = tmp_path / "out.csv"
     for words, expected in (
-        (["--topic", "acel", "-o", out], "no topic 'acel'; there are /slosh/accel, /slosh/free"),
-        (["-o", out], "is one file for 2 topics; name a folder, or one of /slosh/accel"),
+        (
+            ["--topic", "acel", "-o", out],
+            "no topic 'acel'; its topics: /slosh/accel, /slosh/free",
+        ),
+        (["-o", out], "one file cannot hold 2 topics; give a folder, or one of /slosh/accel"),
         ([], "-o is missing: give"),
-        (["--motion", "-o", tmp_path / "m.parquet"], "a motion table is .csv or .csv.gz"),
+        (
+            ["--motion", "-o", tmp_path / "m.parquet"],
+            "a motion table must be named .csv or .csv.gz",
+        ),
         (["--motion", "-o", tmp_path / "there.csv"], "there.csv: exists already"),
         (["--motion", "--measured", "truth", "-o", out], "no topic 'truth'"),
         (["--motion", "--input", "pose", "-o", out], "holds no message of pose"),
         (["--topic", "accel", "-o", tmp_path / "there.csv" / "x.csv"], "there.csv"),
-        (["-o", tmp_path / "e.xls"], "e.xls: a table is .csv, .csv.gz, .parquet; make the folder"),
+        (["-o", tmp_path / "e.xls"], "e.xls: a table must end in .csv, .csv.gz, .parquet;"),
     ):
         assert expected in fails_with(capsys, "export", bag, *words)
     assert "no such file" in fails_with(capsys, "export", tmp_path / "none", "--list")
@@ -156,12 +162,12 @@ def test_what_import_cannot_do_is_one_line(table: Path, bag: Path, tmp_path: Pat
     (tmp_path / "cut.mcap").write_bytes(cut.read_bytes()[:2000])
     for words, expected in (
         (["rosbag", tmp_path / "junk.bag", "-o", tmp_path / "b"], "junk.bag: is no ROS 1 bag"),
-        (["rosbag", tmp_path / "cut.mcap", "-o", tmp_path / "b"], "`slosh recover` makes"),
+        (["rosbag", tmp_path / "cut.mcap", "-o", tmp_path / "b"], "`slosh recover` writes"),
         (["table", table, "-o", tmp_path / "bags"], "run: exists already"),
         (["table", tmp_path / "no.csv", "-o", tmp_path / "b"], "no.csv: cannot be read"),
         (["table", table, table.parent / "x" / "run.csv", "-o", tmp_path / "b"], "also become"),
         (["rosbag", tmp_path / "no.bag", "-o", tmp_path / "b"], "no.bag: no such file"),
-        (["rosbag", table, "-o", tmp_path / "b"], "run.csv: is none of .bag"),
+        (["rosbag", table, "-o", tmp_path / "b"], "run.csv: is not one of .bag"),
         (["rosbag", bag, "-o", tmp_path / "b", "--rename", "/a"], "is not OLD=NEW"),
         (["rosbag", bag, "-o", tmp_path / "b", "--topics", "/a"], "no topic '/a'"),
     ):
@@ -204,7 +210,7 @@ def ros1_bag(path: Path, table: MotionTable) -> None:
 def test_a_ros1_bag_is_imported_and_replayed(table: Path, tmp_path: Path, capsys):
     ros1_bag(tmp_path / "robot.bag", read_motion_table(table))
     line = fails_with(capsys, "export", tmp_path / "robot.bag", "--list")
-    assert re.search(r"a ROS 1 bag.*slosh import rosbag .*makes one of it", line)
+    assert re.search(r"a ROS 1 bag.*convert it with slosh import rosbag", line)
     run(
         "import", "rosbag", tmp_path / "robot.bag", "-o", tmp_path / "bags",
         "--rename", "/imu/data=/slosh/imu", "surface=/slosh/free_surface",

@@ -98,7 +98,7 @@ def test_the_camera_waits_for_its_calibration_and_for_nothing_else(folder, cup):
     assert main(["new", str(folder), *cup, *WHOLE, "--image-size", "1280x720"]) == 0
     setup = read_setup(folder / "cell.yaml")
     with pytest.raises(
-        SloshCameraError, match=r"not calibrated yet; `slosh calibrate`.*`slosh in"
+        SloshCameraError, match=r"not calibrated yet; run `slosh intrinsics`.*`slosh cal"
     ):
         check_files(setup)
     path = folder / "camera.yaml"

@@ -105,7 +105,7 @@ def started(setup):
         ),
         (
             "/**/estimator:\n  ros__parameters:\n    sensor_rotation: [0, 0.5, 0]",
-            "3: sensor_rotation: ROS takes no list of integers and floats; write 0.0 for 0",
+            "3: sensor_rotation: ROS does not accept a list of integers and floats; write 0.0",
         ),
         ("/**/recorder: {ros__parameters: {output: /data}}", "output has no effect here"),
         ("/**: {ros__parameters: {model: x.yaml}}", "model has no effect here"),

@@ -139,8 +139,8 @@ def test_the_error_of_results_is_kept_off_the_limits(slosh_plan, tmp_path):
 @pytest.mark.parametrize(
     ("text", "options", "words"),
     [
-        ("{}", (), "tells no error of 3D-NL"),
-        ("[1", (), "is no JSON"),
+        ("{}", (), "no accuracy figures for model 3D-NL"),
+        ("[1", (), "is not JSON"),
         ('{"agreements": [{"name": "3D-NL", "sigma": null}]}', (), "sigma of 3D-NL is None"),
         (json.dumps(RAN), ("--sigma", "0.1"), "do not give --sigma or --epsilon as well"),
         (None, (), "No such file"),
@@ -172,7 +172,7 @@ WRONG = {
     "one point": (HEAD + "0,0,0,0\n", "holds 1 rows"),
     "empty": ("", "is empty"),
     "NaN": (HEAD + "0,0,0,0\n1,nan,0,0\n", "line 3: column 'x': nan"),
-    "a word": (HEAD + "0,0,0,0\n1,far,0,0\n", "'far' is no number"),
+    "a word": (HEAD + "0,0,0,0\n1,far,0,0\n", "'far' is not a number"),
     "no length": (HEAD + "0,0,0,0\n1,0,0,0\n", "no length"),
     "a column": ("t,x,y,z,w\n0,0,0,0,0\n1,1,0,0,0\n", "'w' is unknown"),
     "half an attitude": ("t,x,y,z,qx\n0,0,0,0,0\n1,1,0,0,0\n", "'qy' is missing"),

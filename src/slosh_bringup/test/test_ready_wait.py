@@ -12,7 +12,7 @@ def report(node, state, text="measuring"):
 
 def test_all_named_nodes_are_waited_for():
     wait = ReadyWait(["camera", "monitor"], 0.0)
-    assert sentence(wait.missing()) == "camera, monitor (not heard of yet)"
+    assert sentence(wait.missing()) == "camera, monitor (no diagnostics received yet)"
     wait.take(report("camera", "compiling", "not ready, compiling: the detector"), 1.0)
     wait.take(report("monitor", "ready"), 1.0)
     assert wait.missing() == {"camera": "compiling: the detector"}
@@ -30,7 +30,9 @@ def test_a_node_that_shows_up_unready_is_waited_for_too():
 
 
 def recorder(heard):
-    return NodeReport("recorder", OK, "recording", {"state": "ready", "settings of": heard})
+    return NodeReport(
+        "recorder", OK, "recording", {"state": "ready", "recorded settings of": heard}
+    )
 
 
 def test_the_recorder_is_ready_when_it_has_heard_what_the_others_work_with():
@@ -38,9 +40,11 @@ def test_the_recorder_is_ready_when_it_has_heard_what_the_others_work_with():
     for node in ("camera", "monitor", "cell"):
         wait.take(report(node, "ready"), 1.0)
     wait.take(recorder(""), 1.0)
-    assert sentence(wait.missing()) == "recorder (has not heard the settings of camera, monitor)"
+    assert (
+        sentence(wait.missing()) == "recorder (has not received the settings of camera, monitor)"
+    )
     wait.take(recorder("monitor"), 2.0)
-    assert wait.missing() == {"recorder": "has not heard the settings of camera"}
+    assert wait.missing() == {"recorder": "has not received the settings of camera"}
     wait.take(recorder("camera, monitor"), 3.0)
     assert wait.missing() == {}
     assert wait.unrecorded == ()
@@ -76,12 +80,12 @@ def test_a_node_of_before_that_tells_no_state_is_ready():
     ("reports", "now", "given_up"),
     [
         ([], 10.0, ""),
-        ([], 10.1, "camera has not been heard of for 10 s"),
+        ([], 10.1, "camera has sent no diagnostics for 10 s"),
         ([(5.0, "a")], 15.0, ""),
-        ([(5.0, "a")], 15.1, "camera has not been heard of for 10 s: a"),
+        ([(5.0, "a")], 15.1, "camera has sent no diagnostics for 10 s: a"),
         # It may say the same for long, and new things for ever.
         ([(t, "a") for t in range(100)], 100.0, ""),
-        ([(t, "a") for t in range(102)], 102.0, "camera has said for 102 s: a"),
+        ([(t, "a") for t in range(102)], 102.0, "camera has reported for 102 s: a"),
         ([(t, f"{t // 50}") for t in range(1000)], 1000.0, ""),
     ],
 )

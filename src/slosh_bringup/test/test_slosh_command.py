@@ -350,7 +350,7 @@ def test_doctor_as_json(capsys):
         ("model: a.yaml", r"cell\.yaml:1: model: no such file"),
         ("modell: a.yaml", r"cell\.yaml:1: unknown key 'modell'"),
         ("namespace: /a\nmodel: a\nnamespace: /b", r"cell\.yaml:3: namespace: given twice"),
-        ("model: a.yaml\n\tremap: {}", r"cell\.yaml:2: not YAML: .*a tab stands here"),
+        ("model: a.yaml\n\tremap: {}", r"cell\.yaml:2: not YAML: .*there is a tab here"),
         ("[1]", "must be a mapping"),
         ("{", "not YAML"),
         ("", "must be a mapping"),

@@ -208,13 +208,13 @@ def test_of_depth_and_colour_the_colours_are_measured(capsys, tmp_path, images):
     code, table = detect(tmp_path, bag)
     assert code == 0
     assert table["msh"] == pytest.approx(HEIGHTS, abs=1e-3)
-    assert "left out: /camera/depth/image_raw (--topic chooses)" in capsys.readouterr().err
+    assert "left out: /camera/depth/image_raw (choose with --topic)" in capsys.readouterr().err
     code, table = detect(tmp_path, bag, "--topic", "/camera/depth/image_raw")
     assert code == 1
     assert np.isnan(table["msh"]).all()
     capsys.readouterr()
     line = refused(capsys, tmp_path, bag, "--topic", "/camera/image")
-    assert "there are /camera/depth/image_raw, /camera/zcolor/image_raw" in line
+    assert "topics with images: /camera/depth/image_raw, /camera/zcolor/image_raw" in line
 
 
 def test_12_bits_in_mono16_are_measured(tmp_path, images):
@@ -302,7 +302,7 @@ def test_doubt_goes_by_what_is_wrong():
     lost = Measurement(0, flags=Flag.NOT_FOUND)
     ordered = [fine, vague, apart, flagged, twice, lost]
     assert sorted(ordered, key=lambda one: judge(one).rank) == ordered
-    assert judge(apart).reason.startswith("seen and fitted")
+    assert judge(apart).reason.startswith("measured and fitted")
 
 
 class _Sheet:
@@ -447,7 +447,7 @@ def test_a_source_without_images_is_named(capsys, tmp_path):
 def test_a_cut_video_without_its_index_is_named(capsys, tmp_path, images):
     video = write_video(tmp_path / "movie.mp4", images, "mp4v")
     video.write_bytes(video.read_bytes()[: video.stat().st_size // 2])
-    assert "is it whole?" in refused(capsys, tmp_path, video)
+    assert "is it complete?" in refused(capsys, tmp_path, video)
 
 
 @pytest.mark.parametrize(

@@ -39,7 +39,7 @@ def test_a_node_that_hangs_is_killed_and_started_again(cell):
     hangs, again = told
     assert hangs == "node monitor runs but has sent no diagnostics for 31 s: it is killed"
     assert again.startswith("node monitor ended with exit code -9: Killed")
-    assert again.endswith("it is started again")
+    assert again.endswith("it is restarted")
     assert supervision.problems == told
     # It is as old as its start, not as the silence: nobody heard the one before.
     after = group.pid("monitor")

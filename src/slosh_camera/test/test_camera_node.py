@@ -175,14 +175,24 @@ def test_a_driver_that_speaks_of_another_lens_is_told(make_rig, picture):
     heard, camera = rig.nodes[-1]._driver, rig.nodes[-1]._calibration.view.camera
     driver = rig.nodes[0].create_publisher(CameraInfo, topics.CAMERA_INFO, qos.IMAGE_OUT)
     rig.until(lambda: driver.get_subscription_count() == 1)
-    longer = f"camera_info says fx = {1.1 * camera.fx:.6g} px, the calibration {camera.fx:.6g} px"
+    longer = f"camera_info gives fx = {1.1 * camera.fx:.6g} px, the calibration {camera.fx:.6g} px"
     wide = {"distortion_model": "rational_polynomial", "d": [-0.3] + [0.0] * 7}
     for width, k, lens, words in (
-        (80, camera.matrix, {}, f"camera_info says 80 x {camera.height} pixels, the calibration "),
+        (
+            80,
+            camera.matrix,
+            {},
+            f"camera_info gives 80 x {camera.height} pixels, the calibration ",
+        ),
         (camera.width, camera.matrix, {}, ""),
         (camera.width, camera.matrix * 1.1, {}, longer),
         (camera.width, camera.matrix * 0.0, {}, ""),  # not calibrated
-        (camera.width, camera.matrix, wide, "camera_info says a lens plumb_bob that moves pixels"),
+        (
+            camera.width,
+            camera.matrix,
+            wide,
+            "camera_info gives a lens plumb_bob that moves pixels",
+        ),
     ):
         info = CameraInfo(width=width, height=camera.height, k=k.ravel(), **lens)
         driver.publish(info)

@@ -253,7 +253,7 @@ def test_a_still_image_that_teaches_nothing_changes_nothing():
     detector.learn_still(still(SETUP))
     image = draw(SETUP, WAVE)
     before = detector.measure(0, image).msh
-    for wrong, word in ((draw(SETUP, PLANE), "inclined"), (np.zeros_like(image), "no whole")):
+    for wrong, word in ((draw(SETUP, PLANE), "inclined"), (np.zeros_like(image), "no complete")):
         with pytest.raises(SloshCameraError, match=word) as caught:
             detector.learn_still(wrong)
         assert "\n" not in str(caught.value)

@@ -55,7 +55,7 @@ def test_the_floor_or_clear_glass_speaks_for_one_line():
 )
 def test_three_things_that_are_off_at_once_are_too_many(shares):
     poor = fit(**shares)
-    assert "fits poorly" in find_fault(poor, answer(0.64), False, False)
+    assert "is poor" in find_fault(poor, answer(0.64), False, False)
     # Where the distance is told it is the container all the same.
     assert not find_fault(poor, answer(0.64), True, False)
 

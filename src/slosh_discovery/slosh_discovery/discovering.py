@@ -211,7 +211,7 @@ def check_paths(data: Sequence[Path], holdout: Sequence[Path], output: Path) -> 
             real = path.resolve()
             if real in seen:
                 where = f"in {kind} twice" if seen[real] == kind else "in both DATA and --holdout"
-                raise SloshDiscoveryError(f"{path}: is {where}; name it once")
+                raise SloshDiscoveryError(f"{path}: is {where}; give it once")
             seen[real] = kind
     bags = [path for path in (*data, *holdout) if any(path.glob("*.mcap"))]
     check_outside(output, bags)
@@ -224,7 +224,7 @@ def recorded_model(bag: Path) -> Model:
         SloshDiscoveryError: the bag does not tell.
         SloshBagError: it cannot be read.
     """
-    missing = SloshDiscoveryError(f"{bag}: does not say which model ran; give one (--model)")
+    missing = SloshDiscoveryError(f"{bag}: contains no model; give one (--model)")
     if is_motion_table(bag) or (bag.is_dir() and not any(bag.glob("*.mcap"))):
         raise missing
     started = settings.latest(recorded_starts(BagReader(bag)), "estimator")
@@ -303,7 +303,7 @@ def next_commands(request: Request, finding: Finding) -> tuple[Command, ...]:
         found += [
             Command("heights to expect of the motion that separates",
                     _line("slosh", "simulate", model, table, "-o", heights)),
-            Command("after the robot has done that motion and RECORDING holds it",
+            Command("after the robot has run that motion and RECORDING contains it",
                     _line(*words, "-o", f"{request.output}_2")),
         ]  # fmt: skip
     return tuple(found)

@@ -138,7 +138,7 @@ def read_beside(folder: Path) -> Beside:
     except TextFileError as error:
         raise SloshDiscoveryError(str(error)) from None
     except (ValueError, KeyError, TypeError):
-        raise SloshDiscoveryError(f"{path}: is no identification of slosh identify") from None
+        raise SloshDiscoveryError(f"{path}: is not a result of slosh identify") from None
     return Beside(folder.name, read_model(folder / MODEL), frequency, damping)
 
 

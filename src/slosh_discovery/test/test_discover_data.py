@@ -168,7 +168,7 @@ class TestWrongInput:
             ("a.csv", b"t,ax,ay,az,msh\n0,0,0,0,0\n1,0,0,0,0\n", "fewer than 20"),
             ("a.csv", b"t,ax,ay,az,msh\n0,0,0,0,0\n9999,0,0,0,0\n", "--time-unit us"),
             ("a.csv", b"t,ax,ay,az,qx,qy,qz,qw,msh\n0,0,0,0,0,0,0,0,0\n", "quaternion"),
-            ("a.csv", b"t,ax,ay,az,msh\n0,0,0,0,high\n", "'high' is no number"),
+            ("a.csv", b"t,ax,ay,az,msh\n0,0,0,0,high\n", "'high' is not a number"),
             # Without the time in it: the test's name holds the bytes, and all workers need one.
             (
                 "a.csv.gz",

@@ -153,9 +153,9 @@ def test_nothing_that_was_measured_reads_as_certain(value, text):
 def test_the_text_begins_with_the_verdict():
     sentences = {
         Verdict.NAMED: "2D-L lacks fill_level and vertical_acceleration (confidence 0.96).",
-        Verdict.NONE: "2D-L lacks nothing that these motions show: what it leaves is noise.",
+        Verdict.NONE: "2D-L lacks no effect that these motions show: its residual is noise.",
         Verdict.AMBIGUOUS: "2D-L lacks vertical_acceleration, and either fill_level or "
-        "height_scale: these motions cannot tell which.",
+        "height_scale: these motions cannot distinguish them.",
         Verdict.UNEXPLAINED: "No listed effect closes the gap that 2D-L leaves; "
         "vertical_acceleration comes nearest.",
     }
@@ -196,7 +196,7 @@ def test_an_ambiguous_finding_names_the_motion_that_separates():
 
 def test_a_proposal_is_called_one():
     text = discovery_text(example_report(Verdict.UNEXPLAINED))
-    assert "proposal, no finding: q̈ += −1.23 q³/R²" in text
+    assert "proposal, not a finding: q̈ += −1.23 q³/R²" in text
     assert "61 %" in text
 
 
@@ -234,11 +234,11 @@ def test_rivals_of_another_kind_come_from_the_explanations():
     assert rivals(finding)[1:] == [("second_mode", "time_offset", "fill_level")]
     assert verdict_sentence(finding) == (
         "2D-L lacks fill_level, and either vertical_acceleration or second_mode + time_offset:"
-        " these motions cannot tell which."
+        " these motions cannot distinguish them."
     )
     lonely = replace(finding, candidates=())
     assert verdict_sentence(lonely) == (
-        "Perhaps 2D-L lacks fill_level + vertical_acceleration: these motions do not settle it."
+        "Perhaps 2D-L lacks fill_level + vertical_acceleration: these motions are not conclusive."
     )
 
 

@@ -298,7 +298,7 @@ def test_a_gain_that_no_free_decay_tells_of_is_named_with_the_motion_that_would(
     assert held.help.startswith("back and forth along x")
     assert held.helped < 0.1
     assert set(values(found)) == set(NAMES)
-    with pytest.raises(SloshDiscoveryError, match=r"tell nothing of accel_gain\.gain: add back"):
+    with pytest.raises(SloshDiscoveryError, match=r"do not determine accel_gain\.gain: add back"):
         identify([decay], BASE, ["p"])
 
 

@@ -63,7 +63,7 @@ def test_profiles_are_written_and_read_to_the_last_bit(tmp_path):
     back = read_motion_table(path)
     np.testing.assert_array_equal(back.profile_x, table.profile_x)
     np.testing.assert_array_equal(back.profile, table.profile)
-    with pytest.raises(SloshBagError, match="holds a profile"):
+    with pytest.raises(SloshBagError, match="contains a profile"):
         import_table(path, tmp_path / "bag")
     path.write_text("t,ax,ay,az,profile_left\n0,0,0,0,0\n")
     with pytest.raises(SloshBagError, match="'profile_left' is unknown"):

@@ -257,17 +257,17 @@ def test_the_estimator_says_why_nothing_drives_it(start: Callable[..., Cell]) ->
 
         cell.until(heard)
 
-    told("nobody publishes /accel")
+    told("/accel has no publisher")
     # One process may not use a topic with two types; two may.
     elsewhere = rclpy.Context()
     rclpy.init(context=elsewhere, domain_id=int(os.environ["ROS_DOMAIN_ID"]))
     other = Node("other", context=elsewhere)
     other.create_publisher(Imu, topics.ACCEL, qos.STREAM_OUT)
-    told("/accel is published as sensor_msgs/msg/Imu, it must be geometry_msgs/msg/AccelStamped")
+    told("/accel is published as sensor_msgs/msg/Imu, but must be geometry_msgs/msg/AccelStamped")
     other.destroy_node()
     rclpy.shutdown(context=elsewhere)
     publisher = cell.publisher(AccelStamped, topics.ACCEL)
-    told("the publisher of /accel is silent")
+    told("the publisher of /accel sends no messages")
     cell.until(
         lambda: publisher.publish(accel(cell.now() - 5000 * MS, 1.0)) or said_stale(reports)
     )

@@ -54,7 +54,7 @@ class Covariance:
         if np.abs(correlation - correlation.T).max(initial=0.0) > ROUNDING:
             raise _refusal("is not symmetric", "matrix")
         if len(scale) and float(np.linalg.eigvalsh(correlation)[0]) < -ROUNDING * len(scale):
-            raise _refusal("has a negative eigenvalue: no errors vary like that", "matrix")
+            raise _refusal("has a negative eigenvalue: such errors are not possible", "matrix")
 
     @property
     def array(self) -> Array:

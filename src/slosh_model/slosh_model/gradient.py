@@ -67,7 +67,8 @@ def peak_gradient(
     check_covered(model)
     if len(inputs.poses):
         raise SloshModelError(
-            "gradients are of containers that stand upright: leave attitude and angular velocity"
+            "gradients are available for upright containers only: leave out attitude and "
+            "angular velocity"
         )
     if not (math.isfinite(smoothing) and smoothing >= 0.0):
         raise SloshModelError(f"smoothing = {smoothing!r} m must not be negative")
@@ -116,8 +117,8 @@ def check_covered(model: Model) -> None:
         for effect, _ in model.uses(hook):
             if effect.name not in COVERED and not effect.needs_rotation:
                 raise SloshModelError(
-                    f"no gradients with the effect {effect.name!r}: covered are "
-                    f"{', '.join(COVERED)} and effects that change the modes alone"
+                    f"no gradients with the effect {effect.name!r}: supported are "
+                    f"{', '.join(COVERED)} and effects that change only the modes"
                 )
 
 

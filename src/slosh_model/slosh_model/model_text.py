@@ -156,7 +156,7 @@ def _effect(item: Any, path: KeyPath) -> EffectUse:
         raise _refusal(path, item, f"must be a mapping; did you mean - name: {item:.60}?")
     entry = _mapping(item, path)
     if not isinstance(entry.get("name"), str):
-        raise SloshModelError(f"{dotted(path)}.name is missing or no text", (*path, "name"))
+        raise SloshModelError(f"{dotted(path)}.name is missing or not a text", (*path, "name"))
     given = {key: _number(value, (*path, key)) for key, value in entry.items() if key != "name"}
     try:
         return EffectUse(entry["name"], given)

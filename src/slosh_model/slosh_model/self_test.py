@@ -168,7 +168,7 @@ def _check_equal(entry: EntryPoint, compiled: Array, plain: Array) -> None:
     if not close.all():
         at = int(np.argmin(close))
         raise SloshModelError(
-            f"self-test: the compiled {entry.name} gives {compiled[at]:.9g} where its equations "
-            f"give {plain[at]:.9g}: the compiled code in {cache_folder()} is not this program's; "
-            "delete that folder and start again"
+            f"self-test: the compiled {entry.name} gives {compiled[at]:.9g} where its "
+            f"equations give {plain[at]:.9g}: the compiled code in {cache_folder()} does not "
+            "belong to this program; delete that folder and start again"
         )

@@ -81,7 +81,9 @@ class Inputs:
         _check_times(self.t)
         if self.attitude is not None and not self.attitude.any(axis=1).all():
             row = int(np.argmin(self.attitude.any(axis=1)))
-            raise SloshModelError(f"attitude[{row}] is zero: a quaternion has a length")
+            raise SloshModelError(
+                f"attitude[{row}] is zero: a quaternion must have a length above 0"
+            )
         yaws, poses = pose_rows(self.t, self.attitude, self.angular_velocity)
         for name, array in (("yaws", yaws), ("poses", poses)):
             array.setflags(write=False)
@@ -399,7 +401,7 @@ def _frozen(name: str, value: Any, shape: tuple[int, ...], columns: str = "") ->
     try:
         array = np.array(value, dtype=np.float64, order="C")
     except (TypeError, ValueError):
-        raise SloshModelError(f"{name} is no array of numbers") from None
+        raise SloshModelError(f"{name} is not an array of numbers") from None
     array.setflags(write=False)
     if array.shape != shape:
         raise SloshModelError(f"{name} has the shape {array.shape}, expected {shape}")

@@ -82,6 +82,6 @@ def ignored_text(model: Model, attitude: Array | None) -> str:
     if not tilt:
         return ""
     return (
-        f"the container tilts by up to {math.degrees(tilt):.1f} deg, and the model lacks {TILT}: "
-        "it does not feel gravity along the tilted floor; add the effect to model.yaml"
+        f"the container tilts by up to {math.degrees(tilt):.1f} deg, but the model lacks "
+        f"{TILT}: gravity along the tilted floor is ignored; add the effect to model.yaml"
     )

@@ -149,7 +149,7 @@ def test_an_optimiser_lowers_the_peak_with_it():
         (lambda m, i: peak_gradient(m.with_effect("fill_loss", rate=1e-4), i), "'fill_loss'"),
         (lambda m, i: peak_gradient(MODELS["rectangle"].nonlinear(), i), "'pendulum_nonlinear"),
         (lambda m, i: peak_gradient(m, replace(i, attitude=np.tile([0, 0, 0, 1.0], (160, 1)))),
-         "stand upright"),
+         "upright containers"),
         (lambda m, i: peak_gradient(m, i, smoothing=-1.0), "smoothing = -1.0"),
     ],
 )  # fmt: skip

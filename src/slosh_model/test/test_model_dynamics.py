@@ -318,7 +318,7 @@ def test_coarse_samples_are_cut_into_bounded_steps():
         ([0.0, 0.0], [0.0, 0.0, 0.0], r"t\[1\].*does not come after"),
         ([0.0, math.inf], [0.0, 0.0, 0.0], r"t\[1\] = inf is not finite"),
         ([0.0, 1.7e9], [0.0, 0.0, 0.0], r"t\[1\] = 1.7e\+09 s comes more than 3600 s after"),
-        (["a", "b"], [0.0, 0.0, 0.0], "t is no array of numbers"),
+        (["a", "b"], [0.0, 0.0, 0.0], "t is not an array of numbers"),
     ],
 )
 def test_bad_inputs_are_named(t, row, match):

@@ -74,7 +74,7 @@ def _check_pair(
     unit = _UNITS[upper[0]]
     raise SloshPlanError(
         f"{name}: {lower[0]} and {upper[0]} contradict each other: from t = {t[row]:.4g} s to "
-        f"{t[row] + order * step:.4g} s the {lower[0]} tell a mean of {told[row, axis]:.3g} "
+        f"{t[row] + order * step:.4g} s the {lower[0]} give a mean of {told[row, axis]:.3g} "
         f"{unit} in {'xyz'[axis]}, the {upper[0]} {meant[row, axis]:.3g} {unit}; correct the "
         f"{upper[0]}, or leave one of the two out"
     )

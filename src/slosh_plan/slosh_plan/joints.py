@@ -52,7 +52,7 @@ class Arm:
             self._model = self._pin.buildModelFromXML(urdf)
         except (ValueError, RuntimeError, IndexError) as error:
             reason = " ".join(str(error).split()) or "cannot be read"
-            raise SloshPlanError(f"{name}: is no robot's description: {reason[:200]}") from None
+            raise SloshPlanError(f"{name}: is not a robot description: {reason[:200]}") from None
         links = [one.name for one in self._model.frames if one.type == self._pin.FrameType.BODY]
         if tool_frame not in links:
             known = ", ".join(links)
@@ -141,7 +141,7 @@ class Arm:
                     f"{name}: {self._name} has no moving joint {joint!r} (it has {known:.200})"
                 )
             if joints.count(joint) > 1:
-                raise SloshPlanError(f"{name}: joint {joint!r} stands twice")
+                raise SloshPlanError(f"{name}: joint {joint!r} appears twice")
         for number in model.supports[model.frames[self._frame].parentJoint]:
             if number and model.names[number] not in joints:
                 raise SloshPlanError(
@@ -184,8 +184,8 @@ def _checked(
     if len(bad):
         row, column = bad[0]
         raise SloshPlanError(
-            f"{name}: {what}[{row}] of joint {joints[column]!r} = {numbers[row, column]:g} is no "
-            "usable number"
+            f"{name}: {what}[{row}] of joint {joints[column]!r} = {numbers[row, column]:g} is "
+            "not a usable number"
         )
     return numbers
 
@@ -195,8 +195,8 @@ def _spline(t: Array, columns: Sequence[Array], name: str) -> Any:
     if len(columns) == 1:
         if len(t) < 3:
             raise SloshPlanError(
-                f"{name}: {len(t)} points with positions alone tell no acceleration; give at "
-                "least 3, or velocities"
+                f"{name}: {len(t)} points without velocities do not determine the "
+                "acceleration; give at least 3, or velocities"
             )
         return scipy.interpolate.CubicSpline(t, columns[0], bc_type="clamped")
     if len(columns) == 2:

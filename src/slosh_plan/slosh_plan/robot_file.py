@@ -25,7 +25,9 @@ def read_arm(path: str | Path, tool_frame: str) -> Arm:
         SloshPlanError: Pinocchio is missing, no URDF, no such link.
     """
     if not tool_frame:
-        raise SloshEstimatorError(f"{path}: name the link that is the container: the tool frame")
+        raise SloshEstimatorError(
+            f"{path}: give the link that holds the container: the tool frame"
+        )
     try:
         text = read_text(path, LONGEST)
     except TextFileError as error:

@@ -102,7 +102,9 @@ class Trajectory:
             name,
         )  # fmt: skip
         if count < 3:
-            raise SloshPlanError(f"{name}: {count} poses tell no acceleration; give at least 3")
+            raise SloshPlanError(
+                f"{name}: {count} poses do not determine the acceleration; give at least 3"
+            )
         assert given.position is not None
         spline = scipy.interpolate.CubicSpline(given.t, given.position, bc_type="clamped")
         if given.attitude is None:
@@ -210,7 +212,7 @@ def _numbers(name: str, array: str, value: ArrayLike) -> Array:
     try:
         numbers = np.array(value, dtype=np.float64)
     except (TypeError, ValueError):
-        raise SloshPlanError(f"{name}: {array} is no array of numbers") from None
+        raise SloshPlanError(f"{name}: {array} is not an array of numbers") from None
     numbers.setflags(write=False)
     return numbers
 
@@ -221,7 +223,8 @@ def _check_count(name: str, count: int) -> None:
         raise SloshPlanError(f"{name}: {points}: a motion needs at least 2")
     if count > MOST_POINTS:
         raise SloshPlanError(
-            f"{name}: {count} points are more than {MOST_POINTS}; cut the motion or thin it out"
+            f"{name}: {count} points are more than {MOST_POINTS}; split the motion or remove "
+            "points"
         )
 
 
@@ -286,7 +289,8 @@ def _check_sizes(trajectory: Trajectory) -> None:
         if wrong.any():
             row = int(np.argmax(wrong))
             raise SloshPlanError(
-                f"{name}: attitude[{row}] has the length {length[row]:.4g}; a quaternion has 1"
+                f"{name}: attitude[{row}] has the length {length[row]:.4g}; a quaternion must "
+                "have the length 1"
             )
 
 

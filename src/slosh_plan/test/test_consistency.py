@@ -71,7 +71,7 @@ def test_the_error_tells_where_and_both_values():
     with pytest.raises(SloshPlanError) as caught:
         check_consistent("m", t, position, None, 0.0 * acceleration)
     # The greatest acceleration of the quintic is 5.77 L/T² at 0.211 T.
-    assert "the positions tell a mean of -1.2" in str(caught.value) or "mean of 1.2" in str(
+    assert "the positions give a mean of -1.2" in str(caught.value) or "mean of 1.2" in str(
         caught.value
     )
     assert "the accelerations 0 m/s²" in str(caught.value)

@@ -119,7 +119,7 @@ def test_other_joints_may_move_too(arm):
     ("change", "match"),
     [
         ({"joints": ("shoulder", "wrist")}, "URDF has no moving joint 'wrist'"),
-        ({"joints": ("shoulder", "shoulder")}, "joint 'shoulder' stands twice"),
+        ({"joints": ("shoulder", "shoulder")}, "joint 'shoulder' appears twice"),
         ({"joints": ("shoulder", "switch")}, "joint 'elbow' carries the container and is missing"),
         ({"t": T[::-1]}, "comes before"),
         ({"t": np.zeros(201)}, "lasts 0 s"),
@@ -142,7 +142,7 @@ def test_what_is_no_robot_is_refused():
     with pytest.raises(SloshPlanError, match=r"URDF: no link 'spoon' .it has base, upper"):
         Arm(URDF, "spoon")
     for text in ("", "<robot", "<html/>", "\0"):
-        with pytest.raises(SloshPlanError, match="URDF: is no robot's description: "):
+        with pytest.raises(SloshPlanError, match="URDF: is not a robot description: "):
             Arm(text, "cup")
 
 

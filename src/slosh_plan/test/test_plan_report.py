@@ -62,8 +62,8 @@ def test_what_exceeds_a_limit_is_told(report):
 def test_waypoints_whose_times_tell_no_motion_are_noted():
     report = report_of(times=(0.0, 1.0), points=POINTS[[0, 3]])
     assert report.proposal is None
-    assert any("2 poses tell no acceleration" in note for note in report.notes)
-    assert "2 poses tell no acceleration" in render_plan(report)
+    assert any("2 poses do not determine the acceleration" in note for note in report.notes)
+    assert "2 poses do not determine the acceleration" in render_plan(report)
 
 
 def test_a_slow_proposal_stands_in_the_table_but_does_not_squeeze_the_charts():

@@ -231,7 +231,7 @@ def test_cancelled_before_there_is_a_motion_it_says_so(cell: Cell) -> None:
     done = cell.got(goal.get_result_async())
     assert done.status == GoalStatus.STATUS_CANCELED
     assert not done.result.success
-    assert "before there was a safe motion" in done.result.message
+    assert "before a safe motion was found" in done.result.message
     assert len(done.result.plan.trajectory.points) == 0
 
 
@@ -271,7 +271,7 @@ def test_a_path_that_is_none_is_refused_and_the_node_goes_on(cell: Cell, name: s
         ({"limit": math.nan}, "height limit = nan m must lie above 0"),
         ({"limit": -1.0}, "height limit = -1.0 m must lie above 0"),
         ({"max_jerk": -1.0}, "limit of jerk = -1"),
-        ({"margin": 0.5}, "margin = 500 mm leaves nothing"),
+        ({"margin": 0.5}, "margin = 500 mm is not below the limit"),
         # No motion, or no safe one: a known law would be too slow, or the time is up before.
         ({"limit": 1e-8, "residual_limit": 1e-9}, "motion"),
         ({"model_path": "/nowhere/model.yaml"}, "/nowhere/model.yaml: No such file"),

@@ -444,7 +444,7 @@ def test_a_motion_of_joints_is_that_of_the_cup_that_they_carry(cell: Cell, tmp_p
 
 
 def test_a_robot_that_is_none_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(SloshEstimatorError, match="name the link"):
+    with pytest.raises(SloshEstimatorError, match="give the link"):
         read_arm(tmp_path / "no.urdf", "")
     with pytest.raises(SloshEstimatorError, match="No such file"):
         read_arm(tmp_path / "no.urdf", "cup")

@@ -210,7 +210,7 @@ def test_a_rectangle_is_shaped_for_both_sides_where_both_are_excited():
 @pytest.mark.parametrize(
     ("make", "text"),
     [
-        (lambda: filter_for(CUP, "zvx", np.ones((2, 3))), "filter 'zvx' is none of zv, zvd"),
+        (lambda: filter_for(CUP, "zvx", np.ones((2, 3))), "filter 'zvx' is not one of zv, zvd"),
         (lambda: Damped(0.0, 0.1), "frequency = 0.0 rad/s"),
         (lambda: Damped(19.0, 1.0), "damping ratio = 1.0"),
     ],

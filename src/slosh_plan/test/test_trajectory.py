@@ -43,8 +43,8 @@ def with_row(row, column, value):
             lambda: Trajectory([0.0, 1.0], np.zeros((2, 3)), np.zeros((2, 4)), name="m"),
             r"m: attitude\[0\] has the length 0",
         ),
-        (lambda: Trajectory("ab", [], name="m"), "m: t is no array of numbers"),
-        (lambda: Trajectory.from_poses([0.0, 1.0], np.zeros((2, 3)), name="m"), "2 poses tell no"),
+        (lambda: Trajectory("ab", [], name="m"), "m: t is not an array of numbers"),
+        (lambda: Trajectory.from_poses([0.0, 1.0], np.zeros((2, 3)), name="m"), "2 poses do not"),
         (
             lambda: Trajectory.from_poses([0.0, 1.0, 2.0], np.full((3, 3), 1e6), name="m"),
             r"m: position\[0\] reaches 1e\+06 m",

@@ -18,7 +18,7 @@ from slosh_replay.recording.settings import NodeStart, after, last_of_each
 
 _FIELDS = ("parameters", "topics", "files", "code", "arithmetic")
 
-_NO_STILL = "no still image: a picture that is upside down or shifted is not noticed"
+_NO_STILL = "no still image: an inverted or shifted picture is not detected"
 
 Starts = Mapping[str, NodeStart]
 """The last start of each node, by its name."""
@@ -134,7 +134,9 @@ def _model(estimator: NodeStart) -> str:
 
 
 def _camera(monitor: NodeStart) -> str:
-    return "" if monitor.parameters["camera"] else "none, by choice: the estimate alone is watched"
+    return (
+        "" if monitor.parameters["camera"] else ("none configured: only the estimate is monitored")
+    )
 
 
 def _calibration(camera: NodeStart) -> str:

@@ -42,7 +42,7 @@ def split_bag(path: Path, folder: Path, progress: Callable[[int], None]) -> list
     topic = find_sources(path, reader).input
     cuts = _cuts(reader, topic)
     if not len(cuts):
-        raise SloshBagError(f"{path}: the stamps of {topic} never go back: nothing to cut")
+        raise SloshBagError(f"{path}: the stamps of {topic} never go back: nothing to split")
     check_outside(folder, [path])
     with new_folder(folder) as room:
         names = [PART.format(number + 1) for number in range(len(cuts) + 1)]

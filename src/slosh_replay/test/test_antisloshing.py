@@ -102,7 +102,7 @@ def test_cut_off_files_are_named(data: Path, tmp_path: Path):
     check_refused(data, tmp_path, poses.name, "cut off or damaged")
     heights = data / "heights" / f"{RUN}.mat"
     heights.write_bytes(heights.read_bytes()[:200])
-    check_refused(data, tmp_path, heights.name, "is no readable MATLAB file")
+    check_refused(data, tmp_path, heights.name, "is not a readable MATLAB file")
 
 
 @pytest.mark.parametrize("kind", ["heights", "poses"])

@@ -56,12 +56,12 @@ def test_unknown_heights_do_not_count():
 def test_estimates_from_an_unknown_state_do_not_count():
     judged = judge(series(0.01, usable=False), ["3D-NL"])
     assert judged.models == ()
-    assert "state was not known" in judged.warning
+    assert "state was unknown" in judged.warning
 
 
 @pytest.mark.parametrize(
     ("measured", "height", "text"),
-    [(np.nan, HEIGHT, "no image shows a height"), (0.01, np.nan, "do both sides use one clock")],
+    [(np.nan, HEIGHT, "no image has a usable height"), (0.01, np.nan, "use the same clock")],
 )
 def test_why_nothing_counts_is_told(measured, height, text):
     judged = judge(series(measured, height), ["3D-NL"])

@@ -178,7 +178,7 @@ def test_warnings_that_lack_or_were_not_announced_fail():
     (line,) = lines()
     assert line.startswith("unexpected warning: /data/c3/c3_0.mcap: unfinished")
     (line,) = lines("unfinished", "two cells")
-    assert line == "the warning 'two cells' did not come"
+    assert line == "the expected warning 'two cells' is missing"
 
 
 def test_every_point_is_told_passed_or_not():

@@ -127,4 +127,4 @@ def test_effects_that_a_bag_leaves_idle_are_told(tmp_path: Path) -> None:
     upright = table(BASE, turning=False)
     write_table_bag(Path("upright.csv"), upright, tmp_path / "bag")
     (warning,) = replay_bag(tmp_path / "bag", model).warnings
-    assert "gravity_tilt does nothing" in warning
+    assert "gravity_tilt has no effect" in warning

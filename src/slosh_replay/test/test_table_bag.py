@@ -319,7 +319,9 @@ def test_the_topic_of_the_heights_can_be_chosen(cell: Cell):
     assert cell.table().table.msh[0] == 0.001
     assert cell.table(measured="cell/truth").table.msh[0] == 0.002
     assert cell.table(measured="none").table.msh is None
-    with pytest.raises(SloshBagError, match=r"no topic 'cell/trth'; there are /slosh/cell/truth,"):
+    with pytest.raises(
+        SloshBagError, match=r"no topic 'cell/trth'; its topics: /slosh/cell/truth,"
+    ):
         cell.table(measured="cell/trth")
     with pytest.raises(SloshBagError, match="is geometry_msgs/msg/AccelStamped, not slosh_msgs"):
         cell.table(measured="accel")

@@ -43,7 +43,7 @@ ANGULAR_VELOCITY = ("wx", "wy", "wz")
 MSH = "msh"
 ETA = "eta_"
 PROFILE = "profile_"
-CHOOSE = "columns of other names: --columns t=…,ax=… (others are not read then)"
+CHOOSE = "for other column names use --columns t=…,ax=… (other columns are then not read)"
 _BATCH = 10_000  # rows that are turned into text at a time
 
 
@@ -202,7 +202,7 @@ def _check_columns(path: Path, names: list[str]) -> None:
     known = {*MOTION, *POSITION, *ATTITUDE, *ANGULAR_VELOCITY, MSH}
     for name in names:
         if names.count(name) > 1:
-            raise SloshFileError(f"{path}: line 1: column {name!r} stands twice")
+            raise SloshFileError(f"{path}: line 1: column {name!r} appears twice")
         if name not in known and not (_is_eta(name) or _is_profile(name)):
             raise SloshFileError(
                 f"{path}: line 1: column {name!r} is unknown; known are {', '.join(MOTION)}, "

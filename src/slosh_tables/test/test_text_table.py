@@ -205,10 +205,10 @@ REFUSED: dict[str, tuple[str | bytes, str]] = {
     ),
     "commas of two meanings": (AMBIGUOUS, r"'\d,\d{3}' may be a decimal comma .* --decimal ,"),
     "points and commas": (
-        "t;ax;ay;az\n0;1,5;2.5;3\n", "holds decimal points and commas.*--decimal ,"
+        "t;ax;ay;az\n0;1,5;2.5;3\n", "contains decimal points and commas.*--decimal ,"
     ),
-    "thousands": ('t,ax,ay,az\n0,"1,234.5",0,0\n', "'1,234.5' is no number; thousands separators"),
-    "thousands in Europe": ("t;ax;ay;az\n0;1.234,5;0;0\n", "'1.234,5' is no number; thousands"),
+    "thousands": ('t,ax,ay,az\n0,"1,234.5",0,0\n', "'1,234.5' is not a number; thousands"),
+    "thousands in Europe": ("t;ax;ay;az\n0;1.234,5;0;0\n", "'1.234,5' is not a number; thousands"),
     "us at 1 kHz": (text("t,ax,ay,az", 1e6 * np.arange(N) * 1e-3, A),
                     r"rows are 1000 apart, too far for seconds; probably us \(1000 Hz\): .*"
                     "--time-unit us"),
@@ -226,13 +226,13 @@ REFUSED: dict[str, tuple[str | bytes, str]] = {
     "a unit of another kind": (text("t,ax [mm],ay,az", T, A), "the unit 'mm' is unknown for ax"),
     "no names": (text("0.5,0.0,0.0,0.0", T, A), "line 1: holds numbers .*--columns t=1,ax=2"),
     "two times": (text("t,time,ax,ay,az", T, T, A),
-                  "columns 't' and 'time' may all be t; name one: --columns t=t"),
-    "an input that is missing": (PLAIN + "9,,0,0\n", "line 26: column 'ax': '' is no number"),
+                  "columns 't' and 'time' may all be t; choose one: --columns t=t"),
+    "an input that is missing": (PLAIN + "9,,0,0\n", "line 26: column 'ax': '' is not a number"),
     "an input #N/A": (PLAIN + "9,#N/A,0,0\n", "line 26: column 'ax': nan is not allowed"),
-    "a column without a name": (text(",t,ax,ay,az", A[:, 0], T, A), "does not count the rows"),
+    "a column without a name": (text(",t,ax,ay,az", A[:, 0], T, A), "is not a row number"),
     "a short row": (PLAIN + "9,1,1\n", "line 26: has 3 columns, the heading has 4"),
-    "a picture": (b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR\0\xff", "is no table, it is a picture"),
-    "bytes": (bytes(range(1, 256)), "is no text"),
+    "a picture": (b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR\0\xff", "is not a table, it is a picture"),
+    "bytes": (bytes(range(1, 256)), "is not a text file"),
 }  # fmt: skip
 
 

@@ -81,8 +81,8 @@ def export_targets(
     if is_table(output):
         if len(wanted) > 1:
             raise SloshBagError(
-                f"{output}: is one file for {len(wanted)} topics; name a folder, or one of "
-                f"{', '.join(wanted)}"
+                f"{output}: one file cannot hold {len(wanted)} topics; give a folder, or one "
+                f"of {', '.join(wanted)}"
             )
         paths = [output]
     else:
@@ -106,7 +106,8 @@ def _check_folder_name(output: Path) -> None:
     """A new folder `out.xls` was meant to be a file."""
     if output.suffix[1:].isalpha() and not output.is_dir():
         raise SloshBagError(
-            f"{output}: a table is {', '.join(SUFFIXES)}; make the folder first if one is meant"
+            f"{output}: a table must end in {', '.join(SUFFIXES)}; create the folder first if "
+            "you mean a folder"
         )
 
 
@@ -231,7 +232,7 @@ class _Table:
         if message_type != self._type:
             raise SloshBagError(
                 f"{self._path}: {topic} has messages of two types, {self._type} and "
-                f"{message_type}; cut the bag in two"
+                f"{message_type}; split the bag"
             )
 
     def _flush(self) -> None:

@@ -110,12 +110,12 @@ class CsvSink:
         for name, count in self._too_long.items():
             self.notes.append(
                 f"{self._file.path}: {count} cells of {name} are empty: more than "
-                f"{LONGEST_BYTES} bytes; Parquet files hold them"
+                f"{LONGEST_BYTES} bytes; a Parquet file can hold them"
             )
         for name, count in self._marked.items():
             self.notes.append(
-                f"{self._file.path}: {count} texts of {name} begin like a formula and have a ' "
-                "before them; Parquet files hold them as they are"
+                f"{self._file.path}: {count} texts of {name} start like a formula and were "
+                "prefixed with '; Parquet files keep them unchanged"
             )
 
     def keep(self) -> None:

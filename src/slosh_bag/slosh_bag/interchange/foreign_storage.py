@@ -69,7 +69,9 @@ class McapStorage:
         found = self._reader.survey(self.path)
         with self.path.open("rb") as stream:
             if read_summary(stream, self.path.stat().st_size) is None:
-                raise SloshBagError("is cut off; `slosh recover` makes a whole bag of the rest")
+                raise SloshBagError(
+                    "is cut off; `slosh recover` writes a complete bag of the rest"
+                )
         for number, channel in found.channels.items():
             schema = found.schemas.get(channel.schema_id)
             self.connections.append(self._connection(channel, schema, found.counts.get(number, 0)))
@@ -154,11 +156,11 @@ class FolderStorage:
             custom = noted.get("custom_data") or None
         except (LookupError, TypeError, AttributeError) as error:
             raise SloshBagError(
-                f"metadata.yaml is none of rosbag2: {error!r} is missing"
+                f"metadata.yaml is not from rosbag2: {error!r} is missing"
             ) from None
         missing = [name for name in names if not (self.path / name).exists()]
         if missing:
-            raise SloshBagError(f"files are missing that metadata.yaml names: {missing}")
+            raise SloshBagError(f"files that metadata.yaml lists are missing: {missing}")
         self.beside = sorted(
             file.name for suffix in (".mcap", ".db3", ".db3.zstd", ".mcap.zstd")
             for file in self.path.glob(f"*{suffix}") if file.name not in names
@@ -234,7 +236,7 @@ class FolderStorage:
         for key, count in counts.items():
             if count and key not in found:
                 self.warnings.append(
-                    f"{key[0]}: metadata.yaml counts {count} messages, none is there"
+                    f"{key[0]}: metadata.yaml counts {count} messages, but there are none"
                 )
 
 
@@ -265,7 +267,7 @@ class SqliteStorage(Sqlite3Reader):
                 shutil.copyfile(file, copy.with_name(file.name))
             with closing(sqlite3.connect(copy)) as base:  # takes the log in
                 base.execute("PRAGMA journal_mode=DELETE").fetchall()
-            self.warnings.append(f"what {', '.join(log.name for log in logs)} holds is taken in")
+            self.warnings.append(f"data in {', '.join(log.name for log in logs)} are included")
             self.path = copy
         super().open()
 
@@ -300,7 +302,7 @@ def bag_information(folder: Path) -> Any:
         reason = str(error).removeprefix(f"{folder}/")
         raise SloshBagError(f"Could not load YAML: {reason}") from None
     except (LookupError, TypeError):
-        raise SloshBagError("metadata.yaml is none of rosbag2") from None
+        raise SloshBagError("metadata.yaml is not from rosbag2") from None
 
 
 def _qos(noted: Any) -> list[Qos]:

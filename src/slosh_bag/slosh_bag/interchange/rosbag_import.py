@@ -69,7 +69,7 @@ def find_rosbags(path: Path) -> list[Path]:
             raise SloshBagError(f"{path}: holds no metadata.yaml, .bag, .db3 or .mcap")
         return found
     if path.suffix not in SUFFIXES:
-        raise SloshBagError(f"{path}: is none of {', '.join(SUFFIXES)}; unpack it first")
+        raise SloshBagError(f"{path}: is not one of {', '.join(SUFFIXES)}; unpack it first")
     return [path]
 
 
@@ -126,8 +126,8 @@ def import_rosbag(
             beside = not_read(reader)
             if beside:
                 lost.append(
-                    f"not read, since metadata.yaml does not name them: {', '.join(beside)}; "
-                    "import these files by themselves"
+                    f"not read, because metadata.yaml does not list them: {', '.join(beside)}; "
+                    "import these files separately"
                 )
     return RosbagImport(bag, counts, (*notes, *failures, *warnings), tuple(lost))
 
@@ -217,7 +217,7 @@ def _new_names(
     names = {topic: topic if topic.startswith("/") else f"/{topic}" for topic in sorted(wanted)}
     for old, new in rename.items():
         if not _TOPIC_NAME.fullmatch(new):
-            raise SloshBagError(f"{new!r} is no topic's name; names are like /slosh/imu")
+            raise SloshBagError(f"{new!r} is not a topic name such as /slosh/imu")
         names[find_topic(source, wanted, old)] = new
     for new, count in Counter(names.values()).items():
         if count > 1:
@@ -242,7 +242,7 @@ def _routes(
             _check_encoding(connection)
             kind, convert, changes = message_converter(connection, definitions, ros1=ros1)
             if types.setdefault(topic, kind) != kind:
-                raise SloshBagError(f"{kind}: the topic has been {types[topic]} before")
+                raise SloshBagError(f"{kind}: the topic had the type {types[topic]} before")
         except SloshBagError as error:
             notes[f"{connection.topic}: left out: {error}"] = None
             continue

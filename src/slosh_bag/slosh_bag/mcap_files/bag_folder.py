@@ -55,7 +55,7 @@ def import_hint(path: Path) -> str:
     else:
         found = foreign_kind(path)
         kind = found[0] if found and found[1] == IMPORT_HINT else ""
-    return f": it is {kind}; slosh import rosbag {path} -o DIR makes one of it" if kind else ""
+    return f": it is {kind}; convert it with slosh import rosbag {path} -o DIR" if kind else ""
 
 
 def files_of(path: Path) -> list[Path]:
@@ -79,7 +79,7 @@ def ordered_files(path: Path, *, damaged: bool = False) -> tuple[list[Path], lis
     warnings: list[str] = []
     folder = bag_folder(path)
     if folder != path:
-        warnings.append(f"{path}: the bag {folder.name} in it is read")
+        warnings.append(f"{path}: reading the bag {folder.name} in it")
         path = folder
     if path.is_dir():
         files = sorted(path.glob("*.mcap"), key=_natural)
@@ -146,7 +146,7 @@ def _as_noted(folder: Path, files: list[Path], warnings: list[str]) -> list[Path
     by_name = {file.name: file for file in files}
     lost = [name for name in names if name not in by_name]
     if lost:
-        warnings.append(f"{noted}: names {lost[0]!r}, which is not there")
+        warnings.append(f"{noted}: lists {lost[0]!r}, which does not exist")
     if len(names) == len(files) and set(names) == set(by_name):
         return [by_name[name] for name in names]
     return files

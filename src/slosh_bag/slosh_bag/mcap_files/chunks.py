@@ -44,7 +44,7 @@ _PROBLEMS = {
     CUT: "a record reaches beyond the chunk's end",
     BAD_LENGTH: "a message is shorter than its header",
     BAD_TIME: "a message's time lies beyond the year 2262",
-    BAD_RECORD: "a record that does not belong into a chunk",
+    BAD_RECORD: "a record that is not allowed in a chunk",
 }
 
 
@@ -282,8 +282,8 @@ def whole_chunk(position: int, content: bytes, *, agreeing: bool = False) -> Chu
 def damaged(path: Path, position: int, error: DamageError) -> SloshBagError:
     """What a user is told of damage that is not at a file's end."""
     return SloshBagError(
-        f"{path}: damaged at byte {position}: {error}; "
-        "`slosh recover` writes a new bag of all that is whole"
+        f"{path}: damaged at byte {position}: {error}; `slosh recover` writes a new bag with "
+        "all intact messages"
     )
 
 

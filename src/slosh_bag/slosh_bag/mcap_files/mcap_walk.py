@@ -209,8 +209,8 @@ class McapWalk:
         if not self.found.has_room(definitions, kept=kept):
             raise SloshBagError(
                 f"{self.path}: more than {MOST_DEFINITIONS} schemas and channels, or "
-                f"{MOST_DEFINED // 1_000_000} MB of them; a recording has some hundred: "
-                "filter or record it anew"
+                f"{MOST_DEFINED // 1000000} MB of them; a usual recording has a few hundred: "
+                "filter it or record it again"
             )
 
     def _define(self, known: dict[int, Any], record: Schema | Channel) -> None:
@@ -218,7 +218,7 @@ class McapWalk:
             self._bound(record, kept=True)
         if known.setdefault(record.id, record) != record and not self._lenient:
             kind = type(record).__name__.lower()
-            raise DamageError(f"{kind} {record.id} is defined twice, not in the same way")
+            raise DamageError(f"{kind} {record.id} is defined twice, differently")
 
     def _is_counted(self) -> bool:
         """True where the summary can tell that a message is missing or one too many."""
@@ -241,7 +241,7 @@ class McapWalk:
         if wrong:
             self._warn("bytes between its chunks are damaged; the chunks are whole")
         if self.found.unknown and not self._is_counted() and (wrong or not crc):
-            self._warn(f"{self.found.unknown} records of an unknown kind were passed over")
+            self._warn(f"{self.found.unknown} records of an unknown kind were skipped")
         if self.found.unchecked and not crc:
             self._warn("written without checksums: damage would not be noticed")
         if self.summary is None:
@@ -277,7 +277,7 @@ class McapWalk:
             if there != said:
                 known = self.found.channels.get(channel)
                 topic = known.topic if known else f"channel {channel}"
-                raise DamageError(f"{there} messages of {topic}, but the summary says {said}")
+                raise DamageError(f"{there} messages of {topic}, but the summary counts {said}")
 
     def _damaged(self, position: int, error: DamageError) -> bool:
         """Deals with what cannot be read; True: nothing after it can be, either."""
@@ -307,7 +307,7 @@ class McapWalk:
             span = self._cut.start_ns * 1e-9, self._cut.end_ns * 1e-9
             text += f": messages from {span[0]:.3f} s to {span[1]:.3f} s"
         if self.found.unknown:
-            text += f"; {self.found.unknown} records of an unknown kind were passed over"
+            text += f"; {self.found.unknown} records of an unknown kind were skipped"
         return text
 
     def _leave_out(self, position: int, error: DamageError) -> bool:

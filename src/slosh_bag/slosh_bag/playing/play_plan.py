@@ -91,7 +91,7 @@ def make_plan(request: PlayRequest) -> PlayPlan:
         SloshBagError: there is nothing to play, or the request does not fit; one line.
     """
     if not _NAME.fullmatch(f"/{request.namespace.strip('/') or '_'}"):
-        raise SloshBagError(f"namespace = {request.namespace!r}: no name that ROS allows")
+        raise SloshBagError(f"namespace = {request.namespace!r}: not a valid ROS name")
     contents = bag_contents(request.bag)
     if contents.first_ns is None or contents.last_ns is None:
         raise SloshBagError(f"{request.bag}: holds no messages")
@@ -138,8 +138,8 @@ def _choose(request: PlayRequest, contents: BagContents) -> list[str]:
     ]
     if not chosen:
         raise SloshBagError(
-            f"{request.bag}: nothing to play: none of its topics is asked for "
-            f"({', '.join(sorted(contents.topics))})"
+            f"{request.bag}: nothing to play: no topic is selected (topics: "
+            f"{', '.join(sorted(contents.topics))})"
         )
     return chosen
 
@@ -148,7 +148,7 @@ def _pattern(name: str, text: str) -> re.Pattern[str]:
     try:
         return re.compile(text)
     except re.error as error:
-        raise SloshBagError(f"{name} = {text!r}: no regular expression: {error}") from None
+        raise SloshBagError(f"{name} = {text!r}: not a regular expression: {error}") from None
 
 
 def is_input(topic: str, message_type: str = "") -> bool:
@@ -190,7 +190,7 @@ def refusal(name: str, topic: BagTopic) -> str:
     """
     kind = topic.message_type
     if not _NAME.fullmatch(name):
-        return "no name that ROS allows"
+        return "not a valid ROS name"
     if topic.encoding != ENCODING:
         return f"its messages are {topic.encoding or 'of no known encoding'}, not cdr"
     try:
@@ -227,10 +227,10 @@ def without(plan: PlayPlan, missing: Sequence[str]) -> PlayPlan:
     if not topics:
         kinds = sorted({entry.message_type for entry in plan.topics.values()})
         raise SloshBagError(
-            f"{plan.reader.path}: nothing to play: not installed here: {', '.join(kinds)}"
+            f"{plan.reader.path}: nothing to play: types not installed here: {', '.join(kinds)}"
         )
     kinds = sorted({plan.topics[topic].message_type for topic in missing})
-    told = f"{', '.join(missing)}: not played, not installed here: {', '.join(kinds)}"
+    told = f"{', '.join(missing)}: not played, types not installed here: {', '.join(kinds)}"
     return replace(
         plan, topics=topics, warnings=[*plan.warnings, told] if missing else plan.warnings
     )

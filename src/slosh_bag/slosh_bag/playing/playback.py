@@ -103,7 +103,7 @@ class Playback:
     ) -> None:
         begin, end = span
         if end >= _LAST_SECOND * SECOND:
-            raise SloshBagError(f"log time {end} ns: ROS has no time after the year 2038")
+            raise SloshBagError(f"log time {end} ns: ROS times end in the year 2038")
         self.settings = settings
         self.first_ns = begin + round(settings.start * SECOND)
         if self.first_ns > end:

@@ -92,7 +92,9 @@ class CodeFile(_Cache):
         except FileNotFoundError:
             return None
         except OSError as error:
-            _LOG.warning("%s: compiled anew, the kept code cannot be read: %s", self._name, error)
+            _LOG.warning(
+                "%s: compiled again, the cached code cannot be read: %s", self._name, error
+            )
             return None
         with contextlib.suppress(OSError):
             os.utime(self.path)
@@ -100,7 +102,7 @@ class CodeFile(_Cache):
             parts = _Unpickler(io.BytesIO(_checked(data))).load()
             return CompileResult._rebuild(target_context, *parts)
         except Exception as error:  # whatever a pickle may raise
-            _LOG.warning("%s: compiled anew, %s is damaged: %s", self._name, self.path, error)
+            _LOG.warning("%s: compiled again, %s is damaged: %s", self._name, self.path, error)
             with contextlib.suppress(OSError):
                 self.path.unlink()
             return None
@@ -118,7 +120,7 @@ class CodeFile(_Cache):
             new.write_bytes(_with_checksum(dumps(data._reduce())))
             new.replace(self.path)
         except OSError as error:
-            _LOG.warning("%s: compiled, but not kept: %s", self._name, error)
+            _LOG.warning("%s: compiled, but not cached: %s", self._name, error)
             with contextlib.suppress(OSError):
                 new.unlink(missing_ok=True)
         with contextlib.suppress(OSError):  # another process may be at it

@@ -35,7 +35,7 @@ def check_apart(outputs: Iterable[Path | None], inputs: Iterable[Path | None]) -
             raise SloshFileError(f"{path}: is the input{same}; choose another output")
         key = identity or os.path.realpath(path)
         if key in written and not _is_special(path):
-            raise SloshFileError(f"{path}: is named for two outputs; choose another for one")
+            raise SloshFileError(f"{path}: is given for two outputs; change one of them")
         written[key] = path
 
 
@@ -48,7 +48,7 @@ def check_outside(folder: Path, inputs: Iterable[Path]) -> None:
     places = [folder.resolve(), *folder.resolve().parents]
     for path in inputs:
         if path.is_dir() and path.resolve() in places:
-            what = "is the input" if path.resolve() == places[0] else f"lies in the input {path}"
+            what = "is the input" if path.resolve() == places[0] else f"is inside the input {path}"
             raise SloshFileError(f"{folder}: {what}; choose another folder")
 
 

@@ -29,7 +29,7 @@ _CONTROLS = bytes({*range(32)} - {*b"\t\r\n\f"})
 MOST_BEYOND = 0.3
 """Share of bytes beyond ASCII in a text of the Windows code page, at most."""
 _SEPARATORS = (b",", b";", b"\t", b"|")
-_ADVICE = "is it a table? If so, cut it into several"
+_ADVICE = "is it a table? If so, split it"
 
 
 @contextmanager
@@ -59,12 +59,12 @@ def bounded_text(path: Path, what: str) -> Iterator[TextIO]:
             yield io.TextIOWrapper(buffered, encoding=encoding, newline="")
     except (EOFError, zlib.error, gzip.BadGzipFile):
         raise SloshFileError(
-            f"{path}: the gzip file is cut off or damaged; copy it anew"
+            f"{path}: the gzip file is cut off or damaged; copy it again"
         ) from None
     except OSError as error:
         raise SloshFileError(f"{path}: cannot be read: {error.strerror}") from None
     except UnicodeDecodeError:
-        raise SloshFileError(f"{path}: is no text; {what}") from None
+        raise SloshFileError(f"{path}: is not a text file; {what}") from None
 
 
 def _encoding(head: bytes) -> str:

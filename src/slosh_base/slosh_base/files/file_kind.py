@@ -7,7 +7,7 @@ from typing import Final
 
 from slosh_base.files.errors import SloshFileError
 
-IMPORT_HINT: Final = "slosh import rosbag makes one of it"
+IMPORT_HINT: Final = "convert it with slosh import rosbag"
 _UNPACK: Final = "unpack it first"
 _STARTS: Final = (
     (b"SQLite format 3\0", "an SQLite file, as rosbag2 writes .db3", IMPORT_HINT),
@@ -55,9 +55,11 @@ def foreign_kind(path: Path) -> tuple[str, str] | None:
     if head[_TAR_PLACE:].startswith(_TAR):
         return "a tar file", f"{_UNPACK}: tar -xf"
     if head.lstrip().lower().startswith(_PAGES):
-        return "a web page", "the download gave a page in place of the file: sign in, or copy anew"
+        return "a web page", (
+            "the download is a web page instead of the file: sign in, or download it again"
+        )
     if head and not head.strip(b"\0"):
-        return "a file of zeros", "its copy was cut off; copy it anew"
+        return "a file of zeros", "the copy was interrupted; copy it again"
     if head and _is_text(head):
         return TEXT
     return None

@@ -58,7 +58,7 @@ def check_free(folder: Path) -> None:
     """
     if os.path.lexists(folder):
         if not folder.is_dir():
-            raise SloshFileError(f"{folder}: exists already and is no folder; choose another")
+            raise SloshFileError(f"{folder}: exists already and is not a folder; choose another")
         _check_empty(folder, list(folder.iterdir()))
 
 
@@ -105,7 +105,7 @@ def _make(folder: Path) -> list[Path]:
                     path.mkdir()
                     made.insert(0, path)
                 if not path.is_dir():
-                    raise SloshFileError(f"{path}: is no folder; choose another")
+                    raise SloshFileError(f"{path}: is not a folder; choose another")
     except BaseException:
         _remove_empty(made)
         raise

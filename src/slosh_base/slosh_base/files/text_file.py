@@ -26,7 +26,7 @@ def read_text(path: str | Path, longest: int) -> str:
     except ValueError as error:  # of a path with a zero byte
         raise TextFileError(repr(str(path)), str(error)) from None
     if content is None:
-        raise TextFileError(path, "no regular file")
+        raise TextFileError(path, "not a regular file")
     if len(content) > longest:
         raise TextFileError(path, f"too large, more than {longest} bytes")
     try:

@@ -187,7 +187,7 @@ def _fault(text: str, error: Exception) -> tuple[int | None, str]:
         if mark is None:
             return None, problem
         tab = text[mark.index : mark.index + 1] == "\t"
-        hint = " (a tab stands here; indent with blanks)" if tab else ""
+        hint = " (there is a tab here; indent with spaces)" if tab else ""
         # The parser in C puts what is missing at the end on a line after the last.
         return min(int(mark.line), text.count("\n")) + 1, f"{problem}{hint}"
     if isinstance(error, yaml.reader.ReaderError):

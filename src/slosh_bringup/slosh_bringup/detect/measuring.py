@@ -142,7 +142,7 @@ def _in_processes(
             yield first, future.result()
     except BrokenProcessPool:
         raise SloshBringupError(
-            "a process that measures has ended by itself, perhaps for want of memory; try --jobs 1"
+            "a measuring process ended unexpectedly, perhaps for lack of memory; try --jobs 1"
         ) from None
     finally:
         pool.shutdown(cancel_futures=True)

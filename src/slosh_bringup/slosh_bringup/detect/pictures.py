@@ -70,7 +70,10 @@ def judge(measurement: Measurement) -> Doubt:
     apart = disagreement(measurement)
     doubts = [
         (sigma / DOUBTFUL_SIGMA, f"sigma {1e3 * sigma:.2f} mm"),
-        (apart / DOUBTFUL_DISAGREEMENT, f"seen and fitted {apart:.1f} sigma apart"),
+        (
+            apart / DOUBTFUL_DISAGREEMENT,
+            f"measured and fitted heights differ by {apart:.1f} sigma",
+        ),
     ]
     size, words = max((doubt for doubt in doubts if math.isfinite(doubt[0])), default=(0.0, ""))
     lost = not math.isfinite(measurement.msh)
@@ -227,7 +230,7 @@ class AnnotatedVideo(Sink):
         if self._early:
             self._open()
         if self._strip is not None:
-            return f"no codec here writes {self._path}: {self._strip.finish()} instead"
+            return f"no video codec for {self._path}: {self._strip.finish()} instead"
         if self._writer is None:
             return f"no images for {self._path}"
         self._writer.release()

@@ -88,7 +88,7 @@ def open_source(
     if path.suffix.lower() in IMAGE_ENDINGS:
         return _file_source(name, [path], rate or FOLDER_RATE)
     if hint := import_hint(path):
-        raise SloshBringupError(f"{path}: no video{hint}")
+        raise SloshBringupError(f"{path}: not a video{hint}")
     return _video_source(path, rate)
 
 
@@ -125,7 +125,7 @@ def _existing(sources: Sequence[str]) -> list[Path]:
         if not path.exists():
             raise SloshBringupError(f"{path}: no such file or folder")
         if path.suffix.lower() not in IMAGE_ENDINGS or path.is_dir():
-            raise SloshBringupError(f"{path}: is no image; several sources must all be images")
+            raise SloshBringupError(f"{path}: is not an image; several sources must all be images")
     return sorted(paths, key=natural_order)
 
 
@@ -137,8 +137,8 @@ def _matching(pattern: str) -> list[Path]:
     files = [path for path in paths if path.suffix.lower() in IMAGE_ENDINGS and path.is_file()]
     if not files:
         raise SloshBringupError(
-            f"{pattern}: matches no image ({', '.join(IMAGE_ENDINGS)}); "
-            "for videos and bags name one file"
+            f"{pattern}: matches no image ({', '.join(IMAGE_ENDINGS)}); for a video or a bag "
+            "give one file"
         )
     return sorted(files, key=natural_order)
 
@@ -163,8 +163,8 @@ def _video_source(path: Path, asked: float | None) -> FrameSource:
     capture = cv2.VideoCapture(str(path))
     if not capture.isOpened():
         raise SloshBringupError(
-            f"{path}: neither a video that OpenCV reads (is it whole?), an image, "
-            "a folder nor an MCAP bag"
+            f"{path}: neither a video that OpenCV reads (is it complete?), an image, a folder "
+            "nor an MCAP bag"
         )
     sides = (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT)
     told = too_large(*(round(capture.get(side)) for side in sides))
@@ -206,8 +206,8 @@ def _captured(
     capture.release()
     if source.total is not None and index < source.total - 1:
         source.warnings.append(
-            f"{source.name}: announces {source.total} images and ends after {max(index - 1, 0)}: "
-            "cut off?"
+            f"{source.name}: should have {source.total} images but ends after "
+            f"{max(index - 1, 0)}: is it cut off?"
         )
     elif waiting is not None:
         yield waiting
@@ -217,7 +217,7 @@ def _bag_source(path: Path, topic: str | None) -> FrameSource:
     reader = BagReader(path)
     chosen, others, total = _image_topic(path, reader, topic)
     note = (
-        f"measuring topic {chosen}; left out: {', '.join(others)} (--topic chooses)"
+        f"measuring topic {chosen}; left out: {', '.join(others)} (choose with --topic)"
         if others
         else ""
     )
@@ -239,7 +239,7 @@ def _image_topic(
         raise SloshBagError(f"{path}: holds no images{reason}")
     if asked is not None and asked not in topics:
         raise SloshBringupError(
-            f"--topic {asked}: {path} has no images on it; there are {', '.join(topics)}"
+            f"--topic {asked}: no images in {path}; topics with images: {', '.join(topics)}"
         )
     most = max(info.count or 0 for info in topics.values())
 
@@ -268,8 +268,8 @@ def _recorded(reader: BagReader, topic: str, source: FrameSource) -> Iterator[So
     finally:
         if unstamped:
             source.warnings.append(
-                f"{source.name}: {unstamped} images have the stamp 0: they count as taken when "
-                "they were recorded, so late by the camera's delay; set the driver's stamps"
+                f"{source.name}: {unstamped} images have the stamp 0: their recording time is "
+                "used, which is late by the camera's delay; make the driver set the stamps"
             )
         source.warnings.extend(dict.fromkeys(reader.warnings))
 
@@ -278,7 +278,7 @@ def _until_damage(records: Iterable[BagMessage], source: FrameSource) -> Iterato
     try:
         yield from records
     except SloshBagError as error:
-        source.warnings.append(f"{error}; what lies behind is lost")
+        source.warnings.append(f"{error}; the images after it are lost")
 
 
 def _message_frame(reader: BagReader, record: BagMessage) -> SourceFrame:

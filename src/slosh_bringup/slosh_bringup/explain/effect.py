@@ -18,7 +18,7 @@ def explain_effect(effect: Effect) -> str:
         ("source", in_unicode(effect.source)),
         ("containers", _containers(effect)),
         *([("belongs to", _owner(effect))] if effect.parameters else []),
-        *([("needs", "a motion that tells the attitude")] if effect.needs_rotation else []),
+        *([("needs", "a motion with attitude")] if effect.needs_rotation else []),
         ("model.yaml", _use(effect)),
         ("page", f"docs/effects/{effect.name}.md"),
     ]
@@ -45,7 +45,7 @@ def parameter_words(parameter: Parameter) -> str:
     else:
         words.append(f"default {parameter.default:g}")
     if parameter.neutral is not None:
-        words.append(f"{parameter.neutral:g} does nothing")
+        words.append(f"{parameter.neutral:g} has no effect")
     if usually(parameter):
         words.append(f"usually {usually(parameter)}")
     return f"{parameter.name}: {in_unicode(parameter.description)}; {', '.join(words)}"
@@ -69,7 +69,7 @@ def usually(parameter: Parameter) -> str:
 
 def _owner(effect: Effect) -> str:
     if effect.of_rig:
-        return "sensors and rig: it may be another after they were set up anew"
+        return "sensors and rig: it may change when they are set up again"
     return "the liquid and its container"
 
 

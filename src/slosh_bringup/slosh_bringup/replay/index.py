@@ -30,7 +30,7 @@ def check_index(folder: Path, tasks: Sequence[Task]) -> None:
         )
     page = folder / INDEX
     if page.exists() and not _is_index(page):
-        raise SloshBringupError(f"{page}: is no replay's index; choose another folder (-o)")
+        raise SloshBringupError(f"{page}: is not an index of replays; choose another folder (-o)")
 
 
 def write_index(folder: Path, outcomes: Sequence[Outcome[Task, Replayed]]) -> None:

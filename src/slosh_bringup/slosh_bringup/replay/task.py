@@ -175,7 +175,7 @@ def _checked(result: ReplayResult, task: Task) -> Checked | None:
         return None
     checked = check_result(result, task.expected)
     if task.unstated:
-        points = (Point("manifest", "the manifest does not name this bag"), *checked.points)
+        points = (Point("manifest", "the manifest does not list this bag"), *checked.points)
         checked = replace(checked, points=points)
     return checked
 
@@ -231,7 +231,7 @@ def new_bag(folder: Path) -> Iterator[OutputBag]:
     """
     if not _may_replace(folder):
         raise SloshBringupError(
-            f"{folder}: holds something else than a replay's output; choose another folder (-o)"
+            f"{folder}: contains other files than a replay's output; choose another folder (-o)"
         )
     try:
         with new_folder(folder, replace=True) as room, OutputBag(room) as outputs:
@@ -261,7 +261,7 @@ def _check_pages(bag: Path) -> None:
     for page in (bag.with_name(f"{bag.name}{suffix}") for suffix in PAGES):
         if page.exists():
             raise SloshBringupError(
-                f"{page}: is of no replay, its bag is not there; choose another folder (-o)"
+                f"{page}: is not from a replay, its bag is missing; choose another folder (-o)"
             )
 
 

@@ -45,7 +45,7 @@ def write_chart(path: Path, inputs: Inputs, msh: Array, answer: Answer, allowed:
         _draw_heights(heights, inputs.t, msh, answer)
         strength = np.linalg.norm(inputs.acceleration, axis=1)
         motion.plot(*envelope(inputs.t, strength), color="tab:gray")
-        _draw_bound(motion, allowed, "the model holds up to here", answer.acceleration)
+        _draw_bound(motion, allowed, "validity limit of the model", answer.acceleration)
         motion.set(xlabel="time [s]", ylabel="‖a‖ [m/s²]")
         metadata = {"Date": None} if form == "svg" else None
         figure.savefig(stream, format=form, dpi=DPI, metadata=metadata)

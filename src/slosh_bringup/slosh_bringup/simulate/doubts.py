@@ -29,8 +29,8 @@ def check_possible(path: Path, motion: MotionTable) -> None:
     row = int(np.argmax(greatest))
     if greatest[row] > IMPOSSIBLE:
         raise SloshBringupError(
-            f"{path}: line {row + 2}: an acceleration of {greatest[row]:.3g} m/s² is not possible;"
-            " ax, ay, az are in m/s²"
+            f"{path}: line {row + 2}: an acceleration of {greatest[row]:.3g} m/s² is not "
+            "possible; ax, ay, az must be in m/s²"
         )
 
 

@@ -244,8 +244,8 @@ def hint_of_flat_board(fit: BoardFit, cup: Cup, base_thickness: float) -> Hint:
     here = numbers(fit.vector)
     if abs(here[2]) > np.deg2rad(60.0):
         raise SloshCameraError(
-            "board: does not lie flat and face up; where it stands otherwise, its place in the "
-            "container's frame must be given"
+            "board: does not lie flat and face up; for another pose, give its pose in the "
+            "container's frame"
         )
     variance = np.diag(_carried(numbers, fit))
     least = np.array([_LEVEL_ERROR, _FLATNESS, _FLATNESS])

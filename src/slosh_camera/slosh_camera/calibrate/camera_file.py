@@ -203,9 +203,9 @@ def _check_calibrated(root: Mapping[str, Any], source: YamlDocument) -> None:
     """Refuse a file that has a camera and a container but no pose, with the way to one."""
     if "pose" not in root and "container" in root and "camera_matrix" in root:
         raise SloshCameraError(
-            f"{place(source, 'pose')}: is missing: the camera is not calibrated yet; `slosh "
-            "calibrate` finds the pose by an image of the liquid at rest, `slosh intrinsics` the "
-            "camera's matrix before it"
+            f"{place(source, 'pose')}: is missing: the camera is not calibrated yet; run "
+            "`slosh intrinsics` for the camera's matrix, then `slosh calibrate` with an image "
+            "of the liquid at rest for the pose"
         )
 
 

@@ -248,7 +248,7 @@ class _Problem:
         kept = [(curve.only(np.isfinite(away)), away[np.isfinite(away)]) for curve, away in known]
         kept = [(curve, away) for curve, away in kept if away.size]
         if not kept:
-            raise SloshCameraError("place: sees none of the edges")
+            raise SloshCameraError("place: no edge is visible")
         self._seen = [curve for curve, _ in kept]
         distance = start.place.distance
         self._open = np.flatnonzero(told.doubt.open)

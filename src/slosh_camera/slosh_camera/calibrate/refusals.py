@@ -57,40 +57,41 @@ def find_fault(fit: Fit, answer: StillFit, sure: bool, level_shows: bool) -> str
         share = np.nan_to_num(fit.share(curve))
         if share < _LEAST_SHARE:
             return (
-                f"the {curve.value} of the liquid shows on {100.0 * share:.0f} % of its length; "
-                "the whole container must be in the image, sharp and unobstructed"
+                f"the {curve.value} of the liquid is visible on {100.0 * share:.0f} % of its "
+                "length; the whole container must be in the image, sharp and unobstructed"
             )
     level = np.nanmax([fit.share(Curve.FRONT), fit.share(Curve.REAR), 0.0])
     if max(level, min(fit.share(curve) for curve in WETTED)) < CLEAR_SHARE:
         return (
-            f"the sides and the still level show on {100.0 * level:.0f} % of their length at "
-            "most; a plain background, dyed liquid or a clean glass would show more, or --scale "
-            "takes two clicks"
+            f"the sides and the still level are visible on {100.0 * level:.0f} % of their "
+            "length at most; use a plain background, dyed liquid or a clean glass, or --scale "
+            "with two clicks"
         )
     if level < _LEAST_SHARE:
         return (
-            f"the still level shows on {100.0 * level:.0f} % of its length; the liquid must be at "
-            "rest and stand out from what is above it, or click on the level: --level U V"
+            f"the still level is visible on {100.0 * level:.0f} % of its length; the liquid "
+            "must be at rest and differ from what is above it, or click on the level: --level "
+            "U V"
         )
     if not answer.residual <= _LOST_RESIDUAL:
         return (
-            f"the container's edges lie {answer.residual:.2f} px rms from the best pose, more "
-            f"than {_LOST_RESIDUAL:g}; check the intrinsic parameters and the dimensions, or take "
-            "the picture before a plain background"
+            f"the container's edges are {answer.residual:.2f} px rms from the best pose, more "
+            f"than {_LOST_RESIDUAL:g}; check the intrinsic parameters and the dimensions, or "
+            "take the picture before a plain background"
         )
     if not sure and not is_corroborated(fit):
         return (
-            f"two sides and a level {1e3 * fit.place.distance:.0f} mm away fit, but neither the "
-            "glass above the level nor the floor is where it should be: something else than the "
-            "container, as a label or a reflection; take the picture from elsewhere or before a "
-            "plain background, or tell --distance"
+            f"two sides and a level {1000.0 * fit.place.distance:.0f} mm away fit, but neither "
+            "the glass above the level nor the floor is where it should be: this is another "
+            "object, such as a label or a reflection; take the picture from elsewhere or "
+            "before a plain background, or give --distance"
         )
     against = _speaks_against(fit, answer, level_shows)
     if not sure and len(against) >= _TOO_MUCH:
         return (
-            f"what fits best, {1e3 * fit.place.distance:.0f} mm away, fits poorly: "
-            f"{', '.join(against)}; take the picture before a plain background, with less on the "
-            "glass, or tell --level U V, a click on the still level, or --distance"
+            f"the best fit, {1000.0 * fit.place.distance:.0f} mm away, is poor: "
+            f"{', '.join(against)}; take the picture before a plain background, with less on "
+            "the glass, or give --level U V, a click on the still level, or --distance"
         )
     worst = max(answer.height_stddev.values())
     if not worst <= _LOST_HEIGHT:
@@ -117,20 +118,21 @@ def level_fault(fit: Fit, levels: Levels, told: tuple[float, float] | None) -> s
         if away <= CLICK_REACH:
             return ""
         return (
-            f"the level that fits passes the pixel of --level at {away:.0f} px; click on the "
-            "front line of the level, between the container's sides"
+            f"the level that fits is {away:.0f} px away from the pixel of --level; click on "
+            "the front line of the level, between the container's sides"
         )
     if levels.rival is not None:
         apart = 1e3 * levels.rival.height
         return (
             f"two levels are possible, {abs(apart):.0f} mm apart: the other is "
-            f"{'above' if apart > 0.0 else 'below'} what fits best; printed rings, seams and the "
-            "edge of a foot look alike; click on the still level's front line: --level U V"
+            f"{('above' if apart > 0.0 else 'below')} the best fit; printed rings, seams and "
+            "the edge of a foot look similar; click on the still level's front line: --level "
+            "U V"
         )
     if levels.own.strength < LEAST_LEVEL:
         return (
-            "the line that fits the still level best does not run from side to side as a liquid's "
-            "does; click on the still level's front line: --level U V"
+            "the line that fits the still level best does not run from side to side as the "
+            "level of a liquid does; click on the still level's front line: --level U V"
         )
     return ""
 
@@ -158,8 +160,8 @@ def _speaks_against(fit: Fit, answer: StillFit, level_shows: bool) -> list[str]:
     level = [fit.share(curve) for curve in (Curve.FRONT, Curve.REAR)]
     reasons = {
         "the floor is not where it should be": fit.share(Curve.BASE) < LEAST_FLOOR,
-        "a side is hidden in part": any(fit.share(curve) < CLEAR_SHARE for curve in WETTED),
-        "a line of the level is hidden in part": not level_shows
+        "a side is partly hidden": any(fit.share(curve) < CLEAR_SHARE for curve in WETTED),
+        "a line of the level is partly hidden": not level_shows
         and any(share < CLEAR_SHARE for share in level),
         f"edges lie {answer.residual:.2f} px off": answer.residual > MAX_RESIDUAL,
     }
@@ -187,8 +189,8 @@ def check_rival(view: CupView, best: Fit, rival: Fit) -> None:
             for fit in (best, rival)
         )
         raise SloshCameraError(
-            f"still image: two poses fit equally well, {poses}; tell which by --distance, or take "
-            "a picture with the floor in it, a board, or fewer other things"
+            f"still image: two poses fit equally well, {poses}; choose one with --distance, or "
+            "take a picture with the floor in it, a board, or fewer other objects"
         )
 
 
@@ -203,10 +205,11 @@ def check_enclosed(best: Fit, fits: list[Fit]) -> None:
     for wide in fits:
         if wide.score >= _ENCLOSING * best.score and _encloses(wide, best):
             raise SloshCameraError(
-                f"still image: what fits best, {1e3 * best.place.distance:.0f} mm away, stands "
-                f"between the sides of what may be the container, {1e3 * wide.place.distance:.0f} "
-                "mm away: a label, a reflection, or another glass seen through it; tell which by "
-                "--distance, or take away what is on the container and behind it"
+                f"still image: the best fit, {1e3 * best.place.distance:.0f} mm away, lies "
+                "between the sides of what may be the container, "
+                f"{1e3 * wide.place.distance:.0f} mm away: it may be a label, a reflection, or "
+                "another glass seen through it; choose one with --distance, or remove what is on "
+                "the container and behind it"
             )
 
 

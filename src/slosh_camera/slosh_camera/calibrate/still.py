@@ -198,7 +198,7 @@ def check_size(image: Image, camera: PinholeCamera) -> None:
         raise SloshCameraError(
             f"still image: has {width} x {height} pixels, the camera is calibrated for "
             f"{camera.width} x {camera.height}"
-            + (", as one held the other way" if (height, width) == camera.size else "")
+            + (", turned by 90 degrees" if (height, width) == camera.size else "")
         )
 
 

@@ -21,29 +21,36 @@ def warnings_of(fit: StillFit) -> list[str]:
     floor = checks.get(Curve.BASE.value)
     if floor is not None and floor.share < LEAST_FLOOR:
         warnings.append(
-            "the floor's edge is not where the dimensions put it; if it can be seen, check "
-            "radius, fill height, wall thickness and the focal length, which the rest cannot tell"
+            "the floor's edge is not where the dimensions predict it; if it is visible, check "
+            "radius, fill height, wall thickness and the focal length, which the other edges "
+            "do not determine"
         )
     for name in (Curve.LEFT.value, Curve.RIGHT.value, Curve.FRONT.value, Curve.REAR.value):
         check = checks.get(name)
         if check is not None and check.share < CLEAR_SHARE:
             warnings.append(
-                f"the {name} shows on {100.0 * check.share:.0f} % of its length, the rest is "
-                "hidden or another thing's edge: look whether it lies where --picture draws it"
+                f"the {name} is visible on {100.0 * check.share:.0f} % of its length, the rest "
+                "is hidden or the edge of another object: check that it is where --picture "
+                "draws it"
             )
         if check is not None and abs(check.offset) > _DOUBTFUL_OFFSET:
-            warnings.append(f"the {name} lies {check.offset:+.1f} px from where the pose puts it")
+            warnings.append(
+                f"the {name} is {check.offset:+.1f} px from where the pose predicts it"
+            )
     if fit.residual > MAX_RESIDUAL:
         warnings.append(
-            f"the edges lie {fit.residual:.2f} px from the pose, more than {MAX_RESIDUAL:g}: "
-            "check the intrinsic parameters and the dimensions; standard errors are as much larger"
+            f"the edges are {fit.residual:.2f} px from the pose, more than {MAX_RESIDUAL:g}: "
+            "check the intrinsic parameters and the dimensions; standard errors are increased "
+            "accordingly"
         )
     worst = max(fit.height_stddev.values())
     if worst > _MAX_HEIGHT_ERROR:
         warnings.append(
-            f"heights are known to {1e3 * worst:.1f} mm only; a container that fills more of the "
-            "image, or a level whose front and rear line can both be seen, tells more"
+            f"heights are known to {1000.0 * worst:.1f} mm only; let the container fill more "
+            "of the image, or show both the front and the rear line of the level"
         )
     if not np.isfinite(fit.residual):
-        warnings.append("the container's edges are not seen, nothing checks the board's place")
+        warnings.append(
+            "the container's edges are not visible, so nothing checks the board's pose"
+        )
     return warnings

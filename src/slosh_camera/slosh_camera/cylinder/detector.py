@@ -41,8 +41,8 @@ Image = NDArray[np.uint8]
 FloatArray = NDArray[np.float64]
 
 _DOUBT = (
-    "the liquid at rest does not surely differ from what is behind it: many images will be "
-    f"refused, and all heights carry the flag AMBIGUOUS; {REMEDY}"
+    "the contrast between the liquid at rest and what is behind it is too low: many images "
+    f"will be refused, and all heights carry the flag AMBIGUOUS; {REMEDY}"
 )
 # Heights that the fade changes by less than this need no second fit [m].
 _NO_FADE = 2e-6

@@ -138,7 +138,7 @@ class StillLearner:
         if self._edges.turned(image, 0.0):
             raise SloshCameraError(
                 f"still image: the container's sides are turned by {np.degrees(turn):.1f} "
-                "degrees against the calibration, calibrate the camera anew"
+                "degrees against the calibration, calibrate the camera again"
             )
         clear = [self._is_clear(image, unrolled, body) for body in self._front.bodies]
         still = self._still_surface(image, unrolled, clear)
@@ -176,7 +176,7 @@ class StillLearner:
         still = find_still_surface(self._chooser, pictures, self._at_rest, self._nearest)
         if still is None or surface_flags(self._wall, still.view, still.fit) & _NOT_WHOLE:
             raise SloshCameraError(
-                "still image: shows no whole liquid line, check light, region and calibration"
+                "still image: shows no complete liquid line, check light, region and calibration"
             )
         return still
 
@@ -190,15 +190,15 @@ class StillLearner:
         """Refuse a doubted liquid that is far from the still level, or agrees poorly."""
         if abs(still.zero[0]) > _LEVEL:
             raise SloshCameraError(
-                f"still image: its line lies {1e3 * still.zero[0]:+.0f} mm off the calibration's "
-                "level, and may be an edge of what is behind the liquid; check the fill height, "
-                f"or {REMEDY}"
+                f"still image: its line is {1000.0 * still.zero[0]:+.0f} mm off the "
+                "calibration's level, and may be an edge behind the liquid; check the fill "
+                f"height, or {REMEDY}"
             )
         if self._chooser.plausible_heights(still.view, still.zero, prior) < _PLAUSIBLE:
             raise SloshCameraError(
-                "still image: the liquid does not surely differ from what is behind it, and its "
-                "line is hidden or faint on many of the places that are looked at; take away what "
-                f"is before the line, or {REMEDY}"
+                "still image: the contrast between the liquid and what is behind it is too "
+                "low, and its line is hidden or faint at many of the examined places; remove "
+                f"what hides the line, or {REMEDY}"
             )
 
     def _is_clear(self, image: Image, unrolled: Image, body: slice) -> bool:

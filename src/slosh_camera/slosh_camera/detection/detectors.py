@@ -64,4 +64,4 @@ def detector_for(
         return SideViewDetector(calibration, settings)
     if isinstance(calibration, Calibration):
         return FreeSurfaceDetector(calibration, settings)
-    raise SloshCameraError(f"calibration: {type(calibration).__name__} is none")
+    raise SloshCameraError(f"calibration: {type(calibration).__name__} is not a calibration")

@@ -78,7 +78,7 @@ def read_still_image(calibration: AnyCalibration) -> Image:
     """
     path, camera = calibration.still_image, calibration.view.camera
     if path is None:
-        raise SloshCameraError("still_image: the calibration names none")
+        raise SloshCameraError("still_image: the calibration has none")
     image = read_image(path)
     height, width = image.shape[:2]
     if (width, height) != (camera.width, camera.height):

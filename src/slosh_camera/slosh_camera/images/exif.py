@@ -42,13 +42,14 @@ class Exif:
             SloshCameraError: no focal length is told, or the picture is a part of the camera's.
         """
         if self.focal_length is None:
-            raise SloshCameraError("EXIF: tells no focal length in 35 mm equivalents")
+            raise SloshCameraError("EXIF: contains no focal length in 35 mm equivalents")
         if self.size is not None:
             now, then = (max(pair) / min(pair) for pair in ((width, height), self.size))
             if abs(now / then - 1.0) > _SAME_RATIO:
                 raise SloshCameraError(
-                    f"EXIF: tells the focal length of a picture of {self.size[0]} x "
-                    f"{self.size[1]} pixels, this is a part of it with {width} x {height}"
+                    f"EXIF: the focal length is for a picture of {self.size[0]} x "
+                    f"{self.size[1]} pixels, but this picture is a part of it with {width} x "
+                    f"{height}"
                 )
         focal = self.focal_length * float(np.hypot(width, height)) / _DIAGONAL
         return 2.0 * float(np.arctan(0.5 * width / focal))

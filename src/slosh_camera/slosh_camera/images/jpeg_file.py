@@ -37,7 +37,7 @@ _OTHER_FRAMES = (0xC2, 0xC3, 0xC5, 0xC6, 0xC7, 0xC9, 0xCA, 0xCB, 0xCD, 0xCE, 0xC
 # Largest coefficient of a picture of 8 bits before it is divided; rounding adds one step.
 _LARGEST = 1024
 _MOST_SAMPLES = 4
-_CUT = "the file is cut"
+_CUT = "the file is cut off"
 _HEADER = "its header is damaged"
 _WHY = {
     NO_CODE: "data are damaged",

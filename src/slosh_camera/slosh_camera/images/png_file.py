@@ -37,4 +37,4 @@ def png_damage(data: Bytes) -> str:
         if kind == b"IEND":
             return ""
         at = end + _BEHIND
-    return "the file is cut"
+    return "the file is cut off"

@@ -236,8 +236,8 @@ def _check_determined(found: _Solution, stddev: FloatArray) -> None:
     share = float(np.max(stddev[:2] / found.numbers[:2]))
     if not share <= _WORST_FOCAL:
         raise SloshCameraError(
-            f"pictures: leave the focal length open by {share:.0%}; tilt the board by 20 to "
-            "40 deg in different directions, and take some from near"
+            f"pictures: the focal length is uncertain by {share:.0%}; tilt the board by 20 to "
+            "40 deg in different directions, and take some pictures from near"
         )
 
 

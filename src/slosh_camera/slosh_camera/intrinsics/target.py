@@ -73,7 +73,10 @@ def parse_target(text: str, square: float | None) -> Target:
         if ":" not in text:
             raise SloshCameraError(f"board: {text!r} is not {CHESSBOARD_FORMAT} or {FORMAT}")
         if square is not None:
-            raise SloshCameraError("square: is for chessboards; a board of markers tells its own")
+            raise SloshCameraError(
+                "square: is for chessboards only; the description of a "
+                "marker board includes its sizes"
+            )
         return parse_board(text)
     if square is None:
         raise SloshCameraError("square: is needed with a chessboard, the side of a square in m")

@@ -61,7 +61,8 @@ class PinholeCamera:
                 raise SloshCameraError(f"{name}: {getattr(self, name)} px, must be positive")
         if self.distortion_model not in COEFFICIENTS:
             raise SloshCameraError(
-                f"distortion_model: {self.distortion_model!r} is none of {', '.join(COEFFICIENTS)}"
+                f"distortion_model: {self.distortion_model!r} is not one of "
+                f"{', '.join(COEFFICIENTS)}"
             )
         count = COEFFICIENTS[self.distortion_model]
         if len(self.distortion) != count or not np.all(np.isfinite(self.distortion)):

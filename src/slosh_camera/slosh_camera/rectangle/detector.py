@@ -99,7 +99,7 @@ class SideViewDetector:
         whole = line is not None and line.hidden <= _MAX_HIDDEN_STILL
         if light is None or line is None or not whole or Flag.SATURATED in trace.flags:
             raise SloshCameraError(
-                "still image: shows no whole liquid line, check light, region and calibration"
+                "still image: shows no complete liquid line, check light, region and calibration"
             )
         profile = describe(line, self._view)
         level, slope = profile.level, float(np.tan(profile.slope_angle))

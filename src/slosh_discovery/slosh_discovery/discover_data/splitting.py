@@ -83,8 +83,8 @@ def split(recording: Recording) -> Split:
         if len(broken):
             moment = (broken[0] - stamps[0]) / SECOND
             notes.append(
-                f"a gap in the inputs at {moment:.2f} s while the container moves: what follows "
-                "of that motion is left out"
+                f"a gap in the inputs at {moment:.2f} s while the container moves: the rest of "
+                "that motion is left out"
             )
             end = int(broken[0])
         parts.append(Part(start, end, chain.start if chain.joined else start))

@@ -174,8 +174,8 @@ def _proposal(finding: Finding) -> list[str]:
     if proposal is None:
         return []
     return [
-        f"proposal, no finding: {proposal.equation}",
-        f"{INDENT}it explains {shown(proposal.explained, '% of')} % of what is left of the gap",
+        f"proposal, not a finding: {proposal.equation}",
+        f"{INDENT}it explains {shown(proposal.explained, '% of')} % of the remaining gap",
     ]
 
 
@@ -187,7 +187,8 @@ def _separating(report: DiscoveryReport) -> list[str]:
     for index, motion in enumerate(finding.separating):
         where = "".join(report.separating_files[index : index + 1]) or "a motion"
         lines += [
-            f"{where} tells {motion.names[0]} from {motion.names[1]}: {motion.description}",
+            f"{where} distinguishes {motion.names[0]} from {motion.names[1]}: "
+            f"{motion.description}",
             f"{INDENT}their heights differ by {_millimetres(motion.difference)} in it,"
             f" by {_millimetres(motion.present_difference)} in the present motions",
         ]

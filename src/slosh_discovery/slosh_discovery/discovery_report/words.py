@@ -87,15 +87,15 @@ def verdict_sentence(finding: Finding) -> str:
     """The verdict in one sentence."""
     name = finding.base.name
     if finding.verdict is Verdict.NONE:
-        return f"{name} lacks nothing that these motions show: what it leaves is noise."
+        return f"{name} lacks no effect that these motions show: its residual is noise."
     if finding.verdict is Verdict.AMBIGUOUS:
         common, rest = apart(rivals(finding))
         if len(rest) < 2:
             perhaps = explanation(names for only in rest for names in only)
-            return f"Perhaps {name} lacks {perhaps}: these motions do not settle it."
+            return f"Perhaps {name} lacks {perhaps}: these motions are not conclusive."
         sure = f"{listed(common)}, and " if common else ""
         found = listed([explanation(names) if names else "nothing" for names in rest], "or")
-        return f"{name} lacks {sure}either {found}: these motions cannot tell which."
+        return f"{name} lacks {sure}either {found}: these motions cannot distinguish them."
     if finding.verdict is Verdict.UNEXPLAINED:
         known = [effect.name for effect in finding.effects]
         nearest = f"; {explanation(known)} comes nearest" if known else ""
@@ -115,7 +115,7 @@ def gap_sentence(finding: Finding) -> str:
     held = math.isfinite(gap.holdout_before)
     before = gap.holdout_before if held else gap.fit_before
     after = gap.holdout_after if held else gap.fit_after
-    motions = "motions that the fit has not seen" if held else "the motions of the fit"
+    motions = "held-out motions" if held else "the fitted motions"
     noise = f"the noise is {shown(gap.noise, 'mm')} mm"
     if not finding.changed:
         return f"On {motions} the gap is {shown(before, 'mm')} mm; {noise}."

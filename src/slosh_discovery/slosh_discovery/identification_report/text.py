@@ -42,13 +42,15 @@ def headline(report: IdentificationReport) -> str:
 def held_sentence(held: Unidentified) -> str:
     """What the motions do not tell, and what would."""
     if held.with_others:
-        text = f"These motions cannot tell {held.name} from {' and '.join(held.with_others)}"
+        text = (
+            f"These motions cannot distinguish {held.name} from {' and '.join(held.with_others)}"
+        )
     else:
-        text = f"These motions tell nothing of {held.name}"
+        text = f"These motions do not determine {held.name}"
     text += ": it keeps its value. "
     if held.help:
-        return f"{text}What would tell: {held.help}."
-    return f"{text}No motion of the list would tell: measure it by other means."
+        return f"{text}Needed: {held.help}."
+    return f"{text}No motion of the list determines it: measure it by other means."
 
 
 def _parameters(result: IdentifiedModel) -> list[str]:

@@ -99,7 +99,7 @@ def identify(
             told(points[place].label, 0.3 + 0.6 * number / len(used))
             own = tuple(trial for trial in fitted if trial.point == place)
             single[place] = _identified(base, free, own, points[place])
-    told("what they say of each motion", 0.9)
+    told("results for each motion", 0.9)
     answers = [(trial, single.get(trial.point, overall).estimate, Role.FIT) for trial in fitted]
     for trial in others:
         model = single.get(trial.point, overall).result.model
@@ -195,7 +195,7 @@ def _fit_known(problem: Problem) -> tuple[Estimate, tuple[Unidentified, ...]]:
         problem = replace(problem, parameters=kept)
     if not left:
         raise SloshDiscoveryError(
-            f"these motions tell nothing of {', '.join(one.name for one in held)}: "
+            f"these motions do not determine {', '.join(one.name for one in held)}: "
             + (f"add {held[0].help}" if held[0].help else "other motions are needed")
         )
     return estimate, tuple(held)
@@ -353,8 +353,8 @@ def _remarks(overall: _Identified) -> tuple[str, ...]:
         )
     elif not _noise_alone(estimate):
         remarks.append(
-            "The residual is more than noise: the model lacks something, and the standard errors "
-            "know only of noise. `slosh discover` looks for what it is."
+            "The residual exceeds the noise: the model lacks something, and the standard "
+            "errors cover noise only. Run `slosh discover` to find what is missing."
         )
     return tuple(remarks)
 
@@ -364,16 +364,19 @@ def _line_remarks(line: LineLimit | None) -> tuple[str, ...]:
         return ()
     tolerance = f"{1e3 * line.tolerance:g} mm"
     if not math.isfinite(line.speed):
-        return (f"Even at the slowest speed the surface is no line to {tolerance}.",)
+        return (
+            f"Even at the slowest speed the surface is not a straight line within {tolerance}.",
+        )
     if not line.exceeded:
         return (
-            f"The surface is a line to {tolerance} at all speeds, up to {line.speed:g} 1/min: "
-            "where that ends was not seen, and no limit is written.",
+            f"The surface is a straight line within {tolerance} at all speeds, up to "
+            f"{line.speed:g} 1/min: the end of that range was not reached, and no limit is "
+            "written.",
         )
     return (
-        f"The surface is a line to {tolerance} up to {line.speed:g} 1/min. Beyond the greatest "
-        "acceleration and jerk of that motion, now in the model's limits, an estimator flags that "
-        "planarity is lost.",
+        f"The surface is a straight line within {tolerance} up to {line.speed:g} 1/min. Beyond "
+        "the largest acceleration and jerk of that motion, now in the model's limits, an "
+        "estimator flags that planarity is lost.",
     )
 
 

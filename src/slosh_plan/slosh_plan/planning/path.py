@@ -109,7 +109,7 @@ def path_through(points: Array, stopped: Callable[[], bool] = never) -> Path:
         )
     distinct = _distinct(points)
     if len(distinct) < 2:
-        raise SloshPlanError(f"the path has no length: its {len(points)} waypoints are one place")
+        raise SloshPlanError(f"the path has no length: its {len(points)} waypoints coincide")
     corners, reversals = _corners(distinct)
     if len(corners) > MOST_CORNERS:
         raise SloshPlanError(
@@ -174,7 +174,7 @@ def _leg(
     """A spline by its own length through a part's points."""
     if stopped():
         raise StoppedError(
-            "stopped before there was a safe motion, as the path through the waypoints was "
+            "stopped before a safe motion was found, while the path through the waypoints was "
             "computed: take fewer waypoints"
         )
     chords = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])

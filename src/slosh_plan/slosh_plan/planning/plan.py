@@ -155,7 +155,7 @@ def plan(
     watch.enter("known laws")
     scaled = best_scaled(check, path, kept, watch)
     if scaled is None and watch.stopped():
-        raise StoppedError("stopped before there was a safe motion")
+        raise StoppedError("stopped before a safe motion was found")
     if scaled is None:
         raise NoSafeMotionError(
             f"no motion of up to {LONGEST:g} s along the path keeps "
@@ -209,6 +209,6 @@ def upright_yaw(attitude: Array | None) -> float:
     if 2.0 * math.hypot(x, y) > UPRIGHT:
         tilt = math.degrees(2.0 * math.asin(min(1.0, math.hypot(x, y))))
         raise SloshPlanError(
-            f"the container is tilted by {tilt:.3g}°: planning is for upright ones"
+            f"the container is tilted by {tilt:.3g}°: only upright containers can be planned for"
         )
     return 2.0 * math.atan2(z, w)

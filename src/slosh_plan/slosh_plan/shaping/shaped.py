@@ -157,7 +157,7 @@ def filter_for(model: Model, name: str, acceleration: Array, yaw: float = 0.0) -
         SloshPlanError: no such filter.
     """
     if name not in FILTERS:
-        raise SloshPlanError(f"filter {name!r:.40} is none of {', '.join(FILTERS)}")
+        raise SloshPlanError(f"filter {name!r:.40} is not one of {', '.join(FILTERS)}")
     first, *others = excited_modes(model, acceleration, yaw)
     made = FILTERS[name](first)
     for mode in others:

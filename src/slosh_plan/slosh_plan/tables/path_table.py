@@ -74,7 +74,7 @@ def _check_names(path: Path, names: list[str]) -> None:
     for name in names:
         if name not in (*PLACES, *ATTITUDE, *ACCELERATION) or names.count(name) > 1:
             raise SloshFileError(
-                f"{path}: line 1: column {name!r:.40} is unknown or stands twice; {may_have}"
+                f"{path}: line 1: column {name!r:.40} is unknown or appears twice; {may_have}"
             )
     wanted = ATTITUDE if any(name in names for name in ATTITUDE) else ()
     for name in (*PLACES, *wanted):
@@ -98,8 +98,8 @@ def _attitude(table: TextTable) -> Array | None:
     changed = np.flatnonzero(2.0 * np.arccos(cosines) > TURNED)
     if len(changed):
         raise SloshFileError(
-            f"{table.path}: line {table.lines[changed[0]]}: the attitude changes along the path: "
-            "planned are paths of a container that keeps it"
+            f"{table.path}: line {table.lines[changed[0]]}: the attitude changes along the "
+            "path: only paths with a constant attitude can be planned"
         )
     first: Array = quaternions[0]
     return first

@@ -73,8 +73,8 @@ def read_joint_trajectory(path: Path, arm: Arm, options: TableOptions = FOUND_OU
     wrapped = arm.wrapping(joints, position)
     if wrapped:
         options.tell(
-            f"{path}: {', '.join(wrapped)} jumps by about 2π between two rows: taken as an angle "
-            "that wraps, and joined"
+            f"{path}: {', '.join(wrapped)} jumps by about 2π between two rows: treated as a "
+            "wrapped angle and unwrapped"
         )
     return arm.motion(table.column("t"), joints, position, name=str(path))
 
@@ -88,7 +88,7 @@ def _check_columns(path: Path, names: list[str]) -> None:
     known = {"t", MSH}.union(*_GROUPS)
     for name in names:
         if names.count(name) > 1:
-            raise SloshFileError(f"{path}: line 1: column {name!r} stands twice")
+            raise SloshFileError(f"{path}: line 1: column {name!r} appears twice")
         if name not in known and not name.startswith((ETA, PROFILE)):
             raise SloshFileError(
                 f"{path}: line 1: column {name!r} is unknown; known are t, "

@@ -105,7 +105,7 @@ class MotionCollector:
         if len(late):
             raise SloshBagError(
                 f"{path}: the stamps of {topic} go back at {stamps[late[0]] / SECOND:.3f} s; "
-                f"cut the bag there with `slosh recover --split {path} -o NEW`"
+                f"split the bag there with `slosh recover --split {path} -o NEW`"
             )
         motion = Motion(stamps, np.concatenate([part.accelerations for part in self._samples]))
         if self._kind == "accel":
@@ -129,8 +129,8 @@ class MotionCollector:
         notes: list[str] = [*self.doubts, *self._reader.faults]
         if self._filter.count:
             notes.append(
-                f"{self._filter.count} samples of {self._kind} left out whose stamps lie "
-                "elsewhere in time"
+                f"{self._filter.count} samples of {self._kind} with out-of-sequence stamps "
+                "left out"
             )
         if counters["samples_dropped"]:
             notes.append(
@@ -139,8 +139,8 @@ class MotionCollector:
             )
         if counters["gaps"]:
             notes.append(
-                f"{counters['gaps']} gaps in {self._kind}: a simulation of the table runs "
-                "straight through them, the estimator starts anew after them"
+                f"{counters['gaps']} gaps in {self._kind}: a simulation of the table "
+                "integrates across them, the estimator restarts after them"
             )
         return notes
 

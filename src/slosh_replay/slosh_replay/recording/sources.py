@@ -92,5 +92,5 @@ def find_sources(
             )
     where = f" for the cell {found.cells[0] or '/'}" if len(found.cells) > 1 else ""
     raise SloshBagError(
-        f"{path}: holds no message of {', '.join(wanted)}{where}; nothing drives the model"
+        f"{path}: holds no message of {', '.join(wanted)}{where}; the model has no input"
     )

@@ -130,12 +130,12 @@ def _nothing(series: Series) -> str:
         seen |= bool(known.any())
         estimated |= bool((known & np.isfinite(block["heights"]).any(axis=1)).any())
     if not seen:
-        return "no image shows a height; there is nothing to judge the models by"
+        return "no image has a usable height; there is nothing to compare the models with"
     if not estimated:
-        return "no image has an estimate at its stamp; do both sides use one clock?"
+        return "no image has an estimate at its stamp; do camera and estimator use the same clock?"
     return (
-        "no σ and ε: where heights were measured, the liquid's state was not known or its line "
-        "out of the picture"
+        "no σ and ε: where heights were measured, the liquid's state was unknown or its line "
+        "outside the picture"
     )
 
 

@@ -178,7 +178,7 @@ def _warnings(found: Sequence[str], expected: Sequence[str]) -> Point:
     missing = [text for text in expected if not any(text in warning for warning in found)]
     strange = [warning for warning in found if not any(text in warning for text in expected)]
     lines = [
-        *(f"the warning {text!r} did not come" for text in missing),
+        *(f"the expected warning {text!r} is missing" for text in missing),
         *(f"unexpected warning: {warning}" for warning in strange),
     ]
     return Point("warnings", "; ".join(lines))

@@ -51,7 +51,7 @@ def conclude(
     reader.finish()
     origin = origin or Origin()
     if stream.untaken:
-        causes = (*origin.causes, f"the recorded state cannot be taken up: {stream.untaken}")
+        causes = (*origin.causes, f"the recorded state cannot be restored: {stream.untaken}")
         origin = origin._replace(causes=causes)
     elif components.matcher is not None and components.known is None:
         origin = origin._replace(causes=(*origin.causes, *components.matcher.remarks()))
@@ -97,7 +97,7 @@ def _astray(strays: Mapping[str, int]) -> str:
     told = [f"{count} {what}" for what, count in strays.items() if count]
     if not told:
         return ""
-    return f"set aside {' and '.join(told)} whose stamps lie elsewhere in time"
+    return f"set aside {' and '.join(told)} with out-of-sequence stamps"
 
 
 def thinned(series: Series, limit: int = DRAWN) -> NDArray[np.void]:

@@ -102,12 +102,12 @@ class InputMatcher:
         found = []
         if self.used_before:
             found.append(
-                f"the recording begins when the estimator had used {self.used_before} inputs: "
-                "the liquid's state at that moment is not known"
+                f"the recording begins after the estimator had used {self.used_before} inputs: "
+                "the liquid's state at its beginning is unknown"
             )
         if self.unclear:
             found.append(
-                f"which of {self.unclear} inputs the live estimator used cannot be told: it "
+                f"it is unknown which of {self.unclear} inputs the live estimator used: it "
                 "missed some, and the recorder missed estimates"
             )
         return tuple(found)

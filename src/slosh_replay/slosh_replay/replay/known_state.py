@@ -20,7 +20,7 @@ from slosh_replay.replay.verification import Verifier
 Integers = NDArray[np.int64]
 
 AT_FIRST = "before the first known state"
-LATER = "behind inputs that the recording lacks, until the next known state"
+LATER = "after inputs that are missing in the recording, until the next known state"
 _LONG_AGO = -(2**62)
 _STARTED, _LOST, _STATE = range(3)  # in the order in which they count at one input
 

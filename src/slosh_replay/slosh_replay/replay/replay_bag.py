@@ -239,7 +239,9 @@ def _warnings(path: Path, reader: BagReader, sources: Sources) -> list[str]:
     found = list(reader.warnings)
     lost = sum(lost_messages(sources.facts).values())
     if lost:
-        found.append(f"{path}: {lost} messages were lost while recording; the bag lacks them")
+        found.append(
+            f"{path}: {lost} messages were lost while recording and are missing in the bag"
+        )
     shared = shared_topics_line(sources.facts)
     if shared:
         found.append(f"{path}: {shared}")
@@ -334,7 +336,7 @@ def whole_run(
     reader.finish()
     heights = joined(answers)
     if (np.diff(heights.stamps) <= 0).any():
-        raise SloshBagError(f"{path}: the stamps of {sources.input} go back; cut the bag in two")
+        raise SloshBagError(f"{path}: the stamps of {sources.input} go back; split the bag")
     found = joined(measured)
     order = np.argsort(found.stamps, kind="stable")
     return WholeRun(models.names, heights, np.concatenate(felt), chosen(found, order))
@@ -380,7 +382,7 @@ def _origin(started: NodeStart | None, recorded: Model | None, used: Model) -> O
     otherwise = started.arithmetic != arithmetic
     if otherwise:
         causes.append(
-            f"this machine rounds otherwise: recorded on {started.arithmetic}, replayed on "
+            f"this machine rounds differently: recorded on {started.arithmetic}, replayed on "
             f"{arithmetic}; last bits may differ"
         )
     return Origin(tuple(causes), otherwise)
@@ -412,7 +414,5 @@ def _with_rim(
 def _noted_model(path: Path, facts: Mapping[str, str]) -> Model:
     container = noted_container(facts)
     if container is None:
-        raise SloshBagError(
-            f"{path}: does not say which model or container; give a model file (--model)"
-        )
+        raise SloshBagError(f"{path}: contains no model or container; give a model file (--model)")
     return Model(container).spatial()

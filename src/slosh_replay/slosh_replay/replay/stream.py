@@ -359,16 +359,16 @@ class ReplayStream:
         late = np.flatnonzero(np.diff(whole.stamps) <= 0)
         if len(late) and self._set_backs > SET_BACKS:
             raise SloshBagError(
-                f"{self._name}: the stamps of the input go back {self._set_backs} times, first at "
-                f"{whole.stamps[late[0]] * 1e-9:.3f} s, as where messages of several publishers "
-                "are mixed on one topic; the recording does not tell them apart: record one "
-                "publisher at a time"
+                f"{self._name}: the stamps of the input go back {self._set_backs} times, first "
+                f"at {whole.stamps[late[0]] * 1e-09:.3f} s, as when messages of several "
+                "publishers are mixed on one topic; the recording cannot separate them: "
+                "record one publisher at a time"
             )
         if len(late):
             raise SloshBagError(
                 f"{self._name}: the stamps of the input go back at "
-                f"{whole.stamps[late[0]] * 1e-9:.3f} s: cut the bag there with "
-                f"`slosh recover --split {self._name} -o NEW`"
+                f"{whole.stamps[late[0]] * 1e-09:.3f} s: split the bag there with `slosh "
+                f"recover --split {self._name} -o NEW`"
             )
         self._heights = whole
 

@@ -108,9 +108,7 @@ class Verification:
             *unchecked,
         ]
         if self.missing:
-            lines.append(
-                f"{self.topic}: of those that are missing no usable input is in the recording"
-            )
+            lines.append(f"{self.topic}: for the missing ones the recording has no usable input")
         if self.first is not None:
             lines.append(f"{self.topic}: first difference: {self.first}")
         if self.largest:

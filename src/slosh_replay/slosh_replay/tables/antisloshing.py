@@ -95,9 +95,9 @@ def find_runs(folder: Path) -> list[tuple[str, Path, Path]]:
         raise SloshBagError(f"{folder}: holds no heights/*.mat and no poses/*.csv(.gz)")
     for run in sorted({*heights, *poses}):
         if run not in poses:
-            raise SloshBagError(f"{heights[run]}: has no poses/{run}.csv(.gz) beside it")
+            raise SloshBagError(f"{heights[run]}: has no matching poses/{run}.csv(.gz)")
         if run not in heights:
-            raise SloshBagError(f"{poses[run]}: has no heights/{run}.mat beside it")
+            raise SloshBagError(f"{poses[run]}: has no matching heights/{run}.mat")
     return [(run, heights[run], poses[run]) for run in sorted(heights)]
 
 
@@ -139,12 +139,12 @@ def read_heights(path: Path) -> tuple[Array, Array]:
         content = scipy.io.loadmat(path, variable_names=["slosh_times", "slosh_heights"])
     except Exception as error:  # the reader lets through whatever broken bytes cause in it
         reason = (str(error).splitlines() or [type(error).__name__])[0]
-        raise SloshBagError(f"{path}: is no readable MATLAB file: {reason}") from None
+        raise SloshBagError(f"{path}: is not a readable MATLAB file: {reason}") from None
     columns = []
     for name in ("slosh_times", "slosh_heights"):
         value = np.asarray(content.get(name, ()))
         if value.size == 0 or value.dtype.kind not in "fiu":
-            raise SloshBagError(f"{path}: variable {name!r} is missing, empty or no numbers")
+            raise SloshBagError(f"{path}: variable {name!r} is missing, empty or not numeric")
         columns.append(np.asarray(value, dtype=np.float64).ravel())
     times, heights = columns
     if times.shape != heights.shape:

@@ -341,14 +341,14 @@ def _origin(path: Path, absolute: bool, facts: Mapping[str, str], stamps: Stamps
     try:
         return int(noted)
     except ValueError:
-        raise SloshBagError(f"{path}: {TABLE_ORIGIN} = {noted!r} is no whole number") from None
+        raise SloshBagError(f"{path}: {TABLE_ORIGIN} = {noted!r} is not a whole number") from None
 
 
 def _times(path: Path, nanoseconds: Stamps) -> Array:
     times = table_times(nanoseconds)
     if (np.diff(times) <= 0.0).any():
         raise SloshBagError(
-            f"{path}: stamps differ by less than seconds since the epoch can tell as numbers; "
+            f"{path}: stamps differ by less than the resolution of seconds since the epoch; "
             "count from the first row instead"
         )
     return times

@@ -115,7 +115,8 @@ def write_table_bag(
     """
     if table.profile is not None:
         raise SloshBagError(
-            f"{path}: holds a profile (columns profile_X), which no message carries; leave it out"
+            f"{path}: contains a profile (columns profile_X), for which there is no message; "
+            "remove it"
         )
     origin_ns, stamps = table_stamps(path, table.t)
     messages = _TableMessages(path, table, definitions or Definitions())
@@ -304,7 +305,7 @@ def _specific_force(path: Path, table: MotionTable) -> Array:
     zero = np.flatnonzero(largest == 0.0)
     if len(zero):
         raise SloshBagError(
-            f"{path}: line {zero[0] + 2}: qx, qy, qz, qw are all 0; a quaternion has a length"
+            f"{path}: line {zero[0] + 2}: qx, qy, qz, qw are all 0; a quaternion must not be zero"
         )
     scaled = table.attitude / largest  # keeps squares of tiny and of huge numbers finite
     unit = scaled / np.linalg.norm(scaled, axis=1, keepdims=True)

@@ -129,7 +129,7 @@ def _wanted(path: Path, heading: Sequence[str], options: TableOptions) -> dict[i
                 f"{', '.join(repr(one) for one in plain)[:300]}"
             )
         if place in wanted:
-            raise SloshFileError(f"{path}: --columns: column {given!r} cannot be two things")
+            raise SloshFileError(f"{path}: --columns: column {given!r} is used twice")
         wanted[place] = name
     return wanted
 
@@ -163,7 +163,7 @@ def _column(
         raise SloshFileError(
             f"{path}: column {plain!r}: the unit {unit!r} is unknown for {name}; known are "
             f"{known}; convert it"
-            + (", or name its unit: --time-unit" if name == TIME else ", or rename the column")
+            + (", or give its unit: --time-unit" if name == TIME else ", or rename the column")
         )
     return Column(name, plain, place, spelt, kind[spelt])
 
@@ -213,6 +213,6 @@ def _check_single(path: Path, columns: Sequence[Column]) -> None:
         same = [column.given for column in columns if column.name == name]
         if len(set(same)) > 1:
             raise SloshFileError(
-                f"{path}: columns {' and '.join(map(repr, same))} may all be {name}; name one: "
-                f"--columns {name}={same[0]}"
+                f"{path}: columns {' and '.join(map(repr, same))} may all be {name}; choose "
+                f"one: --columns {name}={same[0]}"
             )

@@ -129,7 +129,7 @@ def read_table(
             reader = _Numbers(form, [*kept, *indexes], options, may_be_blank, relative)
             reader.read()
         except csv.Error as error:
-            raise SloshFileError(f"{path}: line {form.line}: is no CSV: {error}") from None
+            raise SloshFileError(f"{path}: line {form.line}: is not CSV: {error}") from None
     notes = [note for note in (_separated(form, options), reader.finish()) if note]
     data = reader.data
     for place, column in enumerate(indexes, start=len(kept)):
@@ -158,14 +158,14 @@ def _check_kind(path: Path) -> None:
         workbook = path.suffix.lower() in (".xlsx", ".ods", ".xls")
         remedy = " save the workbook as CSV" if workbook else remedy
         raise SloshFileError(
-            f"{path}: is no table, it is {kind[0]}; a table is CSV;{remedy}".rstrip(";")
+            f"{path}: is not a table, it is {kind[0]}; a table must be CSV;{remedy}".rstrip(";")
         )
 
 
 def _separated(form: Rows, options: TableOptions) -> str:
     notes = []
     if form.before:
-        notes.append(f"the heading is behind {form.before} other lines")
+        notes.append(f"the heading follows {form.before} other lines")
     if form.separator not in (",", options.separator):
         notes.append(f"{name_of(form.separator)} between the columns")
     return "; ".join(notes)
@@ -208,8 +208,8 @@ def _check_index(path: Path, column: Column, values: Array) -> None:
     if len(values) > 1 and not (np.diff(values) == 1.0).all():
         name = column.given or f"number {column.place + 1}"
         raise SloshFileError(
-            f"{path}: column {name} has no name that is known, and does not count the rows; "
-            "give it one, or name the columns to read: --columns t=…,ax=…"
+            f"{path}: column {name} has no known name and is not a row number; rename it, or "
+            "choose the columns to read: --columns t=…,ax=…"
         )
 
 
@@ -317,7 +317,7 @@ class _Numbers:
                     f"{form.path}: has more than {most} cells; cut it into several"
                 )
         if not values:
-            raise SloshFileError(f"{form.path}: holds a heading and no rows")
+            raise SloshFileError(f"{form.path}: contains a heading but no rows")
 
     def _row(self, cells: Sequence[str]) -> list[float]:
         if self._time is None:
@@ -371,7 +371,7 @@ class _Numbers:
             hint = "; fill the cell, or delete the row"
         raise SloshFileError(
             f"{self._form.path}: line {self._form.line}: column "
-            f"{self._columns[place].given!r}: {cell!r:.60} is no number{hint}"
+            f"{self._columns[place].given!r}: {cell!r:.60} is not a number{hint}"
         )
 
     def finish(self) -> str:
@@ -384,12 +384,13 @@ class _Numbers:
             return ""
         if self._form.dotted:
             raise SloshFileError(
-                f"{self._form.path}: holds decimal points and commas: which are decimal? Save it "
-                "without thousands separators, or say it: --decimal ,"
+                f"{self._form.path}: contains decimal points and commas: save it without "
+                "thousands separators, or give --decimal ,"
             )
         if not self._surely:
             raise SloshFileError(
-                f"{self._form.path}: {self._grouped!r} may be a decimal comma or one that parts "
-                "thousands; say it: --decimal , (or save the table without thousands separators)"
+                f"{self._form.path}: the comma in {self._grouped!r} may be a decimal comma or "
+                "a thousands separator: give --decimal , (or save the table without thousands "
+                "separators)"
             )
         return "decimal commas"

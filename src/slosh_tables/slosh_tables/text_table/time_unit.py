@@ -74,7 +74,7 @@ def check_step(path: Path, t: Array, unit: str | None, name: str) -> None:
     raise SloshFileError(
         f"{path}: column {name!r}: rows are {step:.6g} apart, too far for seconds; "
         + (f"probably {likely}: " if units else "")
-        + f"name the unit: --time-unit {units[0] if units else 'ms'} (or s)"
+        + f"give the unit: --time-unit {(units[0] if units else 'ms')} (or s)"
     )
 
 
@@ -87,6 +87,6 @@ def check_span(path: Path, t: Array) -> None:
     span = float(t[-1] - t[0])
     if span > LONGEST_MOTION:
         raise SloshFileError(
-            f"{path}: column 't': the motion lasts {span:.6g} s, more than {LONGEST_MOTION:g} s; "
-            "is the time in another unit (--time-unit)? Otherwise cut the table"
+            f"{path}: column 't': the motion lasts {span:.6g} s, more than {LONGEST_MOTION:g} "
+            "s; is the time in another unit (--time-unit)? Otherwise split the table"
         )
