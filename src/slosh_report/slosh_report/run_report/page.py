@@ -131,7 +131,7 @@ def _seen(report: RunReport) -> dict[str, str]:
         "heights": f"Line chart of the heights over time. Highest: {summary}.{limit}",
         "residual": "Line chart of measured minus estimated height over time;"
         " see the table under Agreement for a summary.",
-        "azimuth": "Polar chart of the place on the wall where the liquid is highest, seen from above.",
+        "azimuth": "Polar chart of the place of the highest liquid on the wall, seen from above.",
     }
 
 
