@@ -205,7 +205,7 @@ def test_more_points_than_a_motion_may_have_are_refused(slosh_plan):
         (("--max-tilt-rate", "0"), "tilt_rate = 0 rad/s"),
         (("--max-jerk", "nan"), "jerk = nan"),
         (("--residual", "0"), "residual limit = 0.0 m"),
-        (("--margin", "0.02"), "leaves nothing"),
+        (("--margin", "0.02"), "is not below the limit"),
     ],
 )
 def test_wrong_options_are_refused_in_one_line(slosh_plan, options, text):

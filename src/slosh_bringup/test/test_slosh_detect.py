@@ -429,7 +429,7 @@ def test_another_camera_s_calibration_is_suspected(capsys, tmp_path, folder):
     assert code == 1
     assert np.all(np.isnan(table["msh"]))
     (line,) = capsys.readouterr().err.strip().splitlines()
-    assert "other.yaml expects it: is it this camera's" in line
+    assert "other.yaml: check that this file belongs to the camera" in line
     assert detect(tmp_path, folder)[0] == 0
     assert capsys.readouterr().err == ""
 

@@ -76,7 +76,7 @@ def test_a_profile_becomes_the_height_of_its_line(tables):
     assert motion.eta_azimuth.tolist() == [0.0]
     expected = predicted_heights(TRUTH, motion.inputs, motion.t, [0.0])
     assert np.std(motion.eta - expected) < 1.5e-4
-    with pytest.raises(SloshDiscoveryError, match="only a model says how wide"):
+    with pytest.raises(SloshDiscoveryError, match="its width is known only with a model"):
         read_motions(path)
 
 

@@ -208,8 +208,9 @@ def _print(
     print(f"{summary.text()}, in {plain_line(arguments.output)}")
     if summary.mostly_unseen:
         _tell(
-            f"most images show no surface where {arguments.camera} expects it: is it this "
-            "camera's, and has nothing moved since? `slosh calibrate` on an image at rest tells"
+            f"most images show no liquid surface at the place given by {arguments.camera}: "
+            "check that this file belongs to the camera and that nothing has moved since; run "
+            "`slosh calibrate` on an image at rest"
         )
     for sentence in pictures:
         print(plain_line(sentence))

@@ -66,7 +66,7 @@ def _container(cup: NewCup, *, wall: bool) -> str:
     else:
         lines.append(f"  rim_height: {cup.rim_height!r}  # {rim}")
     if wall:
-        lines.append(f"  wall_thickness: {cup.wall or 0.0!r}  # [m]; light bends in it")
+        lines.append(f"  wall_thickness: {cup.wall or 0.0!r}  # [m]; it refracts light")
         lines.append("  wall_refractive_index: 1.49  # acrylic glass; 1.47 borosilicate")
     return "\n".join(lines)
 
@@ -75,18 +75,18 @@ def _model(cup: NewCup) -> str:
     effects = "".join(_effect(use) for use in cup.model.effects)
     liquid = cup.liquid
     if not cup.is_round:
-        effects += "  # - name: pendulum_nonlinearity  # where the surface tilts far\n"
+        effects += "  # - name: pendulum_nonlinearity  # for large surface angles\n"
     return f"""\
-# The container and its liquid: what estimator, replay, planning and discovery work with.
+# The container and its liquid: used by estimator, replay, planning and discovery.
 # All values are in SI units; every key is explained in docs/files.md.
 container:
 {_container(cup, wall=False)}
 liquid:
   density: {liquid.density!r}  # [kg/m3]
   kinematic_viscosity: {liquid.kinematic_viscosity!r}  # [m2/s]; water 1e-6, milk 2e-6, oil 7e-5
-# auto: by formula. `slosh identify` measures it; it says how long waves last.
+# auto: by formula. `slosh identify` measures it; it determines how long waves last.
 damping_ratio: auto
-# What is added to the planar linear model; `slosh discover` finds what is missing.
+# Effects added to the planar linear model; `slosh discover` finds missing ones.
 effects:
 {effects}"""
 
@@ -103,15 +103,15 @@ def _cell(cup: NewCup, folder: Path) -> str:
     camera = (
         f"calibration: {CAMERA}"
         if cup.camera
-        else "# The estimate alone is watched. With a camera: `calibration: camera.yaml`.\n"
+        else "# Only the estimate is monitored. With a camera: `calibration: camera.yaml`.\n"
         "camera: none"
     )
     return f"""\
-# What a running cell consists of: slosh cell --config {_word(folder / CELL)}
+# Configuration of a running cell: slosh cell --config {_word(folder / CELL)}
 # Paths are relative to this file.
 model: {MODEL}
 {camera}
-# Of all nodes; topics are below it.
+# Namespace of all nodes and topics.
 namespace: {cup.namespace}
 # ROS parameters that differ from the nodes' defaults, such as the limits (docs/robot.md).
 # parameters: parameters.yaml
@@ -126,7 +126,7 @@ def _camera(cup: NewCup, folder: Path) -> str:
     steps = "\n".join(f"#   {step}" for step in next_steps(cup, folder)[:-1])
     return f"""\
 # The camera is not calibrated yet: the matrix is zero, and `pose` and `still_image` are missing.
-# STILL is an image of the liquid at rest. These commands write this file anew (docs/start.md):
+# STILL is an image of the liquid at rest. These commands overwrite this file (docs/start.md):
 {steps}
 image_width: {width}
 image_height: {height}

@@ -108,7 +108,7 @@ def _profile_motion(
 ) -> MeasuredMotion:
     """The line nearest to each frame of a profile, as the height at +x (TM20, eqs. (11), (12))."""
     if model is None:
-        raise SloshDiscoveryError(f"{path}: holds a profile; only a model says how wide it is")
+        raise SloshDiscoveryError(f"{path}: holds a profile; its width is known only with a model")
     assert table.profile is not None and table.profile_x is not None  # noqa: PT018  # by the caller
     rows = _sampled(table.profile)
     profile = table.profile[rows]

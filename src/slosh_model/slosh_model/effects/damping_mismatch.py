@@ -20,7 +20,7 @@ def _modes(modes: tuple[Mode, ...], parameters: Parameters) -> tuple[Mode, ...]:
 EFFECT = Effect(
     name="damping_mismatch",
     title="damping mismatch",
-    meaning="Waves die away faster or slower than the model says, at all heights alike.",
+    meaning="Waves decay faster or slower than in the model, equally at all heights.",
     stages=(Stage.DYNAMICS,),
     equation=r"\zeta \to k\,\zeta",
     source="DL22, eq. (12); measured decays: Ibrahim 2005, ch. 3",

@@ -1,4 +1,4 @@
-"""The container holds more or less liquid than the model says."""
+"""The container holds more or less liquid than the model assumes."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def _modes(modes: tuple[Mode, ...], parameters: Parameters) -> tuple[Mode, ...]:
 EFFECT = Effect(
     name="fill_level",
     title="fill level",
-    meaning="The container holds more or less liquid than the model says.",
+    meaning="The container holds more or less liquid than the model assumes.",
     stages=(Stage.DYNAMICS, Stage.HEIGHT),
     equation=r"h \to h + \delta",
     source="DL22, eqs. (3), (4), Tables 1 and 2 with the changed h",

@@ -28,7 +28,7 @@ def _drive(dt, inputs, pose, memory, p):  # type: ignore[no-untyped-def]
 EFFECT = Effect(
     name="gravity_tilt",
     title="tilt by attitude",
-    meaning="A container that tilts as it moves feels a share of gravity along its floor.",
+    meaning="In a container that tilts as it moves, a part of gravity acts along its floor.",
     stages=(Stage.INPUT,),
     equation=r"a \to R^T(a + g\hat z) - g\hat z",
     source="equivalence of gravity and acceleration",

@@ -14,7 +14,7 @@ EFFECT = Effect(
     name="height_offset",
     title="offset of the heights",
     meaning=(
-        "The still surface is not where the calibration says: a constant is added to every height."
+        "The still surface is not at the calibrated level: a constant is added to every height."
     ),
     stages=(Stage.MEASUREMENT,),
     equation=r"\eta \to \eta + b",

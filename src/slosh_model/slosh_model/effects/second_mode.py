@@ -17,7 +17,8 @@ EFFECT = Effect(
     name="second_mode",
     title="second mode",
     meaning=(
-        "The second mode of the cup sloshes besides the first, with its own frequency and damping."
+        "The second mode of the cup oscillates in addition to the first, with its own frequency "
+        "and damping."
     ),
     stages=(Stage.DYNAMICS, Stage.HEIGHT),
     equation=(

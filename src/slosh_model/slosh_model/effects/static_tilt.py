@@ -39,10 +39,7 @@ def _angle(name: str, description: str) -> Parameter:
 EFFECT = Effect(
     name="static_tilt",
     title="constant tilt",
-    meaning=(
-        "The container, or the accelerometer, is mounted with a constant tilt that "
-        "nobody measured."
-    ),
+    meaning="The container, or the accelerometer, is mounted with an unknown constant tilt.",
     stages=(Stage.INPUT,),
     equation=r"a \to R_t^T(a + g\hat z) - g\hat z,\quad R_t = R_y(\theta)R_x(\phi)",
     source="equivalence of gravity and acceleration",

@@ -16,7 +16,7 @@ EFFECT = Effect(
     name="surface_tension",
     title="surface tension",
     meaning=(
-        "Surface tension pulls a curved surface flat beside gravity, and short waves the more."
+        "Surface tension flattens a curved surface in addition to gravity, short waves the most."
     ),
     stages=(Stage.DYNAMICS,),
     equation=(

@@ -20,7 +20,7 @@ def _drive(dt, inputs, pose, memory, p):  # type: ignore[no-untyped-def]
 EFFECT = Effect(
     name="yaw_coupling",
     title="drag by yaw",
-    meaning="Liquid in a round cup follows a part of the cup's yaw, in place of none.",
+    meaning="Liquid in a round cup follows a part of the cup's yaw instead of none of it.",
     stages=(Stage.DYNAMICS,),
     equation=(
         r"\dot q|_{\mathrm{drag}} = \kappa\dot\psi\,\hat z\times q,\quad"

@@ -79,7 +79,7 @@ class Overview {
 
   leave() {
     this.line.hidden = this.mark.hidden = true;
-    this.values.textContent = "Point at a moment for its values, drag over a span for a closer look.";
+    this.values.textContent = "Point at a time to see its values; drag over a range to zoom in.";
   }
 }
 

@@ -130,8 +130,8 @@ def _seen(report: RunReport) -> dict[str, str]:
     return {
         "heights": f"Line chart of the heights over time. Highest: {summary}.{limit}",
         "residual": "Line chart of measured minus estimated height over time;"
-        " the table under Agreement sums it up.",
-        "azimuth": "Polar chart of where on the wall the liquid is highest, seen from above.",
+        " see the table under Agreement for a summary.",
+        "azimuth": "Polar chart of the place of the highest liquid on the wall, seen from above.",
     }
 
 

@@ -119,7 +119,7 @@ function hold() {
     put("play", state.playing ? "hold" : "play");
   } else {
     state.held = !state.held;
-    if (state.held) put("reason", "held: the page shows a moment of the past (Space goes on)");
+    if (state.held) put("reason", "held: the page shows a past moment (press Space to continue)");
     else draw();
   }
 }
@@ -138,7 +138,7 @@ if (recorded) {
   part("play").addEventListener("click", hold);
 } else {
   setInterval(() => {
-    if (performance.now() - state.heard > LOST) banner("no connection", "nothing comes from the cell's page server; trying again");
+    if (performance.now() - state.heard > LOST) banner("no connection", "no data from the page's server; trying again");
   }, 100);
 }
 
