@@ -31,6 +31,7 @@ from rclpy.node import Node
 from sensor_msgs.msg import Image
 from std_srvs.srv import Trigger
 
+from slosh_bag.errors import SloshBagError
 from slosh_bag.reader import BagReader
 from slosh_bringup.processes import node_environment
 from slosh_msgs.msg import FreeSurface, PredictionOutcome, SloshComparison
@@ -251,15 +252,25 @@ def report(
     print(
         "states     " + ", ".join(f"{names[key]} {count}" for key, count in sorted(states.items()))
     )
-    verification = replay_bag(bag).verification
-    exact = verification is not None and verification.exact
-    for line in verification.lines() if verification else ("no estimates",):
+    exact, lines = replayed(bag)
+    for line in lines:
         print(line)
     lost = int(BagReader(bag).metadata().get("messages_lost", "0"))
     missing = missing_estimates(bag)
     print(f"messages lost {lost}, of which estimates at least {missing} by their own numbers")
     print(f"the cell ended by itself: {ended}; exit code {code}")
     return int(ended or grown or not exact or missing > lost or code != int(lost > 0))
+
+
+def replayed(bag: Path) -> tuple[bool, tuple[str, ...]]:
+    """Whether the bag replays bit for bit, and lines that say what differs or why it cannot."""
+    try:
+        verification = replay_bag(bag).verification
+    except SloshBagError as error:
+        return False, (f"not replayed: {error}",)
+    if verification is None:
+        return False, ("no estimates",)
+    return verification.exact, tuple(verification.lines())
 
 
 def missing_estimates(bag: Path) -> int:

@@ -1,5 +1,6 @@
 """The recorder node over DDS: every byte, late joiners, publishers that offer different things."""
 
+import itertools
 import random
 import re
 import time
@@ -15,12 +16,13 @@ from rclpy.parameter import Parameter
 from rclpy.qos import QoSDurabilityPolicy as Durability
 from rclpy.qos import QoSProfile
 from rclpy.qos import QoSReliabilityPolicy as Reliability
+from rclpy.serialization import serialize_message
 from sensor_msgs.msg import CompressedImage, Image, PointCloud2
 from std_msgs.msg import Header
 
 from slosh_bag.errors import SloshBagError
 from slosh_bag.nodes.recorder_node import RecorderNode
-from slosh_bag.nodes.topic_input import Publisher, matching, wanted
+from slosh_bag.nodes.topic_input import Publisher, Received, matching, wanted
 from slosh_bag.reader import BagReader
 from slosh_bag.recorded_topics import TopicChoice
 from slosh_msgs.msg import FreeSurface, LimitEvent, NodeSettings, SloshEstimate
@@ -32,6 +34,7 @@ from slosh_msgs_py.node.run import make_executor
 from slosh_replay.recording.facts import shared_topics_line
 
 PATIENCE = 20.0
+DATA = serialize_message(FreeSurface())
 BEST_EFFORT = QoSProfile(depth=10, reliability=Reliability.BEST_EFFORT)
 
 
@@ -129,6 +132,48 @@ def test_latched_messages_from_before_the_start_are_recorded(graph):
     graph.until(lambda: graph.recorded("event") == 1)
     _, (event,) = graph.finish()
     assert event.id == 7
+
+
+def test_what_comes_while_the_topics_are_taken_is_recorded_in_the_order_in_which_it_came(graph):
+    """On a busy machine one pass over the topics lasts for seconds, and messages go on coming."""
+    graph.record()
+    publishers = [graph.publisher(FreeSurface, name) for name in ("first", "second")]
+    now = time.time_ns()
+    came = {publisher.topic_name: [] for publisher in publishers}
+    for k in range(60):  # one every 50 ms on each topic, for 3 s from now on
+        for publisher in publishers:
+            arrived = now + 50_000_000 * k + 1000 * len(came[publisher.topic_name])
+            came[publisher.topic_name].append(arrived)
+
+    class Slow:
+        """An input whose messages up to some moment of the pass are taken."""
+
+        def __init__(self, entry, passes):
+            self.entry, self.passes, self.given = entry, passes, 0
+
+        def take(self, give):
+            until = now + self.passes.pop(0)
+            times = came[self.entry.topic]
+            while self.given < len(times) and times[self.given] <= until:
+                arrived = times[self.given]
+                give(Received(arrived, arrived, self.entry.topic, DATA))
+                self.given += 1
+
+        def __getattr__(self, name):
+            return getattr(self.entry, name)
+
+    s = 10**9
+    passes = {
+        publishers[0].topic_name: [0, 2 * s, 9 * s],
+        publishers[1].topic_name: [s, 3 * s, 9 * s],
+    }
+    inputs = graph.recorder._inputs
+    for topic, moments in passes.items():
+        inputs[topic] = Slow(inputs[topic], moments)
+    graph.recorder._take()
+    graph.recorder._take()
+    recorded, _ = graph.finish()
+    assert [m.publish_ns for m in recorded] == sorted(itertools.chain(*came.values()))
 
 
 def test_it_tells_at_once_whose_settings_it_has(graph):

@@ -13,9 +13,9 @@ from slosh_bag.errors import SloshBagError
 from slosh_bag.interchange.bag_contents import bag_contents
 from slosh_bag.reader import BagMessage, BagReader
 from slosh_base.files import check_outside, new_folder
-from slosh_replay.recording.inputs import STAMP, stamps_of
-from slosh_replay.recording.sources import find_sources
-from slosh_replay.strays import set_backs
+from slosh_replay.recording.inputs import STAMP, recorded_inputs, stamps_of
+from slosh_replay.recording.sources import Sources, find_sources
+from slosh_replay.strays import set_backs, strays_ahead
 
 PART = "part_{}"
 
@@ -39,10 +39,12 @@ def split_bag(path: Path, folder: Path, progress: Callable[[int], None]) -> list
         OSError: a new bag cannot be written.
     """
     reader = BagReader(path)
-    topic = find_sources(path, reader).input
-    cuts = _cuts(reader, topic)
+    sources = find_sources(path, reader)
+    cuts = _cuts(reader, sources)
     if not len(cuts):
-        raise SloshBagError(f"{path}: the stamps of {topic} never go back: nothing to split")
+        raise SloshBagError(
+            f"{path}: the stamps of {sources.input} never go back: nothing to split"
+        )
     check_outside(folder, [path])
     with new_folder(folder) as room:
         names = [PART.format(number + 1) for number in range(len(cuts) + 1)]
@@ -51,13 +53,16 @@ def split_bag(path: Path, folder: Path, progress: Callable[[int], None]) -> list
     return [folder / name for name in names]
 
 
-def _cuts(reader: BagReader, topic: str) -> NDArray[np.int64]:
+def _cuts(reader: BagReader, sources: Sources) -> NDArray[np.int64]:
     """When the messages were recorded with which the input's time was set back [ns]."""
-    stamps, logs = [np.empty(0, dtype=np.int64)], [np.empty(0, dtype=np.int64)]
-    for block in reader.blocks([topic]):
-        stamps.append(stamps_of(reader.columns(block, STAMP)))
-        logs.append(block.log_ns)
-    found: NDArray[np.int64] = np.concatenate(logs)[set_backs(np.concatenate(stamps).tolist())]
+    each, log_ns = [np.empty(0, dtype=np.int64)], [np.empty(0, dtype=np.int64)]
+    for block in reader.blocks([sources.input]):
+        each.append(stamps_of(reader.columns(block, STAMP)))
+        log_ns.append(block.log_ns)
+    stamps, logs = np.concatenate(each), np.concatenate(log_ns)
+    gap = recorded_inputs(sources.starts, sources.facts).gate.max_gap
+    kept = ~strays_ahead(stamps, round(gap * 1e9))
+    found: NDArray[np.int64] = logs[kept][set_backs(stamps[kept].tolist())]
     return found
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import struct
 from collections.abc import Callable
 from pathlib import Path
@@ -107,6 +108,34 @@ def test_a_bag_is_cut_where_time_was_set_back(tmp_path: Path) -> None:
     assert sum(count.get(SURFACE) or 0 for count in counts) == 546
     assert counts[0][SETTINGS] == counts[1][SETTINGS] == 3
     assert [replay_bag(part).counters["samples_used"] for part in parts] == [2000, 2609]
+
+
+def test_messages_that_were_recorded_late_are_told_and_each_part_replays(tmp_path: Path) -> None:
+    """As an earlier recorder did on a busy machine; and a stranger's sample is 5 s ahead."""
+    bag, reader = tmp_path / "bag", BagReader(BAG)
+    messages = [message for message in reader.messages() if message.topic != "/slosh/comparison"]
+    first = next(message.log_ns for message in messages if message.topic == ACCEL)
+    ends = [first + 2 * SECOND, first + 3 * SECOND, first + 33 * SECOND // 10]
+    logs = [message.log_ns for message in messages]
+    b, c, d = np.searchsorted(logs, ends).tolist()
+    numbers, log_ns = itertools.count(1), 0
+    with BagWriter(bag, custom=reader.metadata()) as writer:
+        for name, topic in bag_contents(BAG).topics.items():
+            if name != "/slosh/comparison":
+                writer.add_topic(name, topic.message_type, *topic.offered[:1])
+        for message in messages[:b] + messages[c:d] + messages[b:c] + messages[d:]:
+            log_ns = max(log_ns, message.log_ns)
+            writer.write(message.topic, message.data, log_ns)
+            if message.topic == ACCEL and next(numbers) == 300:
+                data = bytearray(message.data)
+                struct.pack_into("<i", data, 4, struct.unpack_from("<i", data, 4)[0] + 5)
+                writer.write(ACCEL, bytes(data), log_ns)
+    with pytest.raises(SloshBagError, match="recorded later than ones sent after them: cut"):
+        replay_bag(bag)
+    parts = split_bag(bag, tmp_path / "parts", lambda count: None)
+    results = [replay_bag(part) for part in parts]
+    assert [result.counters["samples_used"] for result in results] == [1151, 3458]
+    assert any("set aside 1 inputs" in line for line in results[0].warnings)
 
 
 def test_a_bag_whose_time_goes_on_is_not_cut(tmp_path: Path) -> None:

@@ -15,6 +15,7 @@ from rclpy.serialization import deserialize_message
 from rclpy.subscription import Subscription
 
 from slosh_bag.bag_writer import Split
+from slosh_bag.nodes.arrivals import Arrivals
 from slosh_bag.nodes.log_times import LogTimes
 from slosh_bag.nodes.recorder_health import Traffic, findings, left_out_text
 from slosh_bag.nodes.topic_input import Received, TopicInput, noted
@@ -89,7 +90,8 @@ class RecorderNode(GuardedNode):
         self._missed: Counter[str] = Counter()  # of inputs that are no longer recorded
         self._traffic = Traffic()
         self._told: set[str] = set()
-        self._held: list[Received] = []
+        self._taken: list[Received] = []
+        self._arrivals = Arrivals()
         self._times = LogTimes(time.time_ns(), time.monotonic_ns())
         self._core = Recorder(
             Path(values["output"]),
@@ -168,7 +170,7 @@ class RecorderNode(GuardedNode):
 
     def _hold(self, received: Received) -> None:
         arrived_ns = self._times.of(received.arrived_ns)
-        self._held.append(received._replace(arrived_ns=arrived_ns))
+        self._taken.append(received._replace(arrived_ns=arrived_ns))
         self._traffic.add(received.topic, len(received.data))
 
     def _take(self, final: bool = False) -> None:
@@ -178,22 +180,18 @@ class RecorderNode(GuardedNode):
         settled = self._times.of(now) - _SETTLED
         for entry in self._inputs.values():
             entry.take(self._hold)
-        if not self._held:
-            return
+        taken, self._taken = self._taken, []
+        known = self._arrivals.sort(taken, settled) + (self._arrivals.rest() if final else [])
         clock = self.get_clock()
         simulated = clock.now().nanoseconds if clock.ros_time_is_active else None
-        held, self._held = sorted(self._held, key=lambda received: received.arrived_ns), []
-        for received in held:
-            # One of another topic may have come before it. After a step of the clock none waits.
-            if not final and 0 < received.arrived_ns - settled < SECOND:
-                self._held.append(received)
-            elif simulated is None:
+        for received in known:
+            if simulated is None:
                 log_ns = self._times.in_order(received.arrived_ns)
                 self._core.add(received.topic, received.data, log_ns, received.sent_ns or None)
             else:
                 self._core.add(received.topic, received.data, simulated)
         if not final:
-            self._look_for_settings(held)
+            self._look_for_settings(taken)
 
     def _look_for_settings(self, taken: Sequence[Received]) -> None:
         """Tells at once whose settings have come: a run does not begin before."""

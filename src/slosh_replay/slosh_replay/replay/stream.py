@@ -367,8 +367,9 @@ class ReplayStream:
         if len(late):
             raise SloshBagError(
                 f"{self._name}: the stamps of the input go back at "
-                f"{whole.stamps[late[0]] * 1e-09:.3f} s: split the bag there with `slosh "
-                f"recover --split {self._name} -o NEW`"
+                f"{whole.stamps[late[0]] * 1e-9:.3f} s, where a clock was set back or messages "
+                "were recorded later than ones sent after them: split the bag there with "
+                f"`slosh recover --split {self._name} -o NEW` and replay each part"
             )
         self._heights = whole
 
