@@ -360,14 +360,14 @@ class ReplayStream:
         if len(late) and self._set_backs > SET_BACKS:
             raise SloshBagError(
                 f"{self._name}: the stamps of the input go back {self._set_backs} times, first "
-                f"at {whole.stamps[late[0]] * 1e-09:.3f} s, as when messages of several "
+                f"at {whole.stamps[late[0]] * 1e-9:.3f} s, as when messages of several "
                 "publishers are mixed on one topic; the recording cannot separate them: "
                 "record one publisher at a time"
             )
         if len(late):
             raise SloshBagError(
                 f"{self._name}: the stamps of the input go back at "
-                f"{whole.stamps[late[0]] * 1e-09:.3f} s: split the bag there with `slosh "
+                f"{whole.stamps[late[0]] * 1e-9:.3f} s: split the bag there with `slosh "
                 f"recover --split {self._name} -o NEW`"
             )
         self._heights = whole
