@@ -249,8 +249,8 @@ def test_what_is_no_bag_is_named(tmp_path: Path):
         (tmp_path / "nothing", "no such file"),
         (tmp_path / "empty", "holds no metadata.yaml"),
         (tmp_path / "text.txt", "is not one of .bag"),
-        (tmp_path / "text.bag", "is no ROS 1 bag"),
-        (tmp_path / "text.db3", "is no SQLite file: it is a text file"),
+        (tmp_path / "text.bag", "is not a ROS 1 bag"),
+        (tmp_path / "text.db3", "is not an SQLite file: it is a text file"),
         (folder, "cannot be read: Could not load YAML"),
     ):
         with pytest.raises(SloshBagError, match=expected) as caught:

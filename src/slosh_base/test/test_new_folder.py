@@ -91,7 +91,7 @@ def test_a_file_is_no_folder(tmp_path):
     file = tmp_path / "file"
     file.write_text("mine")
     for path in (file, file / "below"):
-        with pytest.raises(SloshFileError, match="file: is no folder"):
+        with pytest.raises(SloshFileError, match="file: is not a folder"):
             new_folder(path).__enter__()
     with pytest.raises(SloshFileError, match="is not a folder"):
         check_free(file)

@@ -161,7 +161,7 @@ def test_what_import_cannot_do_is_one_line(table: Path, bag: Path, tmp_path: Pat
     (cut,) = (tmp_path / "bags" / "run").glob("*.mcap")
     (tmp_path / "cut.mcap").write_bytes(cut.read_bytes()[:2000])
     for words, expected in (
-        (["rosbag", tmp_path / "junk.bag", "-o", tmp_path / "b"], "junk.bag: is no ROS 1 bag"),
+        (["rosbag", tmp_path / "junk.bag", "-o", tmp_path / "b"], "junk.bag: is not a ROS 1 bag"),
         (["rosbag", tmp_path / "cut.mcap", "-o", tmp_path / "b"], "`slosh recover` writes"),
         (["table", table, "-o", tmp_path / "bags"], "run: exists already"),
         (["table", tmp_path / "no.csv", "-o", tmp_path / "b"], "no.csv: cannot be read"),

@@ -51,7 +51,7 @@ class TestVerdict:
     def test_silence_is_never_safe(self, state):
         verdict, reason = judge(state, 3.2)
         assert verdict is Verdict.BLIND
-        assert "silent for 3 s" in reason
+        assert "no message from the monitor for 3 s" in reason
 
     def test_an_open_excess_wins_over_a_state_that_is_back(self):
         assert judge(0, 0.0, exceeded="disagreement 12 mm").verdict is Verdict.EXCEEDED

@@ -87,8 +87,8 @@ class MotionAgreement(NamedTuple):
         if self.offset is not None and self.is_turned:
             return self.offset.sentence
         return (
-            f"measured and estimated height differ by {1000.0 * self.rms:.1f} mm rms in the "
-            f"last motion, noise explains {1000.0 * self.explained:.1f} mm: run slosh discover "
+            f"measured and estimated height differ by {1e3 * self.rms:.1f} mm rms in the "
+            f"last motion, noise explains {1e3 * self.explained:.1f} mm: run slosh discover "
             "--from-bag BAG --model MODEL to find what the model lacks"
         )
 

@@ -73,7 +73,7 @@ class WaveOffset(NamedTuple):
             ""
             if math.isnan(self.delay)
             else (
-                f"; a time offset of {1000.0 * self.delay:+.0f} ms between the two has the "
+                f"; a time offset of {1e3 * self.delay:+.0f} ms between the two has the "
                 "same effect"
             )
         )

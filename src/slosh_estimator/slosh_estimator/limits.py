@@ -144,9 +144,7 @@ class LimitTracker:
         if limit == self.limit:
             self.at_rim = at_rim
             return None
-        event = self.close(
-            max(stamp_ns, self._peak_ns), f"limit changed to {1000.0 * limit:.1f} mm"
-        )
+        event = self.close(max(stamp_ns, self._peak_ns), f"limit changed to {1e3 * limit:.1f} mm")
         self.limit, self.at_rim = limit, at_rim
         return event
 

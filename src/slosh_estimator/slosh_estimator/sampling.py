@@ -190,7 +190,7 @@ class Sampling:
         return (
             f"{self._noun} arrive at {1.0 / self.seconds:.3g} Hz: the gain at mode {number} "
             f"({frequency / math.tau:.1f} Hz) is {gain:.2f}, and the estimate is too "
-            f"{('low' if gain < 1.0 else 'high')}; {publish}{self._remedy}"
+            f"{'low' if gain < 1.0 else 'high'}; {publish}{self._remedy}"
         )
 
     @property
@@ -236,7 +236,7 @@ def gap_sentence(gate: SampleGate, used: int, restarts: int) -> str:
         return ""
     apart, limit = gate.gap_ns * SECONDS, gate.max_gap_ns * SECONDS
     return (
-        f"samples arrive every {1000.0 * apart:.0f} ms, but max_gap is {1000.0 * limit:.0f} "
+        f"samples arrive every {1e3 * apart:.0f} ms, but max_gap is {1e3 * limit:.0f} "
         "ms: each sample counts as a restart after a gap, and nothing is estimated; set "
         f"max_gap to {2.0 * apart:.2g} s, or publish at {math.ceil(1.5 / limit)} Hz or more"
     )

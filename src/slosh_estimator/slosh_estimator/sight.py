@@ -115,7 +115,7 @@ def clocks_apart(measured_ns: int, estimated_ns: int) -> str:
         return ""
     return (
         f"the stamps of the measurements are {abs(apart):.3f} s "
-        f"{('ahead of' if apart > 0.0 else 'behind')} those of the estimates: nothing is "
+        f"{'ahead of' if apart > 0.0 else 'behind'} those of the estimates: nothing is "
         "compared; both must use the same clock"
     )
 

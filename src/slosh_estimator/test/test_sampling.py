@@ -135,7 +135,7 @@ def test_what_is_not_carried_is_said_with_a_remedy() -> None:
         "low; publish at 35 Hz or more, or use a faster sensor"
     )
     third = told([20 * MS] * 8, ((1, 21.0), (2, 36.0), (3, 45.0)))
-    assert "0.96 of mode 2 (5.7 Hz) passes" in third.sentence()
+    assert "the gain at mode 2 (5.7 Hz) is 0.96" in third.sentence()
     assert [round(gain, 2) for gain in third.gains().values()] == [0.99, 0.96, 0.93]
 
 
@@ -167,9 +167,9 @@ def test_memories_of_old_are_taken_up_and_those_of_other_inputs_are_not() -> Non
     imu.take_up(0, [0.0] * 9)
     assert len(accel.memory) == 3 + MEMORY
     for reader in (imu, PoseInput(GateSettings())):
-        with pytest.raises(SloshEstimatorError, match="memory of 37 numbers"):
+        with pytest.raises(SloshEstimatorError, match="input with 37 values"):
             reader.take_up(0, accel.memory)
-    with pytest.raises(SloshEstimatorError, match="memory of 43 numbers"):
+    with pytest.raises(SloshEstimatorError, match="input with 43 values"):
         accel.take_up(0, imu.memory)
 
 

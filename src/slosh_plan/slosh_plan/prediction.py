@@ -72,8 +72,8 @@ class ModelError:
         left = limit**2 - (COVERAGE * self.sigma) ** 2
         if left <= 0.0:
             raise SloshPlanError(
-                f"the model's error, {1000.0 * COVERAGE * self.sigma:.3g} mm (2 σ), is not "
-                f"below the limit of {1000.0 * limit:g} mm"
+                f"the model's error, {1e3 * COVERAGE * self.sigma:.3g} mm (2 σ), is not "
+                f"below the limit of {1e3 * limit:g} mm"
             )
         return left / (limit + math.sqrt(limit**2 - (1.0 - self.epsilon**2) * left))
 

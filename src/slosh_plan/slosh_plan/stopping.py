@@ -150,8 +150,8 @@ def safe_stop(
         if _excess(found, limits) <= 0.0:
             return _stop(moving, duration, chosen, found, quickest)
     raise NoSafeStopError(
-        f"no stop of up to {LONGEST:g} s keeps {1000.0 * limits.height:.3g} mm, afterwards "
-        f"{1000.0 * limits.residual:.3g} mm; the lowest height found is {1000.0 * lowest:.3g} "
+        f"no stop of up to {LONGEST:g} s keeps {1e3 * limits.height:.3g} mm, afterwards "
+        f"{1e3 * limits.residual:.3g} mm; the lowest height found is {1e3 * lowest:.3g} "
         "mm"
     )
 

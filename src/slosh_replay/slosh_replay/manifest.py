@@ -222,9 +222,9 @@ def _expectation(place: _Place, entry: Any) -> Expectation:
     _check_keys(place, entry, _KEYS)
     shows, model = entry.get("shows", ""), entry.get("model")
     if not isinstance(shows, str):
-        raise place.under("shows").error(f"{shown(shows)} is no text")
+        raise place.under("shows").error(f"{shown(shows)} is not a text")
     if model is not None and not (isinstance(model, str) and model):
-        raise place.under("model").error(f"{shown(model)} is no file name")
+        raise place.under("model").error(f"{shown(model)} is not a file name")
     return Expectation(
         shows=shows,
         model=None if model is None else place.folder / model,
@@ -255,7 +255,7 @@ def _tolerance(place: _Place, value: Any) -> float | None:
 
 def _number(place: _Place, value: Any, least: float = -math.inf) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise place.error(f"{shown(value)} is no number")
+        raise place.error(f"{shown(value)} is not a number")
     try:
         number = float(value)
     except OverflowError:
@@ -269,7 +269,7 @@ def _count(place: _Place, value: Any) -> int | None:
     if value is None:
         return None
     if isinstance(value, bool) or not isinstance(value, int) or value < 0:
-        raise place.error(f"{shown(value)} is no number of messages")
+        raise place.error(f"{shown(value)} is not a number of messages")
     return value
 
 

@@ -30,7 +30,7 @@ _ROS1_MAGIC = b"#ROSBAG V"
 MOST_FILE, MOST_RATIO = 1_000_000_000, 50
 """What a file packed as a whole may be unpacked: so many bytes, or times its size."""
 _SLICE = 1 << 20
-_KINDS = {ROS1_SUFFIX: "ROS 1 bag", ".db3": "SQLite file", ".mcap": "MCAP file"}
+_KINDS = {ROS1_SUFFIX: "a ROS 1 bag", ".db3": "an SQLite file", ".mcap": "an MCAP file"}
 
 
 def foreign_reader(source: Path) -> Any:
@@ -58,10 +58,12 @@ def _check_kind(source: Path) -> None:
         return
     kind = foreign_kind(source)
     if kind is not None and not (source.suffix == ".db3" and "SQLite" in kind[0]):
-        raise SloshBagError(f"{source}: is no {_KINDS[source.suffix]}: it is {kind[0]}; {kind[1]}")
+        raise SloshBagError(
+            f"{source}: is not {_KINDS[source.suffix]}: it is {kind[0]}; {kind[1]}"
+        )
     if source.suffix == ROS1_SUFFIX:
         raise SloshBagError(
-            f"{source}: is no ROS 1 bag: it does not begin with {_ROS1_MAGIC.decode()}"
+            f"{source}: is not a ROS 1 bag: it does not begin with {_ROS1_MAGIC.decode()}"
         )
 
 

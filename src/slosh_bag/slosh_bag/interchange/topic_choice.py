@@ -32,5 +32,5 @@ def find_topic(bag: Path, topics: Iterable[str], name: str) -> str:
         raise SloshBagError(f"{bag}: {name!r} may be {' or '.join(ends)}; give the whole name")
     alike = sorted(known, key=lambda topic: -SequenceMatcher(None, name, topic).ratio())
     raise SloshBagError(
-        f"{bag}: has no topic {name!r}; its topics: {(', '.join(alike) if alike else 'none')}"
+        f"{bag}: has no topic {name!r}; its topics: {', '.join(alike) if alike else 'none'}"
     )

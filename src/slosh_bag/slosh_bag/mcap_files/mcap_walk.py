@@ -209,7 +209,7 @@ class McapWalk:
         if not self.found.has_room(definitions, kept=kept):
             raise SloshBagError(
                 f"{self.path}: more than {MOST_DEFINITIONS} schemas and channels, or "
-                f"{MOST_DEFINED // 1000000} MB of them; a usual recording has a few hundred: "
+                f"{MOST_DEFINED // 1_000_000} MB of them; a usual recording has a few hundred: "
                 "filter it or record it again"
             )
 

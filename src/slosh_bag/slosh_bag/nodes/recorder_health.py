@@ -105,7 +105,7 @@ def _errors(status: RecorderStatus) -> list[str]:
     if status.failure:
         found.append(
             f"nothing has been written for {status.since:.0f} s: {status.failure}; "
-            f"{1e-06 * status.free:.0f} MB free: free some space, and recording resumes; "
+            f"{1e-6 * status.free:.0f} MB free: free some space, and recording resumes; "
             f"{status.waiting} messages are waiting, {status.lost_meanwhile} are lost"
         )
     slow = status.unkept - status.lost_meanwhile

@@ -305,11 +305,11 @@ def interval(answer: Plan) -> str:
     (peak, residual), found, error = answer.upper, answer.found, answer.error
     if error is not None:
         return (
-            f"{1000.0 * (peak - found.peak):.2f} mm of the limit, and "
-            f"{1000.0 * (residual - found.residual):.2f} mm of the limit after the end, are "
-            f"reserved for the model's error (σ {1000.0 * error.sigma:.3g} mm, ε "
-            f"{100.0 * error.epsilon:.3g} %, its covariance; 95 %): up to {1000.0 * peak:.2f} "
-            f"mm, after the end {1000.0 * residual:.2f} mm"
+            f"{1e3 * (peak - found.peak):.2f} mm of the limit, and "
+            f"{1e3 * (residual - found.residual):.2f} mm of the limit after the end, are "
+            f"reserved for the model's error (σ {1e3 * error.sigma:.3g} mm, ε "
+            f"{100.0 * error.epsilon:.3g} %, its covariance; 95 %): up to {1e3 * peak:.2f} "
+            f"mm, after the end {1e3 * residual:.2f} mm"
         )
     limits = answer.limits
     missing = max(peak - limits.height, residual - limits.residual)

@@ -127,7 +127,7 @@ def run_nodes(run: LiveRun, screen: Screen, stop: StopRequest) -> Outcome:
         supervision = Supervision(group, processes, watch.tell, others)
         freed = remove_leftovers()
         if freed > _WORTH_TELLING:
-            watch.tell(f"freed {1e-06 * freed:.0f} MB of shared memory left by killed nodes")
+            watch.tell(f"freed {1e-6 * freed:.0f} MB of shared memory left by killed nodes")
         for process in processes:
             group.start(process)
             others.started(process.name, time.monotonic())

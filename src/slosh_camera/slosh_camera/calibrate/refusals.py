@@ -81,7 +81,7 @@ def find_fault(fit: Fit, answer: StillFit, sure: bool, level_shows: bool) -> str
         )
     if not sure and not is_corroborated(fit):
         return (
-            f"two sides and a level {1000.0 * fit.place.distance:.0f} mm away fit, but neither "
+            f"two sides and a level {1e3 * fit.place.distance:.0f} mm away fit, but neither "
             "the glass above the level nor the floor is where it should be: this is another "
             "object, such as a label or a reflection; take the picture from elsewhere or "
             "before a plain background, or give --distance"
@@ -89,7 +89,7 @@ def find_fault(fit: Fit, answer: StillFit, sure: bool, level_shows: bool) -> str
     against = _speaks_against(fit, answer, level_shows)
     if not sure and len(against) >= _TOO_MUCH:
         return (
-            f"the best fit, {1000.0 * fit.place.distance:.0f} mm away, is poor: "
+            f"the best fit, {1e3 * fit.place.distance:.0f} mm away, is poor: "
             f"{', '.join(against)}; take the picture before a plain background, with less on "
             "the glass, or give --level U V, a click on the still level, or --distance"
         )
@@ -125,7 +125,7 @@ def level_fault(fit: Fit, levels: Levels, told: tuple[float, float] | None) -> s
         apart = 1e3 * levels.rival.height
         return (
             f"two levels are possible, {abs(apart):.0f} mm apart: the other is "
-            f"{('above' if apart > 0.0 else 'below')} the best fit; printed rings, seams and "
+            f"{'above' if apart > 0.0 else 'below'} the best fit; printed rings, seams and "
             "the edge of a foot look similar; click on the still level's front line: --level "
             "U V"
         )

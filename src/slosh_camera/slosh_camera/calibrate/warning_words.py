@@ -46,7 +46,7 @@ def warnings_of(fit: StillFit) -> list[str]:
     worst = max(fit.height_stddev.values())
     if worst > _MAX_HEIGHT_ERROR:
         warnings.append(
-            f"heights are known to {1000.0 * worst:.1f} mm only; let the container fill more "
+            f"heights are known to {1e3 * worst:.1f} mm only; let the container fill more "
             "of the image, or show both the front and the rear line of the level"
         )
     if not np.isfinite(fit.residual):

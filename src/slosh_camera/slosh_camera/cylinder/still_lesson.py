@@ -190,7 +190,7 @@ class StillLearner:
         """Refuse a doubted liquid that is far from the still level, or agrees poorly."""
         if abs(still.zero[0]) > _LEVEL:
             raise SloshCameraError(
-                f"still image: its line is {1000.0 * still.zero[0]:+.0f} mm off the "
+                f"still image: its line is {1e3 * still.zero[0]:+.0f} mm off the "
                 "calibration's level, and may be an edge behind the liquid; check the fill "
                 f"height, or {REMEDY}"
             )

@@ -29,8 +29,8 @@ class LevelChanges:
             return ""
         level, stddev = (statistics.median(part) for part in zip(*changes, strict=True))
         return (
-            f"the liquid's level has changed by {1000.0 * level:+.1f} ± "
-            f"{max(1000.0 * stddev, 0.1):.1f} mm since the still image ({len(changes)} of "
+            f"the liquid's level has changed by {1e3 * level:+.1f} ± "
+            f"{max(1e3 * stddev, 0.1):.1f} mm since the still image ({len(changes)} of "
             f"{images} images): heights refer to the old level; record a new still image and "
             "correct the fill height of camera and model"
         )

@@ -36,7 +36,7 @@ EFFECT = Effect(
     name="surface_nonlinearity",
     title="nonlinear free surface",
     meaning=(
-        "High waves are no plane: the liquid slides on a paraboloid, and its surface has "
+        "High waves are not plane: the liquid slides on a paraboloid, and its surface has "
         "the shape of a Bessel function."
     ),
     stages=(Stage.DYNAMICS, Stage.HEIGHT),

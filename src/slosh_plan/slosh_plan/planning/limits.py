@@ -66,7 +66,7 @@ class PlanLimits(HeightLimits):
         least = min(self.height, self.residual)
         if margin >= least:
             raise SloshPlanError(
-                f"margin = {1000.0 * margin:g} mm is not below the limit of {1000.0 * least:g} mm"
+                f"margin = {1e3 * margin:g} mm is not below the limit of {1e3 * least:g} mm"
             )
         return replace(self, height=self.height - margin, residual=self.residual - margin)
 

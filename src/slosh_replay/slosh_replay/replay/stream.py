@@ -360,7 +360,7 @@ class ReplayStream:
         if len(late) and self._set_backs > SET_BACKS:
             raise SloshBagError(
                 f"{self._name}: the stamps of the input go back {self._set_backs} times, first "
-                f"at {whole.stamps[late[0]] * 1e-09:.3f} s, as when messages of several "
+                f"at {whole.stamps[late[0]] * 1e-9:.3f} s, as when messages of several "
                 "publishers are mixed on one topic; the recording cannot separate them: "
                 "record one publisher at a time"
             )

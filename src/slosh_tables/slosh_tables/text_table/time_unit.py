@@ -74,7 +74,7 @@ def check_step(path: Path, t: Array, unit: str | None, name: str) -> None:
     raise SloshFileError(
         f"{path}: column {name!r}: rows are {step:.6g} apart, too far for seconds; "
         + (f"probably {likely}: " if units else "")
-        + f"give the unit: --time-unit {(units[0] if units else 'ms')} (or s)"
+        + f"give the unit: --time-unit {units[0] if units else 'ms'} (or s)"
     )
 
 
