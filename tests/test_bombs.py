@@ -150,6 +150,17 @@ def chunk_of_schemas() -> list[bytes]:
     return [chunk("zstd", *many(schema, 190 * MB), (0, 0))]
 
 
+def many_chunks(content: bytes, size: int) -> Iterable[bytes]:
+    """A file of 0.3 MB of chunks that are packed as well as can be."""
+    head = chunk("", definitions(), len(definitions()), (0, 0))
+    return [head] + [chunk("zstd", content, size)] * (300_000 // len(content))
+
+
+def chunks_of_messages() -> Iterable[bytes]:
+    content = message(1, b"") * 900_000
+    return many_chunks(zstandard.ZstdCompressor(level=19).compress(content), len(content))
+
+
 MCAPS: dict[str, Callable[[], Iterable[bytes]]] = {
     "lz4 that lies": lambda: [chunk("lz4", lz4_without_size(HUGE), 1000)],
     "lz4 that says 1.5 GB": lambda: [chunk("lz4", lz4_without_size(HUGE), HUGE)],
@@ -159,8 +170,13 @@ MCAPS: dict[str, Callable[[], Iterable[bytes]]] = {
     "eight million messages in a chunk": chunk_of_messages,
     "ten million schemas in a chunk": chunk_of_schemas,
     "chunks at the same time": overlapping_chunks,
+    "a hundred million messages": chunks_of_messages,
+    "ten gigabytes in chunks": lambda: many_chunks(zstd_of(bytes(190 * MB)), 190 * MB),
+    "ten gigabytes of messages": lambda: many_chunks(
+        zstd_of(message(1, bytes(190 * MB))), 31 + 190 * MB
+    ),
 }
-QUICK_MCAPS = ("lz4 that lies", "zstd that says 1.5 GB")
+QUICK_MCAPS = ("lz4 that lies", "zstd that says 1.5 GB", "a hundred million messages")
 
 
 def mostly_long(names: Iterable[str], quick: Iterable[str]) -> list[object]:

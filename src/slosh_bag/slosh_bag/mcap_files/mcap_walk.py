@@ -40,6 +40,7 @@ from slosh_bag.mcap_files.chunks import (
 )
 from slosh_bag.mcap_files.found import MOST_DEFINED, Found, Gap
 from slosh_bag.mcap_files.mcap_summary import MAGIC, Summary, read_summary
+from slosh_bag.mcap_files.reading_bound import ReadingBound
 from slosh_bag.mcap_files.record_stream import CutOffError, RecordStream
 
 _LOOSE = (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE)
@@ -67,6 +68,7 @@ class McapWalk:
         self.summary: Summary | None = None
         self._lenient = lenient
         self.size = path.stat().st_size
+        self._bound_on_work = ReadingBound(path, self.size)
         self._cut: ChunkHeader | None = None
         self._stream: RecordStream
 
@@ -127,6 +129,7 @@ class McapWalk:
     def _chunk(self, length: int) -> Chunk:
         position = self._stream.position - RECORD_HEADER
         content = self._stream.take(length)
+        self._bound_on_work.unpack(content)
         chunk = whole_chunk(position, content, agreeing=not self._lenient)
         header = chunk_header(content[:CHUNK_START], length)
         check_appended(content[header.content + header.stored :])
@@ -139,7 +142,9 @@ class McapWalk:
             chunk_header(self._stream.peek(CHUNK_START), length)
         except DamageError:
             return
-        check_no_chunk(self._stream.peek(length))
+        content = self._stream.peek(length)
+        self._bound_on_work.unpack(content)
+        check_no_chunk(content)
 
     def _loose(self, opcode: int, length: int) -> Chunk:
         self._stream.back()
@@ -194,6 +199,7 @@ class McapWalk:
             self.found.orphans += int(np.count_nonzero(~known))
             chunk = chunk.take(known)
         self.found.add(chunk)
+        self._bound_on_work.take(len(chunk))
         return chunk
 
     def _is_in_summary(self, chunk: Chunk) -> bool:
@@ -364,7 +370,9 @@ class McapWalk:
         self._stream.jump(position)
         try:
             _, length = self._stream.begin()
-            whole_chunk(position, self._stream.take(length))
+            content = self._stream.take(length)
+            self._bound_on_work.unpack(content)
+            whole_chunk(position, content)
         except DamageError:
             return False
         return True
