@@ -14,7 +14,6 @@ from slosh_model.model_text import format_model, parse_model
 from slosh_model.simulate import Inputs, simulate
 from slosh_replay.replay import replay_table
 from slosh_tables import MotionTable, write_motion_table
-from tests import new_shape
 
 TEXT = "container: {shape: tub, diameter: 0.1, fill_height: 0.07}\n"
 T = np.arange(0.0, 3.0, 0.004)
@@ -24,6 +23,9 @@ ACCELERATION = np.column_stack([PUSH, 0.5 * PUSH, np.zeros_like(T)])
 
 @pytest.fixture
 def model():
+    # Its definition makes the shape known; so not before these tests.
+    from tests import new_shape
+
     _SHAPES[new_shape.Tub.shape] = new_shape.Tub
     yield parse_model(TEXT)
     del _SHAPES[new_shape.Tub.shape]

@@ -190,7 +190,7 @@ def test_round_trip(model):
             r"cup\.yaml:1: container\.radius: given twice",
         ),
         ("container: 5", "container must be a mapping"),
-        ("", "must be a mapping"),
+        ("", "is empty"),
         ("[1, 2]", "must be a mapping"),
         ("container: {radius: [", "not YAML"),
         (TEXT + "  - name: vertical_acceleration\n", r"cup\.yaml:8: .*listed twice"),
