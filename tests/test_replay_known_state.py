@@ -162,6 +162,23 @@ def test_doubts_about_the_input_come_again_bit_for_bit(kind, late, tmp_path):
     assert all(flag & EstimateFlag.INPUT_DOUBTFUL for flag in flags[500:])
 
 
+@pytest.mark.parametrize("first, last, unchecked", [(1201, 2500, 1300), (2500, 2500, 1)])
+def test_an_edited_counter_of_inputs_is_not_called_bit_for_bit(first, last, unchecked, tmp_path):
+    """By 7 from one estimate on, or of the last one: inputs that no recording of them holds."""
+    live = LiveBag()
+    live.checks = live.states = True
+    put = live._put
+
+    def edited(kind, *given, **fields):
+        if kind == "estimate" and first <= fields["samples_used"] <= last:
+            fields["samples_used"] += 7
+        put(kind, *given, **fields)
+
+    live._put = edited
+    lines = replay_bag(live.write(tmp_path / "bag")).verification.lines()
+    assert any(f"{unchecked} not checked: behind inputs that" in line for line in lines), lines
+
+
 @pytest.mark.parametrize("moves", [False, True])
 def test_an_imu_mounted_askew_is_flagged_and_named_in_the_replay(moves, tmp_path, monkeypatch):
     """By 10°, at rest or with motions of a second after which it stands still for one."""
