@@ -162,7 +162,7 @@ def test_doubts_about_the_input_come_again_bit_for_bit(kind, late, tmp_path):
     assert all(flag & EstimateFlag.INPUT_DOUBTFUL for flag in flags[500:])
 
 
-@pytest.mark.parametrize("first, last, unchecked", [(1201, 2500, 1300), (2500, 2500, 1)])
+@pytest.mark.parametrize(("first", "last", "unchecked"), [(1201, 2500, 1300), (2500, 2500, 1)])
 def test_an_edited_counter_of_inputs_is_not_called_bit_for_bit(first, last, unchecked, tmp_path):
     """By 7 from one estimate on, or of the last one: inputs that no recording of them holds."""
     live = LiveBag()
