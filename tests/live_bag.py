@@ -90,6 +90,7 @@ class LiveBag:
         checks: whether the estimator checks its input; None: it is one of the time before.
         rotation: sensor_rotation of the estimator [rad].
         offset: what the input tells beyond what is true [m/s²].
+        rate: angular velocity that an IMU tells [rad/s].
     """
 
     def __init__(self, kind: str = "accel") -> None:
@@ -118,6 +119,7 @@ class LiveBag:
         self.checks: bool | None = None
         self.rotation = (0.0, 0.0, 0.0)
         self.offset = (0.0, 0.0, 0.0)
+        self.rate = (0.0, 0.0, 0.3)
         self._definitions = Definitions()
         for message_type in TYPES.values():
             self._definitions.hash(message_type)  # makes the type known
@@ -200,7 +202,7 @@ class LiveBag:
             fields = {"accel": self._accel(a)}
             given = ("world", x, y, z)
         elif self.kind == "imu":
-            given = ((x, y, z + GRAVITY), (0.0, 0.0, 0.3))
+            given = ((x, y, z + GRAVITY), self.rate)
             fields = self._imu(*given)
         else:
             given = (tuple(position), self.attitude(index))

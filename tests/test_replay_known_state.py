@@ -2,6 +2,7 @@
 
 import math
 
+import numpy as np
 import pytest
 
 from slosh_bag.definitions import find_interfaces
@@ -10,7 +11,7 @@ from slosh_estimator.validity import EstimateFlag
 from slosh_model.constants import GRAVITY
 from slosh_replay.replay import replay_bag
 from slosh_replay.replay.input_matching import PATIENCE_NS
-from tests.live_bag import MODEL, LiveBag
+from tests.live_bag import MODEL, START, LiveBag
 from tests.test_replay_verification import TANK
 
 pytestmark = pytest.mark.skipif(
@@ -159,6 +160,41 @@ def test_doubts_about_the_input_come_again_bit_for_bit(kind, late, tmp_path):
     assert flags[-1] & EstimateFlag.INPUT_DOUBTFUL
     # A second of rest is at the beginning: from then on all are flagged.
     assert all(flag & EstimateFlag.INPUT_DOUBTFUL for flag in flags[500:])
+
+
+@pytest.mark.parametrize(("first", "last", "unchecked"), [(1201, 2500, 1300), (2500, 2500, 1)])
+def test_an_edited_counter_of_inputs_is_not_called_bit_for_bit(first, last, unchecked, tmp_path):
+    """By 7 from one estimate on, or of the last one: inputs that no recording of them holds."""
+    live = LiveBag()
+    live.checks = live.states = True
+    put = live._put
+
+    def edited(kind, *given, **fields):
+        if kind == "estimate" and first <= fields["samples_used"] <= last:
+            fields["samples_used"] += 7
+        put(kind, *given, **fields)
+
+    live._put = edited
+    lines = replay_bag(live.write(tmp_path / "bag")).verification.lines()
+    assert any(f"{unchecked} not checked: behind inputs that" in line for line in lines), lines
+
+
+@pytest.mark.parametrize("moves", [False, True])
+def test_an_imu_mounted_askew_is_flagged_and_named_in_the_replay(moves, tmp_path, monkeypatch):
+    """By 10°, at rest or with motions of a second after which it stands still for one."""
+    t = np.arange(0.0, 5.0, 0.002)
+    swing = moves * np.where(t % 2.0 > 1.0, 2.0 * np.sin(2.0 * np.pi * t), 0.0)
+    stamps = START + np.rint(1e9 * t).astype(np.int64)
+    told = stamps, np.column_stack((swing, 0.0 * t, 0.0 * t))
+    monkeypatch.setattr("tests.live_bag.motion", lambda seconds: told)
+    live = LiveBag("imu")
+    live.checks, live.rotation = True, (0.0, 0.174533, 0.0)
+    live.rate = (0.0, 0.0, 0.0)
+    result = replay_bag(live.write(tmp_path / "bag"))
+    assert result.verification.exact, result.verification.lines()
+    assert any("10.0° off the container's +z" in line for line in result.warnings)
+    flags = recorded_flags(tmp_path / "bag")
+    assert all(flag & EstimateFlag.INPUT_DOUBTFUL for flag in flags[2000:])
 
 
 @pytest.mark.parametrize("kind", ["accel", "imu", "pose"])

@@ -4,7 +4,9 @@ import contextlib
 import fcntl
 import os
 import pty
+import re
 import select
+import shutil
 import signal
 import subprocess
 import sys
@@ -16,6 +18,7 @@ import pytest
 
 from slosh_bag.reader import BagReader
 from tests.live_processes import PATIENCE, alive, children, live_process, node_name, recorded
+from tests.small_disk import small_disk
 
 REPORT = {"report.html", "result.json"}
 EACH = [
@@ -66,6 +69,41 @@ def test_a_signal_ends_all_nodes_and_gives_the_report(demo, number):
     assert reports(folder) == REPORT
     assert (folder / "report.html").read_text().rstrip().endswith("</html>")
     assert "limit events" in running.said
+    assert "Traceback" not in running.said
+
+
+def test_a_run_whose_folder_was_deleted_tells_what_is_lost(demo):
+    running, folder = demo
+    run = folder.resolve()
+    shutil.rmtree(run)
+    running.process.send_signal(signal.SIGINT)
+    assert running.end() == 1, running.said
+    assert re.search(r"lost messages +\d{3,}", running.said), running.said
+    assert "the bag was deleted" in running.said
+    assert "Traceback" not in running.said
+    assert reports(run) == REPORT
+    assert int(BagReader(run / "bag").metadata()["messages_lost"]) > 100
+
+
+def test_a_run_whose_disk_is_full_at_its_end_tells_what_is_lost(tmp_path):
+    disk = tmp_path / "disk"
+    disk.mkdir()
+    words = ("demo", "--motion", "l", "--repeat", "100", "-o", str(disk / "out"))
+    with (
+        small_disk(disk, "size=48m"),
+        live_process(*words, output=tmp_path / "words") as running,
+    ):
+        running.wait_until_ready()
+        running.wait_for_recording(disk / "out" / "latest" / "bag")
+        with contextlib.suppress(OSError), (disk / "ballast").open("wb", buffering=0) as ballast:
+            while True:
+                ballast.write(bytes(1_000_000))
+        running.wait_for(lambda: "nothing has been written" in running.said, "the full disk")
+        running.process.send_signal(signal.SIGINT)
+        assert running.end() == 1, running.said
+    assert re.search(r"lost messages +\d", running.said), running.said
+    assert "No space left on device" in running.said
+    assert "no report: " in running.said
     assert "Traceback" not in running.said
 
 

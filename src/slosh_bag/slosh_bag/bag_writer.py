@@ -276,8 +276,8 @@ class BagWriter:
         Raises:
             OSError: the system refuses to write: `abandon` the file.
         """
-        if self._has_news and self._file is None and self._ended:
-            self.resume()  # all files have ended: one that holds what was noted since
+        if self._has_news and self._file is None:
+            self.resume()  # all files have ended, or are gone: one that holds what was noted since
         if self._file is not None or self._unfinished:
             self._end()
             self._finish_all()

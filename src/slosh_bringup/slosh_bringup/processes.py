@@ -16,7 +16,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
-from typing import NamedTuple
+from typing import BinaryIO, NamedTuple
 
 from slosh_base.files.installed import shared_folder
 from slosh_bringup.errors import SloshBringupError
@@ -128,6 +128,8 @@ class NodeGroup:
         self._log_folder = log_folder
         self._environment = dict(environment)
         self._running: dict[str, subprocess.Popen[bytes]] = {}
+        # Kept open: they can be read although somebody has deleted them.
+        self._logs: dict[str, BinaryIO] = {}
 
     def __enter__(self) -> NodeGroup:
         self._log_folder.mkdir(parents=True, exist_ok=True)
@@ -142,20 +144,37 @@ class NodeGroup:
     ) -> None:
         self.stop()
         self._lifelines.close()
+        for log in self._logs.values():
+            log.close()
 
     def start(self, process: NodeProcess) -> None:
         """Starts a node; one that has run before goes on in its log."""
         inherited = self._lifelines.of_node(last=process.name == LAST)
-        with (self._log_folder / f"{process.name}.log").open("ab") as log:
-            # Its own session: Ctrl-C reaches this process alone, which stops the nodes in order.
-            self._running[process.name] = subprocess.Popen(
-                process.command(self._namespace),
-                stdout=log,
-                stderr=subprocess.STDOUT,
-                env={**self._environment, **inherited.environment},
-                pass_fds=inherited.descriptors,
-                start_new_session=True,
-            )
+        # Its own session: Ctrl-C reaches this process alone, which stops the nodes in order.
+        self._running[process.name] = subprocess.Popen(
+            process.command(self._namespace),
+            stdout=self._log(process.name),
+            stderr=subprocess.STDOUT,
+            env={**self._environment, **inherited.environment},
+            pass_fds=inherited.descriptors,
+            start_new_session=True,
+        )
+
+    def _log(self, name: str) -> BinaryIO:
+        """Opens a node's log, to be written and read."""
+        self._log_folder.mkdir(parents=True, exist_ok=True)
+        log = (self._log_folder / f"{name}.log").open("ab+")
+        if name in self._logs:
+            self._logs[name].close()
+        self._logs[name] = log
+        return log
+
+    def last_line(self, name: str) -> str:
+        """The last line that a node printed, also where its log was deleted."""
+        self._logs[name].seek(0)
+        said = self._logs[name].read().decode(errors="replace")
+        lines = [line for line in said.splitlines() if line.strip()]
+        return lines[-1].strip() if lines else "no output"
 
     def ended(self) -> dict[str, int]:
         """Nodes that have ended by themselves, with their exit codes."""
@@ -180,7 +199,7 @@ class NodeGroup:
             if code != 0 or name not in ENDING:
                 log = self._log_folder / f"{name}.log"
                 # Who is killed has not said why.
-                said = signal.strsignal(-code) if code < 0 else last_line(log)
+                said = signal.strsignal(-code) if code < 0 else self.last_line(name)
                 text = f"node {name} ended with exit code {code}: {said} (see {log})"
                 return NodeEnd(name, code, text)
         return None
@@ -222,9 +241,3 @@ def stop_processes(processes: Mapping[str, subprocess.Popen[bytes]]) -> dict[str
         except subprocess.TimeoutExpired:
             process.kill()
     return {name: process.wait() for name, process in processes.items()}
-
-
-def last_line(log: Path) -> str:
-    """The last line that a node printed."""
-    lines = [line for line in log.read_text(errors="replace").splitlines() if line.strip()]
-    return lines[-1].strip() if lines else "no output"

@@ -16,7 +16,7 @@ from typing import NoReturn
 
 from slosh_base.files.plain_text import plain_line
 from slosh_bringup.cli.progress import STOPPING, Tell, can_draw, say
-from slosh_bringup.live.report import REPORT, LiveResult, make_live_report
+from slosh_bringup.live.report import REPORT, LiveReport, LiveResult, make_live_report
 from slosh_bringup.live.run import BAG, LiveRun, check_files, run_nodes
 from slosh_bringup.live.run_folder import new_run
 from slosh_bringup.live.run_result import print_replay, table
@@ -109,12 +109,22 @@ def run_live(
         again = "; press Ctrl-C again to skip it" if stop.reason else ""
         screen.tell(f"{why}all nodes have ended; writing the report{again}")
         report = make_live_report(run.folder / BAG, run.title, problems, began=outcome.began)
-    report.write(run.folder)
     result = report.result
+    unwritten = _write(run, report)
     print_json(result, folder) if as_json else print_result(result, folder)
     for line in (result.nothing,) if result.reasons else result.warnings:
         _say(run, line)
-    return outcome.exit_code or int(bool(result.reasons or result.failures))
+    return outcome.exit_code or int(bool(result.reasons or result.failures or unwritten))
+
+
+def _write(run: LiveRun, report: LiveReport) -> bool:
+    """Writes the report; True: it cannot be written, which is told, and the figures stay."""
+    try:
+        report.write(run.folder)
+    except OSError as error:
+        _say(run, f"no report: {error.filename}: {error.strerror}")
+        return True
+    return False
 
 
 def _check_port(port: int | None) -> None:
@@ -145,7 +155,8 @@ def print_result(result: LiveResult, folder: Path) -> None:
         print_replay(result.replayed)
     if (folder / BAG).exists():
         print(f"bag                 {plain_line(folder / BAG)}")
-    print(f"report              {plain_line(folder / REPORT)}")
+    if (folder / REPORT).exists():
+        print(f"report              {plain_line(folder / REPORT)}")
 
 
 def print_json(result: LiveResult, folder: Path) -> None:

@@ -91,11 +91,12 @@ class LiveReport:
     text: str
 
     def write(self, folder: Path) -> None:
-        """Writes the page and the figures.
+        """Writes the page and the figures; the folder is made anew where somebody has deleted it.
 
         Raises:
             OSError: that is not possible; it bears the file's path.
         """
+        folder.mkdir(parents=True, exist_ok=True)
         write_text(folder / REPORT, self.page)
         write_text(folder / RESULT, self.text)
 

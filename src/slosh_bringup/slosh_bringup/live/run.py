@@ -20,7 +20,6 @@ from slosh_bringup.processes import (
     NodeEnd,
     NodeGroup,
     NodeProcess,
-    last_line,
     node_environment,
 )
 from slosh_bringup.stop_request import StopRequest
@@ -143,7 +142,7 @@ def run_nodes(run: LiveRun, screen: Screen, stop: StopRequest) -> Outcome:
             end = supervision.look(began=watch.began, silences=watch.silences)
         problems = supervision.problems
         if group.stop().get(LAST) == 1:
-            problems.append(last_line(run.folder / LOGS / f"{LAST}.log"))
+            problems.append(group.last_line(LAST))
         return _outcome(stop, watch, None if stop.reason else end, problems)
 
 
