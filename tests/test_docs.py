@@ -24,7 +24,7 @@ TOPICS = ("measured", "topic", "topics", "rename", "exclude")
 DEMO = Path("out/demo")
 # What scripts leave where they are started.
 SCRIPTS = {
-    "validation/stand_in.py": ("pictures", "still.png", "footage"),
+    "tools/stand_in.py": ("pictures", "still.png", "footage"),
     "validation/studies/measured_tank.py": ("out/measured_tank",),
 }
 # Pages that are typed one after the other; all others stand alone.
@@ -193,7 +193,7 @@ def test_quick_commands_do_what_they_say(words, tmp_path, monkeypatch):
         "slosh plan model.yaml PATH.csv --limit high -o a.csv",
         "make coffee",
         "tools/run python tools/no_such.py",
-        "tools/run python validation/stand_in.py robot --no-such-option",
+        "tools/run python tools/stand_in.py robot --no-such-option",
     ],
 )
 def test_a_command_that_cannot_be_typed_is_found(text):

@@ -1,7 +1,7 @@
 """Stands in for a camera and a robot where there is none at hand: for the first steps' pages.
 
-    tools/run python validation/stand_in.py camera MODEL.yaml [-o DIR]
-    tools/run python validation/stand_in.py robot MODEL.yaml MOTION.csv
+    tools/run python tools/stand_in.py camera MODEL.yaml [-o DIR]
+    tools/run python tools/stand_in.py robot MODEL.yaml MOTION.csv
 
 `camera` draws what a camera of 640 x 480 pixels sees: a chessboard (DIR/pictures), the cup of the
 model with its liquid at rest (DIR/still.png), and a wave in it (DIR/footage). `robot` publishes

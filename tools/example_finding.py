@@ -1,6 +1,6 @@
 """Made-up findings of every verdict, for tests of what shows them and for looking at pages.
 
-tools/run python validation/example_finding.py named -o page.html
+tools/run python tools/example_finding.py named -o page.html
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Planned motions in the simulated cell: predicted, estimated and measured peak side by side.
 
-    tools/run python validation/planned_cell.py [--motions l3 e3 c3 p2p] [--docs]
+    tools/run python tools/planned_cell.py [--motions l3 e3 c3 p2p] [--docs]
 
 Each motion is planned as `slosh plan` does, announced on `planned_trajectory` while the cell still
 rests, and played over DDS with camera, estimator, monitor and predictor as processes. The cell's
