@@ -33,8 +33,22 @@ class SloshParser(argparse.ArgumentParser):
             self._refuse_unknown(args)
         found, extras = super().parse_known_args(args, namespace)
         if extras and self._subparsers is None:
+            extras = self._late(found, extras)
+        if extras and self._subparsers is None:
             self._refuse_extras(extras)
         return found, extras
+
+    def _late(self, found: argparse.Namespace, extras: list[str]) -> list[str]:
+        """Gives an optional argument the word after the options, where argparse does not look."""
+        for action in self._get_positional_actions():
+            missing = action.nargs == argparse.OPTIONAL and getattr(found, action.dest) is None
+            if missing and extras and not extras[0].startswith("-"):
+                try:
+                    setattr(found, action.dest, self._get_value(action, extras[0]))
+                except argparse.ArgumentError as error:
+                    self.error(str(error))
+                extras = extras[1:]
+        return extras
 
     def error(self, message: str) -> NoReturn:
         """Ends the process with one line."""
