@@ -52,7 +52,7 @@ keeping-pace:
 	@tools/run python -m pytest $(SELECT) $(REAL_TIME)
 
 the-others:
-	@nice -n 5 $(PYTEST) $(SELECT) $(TESTS) $(REAL_TIME:%=--ignore=%)
+	@nice -n 15 $(PYTEST) $(SELECT) $(TESTS) $(REAL_TIME:%=--ignore=%)
 
 coverage: setup
 	@tools/run python -m pip install --quiet --no-deps -r requirements/coverage.txt
