@@ -208,7 +208,7 @@ def test_a_recording_with_changes_replays_bit_for_bit(recorded):
     ]
     assert told(result.events) == sorted(live)
     assert {limit for source, _, _, limit, *_ in live if source == Source.ESTIMATED} == {
-        settings.estimated_limit for settings in changes[:2]
+        min(settings.estimated_limit, settings.rim) for settings in changes
     }
     assert any("limit changed to" in words for *_, words in live)
 
