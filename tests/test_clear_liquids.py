@@ -58,7 +58,7 @@ def test_a_doubtful_line_far_from_the_calibration_s_level_is_refused() -> None:
         if believed:
             assert detector.learn_still(read_image(still)) == pytest.approx(8.0 * MM, abs=1.0 * MM)
         else:
-            with pytest.raises(SloshCameraError, match=r"lies .* off the calibration's level"):
+            with pytest.raises(SloshCameraError, match=r"is .* off the calibration's level"):
                 detector.learn_still(read_image(still))
 
 
