@@ -30,9 +30,21 @@ UPWARDS = {
         "slosh_camera/optics/__init__.py",
         "slosh_camera.detection",
     ),
-    "A bag is read in one place, below replay and interchange": (
+    "A bag library knows no sloshing: what records needs base and messages alone": (
+        "slosh_bag/errors.py",
+        "slosh_model.constants",
+    ),
+    "Files and compiled code know nothing of each other": (
+        "slosh_base/files/new_file.py",
+        "slosh_base.compiled",
+    ),
+    "A bag is read in one place, below export and playing": (
         "slosh_bag/mcap_files/checksum.py",
         "slosh_bag.reader",
+    ),
+    "A replay is above what a recording holds": (
+        "slosh_replay/recording/facts.py",
+        "slosh_replay.replay",
     ),
     "The command line is above all, a live run above replay and nodes": (
         "slosh_bringup/cell/__init__.py",
