@@ -293,5 +293,9 @@ def test_a_cell_without_a_camera_is_a_whole_cell(domain, tmp_path, said):
     assert len(replayed.stamps) > 50  # what the page draws
     assert np.isfinite(replayed.heights["3D-NL"]).all()
     frames = [json.loads(frame) for frame in Recording(folder / "bag").frames]
-    assert {"safe", "limit exceeded"} <= {frame["verdict"] for frame in frames}
-    assert "estimated below its limit; no camera configured" in {one["reason"] for one in frames}
+    assert "limit exceeded" in {frame["verdict"] for frame in frames}
+    # Blind is the page without estimates alone, never for want of images.
+    blind = {frame["reason"] for frame in frames if frame["verdict"] == "blind"}
+    assert blind <= {"no messages from the estimator"}
+    safe = {frame["reason"] for frame in frames if frame["verdict"] == "safe"}
+    assert safe <= {"estimated below its limit; no camera configured"}

@@ -499,6 +499,7 @@ ALLOWED = {
     "slosh_bringup/processes.py": "a node's log, in the folder of its run",
     "slosh_bringup/cli/quiet_decoders.py": "open(os.devnull)",
     "slosh_bringup/simulate/chart.py": "savefig into a NewFile",
+    "slosh_model/for_notebooks.py": "savefig into memory",
     "slosh_report/page/svg.py": "savefig into memory",
     "slosh_base/compiled/compile_cache.py": "compiled code, which is the cache's alone",
     "slosh_msgs_py/node/dead_ports.py": "locks of what killed nodes have left",
@@ -525,7 +526,7 @@ def test_files_are_written_through_slosh_files_only():
     found = set()
     for path in ROOT.glob("src/slosh_*/slosh_*/**/*.py"):
         name = path.relative_to(ROOT / "src").as_posix().split("/", 1)[1]
-        if not name.startswith("slosh_base/") and list(writes(ast.parse(path.read_text()))):
+        if not name.startswith("slosh_base/files/") and list(writes(ast.parse(path.read_text()))):
             found.add(name)
     assert found == set(ALLOWED)
 

@@ -176,7 +176,7 @@ def test_an_edited_counter_of_inputs_is_not_called_bit_for_bit(first, last, unch
 
     live._put = edited
     lines = replay_bag(live.write(tmp_path / "bag")).verification.lines()
-    assert any(f"{unchecked} not checked: behind inputs that" in line for line in lines), lines
+    assert any(f"{unchecked} not checked: after inputs that" in line for line in lines), lines
 
 
 @pytest.mark.parametrize("moves", [False, True])

@@ -202,9 +202,7 @@ def test_a_camera_too_fast_for_the_machine_leaves_out_images_and_keeps_up(table,
         return draw(self, *heights)
 
     monkeypatch.setattr(CupRenderer, "render", slowly)
-    got, summary = play(
-        motion=table, readers=1, imu_every=0, compressed=False, fps=30.0, repeat=8
-    )
+    got, summary = play(motion=table, readers=1, imu_every=0, compressed=False, fps=30.0, repeat=8)
     assert 8 <= summary["published"][f"/{topics.IMAGE}"] < 40  # of 121
     seconds = [to_nanoseconds(m.header.stamp) * 1e-9 for m in got[topics.IMAGE]]
     assert 0.9 < max(np.diff(seconds)) < 1.6
