@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import cumulative_trapezoid
 from scipy.spatial.transform import Rotation
 
-from slosh_bag.errors import SloshBagError
+from slosh_base.files.errors import SloshFileError
 from slosh_bringup.cell.motion_source import load_motion, motion_from_table
 from slosh_bringup.cell.motions import Motion, make_motion
 from slosh_bringup.cell.sensors import read_sensors
@@ -68,7 +68,7 @@ def test_tables_that_are_no_motion_are_refused(tmp_path):
     quaternion = np.array([[0.0, 0.0, 0.0, 1.0], [0.0, 0.0, 0.0, 0.0]])
     with pytest.raises(SloshBringupError, match=r"x: qx, qy, qz, qw: all zero at t = 1 s"):
         motion_from_table("x", MotionTable(np.array([0.0, 1.0]), rest, quaternion), 10.0)
-    with pytest.raises(SloshBagError, match=r"none\.csv"):
+    with pytest.raises(SloshFileError, match=r"none\.csv"):
         load_motion(str(tmp_path / "none.csv"))
 
 

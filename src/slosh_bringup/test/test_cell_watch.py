@@ -22,7 +22,7 @@ def test_a_change_is_told_once_it_lasts_and_once_it_is_over():
     silent = [(STALE, f"no image for {second} s: nobody publishes it") for second in range(1, 6)]
     assert told(*silent, (OK, "measuring"), (OK, "measuring")) == [
         "camera: no image for 2 s: nobody publishes it",
-        "camera: well again: measuring",
+        "camera: OK again: measuring",
     ]
 
 

@@ -270,8 +270,8 @@ def test_the_page_shows_the_camera_s_image_of_the_worst_moment(
 ):
     discovery.worst = (WorstMoment("c3#1", 1.0, 0.01, 0.02, 0.01),)
 
-    def pictures(bag, stamps):
-        return dict.fromkeys(stamps, (grey_png(), 0.0123)) if bag == day else {}
+    def pictures(run, stamps):
+        return dict.fromkeys(stamps, (grey_png(), 0.0123)) if run.path == day else {}
 
     monkeypatch.setattr(command, "pictures_at", pictures)
     assert main(["discover", "--from-bag", str(day), "-o", str(tmp_path / "o")]) == 0
