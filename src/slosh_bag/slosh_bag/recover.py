@@ -15,7 +15,7 @@ from slosh_bag.bag_writer import PROFILE, BagWriter
 from slosh_bag.definitions import Definitions
 from slosh_bag.errors import SloshBagError
 from slosh_bag.mcap_files.bag_facts import NAME as FACTS
-from slosh_bag.mcap_files.bag_folder import bag_folder, folder_facts, ordered_files
+from slosh_bag.mcap_files.bag_folder import bag_folder, check_no_other, folder_facts, ordered_files
 from slosh_bag.mcap_files.bag_metadata import Qos
 from slosh_bag.mcap_files.bag_types import BagTypes
 from slosh_bag.mcap_files.checksum import CHECKSUM, checksum_of
@@ -24,7 +24,6 @@ from slosh_bag.mcap_files.mcap_walk import McapWalk
 from slosh_bag.reader import DAMAGE
 from slosh_base.files import check_outside, new_folder
 from slosh_base.files.errors import YamlError
-from slosh_base.files.file_kind import check_no_other
 from slosh_base.files.yaml_document import parse_yaml
 
 Progress = Callable[[int], object]

@@ -13,6 +13,7 @@ from slosh_bag.message_types import MOST_VALUES, read_types
 from slosh_bag.unpacking import UnpackingError, unpack
 from slosh_base.files import bounded_text as texts
 from slosh_base.files.bounded_text import bounded_text
+from slosh_base.files.errors import SloshFileError
 
 CONTENT = bytes(range(250)) * 40
 PACKED = {
@@ -94,7 +95,7 @@ def test_text_is_read_up_to_its_bounds(monkeypatch, tmp_path, ending):
     assert read() == content.decode()
     for name, bound in exact.items():
         monkeypatch.setattr(texts, name, bound - 1)
-        with pytest.raises(SloshBagError, match=f"{path.name}: has more than {bound - 1} "):
+        with pytest.raises(SloshFileError, match=f"{path.name}: has more than {bound - 1} "):
             read()
         monkeypatch.setattr(texts, name, bound)
 
@@ -102,5 +103,5 @@ def test_text_is_read_up_to_its_bounds(monkeypatch, tmp_path, ending):
 def test_a_line_is_measured_across_what_is_read_at_a_time(tmp_path):
     path = tmp_path / "t.csv"
     path.write_bytes(b"c" * (texts.LONGEST_LINE + 1))
-    with pytest.raises(SloshBagError, match="bytes in a line"), bounded_text(path, "") as text:
+    with pytest.raises(SloshFileError, match="bytes in a line"), bounded_text(path, "") as text:
         text.read()

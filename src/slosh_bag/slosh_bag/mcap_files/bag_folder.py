@@ -8,7 +8,8 @@ from typing import Any
 
 from slosh_bag.errors import SloshBagError
 from slosh_bag.mcap_files.mcap_summary import MAGIC
-from slosh_base.files.file_kind import IMPORT_HINT, check_no_other, foreign_kind
+from slosh_base.files.errors import SloshFileError
+from slosh_base.files.file_kind import IMPORT_HINT, foreign_kind
 from slosh_base.files.yaml_document import read_yaml
 
 METADATA = "metadata.yaml"
@@ -56,6 +57,20 @@ def import_hint(path: Path) -> str:
         found = foreign_kind(path)
         kind = found[0] if found and found[1] == IMPORT_HINT else ""
     return f": it is {kind}; convert it with slosh import rosbag {path} -o DIR" if kind else ""
+
+
+def check_no_other(path: Path) -> None:
+    """Refuses a file that is known to be something else.
+
+    Raises:
+        SloshBagError: the line says what it is and what to do.
+    """
+    try:
+        kind = foreign_kind(path)
+    except SloshFileError as error:
+        raise SloshBagError(str(error)) from None
+    if kind is not None:
+        raise SloshBagError(f"{path}: not an MCAP file: it is {kind[0]}; {kind[1]}")
 
 
 def files_of(path: Path) -> list[Path]:

@@ -71,14 +71,3 @@ def _is_text(head: bytes) -> bool:
     except UnicodeDecodeError:
         return False
     return all(mark.isprintable() or mark in "\t\r\n\f" for mark in text)
-
-
-def check_no_other(path: Path) -> None:
-    """Refuses a file that is known to be something else.
-
-    Raises:
-        SloshFileError: the line says what it is and what to do.
-    """
-    kind = foreign_kind(path)
-    if kind is not None:
-        raise SloshFileError(f"{path}: not an MCAP file: it is {kind[0]}; {kind[1]}")
