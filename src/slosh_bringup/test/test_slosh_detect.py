@@ -157,7 +157,7 @@ def test_a_video_and_what_is_left_of_one_that_was_cut(capsys, tmp_path, images):
     assert code == 0
     assert 2 <= len(table) < 6
     assert table["msh"] == pytest.approx(HEIGHTS[: len(table)], abs=1e-3)
-    assert "announces 9 images" in capsys.readouterr().err
+    assert "should have 9 images" in capsys.readouterr().err
 
 
 def test_a_slow_motion_video_has_the_rate_that_is_given(tmp_path, images):

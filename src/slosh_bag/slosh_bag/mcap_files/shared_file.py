@@ -10,7 +10,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, BinaryIO, cast
 
-_BUFFER = 1 << 20
+_BUFFER = 1 << 16
 _KEPT_OPEN = 8
 """Files of a bag that stay open between two readings; a split bag may have thousands."""
 
