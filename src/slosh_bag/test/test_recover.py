@@ -215,7 +215,7 @@ KINDS = {
     "gzip": (b"\x1f\x8b\x08\0" + bytes(range(90)), "a gzip file; unpack it first"),
     "zip": (b"PK\x03\x04\x14\0", "a zip file; unpack it first"),
     "sqlite": (b"SQLite format 3\0" + bytes(50), "an SQLite file.*slosh import rosbag"),
-    "ros1": (b"#ROSBAG V2.0\n\x45\0\0\0", "a ROS 1 bag; slosh import rosbag"),
+    "ros1": (b"#ROSBAG V2.0\n\x45\0\0\0", "a ROS 1 bag; convert it with slosh import rosbag"),
     "tar": (b"a" * 257 + b"ustar\0", "a tar file; unpack it first"),
     "zeros": (bytes(5000), "a file of zeros; the copy was interrupted"),
     "nothing": (b"", "the file is empty"),

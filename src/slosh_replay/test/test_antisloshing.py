@@ -10,8 +10,8 @@ import pytest
 import scipy.io
 
 from slosh_bag.definitions import find_interfaces
-from slosh_bag.errors import SloshBagError
 from slosh_bag.reader import BagReader
+from slosh_base.files.errors import SloshFileError
 from slosh_replay.tables.antisloshing import POSE_TOPIC, SURFACE_TOPIC, import_antisloshing
 
 RUN = "LE_2D_test"
@@ -116,7 +116,7 @@ def test_an_empty_folder_is_named(tmp_path: Path):
 
 
 def check_refused(data: Path, tmp_path: Path, where: str, expected: str) -> None:
-    with pytest.raises(SloshBagError) as caught:
+    with pytest.raises(SloshFileError) as caught:
         import_antisloshing(data, tmp_path / "bags")
     message = str(caught.value)
     assert where in message
