@@ -108,7 +108,7 @@ def test_cut_off_files_are_named(data: Path, tmp_path: Path):
 @pytest.mark.parametrize("kind", ["heights", "poses"])
 def test_a_missing_twin_is_named(data: Path, tmp_path: Path, kind: str):
     next((data / kind).iterdir()).unlink()
-    check_refused(data, tmp_path, RUN, f"has no {kind}/{RUN}")
+    check_refused(data, tmp_path, RUN, f"has no matching {kind}/{RUN}")
 
 
 def test_an_empty_folder_is_named(tmp_path: Path):
