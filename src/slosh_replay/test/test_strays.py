@@ -130,7 +130,7 @@ def test_messages_that_were_recorded_late_are_told_and_each_part_replays(tmp_pat
                 data = bytearray(message.data)
                 struct.pack_into("<i", data, 4, struct.unpack_from("<i", data, 4)[0] + 5)
                 writer.write(ACCEL, bytes(data), log_ns)
-    with pytest.raises(SloshBagError, match="recorded later than ones sent after them: cut"):
+    with pytest.raises(SloshBagError, match="recorded later than ones sent after them: split"):
         replay_bag(bag)
     parts = split_bag(bag, tmp_path / "parts", lambda count: None)
     results = [replay_bag(part) for part in parts]
