@@ -197,5 +197,5 @@ def test_tables_go_to_xarray_with_their_units(shown, name, units):
 def test_a_recordings_topic_is_a_table(shown):
     recording, name = shown["recording"], "free_surface"
     assert len(recording.to_pandas(name)) == recording.topics()[f"/slosh/{name}"].count
-    with pytest.raises(ValueError, match="holds no topic 'free_surfac'"):
+    with pytest.raises(ValueError, match="has no topic 'free_surfac'"):
         recording.to_pandas("free_surfac")

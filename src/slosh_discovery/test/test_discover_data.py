@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from slosh_bag.bag_writer import BagWriter
 from slosh_bag.definitions import Definitions, find_interfaces
-from slosh_bag.errors import SloshBagError
+from slosh_base.files.errors import SloshFileError
 from slosh_discovery.discover_data import day_motions, motions_of_day, read_motions
 from slosh_discovery.discover_data.attitudes import angular_velocity
 from slosh_discovery.discover_data.heights import without_spikes
@@ -185,7 +185,7 @@ class TestWrongInput:
     ) -> None:
         path = tmp_path / name
         path.write_bytes(content)
-        with pytest.raises((SloshBagError, SloshDiscoveryError)) as raised:
+        with pytest.raises((SloshFileError, SloshDiscoveryError)) as raised:
             read_motions(path)
         assert words in str(raised.value)
         assert str(path) in str(raised.value)
@@ -493,7 +493,7 @@ class TestBags:
                 bag.accel(stamp, a)
             fill(bag)
             path = bag.write(tmp_path / name)
-            with pytest.raises((SloshBagError, SloshDiscoveryError)) as raised:
+            with pytest.raises((SloshFileError, SloshDiscoveryError)) as raised:
                 read_motions(path)
             assert str(path) in str(raised.value)
             assert "\n" not in str(raised.value)

@@ -190,7 +190,10 @@ def test_the_text_without_held_out_motions_shows_the_fits_share():
 
 def test_an_ambiguous_finding_names_the_motion_that_separates():
     text = discovery_text(example_report(Verdict.AMBIGUOUS))
-    assert "separating_1.csv tells fill_level + vertical_acceleration from height_scale" in text
+    assert (
+        "separating_1.csv distinguishes fill_level + vertical_acceleration from height_scale"
+        in text
+    )
     assert "differ by 2.10 mm in it, by 0.04 mm in the present motions" in text
 
 

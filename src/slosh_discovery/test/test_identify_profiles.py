@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from slosh_bag.errors import SloshBagError
+from slosh_base.files.errors import SloshFileError
 from slosh_base.files.nanoseconds import SECOND
 from slosh_discovery.discover_data import read_motions
 from slosh_discovery.errors import SloshDiscoveryError
@@ -63,10 +63,10 @@ def test_profiles_are_written_and_read_to_the_last_bit(tmp_path):
     back = read_motion_table(path)
     np.testing.assert_array_equal(back.profile_x, table.profile_x)
     np.testing.assert_array_equal(back.profile, table.profile)
-    with pytest.raises(SloshBagError, match="contains a profile"):
+    with pytest.raises(SloshFileError, match="contains a profile"):
         import_table(path, tmp_path / "bag")
     path.write_text("t,ax,ay,az,profile_left\n0,0,0,0,0\n")
-    with pytest.raises(SloshBagError, match="'profile_left' is unknown"):
+    with pytest.raises(SloshFileError, match="'profile_left' is unknown"):
         read_motion_table(path)
 
 
