@@ -240,7 +240,7 @@ class TestLive:
         page.wait_until("document.getElementById('verdict').textContent === 'safe'")
         voices.speaks = False
         page.wait_until("document.getElementById('verdict').textContent === 'blind'")
-        assert "no messages" in text(page, "reason")
+        assert "no message" in text(page, "reason")
         voices.speaks = True
         page.wait_until("document.getElementById('verdict').textContent === 'safe'")
 

@@ -170,10 +170,10 @@ def tables(rows: np.ndarray, plain: str) -> Mapping[str, tuple[str | bytes | Non
         "a gap of a second": (table(HEADING, np.vstack([rows[:200], rows[1200:]])), 1, "gap"),
         "no az": ("\n".join(line.rsplit(",", 1)[0] for line in lines), 2, "'az' is missing"),
         "a column of no known name": (plain.replace("az", "temperature", 1), 2, "--columns"),
-        "a text in a cell": (cell, 2, "line 4: column 'ax': 'abc' is no number"),
+        "a text in a cell": (cell, 2, "line 4: column 'ax': 'abc' is not a number"),
         "an empty cell": (blank, 2, "line 4: column 'ax': .*fill the cell"),
         "a row twice": (table(HEADING, shuffled), 2, "line 7: .*time must increase"),
-        "a heading alone": (lines[0], 2, "a heading and no rows"),
+        "a heading alone": (lines[0], 2, "contains a heading but no rows"),
         "an empty file": ("", 2, "empty"),
         "a workbook": (b"PK\x03\x04" + bytes(200), 2, "save the workbook as CSV"),
     }  # fmt: skip
