@@ -40,8 +40,6 @@ def line(spec: ParameterSpec) -> str:
     meaning = spec.description
     if spec.choices:
         meaning += f"; one of {', '.join(spec.choices)}"
-    if spec.bounds:
-        meaning += f"; {spec.bounds[0]:g} … {spec.bounds[1]:g}"
     if not spec.read_only:
         meaning += "; dynamic"
     return f"| `{spec.name}` | `{escaped(repr(spec.default))}` | {escaped(meaning)} |"

@@ -34,6 +34,7 @@ NOISE, CAMERA_RATE, DWELL = 3e-4, 60.0, 2.0
 READ_AT = 0.95  # of the radius: where the heights of the motions by CFD were read
 DL22_FIT = ("l3-2.5", "e3-2.5", "c3-2.5")
 DL22_HELD_OUT = ("l3-4.5", "e3-4.5", "c3-4.5")
+LEAST_PROBABILITY = 0.0005  # of an explanation that is listed
 DECAY = 0.0075  # damping ratio of a free decay in the set-up of the motions by CFD
 CUP = Cylinder(0.05, 0.07)
 ROBOT_CUP = Cylinder(0.049, 0.078)
@@ -179,11 +180,12 @@ def described(finding: Finding) -> str:
         "|---|--:|--:|--:|",
     ]
     tried = [candidate for candidate in finding.candidates if not candidate.reason]
+    likely = [row for row in tried if row.probability >= LEAST_PROBABILITY]
     lines += [
         f"| {' + '.join(marked(row.effects, row.per_group)) or 'the base'} | "
         f"{row.probability:.3f} | "
         f"{1e3 * row.fit_rms:.2f} | {1e3 * row.holdout_rms:.2f} |"
-        for row in tried[:5]
+        for row in likely[:5]
     ]
     lines += [
         "",
