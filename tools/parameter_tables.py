@@ -1,26 +1,11 @@
-"""Writes the nodes' parameter tables into docs/interfaces.md.
-
-tools/run python tools/parameter_tables.py
-"""
+"""The nodes' parameters as tables of docs/interfaces.md."""
 
 from __future__ import annotations
 
 import importlib
-import sys
-from pathlib import Path
 
 from slosh_bringup.processes import NODES
 from slosh_msgs_py.node.parameters import ParameterSpec
-
-PAGE = Path(__file__).resolve().parent.parent / "docs" / "interfaces.md"
-START = "<!-- parameters -->"
-
-
-def main() -> int:
-    """Replaces everything after the marker."""
-    head = PAGE.read_text(encoding="utf-8").split(START)[0]
-    PAGE.write_text(f"{head}{START}\n{tables()}", encoding="utf-8")
-    return 0
 
 
 def tables() -> str:
@@ -40,6 +25,8 @@ def line(spec: ParameterSpec) -> str:
     meaning = spec.description
     if spec.choices:
         meaning += f"; one of {', '.join(spec.choices)}"
+    if spec.bounds:
+        meaning += f"; {spec.bounds[0]:g} … {spec.bounds[1]:g}"
     if not spec.read_only:
         meaning += "; dynamic"
     return f"| `{spec.name}` | `{escaped(repr(spec.default))}` | {escaped(meaning)} |"
@@ -48,7 +35,3 @@ def line(spec: ParameterSpec) -> str:
 def escaped(text: str) -> str:
     """Without bars that would end a cell."""
     return text.replace("|", "\\|")
-
-
-if __name__ == "__main__":
-    sys.exit(main())

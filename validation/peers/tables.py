@@ -74,7 +74,9 @@ def reliability(answers: Answers) -> str:
         ]
         for low, high in pairwise(CONFIDENCES):
             own = [each for each in said if low <= each["confidence"] < high]
-            average = f"{mean(each['confidence'] for each in own):.2f}" if own else "-"
+            if not own:
+                continue
+            average = f"{mean(each['confidence'] for each in own):.2f}"
             limits = f"{low:g} … {min(high, 1.0):g}"
             right = share(own, lambda each: bool(each["right"]))
             lines.append((title, noise, limits, average, right))
@@ -90,6 +92,7 @@ def networks(answers: Answers) -> str:
             _percent(regression[LABELS[0]][method]["closed"] if regression else None)
             for method in METHODS
         ]
+        shares = list(dict.fromkeys(shares))
         ours = answers.discovery.get(case)
         lines.append(
             (
@@ -98,21 +101,11 @@ def networks(answers: Answers) -> str:
                 _percent(row["fit_closed"]),
                 _percent(row["closed"]),
                 _percent(ours["closed"] if ours else None),
-                *shares,
+                ", ".join(shares),
             )
         )
     head = ("hidden", "noise of the heights", "network, its own motions", "network", OURS)
-    return table((*head, *(f"{method}, {LABELS[0]}" for method in METHODS)), lines)
-
-
-def settings(answers: Answers) -> str:
-    """What the tuning cases chose."""
-    lines = [
-        (method, noise, ", ".join(f"{k} {v:g}" for k, v in answers.tuned[noise][method].items()))
-        for method in METHODS
-        for noise in LABELS
-    ]
-    return table(("method", "noise", "settings"), lines)
+    return table((*head, f"regressions, {LABELS[0]}"), lines)
 
 
 TABLES: dict[str, Callable[[Answers], str]] = {
@@ -120,7 +113,6 @@ TABLES: dict[str, Callable[[Answers], str]] = {
     "effects": by_effect,
     "reliability": reliability,
     "networks": networks,
-    "settings": settings,
 }
 
 

@@ -16,10 +16,7 @@ _FLAGS = (
     "| edges and flags | left | right | SATURATED where cut | where the peak is outside | "
     "cut, no flag | bound broken | false SATURATED | other flags |"
 )
-_DISTURBED = (
-    "| {} | still too | warned | flags | RMS | max | × | worst × | "
-    "fitted RMS | max | × | worst × | verdict |"
-)
+_DISTURBED = "| {} | still too | warned | flags | RMS | max | × | worst × | fitted RMS | max |"
 
 
 def accuracy_tables(rows: Sequence[SequenceFigures]) -> str:
@@ -131,9 +128,9 @@ def _disturbed_row(row: DisturbedFigures, parts: Sequence[DisturbedFigures]) -> 
     warned = f"{row.warned}/{row.frames}" + (" refused" if row.refusals else "")
     raw = _spread_cells(row.raw, [part.raw for part in parts])
     fitted = _spread_cells(row.fitted, [part.fitted for part in parts])
-    verdict = "ok" if not row.shortfalls else f"**{', '.join(row.shortfalls)}**"
+    name = row.name + "".join(f", **{shortfall}**" for shortfall in row.shortfalls)
     still = "yes" if row.on_still else "no"
-    return _line([row.name, still, warned, _counts(row.flags), *raw, *fitted, verdict])
+    return _line([name, still, warned, _counts(row.flags), *raw, *fitted[:2]])
 
 
 def _spread_cells(row: Spread, parts: Sequence[Spread]) -> list[str]:

@@ -173,38 +173,35 @@ def described(finding: Finding) -> str:
         for effect in finding.effects
     ]
     gap = finding.gap
+    tried = [candidate for candidate in finding.candidates if not candidate.reason]
+    best, *others = [row for row in tried[:5] if row.probability >= LEAST_PROBABILITY]
+    words = [
+        f"{' + '.join(marked(row.effects, row.per_group)) or 'the base'} ({row.probability:.3f})"
+        for row in others
+    ]
     lines = [
         f"Verdict `{finding.verdict.value}`: {', '.join(effects) or 'no effect'}.",
-        "",
-        "| explanation | probability | rms fit | rms left out |",
-        "|---|--:|--:|--:|",
-    ]
-    tried = [candidate for candidate in finding.candidates if not candidate.reason]
-    likely = [row for row in tried if row.probability >= LEAST_PROBABILITY]
-    lines += [
-        f"| {' + '.join(marked(row.effects, row.per_group)) or 'the base'} | "
-        f"{row.probability:.3f} | "
-        f"{1e3 * row.fit_rms:.2f} | {1e3 * row.holdout_rms:.2f} |"
-        for row in likely[:5]
+        f"Residual {1e3 * best.fit_rms:.2f} mm rms, left out {1e3 * best.holdout_rms:.2f} mm."
+        + (f" Other explanations, with their probabilities: {'; '.join(words)}." if words else ""),
     ]
     lines += [
         "",
-        "| motion | used for | σ before | σ after | ε before | ε after | rms before | rms after |",
-        "|---|---|--:|--:|--:|--:|--:|--:|",
+        "| motion | used for | σ before | σ after | ε before | ε after |",
+        "|---|---|--:|--:|--:|--:|",
     ]
     for case in finding.motions:
         before, after = case.before, case.after
         lines.append(
             f"| {case.motion.name} | {USES[case.role]} | "
             f"{1e3 * before.sigma:.2f} | {1e3 * after.sigma:.2f} | "
-            f"{1e2 * before.epsilon:+.1f} | {1e2 * after.epsilon:+.1f} | "
-            f"{1e3 * before.rms:.2f} | {1e3 * after.rms:.2f} |"
+            f"{1e2 * before.epsilon:+.1f} | {1e2 * after.epsilon:+.1f} |"
         )
-    lines.append(_mean_row(finding))
+    if sum(case.role is judged_by(finding) for case in finding.motions) > 1:
+        lines.append(_mean_row(finding))
     lines += [
         "",
-        f"Heights in mm, ε in %. Of the removable gap {1e2 * gap.closed:.0f} % is closed on "
-        f"the {WORDS[judged_by(finding)]} motions.",
+        f"Removable gap closed on the {WORDS[judged_by(finding)]} motions: "
+        f"{1e2 * gap.closed:.0f} %.",
     ]
     return "\n".join(lines)
 
@@ -223,7 +220,7 @@ def _mean_row(finding: Finding) -> str:
         f"{1e2 * np.mean([abs(case.before.epsilon) for case in held]):.1f}",
         f"{1e2 * np.mean([abs(case.after.epsilon) for case in held]):.1f}",
     ]
-    return f"| **mean, size of ε** | {USES[judged_by(finding)]} | {' | '.join(cells)} | | |"
+    return f"| **mean, size of ε** | {USES[judged_by(finding)]} | {' | '.join(cells)} |"
 
 
 def _fitted(effect: FoundEffect) -> str:

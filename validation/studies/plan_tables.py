@@ -163,7 +163,7 @@ def measure(container: str, limit: float, name: str, points: Array) -> Row:
 
 
 def table(rows: list[Row]) -> str:
-    """The rows as a page's text: a cell has a figure for each limit, of random paths the median."""
+    """The rows as a page's text: a figure for each limit in a cell, medians of random paths."""
     heads = (
         "container [mm]", "path", "DL22's law [s]", "best known law [s]", "fallback [s]",
         "planned [s]", "planning [s]",
