@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from itertools import pairwise
-from pathlib import Path
 from statistics import mean, median
 
 from validation.blind.tables import share, table
@@ -114,16 +113,6 @@ TABLES: dict[str, Callable[[Answers], str]] = {
     "reliability": reliability,
     "networks": networks,
 }
-
-
-def write(page: Path, answers: Answers) -> None:
-    """Fills the page's tables; the text around them stays."""
-    text = page.read_text()
-    for title, make in TABLES.items():
-        start, end = f"<!-- table {title} -->", f"<!-- end {title} -->"
-        head, rest = text.split(start)
-        text = f"{head}{start}\n\n{make(answers)}\n{end}{rest.split(end)[1]}"
-    page.write_text(text)
 
 
 def _columns(answers: Answers) -> list[tuple[str, str, list[Row]]]:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from camera_figures import HeightFigures, SequenceFigures
 from camera_robustness import DisturbedFigures, Spread
+from result_tables import fill
 
 from slosh_camera.errors import SloshCameraError
 
@@ -62,15 +63,12 @@ def replace_table(page: Path, name: str, table: str) -> None:
     Raises:
         SloshCameraError: the page cannot be read or has no such place.
     """
-    start, end = f"<!-- table {name} -->\n", f"<!-- end {name} -->"
     try:
-        head, rest = page.read_text(encoding="utf-8").split(start)
-        _, tail = rest.split(end)
-        page.write_text(f"{head}{start}\n{table}\n{end}{tail}", encoding="utf-8")
+        fill(page, name, table)
     except OSError as error:
         raise SloshCameraError(f"{page}: {error.strerror}") from None
-    except ValueError:
-        raise SloshCameraError(f"{page}: needs {start.strip()!r} and {end!r} once each") from None
+    except ValueError as error:
+        raise SloshCameraError(str(error)) from None
 
 
 def _height_shortfalls(row: HeightFigures, kind: str) -> list[str]:

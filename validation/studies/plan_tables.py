@@ -20,7 +20,9 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
+import with_tools  # noqa: F401
 from numpy.typing import NDArray
+from result_tables import fill
 from scipy.interpolate import make_interp_spline
 
 from slosh_bringup.cell.motions import MOTIONS, PATHS, make_motion
@@ -36,7 +38,6 @@ from slosh_plan.planning.time_law import Motion, motion_along
 Array = NDArray[np.float64]
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "plan.md"
-BEGIN, END = "<!-- table -->", "<!-- end of table -->"
 CONTAINERS = {
     "cylinder R 50, h 70": Model(Cylinder(0.05, 0.07)).spatial().nonlinear(),
     "cylinder R 35, h 90": Model(Cylinder(0.035, 0.09)).spatial().nonlinear(),
@@ -243,10 +244,7 @@ def main() -> int:
         print(rows[-1], flush=True)
     print(table(rows))
     if arguments.docs:
-        before, _, rest = PAGE.read_text(encoding="utf-8").partition(BEGIN)
-        after = rest.partition(END)[2]
-        text = f"{before}{BEGIN}\n## Durations\n\n{table(rows)}{END}{after}"
-        PAGE.write_text(text, encoding="utf-8")
+        fill(PAGE, "durations", table(rows))
     return 0
 
 
