@@ -167,12 +167,8 @@ def path_of(run: str) -> str:
 
 def described(finding: Finding) -> str:
     """A finding as Markdown."""
-    effects = [
-        f"`{effect.name}` ({_fitted(effect)}; confidence {effect.confidence:.2f}"
-        + (f"; or {', '.join(effect.alternatives)}" if effect.alternatives else "")
-        + ")"
-        for effect in finding.effects
-    ]
+    most = max((effect.confidence for effect in finding.effects), default=finding.confidence)
+    effects = [_named(effect, most) for effect in finding.effects]
     gap = finding.gap
     tried = [candidate for candidate in finding.candidates if not candidate.reason]
     best, *others = [row for row in tried[:5] if row.probability >= LEAST_PROBABILITY]
@@ -181,7 +177,8 @@ def described(finding: Finding) -> str:
         for row in others
     ]
     lines = [
-        f"Verdict `{finding.verdict.value}`: {', '.join(effects) or 'no effect'}.",
+        f"Verdict `{finding.verdict.value}`, confidence {most:.2f}: "
+        f"{', '.join(effects) or 'no effect'}.",
         f"Residual {1e3 * best.fit_rms:.2f} mm rms, left out {1e3 * best.holdout_rms:.2f} mm."
         + (f" Other explanations, with their probabilities: {'; '.join(words)}." if words else ""),
     ]
@@ -222,6 +219,16 @@ def _mean_row(finding: Finding) -> str:
         f"{1e2 * np.mean([abs(case.after.epsilon) for case in held]):.1f}",
     ]
     return f"| **mean, size of ε** | {USES[judged_by(finding)]} | {' | '.join(cells)} |"
+
+
+def _named(effect: FoundEffect, most: float) -> str:
+    """An effect with what was fitted, and its confidence if that is less than the greatest."""
+    notes = [_fitted(effect)] if _fitted(effect) != "–" else []
+    if effect.confidence < most - 0.015:
+        notes.append(f"confidence {effect.confidence:.2f}")
+    if effect.alternatives:
+        notes.append(f"or {', '.join(effect.alternatives)}")
+    return f"`{effect.name}`" + (f" ({'; '.join(notes)})" if notes else "")
 
 
 def _fitted(effect: FoundEffect) -> str:
