@@ -6,14 +6,11 @@ import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from slosh_bag.errors import SloshBagError
-from slosh_base.files import write_text
 from slosh_estimator.limits import Event
 from slosh_estimator.monitor_settings import MonitorSettings
 from slosh_metrics.alignment import ClockOffset, StillLevel
@@ -245,31 +242,6 @@ def accuracy_table(results: Sequence[Judged]) -> str:
     lines.append("| " + " | ".join(["**mean**", *sigma, *epsilon, ""]) + " |")
     lines.append("| " + " | ".join(["**mean size**", *blank, *size, ""]) + " |")
     return "\n".join([*lines, "", "σ in mm, ε in %, clock offset in s.", ""])
-
-
-def update_table(page: Path, name: str, results: Sequence[Judged]) -> None:
-    """Replaces a table in a Markdown page.
-
-    The table stands between the lines `<!-- table NAME -->` and `<!-- end NAME -->`.
-
-    Args:
-        page: the Markdown file.
-        name: of the table.
-        results: runs with the same models.
-
-    Raises:
-        SloshBagError: the page cannot be read or has no such place.
-    """
-    start, end = f"<!-- table {name} -->\n", f"<!-- end {name} -->"
-    try:
-        text = page.read_text(encoding="utf-8")
-        head, rest = text.split(start)
-        _, tail = rest.split(end)
-        write_text(page, f"{head}{start}\n{accuracy_table(results)}\n{end}{tail}")
-    except OSError as error:
-        raise SloshBagError(f"{page}: {error.strerror}") from None
-    except ValueError:
-        raise SloshBagError(f"{page}: needs {start.strip()!r} and {end!r} once each") from None
 
 
 def _line(name: str, rows: Sequence[ModelAccuracy]) -> str:
