@@ -187,7 +187,8 @@ def described(finding: Finding) -> str:
     ]
     lines += [
         "",
-        "| motion | used for | σ before | σ after | ε before | ε after | rms before | rms after |",
+        "| motion | used for | MAE before | MAE after | ε before | ε after | rms before | "
+        "rms after |",
         "|---|---|--:|--:|--:|--:|--:|--:|",
     ]
     for case in finding.motions:

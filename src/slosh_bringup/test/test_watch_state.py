@@ -172,10 +172,22 @@ class TestFrames:
         state.take_report(NodeReport("camera", OK, "measuring", {"lost": "0"}), 0.0)
         frames = [frame(state, 0.1 * step) for step in range(2 * SLOW)]
         assert ["nodes" in found for found in frames] == [step % SLOW == 0 for step in range(20)]
-        assert frames[0]["limits"] == {"measured": 0.02}
+        assert frames[0]["limits"] == {"measured": {"height": 0.02, "name": "limit"}}
         assert frames[0]["nodes"][0]["level"] == "OK"
         late = frame(state, 30.0)
         assert late["nodes"][0]["level"] == "STALE"
+
+    def test_the_limit_that_holds_is_shown_and_named(self):
+        """Where the rim is lower than a limit, the monitor holds the liquid to the rim."""
+        state = WatchState()
+        told = {"measured_limit": 0.02, "estimated_limit": 0.008, "disagreement_limit": 0.01}
+        state.take_parameters("monitor", told)
+        state.take_parameters("monitor", {**told, "rim": 0.0123}, goes_on=True)
+        assert frame(state, 0.0)["limits"] == {
+            "measured": {"height": 0.0123, "name": "rim"},
+            "estimated": {"height": 0.008, "name": "limit"},
+            "disagreement": {"height": 0.01, "name": "limit"},
+        }
 
     def test_the_command_is_shown_to_whoever_sees_the_sides_disagree(self):
         state = WatchState("slosh discover bag")
