@@ -37,9 +37,12 @@ def test_two_clicks_make_the_command(folder, capsys):
         page.wait_until("still.complete && still.naturalWidth === 440")
         page.value(f"{CLICK}([340.0, 200.0])")  # the right end first
         command = page.value(f"{CLICK}([90.0, 200.0])")
-        assert command.startswith("slosh calibrate 'my still.png' --scale 90.0 200.0 340.0 200.0")
+        assert command.startswith("slosh calibrate 'my still.png' --scale ")
+        clicked = [float(word) for word in shlex.split(command)[4:8]]
+        assert clicked == pytest.approx([90.0, 200.0, 340.0, 200.0], abs=0.7)  # a screen's pixel
         command = page.value(f"{CLICK}([100.0, 200.0])")  # moves the nearer end
         assert page.complaints == []
     assert main(shlex.split(command)[1:]) == 0
-    assert "0.500 mm/px" in capsys.readouterr().out
+    scale = float(capsys.readouterr().out.split()[1])
+    assert scale == pytest.approx(0.5, abs=0.003)
     assert read_any_calibration(folder / "camera.yaml").view.box.fill_height == 0.07

@@ -73,8 +73,11 @@ class MonitorSettings:
     def from_told(cls, parameters: Mapping[str, Any]) -> MonitorSettings:
         """The limits among parameters that anybody may have told; others are not watched."""
         names = ("measured_limit", "estimated_limit", "disagreement_limit", RIM)
-        told = {name: parameters.get(name) for name in names}
-        return cls(**{name: float(x) for name, x in told.items() if isinstance(x, int | float)})
+        values = [parameters.get(name) for name in names]
+        measured, estimated, apart, rim = (
+            float(value) if isinstance(value, int | float) else math.nan for value in values
+        )
+        return cls(measured, estimated, apart, rim=rim)
 
     @property
     def limits(self) -> dict[Source, float]:
@@ -89,7 +92,7 @@ class MonitorSettings:
     def at_rim(self, source: Source) -> bool:
         """Whether the rim limits a quantity, being lower than its limit."""
         given = {Source.MEASURED: self.measured_limit, Source.ESTIMATED: self.estimated_limit}
-        return source in given and self.rim <= np.fmin(given[source], math.inf)
+        return source in given and bool(self.rim <= np.fmin(given[source], math.inf))
 
     def limit_name(self, source: Source) -> str:
         """What limits a quantity: its limit or the rim."""

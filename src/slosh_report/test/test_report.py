@@ -349,6 +349,11 @@ NOTHING = np.full(11, np.nan)
         ),
         (_run(0.0141, None, 0, models=()), "The liquid rose to 14.1 mm."),
         (
+            _run(0.0141, None, 0, models=(ModelRow("NL", 2e-5, 0.6, count=3),)),
+            "The liquid rose to 14.1 mm; the model agrees within 0.1 mm on average over 3 of 11 "
+            "images.",
+        ),
+        (
             _run(0.0241, None, 1, models=()),
             "The liquid rose to 24.1 mm, beyond a limit that changed, once.",
         ),

@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 from slosh_report.page.units import shown
 from slosh_report.run_report.data import RunReport
 
+LEAST = 1e-4
+"""A smaller mean error is told as this one [m]."""
 _OFTEN = {1: "once", 2: "twice", 3: "three times"}
 
 
@@ -48,9 +50,13 @@ def _limited(report: RunReport, peak: float, source: str) -> str:
 
 def _agreement(report: RunReport) -> str:
     """By how much the nonlinear model differs from the camera, in the mean."""
-    errors = {row.name: row.sigma for row in report.models}
-    error = errors.get(report.nonlinear_name, math.nan)
-    return f"; the model agrees within {_mm(error)} on average" if math.isfinite(error) else ""
+    row = next((row for row in report.models if row.name == report.nonlinear_name), None)
+    if row is None or not math.isfinite(row.sigma):
+        return ""
+    known = int(np.count_nonzero(np.isfinite(report.measured)))
+    # Of a run in which little could be compared, such as the rest before it, that is told.
+    few = f" over {row.count} of {known} images" if 0 < row.count < 0.5 * known else ""
+    return f"; the model agrees within {_mm(max(row.sigma, LEAST))} on average{few}"
 
 
 def _highest(heights: NDArray[np.float64]) -> float:
