@@ -82,7 +82,7 @@ def test_motions_are_shown_side_by_side_in_words(capsys, tmp_path):
     code, facts = answers(capsys, fast, slow, *words)
     assert code == 1
     drawn, shown = picture.read_text(), page.read_text()
-    assert "1 of 2 motions keep their limits" in shown
+    assert "1 of 2 motions within their limits" in shown
     for one in facts:
         peak, linear = (f"{1e3 * one[f'peak_{k}']:.1f} mm" for k in ("nonlinear", "linear"))
         for text in (drawn, shown):

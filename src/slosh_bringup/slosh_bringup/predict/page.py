@@ -29,11 +29,14 @@ def render_page(facts: Sequence[Mapping[str, Any]], shown: Sequence[Profile]) ->
         facts: of all motions, as `slosh predict --json` gives them.
         shown: those that are drawn, the first ones.
     """
-    kept = sum(bool(row["kept"]) for row in facts)
+    headline = f"{len(facts)} predicted motions"
+    if any(one.answer.limits.given for one in shown):
+        kept = sum(bool(row["kept"]) for row in facts)
+        headline = f"{kept} of {len(facts)} motions within their limits"
     template = make_environment("slosh_bringup.predict").get_template("predict.html.j2")
     return template.render(
         facts=facts,
-        headline=f"{kept} of {len(facts)} motions keep their limits",
+        headline=headline,
         shown=shown,
         charts=[_charts(one, number, *scales(shown)) for number, one in enumerate(shown)],
     )
