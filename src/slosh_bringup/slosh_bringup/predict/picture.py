@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.style import context
 
 from slosh_base.files import NewFile
+from slosh_base.files.plain_text import plain_line
 from slosh_bringup.predict.profiles import (
     Palette,
     Profile,
@@ -43,7 +44,8 @@ def write_picture(path: Path, shown: Sequence[Profile]) -> None:
         for one, upper, lower in zip(shown, *rows, strict=True):
             draw_heights(upper, one, COLOURS, height)
             draw_acceleration(lower, one, COLOURS, acceleration)
-            upper.set_title("\n".join([one.answer.name, *one.words()]), fontsize=10.0)
+            title = [plain_line(one.answer.name), *one.words()]
+            upper.set_title("\n".join(title), fontsize=10.0)
             lower.set_xlabel("time [s]")
         rows[0][0].set_ylabel("height [mm], dashed: linear")
         rows[1][0].set_ylabel("‖a‖ [m/s²]")
