@@ -6,6 +6,7 @@ import math
 import pytest
 
 from slosh_bringup.cell_watch import ERROR, OK, NodeReport
+from slosh_bringup.watch.recording import first_happening
 from slosh_bringup.watch.state import (
     KEPT_EVENTS,
     SLOW,
@@ -207,3 +208,23 @@ class TestFrames:
         many = [0.001 * k for k in range(5000)]
         state.take_surface(Surface(START_NS, 0.004, 0.1, many, many, 0))
         assert len(frame(state, 0.0)["surface"]["line"]) < 130
+
+
+@pytest.mark.parametrize(
+    ("heights", "exceeded", "begins"),
+    [
+        ([0.0, 0.0, 0.001, 0.004, 0.02, 0.015], 4, 4),
+        ([0.0, 0.0, 0.001, 0.004, 0.01, 0.003], None, 3),
+        ([0.0, 0.0002, -0.0003, 0.0], None, 0),
+        ([], None, 0),
+    ],
+)
+def test_a_recording_begins_where_a_limit_is_exceeded_or_the_liquid_moves(
+    heights, exceeded, begins
+):
+    verdicts = ["limit exceeded" if k == exceeded else "safe" for k in range(len(heights))]
+    frames = [
+        json.dumps({"verdict": verdict, "rows": [[0.1 * k, height, None]]})
+        for k, (verdict, height) in enumerate(zip(verdicts, heights, strict=True))
+    ]
+    assert first_happening(frames) == begins
