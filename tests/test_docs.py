@@ -15,7 +15,8 @@ PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "bags" / "README.m
 CONFIG = ROOT / "src" / "slosh_bringup" / "config"
 # What a command writes, by the names of its options.
 OUTPUTS = (
-    "output", "picture", "print_board", "plot", "strip", "video", "worst", "report", "junit",
+    "output", "page", "picture", "print_board", "plot", "strip", "video", "worst", "report",
+    "junit",
 )  # fmt: skip
 # What is named like a file and is none: topics.
 TOPICS = ("measured", "topic", "topics", "rename", "exclude")

@@ -30,8 +30,8 @@ from slosh_tables.motion_table import read_motion_table
 ROOT = Path(__file__).resolve().parent.parent
 PAGE = ROOT / "docs" / "results" / "accuracy.md"
 HEAD = (
-    "| motion | camera / truth σ | ε | 3D-NL / truth σ | ε | 3D-NL / camera σ | ε | "
-    "3D-L / camera σ | ε | images | lost |\n|---|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|\n"
+    "| motion | camera / truth MAE | ε | 3D-NL / truth MAE | ε | 3D-NL / camera MAE | ε | "
+    "3D-L / camera MAE | ε | images | lost |\n|---|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|\n"
 )
 PAIRS = ("camera / truth", "3D-NL / truth", "3D-NL / camera", "3D-L / camera")
 
@@ -66,7 +66,7 @@ def run_cell(name: str) -> dict[str, Any]:
 
 
 def cell_row(name: str, figures: dict[str, Any]) -> str:
-    """One line of the table; σ in mm, ε in %."""
+    """One line of the table; MAE in mm, ε in %."""
     by_name = {row["name"]: row for row in figures["agreements"]}
     cells = []
     for pair in PAIRS:

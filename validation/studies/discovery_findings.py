@@ -184,7 +184,7 @@ def described(finding: Finding) -> str:
     ]
     lines += [
         "",
-        "| motion | used for | σ before | σ after | ε before | ε after |",
+        "| motion | used for | MAE before | MAE after | ε before | ε after |",
         "|---|---|--:|--:|--:|--:|",
     ]
     for case in finding.motions:

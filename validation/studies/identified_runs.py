@@ -131,7 +131,7 @@ def joint(runs: Motions, decays: Motions) -> str:
         damping_ratio=model.damping_ratio,
         natural_frequency=model.natural_frequency,
     )
-    lines += ["", "| run not used | σ as it was | with the motions' values | with the decays' |",
+    lines += ["", "| run not used | MAE as it was | with the motions' values | with the decays' |",
               "|---|--:|--:|--:|"]  # fmt: skip
     models = (driven_model(), identify(halves, driven_model()).overall.model, decayed)
     sigmas = np.array([sigma_of(model, rest) for model in models]).T
@@ -142,7 +142,7 @@ def joint(runs: Motions, decays: Motions) -> str:
 
 
 def sigma_of(model: Model, runs: Sequence[MeasuredMotion]) -> list[float]:
-    """σ of a model for runs, with nothing but their clocks fitted [m]."""
+    """MAE of a model for runs, with nothing but their clocks fitted [m]."""
     return [motion.sigma for motion in answered(runs, model)]
 
 

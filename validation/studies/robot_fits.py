@@ -51,7 +51,7 @@ def main() -> int:
     base = Model(ROBOT_CUP).nonlinear().spatial().with_effect("gravity_tilt")
     runs = [prepare(motion) for motions in runs_of_kind("Tilt").values() for motion in motions]
     lines = [
-        "| with `gravity_tilt` and `lever_arm` | σ of the fit to all six | σ predicted |",
+        "| with `gravity_tilt` and `lever_arm` | MAE of the fit to all six | MAE predicted |",
         "|---|--:|--:|",
     ]
     for words, wanted in SETS.items():

@@ -137,7 +137,7 @@ class ReplayResult(Shown):
 
     def __repr__(self) -> str:
         told = [f"{len(self.stamps)} images, {self.seconds:.3g} s"]
-        told += [f"{row.name} σ {1e3 * row.sigma:.2f} mm" for row in self.accuracy[-1:]]
+        told += [f"{row.name} MAE {1e3 * row.sigma:.2f} mm" for row in self.accuracy[-1:]]
         told += [f"{len(self.events)} events"] if self.events else []
         if self.verification is not None:
             same = f"{self.verification.identical} of {self.verification.recorded}"
@@ -220,7 +220,7 @@ class Judged(Protocol):
 
 
 def accuracy_table(results: Sequence[Judged]) -> str:
-    """σ, ε and clock offset by run and model, and their means, as a Markdown table.
+    """MAE, ε and clock offset by run and model, and their means, as a Markdown table.
 
     Args:
         results: runs with the same models.
@@ -228,7 +228,7 @@ def accuracy_table(results: Sequence[Judged]) -> str:
     if not results:
         return ""
     names = [row.name for row in results[0].accuracy]
-    heads = ["run", *(f"σ {name}" for name in names), *(f"ε {name}" for name in names)]
+    heads = ["run", *(f"MAE {name}" for name in names), *(f"ε {name}" for name in names)]
     lines = [
         "| " + " | ".join([*heads, "clock offset"]) + " |",
         "|---" + "|--:" * (2 * len(names) + 1) + "|",
@@ -241,7 +241,7 @@ def accuracy_table(results: Sequence[Judged]) -> str:
     blank = [""] * len(names)
     lines.append("| " + " | ".join(["**mean**", *sigma, *epsilon, ""]) + " |")
     lines.append("| " + " | ".join(["**mean size**", *blank, *size, ""]) + " |")
-    return "\n".join([*lines, "", "σ in mm, ε in %, clock offset in s.", ""])
+    return "\n".join([*lines, "", "MAE in mm, ε in %, clock offset in s.", ""])
 
 
 def _line(name: str, rows: Sequence[ModelAccuracy]) -> str:

@@ -23,7 +23,7 @@ _HEIGHTS = ("msh", "azimuth", "sh_x", "sh_y")
 _MODAL = ("modal_position", "modal_position", "modal_velocity", "modal_velocity")
 _HIGHER_MODE = re.compile(r"modal_\w+\[([2-9]|\d\d)")
 COMPARED = ("measured", "estimated_linear", "estimated_nonlinear")
-"""Heights of a comparison; σ and ε depend on when the live monitor had started."""
+"""Heights of a comparison; MAE and ε depend on when the live monitor had started."""
 ESTIMATED = COMPARED[1:]
 """Of these, what a live monitor lacks where the estimate or the image came too late."""
 TOO_LATE = "the live monitor had no estimate for them in time"
