@@ -1,22 +1,31 @@
 """The example in each name's docstring does what it shows."""
 
 import doctest
+import importlib
 import inspect
+from pathlib import Path
 
 import pytest
 
-import slosh
-
-LONG = {"discover"}
+LONG = {"slosh.discover"}
+ROOT = Path(__file__).resolve().parents[2]
+PUBLIC = sorted(
+    init.parent.name for init in ROOT.glob("*/slosh*/__init__.py") if "__all__" in init.read_text()
+)
+NAMES = {
+    f"{package}.{name}": (package, name)
+    for package in PUBLIC
+    for name in importlib.import_module(package).__all__
+}
 
 
 @pytest.mark.parametrize(
     "name",
-    [pytest.param(name, marks=pytest.mark.long) if name in LONG else name
-     for name in slosh.__all__],
-)  # fmt: skip
+    [pytest.param(name, marks=pytest.mark.long) if name in LONG else name for name in NAMES],
+)
 def test_an_example_does_what_it_shows(name, folder):
-    text = inspect.getdoc(getattr(slosh, name))
+    package, member = NAMES[name]
+    text = inspect.getdoc(getattr(importlib.import_module(package), member))
     example = doctest.DocTestParser().get_doctest(text, {}, name, None, 0)
     assert len(example.examples) >= 2
     told = []

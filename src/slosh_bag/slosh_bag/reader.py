@@ -92,6 +92,11 @@ class BagReader:
     cut copy leaves it, gives what is whole; what was lost is told in `warnings` when it has been
     read to its end. A file that is damaged elsewhere is an error that tells where.
 
+    >>> from slosh_bag import BagReader
+    >>> reader = BagReader("bags/c3")
+    >>> sum(1 for _ in reader.messages({"/slosh/free_surface"}))
+    546
+
     Args:
         path: folder or file.
 

@@ -66,6 +66,15 @@ def wall_heights(
 
     Fastest where many models have the same effects and the motions are about equally long.
 
+    >>> import numpy as np
+    >>> from slosh_model import Inputs, read_model, wall_heights
+    >>> t = np.arange(1001) / 1000.0  # s
+    >>> push = np.outer(np.sin(9.0 * t), [1.0, 0.0, 0.0])  # m/s²
+    >>> model = read_model("cup/model.yaml")
+    >>> slow, fast = wall_heights(model, [Inputs(t, push), Inputs(t, 2.0 * push)])
+    >>> slow.shape
+    (1001, 2)
+
     Args:
         models: one for all motions, or one for each.
         inputs: one for all models, or one for each.

@@ -235,6 +235,11 @@ class Container(ABC):
 class Cylinder(Container):
     """An upright circular cylinder.
 
+    >>> from slosh_model import Cylinder
+    >>> cup = Cylinder(radius=0.04, fill_height=0.06, rim_height=0.11)
+    >>> cup.size  # m
+    0.04
+
     Attributes:
         radius: inner radius R [m].
         fill_height: height h of the still liquid above the floor [m].
@@ -322,6 +327,11 @@ class Rectangle(Container):
     """An upright container of rectangular cross-section.
 
     Its liquid follows its yaw: the modes' axes are its own.
+
+    >>> from slosh_model import Rectangle
+    >>> tray = Rectangle(width=0.2, depth=0.1, fill_height=0.03)
+    >>> tray.size  # m
+    0.2
 
     Attributes:
         width: inner width w along the container's x [m].

@@ -6,6 +6,13 @@ from __future__ import annotations
 class SloshModelError(ValueError):
     """A container, model or input is physically or formally impossible; the text is one line.
 
+    >>> from slosh_model import Cylinder, SloshModelError
+    >>> try:
+    ...     Cylinder(radius=-0.04, fill_height=0.06)
+    ... except SloshModelError as error:
+    ...     print(error)
+    container.radius = -0.04 m must lie in [0.0001, 10] m
+
     Attributes:
         keys: where the value stands in a model.yaml, such as ("effects", 0, "alpha"); empty: in
             no one place, or in none.

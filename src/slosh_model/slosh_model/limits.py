@@ -13,6 +13,10 @@ class ValidityLimits:
 
     The defaults are those of a cylinder (DL22, §4.2).
 
+    >>> from slosh_model import ValidityLimits
+    >>> ValidityLimits().acceleration  # m/s²
+    9.5
+
     Attributes:
         acceleration: ‖a‖ [m/s²] up to which NL follows the liquid.
         jerk: [m/s³] likewise.

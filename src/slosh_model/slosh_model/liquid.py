@@ -14,6 +14,10 @@ from slosh_model.errors import SloshModelError
 class Liquid:
     """A Newtonian liquid; the defaults are water at 20 °C.
 
+    >>> from slosh_model import Liquid
+    >>> Liquid(density=1260.0, kinematic_viscosity=1.12e-3)  # glycerol
+    Liquid(density=1260.0, kinematic_viscosity=0.00112)
+
     Attributes:
         density: ρ [kg/m³].
         kinematic_viscosity: ν [m²/s].

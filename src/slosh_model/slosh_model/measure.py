@@ -28,6 +28,13 @@ def measured_heights(
 
     A delay is left out: it shifts the times at which the heights are read.
 
+    >>> import slosh
+    >>> from slosh_model import measured_heights, read_model
+    >>> model = read_model("cup/model.yaml")
+    >>> heights = measured_heights(model, slosh.simulate(model, "move.csv"))
+    >>> heights.shape
+    (3001, 1)
+
     Args:
         model: the model.
         response: its response from rest.
@@ -117,6 +124,14 @@ def predicted_heights(
     model: Model, inputs: Inputs, times: ArrayLike, azimuths: ArrayLike | None = None
 ) -> Array:
     """The heights that a sensor would read at given times, every effect included.
+
+    >>> import numpy as np
+    >>> from slosh_model import Inputs, predicted_heights, read_model
+    >>> t = np.arange(1001) / 1000.0  # s
+    >>> inputs = Inputs(t, np.outer(np.sin(9.0 * t), [1.0, 0.0, 0.0]))  # m/s²
+    >>> model = read_model("cup/model.yaml")
+    >>> predicted_heights(model, inputs, [0.5, 1.0]).shape
+    (2, 1)
 
     Args:
         model: the model.

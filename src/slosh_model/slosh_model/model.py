@@ -32,6 +32,10 @@ FREQUENCIES = (1e-2, 1e3)  # rad/s; any other value is a unit mistaken for anoth
 class EffectUse:
     """An effect with its parameters, as a model uses it.
 
+    >>> from slosh_model import EffectUse
+    >>> dict(EffectUse("static_tilt", {"roll": 0.03, "pitch": 0.0}).parameters)  # rad
+    {'roll': 0.03, 'pitch': 0.0, 'settled': 1.0}
+
     Attributes:
         name: the effect's id.
         parameters: complete and within bounds, in the effect's order.

@@ -15,6 +15,10 @@ from slosh_model.model_text import LONGEST, format_model, parse_model
 def read_model(path: str | Path) -> Model:
     """The model in a file.
 
+    >>> from slosh_model import read_model
+    >>> read_model("cup/model.yaml")
+    Model(3D-NL, radius 40 mm, filled to 60 mm, 3.369 Hz, damping ratio 0.00603)
+
     Raises:
         ModelFileError: the file is no regular file, too large, or not readable text.
         SloshModelError: its content is no model; the text names the file, the line and the key.

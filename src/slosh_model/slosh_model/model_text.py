@@ -33,6 +33,11 @@ LONGEST = 64_000
 def parse_model(text: str, source: str = "model.yaml") -> Model:
     """Reads a model.
 
+    >>> from slosh_model import parse_model
+    >>> text = "container: {shape: cylinder, radius: 0.04, fill_height: 0.06}"
+    >>> parse_model(text)
+    Model(2D-L, radius 40 mm, filled to 60 mm, 3.369 Hz, damping ratio 0.00603)
+
     Args:
         text: the content of a `model.yaml`.
         source: how errors name it.
@@ -55,7 +60,18 @@ def parse_model(text: str, source: str = "model.yaml") -> Model:
 
 
 def format_model(model: Model) -> str:
-    """The text of a `model.yaml` that `parse_model` reads back to an equal model."""
+    """The text of a `model.yaml` that `parse_model` reads back to an equal model.
+
+    >>> import slosh
+    >>> from slosh_model import format_model
+    >>> print(format_model(slosh.Model.from_cup(diameter=0.08, fill_height=0.06)))
+    container: {shape: cylinder, radius: 0.04, fill_height: 0.06}
+    liquid: {density: 998.2, kinematic_viscosity: 1.0e-06}
+    damping_ratio: auto
+    effects:
+    - {name: vertical_acceleration}
+    - {name: surface_nonlinearity, alpha: 0.58}
+    """
     container = {"shape": model.container.shape, **_given_fields(model.container)}
     document: dict[str, Any] = {
         "container": container,

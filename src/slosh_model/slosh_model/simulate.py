@@ -46,6 +46,13 @@ _MEMORY_COUNT = len(_REMEMBERED) + RUN["drive_memory"].shape[0]
 class Inputs:
     """The container's motion.
 
+    >>> import numpy as np
+    >>> from slosh_model import Inputs
+    >>> t = np.arange(1001) / 1000.0  # s
+    >>> inputs = Inputs(t, np.outer(np.sin(9.0 * t), [1.0, 0.0, 0.0]))  # m/s²
+    >>> inputs.acceleration.shape
+    (1001, 3)
+
     Attributes:
         t: (N,) time [s], strictly increasing.
         acceleration: (N, 3) of the container's origin in the world's axes, gravity excluded
@@ -122,6 +129,11 @@ class Inputs:
 class State:
     """Where a simulation stands; start the next one from it.
 
+    >>> import numpy as np
+    >>> from slosh_model import State
+    >>> State(0.0, np.zeros((1, 4)), np.zeros(4)).modal.shape
+    (1, 4)
+
     Attributes:
         t: time of the last input [s].
         modal: (modes, 4) x, y, vx, vy of each mode's mass [m, m/s].
@@ -153,6 +165,11 @@ class State:
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Response(Shown):
     """The liquid's answer, one entry per input sample.
+
+    >>> import slosh
+    >>> response = slosh.simulate("cup/model.yaml", "move.csv")
+    >>> print(f"{1e3 * response.msh.max():.1f} mm")
+    5.9 mm
 
     Attributes:
         t: (N,) time [s].
@@ -218,6 +235,12 @@ class Response(Shown):
 
 class Simulator:
     """A model that runs sample by sample.
+
+    >>> import slosh
+    >>> from slosh_model import Simulator
+    >>> simulator = Simulator(slosh.Model.from_cup(diameter=0.08, fill_height=0.06))
+    >>> simulator.model
+    Model(3D-NL, radius 40 mm, filled to 60 mm, 3.369 Hz, damping ratio 0.00603)
 
     Args:
         model: the model.
@@ -332,6 +355,14 @@ def simulate(
     model: Model, inputs: Inputs, state: State | None = None, *, max_step: float = MAXIMUM_STEP
 ) -> tuple[Response, State]:
     """Simulates a motion.
+
+    >>> import numpy as np
+    >>> from slosh_model import Inputs, read_model, simulate
+    >>> t = np.arange(1001) / 1000.0  # s
+    >>> inputs = Inputs(t, np.outer(np.sin(9.0 * t), [1.0, 0.0, 0.0]))  # m/s²
+    >>> response, state = simulate(read_model("cup/model.yaml"), inputs)
+    >>> print(f"{1e3 * response.msh.max():.1f} mm, stands at {state.t} s")
+    5.6 mm, stands at 1.0 s
 
     Args:
         model: the model.

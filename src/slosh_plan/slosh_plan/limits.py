@@ -18,6 +18,10 @@ HIGHEST = 1.0
 class HeightLimits:
     """Limits of the liquid's height above the still level.
 
+    >>> from slosh_plan import HeightLimits
+    >>> HeightLimits(height=0.02).residual
+    inf
+
     Attributes:
         height: of the maximum over the wall, at any time [m]; infinite: none.
         residual: of the same after the motion's end [m]; infinite: none.

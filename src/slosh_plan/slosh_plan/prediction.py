@@ -34,6 +34,10 @@ COVERAGE = 2.0
 class ModelError:
     """How well the model did so far; MAE and ε as the monitor and `slosh replay` tell them.
 
+    >>> from slosh_plan import ModelError
+    >>> ModelError(sigma=2e-4, epsilon=0.01)
+    ModelError(sigma=0.0002, epsilon=0.01)
+
     Attributes:
         sigma: mean absolute error of the height [m].
         epsilon: relative error of the maximum, as a fraction, of either sign.
@@ -104,6 +108,11 @@ class ModelAnswer:
 class Prediction:
     """What is predicted of a motion.
 
+    >>> import slosh
+    >>> found = slosh.predict("cup/model.yaml", "move.csv", limit=0.02)
+    >>> print(f"{1e3 * found.nonlinear.peak:.1f} mm")
+    5.9 mm
+
     Attributes:
         name: the motion's.
         duration: of the motion [s].
@@ -169,6 +178,15 @@ def predict(
     The interval holds the model's parameters, where it has their covariance, and its measured
     error: half of it is √((2 s)² + (2 MAE)² + (ε · peak)²) with the standard error s of the peak,
     linearised along the covariance's principal axes.
+
+    >>> import numpy as np
+    >>> from slosh_model import read_model
+    >>> from slosh_plan import Trajectory, predict
+    >>> t = np.arange(1001) / 1000.0  # s
+    >>> move = Trajectory(t, np.outer(np.sin(9.0 * t), [1.0, 0.0, 0.0]))  # m/s²
+    >>> (found,) = predict(read_model("cup/model.yaml"), move)
+    >>> print(f"{1e3 * found.nonlinear.peak:.1f} mm")
+    5.6 mm
 
     Args:
         model: the model; its L and its NL twin answer. A motion that tilts the container by more

@@ -52,6 +52,15 @@ DOUBT = 0.02
 class SafeScales:
     """Which time scales keep the limits.
 
+    >>> import numpy as np
+    >>> from slosh_model import read_model
+    >>> from slosh_plan import HeightLimits, Trajectory, safe_scales
+    >>> t = np.arange(1001) / 1000.0  # s
+    >>> move = Trajectory(t, np.outer(np.sin(2.0 * np.pi * t), [3.0, 0.0, 0.0]))  # m/s²
+    >>> found = safe_scales(read_model("cup/model.yaml"), move, HeightLimits(0.01))
+    >>> [(round(a, 2), round(b, 2)) for a, b in found.intervals]
+    [(1.14, 3.0)]
+
     Attributes:
         name: the motion's.
         duration: of the motion as given [s].
@@ -94,6 +103,15 @@ def safe_scales(
     most: float = math.inf,
 ) -> SafeScales:
     """Finds the time scales at which a motion keeps the limits, by the NL model.
+
+    >>> import numpy as np
+    >>> from slosh_model import read_model
+    >>> from slosh_plan import HeightLimits, Trajectory, safe_scales
+    >>> t = np.arange(1001) / 1000.0  # s
+    >>> move = Trajectory(t, np.outer(np.sin(2.0 * np.pi * t), [3.0, 0.0, 0.0]))  # m/s²
+    >>> found = safe_scales(read_model("cup/model.yaml"), move, HeightLimits(0.01))
+    >>> found.proven
+    True
 
     Args:
         model: the model.

@@ -18,6 +18,11 @@ Array = NDArray[np.float64]
 class LiquidState:
     """The liquid's state, in the axes of `slosh_model.State.modal`.
 
+    >>> import numpy as np
+    >>> from slosh_plan import LiquidState
+    >>> LiquidState(np.zeros((1, 4)), np.zeros((1, 4))).linear.shape
+    (1, 4)
+
     Attributes:
         linear: (modes, 4) x, y, vx, vy of each mode's mass in the L model [m, m/s].
         nonlinear: the same of the NL model.

@@ -39,6 +39,13 @@ _WIDTHS = {"acceleration": "xyz", "attitude": "xyzw", "angular_velocity": "xyz",
 class Trajectory:
     """A motion of the container, from rest; between samples the acceleration is linear.
 
+    >>> import numpy as np
+    >>> from slosh_plan import Trajectory
+    >>> t = np.arange(1001) / 1000.0  # s
+    >>> move = Trajectory(t, np.outer(np.sin(9.0 * t), [1.0, 0.0, 0.0]), name="push")  # m/s²
+    >>> float(move.t[-1])
+    1.0
+
     Attributes:
         t: (N,) time [s], strictly increasing, at least two.
         acceleration: (N, 3) of the container's origin, world's axes, gravity excluded [m/s²].

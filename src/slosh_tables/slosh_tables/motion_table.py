@@ -56,6 +56,13 @@ def is_motion_table(path: Path) -> bool:
 class MotionTable(for_notebooks.Shown):
     """A motion and what was measured during it.
 
+    >>> import numpy as np
+    >>> from slosh_tables import MotionTable
+    >>> t = np.arange(1001) / 1000.0  # s
+    >>> table = MotionTable(t, np.outer(np.sin(9.0 * t), [1.0, 0.0, 0.0]))  # m/s²
+    >>> table.attitude is None
+    True
+
     Attributes:
         t: (N,) time [s], strictly increasing.
         acceleration: (N, 3) of the container's origin, world frame, gravity excluded [m/s²].
@@ -125,6 +132,10 @@ class MotionTable(for_notebooks.Shown):
 def read_motion_table(path: str | Path, options: TableOptions = FOUND_OUT) -> MotionTable:
     """Reads a motion table.
 
+    >>> from slosh_tables import read_motion_table
+    >>> read_motion_table("move.csv").acceleration.shape
+    (3001, 3)
+
     Args:
         path: a text file; one whose name ends in .gz is unpacked.
         options: what the user says of it, where it differs from what is written here.
@@ -142,6 +153,12 @@ def read_motion_table(path: str | Path, options: TableOptions = FOUND_OUT) -> Mo
 
 def write_motion_table(path: str | Path, table: MotionTable) -> None:
     """Writes a motion table that `read_motion_table` reads back to the same bits.
+
+    >>> from slosh_tables import read_motion_table, write_motion_table
+    >>> table = read_motion_table("move.csv")
+    >>> write_motion_table("copy.csv.gz", table)
+    >>> bool((read_motion_table("copy.csv.gz").t == table.t).all())
+    True
 
     Args:
         path: the `.csv` or `.csv.gz` file to write.

@@ -74,6 +74,11 @@ def replay_bag(
 ) -> ReplayResult:
     """Replays a bag.
 
+    >>> from slosh_replay import replay_bag
+    >>> result = replay_bag("bags/c3")
+    >>> result.verification.exact
+    True
+
     Args:
         path: the bag's folder or MCAP file, or a recording that was opened already.
         model: to replay with; None: the one that the estimator had when it was recorded, or water

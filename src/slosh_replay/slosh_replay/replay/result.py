@@ -83,6 +83,11 @@ class ReplayResult(Shown):
 
     The series are whole for runs up to some minutes; of a longer one they hold the extremes.
 
+    >>> import slosh
+    >>> result = slosh.replay("bags/c3")
+    >>> list(result.heights)
+    ['2D-L', '3D-L', '2D-NL', '3D-NL']
+
     Attributes:
         name: of the bag or table.
         source: topic or file that drove the models.
