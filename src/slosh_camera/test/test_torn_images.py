@@ -54,3 +54,18 @@ def test_a_seam_is_sharper_than_any_edge_that_a_lens_draws():
     for row in (30, 45):
         torn = np.vstack((whole[:row], image(ramp + 12.0, 2)[row:]))
         assert finder.is_torn(finder.steps(torn), (columns, ramp))
+
+
+@pytest.mark.parametrize("order", ["ab", "abc"])
+def test_old_pictures_in_turn_are_told_under_fresh_noise(make_scene, order):
+    scene = make_scene(camera_height=0.12)
+    detector = FreeSurfaceDetector(scene.calibration())
+    detector.learn_still(exposed(scene.draw(), 1))
+    heights = {"a": 0.014, "b": 0.011, "c": 0.009}
+    pictures = {name: scene.draw(heights[name], 0.4) for name in order}
+    flags = [
+        detector.update(33_000_000 * k, exposed(pictures[order[k % len(order)]], 9 + k)).flags
+        for k in range(14)
+    ]
+    assert not any(flags[:2])
+    assert all(Flag.AMBIGUOUS in one for one in flags[3 * len(order) :])

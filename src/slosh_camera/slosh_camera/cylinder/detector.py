@@ -202,7 +202,7 @@ class FreeSurfaceDetector:
                 stamp_ns, self._lesson.comparison.first(found.fit), fade,
                 decided=choice.decided, jumped=choice.jumped,
             )  # fmt: skip
-            if self._memory.crest_stands:
+            if self._memory.crest_stands or self._memory.repeats:
                 found = replace(found, flags=found.flags | Flag.AMBIGUOUS)
         return self._measurement(stamp_ns, found)
 
